@@ -1,0 +1,622 @@
+"""The evaluation store: one Zarr v3 hierarchy per result folder, resumable after any interruption.
+
+Guarantees:
+
+- An evaluation is identified by its content: the table's ``identity`` (everything the outcome depends on besides the
+  parameters) and the bytes of its parameters. Planning a known row again finds the row that is there.
+- Workers never write into the Zarr arrays. Each finished batch becomes one *segment* file in ``journal/``, complete or
+  absent because it is renamed into place. The one process that holds the store's lock folds segments into chunks.
+- A row counts when its ``status`` is there, and the chunk of ``status`` is written last. Zarr replaces chunk files
+  atomically, so killing any process at any moment loses at most evaluations that were still running.
+- Every chunk carries a checksum: damage is reported with the file's name, never returned as numbers.
+- Rows keep the order in which they were first planned, so equal studies give equal bytes.
+"""
+
+import errno
+import fcntl
+import hashlib
+import json
+import math
+import os
+import socket
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import safetensors.numpy
+import xarray as xr
+import zarr
+from safetensors import SafetensorError, safe_open
+from zarr.codecs import BloscCodec, Crc32cCodec
+
+from runner.errors import StoreError
+
+FORMAT = 1
+CHUNK_ROWS = 2048
+CHUNK_BYTES = 2**25
+STATUSES = (
+    "ok",
+    "diverged",
+    "negative_jacobian",
+    "timeout",
+    "crashed",
+    "bad_output",
+    "out_of_memory",
+    "bad_input",
+)
+PENDING = -1
+Array = np.ndarray[Any, np.dtype[Any]]
+
+
+@dataclass(frozen=True)
+class Field:
+    """One number or one curve per evaluation: ``dims`` name the axes behind ``row``."""
+
+    name: str
+    dims: tuple[str, ...]
+    unit: str
+    description: str
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """Values along a dimension, numbers with a unit or names."""
+
+    name: str
+    dim: str
+    values: Array
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class TableSpec:
+    """What a table holds. ``identity`` is everything but the parameters that an outcome depends on."""
+
+    title: str
+    identity: Mapping[str, Any]
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    fields: tuple[Field, ...]
+    coordinates: tuple[Coordinate, ...]
+
+    @property
+    def chunk_rows(self) -> int:
+        """Rows in a chunk: fewer when a field is wide, so that a chunk of it stays below 32 MB."""
+        lengths = {coordinate.dim: coordinate.values.size for coordinate in self.coordinates}
+        widest = max(math.prod(lengths[dim] for dim in field.dims) for field in self.fields)
+        return max(16, min(CHUNK_ROWS, 2 ** int(math.log2(max(16, CHUNK_BYTES // (8 * widest))))))
+
+    @property
+    def key(self) -> str:
+        """32 hexadecimal digits that name this content."""
+        text = json.dumps(self.identity, sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+
+
+@dataclass(frozen=True)
+class Segment:
+    """The outcome of a batch, as a worker hands it over: ``values[field]`` is ``[row, *dims]`` float64."""
+
+    rows: Array
+    status: Array
+    attempts: Array
+    wall_seconds: Array
+    values: Mapping[str, Array]
+    messages: tuple[str, ...]
+    worker: str
+
+    def write(self, path: Path) -> None:
+        """Write completely or not at all. Raises ``OSError`` (for example a full disk)."""
+        arrays = {f"value:{name}": np.ascontiguousarray(array) for name, array in self.values.items()}
+        arrays |= {"rows": self.rows, "status": self.status, "attempts": self.attempts, "wall": self.wall_seconds}
+        temporary = path.with_name(f".{path.name}.{os.getpid()}")
+        try:
+            try:
+                safetensors.numpy.save_file(
+                    arrays, temporary, {"messages": json.dumps(self.messages), "worker": self.worker}
+                )
+            except SafetensorError as error:  # it hides the system's error number in its text
+                raise OSError(errno.ENOSPC if "os error 28" in str(error) else errno.EIO, str(error)) from error
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+    @staticmethod
+    def read(path: Path) -> "Segment":
+        """Read a segment. Raises ``StoreError`` when the file is not one."""
+        try:
+            with safe_open(path, framework="numpy") as file:
+                arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+                metadata = file.metadata()
+            return Segment(
+                arrays.pop("rows"),
+                arrays.pop("status"),
+                arrays.pop("attempts"),
+                arrays.pop("wall"),
+                {name.removeprefix("value:"): array for name, array in arrays.items()},
+                tuple(json.loads(metadata["messages"])),
+                metadata["worker"],
+            )
+        except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
+            raise StoreError(f"{path}: not a whole segment ({error}); delete it, its rows are computed again") from None
+
+
+class Store:
+    """A result folder's store. One process at a time may write; any number may read.
+
+    Open it by :func:`open_store` (read) or :meth:`Store.writing` (write, takes the lock).
+    """
+
+    def __init__(self, folder: Path, root: zarr.Group, *, writable: bool) -> None:
+        self.folder = folder
+        self.root = root
+        self.writable = writable
+
+    @property
+    def path(self) -> Path:
+        """The Zarr hierarchy itself."""
+        return self.folder / "store.zarr"
+
+    @staticmethod
+    @contextmanager
+    def writing(folder: Path, study: str) -> Iterator["Store"]:
+        """Create or continue the store of ``study`` in ``folder`` and hold its lock.
+
+        Raises ``StoreError`` when another process holds it, or when the store belongs to another study or format.
+        """
+        with _errors_named(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "journal").mkdir(exist_ok=True)
+        with _lock(folder):
+            yield _create_or_continue(folder, study)
+
+    @property
+    def study(self) -> str:
+        return str(self.root.attrs["study"])
+
+    def table(self, spec: TableSpec) -> "Table":
+        """The table of ``spec``, created when it is not there yet."""
+        name = f"evaluations/{_slug(spec.title)}-{spec.key[:12]}"
+        with _errors_named(self.path):
+            if name not in self.root:
+                if not self.writable:
+                    raise StoreError(f"{self.path}: holds no evaluations of {spec.title}")
+                _create_table(self.root, name, spec)
+            return Table(self, self.root[name])  # type: ignore[arg-type]
+
+    def tables(self) -> list["Table"]:
+        """All tables, in order of their names."""
+        with _errors_named(self.path):
+            if "evaluations" not in self.root:
+                return []
+            group = self.root["evaluations"]
+            assert isinstance(group, zarr.Group)
+            # a group whose ``complete`` mark is missing was being created when its process died
+            return [Table(self, child) for _, child in sorted(group.groups()) if child.attrs.get("complete")]
+
+    def write_result(self, name: str, dataset: xr.Dataset) -> None:
+        """Put a task's arrays beside the evaluations, as the group ``name``."""
+        texts = {
+            str(variable): dataset[variable].astype(object)  # fixed-width text has no place in the Zarr v3 format
+            for variable in dataset.variables
+            if dataset[variable].dtype.kind == "U"
+        }
+        dataset = dataset.assign({n: v for n, v in texts.items() if n in dataset.data_vars})
+        dataset = dataset.assign_coords({n: v for n, v in texts.items() if n in dataset.coords})
+        with _errors_named(self.path):
+            dataset.to_zarr(self.path, group=name, mode="w", zarr_format=3, consolidated=False)
+
+    def read_result(self, name: str) -> xr.Dataset:
+        """A task's arrays. Raises ``StoreError`` when there are none."""
+        if name not in self.root:
+            raise StoreError(f"{self.path}: holds no result '{name}'")
+        with _errors_named(self.path):
+            return xr.open_zarr(self.path, group=name, consolidated=False).load()
+
+
+def _create_or_continue(folder: Path, study: str) -> Store:
+    path = folder / "store.zarr"
+    with _errors_named(path):
+        if not path.exists() or not any(path.iterdir()):
+            root = zarr.open_group(path, mode="w", attributes={"sinew_format": FORMAT, "study": study})
+            return Store(folder, root, writable=True)
+        store = Store(folder, _open_root(path, "r+"), writable=True)
+    if store.study != study:
+        raise StoreError(
+            f"{path}: belongs to the study '{store.study}', not to '{study}'; give another --out or rename the study"
+        )
+    return store
+
+
+def open_store(folder: Path) -> Store:
+    """Open a result folder's store for reading; works while another process writes."""
+    path = folder / "store.zarr"
+    if not path.is_dir():
+        raise StoreError(f"{folder}: holds no store.zarr; name a result folder, as given to --out")
+    with _errors_named(path):
+        return Store(folder, _open_root(path, "r"), writable=False)
+
+
+def is_whole(path: Path) -> bool:
+    """Whether a segment file is there and complete."""
+    try:
+        with safe_open(path, framework="numpy"):
+            return True
+    except (SafetensorError, OSError):
+        return False
+
+
+class Table:
+    """The evaluations of one identity: rows of parameters, their outcomes, and what became of each.
+
+    Rows are numbered from 0 in the order in which they were first planned.
+    """
+
+    def __init__(self, store: Store, group: zarr.Group) -> None:
+        self.store = store
+        self.group = group
+        self.title = str(group.attrs["title"])
+        self.key = str(group.attrs["key"])
+        self.chunk_rows = int(group.attrs["chunk_rows"])  # type: ignore[arg-type]
+        self.journal = store.folder / "journal" / self.key[:12]
+        self._fields: tuple[str, ...] = tuple(group.attrs["fields"])  # type: ignore[arg-type]
+        with _errors_named(self._path("status")):
+            self.status: Array = self._array("status")[:]  # type: ignore[assignment]
+        self._hashes, self._order = self._index()
+
+    def __len__(self) -> int:
+        return int(self.status.size)
+
+    @property
+    def name(self) -> str:
+        return self.group.path.rsplit("/", 1)[-1]
+
+    # ---- planning
+
+    def plan(self, parameters: Array) -> Array:
+        """Row numbers ``[n]`` of ``parameters`` ``[n, d]``; rows that are not known yet are appended.
+
+        Equal parameter sets share a row. Raises ``ValueError`` for numbers that are not finite.
+        """
+        parameters = np.ascontiguousarray(parameters, dtype=np.float64) + 0.0  # -0.0 and 0.0 are one number
+        if not np.isfinite(parameters).all():
+            raise ValueError("parameters must be finite numbers")
+        rows = self.find(parameters)
+        new = np.flatnonzero(rows < 0)
+        if new.size:
+            hashes = _hash_rows(parameters[new])
+            _, first, inverse = np.unique(hashes, return_index=True, return_inverse=True)
+            rank = np.empty(first.size, dtype=np.int64)  # unique sorts by hash; rows keep the order of asking
+            rank[np.argsort(first)] = np.arange(first.size)
+            rows[new] = len(self) + rank[inverse]
+            self._append(parameters[new[np.sort(first)]])
+        return rows
+
+    def find(self, parameters: Array) -> Array:
+        """Row numbers ``[n]`` of known parameter sets ``[n, d]``, -1 for the others."""
+        parameters = np.ascontiguousarray(parameters, dtype=np.float64) + 0.0
+        rows = np.full(len(parameters), -1, dtype=np.int64)
+        if self._hashes.size == 0:
+            return rows
+        wanted = _hash_rows(parameters)
+        place = np.minimum(np.searchsorted(self._hashes, wanted), self._hashes.size - 1)
+        known = self._hashes[place] == wanted
+        rows[known] = self._order[place[known]]
+        for block in _blocks(rows[known], self.chunk_rows):
+            stored = self.parameters(rows[known][block])
+            if not np.array_equal(stored, parameters[known][block]):
+                raise StoreError(f"{self._path('parameters')}: two parameter sets share one hash; please report this")
+        return rows
+
+    def pending(self, rows: Array) -> Array:
+        """Those of ``rows`` without an outcome, sorted, each once."""
+        rows = np.unique(rows)
+        return rows[self.status[rows] == PENDING]
+
+    def reopen(self, rows: Array) -> None:
+        """Make failed rows pending again, so that they are evaluated anew."""
+        status = self._array("status")
+        for start in range(0, len(self), self.chunk_rows):
+            chosen = rows[(rows >= start) & (rows < start + self.chunk_rows)]
+            chosen = chosen[self.status[chosen] > 0]
+            if chosen.size:
+                self.status[chosen] = PENDING
+                with _errors_named(self._path("status")):
+                    status[start : start + self.chunk_rows] = self.status[start : start + self.chunk_rows]
+
+    # ---- committing
+
+    def segments(self) -> list[Path]:
+        """Segments that are not folded in yet."""
+        return sorted(self.journal.glob("rows-*.safetensors")) if self.journal.is_dir() else []
+
+    def fold(self, paths: Iterable[Path]) -> None:
+        """Commit segments: write the chunks that they touch, ``status`` last, then delete them."""
+        segments = [(path, Segment.read(path)) for path in paths]
+        touched = sorted(
+            {int(chunk) for _, segment in segments for chunk in np.unique(segment.rows // self.chunk_rows)}
+        )
+        for chunk in touched:
+            self._write_chunk(chunk, [segment for _, segment in segments])
+        for path, _ in segments:
+            path.unlink(missing_ok=True)
+
+    def _write_chunk(self, chunk: int, segments: list[Segment]) -> None:
+        start = chunk * self.chunk_rows
+        stop = min(start + self.chunk_rows, len(self))
+        status = self.status[start:stop].copy()
+        parts = []
+        for segment in segments:
+            inside = np.flatnonzero((segment.rows >= start) & (segment.rows < stop))
+            inside = inside[status[segment.rows[inside] - start] == PENDING]  # a committed row stays as it is
+            if inside.size:
+                parts.append((segment, inside, segment.rows[inside] - start))
+                status[parts[-1][2]] = segment.status[inside]
+        if not parts:
+            return
+        had_some = bool((self.status[start:stop] != PENDING).any())
+        columns: list[tuple[str, list[Any]]] = [
+            (name, [_values(segment, name, inside) for segment, inside, _ in parts]) for name in self._fields
+        ]
+        columns += [
+            ("attempts", [segment.attempts[inside] for segment, inside, _ in parts]),
+            ("wall_seconds", [segment.wall_seconds[inside] for segment, inside, _ in parts]),
+            ("worker", [np.array([segment.worker] * inside.size, dtype=object) for segment, inside, _ in parts]),
+            ("message", [_texts(segment, inside) for segment, inside, _ in parts]),
+        ]
+        for name, values in columns:
+            with _errors_named(self._path(name)):
+                array = self._array(name)
+                if had_some:
+                    block = np.asarray(array[start:stop])
+                else:
+                    block = np.full((stop - start, *array.shape[1:]), array.fill_value, dtype=array.dtype)
+                for (_, _, rows), value in zip(parts, values, strict=True):
+                    block[rows] = value
+                array[start:stop] = block
+        with _errors_named(self._path("status")):
+            self._array("status")[start:stop] = status
+        self.status[start:stop] = status
+
+    # ---- reading
+
+    def parameters(self, rows: Array) -> Array:
+        """Parameters ``[n, d]`` of ``rows``."""
+        return self.read("parameters", rows)
+
+    def read(self, name: str, rows: Array, columns: slice = slice(None)) -> Array:
+        """A field at ``rows`` ``[n, ...]``; ``columns`` limits its first own axis. NaN where a row has no outcome."""
+        array = self._array(name)
+        width = array.shape[1:]
+        if len(width):
+            width = (len(range(*columns.indices(width[0]))), *width[1:])
+        out = np.empty((rows.size, *width), dtype=array.dtype)
+        order = np.argsort(rows, kind="stable")
+        for block in _blocks(rows[order], self.chunk_rows):
+            chosen = order[block]
+            start = int(rows[chosen[0]]) // self.chunk_rows * self.chunk_rows
+            with _errors_named(self._path(name)):
+                chunk = np.asarray(array[start : start + self.chunk_rows])
+                if len(width):
+                    chunk = chunk[:, columns]
+            out[chosen] = chunk[rows[chosen] - start]
+        return out
+
+    def dataset(self) -> xr.Dataset:
+        """The table as a lazily loaded :class:`xarray.Dataset` with named dimensions and units."""
+        with _errors_named(self._path("")):
+            return xr.open_zarr(self.store.path, group=self.group.path, consolidated=False)
+
+    # ---- damage
+
+    def repair(self) -> int:
+        """Make rows in damaged chunks pending and remove the damaged files; returns how many rows.
+
+        Raises ``StoreError`` when the damage is in metadata or parameters, which cannot be computed again.
+        """
+        lost = np.zeros(len(self), dtype=bool)
+        for name in (*self._fields, "attempts", "wall_seconds", "worker", "message"):
+            for start in range(0, len(self), self.chunk_rows):
+                try:
+                    with _errors_named(self._path(name)):
+                        self._array(name)[start : start + self.chunk_rows]
+                except StoreError:
+                    lost[start : start + self.chunk_rows] |= self.status[start : start + self.chunk_rows] != PENDING
+                    chunk = self._path(name) / "c" / str(start // self.chunk_rows)
+                    for file in [chunk] if chunk.is_file() else chunk.rglob("*"):
+                        if file.is_file():
+                            file.unlink()
+        for start in np.unique(np.flatnonzero(lost) // self.chunk_rows) * self.chunk_rows:
+            block = slice(start, start + self.chunk_rows)
+            self.status[block] = np.where(lost[block], PENDING, self.status[block])
+            self._array("status")[block] = self.status[block]
+        return int(lost.sum())
+
+    # ---- inside
+
+    def _array(self, name: str) -> zarr.Array[Any]:
+        return self.group[name]  # type: ignore[return-value]
+
+    def _path(self, name: str) -> Path:
+        return self.store.path / self.group.path / name
+
+    def _index(self) -> tuple[Array, Array]:
+        """Sorted hashes of all planned rows and the row of each. Rows of an interrupted plan are dropped."""
+        planned = self._array("parameters")
+        hashes = np.zeros(len(self), dtype=np.uint64)
+        whole = len(self)
+        for start in range(0, len(self), self.chunk_rows):
+            with _errors_named(self._path("parameters")):
+                block = np.asarray(planned[start : start + self.chunk_rows])
+            missing = np.isnan(block[:, 0])
+            if missing.any():
+                whole = min(whole, start + int(np.argmax(missing)))
+                break
+            hashes[start : start + block.shape[0]] = _hash_rows(block)
+        if whole < len(self):
+            if (self.status[whole:] != PENDING).any():
+                raise StoreError(f"{self._path('parameters')}: parameters are missing for rows with an outcome")
+            self.status = self.status[:whole]
+            hashes = hashes[:whole]
+        order = np.argsort(hashes, kind="stable")
+        return hashes[order], order
+
+    def _append(self, parameters: Array) -> None:
+        first = len(self)
+        count = first + len(parameters)
+        with _errors_named(self._path("parameters")):
+            for name in (*self._fields, "status", "attempts", "wall_seconds", "worker", "message", "parameters"):
+                array = self._array(name)
+                array.resize((count, *array.shape[1:]))
+            self._array("parameters")[first:count] = parameters
+        self.status = np.concatenate([self.status, np.full(len(parameters), PENDING, dtype=np.int8)])
+        hashes = _hash_rows(parameters)
+        hashes = np.concatenate([self._hashes, hashes])
+        rows = np.concatenate([self._order, np.arange(first, count)])
+        order = np.argsort(hashes, kind="stable")
+        self._hashes, self._order = hashes[order], rows[order]
+
+
+def _create_table(root: zarr.Group, name: str, spec: TableSpec) -> None:
+    lengths = {coordinate.dim: coordinate.values.size for coordinate in spec.coordinates}
+    lengths["parameter"] = len(spec.parameters)
+    group = root.create_group(name, overwrite=True)
+
+    def create(
+        array: str, dtype: Any, fill: Any, dims: tuple[str, ...], shape: tuple[int, ...], attributes: dict[str, Any]
+    ) -> None:
+        wide = {} if dtype is str else {"compressors": _compressors(dtype)}
+        group.create_array(
+            array,
+            shape=shape,
+            chunks=(spec.chunk_rows, *shape[1:]) if dims[0] == "row" else shape,
+            dtype=dtype,
+            fill_value=fill,
+            dimension_names=dims,
+            attributes=attributes,
+            **wide,  # type: ignore[arg-type]
+        )
+
+    names = Coordinate("parameter", "parameter", np.array(spec.parameters, dtype=object))
+    units = Coordinate("parameter_unit", "parameter", np.array(spec.units, dtype=object))
+    for coordinate in (names, units, *spec.coordinates):
+        text = coordinate.values.dtype == object
+        attributes = {} if text else {"units": coordinate.unit}
+        shape: tuple[int, ...] = (coordinate.values.size,)
+        create(coordinate.name, str if text else "f8", "" if text else np.nan, (coordinate.dim,), shape, attributes)
+        group[coordinate.name][:] = coordinate.values  # type: ignore[index]
+    create("parameters", "f8", np.nan, ("row", "parameter"), (0, len(spec.parameters)), {"long_name": "parameters"})
+    for field in spec.fields:
+        shape = (0, *(lengths[dim] for dim in field.dims))
+        attributes = {"units": field.unit, "long_name": field.description}
+        create(field.name, "f8", np.nan, ("row", *field.dims), shape, attributes)
+    flags = {"flag_values": [PENDING, *range(len(STATUSES))], "flag_meanings": " ".join(("pending", *STATUSES))}
+    create("status", "i1", PENDING, ("row",), (0,), flags)
+    create("attempts", "i2", 0, ("row",), (0,), {"long_name": "how often the row was tried"})
+    create("wall_seconds", "f8", np.nan, ("row",), (0,), {"units": "s", "long_name": "time of its evaluation"})
+    create("worker", str, "", ("row",), (0,), {"long_name": "host, job and process that evaluated the row"})
+    create("message", str, "", ("row",), (0,), {"long_name": "why the row failed, in the solver's words"})
+    group.update_attributes(
+        {
+            "title": spec.title,
+            "key": spec.key,
+            "identity": json.dumps(spec.identity, sort_keys=True),
+            "fields": [field.name for field in spec.fields],
+            "coordinates": " ".join(["parameter_unit", *(c.name for c in spec.coordinates if c.name != c.dim)]),
+            "chunk_rows": spec.chunk_rows,
+            "complete": True,
+        }
+    )
+
+
+def _compressors(dtype: Any) -> list[Any]:
+    size = np.dtype(dtype).itemsize
+    shuffled = [BloscCodec(cname="lz4", clevel=3, shuffle="shuffle", typesize=size)] if size > 1 else []
+    return [*shuffled, Crc32cCodec()]
+
+
+def _values(segment: Segment, name: str, inside: Array) -> Any:
+    """A field's values; NaN when the whole batch failed before it had any."""
+    return segment.values[name][inside] if name in segment.values else np.nan
+
+
+def _texts(segment: Segment, inside: Array) -> Array:
+    return np.array([segment.messages[i] if segment.messages else "" for i in inside], dtype=object)
+
+
+def _hash_rows(parameters: Array) -> Array:
+    return pd.util.hash_pandas_object(pd.DataFrame(parameters), index=False).to_numpy()
+
+
+def _blocks(rows: Array, chunk_rows: int) -> Iterator[Array]:
+    """Positions in ``rows``, grouped by the chunk that they lie in."""
+    if rows.size:
+        order = np.argsort(rows // chunk_rows, kind="stable")
+        cuts = np.flatnonzero(np.diff(rows[order] // chunk_rows)) + 1
+        yield from np.split(order, cuts)
+
+
+def _slug(title: str) -> str:
+    return "".join(c if c.isalnum() and c.isascii() else "-" for c in title.lower())[:60].strip("-") or "table"
+
+
+def _open_root(path: Path, mode: Any) -> zarr.Group:
+    try:
+        root = zarr.open_group(path, mode=mode)
+    except FileNotFoundError:
+        raise StoreError(f"{path}: not a store of sinew (its zarr.json is missing); give another --out") from None
+    if "sinew_format" not in root.attrs or "study" not in root.attrs:
+        raise StoreError(f"{path}: a Zarr hierarchy, but not a store of sinew; give another --out")
+    if root.attrs["sinew_format"] != FORMAT:
+        raise StoreError(f"{path}: format {root.attrs['sinew_format']}, but this sinew reads {FORMAT}")
+    return root
+
+
+@contextmanager
+def _errors_named(path: Path) -> Iterator[None]:
+    """Turn what Zarr and the system raise about ``path`` into one clear line."""
+    try:
+        yield
+    except StoreError:
+        raise
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise StoreError(
+                f"{path}: no space left on the disk; free some and run the same command again, nothing is lost"
+            ) from error
+        raise StoreError(f"{path}: {error.strerror or error}") from error
+    except (ValueError, RuntimeError, KeyError, json.JSONDecodeError) as error:
+        raise StoreError(
+            f"{path}: damaged ({str(error).splitlines()[0][:120]}); `sinew repair {_result_folder(path)}` makes its "
+            "rows pending, all others stay"
+        ) from error
+
+
+def _result_folder(path: Path) -> Path:
+    for parent in (path, *path.parents):
+        if parent.name == "store.zarr":
+            return parent.parent
+    return path
+
+
+@contextmanager
+def _lock(folder: Path) -> Iterator[None]:
+    """Hold the folder's lock; the system releases it when the process ends, however it ends."""
+    with open(folder / "lock", "a+", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            file.seek(0)
+            raise StoreError(
+                f"{folder}: in use by {file.read().strip() or 'another process'}; wait or stop it"
+            ) from None
+        file.seek(0)
+        file.truncate()
+        job = os.environ.get("SLURM_JOB_ID")
+        file.write(f"process {os.getpid()} on {socket.gethostname()}{f', SLURM job {job}' if job else ''}\n")
+        file.flush()
+        yield

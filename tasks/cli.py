@@ -1,0 +1,191 @@
+"""The command ``sinew``: reads arguments, calls a task, prints a summary. Errors are one line and exit code 2."""
+
+import json
+import logging
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from runner.errors import SinewError
+
+_PATH = click.Path(path_type=Path)
+
+
+def main() -> None:
+    """Entry point: one clear line and exit code 2 for whatever the user can mend, 130 for Ctrl-C."""
+    logging.getLogger("sinew").addHandler(logging.NullHandler())
+    try:
+        sinew.main(standalone_mode=False)
+    except click.exceptions.Abort:
+        _fail("interrupted; run the same command again to go on, finished rows are kept", 130)
+    except KeyboardInterrupt:
+        _fail("interrupted; run the same command again to go on, finished rows are kept", 130)
+    except click.ClickException as error:
+        _fail(" ".join(error.format_message().split()), 2)
+    except SinewError as error:
+        _fail(str(error), 2)
+
+
+def _fail(message: str, code: int) -> None:
+    print(f"sinew: {message}", file=sys.stderr)
+    sys.exit(code)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="sinew")
+def sinew() -> None:
+    r"""Finite-element ensembles of soft tissue: resumable, from a laptop to a cluster.
+
+    \b
+    sinew cohort --out data/virtual --per-site 1
+    sinew run configs/demo.yaml
+    sinew status results/demo
+    """
+
+
+def _study_command(name: str, help: str) -> Callable[[Callable[..., None]], click.Command]:
+    """A command over a study, with the options that all of them share."""
+
+    def decorate(function: Callable[..., None]) -> click.Command:
+        options = [
+            click.argument("study", type=_PATH),
+            click.option("--data", type=_PATH, help="Cohort folder, in place of the study's."),
+            click.option("--out", type=_PATH, help="Result folder (default: results/NAME)."),
+            click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed, in place of the study's."),
+            click.option("--workers", type=click.IntRange(1, 1024), help="Local worker processes."),
+            click.option("--simulator", type=click.Choice(["uniaxial", "febio"]), help="In place of the study's."),
+            click.option("--retry-failed", is_flag=True, help="Evaluate failed rows again."),
+            click.option("--quiet", is_flag=True, help="No progress and no summary."),
+        ]
+        for option in reversed(options):
+            function = option(function)
+        return sinew.command(name, help=help)(function)
+
+    return decorate
+
+
+def _open(study: Path, seed: int | None, **options: Any) -> Any:
+    from tasks.study import read_study
+    from tasks.workspace import open_workspace
+
+    read = read_study(study)
+    if seed is not None:
+        path = read.path
+        read = read.model_copy(update={"seed": seed})
+        read._path = path
+    return open_workspace(read, **options)
+
+
+@_study_command("run", "Run all tasks of a study, in order.")
+def run(study: Path, seed: int | None, **options: Any) -> None:
+    from tasks import pipeline
+
+    with _open(study, seed, **options) as workspace:
+        pipeline.run(workspace, workspace.study.tasks)
+
+
+@_study_command("sobol", "Sobol indices with confidence intervals.")
+@click.option("--extend", is_flag=True, help="Double the base samples of the last result; pays for new rows only.")
+def sobol(study: Path, seed: int | None, extend: bool, **options: Any) -> None:
+    from tasks import pipeline
+
+    with _open(study, seed, **options) as workspace:
+        pipeline.run(workspace, ["sobol"], extend=extend)
+
+
+@_study_command("importance", "Random forest importance from the rows of the Sobol study.")
+def importance(study: Path, seed: int | None, **options: Any) -> None:
+    from tasks import pipeline
+
+    with _open(study, seed, **options) as workspace:
+        pipeline.run(workspace, ["importance"])
+
+
+@_study_command("simulate", "Forces of given parameter rows along each measured curve.")
+@click.option("--parameters", type=_PATH, required=True, help="CSV, one column for each parameter name.")
+def simulate(study: Path, seed: int | None, parameters: Path, **options: Any) -> None:
+    from tasks.simulations import read_parameters, simulate_rows
+    from tasks.study import read_study
+
+    rows = read_parameters(parameters, read_study(study).tendon())
+    with _open(study, seed, **options) as workspace:
+        result = simulate_rows(workspace, rows)
+        if not workspace.quiet:
+            print(
+                f"{result['rows']} rows along {len(result['files'])} curves, {result['failed']} failed: {workspace.out}"
+            )
+            for failure in result["failures"][:5]:
+                print(f"  row {failure['row']}, {failure['specimen']}: {failure['status']}: {failure['message']}")
+
+
+@sinew.command()
+@click.option("--out", type=_PATH, required=True, help="Folder to write.")
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+@click.option("--per-site", type=click.IntRange(1, 9), default=9, show_default=True, help="Specimens of each site.")
+@click.option("--rate", type=click.FloatRange(0.5, 1000), default=100.0, show_default=True, help="Samples per second.")
+@click.option(
+    "--noise", type=click.FloatRange(0, 1), default=0.003, show_default=True, help="Fraction of the peak force."
+)
+@click.option(
+    "--ar1", type=click.FloatRange(0, 0.999), default=0.3, show_default=True, help="Correlation of neighbours."
+)
+def cohort(out: Path, seed: int, per_site: int, rate: float, noise: float, ar1: float) -> None:
+    """Make a virtual cohort from the 27 published specimens; its truth is known."""
+    from tasks.cohort import virtual_cohort, write_cohort
+    from tasks.workspace import check_folder
+
+    check_folder(out)
+    specimens, truth = virtual_cohort(seed=seed, per_site=per_site, rate_hz=rate, noise=noise, ar1=ar1)
+    write_cohort(out, specimens, truth)
+    curves = sum(len(specimen.curves) for specimen in specimens)
+    print(f"{len(specimens)} specimens, {curves} curves, truth.json: {out}")
+
+
+@sinew.command("import")
+@click.argument("files", type=_PATH, nargs=-1, required=True)
+@click.option("--out", type=_PATH, required=True, help="Cohort folder to write.")
+@click.option("--protocol", help="Name of the protocol (default: from the export).")
+@click.option("--tare", is_flag=True, help="Subtract the first force of each test.")
+def import_(files: tuple[Path, ...], out: Path, protocol: str | None, tare: bool) -> None:
+    """Read raw exports of a testing machine (Instron-style CSV) into a cohort, each file a specimen."""
+    from tasks.bench_exports import read_exports
+    from tasks.cohort import write_cohort
+    from tasks.workspace import check_folder
+
+    specimens = read_exports(files, protocol=protocol, tare=tare)
+    check_folder(out)
+    write_cohort(out, specimens)
+    for specimen in specimens:
+        curve = specimen.curves[0]
+        print(
+            f"{specimen.name}: {curve.name}, {curve.force_N.size:,} points, "
+            f"{specimen.length_mm:g} x {specimen.width_mm:.4g} x {specimen.thickness_mm:.4g} mm, "
+            f"peak {curve.force_N.max():.4g} N"
+        )
+
+
+@sinew.command()
+@click.argument("folder", type=_PATH)
+@click.option("--json", "as_json", is_flag=True, help="Machine-readable.")
+def status(folder: Path, as_json: bool) -> None:
+    """What a result folder holds: rows done, failed and left, and why rows failed."""
+    from tasks.pipeline import print_status, read_status
+
+    found = read_status(folder)
+    print(json.dumps(found, indent=1)) if as_json else print_status(found)
+
+
+@sinew.command()
+@click.argument("folder", type=_PATH)
+def repair(folder: Path) -> None:
+    """Make rows in damaged chunks pending, so that the next run computes them again; all others stay."""
+    from tasks.pipeline import repair as repair_store
+
+    print(f"{repair_store(folder)} rows are pending now: {folder}")
+
+
+if __name__ == "__main__":
+    main()

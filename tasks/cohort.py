@@ -1,0 +1,98 @@
+"""A virtual cohort: the 27 published specimens, pulled by the three protocols, measured with noise. Its truth is known.
+
+Parameters are those of Pekedis (2025), table 2. Gauge lengths, widths and thicknesses scatter around 10 x 8 x 4 mm.
+Forces carry first-order autoregressive noise. The truth goes to ``truth.json`` in the cohort's folder.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from tasks.model import Curve, Model, Specimen
+from tasks.model.protocols import STANDARD
+from tasks.problems import BadInput
+from tasks.resources import resource
+from tasks.simulate.uniaxial import Uniaxial
+
+GAUGE_MM = (10.0, 8.0, 4.0)
+GAUGE_SCATTER = 0.04
+Array = np.ndarray[Any, np.dtype[Any]]
+
+
+def published() -> pd.DataFrame:
+    """The 27 published specimens: site, specimen, one column for each parameter, and the RMSE of the fit in newton."""
+    return pd.read_csv(resource("configs/table2.csv"), dtype={"site": str, "specimen": str})
+
+
+def virtual_cohort(
+    *, seed: int, per_site: int = 9, rate_hz: float = 100.0, noise: float = 0.003, ar1: float = 0.3
+) -> tuple[list[Specimen], dict[str, Any]]:
+    """Specimens with simulated measurements, and their truth.
+
+    ``per_site``: how many of the nine specimens of each site; ``noise``: standard deviation as a fraction of the
+    specimen's peak force; ``ar1``: correlation of neighbouring samples. A specimen's numbers depend on the seed and on
+    its own row only, so a smaller cohort holds the same specimens as a larger one.
+    """
+    model = Model()
+    specimens, truth = [], {}
+    for number, row in published().iterrows():
+        if int(row["specimen"]) > per_site:
+            continue
+        rng = np.random.default_rng([seed, int(str(number))])
+        length, width, thickness = (round(size * (1 + GAUGE_SCATTER * rng.standard_normal()), 4) for size in GAUGE_MM)
+        name = f"{row['site']}/{row['specimen']}"
+        values = np.array([[row[parameter] for parameter in model.names]], dtype=float)
+        bare = Specimen(name, length, width, thickness)
+        protocols = [make(length, rate_hz) for make in STANDARD]
+        forces = [Uniaxial().simulate(model, bare, protocol, values).force_N[0] for protocol in protocols]
+        scale = noise * max(force.max() for force in forces)
+        curves = tuple(
+            Curve(protocol, force + scale * autoregressive(rng, force.size, ar1))
+            for protocol, force in zip(protocols, forces, strict=True)
+        )
+        specimens.append(Specimen(name, length, width, thickness, curves, donor=str(row["specimen"])))
+        truth[name] = {
+            "parameters": dict(zip(model.names, values[0].tolist(), strict=True)),
+            "noise_sd_N": scale,
+            "noise_ar1": ar1,
+        }
+    return specimens, {"seed": seed, "rate_hz": rate_hz, "source": "Pekedis (2025), table 2", "specimens": truth}
+
+
+def autoregressive(rng: np.random.Generator, size: int, ar1: float) -> Array:
+    """Stationary noise ``[size]`` of unit variance whose neighbours correlate by ``ar1``."""
+    from scipy.signal import lfilter
+
+    steps = rng.standard_normal(size)
+    steps[1:] *= np.sqrt(1 - ar1**2)
+    return np.asarray(lfilter([1.0], [1.0, -ar1], steps))
+
+
+def write_cohort(folder: Path, specimens: list[Specimen], truth: dict[str, Any] | None = None) -> None:
+    """Write ``FOLDER/SPECIMEN/PROTOCOL.csv`` and ``specimen.json``. Raises :class:`BadInput` if they exist."""
+    for specimen in specimens:
+        if (folder / specimen.name).exists():
+            raise BadInput(folder / specimen.name, "is there already", "a new folder, or specimens that are not in it")
+    for specimen in specimens:
+        target = folder / specimen.name
+        target.mkdir(parents=True)
+        geometry: dict[str, Any] = {
+            "length_mm": specimen.length_mm,
+            "width_mm": specimen.width_mm,
+            "thickness_mm": specimen.thickness_mm,
+        }
+        if specimen.donor is not None:
+            geometry["donor"] = specimen.donor
+        (target / "specimen.json").write_text(json.dumps(geometry, indent=1) + "\n", "utf-8")
+        for curve in specimen.curves:
+            table = {
+                "time_s": curve.protocol.time_s,
+                "displacement_mm": curve.protocol.displacement_mm,
+                "force_N": curve.force_N,
+            }
+            pd.DataFrame(table).to_csv(target / f"{curve.name}.csv", index=False, float_format="%.10g")
+    if truth is not None:
+        (folder / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", "utf-8")

@@ -1,0 +1,294 @@
+"""Measured curves in: ``COHORT/[SITE/]SPECIMEN/PROTOCOL.csv`` beside a ``specimen.json``.
+
+Only text is read. Anything pickled is refused, files that are links out of the cohort are refused, and whatever is
+wrong with a number is reported with its file and row.
+"""
+
+import csv
+import json
+import math
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from tasks.model import Curve, Protocol, Specimen
+from tasks.problems import BadInput, shown
+
+COLUMNS = ("time_s", "displacement_mm", "force_N")
+GEOMETRY = ("length_mm", "width_mm", "thickness_mm")
+NOTES = ("donor", "note", "source", "diameter_mm")
+MAX_CSV_BYTES = 512 * 2**20
+MAX_JSON_BYTES = 2**20
+_PICKLED = {".pkl", ".pickle", ".p", ".npy", ".npz", ".joblib", ".dill", ".pt", ".mat"}
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+.-]{0,99}")
+Array = np.ndarray[Any, np.dtype[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Cohort:
+    """The specimens of a folder, in order of their names."""
+
+    folder: Path
+    specimens: tuple[Specimen, ...]
+
+    def choose(self, names: Sequence[str], where: str) -> tuple[Specimen, ...]:
+        """Specimens by name. Raises :class:`BadInput` at ``where`` for a name that is not there."""
+        known = {specimen.name: specimen for specimen in self.specimens}
+        for name in names:
+            if name not in known:
+                raise BadInput(where, f"no specimen {shown(name)} in {self.folder}", f"one of {_listed(known)}")
+        return tuple(known[name] for name in names)
+
+
+def read_cohort(folder: Path) -> Cohort:
+    """Read every specimen of a cohort. Raises :class:`BadInput` for the first thing that is wrong."""
+    if folder.suffix.lower() in _PICKLED:
+        raise BadInput(folder, "pickled and binary data are never read", "a folder of CSV files")
+    if not folder.is_dir():
+        problem = "is a file" if folder.exists() else "is not there"
+        raise BadInput(folder, problem, "a cohort folder with SPECIMEN/PROTOCOL.csv and SPECIMEN/specimen.json")
+    root = folder.resolve()
+    specimens: list[Specimen] = []
+    for entry in _entries(folder, root):
+        if entry.is_dir():
+            if _is_specimen(entry):
+                specimens.append(_read_specimen(entry, root, entry.name))
+            else:
+                site = [child for child in _entries(entry, root) if child.is_dir()]
+                if not site:
+                    raise BadInput(entry, "holds no CSV file and no specimen", "PROTOCOL.csv files and specimen.json")
+                specimens += [_read_specimen(child, root, f"{entry.name}/{child.name}") for child in site]
+    if not specimens:
+        raise BadInput(folder, "holds no specimen", "folders SPECIMEN with PROTOCOL.csv files and specimen.json")
+    _refuse_duplicates(folder, specimens)
+    return Cohort(folder, tuple(specimens))
+
+
+def read_curve(path: Path, root: Path, *, length_mm: float = math.inf) -> Curve:
+    """Read ``PROTOCOL.csv``: times increase, displacements stay above ``-length_mm``, all numbers are finite."""
+    check_inside(path, root)
+    table = read_numbers(path, COLUMNS)
+    time_s, displacement, force = table.T
+    if len(table) < 3:
+        raise BadInput(path, f"{len(table)} rows of numbers", "at least 3")
+    back = np.flatnonzero(np.diff(time_s) <= 0)
+    if back.size:
+        i = int(back[0])
+        what = "stands still" if time_s[i + 1] == time_s[i] else "runs backwards"
+        raise BadInput(
+            f"{path}: row {i + 3}, time_s",
+            f"time {what} ({time_s[i]:g} s, then {time_s[i + 1]:g} s)",
+            "increasing times",
+        )
+    crushed = np.flatnonzero(displacement <= -length_mm)
+    if crushed.size:
+        i = int(crushed[0])
+        raise BadInput(
+            f"{path}: row {i + 2}, displacement_mm",
+            f"{displacement[i]:g} mm shortens a gauge of {length_mm:g} mm to nothing",
+            "displacements above minus the gauge length, in mm",
+        )
+    return Curve(Protocol(path.stem, time_s.copy(), displacement.copy()), force.copy())
+
+
+def read_numbers(path: Path, columns: Sequence[str] | None, *, max_bytes: int = MAX_CSV_BYTES) -> Array:
+    """Numbers ``[rows, columns]`` of a CSV file with exactly this header (any header when ``columns`` is None)."""
+    _check_text(path, max_bytes)
+    header = read_header(path)
+    if columns is not None and header != list(columns):
+        raise BadInput(f"{path}: row 1", f"header {shown(','.join(header))}", f"{','.join(columns)}")
+    try:
+        table = pd.read_csv(
+            path, encoding="utf-8-sig", dtype=np.float64, float_precision="round_trip", skipinitialspace=True,
+            keep_default_na=False, na_values=[], index_col=False, skip_blank_lines=False,
+        ).to_numpy()  # fmt: skip
+        regular = table.shape[1] == len(header) and np.isfinite(table).all()
+    except (ValueError, pd.errors.ParserError, UnicodeDecodeError):
+        regular = False
+    if not regular:
+        table = _read_carefully(path, header)
+    if not len(table):
+        raise BadInput(path, "holds a header but no numbers", "rows of numbers below the header")
+    return table
+
+
+def read_header(path: Path) -> list[str]:
+    """The names in the first row of a CSV file."""
+    with open(path, encoding="utf-8-sig", errors="replace", newline="") as file:
+        return [cell.strip() for cell in next(csv.reader([file.readline(10_000)]), [])]
+
+
+def _read_carefully(path: Path, header: list[str]) -> Array:
+    """Read row by row, so that what is wrong can be named."""
+    rows: list[list[float]] = []
+    blank_at = 0
+    with open(path, encoding="utf-8-sig", errors="replace", newline="") as file:
+        reader = csv.reader(file)
+        try:
+            next(reader)
+            for number, cells in enumerate(reader, start=2):
+                if not any(cell.strip() for cell in cells):
+                    blank_at = blank_at or number
+                    continue  # blank lines are fine at the end only
+                if blank_at:
+                    raise BadInput(f"{path}: row {blank_at}", "a blank row between rows of numbers", "numbers")
+                if len(cells) != len(header):
+                    raise BadInput(f"{path}: row {number}", f"{len(cells)} cells", f"{len(header)}, as in the header")
+                rows.append([_number(path, number, name, cell) for name, cell in zip(header, cells, strict=True)])
+        except csv.Error as error:
+            raise BadInput(path, f"not a CSV file ({error})", "comma-separated numbers") from None
+    return np.array(rows).reshape(len(rows), len(header))
+
+
+def _number(path: Path, row: int, column: str, cell: str) -> float:
+    try:
+        value = float(cell) if "_" not in cell else math.nan
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise BadInput(f"{path}: row {row}, {column}", f"{shown(cell.strip())}", "a finite number such as 1.25")
+    return value
+
+
+def check_inside(path: Path, root: Path) -> None:
+    """Refuse files that are links out of ``root`` and whatever is no regular file."""
+    resolved = path.resolve()
+    if not resolved.is_relative_to(root.resolve()):
+        raise BadInput(path, f"a link that leaves {root}", "files inside the folder")
+    if path.is_symlink() and not resolved.exists():
+        raise BadInput(path, "a link to nothing", "a file")
+    if resolved.exists() and not (resolved.is_file() or resolved.is_dir()):
+        raise BadInput(path, "neither a file nor a folder", "a regular file")
+
+
+def read_json(path: Path, root: Path) -> dict[str, Any]:
+    """A JSON object of a cohort."""
+    check_inside(path, root)
+    _check_text(path, MAX_JSON_BYTES)
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        names = [name for name, _ in pairs]
+        for name in names:
+            if names.count(name) > 1:
+                raise BadInput(f"{path}: {name}", "given twice", "each key once")
+        return dict(pairs)
+
+    try:
+        content = json.loads(path.read_text("utf-8-sig"), object_pairs_hook=unique)
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+        line = f": line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
+        raise BadInput(f"{path}{line}", "not valid JSON", 'an object such as {"length_mm": 10.0, ...}') from None
+    if not isinstance(content, dict):
+        raise BadInput(path, f"holds {shown(content)}", 'an object such as {"length_mm": 10.0, ...}')
+    return content
+
+
+def _read_specimen(folder: Path, root: Path, name: str) -> Specimen:
+    if not _NAME.fullmatch(folder.name):
+        raise BadInput(folder, "a name that cannot be used", "letters, digits, '_', '-', '+' and '.' in folder names")
+    entries = list(_entries(folder, root))
+    curves = [entry for entry in entries if entry.suffix == ".csv"]
+    if not curves:
+        raise BadInput(folder, "holds no CSV file", "one PROTOCOL.csv for each protocol")
+    described = folder / "specimen.json"
+    if described not in entries:
+        raise BadInput(described, "is not there", f"a JSON object with {', '.join(GEOMETRY)}")
+    content = read_json(described, root)
+    for key in content:
+        if key not in (*GEOMETRY, *NOTES):
+            raise BadInput(f"{described}: {key}", "unknown key", f"one of {', '.join((*GEOMETRY, *NOTES))}")
+    sizes = {key: _size(described, content, key) for key in GEOMETRY}
+    for path in curves:
+        if not _NAME.fullmatch(path.stem):
+            raise BadInput(path, "a name that cannot be used", "letters, digits, '_', '-', '+' and '.' in file names")
+    donor = content.get("donor")
+    return Specimen(
+        name,
+        **sizes,
+        curves=tuple(read_curve(path, root, length_mm=sizes["length_mm"]) for path in curves),
+        donor=None if donor is None else str(donor),
+    )
+
+
+def _size(path: Path, content: dict[str, Any], key: str) -> float:
+    if key not in content:
+        raise BadInput(f"{path}: {key}", "missing", "a length in mm")
+    value = content[key]
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e4:
+        raise BadInput(f"{path}: {key}", shown(value), "a length in mm, above 0 and below 10000")
+    return float(value)
+
+
+def _is_specimen(folder: Path) -> bool:
+    return any(child.suffix == ".csv" or child.name == "specimen.json" for child in folder.iterdir())
+
+
+def _entries(folder: Path, root: Path) -> Iterator[Path]:
+    """What is in a folder, in order of name; hidden files are passed over, pickled ones refused."""
+    try:
+        children = sorted(folder.iterdir())
+    except OSError as error:
+        raise BadInput(folder, f"cannot be read ({error.strerror})", "a readable folder") from None
+    for child in children:
+        if child.name.startswith("."):
+            continue
+        if child.suffix.lower() in _PICKLED:
+            raise BadInput(child, "pickled and binary data are never read", "the same numbers as CSV")
+        check_inside(child, root)
+        if child.is_symlink() and child.is_dir() and root in (child.resolve(), *child.resolve().parents):
+            target = child.resolve()
+            if target == root or folder.resolve().is_relative_to(target):
+                raise BadInput(child, "a link to a folder that contains it", "specimen folders")
+        yield child
+
+
+def _check_text(path: Path, max_bytes: int) -> None:
+    """Refuse what cannot be a text file of reasonable size, before reading it."""
+    if path.suffix.lower() in _PICKLED:
+        raise BadInput(path, "pickled and binary data are never read", "a CSV file")
+    try:
+        size = os.stat(path).st_size
+    except OSError as error:
+        raise BadInput(path, (error.strerror or "cannot be read").lower(), "a file") from None
+    if not path.is_file():
+        raise BadInput(path, "not a regular file", "a text file")
+    if size == 0:
+        raise BadInput(path, "empty", "a header and numbers")
+    if size > max_bytes:
+        raise BadInput(path, f"{size / 2**20:,.0f} MB", f"at most {max_bytes / 2**20:,.0f} MB")
+    try:
+        with open(path, "rb") as file:
+            start = file.read(4096)
+    except OSError as error:
+        raise BadInput(path, (error.strerror or "cannot be read").lower(), "a readable file") from None
+    if b"\0" in start:
+        raise BadInput(path, "not a text file", "text in UTF-8")
+
+
+def _refuse_duplicates(folder: Path, specimens: list[Specimen]) -> None:
+    names: dict[str, str] = {}
+    digests: dict[tuple[str, ...], str] = {}
+    for specimen in specimens:
+        other = names.setdefault(specimen.name.casefold(), specimen.name)
+        if other != specimen.name:
+            raise BadInput(
+                folder / specimen.name, f"a duplicate of specimen {other} but for upper case", "unique names"
+            )
+        digest = tuple(curve.digest for curve in specimen.curves)
+        other = digests.setdefault(digest, specimen.name)
+        if other != specimen.name:
+            raise BadInput(
+                folder / specimen.name, f"a duplicate of specimen {other}: its curves are the same numbers",
+                "each specimen once",
+            )  # fmt: skip
+
+
+def _listed(names: Any) -> str:
+    listed = list(names)
+    return ", ".join(listed[:8]) + (", ..." if len(listed) > 8 else "")

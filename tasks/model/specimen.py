@@ -1,0 +1,91 @@
+"""Specimens, the displacement histories they are pulled by, and the forces measured meanwhile."""
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray[Any, np.dtype[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Protocol:
+    """A displacement history: ``time_s`` ``[t]`` (s, increasing) and ``displacement_mm`` ``[t]`` (mm)."""
+
+    name: str
+    time_s: Array
+    displacement_mm: Array
+
+    @cached_property
+    def distinct_steps(self) -> tuple[Array, Array]:
+        """The distinct time steps ``[k]`` (s) and which of them leads to each point ``[t]``.
+
+        Steps that differ by no more than the rounding of the times themselves count as one: 0.07 - 0.06 is not 0.01.
+        """
+        steps = np.diff(self.time_s)
+        step_of = np.zeros(self.time_s.size, dtype=np.int64)
+        if not steps.size:
+            return np.ones(1), step_of
+        order = np.argsort(steps, kind="stable")
+        rounding = 8 * np.finfo(float).eps * float(np.abs(self.time_s).max())
+        group = np.concatenate([[0], np.cumsum(np.diff(steps[order]) > rounding)])
+        step_of[1 + order] = group
+        return np.bincount(group, weights=steps[order]) / np.bincount(group), step_of
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A protocol and the force ``force_N`` ``[t]`` (N) that was measured along it."""
+
+    protocol: Protocol
+    force_N: Array
+
+    @property
+    def name(self) -> str:
+        return self.protocol.name
+
+    @property
+    def digest(self) -> str:
+        """Names the numbers of this curve."""
+        hashed = hashlib.blake2b(digest_size=16)
+        for array in (self.protocol.time_s, self.protocol.displacement_mm, self.force_N):
+            hashed.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
+        return hashed.hexdigest()
+
+
+@dataclass(frozen=True, eq=False)
+class Specimen:
+    """A bar of gauge ``length_mm`` x ``width_mm`` x ``thickness_mm`` and its measured curves.
+
+    ``name`` is its folder below the cohort, with the site in front where there is one (``distal/3``).
+    """
+
+    name: str
+    length_mm: float
+    width_mm: float
+    thickness_mm: float
+    curves: tuple[Curve, ...] = ()
+    donor: str | None = None
+
+    @property
+    def site(self) -> str | None:
+        return self.name.rpartition("/")[0] or None
+
+    @property
+    def area_mm2(self) -> float:
+        return self.width_mm * self.thickness_mm
+
+    def stretch(self, protocol: Protocol) -> Array:
+        """Stretch ``[t]`` of the gauge length."""
+        return 1.0 + protocol.displacement_mm / self.length_mm
+
+    def identity(self) -> dict[str, Any]:
+        """What an evaluation depends on: geometry and the numbers of every curve."""
+        return {
+            "length_mm": self.length_mm,
+            "width_mm": self.width_mm,
+            "thickness_mm": self.thickness_mm,
+            "curves": {curve.name: curve.digest for curve in self.curves},
+        }

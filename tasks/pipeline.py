@@ -1,0 +1,175 @@
+"""Run a study's tasks in order, draw their figures, and tell a person what came out."""
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table as Grid
+
+from runner.store import PENDING, STATUSES, Store, open_store
+from tasks.importance import importance
+from tasks.report import figures
+from tasks.sensitivity import sobol
+from tasks.workspace import Workspace
+
+log = logging.getLogger("sinew")
+
+
+@dataclass(frozen=True)
+class _Task:
+    work: Callable[..., dict[str, Any]]
+    draw: Callable[[Workspace, dict[str, Any]], None]
+    tell: Callable[[Workspace, dict[str, Any], Console], None]
+
+
+def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str, dict[str, Any]]:
+    """Run tasks, draw figures, print a summary; what is done already is not done again. Returns results by task."""
+    console = Console(quiet=workspace.quiet, highlight=False)
+    results = {}
+    for name in tasks:
+        task = _TASKS[name]
+        started = time.monotonic()
+        log.info("task started", extra={"task": name})
+        if name == "sobol" and not options.get("extend"):
+            _say_size(workspace, console)
+        simulations = workspace.simulations
+        results[name] = task.work(workspace, **options)
+        seconds = time.monotonic() - started
+        task.draw(workspace, results[name])
+        new = workspace.simulations - simulations
+        log.info("task finished", extra={"task": name, "seconds": round(seconds, 3), "new_simulations": new})
+        task.tell(workspace, results[name], console)
+        console.print(f"{name}: {new:,} new evaluations in {seconds:.1f} s\n")
+    console.print(f"results: {workspace.out}  (figures in {workspace.out / 'figures'}, arrays in store.zarr)")
+    return results
+
+
+def read_status(folder: Path) -> dict[str, Any]:
+    """Rows done, failed and pending in each table of a result folder, and the last failures."""
+    store = open_store(folder)
+    tables = []
+    for table in store.tables():
+        failed = {name: int((table.status == i).sum()) for i, name in enumerate(STATUSES) if i}
+        waiting = sum(int(path.stem.rsplit("-", 1)[1]) for path in table.segments())
+        rows = np.flatnonzero(table.status > 0)[-5:]
+        tables.append(
+            {
+                "table": table.title,
+                "rows": len(table),
+                "done": int((table.status != PENDING).sum()) + waiting,
+                "failed": {name: count for name, count in failed.items() if count},
+                "last_failures": [
+                    {"row": int(row), "status": STATUSES[table.status[row]], "message": str(message)}
+                    for row, message in zip(rows, table.read("message", rows), strict=True)
+                ],
+                "core_hours": float(np.nansum(table.read("wall_seconds", np.flatnonzero(table.status >= 0)))) / 3600,
+            }
+        )
+    results = sorted(path.stem for path in folder.glob("*.json"))
+    return {"folder": str(folder), "study": store.study, "tables": tables, "results": results}
+
+
+def print_status(found: dict[str, Any]) -> None:
+    """The same for a person."""
+    console = Console(highlight=False)
+    grid = Grid(
+        "evaluations", "rows", "done", "failed", "left", "core-hours", title=f"{found['study']}: {found['folder']}"
+    )
+    for table in found["tables"]:
+        failed = sum(table["failed"].values())
+        cells = (table["rows"], table["done"], failed, table["rows"] - table["done"])
+        grid.add_row(table["table"], *(f"{cell:,}" for cell in cells), f"{table['core_hours']:.3g}")
+    console.print(grid)
+    for table in found["tables"]:
+        for failure in table["last_failures"]:
+            console.print(
+                f"{table['table']}, row {failure['row']}: {failure['status']}: {failure['message']}", markup=False
+            )
+    console.print(f"finished: {', '.join(found['results']) or 'nothing yet'}")
+
+
+def repair(folder: Path) -> int:
+    """Make rows in damaged chunks pending; returns how many."""
+    study = open_store(folder).study
+    with Store.writing(folder, study) as store:
+        return sum(table.repair() for table in store.tables())
+
+
+def _say_size(workspace: Workspace, console: Console) -> None:
+    from tasks.sensitivity import base_samples
+
+    settings = workspace.study.sobol
+    if settings.points is not None:
+        count = len(workspace.model.free)
+        base = base_samples(settings.points, count, settings.second_order)
+        rows = base * ((2 if settings.second_order else 1) * count + 2)
+        console.print(
+            f"sobol: {settings.points:,} points asked; the next power of two is {base:,} base samples, "
+            f"{rows:,} rows for {count} parameters"
+        )
+
+
+def _draw_sobol(workspace: Workspace, result: dict[str, Any]) -> None:
+    folder = workspace.out / "figures"
+    figures.save(figures.sobol_indices(result), folder, "sobol")
+    figures.save(figures.sobol_convergence(result), folder, "sobol_convergence")
+    for name in sorted(workspace.store.root["sobol_time"].group_keys()):  # type: ignore[union-attr]
+        dataset = workspace.store.read_result(f"sobol_time/{name}")
+        if dataset.attrs["specimen"] in result["specimens"]:
+            figures.save(figures.sobol_along_time(dataset, result["names"]), folder, f"sobol_time_{name}")
+
+
+def _tell_sobol(workspace: Workspace, result: dict[str, Any], console: Console) -> None:
+    grid = Grid("parameter", "S1", "ST", *result["protocols"], title=f"Sobol indices of the {result['objective']}")
+    order = np.argsort(-np.nan_to_num(np.array(result["ST"], dtype=float)))
+    for j in order:
+        cells = [_with_interval(result, key, j) for key in ("S1", "ST")]
+        cells += [_with_interval(values, "ST", j) for values in result["protocols"].values()]
+        grid.add_row(result["names"][j], *cells)
+    console.print(grid)
+    console.print(f"{round(100 * result['confidence'])} % intervals; columns of protocols show ST")
+    if result["failed"]:
+        failures = result["failures"]
+        moved = max(
+            float(
+                np.max(np.array(failures[f"{key}_high"], dtype=float) - np.array(failures[f"{key}_low"], dtype=float))
+            )
+            for key in ("S1", "ST")
+        )
+        console.print(
+            f"[red]{result['failed']:,} of {result['rows']:,} rows failed[/red]; {failures['rule']} "
+            f"({failures['base_samples_left_out']:,} of {result['base_samples']:,}); filling them with the smallest to "
+            f"the largest outcome moves an index by up to {moved:.3f}"
+        )
+
+
+def _with_interval(values: dict[str, Any], key: str, j: int) -> str:
+    value, conf = values[key][j], values[f"{key}_conf"][j]
+    return "does not vary" if value is None or not np.isfinite(value) else f"{value:.3f} ± {conf:.3f}"
+
+
+def _draw_importance(workspace: Workspace, result: dict[str, Any]) -> None:
+    figures.save(figures.forest_importance(result), workspace.out / "figures", "importance")
+
+
+def _tell_importance(workspace: Workspace, result: dict[str, Any], console: Console) -> None:
+    grid = Grid("parameter", "impurity (%)", "permutation", title="Random forest importance, total objective")
+    for j in np.argsort(-np.array(result["permutation"])):
+        grid.add_row(
+            result["names"][j],
+            f"{result['impurity_percent'][j]:.1f} ± {result['impurity_sd'][j]:.1f}",
+            f"{result['permutation'][j]:.4f} ± {result['permutation_sd'][j]:.4f}",
+        )
+    console.print(grid)
+    console.print(f"R2 on unseen base samples {result['r2_on_unseen']:.3f}; no new simulations")
+
+
+_TASKS = {
+    "sobol": _Task(sobol, _draw_sobol, _tell_sobol),
+    "importance": _Task(lambda workspace, **_: importance(workspace), _draw_importance, _tell_importance),
+}

@@ -1,0 +1,1 @@
+"""Figures of results, as PNG and PDF; drawn from ``TASK.json`` and the store, never from memory."""

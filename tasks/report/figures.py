@@ -1,0 +1,176 @@
+"""Figures of the sensitivity tasks, in the colours of Okabe and Ito (2008) that colour-blind readers tell apart."""
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+import xarray as xr
+from cycler import cycler
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
+_LABELS = {"E": "E", "alpha": r"\alpha", "g": "g", "tau": r"\tau", "nu": r"\nu"}
+_STYLE: Any = {
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.prop_cycle": cycler(color=COLOURS),
+    "legend.frameon": False,
+    "figure.constrained_layout.use": True,
+}
+
+
+def symbol(name: str) -> str:
+    """``tau_1f`` as a formula."""
+    stem, _, index = name.partition("_")
+    return rf"${_LABELS[stem]}_{{{index}}}$" if stem in _LABELS and index else name
+
+
+def save(figure: Figure, folder: Path, name: str) -> list[Path]:
+    """Write ``FOLDER/NAME.png`` and ``.pdf``; equal figures give equal bytes."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / f"{name}.png", folder / f"{name}.pdf"]
+    figure.savefig(paths[0], dpi=150, metadata={"Software": None})
+    figure.savefig(paths[1], metadata={"CreationDate": None, "Producer": None})
+    plt.close(figure)
+    return paths
+
+
+def sobol_indices(result: dict[str, Any]) -> Figure:
+    """First and total order indices with intervals: the total objective above, each protocol below."""
+    panels = {"total objective": result, **result["protocols"]}
+    with plt.rc_context(_STYLE):
+        height = 2.1 * len(panels) + 0.4
+        figure, axes = plt.subplots(len(panels), 1, figsize=(7.5, height), sharex=True, squeeze=False)
+        at = np.arange(len(result["names"]))
+        for axis, (title, values) in zip(axes[:, 0], panels.items(), strict=True):
+            for key, label, shift, colour in (("S1", "first order", -0.2, 0), ("ST", "total order", 0.2, 1)):
+                heights = _numbers(values[key])
+                errors = _numbers(values[f"{key}_conf"])
+                axis.bar(
+                    at + shift, heights, 0.38, yerr=errors, color=COLOURS[colour], label=label, error_kw={"lw": 0.8}
+                )
+            axis.axhline(0, color="black", lw=0.6)
+            axis.set_title(title.replace("_", " "), loc="left", fontsize=9)
+            axis.set_ylabel("Sobol index")
+        axes[0, 0].legend(ncols=2)
+        axes[-1, 0].set_xticks(at, [symbol(name) for name in result["names"]])
+        percent = round(100 * result["confidence"])
+        figure.suptitle(
+            f"{result['rows']:,} rows, {result['failed']:,} failed; bars: {percent} % bootstrap interval", fontsize=9
+        )
+    return figure
+
+
+def sobol_along_time(dataset: xr.Dataset, names: list[str], *, shown: int = 6) -> Figure:
+    """Total order indices of the force along each protocol, for the parameters that matter most anywhere."""
+    protocols = sorted(str(name).removeprefix("time_") for name in dataset.dims if str(name).startswith("time_"))
+    strongest = np.zeros(len(names))
+    for protocol in protocols:
+        strongest = np.fmax(strongest, np.nanmax(dataset[f"ST_{protocol}"].to_numpy(), axis=1))
+    chosen = np.argsort(-strongest)[:shown]
+    styles = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
+    with plt.rc_context(_STYLE):
+        figure, axes = plt.subplots(
+            2,
+            len(protocols),
+            figsize=(3.4 * len(protocols) + 0.6, 4.6),
+            squeeze=False,
+            sharex="col",
+            height_ratios=(3, 1),
+        )
+        for column, protocol in enumerate(protocols):
+            time = dataset[f"time_{protocol}"].to_numpy()
+            above, below = axes[:, column]
+            for rank, j in enumerate(chosen):
+                index = dataset[f"ST_{protocol}"].to_numpy()[j]
+                conf = dataset[f"ST_conf_{protocol}"].to_numpy()[j]
+                above.plot(
+                    time,
+                    index,
+                    linestyle=styles[rank % len(styles)],
+                    color=COLOURS[rank % len(COLOURS)],
+                    label=symbol(names[j]),
+                    lw=1.3,
+                )
+                above.fill_between(
+                    time, index - conf, index + conf, color=COLOURS[rank % len(COLOURS)], alpha=0.15, lw=0
+                )
+            above.set_title(protocol.replace("_", " "), loc="left", fontsize=9)
+            above.set_ylim(-0.02, None)
+            below.plot(time, dataset[f"measured_{protocol}"], color="black", lw=0.9)
+            below.set_xlabel("time (s)")
+        axes[0, 0].set_ylabel("total order index of the force")
+        axes[1, 0].set_ylabel("measured (N)")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(chosen))
+        figure.supxlabel(f"specimen {dataset.attrs['specimen']}", fontsize=8, x=0.99, ha="right")
+    return figure
+
+
+def sobol_convergence(result: dict[str, Any], *, shown: int = 6) -> Figure:
+    """How the total order indices settle as the design grows."""
+    curve = result["convergence"]
+    sizes = np.array(curve["base_samples"])
+    total, conf = _numbers(curve["ST"]), _numbers(curve["ST_conf"])
+    chosen = np.argsort(-np.nan_to_num(total[-1]))[:shown]
+    markers = "osv^D*"
+    with plt.rc_context(_STYLE):
+        figure, axis = plt.subplots(figsize=(6, 3.6))
+        for rank, j in enumerate(chosen):
+            shift = 1 + 0.02 * (rank - shown / 2)
+            axis.errorbar(
+                sizes * shift,
+                total[:, j],
+                conf[:, j],
+                marker=markers[rank % 6],
+                ms=4,
+                lw=1,
+                capsize=2,
+                label=symbol(result["names"][j]),
+            )
+        axis.set_xscale("log", base=2)
+        axis.set_xticks(sizes, [f"{size:,}" for size in sizes], rotation=30)
+        axis.minorticks_off()
+        axis.set_xlabel("base samples")
+        axis.set_ylabel("total order index, total objective")
+        axis.legend(ncols=3)
+    return figure
+
+
+def forest_importance(result: dict[str, Any]) -> Figure:
+    """Impurity (percent) and permutation importance for the total objective and each protocol."""
+    panels = {"total objective": result, **result["protocols"]}
+    at = np.arange(len(result["names"]))
+    with plt.rc_context(_STYLE):
+        figure, axes = plt.subplots(1, 2, figsize=(8, 5.2), sharey=True)
+        width = 0.8 / len(panels)
+        for axis, key, spread, label in (
+            (axes[0], "impurity_percent", "impurity_sd", "impurity importance (%)"),
+            (axes[1], "permutation", "permutation_sd", "permutation importance (loss of $R^2$)"),
+        ):
+            for k, (title, values) in enumerate(panels.items()):
+                place = at - 0.4 + width * (k + 0.5)
+                axis.barh(
+                    place,
+                    _numbers(values[key]),
+                    width,
+                    xerr=_numbers(values[spread]),
+                    color=COLOURS[k % len(COLOURS)],
+                    label=f"{title.replace('_', ' ')} ($R^2$ {values['r2_on_unseen']:.2f})",
+                    error_kw={"lw": 0.6},
+                )
+            axis.set_xlabel(label)
+        axes[0].set_yticks(at, [symbol(name) for name in result["names"]])
+        axes[0].invert_yaxis()
+        axes[1].legend(loc="lower right", fontsize=8)
+    return figure
+
+
+def _numbers(values: Any) -> np.ndarray:
+    """JSON's null back to NaN."""
+    return np.array(values, dtype=float)

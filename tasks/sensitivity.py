@@ -1,0 +1,319 @@
+"""Variance-based sensitivity: Sobol indices by a Saltelli design (SALib), in total, by protocol and along time.
+
+Stores: ``sobol`` (indices of the objectives, and how they converged) and ``sobol_time/SPECIMEN`` (indices of the force
+at each kept point). Leaves ``sobol.json``.
+
+Failed rows. A Saltelli design comes in blocks of one base sample each. A block with a failed row is left out of every
+estimate, and the result says how far the indices move when the failed rows are given the smallest, the mean and the
+largest outcome instead.
+"""
+
+import logging
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import SALib.analyze.sobol as salib_analyze
+import SALib.sample.sobol as salib_sample
+import xarray as xr
+from scipy.stats import norm
+
+from runner.ensemble import failures
+from tasks.model import Model, Specimen
+from tasks.problems import BadInput
+from tasks.simulate import Array
+from tasks.workspace import Workspace, digest, read_result, write_json
+
+log = logging.getLogger("sinew")
+KEYS = ("S1", "S1_conf", "ST", "ST_conf")
+RULE = "base samples with a failed row are left out"
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A Saltelli design over a model's free parameters.
+
+    ``rows`` ``[n, d]`` holds full parameter sets; ``block`` is the number of consecutive rows of one base sample.
+    """
+
+    names: tuple[str, ...]
+    base_samples: int
+    second_order: bool
+    rows: Array
+
+    @property
+    def block(self) -> int:
+        return (2 if self.second_order else 1) * len(self.names) + 2
+
+    @property
+    def problem(self) -> dict[str, Any]:
+        """What SALib calls a problem; the bounds do not matter once the rows are drawn."""
+        return {"num_vars": len(self.names), "names": list(self.names), "bounds": [[0, 1]] * len(self.names)}
+
+
+def base_samples(points: int, parameters: int, second_order: bool) -> int:
+    """The smallest power of two whose Saltelli design has at least ``points`` rows."""
+    block = (2 if second_order else 1) * parameters + 2
+    return int(2 ** max(1, int(np.ceil(np.log2(points / block)))))
+
+
+def saltelli(model: Model, base: int, second_order: bool, seed: int) -> Design:
+    """Saltelli's design from a scrambled Sobol sequence; the first half of a doubled design is the design itself."""
+    free = model.free
+    problem = {
+        "num_vars": len(free),
+        "names": [parameter.name for parameter in free],
+        "bounds": [[parameter.minimum, parameter.maximum] for parameter in free],
+    }
+    rows = salib_sample.sample(problem, base, calc_second_order=second_order, scramble=True, seed=seed)
+    names = tuple(parameter.name for parameter in free)
+    return Design(names, base, second_order, model.full(names, rows))
+
+
+def sobol(workspace: Workspace, *, extend: bool = False) -> dict[str, Any]:
+    """Sobol indices of the study; ``extend`` doubles the base samples of the last result. Returns ``sobol.json``."""
+    settings = workspace.study.sobol
+    specimens = workspace.specimens(settings.specimens, "sobol.specimens")
+    if len(workspace.model.free) < 2:
+        raise BadInput(
+            f"{workspace.study.path}: model.parameters", "one free parameter", "at least two for Sobol indices"
+        )
+    previous = read_result(workspace.out / "sobol.json")
+    count = len(workspace.model.free)
+    base = settings.base_samples or base_samples(settings.points or 20_000, count, settings.second_order)
+    if extend:
+        if previous is None:
+            raise BadInput(workspace.out / "sobol.json", "is not there", "a finished `sinew sobol` to extend")
+        base = 2 * int(previous["base_samples"])
+    design = saltelli(workspace.model, base, settings.second_order, workspace.seed)
+    rows = len(design.rows)
+    log.info("sobol", extra={"rows": rows, "base_samples": base, "specimens": len(specimens)})
+    evaluated = [
+        workspace.evaluate(workspace.evaluation(specimen), design.rows, f"sobol {specimen.name}")
+        for specimen in specimens
+    ]
+    inputs = digest(
+        settings.model_dump(),
+        workspace.seed,
+        [(table.key, int(rows.sum())) for table, rows in evaluated],
+        *(table.status[rows] for table, rows in evaluated),
+        design.rows,
+    )
+    if previous is not None and previous.get("inputs") == inputs and "sobol" in workspace.store.root:
+        return previous
+    status = np.stack([table.status[rows] for table, rows in evaluated])
+    ok = (status == 0).all(axis=0)
+    whole = ok.reshape(base, design.block).all(axis=1)
+    if whole.sum() < 2:
+        raise BadInput(
+            workspace.out, f"{int((~ok).sum())} of {rows} rows failed and no two base samples are whole",
+            "a model that can be evaluated within its bounds (see `sinew status`)",
+        )  # fmt: skip
+    by_specimen = [table.read("objective", at) for table, at in evaluated]
+    outputs = objectives_by_output(specimens, by_specimen)
+    result: dict[str, Any] = {
+        "names": list(design.names),
+        **_analyse(design, outputs["total"], whole, settings.resamples, settings.confidence, workspace.seed),
+        "rows": rows,
+        "failed": int((~ok).sum()),
+        "base_samples": base,
+        "base_samples_used": int(whole.sum()),
+        "points_asked": settings.points,
+        "confidence": settings.confidence,
+        "objective": "sum over protocols of the RMSE in N" + (", mean of the specimens" if len(specimens) > 1 else ""),
+        "evaluations": rows * len(specimens),
+    }
+    analyses = {"total": {key: result[key] for key in KEYS}}
+    result["protocols"] = {}
+    for name in protocol_names(specimens):
+        found = _analyse(design, outputs[name], whole, settings.resamples, settings.confidence, workspace.seed)
+        analyses[name] = found
+        result["protocols"][name] = {**found, "rows": rows, "failed": result["failed"], "base_samples": base}
+    result["specimens"] = {}
+    boot = _resampling(int(whole.sum()), settings.resamples, workspace.seed)
+    z = float(norm.ppf(0.5 + settings.confidence / 2))
+    for specimen, values, (table, at) in zip(specimens, by_specimen, evaluated, strict=True):
+        columns = np.column_stack([values.sum(axis=1), values])
+        found = indices(_split(columns, design, whole), boot, z)
+        result["specimens"][specimen.name] = {
+            **{key: found[key][:, 0] for key in KEYS},
+            "failed": failures(table, at),
+            "protocols": {
+                curve.name: {key: found[key][:, 1 + i] for key in KEYS} for i, curve in enumerate(specimen.curves)
+            },
+        }
+    result["failures"] = {
+        "rule": RULE,
+        "rows": result["failed"],
+        "base_samples_left_out": base - result["base_samples_used"],
+        "by_status": {name: failures(table, at) for (table, at), name in _named(evaluated, specimens)},
+        **_failure_range(design, outputs["total"], ok),
+    }
+    result["convergence"] = _convergence(design, outputs["total"], whole, settings.resamples, z, workspace.seed)
+    _store(workspace, design, analyses, result["convergence"])
+    for specimen, (table, at) in zip(specimens, evaluated, strict=True):
+        _store_time_resolved(workspace, design, specimen, table, at, whole, boot, z)
+    result["inputs"] = inputs
+    write_json(workspace.out / "sobol.json", result)
+    return result
+
+
+def indices(blocks: Array, weights: Array, z: float) -> dict[str, Array]:
+    """First and total order indices of many outputs at once, with bootstrap intervals.
+
+    ``blocks`` ``[n, d + 2, m]``: outcomes A, AB_1 ... AB_d, B of n base samples for m outputs; ``weights`` ``[r, n]``:
+    how often each base sample is drawn in each resample. Returns S1, S1_conf, ST, ST_conf ``[d, m]``, NaN for outputs
+    that do not vary. The estimators are those of :mod:`SALib.analyze.sobol` (Saltelli et al. 2010), which takes one
+    output at a time; with the same resamples the numbers are equal.
+    """
+    n, width, m = blocks.shape
+    mean = blocks.mean(axis=(0, 1))
+    spread = blocks.std(axis=(0, 1))
+    varies = spread > 1e-12 * np.maximum(np.abs(mean), np.finfo(float).tiny)
+    scaled = (blocks - mean) / np.where(varies, spread, 1.0)
+    a, b = scaled[:, 0], scaled[:, -1]
+    draws = np.concatenate([np.ones((1, n)), weights]) / n  # the first "resample" is the sample itself
+    mean_ab = draws @ (a + b) / 2
+    variance = draws @ (a**2 + b**2) / 2 - mean_ab**2
+    found = {key: np.full((width - 2, m), np.nan) for key in KEYS}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for j in range(width - 2):
+            ab = scaled[:, 1 + j]
+            first = (draws @ (b * (ab - a))) / variance
+            total = 0.5 * (draws @ ((a - ab) ** 2)) / variance
+            for key, value in (("S1", first), ("ST", total)):
+                found[key][j] = np.where(varies, value[0], np.nan)
+                found[f"{key}_conf"][j] = np.where(varies, z * value[1:].std(axis=0, ddof=1), np.nan)
+    return found
+
+
+def _analyse(
+    design: Design, output: Array, whole: Array, resamples: int, confidence: float, seed: int
+) -> dict[str, Any]:
+    """SALib's own analysis of one output ``[n]``."""
+    used = output.reshape(design.base_samples, design.block)[whole].ravel()
+    if np.ptp(used) == 0:
+        return {key: np.full(len(design.names), np.nan) for key in KEYS}
+    found = salib_analyze.analyze(
+        design.problem,
+        used,
+        design.second_order,
+        num_resamples=resamples,
+        conf_level=confidence,
+        seed=_salib_seed(seed),
+    )
+    keys = (*KEYS, "S2", "S2_conf") if design.second_order else KEYS
+    return {key: np.asarray(found[key]) for key in keys}
+
+
+def _salib_seed(seed: int) -> int:
+    """SALib takes 0 for no seed at all."""
+    return int(np.random.SeedSequence([seed, 1]).generate_state(1)[0]) | 1
+
+
+def _resampling(n: int, resamples: int, seed: int) -> Array:
+    """SALib's bootstrap as weights ``[resamples, n]``."""
+    drawn = np.random.default_rng(_salib_seed(seed)).integers(n, size=(n, resamples))
+    return np.stack([np.bincount(column, minlength=n) for column in drawn.T]).astype(float)
+
+
+def protocol_names(specimens: tuple[Specimen, ...]) -> list[str]:
+    return list(dict.fromkeys(curve.name for specimen in specimens for curve in specimen.curves))
+
+
+def objectives_by_output(specimens: tuple[Specimen, ...], objectives: list[Array]) -> dict[str, Array]:
+    """Objectives ``[n]``: total and by protocol, mean over the specimens that have it."""
+    found: dict[str, list[Array]] = {"total": [values.sum(axis=1) for values in objectives]}
+    for specimen, values in zip(specimens, objectives, strict=True):
+        for column, curve in enumerate(specimen.curves):
+            found.setdefault(curve.name, []).append(values[:, column])
+    return {name: np.mean(values, axis=0) for name, values in found.items()}
+
+
+def _split(columns: Array, design: Design, whole: Array) -> Array:
+    """Outcomes ``[n, m]`` as blocks ``[whole, d + 2, m]`` of A, AB and B."""
+    blocks = columns.reshape(design.base_samples, design.block, -1)[whole]
+    d = len(design.names)
+    return blocks[:, [*range(d + 1), design.block - 1]]
+
+
+def _failure_range(design: Design, total: Array, ok: Array) -> dict[str, Any]:
+    """How far the indices of the total objective move if failed rows had the smallest, mean or largest outcome."""
+    if ok.all():
+        return {}
+    every: Array = np.ones(design.base_samples, dtype=bool)
+    candidates = []
+    for value in (total[ok].min(), total[ok].mean(), total[ok].max()):
+        filled = np.where(ok, total, value)[:, np.newaxis]
+        candidates.append(indices(_split(filled, design, every), np.ones((2, design.base_samples)), 1.0))
+    whole = np.asarray(ok.reshape(design.base_samples, design.block).all(axis=1))
+    left_out = np.where(ok, total, 0.0)[:, np.newaxis]
+    candidates.append(indices(_split(left_out, design, whole), np.ones((2, int(whole.sum()))), 1.0))
+    return {
+        f"{key}_{side}": limit([candidate[key][:, 0] for candidate in candidates], axis=0)
+        for key in ("S1", "ST")
+        for side, limit in (("low", np.min), ("high", np.max))
+    }
+
+
+def _convergence(design: Design, total: Array, whole: Array, resamples: int, z: float, seed: int) -> dict[str, Any]:
+    """Indices of the total objective from the first 32, 64, ... base samples."""
+    sizes = [2**k for k in range(5, 31) if 2**k <= design.base_samples] or [design.base_samples]
+    curve: dict[str, list[Array]] = {key: [] for key in KEYS}
+    used = []
+    for size in sizes:
+        among = whole.copy()
+        among[size:] = False
+        if among.sum() < 2:
+            continue
+        blocks = _split(total[:, np.newaxis], design, among)
+        found = indices(blocks, _resampling(len(blocks), resamples, seed), z)
+        used.append(size)
+        for key in KEYS:
+            curve[key].append(found[key][:, 0])
+    return {"base_samples": used, **curve}
+
+
+def _store(workspace: Workspace, design: Design, analyses: dict[str, Any], convergence: dict[str, Any]) -> None:
+    names = np.array(design.names, dtype=str)
+    outputs = list(analyses)
+    dataset = xr.Dataset(
+        {
+            **{key: (("output", "parameter"), np.stack([analyses[o][key] for o in outputs])) for key in KEYS},
+            **{f"convergence_{key}": (("base_samples", "parameter"), np.stack(convergence[key])) for key in KEYS},
+        },
+        {"parameter": names, "output": outputs, "base_samples": convergence["base_samples"]},
+        {"rows": len(design.rows), "method": "Saltelli 2010 by SALib", "failed_rows": RULE},
+    )
+    workspace.store.write_result("sobol", dataset)
+
+
+def _store_time_resolved(
+    workspace: Workspace, design: Design, specimen: Specimen, table: Any, at: Array, whole: Array, boot: Array, z: float
+) -> None:
+    """Indices of the force at each kept point, a few points at a time so that memory stays flat."""
+    variables: dict[str, Any] = {}
+    coordinates: dict[str, Any] = {"parameter": np.array(design.names, dtype=str)}
+    dataset = table.dataset()
+    per_pass = max(1, 2**26 // (8 * max(1, at.size)))
+    for curve in specimen.curves:
+        dim = f"time_{curve.name}"
+        points = dataset.sizes[dim]
+        parts = []
+        for start in range(0, points, per_pass):
+            columns = table.read(f"force_{curve.name}", at, slice(start, start + per_pass))
+            parts.append(indices(_split(columns, design, whole), boot, z))
+        for key in KEYS:
+            variables[f"{key}_{curve.name}"] = (
+                ("parameter", dim),
+                np.concatenate([part[key] for part in parts], axis=1),
+            )
+        for name in (dim, f"displacement_{curve.name}", f"measured_{curve.name}"):
+            coordinates[name] = (dim, dataset[name].to_numpy(), {"units": dataset[name].attrs["units"]})
+    workspace.store.write_result(
+        f"sobol_time/{table.name}", xr.Dataset(variables, coordinates, {"specimen": specimen.name})
+    )
+
+
+def _named(evaluated: list[Any], specimens: tuple[Specimen, ...]) -> list[Any]:
+    return [(pair, specimen.name) for pair, specimen in zip(evaluated, specimens, strict=True)]

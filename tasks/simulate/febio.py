@@ -1,0 +1,397 @@
+"""The real solver: render its input, run it, read its reactions, and say in one word why it failed.
+
+FEBio 4 is run once for each parameter set and protocol, in a directory and a process group of its own. The input is a
+Jinja2 template, rendered in a sandbox. The model is half of the specimen's width, so force = 2 x summed reactions.
+"""
+
+import errno
+import hashlib
+import os
+import re
+import shutil
+import tempfile
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import defusedxml.ElementTree
+import jinja2
+import numpy as np
+from defusedxml import DefusedXmlException
+from jinja2.sandbox import SandboxedEnvironment
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from runner import external
+from runner.store import STATUSES
+from tasks.model import Curve, Model, Protocol, Specimen
+from tasks.problems import BadInput, shown
+from tasks.resources import resource
+from tasks.simulate import Array, Compared, Simulated, impossible
+
+INPUT, LOG, REACTIONS = "model.feb", "model.log", "reaction.txt"
+DEFAULT_TEMPLATE = "tendon.feb.j2"
+MAX_TEMPLATE_BYTES = 64 * 2**20
+HALF = 2.0
+SHORTEST_HOLD_S = 1.0
+_ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+
+
+@dataclass(frozen=True)
+class FEBio:
+    """A solver, its version, the text of the input template, and how a run is stepped and limited.
+
+    ``scratch`` holds one directory for each attempt; those of failed rows are kept, at most ``keep_failed``.
+    ``ramp_s``, ``hold_growth`` and ``still_mm`` say where the solver steps, see :func:`solver_steps`.
+    """
+
+    executable: str
+    version: str
+    template: str
+    scratch: Path
+    timeout_s: float = 600.0
+    max_file_bytes: int = 2**32
+    ramp_s: float = 0.0
+    hold_growth: float = 0.02
+    still_mm: float = 0.0
+    keep_failed: int = 20
+    name: str = "febio"
+    batch_multiple: int = 1
+
+    def identity(self) -> dict[str, Any]:
+        digest = hashlib.blake2b(self.template.encode(), digest_size=16).hexdigest()
+        steps = {"ramp_s": self.ramp_s, "hold_growth": self.hold_growth, "still_mm": self.still_mm}
+        return {"name": self.name, "version": self.version, "template": digest, "time_steps": steps}
+
+    def simulate(
+        self, model: Model, specimen: Specimen, protocol: Protocol, parameters: Array, *, stresses: bool = False
+    ) -> Simulated:
+        if stresses:
+            raise BadInput("simulator", "febio reports no constituent stresses", "simulator: uniaxial for stresses")
+        force = np.full((len(parameters), protocol.time_s.size), np.nan)
+        status = np.zeros(len(parameters), dtype=np.int8)
+        messages = [""] * len(parameters)
+        wrong = impossible(model, parameters)
+        for row, values in enumerate(parameters):
+            try:
+                if row in wrong:
+                    raise _Failed("bad_input", wrong[row])
+                force[row] = self._force(model, specimen, protocol, values)
+            except _Failed as failed:
+                status[row] = STATUSES.index(failed.status)
+                messages[row] = failed.words
+        return Simulated(force, status, tuple(messages))
+
+    def compare(self, model: Model, specimen: Specimen, curve: Curve, parameters: Array, keep: Array) -> Compared:
+        simulated = self.simulate(model, specimen, curve.protocol, parameters)
+        rmse = np.sqrt(np.mean((simulated.force_N - curve.force_N) ** 2, axis=1))
+        return Compared(rmse, simulated.force_N[:, keep], simulated.status, simulated.messages)
+
+    def _force(self, model: Model, specimen: Specimen, protocol: Protocol, values: Array) -> Array:
+        """Force ``[t]`` (N) for one parameter set. Raises :class:`_Failed`."""
+        rows = solver_steps(protocol, self.ramp_s, self.hold_growth, self.still_mm)
+        relaxed_s = 40.0 * max(value for name, value in zip(model.names, values, strict=True) if name.startswith("tau"))
+        times, displacements, first = _steps(protocol, rows, relaxed_s)
+        self.scratch.mkdir(parents=True, exist_ok=True)
+        directory = Path(tempfile.mkdtemp(prefix="attempt-", dir=self.scratch))
+        try:
+            text = render(self.template, model, specimen, times, displacements, values)
+            (directory / INPUT).write_text(text, "utf-8")
+            finished = external.run(
+                [self.executable, "-i", INPUT, "-o", LOG, "-silent"],
+                directory,
+                timeout_s=self.timeout_s,
+                environment=_ENVIRONMENT,
+                max_file_bytes=self.max_file_bytes,
+            )
+            _check_end(finished, directory, self.timeout_s)
+            reactions = read_reactions(directory / REACTIONS, times[1:], self.max_file_bytes)
+        except _Failed as failed:
+            _refuse_full_disk(self.scratch)
+            raise _Failed(failed.status, failed.words + self._keep(directory, failed.status)) from None
+        except OSError:
+            shutil.rmtree(directory, ignore_errors=True)
+            _refuse_full_disk(self.scratch)
+            raise
+        shutil.rmtree(directory, ignore_errors=True)
+        at_steps = HALF * np.concatenate([[0.0], reactions])[first:]
+        return _at_every_row(protocol, rows, at_steps, self.still_mm)
+
+    def _keep(self, directory: Path, status: str) -> str:
+        """Keep a failed attempt for a person to look at, unless there are many already."""
+        if sum(1 for _ in self.scratch.glob("failed-*")) >= self.keep_failed:
+            shutil.rmtree(directory, ignore_errors=True)
+            return ""
+        kept = directory.with_name(directory.name.replace("attempt-", f"failed-{status}-"))
+        directory.rename(kept)
+        return f" [kept in {kept.name}]"
+
+
+class _Failed(Exception):
+    """A run that gave no curve: ``status`` from :data:`runner.store.STATUSES`, and the solver's ``words``."""
+
+    def __init__(self, status: str, words: str) -> None:
+        super().__init__(status, words)
+        self.status = status
+        self.words = " ".join(words.split())[:500]
+
+
+# ---- input
+
+
+def read_template(folder: Path, name: str | None) -> str:
+    """The input template's text, the built-in one or a file inside ``folder``; checked by rendering it once.
+
+    Raises :class:`BadInput` when it is not there, leaves the folder, cannot be rendered, or is no FEBio input.
+    """
+    path = resource(f"templates/{DEFAULT_TEMPLATE}") if name is None else folder / name
+    if name is not None:
+        if not path.resolve().is_relative_to(folder.resolve()):
+            raise BadInput(path, "lies outside the study's folder", "a template inside it")
+        if not path.is_file():
+            raise BadInput(path, "is not there", "a FEBio input template")
+        if path.stat().st_size > MAX_TEMPLATE_BYTES:
+            raise BadInput(path, f"{path.stat().st_size / 2**20:,.0f} MB", "at most 64 MB")
+    try:
+        text = path.read_text("utf-8")
+    except UnicodeDecodeError:
+        raise BadInput(path, "not a text file", "a FEBio input template in UTF-8") from None
+    except OSError as error:
+        raise BadInput(path, (error.strerror or "cannot be read").lower(), "a readable file") from None
+    model = Model()
+    times = np.array([0.0, 1.0, 2.0])
+    try:
+        rendered = render(text, model, Specimen("check", 10.0, 8.0, 4.0), times, 0.1 * times, model.reference)
+    except jinja2.TemplateSyntaxError as error:
+        raise BadInput(f"{path}: line {error.lineno}", error.message or "syntax error", "a Jinja2 template") from None
+    except (jinja2.TemplateError, TypeError, ValueError, OverflowError, ArithmeticError) as error:
+        raise BadInput(
+            path, f"cannot be rendered ({error})", "the variables named at the top of tendon.feb.j2"
+        ) from None
+    _check_xml(path, rendered)
+    return text
+
+
+def render(template: str, model: Model, specimen: Specimen, times: Array, displacements: Array, values: Array) -> str:
+    """The solver's input for one parameter set; numbers read back to the same bits."""
+    displacement_points, step_points = _points(times.tobytes(), displacements.tobytes())
+    return _compiled(template).render(
+        parameters=dict(zip(model.names, values.tolist(), strict=True)),
+        constants={"beta": model.beta, "lambda_0": model.lambda_0},
+        specimen={
+            "length_mm": specimen.length_mm,
+            "half_width_mm": specimen.width_mm / 2,
+            "thickness_mm": specimen.thickness_mm,
+        },
+        first_step_s=float(times[1] - times[0]),
+        end_s=float(times[-1]),
+        displacement_points=displacement_points,
+        step_points=step_points,
+    )
+
+
+@lru_cache(maxsize=8)
+def _compiled(template: str) -> jinja2.Template:
+    environment = SandboxedEnvironment(undefined=jinja2.StrictUndefined, autoescape=False)
+    environment.filters["full"] = _full
+    return environment.from_string(template)
+
+
+def _full(value: Any) -> str:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"| full prints numbers, not {shown(value)}")
+    return repr(float(value))
+
+
+@lru_cache(maxsize=32)
+def _points(times: bytes, displacements: bytes) -> tuple[str, str]:
+    """Load curve points of the displacement, and of the must points where the solver has to stop."""
+    at = np.frombuffer(times).tolist()
+    moved = "".join(f"<pt>{t!r},{u!r}</pt>\n" for t, u in zip(at, np.frombuffer(displacements).tolist(), strict=True))
+    longest = 2 * at[-1]  # the largest step allowed: larger than any, so that each step ends at the next must point
+    return moved, "".join(f"<pt>{t!r},{longest!r}</pt>\n" for t in at)
+
+
+def _check_xml(path: Path, text: str) -> None:
+    try:
+        root = defusedxml.ElementTree.fromstring(text.encode())
+    except (defusedxml.ElementTree.ParseError, DefusedXmlException) as error:
+        raise BadInput(path, f"renders to no XML ({error})", "a FEBio input file") from None
+    if root.tag != "febio_spec":
+        raise BadInput(path, f"renders to <{root.tag}>", "<febio_spec>")
+    for element in root.iter():
+        for attribute in ("file", "from"):
+            name = element.get(attribute)
+            if name is not None and (Path(name).name != name or name in ("", ".", "..")):
+                raise BadInput(path, f"<{element.tag} {attribute}={shown(name)}>", "a file name without a folder")
+
+
+# ---- stepping
+
+
+def solver_steps(protocol: Protocol, ramp_s: float, hold_growth: float, still_mm: float) -> Array:
+    """Rows of the protocol at which the solver stops, the first and the last among them.
+
+    While the displacement moves, steps are at most ``ramp_s`` long (0: every row) and stop at each reversal. In a hold
+    (at least 1 s within ``still_mm`` of a constant) the recursion of the model is exact for any step, so steps grow to
+    ``hold_growth`` times the time since the hold began (0: every row).
+    """
+    time_s, u = protocol.time_s, protocol.displacement_mm
+    rows = [0]
+    for begin, end, still in _segments(protocol, still_mm):
+        if (hold_growth if still else ramp_s) == 0:
+            rows += range(begin + 1, end + 1)
+            continue
+        at = begin
+        while at < end:
+            longest = hold_growth * (time_s[at] - time_s[begin]) if still else ramp_s
+            following = int(np.searchsorted(time_s, time_s[at] + longest * (1 + 1e-9), side="right")) - 1
+            following = min(max(following, at + 1), end)
+            if not still:
+                for reversal in range(at + 1, following):
+                    if (u[reversal] - u[reversal - 1]) * (u[reversal + 1] - u[reversal]) <= 0:
+                        following = reversal
+                        break
+            rows.append(following)
+            at = following
+    return np.array(rows)
+
+
+def _segments(protocol: Protocol, still_mm: float) -> list[tuple[int, int, bool]]:
+    """Holds and the motion between them, as (first row, last row, is a hold); last rows are the next first rows."""
+    time_s, u = protocol.time_s, protocol.displacement_mm
+    moved = np.flatnonzero(np.abs(np.diff(u)) > still_mm) + 1  # a hold begins after a row that moved
+    segments: list[tuple[int, int, bool]] = []
+    motion = 0
+    start = 0
+    while start < u.size - 1:
+        following = int(moved[np.searchsorted(moved, start + 1)]) if moved.size and moved[-1] > start else u.size
+        end = start + int(np.argmax(np.append(np.abs(u[start:following] - u[start]) > still_mm, True))) - 1
+        if time_s[end] - time_s[start] >= SHORTEST_HOLD_S:
+            if start > motion:
+                segments.append((motion, start, False))
+            segments.append((start, end, True))
+            motion = end
+        start = max(end, start + 1)
+    if motion < u.size - 1:
+        segments.append((motion, u.size - 1, False))
+    return segments
+
+
+def _steps(protocol: Protocol, rows: Array, relaxed_s: float) -> tuple[Array, Array, int]:
+    """The solver's times (s, from 0) and displacements (mm), and which of them is the protocol's first row.
+
+    A protocol that starts displaced starts at rest: the solver goes there in 1 s and waits until all has relaxed.
+    """
+    times = protocol.time_s[rows] - protocol.time_s[0]
+    displacements = protocol.displacement_mm[rows]
+    if displacements[0] == 0:
+        return times, displacements, 0
+    waited = 1.0 + relaxed_s
+    times = np.concatenate([[0.0, 1.0], times + waited])
+    return times, np.concatenate([[0.0, displacements[0]], displacements]), 2
+
+
+def _at_every_row(protocol: Protocol, rows: Array, force: Array, still_mm: float) -> Array:
+    """Force at every row from the force at the solver's ``rows``: splines in holds, monotone cubics in motion."""
+    if rows.size == protocol.time_s.size:
+        return force
+    full = np.empty(protocol.time_s.size)
+    for begin, end, still in _segments(protocol, still_mm):
+        inside = (rows >= begin) & (rows <= end)
+        times, values = protocol.time_s[rows[inside]], force[inside]
+        curve = CubicSpline if still and times.size >= 4 else PchipInterpolator
+        full[begin : end + 1] = curve(times, values)(protocol.time_s[begin : end + 1])
+    full[rows] = force
+    return full
+
+
+# ---- output
+
+
+def read_reactions(path: Path, times: Array, max_bytes: int) -> Array:
+    """Summed reactions ``[t]`` (N) at ``times`` ``[t]`` (s). Raises :class:`_Failed` unless every number is there."""
+    try:
+        if path.stat().st_size > max_bytes:
+            raise _Failed("bad_output", f"{path.name} has {path.stat().st_size:,} bytes")
+        text = path.read_text("ascii")
+    except FileNotFoundError:
+        raise _Failed("bad_output", f"the solver wrote no {path.name}") from None
+    except UnicodeDecodeError:
+        raise _Failed("bad_output", f"{path.name} is not text") from None
+    lines = text.splitlines()
+    try:
+        found = np.array([float(line.partition("=")[2]) for line in lines if line.startswith("*Time")])
+        values = np.array([float(line.rpartition(",")[2]) for line in lines if line and not line.startswith("*")])
+    except ValueError as error:
+        raise _Failed("bad_output", f"{path.name} holds something else than numbers ({error})") from None
+    if found.size != times.size or not found.size or values.size % found.size:
+        raise _Failed("bad_output", f"{path.name} holds {found.size} of {times.size} steps and {values.size} reactions")
+    late = np.flatnonzero(np.abs(found - times) > 1e-7 * max(1.0, times[-1]))
+    if late.size:
+        i = int(late[0])
+        raise _Failed("bad_output", f"{path.name}: step {i + 1} is at {found[i]:g} s, not at {times[i]:g} s")
+    total = values.reshape(found.size, -1).sum(axis=1)
+    if not np.isfinite(total).all():
+        raise _Failed("bad_output", f"{path.name} holds a reaction that is not finite")
+    return total
+
+
+_BOX = re.compile(r"^ \* {10,}ERROR {10,}\*\n((?: \* .*\*\n)+)", re.MULTILINE)
+_MEMORY = re.compile(r"bad_alloc|memory allocation fail|out of memory|cannot allocate memory", re.IGNORECASE)
+
+
+def _check_end(finished: external.Finished, directory: Path, timeout_s: float) -> None:
+    """Say how a run failed. Raises :class:`_Failed` unless the solver ended normally."""
+    log = external.tail(directory / LOG, 20_000)
+    words = _last_words(log, finished.output)
+    if finished.timed_out:
+        raise _Failed("timeout", f"no end after {timeout_s:g} s. {words}")
+    if _MEMORY.search(log) or _MEMORY.search(finished.output):
+        raise _Failed("out_of_memory", words)
+    if finished.killed_by == "SIGXFSZ":
+        raise _Failed("bad_output", "the solver wrote a file larger than max_file_mb")
+    if finished.killed_by is not None:
+        raise _Failed("crashed", f"ended by {finished.killed_by}. {words}")
+    if "E R R O R   T E R M I N A T I O N" in log:
+        if re.search(r"negative jacobian", words, re.IGNORECASE):
+            raise _Failed("negative_jacobian", words)
+        stepped = re.search(r"===== beginning time step|Retrying time step|AUTO STEPPER|Nonlinear solution", log)
+        raise _Failed("diverged" if stepped else "bad_input", words)
+    if finished.returncode != 0:
+        refused = re.search(r"initializ|FATAL ERROR|Failed reading|failed to read|parse|syntax", words, re.IGNORECASE)
+        raise _Failed("bad_input" if refused else "crashed", f"exit code {finished.returncode}. {words}")
+    if "N O R M A L   T E R M I N A T I O N" not in log:
+        raise _Failed("crashed", f"ended without NORMAL TERMINATION. {words}")
+
+
+def _last_words(log: str, output: str) -> str:
+    """The solver's own account of what went wrong: its last error boxes, or else the last lines that it wrote."""
+    boxes = [" ".join(line.strip(" *") for line in box.splitlines()) for box in _BOX.findall(log)]
+    if boxes:
+        return "; ".join(dict.fromkeys(" ".join(box.split()) for box in boxes[-3:]))
+    lines = [line.strip() for line in f"{log}\n{output}".splitlines() if line.strip(" *=-\t")]
+    return "; ".join(line for line in lines[-3:] if not line.startswith("Reading configuration"))
+
+
+def _refuse_full_disk(scratch: Path) -> None:
+    """A full disk is nobody's row: stop the run instead of failing rows by the thousand."""
+    if shutil.disk_usage(scratch).free < 2**20:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(scratch))
+
+
+def solver_version(executable: Path) -> str:
+    """What ``febio4 -info`` calls its version, or a hash of the program when it does not say.
+
+    The version is part of every result's identity: results of another solver are never taken for this one's.
+    """
+    with tempfile.TemporaryDirectory() as directory:
+        try:
+            finished = external.run([str(executable), "-info"], Path(directory), timeout_s=20)
+        except OSError as error:
+            raise BadInput(executable, f"cannot be run ({error.strerror})", "a solver program") from None
+    said = re.search(r"version\s*=?\s*(\d+\.\d+[\w.]*)", finished.output)
+    if said:
+        return said.group(1)
+    with open(executable, "rb") as file:
+        return f"unknown-{hashlib.file_digest(file, 'blake2b').hexdigest()[:16]}"

@@ -1,0 +1,85 @@
+"""Run given parameter rows along each measured curve, and write the forces as CSV. Leaves ``simulate.json``."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from runner.store import STATUSES
+from tasks.evaluate import SpecimenEvaluation
+from tasks.measurements import read_header, read_numbers
+from tasks.model import Curve, Model
+from tasks.problems import BadInput
+from tasks.simulate import Array
+from tasks.workspace import Workspace, write_json
+
+MAX_PARAMETER_BYTES = 256 * 2**20
+
+
+def read_parameters(path: Path, model: Model) -> Array:
+    """Parameter sets ``[n, d]`` from a CSV with one column for each named parameter; the rest stay at their reference.
+
+    Raises :class:`BadInput` for unknown or repeated columns and for values that the model cannot have.
+    """
+    columns = read_header(path) if path.is_file() and path.suffix == ".csv" else None
+    for name in columns or ():
+        if name not in model.names:
+            raise BadInput(f"{path}: row 1, {name}", "unknown parameter", f"some of {', '.join(model.names)}")
+        if columns is not None and columns.count(name) > 1:
+            raise BadInput(f"{path}: row 1, {name}", "given twice", "each parameter once")
+    if columns is None and path.is_file():
+        raise BadInput(path, "not a CSV file", "PARAMETERS.csv with one column for each parameter name")
+    values = read_numbers(path, columns, max_bytes=MAX_PARAMETER_BYTES)
+    assert columns is not None
+    for column, name in enumerate(columns):
+        parameter = model.parameters[model.names.index(name)]
+        for row, value in enumerate(values[:, column]):
+            if not parameter.possible(value):
+                kind = "above" if parameter.exclusive else "at least"
+                raise BadInput(
+                    f"{path}: row {row + 2}, {name}", f"{value:g}", f"{kind} {parameter.floor:g} {parameter.unit}"
+                )
+    return model.full(tuple(columns), values)
+
+
+def simulate_rows(workspace: Workspace, parameters: Array) -> dict[str, Any]:
+    """Write ``OUT/SPECIMEN.PROTOCOL.csv`` with ``time_s,displacement_mm,row_0,row_1,...`` (N, 17 digits).
+
+    A row that failed has empty cells; ``simulate.json`` says why. The curves are in the store too, at every measured
+    point. Returns what ``simulate.json`` holds.
+    """
+    failed: list[dict[str, Any]] = []
+    files = []
+    for specimen in workspace.cohort.specimens:
+        evaluation = SpecimenEvaluation(workspace.model, specimen, workspace.simulator, "all")
+        here = workspace.workers is None and workspace.simulator.batch_multiple > 1
+        table, rows = workspace.evaluate(evaluation, parameters, f"simulate {specimen.name}", here=here)
+        messages = table.read("message", rows)
+        for number in np.flatnonzero(table.status[rows]):
+            status = STATUSES[table.status[rows[number]]]
+            entry = {"specimen": specimen.name, "row": int(number), "status": status, "message": str(messages[number])}
+            failed.append(entry)
+        for curve in specimen.curves:
+            forces = table.read(f"force_{curve.name}", rows)
+            path = workspace.out / f"{specimen.name}.{curve.name}.csv"
+            _write_curves(path, curve, forces)
+            files.append(str(path.relative_to(workspace.out)))
+    result = {
+        "rows": len(parameters),
+        "failed": len({entry["row"] for entry in failed}),
+        "failures": failed,
+        "files": files,
+        "simulator": workspace.simulator.identity(),
+    }
+    write_json(workspace.out / "simulate.json", result)
+    return result
+
+
+def _write_curves(path: Path, curve: Curve, forces: Array) -> None:
+    columns = {"time_s": curve.protocol.time_s, "displacement_mm": curve.protocol.displacement_mm}
+    columns |= {f"row_{row}": force for row, force in enumerate(forces)}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.partial")
+    pd.DataFrame(columns).to_csv(partial, index=False, float_format="%.17g")
+    partial.replace(path)

@@ -1,0 +1,183 @@
+"""What every task works with: the study, its cohort, a simulator, a result folder's store, a cluster on demand."""
+
+import hashlib
+import json
+import logging
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from distributed import Client
+from pythonjsonlogger.json import JsonFormatter
+
+from runner.cluster import open_client
+from runner.ensemble import Policy, evaluate
+from runner.progress import progress
+from runner.store import Store, Table
+from tasks.evaluate import SpecimenEvaluation
+from tasks.measurements import Cohort, read_cohort
+from tasks.model import Model, Specimen
+from tasks.problems import BadInput
+from tasks.simulate import Array, Simulator
+from tasks.study import Study
+
+log = logging.getLogger("sinew")
+
+
+@dataclass
+class Workspace:
+    """An open result folder. Use :func:`open_workspace`."""
+
+    study: Study
+    cohort: Cohort
+    model: Model
+    simulator: Simulator
+    store: Store
+    out: Path
+    workers: int | None = None
+    quiet: bool = False
+    retry_failed: bool = False
+    simulations: int = 0
+    _stack: ExitStack = field(default_factory=ExitStack, repr=False)
+    _client: Client | None = field(default=None, repr=False)
+
+    @property
+    def seed(self) -> int:
+        return self.study.seed
+
+    def client(self) -> Client:
+        """A client of the study's cluster, started when it is first needed."""
+        if self._client is None:
+            self._client = self._stack.enter_context(open_client(self.study.cluster_spec(self.workers)))
+            log.info("cluster", extra={"workers": len(self._client.scheduler_info()["workers"])})
+        return self._client
+
+    def specimens(self, names: Sequence[str] | str, where: str) -> tuple[Specimen, ...]:
+        """The specimens that a task's settings name."""
+        if isinstance(names, str):
+            return self.cohort.specimens
+        return self.cohort.choose(names, f"{self.study.path}: {where}")
+
+    def evaluation(self, specimen: Specimen) -> SpecimenEvaluation:
+        """What the study asks of a specimen."""
+        return SpecimenEvaluation(self.model, specimen, self.simulator, self.study.store.points_per_curve)
+
+    def evaluate(
+        self, evaluation: SpecimenEvaluation, parameters: Array, title: str, *, here: bool = False
+    ) -> tuple[Table, Array]:
+        """Outcomes of ``parameters`` ``[n, d]``: the table that holds them and the row of each parameter set.
+
+        ``here`` evaluates in this process: for few rows, that is faster than starting a cluster.
+        """
+        table = self.store.table(evaluation.table())
+        if self.retry_failed:
+            known = table.find(parameters)
+            table.reopen(np.unique(known[known >= 0]))
+        table.fold(table.segments())
+        asked = np.unique(table.plan(parameters))
+        pending = table.pending(asked).size
+        policy = Policy(multiple=self.simulator.batch_multiple, retries=self.study.retries)
+        if not pending:
+            return table, table.find(parameters)
+        self.simulations += pending
+        with progress(title, asked.size, done=asked.size - pending, quiet=self.quiet) as report:
+            rows = evaluate((lambda: None) if here else self.client, table, evaluation, parameters, report, policy)
+        return table, rows
+
+
+@contextmanager
+def open_workspace(
+    study: Study,
+    *,
+    data: Path | None = None,
+    out: Path | None = None,
+    workers: int | None = None,
+    simulator: str | None = None,
+    quiet: bool = False,
+    retry_failed: bool = False,
+) -> Iterator[Workspace]:
+    """Read what a study needs, check all of it, and only then open (or create) its result folder.
+
+    ``data`` replaces the study's cohort, ``out`` the folder ``results/NAME``. Raises :class:`BadInput` and
+    :class:`runner.errors.StoreError`.
+    """
+    out = out or Path("results") / study.name
+    cohort = read_cohort(data or study.cohort_path)
+    model = study.tendon()
+    chosen = study.simulator_object(simulator, out.resolve() / "attempts")
+    if study.sobol.specimens != "all":
+        cohort.choose(study.sobol.specimens, f"{study.path}: sobol.specimens")
+    check_folder(out)
+    with ExitStack() as stack:
+        store = stack.enter_context(Store.writing(out, study.name))
+        stack.enter_context(_log_to(out / "log.jsonl"))
+        yield Workspace(study, cohort, model, chosen, store, out, workers, quiet, retry_failed, _stack=stack)
+
+
+def check_folder(out: Path) -> None:
+    """Refuse a result folder that cannot be one, before anything is written."""
+    existing = next(parent for parent in (out, *out.absolute().parents) if parent.exists())
+    if not existing.is_dir():
+        raise BadInput(f"--out {out}", f"{existing} is a file", "a folder")
+    if not os.access(existing, os.W_OK):
+        raise BadInput(f"--out {out}", f"{existing} cannot be written to", "a folder of yours")
+
+
+@contextmanager
+def _log_to(path: Path) -> Iterator[None]:
+    handler = logging.FileHandler(path, encoding="utf-8")
+    handler.setFormatter(JsonFormatter("%(asctime)s %(levelname)s %(name)s %(message)s"))
+    logger = logging.getLogger("sinew")
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    logger.propagate = False
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        handler.close()
+
+
+def digest(*parts: Any) -> str:
+    """Names inputs of an analysis, so that an unchanged one is not done again."""
+    hashed = hashlib.blake2b(digest_size=16)
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            hashed.update(np.ascontiguousarray(part).tobytes())
+        else:
+            hashed.update(json.dumps(part, sort_keys=True, default=str).encode())
+    return hashed.hexdigest()
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Write a result as JSON, whole or not at all; numbers that are not finite become null."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary.write_text(json.dumps(_plain(content), indent=1, allow_nan=False) + "\n", "utf-8")
+    os.replace(temporary, path)
+
+
+def read_result(path: Path) -> dict[str, Any] | None:
+    """A result that was written before, or None."""
+    try:
+        content = json.loads(path.read_text("utf-8"))
+    except (FileNotFoundError, json.JSONDecodeError, UnicodeDecodeError):
+        return None
+    return content if isinstance(content, dict) else None
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value
