@@ -2,6 +2,7 @@
 
 import logging
 import os
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -31,13 +32,15 @@ class Address:
 ClusterSpec = Local | Address
 
 _SETTINGS = {
-    # a batch whose workers died is split and tried again by the ensemble; the scheduler need not insist
-    "distributed.scheduler.allowed-failures": 5,
+    # a worker is given one batch at a time: whatever waits elsewhere cannot be blamed for the worker's death
+    "distributed.scheduler.worker-saturation": 1.0,
+    "distributed.scheduler.allowed-failures": 3,
     "distributed.scheduler.work-stealing": False,
     "distributed.worker.profile.enabled": False,
     "distributed.diagnostics.nvml": False,
     "distributed.admin.tick.limit": "60 s",
     "distributed.comm.timeouts.connect": "60 s",
+    "distributed.deploy.lost-worker-timeout": "4 s",
     # the journal holds the results; workers keep next to nothing in memory
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
@@ -60,7 +63,7 @@ def open_client(spec: ClusterSpec) -> Iterator[Client]:
     with dask.config.set(_SETTINGS), dask.config.set({"distributed.nanny.pre-spawn-environ": threads}):
         if isinstance(spec, Address):
             try:
-                client = Client(spec.address, timeout="30 s", set_as_default=False)
+                client = Client(spec.address, timeout="10 s", set_as_default=False)
             except (OSError, ValueError) as error:
                 raise ClusterError(f"cluster.address: no scheduler at {spec.address} ({error})") from error
             with client:
@@ -79,5 +82,27 @@ def open_client(spec: ClusterSpec) -> Iterator[Client]:
             )
         except (OSError, RuntimeError) as error:
             raise ClusterError(f"cluster: {spec.workers} local workers could not be started ({error})") from error
-        with cluster, Client(cluster, set_as_default=False) as client:
+        with cluster, Client(cluster, set_as_default=False) as client, _replaced_when_lost(cluster, spec.workers):
             yield client
+
+
+@contextmanager
+def _replaced_when_lost(cluster: LocalCluster, workers: int) -> Iterator[None]:
+    """Start workers anew whose supervisor gave up, as it does when a worker dies while it starts.
+
+    Without this, a run whose workers are all gone would wait forever.
+    """
+    end = threading.Event()
+
+    def watch() -> None:
+        while not end.wait(2.0):
+            if len(cluster.scheduler_info["workers"]) < workers:
+                cluster.scale(workers)  # starts what is planned but gone for longer than lost-worker-timeout
+
+    thread = threading.Thread(target=watch, name="sinew-workers", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        end.set()
+        thread.join()

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from distributed import Client, KilledWorker, WorkerPlugin, as_completed
+from distributed import CancelledError, Client, KilledWorker, WorkerPlugin, as_completed
+from distributed.comm import CommClosedError
 
 from runner.errors import ClusterError, StoreError
 from runner.progress import Report
@@ -93,13 +94,12 @@ class _Batch:
         self.retries = retries
         self.segment = journal / f"rows-{rows[0]:09d}-{rows.size:05d}.safetensors"
 
-    def halves(self) -> tuple["_Batch", "_Batch"]:
-        middle = self.rows.size // 2
+    def single_rows(self) -> "list[_Batch]":
         journal = self.segment.parent
-        return (
-            _Batch(self.key, self.rows[:middle], self.parameters[:middle], journal, self.retries),
-            _Batch(self.key, self.rows[middle:], self.parameters[middle:], journal, self.retries),
-        )
+        return [
+            _Batch(self.key, self.rows[i : i + 1], self.parameters[i : i + 1], journal, self.retries)
+            for i in range(self.rows.size)
+        ]
 
 
 @dataclass
@@ -136,7 +136,10 @@ class _Run:
         try:
             while self.next < self.pending.size:
                 batch = self._next_batch(slots=1)
-                self._note(batch, _run_batch(batch))
+                try:
+                    self._note(batch, _run_batch(batch))
+                except OSError as error:
+                    raise _named(error, batch) from error
         finally:
             del _evaluations[self.table.key]
 
@@ -184,29 +187,23 @@ class _Run:
         return size
 
     def _collect(self, future: Any, batch: _Batch, submit: Callable[[_Batch], None]) -> None:
-        if future.status == "finished":
+        try:
             self._note(batch, future.result())
-            return
-        if future.status == "cancelled":
-            raise ClusterError("the cluster was lost; run the same command again, finished rows are kept")
-        error = future.exception()
-        if isinstance(error, KilledWorker):
+        except KilledWorker:
             if is_whole(batch.segment):
-                self._count(batch, 0)
+                self._note(batch, _Done(None, 0))
             elif batch.rows.size > 1:  # one of the rows kills its worker, the others are innocent
-                for half in batch.halves():
-                    submit(half)
+                for row in batch.single_rows():
+                    submit(row)
             else:
                 message = f"its worker died {self._allowed_failures()} times while it evaluated this row"
                 _write_failure(batch, "crashed", message, attempts=self._allowed_failures())
-                self._count(batch, 1)
-            return
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise StoreError(
-                f"{batch.segment.parent}: no space left on the disk; free some and run the same command again, "
-                "nothing is lost"
-            )
-        raise error
+                self._note(batch, _Done(None, 1))
+        except (CancelledError, CommClosedError) as error:
+            lost = "the cluster was lost; run the same command again, finished rows are kept"
+            raise ClusterError(lost) from error
+        except OSError as error:
+            raise _named(error, batch) from error
 
     @staticmethod
     def _allowed_failures() -> int:
@@ -215,13 +212,11 @@ class _Run:
         return int(dask.config.get("distributed.scheduler.allowed-failures")) + 1
 
     def _note(self, batch: _Batch, done: "_Done") -> None:
+        """A batch is in the journal: count it, and commit its chunk once that is complete."""
         if done.seconds is not None:
             self.seconds_per_row.append(done.seconds / batch.rows.size)
-        self._count(batch, done.failed)
-
-    def _count(self, batch: _Batch, failed: int) -> None:
         self.done += batch.rows.size
-        self.failed += failed
+        self.failed += done.failed
         chunk = int(batch.rows[0]) // self.table.chunk_rows
         self.finished.setdefault(chunk, []).append(batch.segment)
         self.left_in_chunk[chunk] -= batch.rows.size
@@ -229,6 +224,20 @@ class _Run:
             self.table.fold(self.finished.pop(chunk))
         if self.report is not None:
             self.report(self.total - self.pending.size + self.done, self.already_failed + self.failed)
+
+
+def _named(error: OSError, batch: _Batch) -> StoreError:
+    """What the disk did to a batch, in words for a person."""
+    if _disk_is_full(error):
+        return StoreError(
+            f"{error.filename or batch.segment.parent}: no space left on the disk; free some and run the same command "
+            "again, nothing is lost"
+        )
+    return StoreError(f"{error.filename or batch.segment.parent}: {error.strerror or error}")
+
+
+def _disk_is_full(error: BaseException) -> bool:
+    return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
 
 
 @dataclass(frozen=True)
@@ -290,7 +299,7 @@ def _contained(evaluation: Evaluation, parameters: Array) -> Outcome:
     try:
         outcome = evaluation(parameters)
     except Exception as error:
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        if _disk_is_full(error):
             raise
         if len(parameters) > 1:
             return _joined([_contained(evaluation, row[np.newaxis]) for row in parameters])

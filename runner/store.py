@@ -198,6 +198,16 @@ class Store:
             # a group whose ``complete`` mark is missing was being created when its process died
             return [Table(self, child) for _, child in sorted(group.groups()) if child.attrs.get("complete")]
 
+    def repair(self) -> int:
+        """Remove damaged chunks and make their rows pending, all others stay; returns how many rows.
+
+        Rows whose parameters are damaged are gone: whoever asks for their content gets new rows.
+        """
+        with _errors_named(self.path):
+            group = self.root.get("evaluations")
+            children = sorted(group.groups()) if isinstance(group, zarr.Group) else []
+        return sum(_repair_table(self.path, child) for _, child in children if child.attrs.get("complete"))
+
     def write_result(self, name: str, dataset: xr.Dataset) -> None:
         """Put a task's arrays beside the evaluations, as the group ``name``."""
         texts = {
@@ -411,31 +421,6 @@ class Table:
         with _errors_named(self._path("")):
             return xr.open_zarr(self.store.path, group=self.group.path, consolidated=False)
 
-    # ---- damage
-
-    def repair(self) -> int:
-        """Make rows in damaged chunks pending and remove the damaged files; returns how many rows.
-
-        Raises ``StoreError`` when the damage is in metadata or parameters, which cannot be computed again.
-        """
-        lost = np.zeros(len(self), dtype=bool)
-        for name in (*self._fields, "attempts", "wall_seconds", "worker", "message"):
-            for start in range(0, len(self), self.chunk_rows):
-                try:
-                    with _errors_named(self._path(name)):
-                        self._array(name)[start : start + self.chunk_rows]
-                except StoreError:
-                    lost[start : start + self.chunk_rows] |= self.status[start : start + self.chunk_rows] != PENDING
-                    chunk = self._path(name) / "c" / str(start // self.chunk_rows)
-                    for file in [chunk] if chunk.is_file() else chunk.rglob("*"):
-                        if file.is_file():
-                            file.unlink()
-        for start in np.unique(np.flatnonzero(lost) // self.chunk_rows) * self.chunk_rows:
-            block = slice(start, start + self.chunk_rows)
-            self.status[block] = np.where(lost[block], PENDING, self.status[block])
-            self._array("status")[block] = self.status[block]
-        return int(lost.sum())
-
     # ---- inside
 
     def _array(self, name: str) -> zarr.Array[Any]:
@@ -445,25 +430,27 @@ class Table:
         return self.store.path / self.group.path / name
 
     def _index(self) -> tuple[Array, Array]:
-        """Sorted hashes of all planned rows and the row of each. Rows of an interrupted plan are dropped."""
+        """Sorted hashes of the planned rows, and the row of each."""
         planned = self._array("parameters")
         hashes = np.zeros(len(self), dtype=np.uint64)
-        whole = len(self)
+        missing = np.zeros(len(self), dtype=bool)
         for start in range(0, len(self), self.chunk_rows):
+            rows = slice(start, min(start + self.chunk_rows, len(self)))
             with _errors_named(self._path("parameters")):
-                block = np.asarray(planned[start : start + self.chunk_rows])
-            missing = np.isnan(block[:, 0])
-            if missing.any():
-                whole = min(whole, start + int(np.argmax(missing)))
-                break
-            hashes[start : start + block.shape[0]] = _hash_rows(block)
-        if whole < len(self):
-            if (self.status[whole:] != PENDING).any():
-                raise StoreError(f"{self._path('parameters')}: parameters are missing for rows with an outcome")
-            self.status = self.status[:whole]
-            hashes = hashes[:whole]
-        order = np.argsort(hashes, kind="stable")
-        return hashes[order], order
+                block = np.asarray(planned[rows])
+            hashes[rows] = _hash_rows(block)
+            missing[rows] = np.isnan(block[:, 0])
+        if (self.status[missing] != PENDING).any():
+            raise StoreError(
+                f"{self._path('parameters')}: parameters are missing for rows with an outcome; "
+                f"`sinew repair {self.store.folder}` makes those rows pending"
+            )
+        if missing.any():  # at the end: a plan that was interrupted; elsewhere: rows lost to damage
+            whole = len(self) - int(np.argmin(missing[::-1])) if not missing.all() else 0
+            self.status, hashes, missing = self.status[:whole], hashes[:whole], missing[:whole]
+        rows_kept = np.flatnonzero(~missing)
+        order = np.argsort(hashes[rows_kept], kind="stable")
+        return hashes[rows_kept][order], rows_kept[order]
 
     def _append(self, parameters: Array) -> None:
         first = len(self)
@@ -531,6 +518,31 @@ def _create_table(root: zarr.Group, name: str, spec: TableSpec) -> None:
             "complete": True,
         }
     )
+
+
+def _repair_table(path: Path, group: zarr.Group) -> int:
+    status = group["status"]
+    assert isinstance(status, zarr.Array)
+    chunk_rows = int(group.attrs["chunk_rows"])  # type: ignore[arg-type]
+    lost = np.zeros(status.shape[0], dtype=bool)
+    for name, array in sorted(group.arrays(), key=lambda item: item[0] != "status"):
+        if array.metadata.dimension_names[0] != "row":  # type: ignore[index, union-attr]
+            continue
+        for start in range(0, lost.size, chunk_rows):
+            rows = slice(start, min(start + chunk_rows, lost.size))
+            try:
+                array[rows]
+            except (ValueError, RuntimeError, OSError):
+                place = path / group.path / name / "c" / str(start // chunk_rows)
+                for file in [place] if place.is_file() else place.rglob("*"):
+                    if file.is_file():
+                        file.unlink()
+                # when the status itself is damaged, which rows had an outcome is not known any more
+                lost[rows] |= True if name == "status" else np.asarray(status[rows]) != PENDING
+    for start in np.unique(np.flatnonzero(lost) // chunk_rows) * chunk_rows:
+        rows = slice(int(start), min(int(start) + chunk_rows, lost.size))
+        status[rows] = np.where(lost[rows], PENDING, np.asarray(status[rows])).astype(np.int8)
+    return int(lost.sum())
 
 
 def _compressors(dtype: Any) -> list[Any]:

@@ -1,0 +1,127 @@
+"""Batches on a real local cluster: failures as data, retries, dead workers, and the same bytes whoever computes."""
+
+import numpy as np
+import pytest
+
+from runner.cluster import Address, Local, open_client
+from runner.ensemble import Policy, evaluate, failures
+from runner.errors import ClusterError, StoreError
+from runner.store import STATUSES, Store
+from tests.runner.evaluations import Quick, table_spec
+from tests.runner.test_store import contents, some
+
+
+@pytest.fixture(scope="module")
+def client():
+    with open_client(Local(2)) as client:
+        yield client
+
+
+def with_bad(count: int, *bad: int) -> np.ndarray:
+    parameters = some(count)
+    parameters[list(bad), 0] *= -1
+    return parameters
+
+
+def test_results_do_not_depend_on_workers_or_batches(tmp_path, client):
+    parameters = some(5000)
+    for name, get, policy in (
+        ("two", lambda: client, Policy()),
+        ("here", lambda: None, Policy(batch_s=0.001)),
+        ("small", lambda: client, Policy(batch_s=0.01, multiple=16)),
+    ):
+        with Store.writing(tmp_path / name, "study") as store:
+            evaluate(get, store.table(table_spec()), Quick(), parameters, policy=policy)
+    assert contents(tmp_path / "two") == contents(tmp_path / "here") == contents(tmp_path / "small")
+
+
+def test_a_cluster_is_not_asked_for_when_all_is_known(tmp_path):
+    def never():
+        raise AssertionError("no cluster is needed")
+
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        evaluate(lambda: None, table, Quick(), some(100))
+        assert np.array_equal(evaluate(never, table, Quick(), some(100)), np.arange(100))
+
+
+@pytest.mark.parametrize(
+    ("bad", "status", "message", "attempts"),
+    [
+        ("raise", "crashed", "ArithmeticError: no such tissue", 2),
+        ("nan", "bad_output", "not finite", 2),
+        ("crashed", "crashed", "it broke", 2),
+        ("diverged", "diverged", "it broke", 1),
+    ],
+)
+def test_failed_rows_are_data(tmp_path, client, bad, status, message, attempts):
+    parameters = with_bad(300, 7, 250)
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        rows = evaluate(lambda: client, table, Quick(bad=bad), parameters, policy=Policy(retries=1))
+        assert failures(table, rows) == {status: 2}
+        assert [STATUSES[s] for s in table.status[rows[[7, 250]]]] == [status, status]
+        assert message in str(table.read("message", rows[[7]])[0])
+        assert table.read("attempts", rows)[[6, 7]].tolist() == [1, attempts]
+        force = table.read("force", rows)
+        assert np.isnan(force[[7, 250]]).all()
+        assert np.isfinite(np.delete(force, [7, 250], axis=0)).all()
+
+
+def test_a_row_that_kills_its_worker_is_found_and_its_neighbours_are_not_blamed(tmp_path, client):
+    parameters = with_bad(40, 11)
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        rows = evaluate(lambda: client, table, Quick(bad="kill"), parameters, policy=Policy(multiple=10))
+        assert failures(table, rows) == {"crashed": 1}
+        assert table.status[rows[11]] > 0
+        assert "its worker died" in str(table.read("message", rows[[11]])[0])
+
+
+def test_a_full_disk_stops_the_run_and_fails_no_row(tmp_path, client):
+    parameters = with_bad(3000, 2900)
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        with pytest.raises(StoreError, match=r"no space left on the disk; free some"):
+            evaluate(lambda: client, table, Quick(bad="disk"), parameters)
+        rows = evaluate(lambda: client, table, Quick(), parameters)
+        assert not table.status[rows].any()
+
+
+def test_failed_rows_can_be_opened_again(tmp_path):
+    parameters = with_bad(30, 3)
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        rows = evaluate(lambda: None, table, Quick(bad="diverged"), parameters)
+        table.reopen(rows)
+        assert table.pending(rows).tolist() == [3]
+        evaluate(lambda: None, table, Quick(), parameters)
+        assert not table.status.any()
+
+
+def test_progress_counts_every_row_once(tmp_path, client):
+    said: list[tuple[int, int]] = []
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        evaluate(lambda: client, table, Quick(), some(100))
+        parameters = np.concatenate([some(100), with_bad(50, 1)[:50] + 2])
+        evaluate(lambda: client, table, Quick(), parameters, lambda done, failed: said.append((done, failed)))
+    assert said[-1] == (150, 0)
+    assert [done for done, _ in said] == sorted(done for done, _ in said)
+
+
+def test_traffic_is_encrypted_and_local(client):
+    assert client.scheduler_info()["address"].startswith("tls://127.0.0.1:")
+
+
+def test_a_stranger_without_the_certificate_is_refused(client):
+    from distributed import Client
+
+    with pytest.raises((OSError, TypeError, ValueError, RuntimeError)):
+        Client(client.scheduler_info()["address"], timeout="3 s", set_as_default=False)
+
+
+def test_an_address_without_a_scheduler_is_one_clear_line():
+    with pytest.raises(ClusterError, match=r"cluster\.address: no scheduler at tcp://127\.0\.0\.1:9"):
+        with open_client(Address("tcp://127.0.0.1:9")):
+            pass
