@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from distributed import CancelledError, Client, KilledWorker, WorkerPlugin, as_completed
-from distributed.comm import CommClosedError
+from distributed.comm.core import CommClosedError
 
 from runner.errors import ClusterError, StoreError
 from runner.progress import Report

@@ -5,6 +5,7 @@ when it ends (children in the group, daemons that left it) is killed. Should the
 SIGKILL, a small guard process notices and kills every solver that the worker had started.
 """
 
+import atexit
 import ctypes
 import os
 import resource
@@ -15,7 +16,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,7 +44,12 @@ class Finished:
     @property
     def killed_by(self) -> str | None:
         """Name of the signal that ended the process, or None."""
-        return signal.Signals(-self.returncode).name if self.returncode < 0 else None
+        if self.returncode >= 0:
+            return None
+        try:
+            return signal.Signals(-self.returncode).name
+        except ValueError:  # a real-time signal
+            return f"signal {-self.returncode}"
 
 
 def run(
@@ -64,22 +71,22 @@ def run(
     full_environment = {**os.environ, **(environment or {}), MARK: attempt}
     started = time.perf_counter()
     with open(directory / OUTPUT_FILE, "wb") as output:
-        process = subprocess.Popen(
-            list(command),
-            cwd=directory,
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            env=full_environment,
-            start_new_session=True,
-        )
+        with _limited(max_file_bytes):
+            process = subprocess.Popen(
+                list(command),
+                cwd=directory,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env=full_environment,
+                start_new_session=True,
+            )
         try:
-            _limit_files(process.pid, max_file_bytes)
             timed_out = not _wait(process, timeout_s)
         finally:
             _kill_group(process.pid)
             process.wait(_KILL_GRACE_S)
-            _kill_escaped(attempt)
+            _kill_escaped(attempt, process.pid)
     return Finished(process.returncode, time.perf_counter() - started, timed_out, tail(directory / OUTPUT_FILE))
 
 
@@ -101,7 +108,11 @@ def _wait(process: subprocess.Popen[bytes], timeout_s: float) -> bool:
         try:
             poller = select.poll()
             poller.register(descriptor, select.POLLIN)
-            return bool(poller.poll(timeout_s * 1000))
+            until = time.monotonic() + timeout_s
+            while (left := until - time.monotonic()) > 0:  # poll takes at most 24 days
+                if poller.poll(min(left, 86_400.0) * 1000):
+                    return True
+            return False
         finally:
             os.close(descriptor)
     try:
@@ -111,13 +122,23 @@ def _wait(process: subprocess.Popen[bytes], timeout_s: float) -> bool:
     return True
 
 
-def _limit_files(pid: int, max_file_bytes: int) -> None:
-    if hasattr(resource, "prlimit"):
+_limiting = threading.Lock()
+
+
+@contextmanager
+def _limited(max_file_bytes: int) -> Iterator[None]:
+    """Have limits for what is started meanwhile: those of a running process come too late for its first writes."""
+    with _limiting:
+        before = {kind: resource.getrlimit(kind) for kind in (resource.RLIMIT_FSIZE, resource.RLIMIT_CORE)}
+        soft, hard = before[resource.RLIMIT_FSIZE]
+        limits = [limit for limit in (max_file_bytes, soft, hard) if limit != resource.RLIM_INFINITY]
+        resource.setrlimit(resource.RLIMIT_FSIZE, (min(limits), hard))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, before[resource.RLIMIT_CORE][1]))
         try:
-            resource.prlimit(pid, resource.RLIMIT_FSIZE, (max_file_bytes, max_file_bytes))
-            resource.prlimit(pid, resource.RLIMIT_CORE, (0, 0))
-        except ProcessLookupError:
-            return  # it has ended already
+            yield
+        finally:
+            for kind, limit in before.items():
+                resource.setrlimit(kind, limit)
 
 
 def _kill_group(group: int) -> None:
@@ -127,17 +148,41 @@ def _kill_group(group: int) -> None:
         return  # nothing is left of it
 
 
-def _kill_escaped(attempt: str) -> None:
-    """Kill processes of this attempt that left its group: the kernel has made them children of this process."""
+def _kill_escaped(attempt: str, group: int) -> None:
+    """Reap the group and kill processes that left it: as their parents die, the kernel makes them this one's children.
+
+    Each round can bring up children of those that it killed, so it goes on until a round finds nothing.
+    """
     if not sys.platform.startswith("linux"):
         return
-    for pid in _children():
-        try:
-            if psutil.Process(pid).environ().get(MARK) == attempt:
-                os.kill(pid, signal.SIGKILL)
-                os.waitpid(pid, 0)
-        except (psutil.Error, ProcessLookupError, ChildProcessError):
-            continue  # it ended by itself meanwhile
+    until = time.monotonic() + _KILL_GRACE_S
+    while time.monotonic() < until:
+        left = _reap_group(group)
+        for pid in _children():
+            try:
+                if psutil.Process(pid).environ().get(MARK) == attempt:
+                    os.kill(pid, signal.SIGKILL)
+                    os.waitpid(pid, 0)
+                    left = True
+            except (psutil.Error, ProcessLookupError, ChildProcessError):
+                continue  # it ended by itself meanwhile
+        if not left:
+            return
+        time.sleep(0.001)
+
+
+def _reap_group(group: int) -> bool:
+    """Whether there is something left of a group that was killed."""
+    try:
+        while os.waitpid(-group, os.WNOHANG)[0]:
+            pass
+    except ChildProcessError:
+        pass
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def _children() -> list[int]:
@@ -150,16 +195,16 @@ def _children() -> list[int]:
     return pids
 
 
-_adopting = False
+_adopting: int | None = None
 
 
 def _adopt_orphans() -> None:
     """Become the parent of solvers' orphaned grandchildren, so that they can be found (Linux)."""
     global _adopting
-    if not _adopting and sys.platform.startswith("linux"):
+    if _adopting != os.getpid() and sys.platform.startswith("linux"):
         PR_SET_CHILD_SUBREAPER = 36
         ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
-        _adopting = True
+        _adopting = os.getpid()  # a forked worker does not inherit it
 
 
 _GUARD = """
@@ -200,3 +245,10 @@ def _start_guard() -> None:
 def _worker_token() -> str:
     assert _guard is not None
     return _guard[1]
+
+
+@atexit.register
+def _end_guard() -> None:
+    if _guard is not None and _guard[0] == os.getpid() and _guard[2].stdin is not None:
+        _guard[2].stdin.close()
+        _guard[2].wait(_KILL_GRACE_S)

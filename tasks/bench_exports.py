@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tasks.measurements import _check_text
+from tasks.measurements import HUGE, NAME, check_text, refuse_duplicates
 from tasks.model import Curve, Protocol, Specimen
 from tasks.problems import BadInput, shown
 
@@ -31,10 +31,13 @@ def read_export(path: Path, *, protocol: str | None = None, name: str | None = N
     ``Width`` and ``Thickness``. The protocol is called ``relaxation`` when the block speaks of a hold, else ``test``.
     ``tare`` subtracts the first force. Time starts at 0. Raises :class:`BadInput` naming the file and row.
     """
-    _check_text(path, MAX_EXPORT_BYTES)
+    check_text(path, MAX_EXPORT_BYTES)
     text = _decoded(path)
     delimiter = ";" if text.count(";") > text.count(",") else ","
-    rows = list(csv.reader(io.StringIO(text), delimiter=delimiter))
+    try:
+        rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter))
+    except csv.Error as error:
+        raise BadInput(path, f"not a CSV file ({error})", "an Instron-style export") from None
     at = next((i for i, row in enumerate(rows) if _columns(row) is not None), None)
     if at is None:
         raise BadInput(path, "no row with Time, Extension and Load", "an Instron-style export with these columns")
@@ -64,10 +67,13 @@ def read_export(path: Path, *, protocol: str | None = None, name: str | None = N
 
 def read_exports(paths: Sequence[Path], *, protocol: str | None = None, tare: bool = False) -> list[Specimen]:
     """Several exports, each a specimen named after its file. Raises :class:`BadInput` for two of one name."""
+    if protocol is not None and not NAME.fullmatch(protocol):
+        raise BadInput("--protocol", shown(protocol), "letters, digits, '_', '-', '+' and '.'")
     specimens = [read_export(path, protocol=protocol, tare=tare) for path in paths]
-    for i, specimen in enumerate(specimens):
-        if specimen.name in [other.name for other in specimens[:i]]:
-            raise BadInput(paths[i], f"a duplicate of specimen {specimen.name}", "files of different names")
+    for path, specimen in zip(paths, specimens, strict=True):
+        if not NAME.fullmatch(specimen.name):
+            raise BadInput(path, "a name that cannot be used for a specimen", "a letter or digit in front")
+    refuse_duplicates(specimens, {specimen.name: path for path, specimen in zip(paths, specimens, strict=True)})
     return specimens
 
 
@@ -131,7 +137,7 @@ def _numbers(path: Path, rows: list[list[str]], first: int, columns: list[int], 
                 value = float(number) if "_" not in number else math.nan
             except ValueError:
                 value = math.nan
-            if not math.isfinite(value):
+            if not abs(value) < HUGE:
                 raise BadInput(f"{path}: row {i + 1}, {_COLUMNS[k][0]}", shown(cell), "a finite number")
             table[i - first, k] = value
     return table

@@ -2,14 +2,17 @@
 
 import json
 import logging
+import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import click
 
 from runner.errors import SinewError
+from tasks.problems import BadInput, one_line
 
 _PATH = click.Path(path_type=Path)
 
@@ -27,14 +30,16 @@ def main() -> None:
         _fail(" ".join(error.format_message().split()), 2)
     except SinewError as error:
         _fail(str(error), 2)
+    except OSError as error:  # a path that the system refuses, of whatever kind
+        _fail(f"{error.filename or 'a file'}: {error.strerror or error}", 2)
 
 
 def _fail(message: str, code: int) -> None:
-    print(f"sinew: {message}", file=sys.stderr)
+    print(f"sinew: {one_line(message)}", file=sys.stderr)
     sys.exit(code)
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(context_settings={"help_option_names": ["-h", "--help"]}, no_args_is_help=False)
 @click.version_option(package_name="sinew")
 def sinew() -> None:
     r"""Finite-element ensembles of soft tissue: resumable, from a laptop to a cluster.
@@ -67,51 +72,53 @@ def _study_command(name: str, help: str) -> Callable[[Callable[..., None]], clic
     return decorate
 
 
-def _open(study: Path, seed: int | None, **options: Any) -> Any:
+@contextmanager
+def _open(study: Path, tasks: Sequence[str] | None, seed: int | None, extend: bool = False, **options: Any) -> Any:
+    """The workspace of a study, once everything about it and its ``tasks`` (default: the study's) is checked."""
+    from tasks import pipeline
     from tasks.study import read_study
     from tasks.workspace import open_workspace
 
-    read = read_study(study)
-    if seed is not None:
-        path = read.path
-        read = read.model_copy(update={"seed": seed})
-        read._path = path
-    return open_workspace(read, **options)
+    read = read_study(study, seed=seed)
+    out = options.pop("out") or Path("results") / read.name
+    pipeline.check(read, out, read.tasks if tasks is None else tasks, extend=extend)
+    with open_workspace(read, out=out, **options) as workspace:
+        yield workspace
 
 
 @_study_command("run", "Run all tasks of a study, in order.")
-def run(study: Path, seed: int | None, **options: Any) -> None:
+def run(study: Path, **options: Any) -> None:
     from tasks import pipeline
 
-    with _open(study, seed, **options) as workspace:
+    with _open(study, None, **options) as workspace:
         pipeline.run(workspace, workspace.study.tasks)
 
 
 @_study_command("sobol", "Sobol indices with confidence intervals.")
 @click.option("--extend", is_flag=True, help="Double the base samples of the last result; pays for new rows only.")
-def sobol(study: Path, seed: int | None, extend: bool, **options: Any) -> None:
+def sobol(study: Path, extend: bool, **options: Any) -> None:
     from tasks import pipeline
 
-    with _open(study, seed, **options) as workspace:
+    with _open(study, ["sobol"], extend=extend, **options) as workspace:
         pipeline.run(workspace, ["sobol"], extend=extend)
 
 
 @_study_command("importance", "Random forest importance from the rows of the Sobol study.")
-def importance(study: Path, seed: int | None, **options: Any) -> None:
+def importance(study: Path, **options: Any) -> None:
     from tasks import pipeline
 
-    with _open(study, seed, **options) as workspace:
+    with _open(study, ["importance"], **options) as workspace:
         pipeline.run(workspace, ["importance"])
 
 
 @_study_command("simulate", "Forces of given parameter rows along each measured curve.")
 @click.option("--parameters", type=_PATH, required=True, help="CSV, one column for each parameter name.")
-def simulate(study: Path, seed: int | None, parameters: Path, **options: Any) -> None:
+def simulate(study: Path, parameters: Path, **options: Any) -> None:
     from tasks.simulations import read_parameters, simulate_rows
     from tasks.study import read_study
 
     rows = read_parameters(parameters, read_study(study).tendon())
-    with _open(study, seed, **options) as workspace:
+    with _open(study, [], **options) as workspace:
         result = simulate_rows(workspace, rows)
         if not workspace.quiet:
             print(
@@ -137,6 +144,9 @@ def cohort(out: Path, seed: int, per_site: int, rate: float, noise: float, ar1: 
     from tasks.cohort import virtual_cohort, write_cohort
     from tasks.workspace import check_folder
 
+    for name, value in (("--rate", rate), ("--noise", noise), ("--ar1", ar1)):
+        if not math.isfinite(value):
+            raise BadInput(name, str(value), "a finite number")
     check_folder(out)
     specimens, truth = virtual_cohort(seed=seed, per_site=per_site, rate_hz=rate, noise=noise, ar1=ar1)
     write_cohort(out, specimens, truth)

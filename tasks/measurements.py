@@ -9,7 +9,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,8 +25,9 @@ GEOMETRY = ("length_mm", "width_mm", "thickness_mm")
 NOTES = ("donor", "note", "source", "diameter_mm")
 MAX_CSV_BYTES = 512 * 2**20
 MAX_JSON_BYTES = 2**20
+HUGE = 1e100
 _PICKLED = {".pkl", ".pickle", ".p", ".npy", ".npz", ".joblib", ".dill", ".pt", ".mat"}
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+.-]{0,99}")
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+.-]{0,99}")
 Array = np.ndarray[Any, np.dtype[Any]]
 
 
@@ -50,8 +51,8 @@ def read_cohort(folder: Path) -> Cohort:
     """Read every specimen of a cohort. Raises :class:`BadInput` for the first thing that is wrong."""
     if folder.suffix.lower() in _PICKLED:
         raise BadInput(folder, "pickled and binary data are never read", "a folder of CSV files")
-    if not folder.is_dir():
-        problem = "is a file" if folder.exists() else "is not there"
+    if not os.path.isdir(folder):  # unlike Path.is_dir, it takes names of any length
+        problem = "is a file" if os.path.exists(folder) else "is not there"
         raise BadInput(folder, problem, "a cohort folder with SPECIMEN/PROTOCOL.csv and SPECIMEN/specimen.json")
     root = folder.resolve()
     specimens: list[Specimen] = []
@@ -60,13 +61,14 @@ def read_cohort(folder: Path) -> Cohort:
             if _is_specimen(entry):
                 specimens.append(_read_specimen(entry, root, entry.name))
             else:
+                _check_name(entry)
                 site = [child for child in _entries(entry, root) if child.is_dir()]
                 if not site:
                     raise BadInput(entry, "holds no CSV file and no specimen", "PROTOCOL.csv files and specimen.json")
                 specimens += [_read_specimen(child, root, f"{entry.name}/{child.name}") for child in site]
     if not specimens:
         raise BadInput(folder, "holds no specimen", "folders SPECIMEN with PROTOCOL.csv files and specimen.json")
-    _refuse_duplicates(folder, specimens)
+    refuse_duplicates(specimens, {s.name: folder / s.name for s in specimens})
     return Cohort(folder, tuple(specimens))
 
 
@@ -77,6 +79,9 @@ def read_curve(path: Path, root: Path, *, length_mm: float = math.inf) -> Curve:
     time_s, displacement, force = table.T
     if len(table) < 3:
         raise BadInput(path, f"{len(table)} rows of numbers", "at least 3")
+    huge = np.flatnonzero((np.abs(table) >= HUGE).any(axis=1))
+    if huge.size:
+        raise BadInput(f"{path}: row {huge[0] + 2}", "a number beyond 1e100", "seconds, millimetres and newtons")
     back = np.flatnonzero(np.diff(time_s) <= 0)
     if back.size:
         i = int(back[0])
@@ -99,14 +104,14 @@ def read_curve(path: Path, root: Path, *, length_mm: float = math.inf) -> Curve:
 
 def read_numbers(path: Path, columns: Sequence[str] | None, *, max_bytes: int = MAX_CSV_BYTES) -> Array:
     """Numbers ``[rows, columns]`` of a CSV file with exactly this header (any header when ``columns`` is None)."""
-    _check_text(path, max_bytes)
+    check_text(path, max_bytes)
     header = read_header(path)
     if columns is not None and header != list(columns):
         raise BadInput(f"{path}: row 1", f"header {shown(','.join(header))}", f"{','.join(columns)}")
     try:
         table = pd.read_csv(
-            path, encoding="utf-8-sig", dtype=np.float64, float_precision="round_trip", skipinitialspace=True,
-            keep_default_na=False, na_values=[], index_col=False, skip_blank_lines=False,
+            path, encoding="utf-8-sig", dtype=np.float64, skipinitialspace=True, header=None, skiprows=1,
+            keep_default_na=False, na_values=[], skip_blank_lines=False,
         ).to_numpy()  # fmt: skip
         regular = table.shape[1] == len(header) and np.isfinite(table).all()
     except (ValueError, pd.errors.ParserError, UnicodeDecodeError):
@@ -131,7 +136,7 @@ def _read_carefully(path: Path, header: list[str]) -> Array:
     with open(path, encoding="utf-8-sig", errors="replace", newline="") as file:
         reader = csv.reader(file)
         try:
-            next(reader)
+            next(reader, None)
             for number, cells in enumerate(reader, start=2):
                 if not any(cell.strip() for cell in cells):
                     blank_at = blank_at or number
@@ -158,7 +163,10 @@ def _number(path: Path, row: int, column: str, cell: str) -> float:
 
 def check_inside(path: Path, root: Path) -> None:
     """Refuse files that are links out of ``root`` and whatever is no regular file."""
-    resolved = path.resolve()
+    try:
+        resolved = path.resolve()
+    except (RuntimeError, OSError):
+        raise BadInput(path, "a link to itself", "a file") from None
     if not resolved.is_relative_to(root.resolve()):
         raise BadInput(path, f"a link that leaves {root}", "files inside the folder")
     if path.is_symlink() and not resolved.exists():
@@ -170,18 +178,18 @@ def check_inside(path: Path, root: Path) -> None:
 def read_json(path: Path, root: Path) -> dict[str, Any]:
     """A JSON object of a cohort."""
     check_inside(path, root)
-    _check_text(path, MAX_JSON_BYTES)
+    check_text(path, MAX_JSON_BYTES)
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         names = [name for name, _ in pairs]
-        for name in names:
-            if names.count(name) > 1:
-                raise BadInput(f"{path}: {name}", "given twice", "each key once")
+        if len(set(names)) < len(names):
+            name = next(name for i, name in enumerate(names) if name in names[:i])
+            raise BadInput(f"{path}: {name}", "given twice", "each key once")
         return dict(pairs)
 
     try:
         content = json.loads(path.read_text("utf-8-sig"), object_pairs_hook=unique)
-    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         line = f": line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
         raise BadInput(f"{path}{line}", "not valid JSON", 'an object such as {"length_mm": 10.0, ...}') from None
     if not isinstance(content, dict):
@@ -190,10 +198,9 @@ def read_json(path: Path, root: Path) -> dict[str, Any]:
 
 
 def _read_specimen(folder: Path, root: Path, name: str) -> Specimen:
-    if not _NAME.fullmatch(folder.name):
-        raise BadInput(folder, "a name that cannot be used", "letters, digits, '_', '-', '+' and '.' in folder names")
+    _check_name(folder)
     entries = list(_entries(folder, root))
-    curves = [entry for entry in entries if entry.suffix == ".csv"]
+    curves = [entry for entry in entries if entry.suffix.lower() == ".csv"]
     if not curves:
         raise BadInput(folder, "holds no CSV file", "one PROTOCOL.csv for each protocol")
     described = folder / "specimen.json"
@@ -205,8 +212,7 @@ def _read_specimen(folder: Path, root: Path, name: str) -> Specimen:
             raise BadInput(f"{described}: {key}", "unknown key", f"one of {', '.join((*GEOMETRY, *NOTES))}")
     sizes = {key: _size(described, content, key) for key in GEOMETRY}
     for path in curves:
-        if not _NAME.fullmatch(path.stem):
-            raise BadInput(path, "a name that cannot be used", "letters, digits, '_', '-', '+' and '.' in file names")
+        _check_name(path)
     donor = content.get("donor")
     return Specimen(
         name,
@@ -225,8 +231,13 @@ def _size(path: Path, content: dict[str, Any], key: str) -> float:
     return float(value)
 
 
+def _check_name(path: Path) -> None:
+    if not NAME.fullmatch(path.stem if path.suffix.lower() == ".csv" else path.name):
+        raise BadInput(path, "a name that cannot be used", "letters, digits, '_', '-', '+' and '.' in names")
+
+
 def _is_specimen(folder: Path) -> bool:
-    return any(child.suffix == ".csv" or child.name == "specimen.json" for child in folder.iterdir())
+    return any(child.suffix.lower() == ".csv" or child.name == "specimen.json" for child in folder.iterdir())
 
 
 def _entries(folder: Path, root: Path) -> Iterator[Path]:
@@ -248,7 +259,7 @@ def _entries(folder: Path, root: Path) -> Iterator[Path]:
         yield child
 
 
-def _check_text(path: Path, max_bytes: int) -> None:
+def check_text(path: Path, max_bytes: int) -> None:
     """Refuse what cannot be a text file of reasonable size, before reading it."""
     if path.suffix.lower() in _PICKLED:
         raise BadInput(path, "pickled and binary data are never read", "a CSV file")
@@ -271,20 +282,21 @@ def _check_text(path: Path, max_bytes: int) -> None:
         raise BadInput(path, "not a text file", "text in UTF-8")
 
 
-def _refuse_duplicates(folder: Path, specimens: list[Specimen]) -> None:
+def refuse_duplicates(specimens: Sequence[Specimen], places: Mapping[str, Path]) -> None:
+    """Refuse specimens of one name, or of the same numbers; ``places`` says where each one is."""
     names: dict[str, str] = {}
     digests: dict[tuple[str, ...], str] = {}
     for specimen in specimens:
+        if names.get(specimen.name.casefold()) == specimen.name:
+            raise BadInput(places[specimen.name], f"a duplicate of specimen {specimen.name}", "unique names")
         other = names.setdefault(specimen.name.casefold(), specimen.name)
         if other != specimen.name:
-            raise BadInput(
-                folder / specimen.name, f"a duplicate of specimen {other} but for upper case", "unique names"
-            )
+            raise BadInput(places[specimen.name], f"a duplicate of specimen {other} but for upper case", "unique names")
         digest = tuple(curve.digest for curve in specimen.curves)
         other = digests.setdefault(digest, specimen.name)
         if other != specimen.name:
             raise BadInput(
-                folder / specimen.name, f"a duplicate of specimen {other}: its curves are the same numbers",
+                places[specimen.name], f"a duplicate of specimen {other}: its curves are the same numbers",
                 "each specimen once",
             )  # fmt: skip
 

@@ -13,9 +13,11 @@ from rich.table import Table as Grid
 
 from runner.store import PENDING, STATUSES, Store, open_store
 from tasks.importance import importance
+from tasks.problems import BadInput
 from tasks.report import figures
-from tasks.sensitivity import sobol
-from tasks.workspace import Workspace
+from tasks.sensitivity import base_samples, sobol
+from tasks.study import Study
+from tasks.workspace import Workspace, check_folder, read_result
 
 log = logging.getLogger("sinew")
 
@@ -25,6 +27,18 @@ class _Task:
     work: Callable[..., dict[str, Any]]
     draw: Callable[[Workspace, dict[str, Any]], None]
     tell: Callable[[Workspace, dict[str, Any], Console], None]
+
+
+def check(study: Study, out: Path, tasks: Sequence[str], *, extend: bool = False) -> None:
+    """Refuse what cannot work before anything is written. Raises :class:`BadInput`."""
+    check_folder(out)
+    finished = read_result(out / "sobol.json") is not None
+    if "sobol" in tasks and len(study.tendon().free) < 2:
+        raise BadInput(f"{study.path}: model.parameters", "one free parameter", "at least two for Sobol indices")
+    if extend and not finished:
+        raise BadInput(out / "sobol.json", "is not there", "a finished `sinew sobol` to extend")
+    if "importance" in tasks and "sobol" not in tasks and not finished:
+        raise BadInput(out / "sobol.json", "no finished Sobol study", "`sinew sobol` on this study first")
 
 
 def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str, dict[str, Any]]:
@@ -101,8 +115,6 @@ def repair(folder: Path) -> int:
 
 
 def _say_size(workspace: Workspace, console: Console) -> None:
-    from tasks.sensitivity import base_samples
-
     settings = workspace.study.sobol
     if settings.points is not None:
         count = len(workspace.model.free)

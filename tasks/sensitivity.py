@@ -74,16 +74,11 @@ def sobol(workspace: Workspace, *, extend: bool = False) -> dict[str, Any]:
     """Sobol indices of the study; ``extend`` doubles the base samples of the last result. Returns ``sobol.json``."""
     settings = workspace.study.sobol
     specimens = workspace.specimens(settings.specimens, "sobol.specimens")
-    if len(workspace.model.free) < 2:
-        raise BadInput(
-            f"{workspace.study.path}: model.parameters", "one free parameter", "at least two for Sobol indices"
-        )
     previous = read_result(workspace.out / "sobol.json")
     count = len(workspace.model.free)
     base = settings.base_samples or base_samples(settings.points or 20_000, count, settings.second_order)
     if extend:
-        if previous is None:
-            raise BadInput(workspace.out / "sobol.json", "is not there", "a finished `sinew sobol` to extend")
+        assert previous is not None, "checked before the store was opened"
         base = 2 * int(previous["base_samples"])
     design = saltelli(workspace.model, base, settings.second_order, workspace.seed)
     rows = len(design.rows)

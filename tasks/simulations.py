@@ -8,7 +8,7 @@ import pandas as pd
 
 from runner.store import STATUSES
 from tasks.evaluate import SpecimenEvaluation
-from tasks.measurements import read_header, read_numbers
+from tasks.measurements import check_text, read_header, read_numbers
 from tasks.model import Curve, Model
 from tasks.problems import BadInput
 from tasks.simulate import Array
@@ -22,6 +22,8 @@ def read_parameters(path: Path, model: Model) -> Array:
 
     Raises :class:`BadInput` for unknown or repeated columns and for values that the model cannot have.
     """
+    if path.suffix == ".csv":
+        check_text(path, MAX_PARAMETER_BYTES)
     columns = read_header(path) if path.is_file() and path.suffix == ".csv" else None
     for name in columns or ():
         if name not in model.names:
@@ -36,10 +38,7 @@ def read_parameters(path: Path, model: Model) -> Array:
         parameter = model.parameters[model.names.index(name)]
         for row, value in enumerate(values[:, column]):
             if not parameter.possible(value):
-                kind = "above" if parameter.exclusive else "at least"
-                raise BadInput(
-                    f"{path}: row {row + 2}, {name}", f"{value:g}", f"{kind} {parameter.floor:g} {parameter.unit}"
-                )
+                raise BadInput(f"{path}: row {row + 2}, {name}", f"{value:g}", parameter.limits)
     return model.full(tuple(columns), values)
 
 

@@ -1,5 +1,6 @@
 """The study file: one YAML file, validated into frozen objects. Every mistake names the file, line and field."""
 
+import os
 import re
 import shutil
 from collections.abc import Iterator
@@ -14,7 +15,7 @@ from tasks.model import TENDON, Model, Parameter
 from tasks.problems import BadInput, shown
 from tasks.simulate import Simulator
 
-MAX_STUDY_BYTES = 2**20
+MAX_STUDY_BYTES = 2**18
 MAX_DEPTH = 12
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -55,9 +56,7 @@ class ParameterSettings(_Section):
         for field, value in (("fixed" if self.fixed is not None else "min", low), ("max", high)):
             # a range may touch the edge of what is possible, its inside is what is studied
             if not parameter.possible(value) and (low == high or value < parameter.floor or value >= parameter.ceiling):
-                above = "above" if parameter.exclusive else "at least"
-                limit = "" if parameter.ceiling == float("inf") else f" and below {parameter.ceiling:g}"
-                raise _FieldError(field, f"{value:g}", f"{above} {parameter.floor:g}{limit} {parameter.unit}".strip())
+                raise _FieldError(field, f"{value:g}", parameter.limits)
         return Parameter(
             parameter.name,
             parameter.unit,
@@ -143,10 +142,9 @@ class SobolSettings(_Section):
     @field_validator("specimens")
     @classmethod
     def _once(cls, value: Any) -> Any:
-        if isinstance(value, list):
-            for name in value:
-                if value.count(name) > 1:
-                    raise ValueError(f"{shown(name)} is a duplicate; expected each specimen once")
+        if isinstance(value, list) and len(set(value)) < len(value):
+            name = next(name for i, name in enumerate(value) if name in value[:i])
+            raise ValueError(f"{shown(name)} is a duplicate; expected each specimen once")
         return value
 
 
@@ -268,7 +266,7 @@ class Study(_Section):
         steps = settings.time_steps
         return FEBio(
             executable=str(Path(executable).resolve()),
-            version=solver_version(Path(executable)),
+            version=solver_version(Path(executable).resolve()),
             template=template,
             scratch=scratch,
             timeout_s=settings.timeout_s,
@@ -286,16 +284,20 @@ class _FieldError(ValueError):
         self.field, self.problem, self.expected = field, problem, expected
 
 
-def read_study(path: Path) -> Study:
-    """Read and validate a study file. Raises :class:`BadInput` for the first thing that is wrong."""
+def read_study(path: Path, *, seed: int | None = None) -> Study:
+    """Read and validate a study file; ``seed`` replaces the study's.
+
+    Raises :class:`BadInput` for the first thing that is wrong.
+    """
     if path.suffix.lower() in (".pkl", ".pickle"):
         raise BadInput(path, "pickled data are never read", "a YAML file")
-    if not path.is_file():
-        problem = "is a folder" if path.is_dir() else "neither file nor link" if path.exists() else "is not there"
+    if not os.path.isfile(path):  # unlike Path.is_file, it takes names of any length
+        there = "is a folder" if os.path.isdir(path) else "neither file nor link"
+        problem = there if os.path.exists(path) else "is not there"
         raise BadInput(path, problem, "a study file in YAML")
     try:
         if (size := path.stat().st_size) > MAX_STUDY_BYTES:
-            raise BadInput(path, f"{size / 2**20:,.0f} MB", "a study file of at most 1 MB")
+            raise BadInput(path, f"{size / 2**20:,.0f} MB", "a study file of at most 256 kB")
         text = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError:
         raise BadInput(path, "not a text file", "YAML in UTF-8") from None
@@ -303,7 +305,7 @@ def read_study(path: Path) -> Study:
         raise BadInput(path, (error.strerror or "cannot be read").lower(), "a readable file") from None
     content, lines = _parse(path, text)
     try:
-        study = Study.model_validate(content)
+        study = Study.model_validate(content if seed is None else {**content, "seed": seed})
     except ValidationError as error:
         raise _first_problem(path, error, lines) from None
     study._path = path
@@ -356,6 +358,8 @@ def _check_events(path: Path, text: str) -> None:
         where = f"{path}: line {event.start_mark.line + 1 if event.start_mark else 1}"
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
             raise BadInput(where, "an anchor or alias", "plain YAML, every value written out")
+        if tag := getattr(event, "tag", None):
+            raise BadInput(where, f"the tag {shown(tag)}", "plain YAML without tags")
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > MAX_DEPTH:
@@ -390,7 +394,6 @@ def _lines(path: Path, node: yaml.Node, field: tuple[str, ...]) -> Iterator[tupl
 
 
 _EXPECTED = {
-    "missing": "a value",
     "float_type": "a number",
     "int_type": "a whole number",
     "int_from_float": "a whole number",
@@ -404,33 +407,45 @@ _EXPECTED = {
 }
 
 
+_UNIONS = {
+    "specimens": "'all' or a list of specimen names, each once",
+    "points_per_curve": "'all' or a whole number of at least 2",
+}
+
+
 def _first_problem(path: Path, error: ValidationError, lines: dict[tuple[str, ...], int]) -> BadInput:
     problems = error.errors(include_url=False)
     first = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
-    field = tuple(str(part) for part in first["loc"] if str(part) in _places(lines) or first["type"] == "missing")
-    if first["type"] in ("missing", "extra_forbidden") and (not field or field[-1] != str(first["loc"][-1])):
-        field = (*field, str(first["loc"][-1]))
-    context = first.get("ctx", {})
-    own = context.get("error")
+    location = [str(part) for part in first["loc"]]
+    kind = location.pop(1) if location[:1] in (["simulator"], ["cluster"]) and len(location) > 1 else ""
+    field: tuple[str, ...] = ()
+    for part in location:  # what is not in the file names members of unions
+        if (*field, part) in lines:
+            field = (*field, part)
+    if first["type"] == "missing":
+        field = (*field, location[-1])
+    own = first.get("ctx", {}).get("error")
     if isinstance(own, _FieldError):
         field = (*field, *own.field.split("."))
         problem, expected = own.problem, own.expected
     elif own is not None:
         problem, _, expected = str(own).partition("; expected ")
+    elif first["type"] == "extra_forbidden":
+        problem, expected = "unknown key", f"one of {', '.join(_known_keys(field[:-1], kind))}"
+    elif first["type"] == "missing":
+        problem, expected = "missing", "a value"
     else:
-        problem = "missing" if first["type"] == "missing" else shown(first["input"])
-        if first["type"] == "extra_forbidden":
-            problem = "unknown key"
-        expected = _expected(first, context, field)
+        problem, expected = shown(first["input"]), _expected(first, field)
     line = next((lines[field[:n]] for n in range(len(field), -1, -1) if field[:n] in lines), 1)
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return BadInput(f"{path}: line {line}, {'.'.join(field) or 'study'}", problem, expected + more)
+    return BadInput(f"{path}: line {line}, {'.'.join(field) or 'study'}", problem, expected)
 
 
-def _expected(problem: Any, context: dict[str, Any], field: tuple[str, ...]) -> str:
-    if problem["type"] == "extra_forbidden":
-        return f"one of {', '.join(_known_keys(field[:-1]))}"
-    if problem["type"] in ("literal_error", "union_tag_invalid", "enum"):
+def _expected(problem: Any, field: tuple[str, ...]) -> str:
+    context = problem.get("ctx", {})
+    for name, words in _UNIONS.items():
+        if name in field:
+            return words
+    if problem["type"] in ("literal_error", "union_tag_invalid"):
         return f"one of {context.get('expected') or context.get('expected_tags')}"
     for key, words in (("gt", "above"), ("ge", "at least"), ("lt", "below"), ("le", "at most")):
         if key in context:
@@ -442,21 +457,15 @@ def _expected(problem: Any, context: dict[str, Any], field: tuple[str, ...]) -> 
     return _EXPECTED.get(problem["type"], problem["msg"])
 
 
-def _known_keys(field: tuple[str, ...]) -> list[str]:
-    sections: dict[tuple[str, ...], type[BaseModel] | tuple[type[BaseModel], ...]] = {
+def _known_keys(field: tuple[str, ...], kind: str) -> list[str]:
+    sections: dict[tuple[str, ...], type[BaseModel]] = {
         (): Study,
         ("model",): ModelSettings,
-        ("simulator",): (FEBioSettings, UniaxialSettings),
+        ("simulator",): FEBioSettings if kind == "febio" else UniaxialSettings,
         ("simulator", "time_steps"): TimeSteps,
-        ("cluster",): (LocalSettings, AddressSettings),
+        ("cluster",): AddressSettings if kind == "address" else LocalSettings,
         ("sobol",): SobolSettings,
         ("importance",): ImportanceSettings,
         ("store",): StoreSettings,
     }
-    found = sections.get(field, ParameterSettings)
-    models = found if isinstance(found, tuple) else (found,)
-    return list(dict.fromkeys(name for model in models for name in model.model_fields))
-
-
-def _places(lines: dict[tuple[str, ...], int]) -> set[str]:
-    return {part for field in lines for part in field}
+    return list(sections.get(field, ParameterSettings).model_fields)

@@ -4,6 +4,7 @@ import hashlib
 import json
 import logging
 import os
+import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
@@ -94,7 +95,7 @@ def open_workspace(
     study: Study,
     *,
     data: Path | None = None,
-    out: Path | None = None,
+    out: Path,
     workers: int | None = None,
     simulator: str | None = None,
     quiet: bool = False,
@@ -102,25 +103,28 @@ def open_workspace(
 ) -> Iterator[Workspace]:
     """Read what a study needs, check all of it, and only then open (or create) its result folder.
 
-    ``data`` replaces the study's cohort, ``out`` the folder ``results/NAME``. Raises :class:`BadInput` and
+    ``data`` replaces the study's cohort. Raises :class:`BadInput` and
     :class:`runner.errors.StoreError`.
     """
-    out = out or Path("results") / study.name
     cohort = read_cohort(data or study.cohort_path)
     model = study.tendon()
     chosen = study.simulator_object(simulator, out.resolve() / "attempts")
     if study.sobol.specimens != "all":
         cohort.choose(study.sobol.specimens, f"{study.path}: sobol.specimens")
     check_folder(out)
+    if out.resolve().is_relative_to(cohort.folder.resolve()):
+        raise BadInput(f"--out {out}", f"lies inside the cohort {cohort.folder}", "a folder beside it")
     with ExitStack() as stack:
         store = stack.enter_context(Store.writing(out, study.name))
         stack.enter_context(_log_to(out / "log.jsonl"))
+        for abandoned in (out / "attempts").glob("attempt-*"):  # their workers were killed
+            shutil.rmtree(abandoned, ignore_errors=True)
         yield Workspace(study, cohort, model, chosen, store, out, workers, quiet, retry_failed, _stack=stack)
 
 
 def check_folder(out: Path) -> None:
     """Refuse a result folder that cannot be one, before anything is written."""
-    existing = next(parent for parent in (out, *out.absolute().parents) if parent.exists())
+    existing = next(parent for parent in (out, *out.absolute().parents) if os.path.lexists(parent))
     if not existing.is_dir():
         raise BadInput(f"--out {out}", f"{existing} is a file", "a folder")
     if not os.access(existing, os.W_OK):
@@ -164,7 +168,7 @@ def read_result(path: Path) -> dict[str, Any] | None:
     """A result that was written before, or None."""
     try:
         content = json.loads(path.read_text("utf-8"))
-    except (FileNotFoundError, json.JSONDecodeError, UnicodeDecodeError):
+    except (OSError, json.JSONDecodeError, UnicodeDecodeError):
         return None
     return content if isinstance(content, dict) else None
 

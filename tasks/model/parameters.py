@@ -30,6 +30,13 @@ class Parameter:
     def fixed(self) -> bool:
         return self.minimum == self.maximum
 
+    @property
+    def limits(self) -> str:
+        """What values are possible, in words."""
+        above = f"{'above' if self.exclusive else 'at least'} {self.floor:g}"
+        below = "" if self.ceiling == np.inf else f" and below {self.ceiling:g}"
+        return f"{above}{below}{'' if self.unit == '1' else f' {self.unit}'}"
+
     def possible(self, value: float) -> bool:
         """Whether the model can be evaluated at ``value`` at all."""
         above = value > self.floor if self.exclusive else value >= self.floor

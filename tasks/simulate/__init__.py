@@ -73,9 +73,5 @@ def impossible(model: Model, parameters: Array) -> dict[int, str]:
         values = parameters[:, column]
         above = values > parameter.floor if parameter.exclusive else values >= parameter.floor
         for row in np.flatnonzero(~(above & (values < parameter.ceiling))):
-            reasons.setdefault(
-                int(row),
-                f"{parameter.name} = {values[row]:g} {parameter.unit}, but it must be "
-                f"{'above' if parameter.exclusive else 'at least'} {parameter.floor:g} and below {parameter.ceiling:g}",
-            )
+            reasons.setdefault(int(row), f"{parameter.name} = {values[row]:g}; expected {parameter.limits}")
     return reasons

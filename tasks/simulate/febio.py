@@ -95,7 +95,7 @@ class FEBio:
         self.scratch.mkdir(parents=True, exist_ok=True)
         directory = Path(tempfile.mkdtemp(prefix="attempt-", dir=self.scratch))
         try:
-            text = render(self.template, model, specimen, times, displacements, values)
+            text = _rendered(self.template, model, specimen, times, displacements, values)
             (directory / INPUT).write_text(text, "utf-8")
             finished = external.run(
                 [self.executable, "-i", INPUT, "-o", LOG, "-silent"],
@@ -104,14 +104,27 @@ class FEBio:
                 environment=_ENVIRONMENT,
                 max_file_bytes=self.max_file_bytes,
             )
+            if finished.returncode == 1 and not (directory / LOG).exists():  # refused: with -silent it does not say why
+                finished = external.run(
+                    [self.executable, "-i", INPUT, "-o", LOG],
+                    directory,
+                    timeout_s=self.timeout_s,
+                    environment=_ENVIRONMENT,
+                    max_file_bytes=self.max_file_bytes,
+                )
             _check_end(finished, directory, self.timeout_s)
             reactions = read_reactions(directory / REACTIONS, times[1:], self.max_file_bytes)
         except _Failed as failed:
-            _refuse_full_disk(self.scratch)
-            raise _Failed(failed.status, failed.words + self._keep(directory, failed.status)) from None
+            if _is_full(self.scratch):
+                shutil.rmtree(directory, ignore_errors=True)
+                raise _no_space(self.scratch) from None
+            failed.words += self._keep(directory, failed.status)
+            raise
         except OSError:
+            full = _is_full(self.scratch)
             shutil.rmtree(directory, ignore_errors=True)
-            _refuse_full_disk(self.scratch)
+            if full:
+                raise _no_space(self.scratch) from None
             raise
         shutil.rmtree(directory, ignore_errors=True)
         at_steps = HALF * np.concatenate([[0.0], reactions])[first:]
@@ -146,7 +159,13 @@ def read_template(folder: Path, name: str | None) -> str:
     """
     path = resource(f"templates/{DEFAULT_TEMPLATE}") if name is None else folder / name
     if name is not None:
-        if not path.resolve().is_relative_to(folder.resolve()):
+        try:
+            inside = path.resolve().is_relative_to(folder.resolve())
+        except (ValueError, RuntimeError, OSError):
+            raise BadInput(
+                "simulator.template", f"{shown(name)} cannot be a file", "a template beside the study"
+            ) from None
+        if not inside:
             raise BadInput(path, "lies outside the study's folder", "a template inside it")
         if not path.is_file():
             raise BadInput(path, "is not there", "a FEBio input template")
@@ -164,12 +183,40 @@ def read_template(folder: Path, name: str | None) -> str:
         rendered = render(text, model, Specimen("check", 10.0, 8.0, 4.0), times, 0.1 * times, model.reference)
     except jinja2.TemplateSyntaxError as error:
         raise BadInput(f"{path}: line {error.lineno}", error.message or "syntax error", "a Jinja2 template") from None
-    except (jinja2.TemplateError, TypeError, ValueError, OverflowError, ArithmeticError) as error:
+    except _CANNOT as error:
         raise BadInput(
             path, f"cannot be rendered ({error})", "the variables named at the top of tendon.feb.j2"
         ) from None
     _check_xml(path, rendered)
     return text
+
+
+def _rendered(
+    template: str, model: Model, specimen: Specimen, times: Array, displacements: Array, values: Array
+) -> str:
+    try:
+        text = render(template, model, specimen, times, displacements, values)
+        if _SUSPECT.search(text):  # parsing every input would cost as much as a short run
+            _check_xml(Path(INPUT), text)
+    except BadInput as error:
+        raise _Failed("bad_input", str(error)) from None
+    except _CANNOT as error:
+        raise _Failed("bad_input", f"the template cannot be rendered ({error})") from None
+    return text
+
+
+# whatever could name a file outside the attempt's directory, or hide one in an entity
+_SUSPECT = re.compile(r"""&|<!|Include|(?:file|from)\s*=\s*(["'])(?!\w[\w.-]*\1)""")
+_CANNOT = (
+    jinja2.TemplateError,
+    TypeError,
+    ValueError,
+    ArithmeticError,
+    LookupError,
+    RecursionError,
+    MemoryError,
+    SyntaxError,
+)
 
 
 def render(template: str, model: Model, specimen: Specimen, times: Array, displacements: Array, values: Array) -> str:
@@ -198,6 +245,8 @@ def _compiled(template: str) -> jinja2.Template:
 
 
 def _full(value: Any) -> str:
+    if isinstance(value, jinja2.Undefined):
+        str(value)  # says which variable it is
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"| full prints numbers, not {shown(value)}")
     return repr(float(value))
@@ -215,11 +264,13 @@ def _points(times: bytes, displacements: bytes) -> tuple[str, str]:
 def _check_xml(path: Path, text: str) -> None:
     try:
         root = defusedxml.ElementTree.fromstring(text.encode())
-    except (defusedxml.ElementTree.ParseError, DefusedXmlException) as error:
+    except (defusedxml.ElementTree.ParseError, DefusedXmlException, ValueError) as error:
         raise BadInput(path, f"renders to no XML ({error})", "a FEBio input file") from None
     if root.tag != "febio_spec":
         raise BadInput(path, f"renders to <{root.tag}>", "<febio_spec>")
     for element in root.iter():
+        if element.tag == "Include":
+            raise BadInput(path, "<Include>", "everything in the template itself")
         for attribute in ("file", "from"):
             name = element.get(attribute)
             if name is not None and (Path(name).name != name or name in ("", ".", "..")):
@@ -319,19 +370,24 @@ def read_reactions(path: Path, times: Array, max_bytes: int) -> Array:
         raise _Failed("bad_output", f"the solver wrote no {path.name}") from None
     except UnicodeDecodeError:
         raise _Failed("bad_output", f"{path.name} is not text") from None
+    if text and not text.endswith("\n"):
+        raise _Failed("bad_output", f"{path.name} ends in the middle of a line")
     lines = text.splitlines()
     try:
         found = np.array([float(line.partition("=")[2]) for line in lines if line.startswith("*Time")])
         values = np.array([float(line.rpartition(",")[2]) for line in lines if line and not line.startswith("*")])
     except ValueError as error:
         raise _Failed("bad_output", f"{path.name} holds something else than numbers ({error})") from None
-    if found.size != times.size or not found.size or values.size % found.size:
+    heads = np.flatnonzero([line.startswith("*Time") for line in lines if line and line[:5] not in ("*Step", "*Data")])
+    even = np.unique(np.diff(np.append(heads, found.size + values.size))).size == 1
+    if found.size != times.size or not values.size or not even:
         raise _Failed("bad_output", f"{path.name} holds {found.size} of {times.size} steps and {values.size} reactions")
-    late = np.flatnonzero(np.abs(found - times) > 1e-7 * max(1.0, times[-1]))
+    late = np.flatnonzero(~(np.abs(found - times) <= 1e-7 * max(1.0, times[-1])))
     if late.size:
         i = int(late[0])
         raise _Failed("bad_output", f"{path.name}: step {i + 1} is at {found[i]:g} s, not at {times[i]:g} s")
-    total = values.reshape(found.size, -1).sum(axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = values.reshape(found.size, -1).sum(axis=1)
     if not np.isfinite(total).all():
         raise _Failed("bad_output", f"{path.name} holds a reaction that is not finite")
     return total
@@ -358,6 +414,8 @@ def _check_end(finished: external.Finished, directory: Path, timeout_s: float) -
             raise _Failed("negative_jacobian", words)
         stepped = re.search(r"===== beginning time step|Retrying time step|AUTO STEPPER|Nonlinear solution", log)
         raise _Failed("diverged" if stepped else "bad_input", words)
+    if finished.returncode == 1 and not (directory / LOG).exists():
+        raise _Failed("bad_input", words or "the solver could not read its input")
     if finished.returncode != 0:
         refused = re.search(r"initializ|FATAL ERROR|Failed reading|failed to read|parse|syntax", words, re.IGNORECASE)
         raise _Failed("bad_input" if refused else "crashed", f"exit code {finished.returncode}. {words}")
@@ -367,17 +425,20 @@ def _check_end(finished: external.Finished, directory: Path, timeout_s: float) -
 
 def _last_words(log: str, output: str) -> str:
     """The solver's own account of what went wrong: its last error boxes, or else the last lines that it wrote."""
-    boxes = [" ".join(line.strip(" *") for line in box.splitlines()) for box in _BOX.findall(log)]
+    boxes = [" ".join(line.strip(" *") for line in box.splitlines()) for box in _BOX.findall(f"{log}\n{output}")]
     if boxes:
         return "; ".join(dict.fromkeys(" ".join(box.split()) for box in boxes[-3:]))
     lines = [line.strip() for line in f"{log}\n{output}".splitlines() if line.strip(" *=-\t")]
     return "; ".join(line for line in lines[-3:] if not line.startswith("Reading configuration"))
 
 
-def _refuse_full_disk(scratch: Path) -> None:
+def _is_full(scratch: Path) -> bool:
     """A full disk is nobody's row: stop the run instead of failing rows by the thousand."""
-    if shutil.disk_usage(scratch).free < 2**20:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(scratch))
+    return shutil.disk_usage(scratch).free < 2**20
+
+
+def _no_space(scratch: Path) -> OSError:
+    return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(scratch))
 
 
 def solver_version(executable: Path) -> str:

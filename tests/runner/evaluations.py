@@ -1,4 +1,4 @@
-"""Evaluations that workers of the tests can import: quick, slow, failing and deadly ones, which write down what they do."""
+"""Evaluations that workers of the tests can import: quick, slow, failing and deadly ones."""
 
 import errno
 import os

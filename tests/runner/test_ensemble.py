@@ -122,6 +122,6 @@ def test_a_stranger_without_the_certificate_is_refused(client):
 
 
 def test_an_address_without_a_scheduler_is_one_clear_line():
-    with pytest.raises(ClusterError, match=r"cluster\.address: no scheduler at tcp://127\.0\.0\.1:9"):
-        with open_client(Address("tcp://127.0.0.1:9")):
-            pass
+    expected = pytest.raises(ClusterError, match=r"cluster\.address: no scheduler at tcp://127\.0\.0\.1:9")
+    with expected, open_client(Address("tcp://127.0.0.1:9")):
+        pass

@@ -168,10 +168,9 @@ def test_dying_while_planning_loses_nothing(tmp_path, monkeypatch):
 
 def test_half_a_segment_is_named(tmp_path):
     path = tmp_path / "rows-000000000-00002.safetensors"
-    one = np.zeros(1, dtype=np.int8)
-    Segment(np.array([0]), one, one.astype(np.int16), one.astype(float), {"y": np.zeros((1, 9))}, ("",), "w").write(
-        path
-    )
+    one = np.zeros(1)
+    values = {"y": np.zeros((1, 9))}
+    Segment(np.array([0]), one.astype(np.int8), one.astype(np.int16), one, values, ("",), "w").write(path)
     path.write_bytes(path.read_bytes()[:-20])
     with pytest.raises(StoreError, match=path.name):
         Segment.read(path)
@@ -203,10 +202,8 @@ def test_a_truncated_chunk_is_named_and_repaired(tmp_path, array):
 def test_a_store_of_another_study_is_refused(tmp_path):
     with Store.writing(tmp_path, "first"):
         pass
-    with (
-        pytest.raises(StoreError, match=r"belongs to the study 'first', not to 'second'"),
-        Store.writing(tmp_path, "second"),
-    ):
+    expected = pytest.raises(StoreError, match=r"belongs to the study 'first', not to 'second'")
+    with expected, Store.writing(tmp_path, "second"):
         pass
 
 

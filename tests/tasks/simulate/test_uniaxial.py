@@ -132,6 +132,6 @@ def test_impossible_parameters_are_failed_rows_with_a_reason(model):
     rows[2, model.names.index("E_m")] = 1e308
     simulated = Uniaxial().simulate(model, BAR, one_step(10.0, 5.0), rows)
     assert [STATUSES[s] for s in simulated.status] == ["ok", "bad_input", "diverged"]
-    assert "tau_2f = 0 s" in simulated.messages[1]
+    assert "tau_2f = 0; expected above 0 s" in simulated.messages[1]
     assert np.isnan(simulated.force_N[1:]).all()
     assert np.isfinite(simulated.force_N[0]).all()

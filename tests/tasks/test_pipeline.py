@@ -1,0 +1,282 @@
+"""The command from end to end on small cohorts: what it leaves behind, what it pays for, how it tells of failures."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from runner.store import STATUSES, open_store
+from tasks import cli
+from tasks.cohort import published, virtual_cohort, write_cohort
+from tasks.measurements import read_cohort
+from tasks.model import Model
+from tasks.model.protocols import STANDARD
+from tasks.simulate.uniaxial import Uniaxial
+from tasks.workspace import Workspace
+from tests.conftest import SHARED
+
+STUDY = """
+name: small
+seed: 11
+cohort: cohort
+sobol: {base_samples: 32, resamples: 50}
+importance: {trees: 20, repeats: 3}
+"""
+
+
+@pytest.fixture
+def study(tmp_path) -> Path:
+    """A study of two specimens, sampled twice a second."""
+    specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=2.0)
+    write_cohort(tmp_path / "cohort", specimens[:2], truth)
+    (tmp_path / "study.yaml").write_text(STUDY)
+    return tmp_path / "study.yaml"
+
+
+def sinew(*words: object) -> None:
+    """Run the command in this process; it ends by returning or by SystemExit."""
+    argv, sys.argv = sys.argv, ["sinew", *map(str, words)]
+    try:
+        cli.main()
+    finally:
+        sys.argv = argv
+
+
+def new_simulations(out: Path) -> list[int]:
+    lines = [json.loads(line) for line in (out / "log.jsonl").read_text().splitlines()]
+    return [line["new_simulations"] for line in lines if line["message"] == "task finished"]
+
+
+def test_a_run_leaves_results_arrays_figures_and_a_log(study, tmp_path, capsys):
+    out = tmp_path / "out"
+    sinew("run", study, "--out", out, "--workers", 2)
+    said = capsys.readouterr().out
+    assert "E_f" in said
+    assert "points asked" not in said  # base samples were given, nothing was rounded
+
+    sobol = json.loads((out / "sobol.json").read_text())
+    names = [parameter.name for parameter in Model().parameters]
+    assert sobol["names"] == names
+    assert (sobol["rows"], sobol["failed"], sobol["base_samples"]) == (32 * 18, 0, 32)
+    for values in (sobol, *sobol["protocols"].values(), *sobol["specimens"].values()):
+        for key in ("S1", "S1_conf", "ST", "ST_conf"):
+            assert len(values[key]) == 16
+    assert set(sobol["protocols"]) == {"one_step", "two_step", "cyclic"}
+    assert sobol["protocols"]["cyclic"]["rows"] == 32 * 18
+    assert sobol["ST"][names.index("nu_m")] == 0.0
+    assert sobol["ST"][names.index("E_f")] > 0.1
+
+    importance = json.loads((out / "importance.json").read_text())
+    assert importance["new_simulations"] == 0
+    assert sum(importance["impurity_percent"]) == pytest.approx(100)
+    assert new_simulations(out) == [2 * 32 * 18, 0]
+
+    tree = xr.open_datatree(out / "store.zarr", engine="zarr", consolidated=False)
+    assert tree["sobol"]["ST"].sel(output="total", parameter="E_f").item() == pytest.approx(sobol["ST"][0])
+    assert tree["importance"]["permutation"].dims == ("output", "parameter")
+    table = next(iter(tree["evaluations"].children.values())).to_dataset()
+    assert table["force_cyclic"].dims == ("row", "time_cyclic")
+    assert table["objective"].attrs["units"] == "N"
+    along = next(iter(tree["sobol_time"].children.values())).to_dataset()
+    assert along["ST_cyclic"].dims == ("parameter", "time_cyclic")
+    assert np.isnan(along["ST_cyclic"].isel(time_cyclic=0)).all()  # no force, nothing to explain
+    assert np.isfinite(along["ST_cyclic"].isel(time_cyclic=slice(5, None))).all()
+
+    figures = {path.name for path in (out / "figures").iterdir()}
+    assert {"sobol.png", "sobol.pdf", "sobol_convergence.png", "importance.pdf"} <= figures
+    assert not list((out / "journal").rglob("*.safetensors"))
+
+
+def test_running_again_simulates_nothing_and_starts_no_cluster(study, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    sinew("run", study, "--out", out, "--quiet")
+    before = {path: path.read_bytes() for path in out.glob("*.json")}
+    monkeypatch.setattr(Workspace, "client", lambda self: pytest.fail("a cluster was started"))
+    sinew("run", study, "--out", out, "--quiet")
+    assert new_simulations(out) == [2 * 32 * 18, 0, 0, 0]
+    assert before == {path: path.read_bytes() for path in out.glob("*.json")}
+
+
+@pytest.fixture
+def in_this_process(monkeypatch):
+    """Evaluate without a cluster."""
+    monkeypatch.setattr(Workspace, "client", lambda self: None)
+
+
+def test_extending_pays_for_new_rows_only(study, tmp_path, in_this_process):
+    out = tmp_path / "out"
+    sinew("sobol", study, "--out", out, "--quiet")
+    sinew("sobol", study, "--out", out, "--quiet", "--extend")
+    sobol = json.loads((out / "sobol.json").read_text())
+    assert sobol["base_samples"] == 64
+    assert new_simulations(out) == [2 * 32 * 18, 2 * 32 * 18]
+    assert sobol["convergence"]["base_samples"] == [32, 64]
+    fresh = tmp_path / "fresh"
+    study.write_text(STUDY.replace("base_samples: 32", "base_samples: 64"))
+    sinew("sobol", study, "--out", fresh, "--quiet")
+    again = json.loads((fresh / "sobol.json").read_text())
+    assert again["ST"] == sobol["ST"]
+
+
+def test_points_are_rounded_aloud(study, tmp_path, in_this_process, capsys):
+    study.write_text(STUDY.replace("base_samples: 32", "points: 100"))
+    sinew("sobol", study, "--out", tmp_path / "out")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "100 points asked; the next power of two is 8 base samples, 144 rows for 16 parameters" in said
+
+
+def test_the_seed_decides_the_numbers(study, tmp_path, in_this_process):
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        sinew("sobol", study, "--out", tmp_path / name, "--seed", seed, "--quiet")
+    a, b, c = ((tmp_path / name / "sobol.json").read_bytes() for name in "abc")
+    assert a == b != c
+
+
+def test_failed_rows_are_told_and_left_out(study, tmp_path, in_this_process, monkeypatch, capsys):
+    real = Uniaxial.compare
+
+    def failing(self, model, specimen, curve, parameters, keep):
+        compared = real(self, model, specimen, curve, parameters, keep)
+        lost = parameters[:, 0] > 270
+        compared.status[lost] = STATUSES.index("diverged")
+        compared.rmse_N[lost] = np.nan
+        compared.force_N[lost] = np.nan
+        return type(compared)(compared.rmse_N, compared.force_N, compared.status, tuple("too stiff" for _ in lost))
+
+    monkeypatch.setattr(Uniaxial, "compare", failing)
+    out = tmp_path / "out"
+    sinew("run", study, "--out", out)
+    said = " ".join(capsys.readouterr().out.split())
+    sobol = json.loads((out / "sobol.json").read_text())
+    assert 0 < sobol["failed"] < sobol["rows"]
+    assert sobol["base_samples_used"] < 32
+    assert sobol["failures"]["by_status"]["distal/1"] == {"diverged": sobol["failed"]}
+    assert np.isfinite(sobol["ST"]).all()
+    assert (np.array(sobol["failures"]["ST_high"]) >= np.array(sobol["failures"]["ST_low"])).all()
+    assert f"{sobol['failed']} of 576 rows failed; base samples with a failed row are left out" in said
+    assert json.loads((out / "importance.json").read_text())["failed"] == sobol["failed"]
+    sinew("status", out)
+    status = capsys.readouterr().out
+    assert "diverged: cyclic: too stiff" in status
+
+    monkeypatch.setattr(Uniaxial, "compare", real)
+    sinew("sobol", study, "--out", out, "--quiet", "--retry-failed")
+    assert json.loads((out / "sobol.json").read_text())["failed"] == 0
+    assert new_simulations(out)[-1] == 2 * sobol["failed"]
+
+
+def test_status_speaks_json(study, tmp_path, in_this_process, capsys):
+    sinew("sobol", study, "--out", tmp_path / "out", "--quiet")
+    sinew("status", tmp_path / "out", "--json")
+    found = json.loads(capsys.readouterr().out)
+    assert [table["done"] for table in found["tables"]] == [576, 576]
+    assert found["results"] == ["sobol"]
+
+
+def test_simulate_writes_every_row_at_every_measured_point(study, tmp_path, capsys):
+    rows = tmp_path / "rows.csv"
+    rows.write_text("E_f,tau_1m\n200,0.5\n170,1.5\n")
+    sinew("simulate", study, "--parameters", rows, "--out", tmp_path / "out")
+    model = Model()
+    values = model.full(("E_f", "tau_1m"), np.array([[200, 0.5], [170, 1.5]]))
+    for specimen in read_cohort(tmp_path / "cohort").specimens:
+        for curve in specimen.curves:
+            table = pd.read_csv(tmp_path / "out" / f"{specimen.name}.{curve.name}.csv")
+            assert list(table) == ["time_s", "displacement_mm", "row_0", "row_1"]
+            expected = Uniaxial().simulate(model, specimen, curve.protocol, values).force_N
+            assert np.array_equal(table[["row_0", "row_1"]].to_numpy().T, expected)
+            assert np.array_equal(table["time_s"].to_numpy(), curve.protocol.time_s)
+    assert json.loads((tmp_path / "out" / "simulate.json").read_text())["failed"] == 0
+
+
+@pytest.mark.febio
+def test_both_engines_run_the_same_study(study, tmp_path):
+    rows = tmp_path / "rows.csv"
+    rows.write_text("E_f,nu_m\n200,0.1\n170,0.3\n")
+    for engine in ("uniaxial", "febio"):
+        sinew("simulate", study, "--parameters", rows, "--out", tmp_path / engine, "--simulator", engine, "--quiet")
+    for file in (tmp_path / "uniaxial").rglob("*.*.csv"):
+        ours, solver = (
+            pd.read_csv(tmp_path / e / file.relative_to(tmp_path / "uniaxial")) for e in ("uniaxial", "febio")
+        )
+        peak = ours["row_0"].abs().max()
+        assert np.abs(ours - solver).to_numpy().max() < 1e-6 * peak
+    study.write_text(STUDY.replace("base_samples: 32", "base_samples: 2"))
+    sinew("sobol", study, "--out", tmp_path / "out", "--simulator", "febio", "--quiet")
+    assert json.loads((tmp_path / "out" / "sobol.json").read_text())["failed"] == 0
+    assert not list((tmp_path / "out" / "attempts").iterdir())
+
+
+def test_the_virtual_cohort_is_the_published_one(tmp_path, capsys):
+    sinew("cohort", "--out", tmp_path / "cohort", "--seed", 4, "--rate", 1)
+    cohort = read_cohort(tmp_path / "cohort")
+    assert len(cohort.specimens) == 27
+    truth = json.loads((tmp_path / "cohort" / "truth.json").read_text())["specimens"]
+    table = published()
+    for specimen in cohort.specimens:
+        site, number = specimen.name.split("/")
+        row = table[(table["site"] == site) & (table["specimen"] == number)].iloc[0]
+        assert truth[specimen.name]["parameters"]["E_f"] == row["E_f"]
+        assert specimen.donor == number
+        values = np.array([list(truth[specimen.name]["parameters"].values())])
+        for curve in specimen.curves:
+            force = Uniaxial().simulate(Model(), specimen, curve.protocol, values).force_N[0]
+            residual = curve.force_N - force
+            assert residual.std() == pytest.approx(truth[specimen.name]["noise_sd_N"], rel=0.35)
+
+
+def test_noise_has_the_level_and_the_correlation_that_it_says():
+    specimens, truth = virtual_cohort(seed=0, per_site=1, rate_hz=50.0, noise=0.01, ar1=0.6)
+    for specimen in specimens:
+        known = truth["specimens"][specimen.name]
+        values = np.array([list(known["parameters"].values())])
+        for curve in specimen.curves:
+            residual = curve.force_N - Uniaxial().simulate(Model(), specimen, curve.protocol, values).force_N[0]
+            assert residual.std() == pytest.approx(known["noise_sd_N"], rel=0.06)
+            assert np.corrcoef(residual[1:], residual[:-1])[0, 1] == pytest.approx(0.6, abs=0.05)
+
+
+def test_a_smaller_cohort_holds_the_same_specimens():
+    few, _ = virtual_cohort(seed=5, per_site=1, rate_hz=1.0)
+    many, _ = virtual_cohort(seed=5, per_site=2, rate_hz=1.0)
+    names = [specimen.name for specimen in many]
+    for specimen in few:
+        assert many[names.index(specimen.name)].identity() == specimen.identity()
+
+
+def test_protocols_of_any_length_keep_their_strain():
+    for make in STANDARD:
+        short, long = make(5.0, 10.0), make(20.0, 10.0)
+        assert np.allclose(short.displacement_mm / 5.0, long.displacement_mm / 20.0)
+
+
+@pytest.mark.shared
+def test_bench_exports_run_like_any_cohort(study, tmp_path, in_this_process, capsys):
+    exports = sorted((SHARED / "real" / "rattail-fascicle").glob("*.csv"))
+    sinew("import", *exports, "--out", tmp_path / "rats")
+    cohort = read_cohort(tmp_path / "rats")
+    assert [specimen.name for specimen in cohort.specimens] == ["fresh1_relax", "fresh2_relax", "incubated1_relax"]
+    fresh = cohort.specimens[0]
+    assert fresh.length_mm == 14.33
+    assert fresh.area_mm2 == pytest.approx(np.pi * 0.399**2 / 4, rel=1e-6)
+    assert fresh.curves[0].name == "relaxation"
+    assert fresh.curves[0].force_N.max() == 2.66469
+    sinew("sobol", study, "--data", tmp_path / "rats", "--out", tmp_path / "out", "--quiet")
+    sobol = json.loads((tmp_path / "out" / "sobol.json").read_text())
+    assert sobol["failed"] == 0
+    assert set(sobol["specimens"]) == {specimen.name for specimen in cohort.specimens}
+    tables = open_store(tmp_path / "out").tables()
+    assert len(tables) == 3
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("case", ["dev-1/case_01", "dev-null/case_01"])
+def test_cohorts_without_sites_are_read(case):
+    folder = SHARED / "hidden" / case
+    cohort = read_cohort(folder)
+    assert [specimen.name for specimen in cohort.specimens] == ["s01", "s02"]
+    assert all(len(specimen.curves) == 3 for specimen in cohort.specimens)
