@@ -38,6 +38,9 @@ _SETTINGS = {
     "distributed.scheduler.work-stealing": False,
     "distributed.worker.profile.enabled": False,
     "distributed.diagnostics.nvml": False,
+    # logs of messages would keep every batch that was ever sent
+    "distributed.admin.low-level-log-length": 10,
+    "distributed.admin.log-length": 100,
     "distributed.admin.tick.limit": "60 s",
     "distributed.comm.timeouts.connect": "60 s",
     "distributed.deploy.lost-worker-timeout": "4 s",

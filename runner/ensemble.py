@@ -62,11 +62,11 @@ def evaluate(
     client: Callable[[], Client | None],
     table: Table,
     evaluation: Evaluation,
-    parameters: Array,
+    rows: Array,
     report: Report | None = None,
     policy: Policy = Policy(),
-) -> Array:
-    """Make sure that every row of ``parameters`` ``[n, d]`` has a committed outcome; returns their row numbers ``[n]``.
+) -> None:
+    """Make sure that ``rows`` ``[n]``, as :meth:`runner.store.Table.plan` numbers them, have committed outcomes.
 
     Known rows cost a look-up: ``client`` is called only when something is left to do; when it gives None, the work is
     done in this process. Interrupt it, kill it or its
@@ -74,14 +74,13 @@ def evaluate(
     be written and ``ClusterError`` when the cluster is lost.
     """
     table.fold(table.segments())
-    rows = table.plan(parameters)
     asked = np.unique(rows)
+    total, failed = int(asked.size), int((table.status[asked] > 0).sum())
     pending = table.pending(asked)
+    del asked
     if pending.size:
         table.journal.mkdir(parents=True, exist_ok=True)
-        failed = int((table.status[asked] > 0).sum())
-        _Run(client(), table, evaluation, pending, int(asked.size), report, policy, failed).work()
-    return rows
+        _Run(client(), table, evaluation, pending, total, report, policy, failed).work()
 
 
 class _Batch:

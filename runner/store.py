@@ -127,22 +127,47 @@ class Segment:
 
     @staticmethod
     def read(path: Path) -> "Segment":
-        """Read a segment. Raises ``StoreError`` when the file is not one."""
-        try:
-            with safe_open(path, framework="numpy") as file:
-                arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-                metadata = file.metadata()
+        """Read a segment; its values are read from the file when they are asked for. Raises ``StoreError``."""
+        with _segment_errors(path), safe_open(path, framework="numpy") as file:
+            metadata = file.metadata()
+            names = [name.removeprefix("value:") for name in file.keys() if name.startswith("value:")]  # noqa: SIM118
             return Segment(
-                arrays.pop("rows"),
-                arrays.pop("status"),
-                arrays.pop("attempts"),
-                arrays.pop("wall"),
-                {name.removeprefix("value:"): array for name, array in arrays.items()},
+                file.get_tensor("rows"),
+                file.get_tensor("status"),
+                file.get_tensor("attempts"),
+                file.get_tensor("wall"),
+                _Stored(path, tuple(names)),
                 tuple(json.loads(metadata["messages"])),
                 metadata["worker"],
             )
-        except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
-            raise StoreError(f"{path}: not a whole segment ({error}); delete it, its rows are computed again") from None
+
+
+@dataclass(frozen=True)
+class _Stored(Mapping[str, Array]):
+    """The values of a segment, field by field, so that a chunk is never in memory as a whole."""
+
+    path: Path
+    names: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self.names:
+            raise KeyError(name)
+        with _segment_errors(self.path), safe_open(self.path, framework="numpy") as file:
+            return file.get_tensor(f"value:{name}")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+@contextmanager
+def _segment_errors(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
+        raise StoreError(f"{path}: not a whole segment ({error}); delete it, its rows are computed again") from None
 
 
 class Store:
@@ -292,33 +317,39 @@ class Table:
 
         Equal parameter sets share a row. Raises ``ValueError`` for numbers that are not finite.
         """
-        parameters = np.ascontiguousarray(parameters, dtype=np.float64) + 0.0  # -0.0 and 0.0 are one number
-        if not np.isfinite(parameters).all():
+        if not all(np.isfinite(parameters[block]).all() for block in _slices(len(parameters), self.chunk_rows)):
             raise ValueError("parameters must be finite numbers")
-        rows = self.find(parameters)
+        hashes = self._hashes_of(parameters)
+        rows = self._find(parameters, hashes)
         new = np.flatnonzero(rows < 0)
         if new.size:
-            hashes = _hash_rows(parameters[new])
-            _, first, inverse = np.unique(hashes, return_index=True, return_inverse=True)
+            unique, first, inverse = np.unique(hashes[new], return_index=True, return_inverse=True)
             rank = np.empty(first.size, dtype=np.int64)  # unique sorts by hash; rows keep the order of asking
             rank[np.argsort(first)] = np.arange(first.size)
             rows[new] = len(self) + rank[inverse]
-            self._append(parameters[new[np.sort(first)]])
+            self._append(parameters, new[np.sort(first)], unique, len(self) + rank)
         return rows
 
     def find(self, parameters: Array) -> Array:
         """Row numbers ``[n]`` of known parameter sets ``[n, d]``, -1 for the others."""
-        parameters = np.ascontiguousarray(parameters, dtype=np.float64) + 0.0
+        return self._find(parameters, self._hashes_of(parameters))
+
+    def _hashes_of(self, parameters: Array) -> Array:
+        """A hash for each row, a chunk at a time so that memory stays flat."""
+        hashes = np.empty(len(parameters), dtype=np.uint64)
+        for block in _slices(len(parameters), self.chunk_rows):
+            hashes[block] = _hash_rows(parameters[block])
+        return hashes
+
+    def _find(self, parameters: Array, hashes: Array) -> Array:
         rows = np.full(len(parameters), -1, dtype=np.int64)
         if self._hashes.size == 0:
             return rows
-        wanted = _hash_rows(parameters)
-        place = np.minimum(np.searchsorted(self._hashes, wanted), self._hashes.size - 1)
-        known = self._hashes[place] == wanted
+        place = np.minimum(np.searchsorted(self._hashes, hashes), self._hashes.size - 1)
+        known = np.flatnonzero(self._hashes[place] == hashes)
         rows[known] = self._order[place[known]]
         for block in _blocks(rows[known], self.chunk_rows):
-            stored = self.parameters(rows[known][block])
-            if not np.array_equal(stored, parameters[known][block]):
+            if not np.array_equal(self.parameters(rows[known[block]]), parameters[known[block]]):
                 raise StoreError(f"{self._path('parameters')}: two parameter sets share one hash; please report this")
         return rows
 
@@ -369,24 +400,15 @@ class Table:
         if not parts:
             return
         had_some = bool((self.status[start:stop] != PENDING).any())
-        columns: list[tuple[str, list[Any]]] = [
-            (name, [_values(segment, name, inside) for segment, inside, _ in parts]) for name in self._fields
-        ]
-        columns += [
-            ("attempts", [segment.attempts[inside] for segment, inside, _ in parts]),
-            ("wall_seconds", [segment.wall_seconds[inside] for segment, inside, _ in parts]),
-            ("worker", [np.array([segment.worker] * inside.size, dtype=object) for segment, inside, _ in parts]),
-            ("message", [_texts(segment, inside) for segment, inside, _ in parts]),
-        ]
-        for name, values in columns:
+        for name in (*self._fields, "attempts", "wall_seconds", "worker", "message"):
             with _errors_named(self._path(name)):
                 array = self._array(name)
                 if had_some:
                     block = np.asarray(array[start:stop])
                 else:
                     block = np.full((stop - start, *array.shape[1:]), array.fill_value, dtype=array.dtype)
-                for (_, _, rows), value in zip(parts, values, strict=True):
-                    block[rows] = value
+                for segment, inside, rows in parts:
+                    block[rows] = _column(segment, name, inside)
                 array[start:stop] = block
         with _errors_named(self._path("status")):
             self._array("status")[start:stop] = status
@@ -452,18 +474,23 @@ class Table:
         order = np.argsort(hashes[rows_kept], kind="stable")
         return hashes[rows_kept][order], rows_kept[order]
 
-    def _append(self, parameters: Array) -> None:
+    def _append(self, parameters: Array, chosen: Array, hashes: Array, rows: Array) -> None:
+        """Plan the ``chosen`` of ``parameters`` as new rows; ``hashes`` and ``rows`` extend the index."""
         first = len(self)
-        count = first + len(parameters)
+        count = first + chosen.size
         with _errors_named(self._path("parameters")):
             for name in (*self._fields, "status", "attempts", "wall_seconds", "worker", "message", "parameters"):
                 array = self._array(name)
                 array.resize((count, *array.shape[1:]))
-            self._array("parameters")[first:count] = parameters
-        self.status = np.concatenate([self.status, np.full(len(parameters), PENDING, dtype=np.int8)])
-        hashes = _hash_rows(parameters)
+            planned = self._array("parameters")
+            start = first
+            while start < count:  # chunk by chunk, each written once
+                stop = min((start // self.chunk_rows + 1) * self.chunk_rows, count)
+                planned[start:stop] = parameters[chosen[start - first : stop - first]] + 0.0
+                start = stop
+        self.status = np.concatenate([self.status, np.full(chosen.size, PENDING, dtype=np.int8)])
         hashes = np.concatenate([self._hashes, hashes])
-        rows = np.concatenate([self._order, np.arange(first, count)])
+        rows = np.concatenate([self._order, rows])
         order = np.argsort(hashes, kind="stable")
         self._hashes, self._order = hashes[order], rows[order]
 
@@ -551,17 +578,28 @@ def _compressors(dtype: Any) -> list[Any]:
     return [*shuffled, Crc32cCodec()]
 
 
-def _values(segment: Segment, name: str, inside: Array) -> Any:
-    """A field's values; NaN when the whole batch failed before it had any."""
+def _column(segment: Segment, name: str, inside: Array) -> Any:
+    """A column of a segment at the positions ``inside``."""
+    if name == "attempts":
+        return segment.attempts[inside]
+    if name == "wall_seconds":
+        return segment.wall_seconds[inside]
+    if name == "worker":
+        return np.array([segment.worker] * inside.size, dtype=object)
+    if name == "message":
+        return np.array([segment.messages[i] if segment.messages else "" for i in inside], dtype=object)
+    # a batch that failed as a whole has no values
     return segment.values[name][inside] if name in segment.values else np.nan
 
 
-def _texts(segment: Segment, inside: Array) -> Array:
-    return np.array([segment.messages[i] if segment.messages else "" for i in inside], dtype=object)
-
-
 def _hash_rows(parameters: Array) -> Array:
-    return pd.util.hash_pandas_object(pd.DataFrame(parameters), index=False).to_numpy()
+    numbers = np.asarray(parameters, dtype=np.float64) + 0.0  # -0.0 and 0.0 are one number
+    return pd.util.hash_pandas_object(pd.DataFrame(numbers), index=False).to_numpy()
+
+
+def _slices(count: int, size: int) -> Iterator[slice]:
+    for start in range(0, count, size):
+        yield slice(start, min(start + size, count))
 
 
 def _blocks(rows: Array, chunk_rows: int) -> Iterator[Array]:

@@ -9,7 +9,7 @@ largest outcome instead.
 """
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -82,21 +82,23 @@ def sobol(workspace: Workspace, *, extend: bool = False) -> dict[str, Any]:
         base = 2 * int(previous["base_samples"])
     design = saltelli(workspace.model, base, settings.second_order, workspace.seed)
     rows = len(design.rows)
+    drawn = digest(design.rows)
     log.info("sobol", extra={"rows": rows, "base_samples": base, "specimens": len(specimens)})
-    evaluated = [
-        workspace.evaluate(workspace.evaluation(specimen), design.rows, f"sobol {specimen.name}")
-        for specimen in specimens
-    ]
+    evaluations = [workspace.evaluation(specimen) for specimen in specimens]
+    evaluated = [workspace.plan(evaluation, design.rows) for evaluation in evaluations]
+    design = replace(design, rows=design.rows[:0])  # they are in the store now; a large design need not stay in memory
+    for evaluation, (table, at) in zip(evaluations, evaluated, strict=True):
+        workspace.evaluate(evaluation, table, at, f"sobol {evaluation.specimen.name}")
     inputs = digest(
         settings.model_dump(),
         workspace.seed,
-        [(table.key, int(rows.sum())) for table, rows in evaluated],
-        *(table.status[rows] for table, rows in evaluated),
-        design.rows,
+        drawn,
+        [table.key for table, _ in evaluated],
+        *(table.status[at] for table, at in evaluated),
     )
     if previous is not None and previous.get("inputs") == inputs and "sobol" in workspace.store.root:
         return previous
-    status = np.stack([table.status[rows] for table, rows in evaluated])
+    status = np.stack([table.status[at] for table, at in evaluated])
     ok = (status == 0).all(axis=0)
     whole = ok.reshape(base, design.block).all(axis=1)
     if whole.sum() < 2:
@@ -278,7 +280,7 @@ def _store(workspace: Workspace, design: Design, analyses: dict[str, Any], conve
             **{f"convergence_{key}": (("base_samples", "parameter"), np.stack(convergence[key])) for key in KEYS},
         },
         {"parameter": names, "output": outputs, "base_samples": convergence["base_samples"]},
-        {"rows": len(design.rows), "method": "Saltelli 2010 by SALib", "failed_rows": RULE},
+        {"rows": design.base_samples * design.block, "method": "Saltelli 2010 by SALib", "failed_rows": RULE},
     )
     workspace.store.write_result("sobol", dataset)
 

@@ -53,7 +53,8 @@ def simulate_rows(workspace: Workspace, parameters: Array) -> dict[str, Any]:
     for specimen in workspace.cohort.specimens:
         evaluation = SpecimenEvaluation(workspace.model, specimen, workspace.simulator, "all")
         here = workspace.workers is None and workspace.simulator.batch_multiple > 1
-        table, rows = workspace.evaluate(evaluation, parameters, f"simulate {specimen.name}", here=here)
+        table, rows = workspace.plan(evaluation, parameters)
+        workspace.evaluate(evaluation, table, rows, f"simulate {specimen.name}", here=here)
         messages = table.read("message", rows)
         for number in np.flatnonzero(table.status[rows]):
             status = STATUSES[table.status[rows[number]]]

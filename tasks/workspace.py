@@ -67,27 +67,31 @@ class Workspace:
         """What the study asks of a specimen."""
         return SpecimenEvaluation(self.model, specimen, self.simulator, self.study.store.points_per_curve)
 
+    def plan(self, evaluation: SpecimenEvaluation, parameters: Array) -> tuple[Table, Array]:
+        """The table of an evaluation and the row in it of each of ``parameters`` ``[n, d]``, known or new."""
+        table = self.store.table(evaluation.table())
+        table.fold(table.segments())
+        rows = table.plan(parameters)
+        if self.retry_failed:
+            table.reopen(np.unique(rows))
+        return table, rows
+
     def evaluate(
-        self, evaluation: SpecimenEvaluation, parameters: Array, title: str, *, here: bool = False
-    ) -> tuple[Table, Array]:
-        """Outcomes of ``parameters`` ``[n, d]``: the table that holds them and the row of each parameter set.
+        self, evaluation: SpecimenEvaluation, table: Table, rows: Array, title: str, *, here: bool = False
+    ) -> None:
+        """See to it that planned rows have outcomes.
 
         ``here`` evaluates in this process: for few rows, that is faster than starting a cluster.
         """
-        table = self.store.table(evaluation.table())
-        if self.retry_failed:
-            known = table.find(parameters)
-            table.reopen(np.unique(known[known >= 0]))
-        table.fold(table.segments())
-        asked = np.unique(table.plan(parameters))
-        pending = table.pending(asked).size
-        policy = Policy(multiple=self.simulator.batch_multiple, retries=self.study.retries)
+        asked = np.unique(rows).size
+        pending = table.pending(rows).size
         if not pending:
-            return table, table.find(parameters)
+            return
         self.simulations += pending
-        with progress(title, asked.size, done=asked.size - pending, quiet=self.quiet) as report:
-            rows = evaluate((lambda: None) if here else self.client, table, evaluation, parameters, report, policy)
-        return table, rows
+        policy = Policy(multiple=self.simulator.batch_multiple, retries=self.study.retries)
+        client = (lambda: None) if here else self.client
+        with progress(title, asked, done=asked - pending, quiet=self.quiet) as report:
+            evaluate(client, table, evaluation, rows, report, policy)
 
 
 @contextmanager

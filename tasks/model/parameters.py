@@ -94,6 +94,8 @@ class Model:
 
     def full(self, names: tuple[str, ...], values: Array) -> Array:
         """Parameter sets ``[n, d]`` from ``values`` ``[n, len(names)]``; the others stay at their reference."""
+        if names == self.names:
+            return values
         rows = np.tile(self.reference, (len(values), 1))
         rows[:, [self.names.index(name) for name in names]] = values
         return rows

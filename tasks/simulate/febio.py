@@ -280,6 +280,7 @@ def _check_xml(path: Path, text: str) -> None:
 # ---- stepping
 
 
+@lru_cache(maxsize=256)
 def solver_steps(protocol: Protocol, ramp_s: float, hold_growth: float, still_mm: float) -> Array:
     """Rows of the protocol at which the solver stops, the first and the last among them.
 
@@ -308,6 +309,7 @@ def solver_steps(protocol: Protocol, ramp_s: float, hold_growth: float, still_mm
     return np.array(rows)
 
 
+@lru_cache(maxsize=256)
 def _segments(protocol: Protocol, still_mm: float) -> list[tuple[int, int, bool]]:
     """Holds and the motion between them, as (first row, last row, is a hold); last rows are the next first rows."""
     time_s, u = protocol.time_s, protocol.displacement_mm
@@ -372,14 +374,21 @@ def read_reactions(path: Path, times: Array, max_bytes: int) -> Array:
         raise _Failed("bad_output", f"{path.name} is not text") from None
     if text and not text.endswith("\n"):
         raise _Failed("bad_output", f"{path.name} ends in the middle of a line")
-    lines = text.splitlines()
+    stamps: list[str] = []
+    numbers: list[str] = []
+    before: list[int] = []  # how many numbers stand before each step
+    for line in text.splitlines():
+        if line.startswith("*"):
+            if line.startswith("*Time"):
+                stamps.append(line.rpartition("=")[2])
+                before.append(len(numbers))
+        elif line:
+            numbers.append(line.rpartition(",")[2])
     try:
-        found = np.array([float(line.partition("=")[2]) for line in lines if line.startswith("*Time")])
-        values = np.array([float(line.rpartition(",")[2]) for line in lines if line and not line.startswith("*")])
+        found, values = np.array(stamps, dtype=np.float64), np.array(numbers, dtype=np.float64)
     except ValueError as error:
         raise _Failed("bad_output", f"{path.name} holds something else than numbers ({error})") from None
-    heads = np.flatnonzero([line.startswith("*Time") for line in lines if line and line[:5] not in ("*Step", "*Data")])
-    even = np.unique(np.diff(np.append(heads, found.size + values.size))).size == 1
+    even = np.unique(np.diff([*before, len(numbers)])).size == 1
     if found.size != times.size or not values.size or not even:
         raise _Failed("bad_output", f"{path.name} holds {found.size} of {times.size} steps and {values.size} reactions")
     late = np.flatnonzero(~(np.abs(found - times) <= 1e-7 * max(1.0, times[-1])))

@@ -17,6 +17,12 @@ def client():
         yield client
 
 
+def run(client, table, evaluation, parameters, report=None, policy=None) -> np.ndarray:
+    rows = table.plan(parameters)
+    evaluate(client, table, evaluation, rows, report, policy or Policy())
+    return rows
+
+
 def with_bad(count: int, *bad: int) -> np.ndarray:
     parameters = some(count)
     parameters[list(bad), 0] *= -1
@@ -31,7 +37,7 @@ def test_results_do_not_depend_on_workers_or_batches(tmp_path, client):
         ("small", lambda: client, Policy(batch_s=0.01, multiple=16)),
     ):
         with Store.writing(tmp_path / name, "study") as store:
-            evaluate(get, store.table(table_spec()), Quick(), parameters, policy=policy)
+            run(get, store.table(table_spec()), Quick(), parameters, policy=policy)
     assert contents(tmp_path / "two") == contents(tmp_path / "here") == contents(tmp_path / "small")
 
 
@@ -41,8 +47,8 @@ def test_a_cluster_is_not_asked_for_when_all_is_known(tmp_path):
 
     with Store.writing(tmp_path, "study") as store:
         table = store.table(table_spec())
-        evaluate(lambda: None, table, Quick(), some(100))
-        assert np.array_equal(evaluate(never, table, Quick(), some(100)), np.arange(100))
+        run(lambda: None, table, Quick(), some(100))
+        assert np.array_equal(run(never, table, Quick(), some(100)), np.arange(100))
 
 
 @pytest.mark.parametrize(
@@ -58,7 +64,7 @@ def test_failed_rows_are_data(tmp_path, client, bad, status, message, attempts):
     parameters = with_bad(300, 7, 250)
     with Store.writing(tmp_path, "study") as store:
         table = store.table(table_spec())
-        rows = evaluate(lambda: client, table, Quick(bad=bad), parameters, policy=Policy(retries=1))
+        rows = run(lambda: client, table, Quick(bad=bad), parameters, policy=Policy(retries=1))
         assert failures(table, rows) == {status: 2}
         assert [STATUSES[s] for s in table.status[rows[[7, 250]]]] == [status, status]
         assert message in str(table.read("message", rows[[7]])[0])
@@ -72,7 +78,7 @@ def test_a_row_that_kills_its_worker_is_found_and_its_neighbours_are_not_blamed(
     parameters = with_bad(40, 11)
     with Store.writing(tmp_path, "study") as store:
         table = store.table(table_spec())
-        rows = evaluate(lambda: client, table, Quick(bad="kill"), parameters, policy=Policy(multiple=10))
+        rows = run(lambda: client, table, Quick(bad="kill"), parameters, policy=Policy(multiple=10))
         assert failures(table, rows) == {"crashed": 1}
         assert table.status[rows[11]] > 0
         assert "its worker died" in str(table.read("message", rows[[11]])[0])
@@ -83,8 +89,8 @@ def test_a_full_disk_stops_the_run_and_fails_no_row(tmp_path, client):
     with Store.writing(tmp_path, "study") as store:
         table = store.table(table_spec())
         with pytest.raises(StoreError, match=r"no space left on the disk; free some"):
-            evaluate(lambda: client, table, Quick(bad="disk"), parameters)
-        rows = evaluate(lambda: client, table, Quick(), parameters)
+            run(lambda: client, table, Quick(bad="disk"), parameters)
+        rows = run(lambda: client, table, Quick(), parameters)
         assert not table.status[rows].any()
 
 
@@ -92,10 +98,10 @@ def test_failed_rows_can_be_opened_again(tmp_path):
     parameters = with_bad(30, 3)
     with Store.writing(tmp_path, "study") as store:
         table = store.table(table_spec())
-        rows = evaluate(lambda: None, table, Quick(bad="diverged"), parameters)
+        rows = run(lambda: None, table, Quick(bad="diverged"), parameters)
         table.reopen(rows)
         assert table.pending(rows).tolist() == [3]
-        evaluate(lambda: None, table, Quick(), parameters)
+        run(lambda: None, table, Quick(), parameters)
         assert not table.status.any()
 
 
@@ -103,9 +109,9 @@ def test_progress_counts_every_row_once(tmp_path, client):
     said: list[tuple[int, int]] = []
     with Store.writing(tmp_path, "study") as store:
         table = store.table(table_spec())
-        evaluate(lambda: client, table, Quick(), some(100))
+        run(lambda: client, table, Quick(), some(100))
         parameters = np.concatenate([some(100), with_bad(50, 1)[:50] + 2])
-        evaluate(lambda: client, table, Quick(), parameters, lambda done, failed: said.append((done, failed)))
+        run(lambda: client, table, Quick(), parameters, lambda done, failed: said.append((done, failed)))
     assert said[-1] == (150, 0)
     assert [done for done, _ in said] == sorted(done for done, _ in said)
 

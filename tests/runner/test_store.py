@@ -23,7 +23,9 @@ from tests.runner.evaluations import Quick, table_spec
 
 def fill(table: Table, parameters: np.ndarray, evaluation: Quick | None = None) -> np.ndarray:
     """Evaluate in this process."""
-    return evaluate(lambda: None, table, evaluation or Quick(), parameters)
+    rows = table.plan(parameters)
+    evaluate(lambda: None, table, evaluation or Quick(), rows)
+    return rows
 
 
 def some(count: int, seed: int = 0) -> np.ndarray:
