@@ -14,7 +14,7 @@ from runner.store import Store
 from tasks.simulate.febio import FEBio, read_template, solver_version
 from tests.benchmarks.common import evaluation, rows
 
-ROWS = 100
+ROWS = 150
 WRAPPER = """#!/bin/bash
 begin=$EPOCHREALTIME
 "{solver}" "$@"
