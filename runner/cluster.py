@@ -32,8 +32,7 @@ class Address:
 ClusterSpec = Local | Address
 
 _SETTINGS = {
-    # a worker is given one batch at a time: whatever waits elsewhere cannot be blamed for the worker's death
-    "distributed.scheduler.worker-saturation": 1.0,
+    "distributed.scheduler.worker-saturation": 1.1,  # one batch runs and one waits on each worker
     "distributed.scheduler.allowed-failures": 3,
     "distributed.scheduler.work-stealing": False,
     "distributed.worker.profile.enabled": False,

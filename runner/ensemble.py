@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+import dask
 import numpy as np
 from distributed import CancelledError, Client, KilledWorker, WorkerPlugin, as_completed
 from distributed.comm.core import CommClosedError
@@ -117,6 +118,7 @@ class _Run:
     done: int = 0
     failed: int = 0
     largest: int = 0
+    suspects: list[_Batch] = field(default_factory=list)
     seconds_per_row: deque[float] = field(default_factory=lambda: deque(maxlen=9))
     left_in_chunk: dict[int, int] = field(default_factory=dict)
     finished: dict[int, list[Path]] = field(default_factory=dict)
@@ -161,6 +163,8 @@ class _Run:
                 future = next(completed)
                 self._collect(future, running.pop(future), submit)
                 future.release()
+            for batch in self.suspects:
+                self._try_alone(client, batch)
         finally:
             client.cancel(list(running))
             client.unregister_worker_plugin(plugin.name)
@@ -194,21 +198,23 @@ class _Run:
             elif batch.rows.size > 1:  # one of the rows kills its worker, the others are innocent
                 for row in batch.single_rows():
                     submit(row)
-            else:
-                message = f"its worker died {self._allowed_failures()} times while it evaluated this row"
-                _write_failure(batch, "crashed", message, attempts=self._allowed_failures())
-                self._note(batch, _Done(None, 1))
+            else:  # perhaps it only waited on a worker that another row killed
+                self.suspects.append(batch)
         except (CancelledError, CommClosedError) as error:
             lost = "the cluster was lost; run the same command again, finished rows are kept"
             raise ClusterError(lost) from error
         except OSError as error:
             raise _named(error, batch) from error
 
-    @staticmethod
-    def _allowed_failures() -> int:
-        import dask
-
-        return int(dask.config.get("distributed.scheduler.allowed-failures")) + 1
+    def _try_alone(self, client: Client, batch: _Batch) -> None:
+        """Evaluate a row while nothing else runs: if workers die now, it is this row that kills them."""
+        future = client.submit(_run_batch, batch, pure=False)
+        try:
+            self._note(batch, future.result())
+        except KilledWorker:
+            deaths = int(dask.config.get("distributed.scheduler.allowed-failures")) + 1
+            _write_failure(batch, "crashed", f"its worker died {deaths} times while it evaluated this row", deaths)
+            self._note(batch, _Done(None, 1))
 
     def _note(self, batch: _Batch, done: "_Done") -> None:
         """A batch is in the journal: count it, and commit its chunk once that is complete."""
@@ -342,7 +348,7 @@ def _replaced(outcome: Outcome, at: Array, by: Outcome) -> Outcome:
     return Outcome(values, status, tuple(messages))
 
 
-def _write_failure(batch: _Batch, status: str, message: str, *, attempts: int) -> None:
+def _write_failure(batch: _Batch, status: str, message: str, attempts: int) -> None:
     count = batch.rows.size
     Segment(
         batch.rows,

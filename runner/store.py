@@ -298,6 +298,7 @@ class Table:
         self.key = str(group.attrs["key"])
         self.chunk_rows = int(group.attrs["chunk_rows"])  # type: ignore[arg-type]
         self.journal = store.folder / "journal" / self.key[:12]
+        self._arrays: dict[str, zarr.Array[Any]] = {}
         self._fields: tuple[str, ...] = tuple(group.attrs["fields"])  # type: ignore[arg-type]
         with _errors_named(self._path("status")):
             self.status: Array = self._array("status")[:]  # type: ignore[assignment]
@@ -400,7 +401,10 @@ class Table:
         if not parts:
             return
         had_some = bool((self.status[start:stop] != PENDING).any())
-        for name in (*self._fields, "attempts", "wall_seconds", "worker", "message"):
+        names = [*self._fields, "attempts", "wall_seconds", "worker"]
+        if any(segment.messages for segment, _, _ in parts):
+            names.append("message")
+        for name in names:
             with _errors_named(self._path(name)):
                 array = self._array(name)
                 if had_some:
@@ -408,7 +412,8 @@ class Table:
                 else:
                     block = np.full((stop - start, *array.shape[1:]), array.fill_value, dtype=array.dtype)
                 for segment, inside, rows in parts:
-                    block[rows] = _column(segment, name, inside)
+                    together = rows[-1] - rows[0] == rows.size - 1
+                    block[slice(rows[0], rows[-1] + 1) if together else rows] = _column(segment, name, inside)
                 array[start:stop] = block
         with _errors_named(self._path("status")):
             self._array("status")[start:stop] = status
@@ -446,7 +451,9 @@ class Table:
     # ---- inside
 
     def _array(self, name: str) -> zarr.Array[Any]:
-        return self.group[name]  # type: ignore[return-value]
+        if name not in self._arrays:  # opening one reads its metadata from the disk
+            self._arrays[name] = self.group[name]  # type: ignore[assignment]
+        return self._arrays[name]
 
     def _path(self, name: str) -> Path:
         return self.store.path / self.group.path / name
@@ -503,7 +510,12 @@ def _create_table(root: zarr.Group, name: str, spec: TableSpec) -> None:
     def create(
         array: str, dtype: Any, fill: Any, dims: tuple[str, ...], shape: tuple[int, ...], attributes: dict[str, Any]
     ) -> None:
-        wide = {} if dtype is str else {"compressors": _compressors(dtype)}
+        # the fastest compression there is: it is for the empty rest of chunks, as the last digits of forces are noise
+        codecs = (
+            {}
+            if dtype is str
+            else {"compressors": [BloscCodec(cname="lz4", clevel=1, shuffle="noshuffle"), Crc32cCodec()]}
+        )
         group.create_array(
             array,
             shape=shape,
@@ -512,7 +524,7 @@ def _create_table(root: zarr.Group, name: str, spec: TableSpec) -> None:
             fill_value=fill,
             dimension_names=dims,
             attributes=attributes,
-            **wide,  # type: ignore[arg-type]
+            **codecs,  # type: ignore[arg-type]
         )
 
     names = Coordinate("parameter", "parameter", np.array(spec.parameters, dtype=object))
@@ -572,12 +584,6 @@ def _repair_table(path: Path, group: zarr.Group) -> int:
     return int(lost.sum())
 
 
-def _compressors(dtype: Any) -> list[Any]:
-    size = np.dtype(dtype).itemsize
-    shuffled = [BloscCodec(cname="lz4", clevel=3, shuffle="shuffle", typesize=size)] if size > 1 else []
-    return [*shuffled, Crc32cCodec()]
-
-
 def _column(segment: Segment, name: str, inside: Array) -> Any:
     """A column of a segment at the positions ``inside``."""
     if name == "attempts":
@@ -589,7 +595,9 @@ def _column(segment: Segment, name: str, inside: Array) -> Any:
     if name == "message":
         return np.array([segment.messages[i] if segment.messages else "" for i in inside], dtype=object)
     # a batch that failed as a whole has no values
-    return segment.values[name][inside] if name in segment.values else np.nan
+    if name not in segment.values:
+        return np.nan
+    return segment.values[name] if inside.size == segment.rows.size else segment.values[name][inside]
 
 
 def _hash_rows(parameters: Array) -> Array:

@@ -1,6 +1,7 @@
 """One evaluation: a parameter set against every measured curve of a specimen."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -74,6 +75,7 @@ class SpecimenEvaluation:
         }
 
 
+@lru_cache(maxsize=256)
 def kept_points(protocol: Protocol, count: int | Literal["all"]) -> Array:
     """Rows of a protocol that represent it: half of them spread evenly along the path of the displacement, half along
     the logarithm of the time since it last moved, where relaxation happens. First and last row are among them.
