@@ -1,13 +1,16 @@
 """Evaluate many rows of parameters: bounded window, batches, retries, failures as data, commits."""
 
 import errno
+import hashlib
 import math
 import os
+import secrets
 import socket
 import statistics
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -21,6 +24,7 @@ from runner.errors import ClusterError, StoreError
 from runner.progress import Report
 from runner.store import STATUSES, Array, Segment, Table, is_whole
 
+WAIT_FOR_WORKERS_S = 120
 RETRIED = ("crashed", "out_of_memory", "bad_output")
 
 
@@ -82,6 +86,8 @@ def evaluate(
     if pending.size:
         table.journal.mkdir(parents=True, exist_ok=True)
         _Run(client(), table, evaluation, pending, total, report, policy, failed).work()
+        if (left := table.pending(rows).size) > 0:
+            raise StoreError(f"{table.journal}: {left} rows have no outcome although their batches ended; run again")
 
 
 class _Batch:
@@ -92,7 +98,8 @@ class _Batch:
         self.rows = rows
         self.parameters = parameters
         self.retries = retries
-        self.segment = journal / f"rows-{rows[0]:09d}-{rows.size:05d}.safetensors"
+        content = hashlib.blake2b(rows.tobytes(), digest_size=6).hexdigest()
+        self.segment = journal / f"rows-{rows[0]:09d}-{content}-{rows.size:05d}.safetensors"
 
     def single_rows(self) -> "list[_Batch]":
         journal = self.segment.parent
@@ -119,6 +126,7 @@ class _Run:
     failed: int = 0
     largest: int = 0
     suspects: list[_Batch] = field(default_factory=list)
+    alone: bool = False
     seconds_per_row: deque[float] = field(default_factory=lambda: deque(maxlen=9))
     left_in_chunk: dict[int, int] = field(default_factory=dict)
     finished: dict[int, list[Path]] = field(default_factory=dict)
@@ -136,7 +144,7 @@ class _Run:
         _evaluations[self.table.key] = self.evaluation
         try:
             while self.next < self.pending.size:
-                batch = self._next_batch(slots=1)
+                batch = self._next_batch(1, self.table.key)
                 try:
                     self._note(batch, _run_batch(batch))
                 except OSError as error:
@@ -145,9 +153,13 @@ class _Run:
             del _evaluations[self.table.key]
 
     def _work_on(self, client: Client) -> None:
-        plugin = _Carrier(self.table.key, self.evaluation)
-        client.register_plugin(plugin, name=plugin.name)
-        slots = max(1, sum(client.nthreads().values()))
+        key = f"{self.table.key}-{secrets.token_hex(4)}"  # another run of this study may share the scheduler
+        plugin = _Carrier(key, self.evaluation)
+        try:
+            client.wait_for_workers(1, timeout=WAIT_FOR_WORKERS_S)
+        except TimeoutError as error:
+            raise ClusterError(f"the cluster has no worker after {WAIT_FOR_WORKERS_S} s; start some") from error
+        _register(client, plugin)
         running: dict[Any, _Batch] = {}
         completed = as_completed(loop=client.loop)
 
@@ -158,24 +170,30 @@ class _Run:
 
         try:
             while self.next < self.pending.size or running:
+                slots = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))  # workers come and go
                 while len(running) < slots * self.policy.batches_per_worker and self.next < self.pending.size:
-                    submit(self._next_batch(slots))
+                    submit(self._next_batch(slots, key))
                 future = next(completed)
                 self._collect(future, running.pop(future), submit)
                 future.release()
-            for batch in self.suspects:
-                self._try_alone(client, batch)
+            while self.suspects:  # one at a time: if workers die now, it is this row that kills them
+                self.alone = True
+                batch = self.suspects.pop()
+                submit(batch)
+                self._collect(next(completed), batch, submit)
+                running.clear()
         finally:
-            client.cancel(list(running))
-            client.unregister_worker_plugin(plugin.name)
+            with suppress(OSError, ValueError, CommClosedError, CancelledError):  # the cluster itself may be gone
+                client.cancel(list(running))
+                client.unregister_worker_plugin(plugin.name)
 
-    def _next_batch(self, slots: int) -> _Batch:
+    def _next_batch(self, slots: int, key: str) -> _Batch:
         rows = self.pending[self.next : self.next + self._batch_size(slots)]
         rows = rows[
             rows // self.table.chunk_rows == rows[0] // self.table.chunk_rows
         ]  # so that a chunk knows when it is complete
         self.next += rows.size
-        return _Batch(self.table.key, rows, self.table.parameters(rows), self.table.journal, self.policy.retries)
+        return _Batch(key, rows, self.table.parameters(rows), self.table.journal, self.policy.retries)
 
     def _batch_size(self, slots: int) -> int:
         left = self.pending.size - self.next
@@ -198,23 +216,17 @@ class _Run:
             elif batch.rows.size > 1:  # one of the rows kills its worker, the others are innocent
                 for row in batch.single_rows():
                     submit(row)
-            else:  # perhaps it only waited on a worker that another row killed
+            elif not self.alone:  # perhaps it only waited on a worker that another row killed
                 self.suspects.append(batch)
+            else:
+                deaths = int(dask.config.get("distributed.scheduler.allowed-failures")) + 1
+                _write_failure(batch, "crashed", f"its worker died {deaths} times while it evaluated this row", deaths)
+                self._note(batch, _Done(None, 1))
         except (CancelledError, CommClosedError) as error:
             lost = "the cluster was lost; run the same command again, finished rows are kept"
             raise ClusterError(lost) from error
         except OSError as error:
             raise _named(error, batch) from error
-
-    def _try_alone(self, client: Client, batch: _Batch) -> None:
-        """Evaluate a row while nothing else runs: if workers die now, it is this row that kills them."""
-        future = client.submit(_run_batch, batch, pure=False)
-        try:
-            self._note(batch, future.result())
-        except KilledWorker:
-            deaths = int(dask.config.get("distributed.scheduler.allowed-failures")) + 1
-            _write_failure(batch, "crashed", f"its worker died {deaths} times while it evaluated this row", deaths)
-            self._note(batch, _Done(None, 1))
 
     def _note(self, batch: _Batch, done: "_Done") -> None:
         """A batch is in the journal: count it, and commit its chunk once that is complete."""
@@ -269,6 +281,18 @@ class _Carrier(WorkerPlugin):
 _evaluations: dict[str, Evaluation] = {}
 
 
+def _register(client: Client, plugin: _Carrier) -> None:
+    """Bring the evaluation to the workers. One that dies meanwhile gets it when it is back; ask again."""
+    for attempt in range(5):
+        try:
+            client.register_plugin(plugin, name=plugin.name)
+            return
+        except OSError as error:
+            if attempt == 4:
+                raise ClusterError("the cluster's workers do not answer; run the same command again") from error
+            time.sleep(1.0)
+
+
 def _run_batch(batch: _Batch) -> _Done:
     """On a worker: evaluate a batch and put its outcome into the journal."""
     if is_whole(batch.segment):  # a worker died after it had finished, before it could say so
@@ -300,12 +324,12 @@ def _attempt(evaluation: Evaluation, parameters: Array, retries: int) -> tuple[O
 
 
 def _contained(evaluation: Evaluation, parameters: Array) -> Outcome:
-    """Evaluate; a row whose evaluation raises is a failed row, not a failed batch. A full disk is nobody's row."""
+    """Evaluate; a row whose evaluation raises is a failed row, not a failed batch; an error of the system is none."""
     try:
         outcome = evaluation(parameters)
-    except Exception as error:
-        if _disk_is_full(error):
-            raise
+    except OSError:  # a disk, a mount, a program that is gone
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever a model raises is that row's failure
         if len(parameters) > 1:
             return _joined([_contained(evaluation, row[np.newaxis]) for row in parameters])
         reason = STATUSES.index("out_of_memory" if isinstance(error, MemoryError) else "crashed")

@@ -205,23 +205,26 @@ class Store:
 
     def table(self, spec: TableSpec) -> "Table":
         """The table of ``spec``, created when it is not there yet."""
-        name = f"evaluations/{_slug(spec.title)}-{spec.key[:12]}"
         with _errors_named(self.path):
-            if name not in self.root:
-                if not self.writable:
-                    raise StoreError(f"{self.path}: holds no evaluations of {spec.title}")
-                _create_table(self.root, name, spec)
+            for group in self._table_groups():
+                if group.attrs["key"] == spec.key:  # content decides, whatever it was called when it was created
+                    return Table(self, group)
+            if not self.writable:
+                raise StoreError(f"{self.path}: holds no evaluations of {spec.title}")
+            name = f"evaluations/{_slug(spec.title)}-{spec.key[:12]}"
+            _create_table(self.root, name, spec)
             return Table(self, self.root[name])  # type: ignore[arg-type]
+
+    def _table_groups(self) -> list[zarr.Group]:
+        """Whole tables; one without its ``complete`` mark was being created when its process died."""
+        group = self.root.get("evaluations")
+        children = sorted(group.groups()) if isinstance(group, zarr.Group) else []
+        return [child for _, child in children if child.attrs.get("complete")]
 
     def tables(self) -> list["Table"]:
         """All tables, in order of their names."""
         with _errors_named(self.path):
-            if "evaluations" not in self.root:
-                return []
-            group = self.root["evaluations"]
-            assert isinstance(group, zarr.Group)
-            # a group whose ``complete`` mark is missing was being created when its process died
-            return [Table(self, child) for _, child in sorted(group.groups()) if child.attrs.get("complete")]
+            return [Table(self, group) for group in self._table_groups()]
 
     def repair(self) -> int:
         """Remove damaged chunks and make their rows pending, all others stay; returns how many rows.
@@ -229,9 +232,7 @@ class Store:
         Rows whose parameters are damaged are gone: whoever asks for their content gets new rows.
         """
         with _errors_named(self.path):
-            group = self.root.get("evaluations")
-            children = sorted(group.groups()) if isinstance(group, zarr.Group) else []
-        return sum(_repair_table(self.path, child) for _, child in children if child.attrs.get("complete"))
+            return sum(_repair_table(self.path, group) for group in self._table_groups())
 
     def write_result(self, name: str, dataset: xr.Dataset) -> None:
         """Put a task's arrays beside the evaluations, as the group ``name``."""
@@ -250,7 +251,7 @@ class Store:
         if name not in self.root:
             raise StoreError(f"{self.path}: holds no result '{name}'")
         with _errors_named(self.path):
-            return xr.open_zarr(self.path, group=name, consolidated=False).load()
+            return xr.open_zarr(self.path, group=name, consolidated=False, zarr_format=3).load()
 
 
 def _create_or_continue(folder: Path, study: str) -> Store:
@@ -260,6 +261,8 @@ def _create_or_continue(folder: Path, study: str) -> Store:
             root = zarr.open_group(path, mode="w", attributes={"sinew_format": FORMAT, "study": study})
             return Store(folder, root, writable=True)
         store = Store(folder, _open_root(path, "r+"), writable=True)
+        for partial in path.rglob("*.partial"):  # writes that were cut short
+            partial.unlink(missing_ok=True)
     if store.study != study:
         raise StoreError(
             f"{path}: belongs to the study '{store.study}', not to '{study}'; give another --out or rename the study"
@@ -402,7 +405,7 @@ class Table:
             return
         had_some = bool((self.status[start:stop] != PENDING).any())
         names = [*self._fields, "attempts", "wall_seconds", "worker"]
-        if any(segment.messages for segment, _, _ in parts):
+        if had_some or any(segment.messages for segment, _, _ in parts):
             names.append("message")
         for name in names:
             with _errors_named(self._path(name)):
@@ -441,12 +444,20 @@ class Table:
                 if len(width):
                     chunk = chunk[:, columns]
             out[chosen] = chunk[rows[chosen] - start]
+        if name in self._fields:
+            out[self.status[rows] == PENDING] = np.nan  # what a row that was opened again had before
+            gone = np.isnan(out.reshape(rows.size, -1)).any(axis=1) & (self.status[rows] == 0)
+            if gone.any():  # Zarr takes a file that is not there for empty
+                raise StoreError(
+                    f"{self._path(name)}: {gone.sum()} rows with an outcome have no numbers; "
+                    f"`sinew repair {self.store.folder}` makes them pending"
+                )
         return out
 
     def dataset(self) -> xr.Dataset:
         """The table as a lazily loaded :class:`xarray.Dataset` with named dimensions and units."""
         with _errors_named(self._path("")):
-            return xr.open_zarr(self.store.path, group=self.group.path, consolidated=False)
+            return xr.open_zarr(self.store.path, group=self.group.path, consolidated=False, zarr_format=3)
 
     # ---- inside
 
@@ -486,7 +497,7 @@ class Table:
         first = len(self)
         count = first + chosen.size
         with _errors_named(self._path("parameters")):
-            for name in (*self._fields, "status", "attempts", "wall_seconds", "worker", "message", "parameters"):
+            for name in (*self._fields, "attempts", "wall_seconds", "worker", "message", "parameters"):
                 array = self._array(name)
                 array.resize((count, *array.shape[1:]))
             planned = self._array("parameters")
@@ -495,6 +506,7 @@ class Table:
                 stop = min((start // self.chunk_rows + 1) * self.chunk_rows, count)
                 planned[start:stop] = parameters[chosen[start - first : stop - first]] + 0.0
                 start = stop
+            self._array("status").resize((count,))  # last: a row exists once it has a status
         self.status = np.concatenate([self.status, np.full(chosen.size, PENDING, dtype=np.int8)])
         hashes = np.concatenate([self._hashes, hashes])
         rows = np.concatenate([self._order, rows])
@@ -564,14 +576,18 @@ def _repair_table(path: Path, group: zarr.Group) -> int:
     assert isinstance(status, zarr.Array)
     chunk_rows = int(group.attrs["chunk_rows"])  # type: ignore[arg-type]
     lost = np.zeros(status.shape[0], dtype=bool)
+    fields: Any = group.attrs["fields"]
     for name, array in sorted(group.arrays(), key=lambda item: item[0] != "status"):
         if array.metadata.dimension_names[0] != "row":  # type: ignore[index, union-attr]
             continue
         for start in range(0, lost.size, chunk_rows):
             rows = slice(start, min(start + chunk_rows, lost.size))
             try:
-                array[rows]
-            except (ValueError, RuntimeError, OSError):
+                found = np.asarray(array[rows])
+                if name in fields:
+                    absent = np.isnan(found.reshape(len(found), -1)).any(axis=1)
+                    lost[rows] |= absent & (np.asarray(status[rows]) == 0)
+            except (ValueError, RuntimeError):  # a checksum, not a disk that fails to answer
                 place = path / group.path / name / "c" / str(start // chunk_rows)
                 for file in [place] if place.is_file() else place.rglob("*"):
                     if file.is_file():
@@ -624,7 +640,7 @@ def _slug(title: str) -> str:
 
 def _open_root(path: Path, mode: Any) -> zarr.Group:
     try:
-        root = zarr.open_group(path, mode=mode)
+        root = zarr.open_group(path, mode=mode, zarr_format=3)
     except FileNotFoundError:
         raise StoreError(f"{path}: not a store of sinew (its zarr.json is missing); give another --out") from None
     if "sinew_format" not in root.attrs or "study" not in root.attrs:
@@ -664,7 +680,11 @@ def _result_folder(path: Path) -> Path:
 @contextmanager
 def _lock(folder: Path) -> Iterator[None]:
     """Hold the folder's lock; the system releases it when the process ends, however it ends."""
-    with open(folder / "lock", "a+", encoding="utf-8") as file:
+    try:
+        descriptor = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
+    except OSError as error:
+        raise StoreError(f"{folder / 'lock'}: {error.strerror}") from None
+    with open(descriptor, "r+", encoding="utf-8") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

@@ -125,7 +125,8 @@ def simulate(study: Path, parameters: Path, **options: Any) -> None:
                 f"{result['rows']} rows along {len(result['files'])} curves, {result['failed']} failed: {workspace.out}"
             )
             for failure in result["failures"][:5]:
-                print(f"  row {failure['row']}, {failure['specimen']}: {failure['status']}: {failure['message']}")
+                reason = f"{failure['status']}: {one_line(failure['message'])}"
+                print(f"  row {failure['row']}, {failure['specimen']}: {reason}")
 
 
 @sinew.command()

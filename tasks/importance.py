@@ -44,7 +44,8 @@ def importance(workspace: Workspace) -> dict[str, Any]:
         "names": list(design.names),
         **found["total"],
         "protocols": {name: values for name, values in found.items() if name != "total"},
-        "rows": int(ok.sum()),
+        "rows_grown": int(ok.reshape(design.base_samples, -1)[grown].sum()),
+        "rows_tested": int(ok.reshape(design.base_samples, -1)[tested].sum()),
         "failed": int((~ok).sum()),
         "new_simulations": 0,
         "inputs": inputs,
@@ -91,6 +92,7 @@ def _forest(
     seed = int(np.random.SeedSequence([workspace.seed, 3]).generate_state(1)[0])
     forest = RandomForestRegressor(settings.trees, random_state=seed, n_jobs=workspace.workers or free_cores())
     forest.fit(features[rows(grown)], output[rows(grown)])
+    forest.set_params(n_jobs=1)  # threads would add up the trees' predictions in the order in which they end
     by_tree = np.stack([tree.feature_importances_ for tree in forest.estimators_])
     test = rows(tested)
     permuted = permutation_importance(

@@ -232,6 +232,8 @@ def _size(path: Path, content: dict[str, Any], key: str) -> float:
 
 
 def _check_name(path: Path) -> None:
+    if path.name == "total.csv":
+        raise BadInput(path, "the name 'total' is taken by the sum over protocols", "another protocol name")
     if not NAME.fullmatch(path.stem if path.suffix.lower() == ".csv" else path.name):
         raise BadInput(path, "a name that cannot be used", "letters, digits, '_', '-', '+' and '.' in names")
 

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table as Grid
 
 from runner.store import PENDING, STATUSES, Store, open_store
 from tasks.importance import importance
-from tasks.problems import BadInput
+from tasks.problems import BadInput, one_line
 from tasks.report import figures
 from tasks.sensitivity import base_samples, sobol
 from tasks.study import Study
@@ -59,7 +60,9 @@ def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str,
         log.info("task finished", extra={"task": name, "seconds": round(seconds, 3), "new_simulations": new})
         task.tell(workspace, results[name], console)
         console.print(f"{name}: {new:,} new evaluations in {seconds:.1f} s\n")
-    console.print(f"results: {workspace.out}  (figures in {workspace.out / 'figures'}, arrays in store.zarr)")
+    console.print(
+        f"results: {workspace.out}  (figures in {workspace.out / 'figures'}, arrays in store.zarr)", markup=False
+    )
     return results
 
 
@@ -69,7 +72,7 @@ def read_status(folder: Path) -> dict[str, Any]:
     tables = []
     for table in store.tables():
         failed = {name: int((table.status == i).sum()) for i, name in enumerate(STATUSES) if i}
-        waiting = sum(int(path.stem.rsplit("-", 1)[1]) for path in table.segments())
+        waiting = sum(int(path.stem.rpartition("-")[2]) for path in table.segments())
         rows = np.flatnonzero(table.status > 0)[-5:]
         tables.append(
             {
@@ -92,17 +95,24 @@ def print_status(found: dict[str, Any]) -> None:
     """The same for a person."""
     console = Console(highlight=False)
     grid = Grid(
-        "evaluations", "rows", "done", "failed", "left", "core-hours", title=f"{found['study']}: {found['folder']}"
+        "evaluations",
+        "rows",
+        "done",
+        "failed",
+        "left",
+        "core-hours",
+        title=escape(one_line(f"{found['study']}: {found['folder']}")),
     )
     for table in found["tables"]:
         failed = sum(table["failed"].values())
         cells = (table["rows"], table["done"], failed, table["rows"] - table["done"])
-        grid.add_row(table["table"], *(f"{cell:,}" for cell in cells), f"{table['core_hours']:.3g}")
+        grid.add_row(escape(one_line(table["table"])), *(f"{cell:,}" for cell in cells), f"{table['core_hours']:.3g}")
     console.print(grid)
     for table in found["tables"]:
         for failure in table["last_failures"]:
             console.print(
-                f"{table['table']}, row {failure['row']}: {failure['status']}: {failure['message']}", markup=False
+                f"{table['table']}, row {failure['row']}: {failure['status']}: {one_line(failure['message'])}",
+                markup=False,
             )
     console.print(f"finished: {', '.join(found['results']) or 'nothing yet'}")
 
@@ -130,10 +140,9 @@ def _draw_sobol(workspace: Workspace, result: dict[str, Any]) -> None:
     folder = workspace.out / "figures"
     figures.save(figures.sobol_indices(result), folder, "sobol")
     figures.save(figures.sobol_convergence(result), folder, "sobol_convergence")
-    for name in sorted(workspace.store.root["sobol_time"].group_keys()):  # type: ignore[union-attr]
+    for name in result["tables"].values():
         dataset = workspace.store.read_result(f"sobol_time/{name}")
-        if dataset.attrs["specimen"] in result["specimens"]:
-            figures.save(figures.sobol_along_time(dataset, result["names"]), folder, f"sobol_time_{name}")
+        figures.save(figures.sobol_along_time(dataset, result["names"]), folder, f"sobol_time_{name}")
 
 
 def _tell_sobol(workspace: Workspace, result: dict[str, Any], console: Console) -> None:
@@ -147,16 +156,16 @@ def _tell_sobol(workspace: Workspace, result: dict[str, Any], console: Console) 
     console.print(f"{round(100 * result['confidence'])} % intervals; columns of protocols show ST")
     if result["failed"]:
         failures = result["failures"]
+        reported = {key: np.array(result[key], dtype=float) for key in ("S1", "ST")}
         moved = max(
-            float(
-                np.max(np.array(failures[f"{key}_high"], dtype=float) - np.array(failures[f"{key}_low"], dtype=float))
-            )
-            for key in ("S1", "ST")
+            float(np.max(np.abs(np.array(failures[f"{key}_if_{value}"], dtype=float) - reported[key])))
+            for key in reported
+            for value in ("smallest", "mean", "largest")
         )
         console.print(
             f"[red]{result['failed']:,} of {result['rows']:,} rows failed[/red]; {failures['rule']} "
-            f"({failures['base_samples_left_out']:,} of {result['base_samples']:,}); filling them with the smallest to "
-            f"the largest outcome moves an index by up to {moved:.3f}"
+            f"({failures['base_samples_left_out']:,} of {result['base_samples']:,}); giving all of them the smallest, "
+            f"the mean or the largest outcome moves an index by up to {moved:.3f} (not a bound)"
         )
 
 

@@ -96,7 +96,7 @@ def sobol(workspace: Workspace, *, extend: bool = False) -> dict[str, Any]:
         [table.key for table, _ in evaluated],
         *(table.status[at] for table, at in evaluated),
     )
-    if previous is not None and previous.get("inputs") == inputs and "sobol" in workspace.store.root:
+    if previous is not None and previous.get("inputs") == inputs == _stored_inputs(workspace):
         return previous
     status = np.stack([table.status[at] for table, at in evaluated])
     ok = (status == 0).all(axis=0)
@@ -147,10 +147,11 @@ def sobol(workspace: Workspace, *, extend: bool = False) -> dict[str, Any]:
         **_failure_range(design, outputs["total"], ok),
     }
     result["convergence"] = _convergence(design, outputs["total"], whole, settings.resamples, z, workspace.seed)
-    _store(workspace, design, analyses, result["convergence"])
     for specimen, (table, at) in zip(specimens, evaluated, strict=True):
         _store_time_resolved(workspace, design, specimen, table, at, whole, boot, z)
+    result["tables"] = {specimen.name: table.name for specimen, (table, _) in zip(specimens, evaluated, strict=True)}
     result["inputs"] = inputs
+    _store(workspace, design, analyses, result["convergence"], inputs)
     write_json(workspace.out / "sobol.json", result)
     return result
 
@@ -189,7 +190,9 @@ def _analyse(
 ) -> dict[str, Any]:
     """SALib's own analysis of one output ``[n]``."""
     used = output.reshape(design.base_samples, design.block)[whole].ravel()
-    if np.ptp(used) == 0:
+    if not np.isfinite(used).all():  # SALib would turn one of them into zeros everywhere
+        raise ValueError("outcomes of whole base samples must be numbers")
+    if np.ptp(used) <= 1e-12 * np.abs(used).max():
         return {key: np.full(len(design.names), np.nan) for key in KEYS}
     found = salib_analyze.analyze(
         design.problem,
@@ -235,22 +238,22 @@ def _split(columns: Array, design: Design, whole: Array) -> Array:
 
 
 def _failure_range(design: Design, total: Array, ok: Array) -> dict[str, Any]:
-    """How far the indices of the total objective move if failed rows had the smallest, mean or largest outcome."""
+    """The indices of the total objective if all failed rows had the smallest, mean or largest outcome: not a bound."""
     if ok.all():
         return {}
     every: Array = np.ones(design.base_samples, dtype=bool)
-    candidates = []
-    for value in (total[ok].min(), total[ok].mean(), total[ok].max()):
+    found: dict[str, Any] = {}
+    for name, value in (("smallest", total[ok].min()), ("mean", total[ok].mean()), ("largest", total[ok].max())):
         filled = np.where(ok, total, value)[:, np.newaxis]
-        candidates.append(indices(_split(filled, design, every), np.ones((2, design.base_samples)), 1.0))
-    whole = np.asarray(ok.reshape(design.base_samples, design.block).all(axis=1))
-    left_out = np.where(ok, total, 0.0)[:, np.newaxis]
-    candidates.append(indices(_split(left_out, design, whole), np.ones((2, int(whole.sum()))), 1.0))
-    return {
-        f"{key}_{side}": limit([candidate[key][:, 0] for candidate in candidates], axis=0)
-        for key in ("S1", "ST")
-        for side, limit in (("low", np.min), ("high", np.max))
-    }
+        candidate = indices(_split(filled, design, every), np.ones((2, design.base_samples)), 1.0)
+        found |= {f"{key}_if_{name}": candidate[key][:, 0] for key in ("S1", "ST")}
+    return found
+
+
+def _stored_inputs(workspace: Workspace) -> str | None:
+    """What the arrays in the store were computed from."""
+    group = workspace.store.root.get("sobol")
+    return None if group is None else str(group.attrs.get("inputs"))
 
 
 def _convergence(design: Design, total: Array, whole: Array, resamples: int, z: float, seed: int) -> dict[str, Any]:
@@ -271,7 +274,9 @@ def _convergence(design: Design, total: Array, whole: Array, resamples: int, z: 
     return {"base_samples": used, **curve}
 
 
-def _store(workspace: Workspace, design: Design, analyses: dict[str, Any], convergence: dict[str, Any]) -> None:
+def _store(
+    workspace: Workspace, design: Design, analyses: dict[str, Any], convergence: dict[str, Any], inputs: str
+) -> None:
     names = np.array(design.names, dtype=str)
     outputs = list(analyses)
     dataset = xr.Dataset(
@@ -280,7 +285,12 @@ def _store(workspace: Workspace, design: Design, analyses: dict[str, Any], conve
             **{f"convergence_{key}": (("base_samples", "parameter"), np.stack(convergence[key])) for key in KEYS},
         },
         {"parameter": names, "output": outputs, "base_samples": convergence["base_samples"]},
-        {"rows": design.base_samples * design.block, "method": "Saltelli 2010 by SALib", "failed_rows": RULE},
+        {
+            "rows": design.base_samples * design.block,
+            "method": "Saltelli 2010 by SALib",
+            "failed_rows": RULE,
+            "inputs": inputs,
+        },
     )
     workspace.store.write_result("sobol", dataset)
 

@@ -6,6 +6,7 @@ Jinja2 template, rendered in a sandbox. The model is half of the specimen's widt
 
 import errno
 import hashlib
+import json
 import os
 import re
 import shutil
@@ -120,7 +121,7 @@ class FEBio:
             if _is_full(self.scratch):
                 shutil.rmtree(directory, ignore_errors=True)
                 raise _no_space(self.scratch) from None
-            failed.words += self._keep(directory, failed.status)
+            self._keep(directory, failed, model, values)
             raise
         except OSError:
             full = _is_full(self.scratch)
@@ -132,14 +133,15 @@ class FEBio:
         at_steps = HALF * np.concatenate([[0.0], reactions])[first:]
         return _at_every_row(protocol, rows, at_steps, self.still_mm)
 
-    def _keep(self, directory: Path, status: str) -> str:
-        """Keep a failed attempt for a person to look at, unless there are many already."""
+    def _keep(self, directory: Path, failed: "_Failed", model: Model, values: Array) -> None:
+        """Keep a failed attempt for a person to look at, with its parameters, unless there are many already."""
         if sum(1 for _ in self.scratch.glob("failed-*")) >= self.keep_failed:
             shutil.rmtree(directory, ignore_errors=True)
-            return ""
-        kept = directory.with_name(directory.name.replace("attempt-", f"failed-{status}-"))
-        directory.rename(kept)
-        return f" [kept in {kept.name}]"
+            return
+        parameters = dict(zip(model.names, values.tolist(), strict=True))
+        told = {"status": failed.status, "message": failed.words, "parameters": parameters}
+        (directory / "failure.json").write_text(json.dumps(told, indent=1) + "\n", "utf-8")
+        directory.rename(directory.with_name(directory.name.replace("attempt-", f"failed-{failed.status}-")))
 
 
 class _Failed(Exception):

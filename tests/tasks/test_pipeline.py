@@ -156,7 +156,7 @@ def test_failed_rows_are_told_and_left_out(study, tmp_path, in_this_process, mon
     assert sobol["base_samples_used"] < 32
     assert sobol["failures"]["by_status"]["distal/1"] == {"diverged": sobol["failed"]}
     assert np.isfinite(sobol["ST"]).all()
-    assert (np.array(sobol["failures"]["ST_high"]) >= np.array(sobol["failures"]["ST_low"])).all()
+    assert np.isfinite(sobol["failures"]["ST_if_largest"]).all()
     assert f"{sobol['failed']} of 576 rows failed; base samples with a failed row are left out" in said
     assert json.loads((out / "importance.json").read_text())["failed"] == sobol["failed"]
     sinew("status", out)
