@@ -1,5 +1,7 @@
 """What the store promises: content addresses, commits that count last, damage with a name, and order."""
 
+import contextlib
+import dataclasses
 import errno
 import multiprocessing
 import os
@@ -297,3 +299,73 @@ def test_the_key_names_the_content():
     assert table_spec("a").key == table_spec("a").key
     assert table_spec("a").key != table_spec("b").key
     assert store_module.FORMAT == 1
+
+
+@pytest.mark.parametrize("died_after", range(0, 60, 7))
+def test_dying_while_a_table_is_created_or_planned_leaves_a_usable_store(tmp_path, monkeypatch, died_after):
+    """Cut off after any number of files, as a kill would."""
+    from zarr.storage import _local
+
+    class Died(BaseException):
+        pass
+
+    real, left = _local._put, [died_after]
+
+    def dying(*args, **kwargs):
+        if left[0] == 0:
+            raise Died
+        left[0] -= 1
+        return real(*args, **kwargs)
+
+    with Store.writing(tmp_path / "a", "study") as store, monkeypatch.context() as patched:
+        patched.setattr(_local, "_put", dying)
+        with contextlib.suppress(Died):
+            store.table(table_spec()).plan(some(CHUNK_ROWS + 50))
+    for folder in ("a", "b"):
+        with Store.writing(tmp_path / folder, "study") as store:
+            rows = fill(store.table(table_spec()), some(CHUNK_ROWS + 50))
+            assert np.array_equal(rows, np.arange(CHUNK_ROWS + 50))
+    assert contents(tmp_path / "a" / "store.zarr") == contents(tmp_path / "b" / "store.zarr")
+
+
+def test_a_missing_chunk_file_is_named_and_repaired(tmp_path):
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        rows = fill(table, some(CHUNK_ROWS + 100))
+        next((store.path / table.group.path / "objective" / "c").rglob("1*/0")).unlink()
+        with pytest.raises(StoreError, match="objective: 100 rows with an outcome have no numbers; `sinew repair"):
+            table.read("objective", rows)
+        assert store.repair() == 100
+        table = store.table(table_spec())
+        rows = fill(table, some(CHUNK_ROWS + 100))
+        assert np.isfinite(table.read("objective", rows)).all()
+
+
+def test_equal_content_of_another_name_is_the_same_table(tmp_path):
+    with Store.writing(tmp_path, "study") as store:
+        first = store.table(table_spec())
+        fill(first, some(10))
+        renamed = store.table(dataclasses.replace(table_spec(), title="another name"))
+        assert renamed.group.path == first.group.path
+        assert not renamed.pending(renamed.plan(some(10))).size
+
+
+def test_a_row_that_succeeds_after_all_keeps_no_old_words(tmp_path):
+    parameters = some(10)
+    parameters[3, 0] *= -1
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        rows = fill(table, parameters, Quick(bad="diverged"))
+        assert table.read("message", rows)[3] == "it broke"
+        table.reopen(rows)
+        fill(table, parameters)
+        assert (table.read("message", rows) == "").all()
+
+
+def test_a_lock_that_is_a_link_is_not_followed(tmp_path):
+    (tmp_path / "victim").write_text("precious")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "lock").symlink_to(tmp_path / "victim")
+    with pytest.raises(StoreError, match="lock"), Store.writing(tmp_path / "out", "study"):
+        pass
+    assert (tmp_path / "victim").read_text() == "precious"
