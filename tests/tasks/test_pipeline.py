@@ -15,7 +15,9 @@ from tasks.cohort import published, virtual_cohort, write_cohort
 from tasks.measurements import read_cohort
 from tasks.model import Model
 from tasks.model.protocols import STANDARD
+from tasks.resources import resource
 from tasks.simulate.uniaxial import Uniaxial
+from tasks.study import read_study
 from tasks.workspace import Workspace
 from tests.conftest import SHARED
 
@@ -280,3 +282,52 @@ def test_cohorts_without_sites_are_read(case):
     cohort = read_cohort(folder)
     assert [specimen.name for specimen in cohort.specimens] == ["s01", "s02"]
     assert all(len(specimen.curves) == 3 for specimen in cohort.specimens)
+
+
+def test_second_order_indices_are_there_when_asked_for(study, tmp_path, in_this_process):
+    fixed = "".join(f"    {p.name}: {{fixed: {p.reference}}}\n" for p in Model().parameters[3:])
+    second = STUDY.replace("resamples: 50", "resamples: 50, second_order: true")
+    study.write_text(f"{second}model:\n  parameters:\n{fixed}")
+    sinew("run", study, "--out", tmp_path / "out", "--quiet")
+    sobol = json.loads((tmp_path / "out" / "sobol.json").read_text())
+    assert sobol["names"] == ["E_f", "alpha_f", "g_1f"]
+    assert sobol["rows"] == 32 * 8
+    assert sobol["S2"][0][1] is not None
+    assert sobol["S2"][1][0] is None  # SALib fills the upper triangle
+
+
+@pytest.mark.parametrize("config", sorted(resource("configs").glob("*.yaml")), ids=lambda path: path.stem)
+def test_ready_studies_are_valid(config):
+    assert read_study(config).name == config.stem
+
+
+def test_a_protocol_may_not_be_called_total(study, tmp_path, capsys):
+    curve = tmp_path / "cohort" / "distal" / "1" / "cyclic.csv"
+    curve.rename(curve.with_name("total.csv"))
+    with pytest.raises(SystemExit):
+        sinew("run", study, "--out", tmp_path / "out")
+    assert "total.csv: the name 'total' is taken" in capsys.readouterr().err
+
+
+def test_changed_bounds_in_one_folder_do_not_mix(study, tmp_path, in_this_process):
+    out = tmp_path / "out"
+    sinew("sobol", study, "--out", out, "--quiet")
+    study.write_text(STUDY + "model: {parameters: {nu_m: {fixed: 0.2}}}\nstore: {points_per_curve: 20}\n")
+    sinew("run", study, "--out", out, "--quiet")
+    assert len(json.loads((out / "sobol.json").read_text())["names"]) == 15
+
+
+def test_words_from_a_store_cannot_steer_the_terminal(study, tmp_path, in_this_process, monkeypatch, capsys):
+    real = Uniaxial.compare
+
+    def shouting(self, model, specimen, curve, parameters, keep):
+        compared = real(self, model, specimen, curve, parameters, keep)
+        compared.status[0] = STATUSES.index("diverged")
+        return type(compared)(compared.rmse_N, compared.force_N, compared.status, ("\x1b[2J[/red]",) * len(parameters))
+
+    monkeypatch.setattr(Uniaxial, "compare", shouting)
+    sinew("sobol", study, "--out", tmp_path / "out", "--quiet")
+    sinew("status", tmp_path / "out")
+    said = capsys.readouterr().out
+    assert "\x1b[2J" not in said
+    assert "\\x1b[2J[/red]" in said
