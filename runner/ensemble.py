@@ -25,6 +25,7 @@ from runner.progress import Report
 from runner.store import STATUSES, Array, Segment, Table, is_whole
 
 WAIT_FOR_WORKERS_S = 120
+RECOUNT_S = 2.0
 RETRIED = ("crashed", "out_of_memory", "bad_output")
 
 
@@ -168,9 +169,11 @@ class _Run:
             running[future] = batch
             completed.add(future)
 
+        slots, counted = 1, -math.inf
         try:
             while self.next < self.pending.size or running:
-                slots = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))  # workers come and go
+                if time.monotonic() - counted > RECOUNT_S:  # workers come and go
+                    slots, counted = max(1, sum(client.nthreads().values())), time.monotonic()
                 while len(running) < slots * self.policy.batches_per_worker and self.next < self.pending.size:
                     submit(self._next_batch(slots, key))
                 future = next(completed)
