@@ -248,16 +248,12 @@ class _Run:
 
 def _named(error: OSError, batch: _Batch) -> StoreError:
     """What the disk did to a batch, in words for a person."""
-    if _disk_is_full(error):
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return StoreError(
             f"{error.filename or batch.segment.parent}: no space left on the disk; free some and run the same command "
             "again, nothing is lost"
         )
     return StoreError(f"{error.filename or batch.segment.parent}: {error.strerror or error}")
-
-
-def _disk_is_full(error: BaseException) -> bool:
-    return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
 
 
 @dataclass(frozen=True)

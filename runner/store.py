@@ -474,8 +474,7 @@ class Table:
         planned = self._array("parameters")
         hashes = np.zeros(len(self), dtype=np.uint64)
         missing = np.zeros(len(self), dtype=bool)
-        for start in range(0, len(self), self.chunk_rows):
-            rows = slice(start, min(start + self.chunk_rows, len(self)))
+        for rows in _slices(len(self), self.chunk_rows):
             with _errors_named(self._path("parameters")):
                 block = np.asarray(planned[rows])
             hashes[rows] = _hash_rows(block)
@@ -580,23 +579,22 @@ def _repair_table(path: Path, group: zarr.Group) -> int:
     for name, array in sorted(group.arrays(), key=lambda item: item[0] != "status"):
         if array.metadata.dimension_names[0] != "row":  # type: ignore[index, union-attr]
             continue
-        for start in range(0, lost.size, chunk_rows):
-            rows = slice(start, min(start + chunk_rows, lost.size))
+        for chunk, rows in enumerate(_slices(lost.size, chunk_rows)):
             try:
                 found = np.asarray(array[rows])
                 if name in fields:
                     absent = np.isnan(found.reshape(len(found), -1)).any(axis=1)
                     lost[rows] |= absent & (np.asarray(status[rows]) == 0)
             except (ValueError, RuntimeError):  # a checksum, not a disk that fails to answer
-                place = path / group.path / name / "c" / str(start // chunk_rows)
+                place = path / group.path / name / "c" / str(chunk)
                 for file in [place] if place.is_file() else place.rglob("*"):
                     if file.is_file():
                         file.unlink()
                 # when the status itself is damaged, which rows had an outcome is not known any more
                 lost[rows] |= True if name == "status" else np.asarray(status[rows]) != PENDING
-    for start in np.unique(np.flatnonzero(lost) // chunk_rows) * chunk_rows:
-        rows = slice(int(start), min(int(start) + chunk_rows, lost.size))
-        status[rows] = np.where(lost[rows], PENDING, np.asarray(status[rows])).astype(np.int8)
+    for rows in _slices(lost.size, chunk_rows):
+        if lost[rows].any():
+            status[rows] = np.where(lost[rows], PENDING, np.asarray(status[rows])).astype(np.int8)
     return int(lost.sum())
 
 
