@@ -1,17 +1,24 @@
-"""A Dask client from a cluster specification: ``local`` processes or the ``address`` of a running scheduler."""
+"""A Dask client from a cluster specification: ``local`` processes, SLURM jobs, one allocation, or an ``address``."""
 
+import contextlib
 import logging
+import math
 import os
-import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import dask
 from distributed import Client, LocalCluster
 from distributed.security import Security
 
+from runner.allocation import Allocation, open_allocation
 from runner.errors import ClusterError
+from runner.jobs import Growing, Jobs, open_jobs
+from runner.periodic import every
+from runner.settings import DASHBOARD, ONE_THREAD, SETTINGS, WAIT_FOR_WORKERS_S
 
 
 @dataclass(frozen=True)
@@ -29,25 +36,7 @@ class Address:
     address: str
 
 
-ClusterSpec = Local | Address
-
-_SETTINGS = {
-    "distributed.scheduler.worker-saturation": 1.1,  # one batch runs and one waits on each worker
-    "distributed.scheduler.allowed-failures": 3,
-    "distributed.scheduler.work-stealing": False,
-    "distributed.worker.profile.enabled": False,
-    "distributed.diagnostics.nvml": False,
-    # logs of messages would keep every batch that was ever sent
-    "distributed.admin.low-level-log-length": 10,
-    "distributed.admin.log-length": 100,
-    "distributed.admin.tick.limit": "60 s",
-    "distributed.comm.timeouts.connect": "60 s",
-    "distributed.deploy.lost-worker-timeout": "4 s",
-    # the journal holds the results; workers keep next to nothing in memory
-    "distributed.worker.memory.target": False,
-    "distributed.worker.memory.spill": False,
-    "logging.distributed": "error",
-}
+ClusterSpec = Local | Address | Jobs | Allocation
 
 
 def free_cores() -> int:
@@ -61,31 +50,73 @@ def open_client(spec: ClusterSpec) -> Iterator[Client]:
 
     Raises ``ClusterError`` when it cannot be reached. Workers run with one numerical thread each.
     """
-    threads = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-    with dask.config.set(_SETTINGS), dask.config.set({"distributed.nanny.pre-spawn-environ": threads}):
-        if isinstance(spec, Address):
-            try:
-                client = Client(spec.address, timeout="10 s", set_as_default=False)
-            except (OSError, ValueError) as error:
-                raise ClusterError(f"cluster.address: no scheduler at {spec.address} ({error})") from error
-            with client:
-                yield client
+    kinds: dict[type, Callable[[Any], contextlib.AbstractContextManager[Client]]] = {
+        Address: _address,
+        Local: _local,
+        Jobs: open_jobs,
+        Allocation: open_allocation,
+    }
+    with (
+        dask.config.set(SETTINGS),
+        dask.config.set({"distributed.nanny.pre-spawn-environ": ONE_THREAD}),
+        kinds[type(spec)](spec) as client,
+    ):
+        yield client
+
+
+def wait_for_workers(client: Client, check: Callable[[], None]) -> None:
+    """Wait until there is a worker. Jobs may wait in a queue for days, other workers come at once or not at all.
+
+    ``check`` is called now and then and may raise. Raises ``ClusterError`` when none will come.
+    """
+    until = math.inf if isinstance(client.cluster, Growing) else time.monotonic() + WAIT_FOR_WORKERS_S
+    while True:
+        with contextlib.suppress(TimeoutError):
+            client.wait_for_workers(1, timeout=1.0)
             return
-        try:
-            cluster = LocalCluster(
-                n_workers=spec.workers,
-                threads_per_worker=1,
-                processes=True,
-                host="127.0.0.1",
-                protocol="tls://" if spec.tls else "tcp://",
-                security=Security.temporary() if spec.tls else None,
-                dashboard_address="127.0.0.1:0",
-                silence_logs=logging.ERROR,
-            )
-        except (OSError, RuntimeError) as error:
-            raise ClusterError(f"cluster: {spec.workers} local workers could not be started ({error})") from error
-        with cluster, Client(cluster, set_as_default=False) as client, _replaced_when_lost(cluster, spec.workers):
-            yield client
+        check()
+        if time.monotonic() > until:
+            raise ClusterError(f"the cluster has no worker after {WAIT_FOR_WORKERS_S:g} s; start some")
+
+
+def ask_for(client: Client, slots: int) -> None:
+    """Say how many workers would have something to do now; clusters that can grow, grow towards it.
+
+    Raises ``ClusterError`` when the cluster's jobs do not come to work.
+    """
+    if isinstance(client.cluster, Growing):
+        client.cluster.wanted_slots = slots
+        if client.cluster.failure is not None:
+            raise client.cluster.failure
+
+
+@contextmanager
+def _address(spec: Address) -> Iterator[Client]:
+    try:
+        client = Client(spec.address, timeout="10 s", set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ClusterError(f"cluster.address: no scheduler at {spec.address} ({error})") from error
+    with client:
+        yield client
+
+
+@contextmanager
+def _local(spec: Local) -> Iterator[Client]:
+    try:
+        cluster = LocalCluster(
+            n_workers=spec.workers,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            protocol="tls://" if spec.tls else "tcp://",
+            security=Security.temporary() if spec.tls else None,
+            dashboard_address=DASHBOARD,
+            silence_logs=logging.ERROR,
+        )
+    except (OSError, RuntimeError) as error:
+        raise ClusterError(f"cluster: {spec.workers} local workers could not be started ({error})") from error
+    with cluster, Client(cluster, set_as_default=False) as client, _replaced_when_lost(cluster, spec.workers):
+        yield client
 
 
 @contextmanager
@@ -94,17 +125,10 @@ def _replaced_when_lost(cluster: LocalCluster, workers: int) -> Iterator[None]:
 
     Without this, a run whose workers are all gone would wait forever.
     """
-    end = threading.Event()
 
-    def watch() -> None:
-        while not end.wait(2.0):
-            if len(cluster.scheduler_info["workers"]) < workers:
-                cluster.scale(workers)  # starts what is planned but gone for longer than lost-worker-timeout
+    def replace() -> None:
+        if len(cluster.scheduler_info["workers"]) < workers:
+            cluster.scale(workers)  # starts what is planned but gone for longer than lost-worker-timeout
 
-    thread = threading.Thread(target=watch, name="sinew-workers", daemon=True)
-    thread.start()
-    try:
+    with every(2.0, replace, "sinew-workers"):
         yield
-    finally:
-        end.set()
-        thread.join()

@@ -1,9 +1,11 @@
 """Evaluate many rows of parameters: bounded window, batches, retries, failures as data, commits."""
 
 import errno
+import functools
 import hashlib
 import math
 import os
+import queue
 import secrets
 import socket
 import statistics
@@ -20,13 +22,20 @@ import numpy as np
 from distributed import CancelledError, Client, KilledWorker, WorkerPlugin, as_completed
 from distributed.comm.core import CommClosedError
 
-from runner.errors import ClusterError, StoreError
+from runner import drain, external, isolation, slurm
+from runner.cluster import ask_for, wait_for_workers
+from runner.errors import ClusterError, StoreError, WalltimeReached
 from runner.progress import Report
 from runner.store import STATUSES, Array, Segment, Table, is_whole
 
-WAIT_FOR_WORKERS_S = 120
 RECOUNT_S = 2.0
 RETRIED = ("crashed", "out_of_memory", "bad_output")
+BATCHES_PER_S = 125  # what a scheduler does with a fifth of its time
+ONE_AHEAD_S = 1.0  # a worker gets its next batch early, unless batches take longer than this
+SAFETY = 1.25  # of the longest run time seen, when a batch must end before a deadline
+STOPPING_S = 10.0  # to close the cluster in, before the deadline of the process that leads it
+TRIES_APART = 3
+STOPPED_SOLVERS = 5
 
 
 @dataclass(frozen=True)
@@ -75,9 +84,9 @@ def evaluate(
     """Make sure that ``rows`` ``[n]``, as :meth:`runner.store.Table.plan` numbers them, have committed outcomes.
 
     Known rows cost a look-up: ``client`` is called only when something is left to do; when it gives None, the work is
-    done in this process. Interrupt it, kill it or its
-    workers: what was committed stays, and the same call goes on from there. Raises ``StoreError`` when results cannot
-    be written and ``ClusterError`` when the cluster is lost.
+    done in this process. Interrupt it, kill it or its workers: what was committed stays, and the same call goes on
+    from there. Raises ``StoreError`` when results cannot be written, ``ClusterError`` when the cluster is lost, and
+    ``WalltimeReached`` when this process's own job must end; then, too, what is finished is committed.
     """
     table.fold(table.segments())
     asked = np.unique(rows)
@@ -94,18 +103,21 @@ def evaluate(
 class _Batch:
     """What a worker needs to evaluate some rows; small, because the evaluation itself waits on the workers."""
 
-    def __init__(self, key: str, rows: Array, parameters: Array, journal: Path, retries: int) -> None:
+    def __init__(self, key: str, rows: Array, parameters: Array, journal: Path, retries: int, apart: int = 0) -> None:
         self.key = key
         self.rows = rows
         self.parameters = parameters
         self.retries = retries
+        self.apart = apart  # how often it has been tried in a process of its own
+        self.expected_s = 0.0
         content = hashlib.blake2b(rows.tobytes(), digest_size=6).hexdigest()
         self.segment = journal / f"rows-{rows[0]:09d}-{content}-{rows.size:05d}.safetensors"
 
-    def single_rows(self) -> "list[_Batch]":
+    def rows_apart(self) -> "list[_Batch]":
+        """Each row as a batch that is evaluated in a process of its own."""
         journal = self.segment.parent
         return [
-            _Batch(self.key, self.rows[i : i + 1], self.parameters[i : i + 1], journal, self.retries)
+            _Batch(self.key, self.rows[i : i + 1], self.parameters[i : i + 1], journal, self.retries, self.apart + 1)
             for i in range(self.rows.size)
         ]
 
@@ -126,16 +138,19 @@ class _Run:
     done: int = 0
     failed: int = 0
     largest: int = 0
-    suspects: list[_Batch] = field(default_factory=list)
-    alone: bool = False
+    rows_running: int = 0
+    had_workers: bool = True
+    given_up: list[_Batch] = field(default_factory=list)
     seconds_per_row: deque[float] = field(default_factory=lambda: deque(maxlen=9))
+    slowest: deque[float] = field(default_factory=lambda: deque(maxlen=200))
+    too_short: "queue.SimpleQueue[Mapping[str, float]]" = field(default_factory=queue.SimpleQueue)
     left_in_chunk: dict[int, int] = field(default_factory=dict)
     finished: dict[int, list[Path]] = field(default_factory=dict)
 
     def work(self) -> None:
         chunks, counts = np.unique(self.pending // self.table.chunk_rows, return_counts=True)
         self.left_in_chunk = dict(zip(chunks.tolist(), counts.tolist(), strict=True))
-        self.largest = self.policy.multiple * 4
+        self.largest = self.policy.multiple
         if self.client is None:
             self._work_here()
         else:
@@ -146,6 +161,8 @@ class _Run:
         try:
             while self.next < self.pending.size:
                 batch = self._next_batch(1, self.table.key)
+                if not self._in_time(batch):
+                    raise self._walltime()
                 try:
                     self._note(batch, _run_batch(batch))
                 except OSError as error:
@@ -156,39 +173,89 @@ class _Run:
     def _work_on(self, client: Client) -> None:
         key = f"{self.table.key}-{secrets.token_hex(4)}"  # another run of this study may share the scheduler
         plugin = _Carrier(key, self.evaluation)
-        try:
-            client.wait_for_workers(1, timeout=WAIT_FOR_WORKERS_S)
-        except TimeoutError as error:
-            raise ClusterError(f"the cluster has no worker after {WAIT_FOR_WORKERS_S} s; start some") from error
+        ask_for(client, self.pending.size // self.policy.multiple)
+        self.had_workers = False  # their jobs may wait in the queue for longer than this process may
+        wait_for_workers(client, functools.partial(self._check, client))
+        self.had_workers = True
+        _register(client, drain.Leave())
         _register(client, plugin)
+        client.subscribe_topic(drain.TOO_SHORT, lambda event: self.too_short.put(event[1]))
         running: dict[Any, _Batch] = {}
         completed = as_completed(loop=client.loop)
 
         def submit(batch: _Batch) -> None:
-            future = client.submit(_run_batch, batch, pure=False)
+            future = client.submit(_run_in_time, batch, pure=False)
             running[future] = batch
             completed.add(future)
 
         slots, counted = 1, -math.inf
+        ending = False
         try:
-            while self.next < self.pending.size or running:
+            while running or (self.next < self.pending.size and not ending):
                 if time.monotonic() - counted > RECOUNT_S:  # workers come and go
                     slots, counted = max(1, sum(client.nthreads().values())), time.monotonic()
-                while len(running) < slots * self.policy.batches_per_worker and self.next < self.pending.size:
-                    submit(self._next_batch(slots, key))
-                future = next(completed)
-                self._collect(future, running.pop(future), submit)
-                future.release()
-            while self.suspects:  # one at a time: if workers die now, it is this row that kills them
-                self.alone = True
-                batch = self.suspects.pop()
-                submit(batch)
-                self._collect(next(completed), batch, submit)
-                running.clear()
+                while not ending and len(running) < self._window(slots) and self.next < self.pending.size:
+                    batch = self._next_batch(slots, key)
+                    if ending := not self._in_time(batch):
+                        break
+                    submit(batch)
+                while running and not completed.has_ready():
+                    self.rows_running = sum(batch.rows.size for batch in running.values())
+                    self._tell()
+                    self._check(client, len(running))
+                    with completed.thread_condition:
+                        completed.thread_condition.wait(0.2)
+                if running:
+                    future = next(completed)
+                    self._collect(future, running.pop(future), submit)
+                    future.release()
         finally:
             with suppress(OSError, ValueError, CommClosedError, CancelledError):  # the cluster itself may be gone
                 client.cancel(list(running))
-                client.unregister_worker_plugin(plugin.name)
+                client.unsubscribe_topic(drain.TOO_SHORT)
+                with dask.config.set({"distributed.comm.timeouts.connect": "5 s"}):  # a worker may have just died
+                    client.unregister_worker_plugin(plugin.name)
+        if ending:
+            raise self._walltime()
+        ask_for(client, 0)
+        if self.given_up:
+            rows = ", ".join(str(batch.rows[0]) for batch in self.given_up[:5])
+            raise ClusterError(
+                f"{len(self.given_up)} rows have no outcome (row {rows}{', ...' if len(self.given_up) > 5 else ''}): "
+                "every worker that took one was killed, though the row did not kill its own process; do workers have "
+                "enough memory? Run again to try once more, all other rows are kept"
+            )
+
+    def _check(self, client: Client, running: int = 0) -> None:
+        """Raise whatever makes it useless to wait any longer."""
+        ask_for(client, math.ceil((self.pending.size - self.next) / self.policy.multiple) + running)
+        if drain.seconds_left() < STOPPING_S:
+            raise self._walltime()
+        with suppress(queue.Empty):
+            told = self.too_short.get_nowait()
+            raise ClusterError(
+                f"the workers' walltime of {told['walltime_s']:.0f} s is too short: one evaluation takes at least "
+                f"{told['needed_s'] / self.policy.multiple:.0f} s; ask for more time, finished rows are kept"
+            )
+
+    def _window(self, slots: int) -> int:
+        """How many batches may be with the workers: what waits on a worker cannot go to one that becomes free."""
+        short = not self.slowest or self._expected_s(self.largest) < ONE_AHEAD_S
+        return slots * self.policy.batches_per_worker if short else slots
+
+    def _expected_s(self, rows: int) -> float:
+        return SAFETY * max(self.slowest) * rows if self.slowest else 0.0
+
+    def _in_time(self, batch: _Batch) -> bool:
+        """Whether a batch would end before this process must."""
+        return drain.seconds_left() > batch.expected_s + STOPPING_S
+
+    def _walltime(self) -> WalltimeReached:
+        return WalltimeReached(
+            f"the walltime is near: {self.total - self.pending.size + self.done:,} of {self.total:,} rows are "
+            "finished and kept; run the same command again to go on",
+            worked=self.had_workers,
+        )
 
     def _next_batch(self, slots: int, key: str) -> _Batch:
         rows = self.pending[self.next : self.next + self._batch_size(slots)]
@@ -196,13 +263,16 @@ class _Run:
             rows // self.table.chunk_rows == rows[0] // self.table.chunk_rows
         ]  # so that a chunk knows when it is complete
         self.next += rows.size
-        return _Batch(key, rows, self.table.parameters(rows), self.table.journal, self.policy.retries)
+        batch = _Batch(key, rows, self.table.parameters(rows), self.table.journal, self.policy.retries)
+        batch.expected_s = self._expected_s(rows.size)
+        return batch
 
     def _batch_size(self, slots: int) -> int:
         left = self.pending.size - self.next
         size = self.largest
         if self.seconds_per_row:
-            size = int(self.policy.batch_s / max(statistics.median(self.seconds_per_row), 1e-9))
+            seconds = max(self.policy.batch_s, slots / BATCHES_PER_S)
+            size = int(seconds / max(statistics.median(self.seconds_per_row), 1e-9))
             size = min(size, 8 * self.largest)  # the first batches also load code
         size = min(size, self.table.chunk_rows, math.ceil(left / slots))  # all workers end at about the same time
         multiple = self.policy.multiple
@@ -216,15 +286,12 @@ class _Run:
         except KilledWorker:
             if is_whole(batch.segment):
                 self._note(batch, _Done(None, 0))
-            elif batch.rows.size > 1:  # one of the rows kills its worker, the others are innocent
-                for row in batch.single_rows():
+            elif batch.apart < TRIES_APART:
+                for row in batch.rows_apart():
+                    row.expected_s = self._expected_s(1)
                     submit(row)
-            elif not self.alone:  # perhaps it only waited on a worker that another row killed
-                self.suspects.append(batch)
             else:
-                deaths = int(dask.config.get("distributed.scheduler.allowed-failures")) + 1
-                _write_failure(batch, "crashed", f"its worker died {deaths} times while it evaluated this row", deaths)
-                self._note(batch, _Done(None, 1))
+                self.given_up.append(batch)
         except (CancelledError, CommClosedError) as error:
             lost = "the cluster was lost; run the same command again, finished rows are kept"
             raise ClusterError(lost) from error
@@ -235,6 +302,7 @@ class _Run:
         """A batch is in the journal: count it, and commit its chunk once that is complete."""
         if done.seconds is not None:
             self.seconds_per_row.append(done.seconds / batch.rows.size)
+            self.slowest.append(done.seconds / batch.rows.size)
         self.done += batch.rows.size
         self.failed += done.failed
         chunk = int(batch.rows[0]) // self.table.chunk_rows
@@ -242,8 +310,12 @@ class _Run:
         self.left_in_chunk[chunk] -= batch.rows.size
         if self.left_in_chunk[chunk] == 0:  # each chunk is written once
             self.table.fold(self.finished.pop(chunk))
+        self._tell()
+
+    def _tell(self) -> None:
         if self.report is not None:
-            self.report(self.total - self.pending.size + self.done, self.already_failed + self.failed)
+            finished = self.total - self.pending.size + self.done
+            self.report(finished, self.already_failed + self.failed, self.rows_running)
 
 
 def _named(error: OSError, batch: _Batch) -> StoreError:
@@ -280,8 +352,8 @@ class _Carrier(WorkerPlugin):
 _evaluations: dict[str, Evaluation] = {}
 
 
-def _register(client: Client, plugin: _Carrier) -> None:
-    """Bring the evaluation to the workers. One that dies meanwhile gets it when it is back; ask again."""
+def _register(client: Client, plugin: Any) -> None:
+    """Bring a plugin to the workers. One that dies meanwhile gets it when it is back; ask again."""
     for attempt in range(5):
         try:
             client.register_plugin(plugin, name=plugin.name)
@@ -292,15 +364,50 @@ def _register(client: Client, plugin: _Carrier) -> None:
             time.sleep(1.0)
 
 
+def _run_in_time(batch: _Batch) -> _Done:
+    """On a worker: as below, or hand the batch back because the worker has to leave."""
+    if not is_whole(batch.segment):
+        drain.enter(batch.expected_s)
+    return _run_batch(batch)
+
+
 def _run_batch(batch: _Batch) -> _Done:
-    """On a worker: evaluate a batch and put its outcome into the journal."""
+    """Evaluate a batch and put its outcome into the journal."""
     if is_whole(batch.segment):  # a worker died after it had finished, before it could say so
         return _Done(None, 0)
     started = time.perf_counter()
-    outcome, attempts, seconds = _attempt(_evaluations[batch.key], batch.parameters, batch.retries)
+    if not batch.apart:
+        failed = _evaluate_and_write(batch, _evaluations[batch.key])
+        return _Done(time.perf_counter() - started, failed)
+    death = isolation.run_apart(functools.partial(_evaluate_and_write, batch, _evaluations[batch.key]))
+    if death is None and is_whole(batch.segment):
+        failed = int((Segment.read(batch.segment).status > 0).sum())
+    else:
+        _write_failure(batch, "crashed", f"its process died while it evaluated this row alone ({death})")
+        failed = batch.rows.size
+    return _Done(time.perf_counter() - started, failed)
+
+
+def _evaluate_and_write(batch: _Batch, evaluation: Evaluation) -> int:
+    """Returns how many rows failed."""
+    outcome, attempts, seconds = _undisturbed(evaluation, batch)
     segment = Segment(batch.rows, outcome.status, attempts, seconds, outcome.values, outcome.messages, _worker_name())
     segment.write(batch.segment)
-    return _Done(time.perf_counter() - started, int((outcome.status > 0).sum()))
+    return int((outcome.status > 0).sum())
+
+
+def _undisturbed(evaluation: Evaluation, batch: _Batch) -> tuple[Outcome, Array, Array]:
+    """Evaluate; when somebody stops a solver, most likely this worker is next, and the row is not to blame."""
+    for _ in range(STOPPED_SOLVERS):
+        try:
+            return _attempt(evaluation, batch.parameters, batch.retries)
+        except external.Stopped as stopped:
+            reason = str(stopped)
+            time.sleep(2.0)
+    count = len(batch.parameters)
+    status = np.full(count, STATUSES.index("crashed"), dtype=np.int8)
+    words = f"the solver was stopped {STOPPED_SOLVERS} times from outside ({reason})"
+    return Outcome({}, status, (words,) * count), np.full(count, STOPPED_SOLVERS, np.int16), np.full(count, np.nan)
 
 
 def _attempt(evaluation: Evaluation, parameters: Array, retries: int) -> tuple[Outcome, Array, Array]:
@@ -371,12 +478,12 @@ def _replaced(outcome: Outcome, at: Array, by: Outcome) -> Outcome:
     return Outcome(values, status, tuple(messages))
 
 
-def _write_failure(batch: _Batch, status: str, message: str, attempts: int) -> None:
+def _write_failure(batch: _Batch, status: str, message: str) -> None:
     count = batch.rows.size
     Segment(
         batch.rows,
         np.full(count, STATUSES.index(status), dtype=np.int8),
-        np.full(count, attempts, dtype=np.int16),
+        np.full(count, batch.apart, dtype=np.int16),
         np.full(count, np.nan),
         {},
         (message,) * count,
@@ -385,8 +492,8 @@ def _write_failure(batch: _Batch, status: str, message: str, attempts: int) -> N
 
 
 def _worker_name() -> str:
-    job = os.environ.get("SLURM_JOB_ID")
-    return f"{socket.gethostname()}:{os.getpid()}" + (f" job {job}" if job else "")
+    job = slurm.job()
+    return f"{slurm.node() or socket.gethostname()}:{os.getpid()}" + (f" job {job}" if job else "")
 
 
 def failures(table: Table, rows: Iterable[int]) -> dict[str, int]:

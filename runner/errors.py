@@ -11,3 +11,11 @@ class StoreError(SinewError):
 
 class ClusterError(SinewError):
     """The cluster could not be started or was lost."""
+
+
+class WalltimeReached(SinewError):
+    """The job of this process must end soon. ``worked``: it had what it needed to get something done."""
+
+    def __init__(self, words: str, *, worked: bool = True) -> None:
+        super().__init__(words)
+        self.worked = worked

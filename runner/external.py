@@ -25,7 +25,14 @@ import psutil
 
 OUTPUT_FILE = "solver-output.txt"
 MARK = "SINEW_SOLVER_OF"
+SCRATCH = "SINEW_SCRATCH"
 _KILL_GRACE_S = 5.0
+_KILLED_TOO_S = 1.0
+_FROM_OUTSIDE = ("SIGTERM", "SIGINT", "SIGHUP")
+
+
+class Stopped(OSError):
+    """A solver was ended by a signal that no solver sends to itself."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +70,8 @@ def run(
     """Run ``command`` in ``directory`` and wait for it.
 
     What it prints goes to ``directory/solver-output.txt``. No file that it writes may exceed ``max_file_bytes`` (the
-    kernel ends it by SIGXFSZ). Raises ``OSError`` when the program cannot be started at all.
+    kernel ends it by SIGXFSZ). Raises ``OSError`` when the program cannot be started at all, and :class:`Stopped`
+    when somebody ends it from outside, as a batch system does with everything in a job.
     """
     _start_guard()
     _adopt_orphans()
@@ -87,7 +95,17 @@ def run(
             _kill_group(process.pid)
             process.wait(_KILL_GRACE_S)
             _kill_escaped(attempt, process.pid)
-    return Finished(process.returncode, time.perf_counter() - started, timed_out, tail(directory / OUTPUT_FILE))
+    finished = Finished(process.returncode, time.perf_counter() - started, timed_out, tail(directory / OUTPUT_FILE))
+    if finished.killed_by in _FROM_OUTSIDE:
+        raise Stopped(f"{command[0]} was ended by {finished.killed_by}")
+    if finished.killed_by == "SIGKILL" and not timed_out:
+        time.sleep(_KILLED_TOO_S)  # whoever kills everything in a job kills this process in a moment, too
+    return finished
+
+
+def scratch(default: Path) -> Path:
+    """The folder on this machine in which solvers run: what the job says, or else ``default``."""
+    return Path(os.environ.get(SCRATCH) or default)
 
 
 def tail(path: Path, size: int = 4000) -> str:

@@ -1,10 +1,14 @@
-"""What a person sees while evaluations run: a bar on a terminal, a line now and then elsewhere."""
+"""What a person sees while evaluations run: a bar on a terminal, a line now and then elsewhere, a file for others."""
 
+import json
 import logging
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn
@@ -14,8 +18,11 @@ from rich.text import Text
 log = logging.getLogger("sinew")
 
 
-#: Called with the number of rows that are finished now, and how many of them failed.
-Report = Callable[[int, int], None]
+PROGRESS = "progress.json"
+TELL_EVERY_S, SHOW_EVERY_S = 2.0, 10.0
+
+#: Called with the number of rows that are finished now, how many of them failed, and how many batches are running.
+Report = Callable[[int, int, int], None]
 
 
 class _Rate(ProgressColumn):
@@ -24,28 +31,28 @@ class _Rate(ProgressColumn):
 
 
 @contextmanager
-def progress(title: str, total: int, *, done: int = 0, quiet: bool = False, every_s: float = 10.0) -> Iterator[Report]:
-    """Show how ``total`` rows come along, with rate and time left; ``done`` of them are there from before."""
-    started = last = time.monotonic()
-    state = (done, 0)
+def progress(title: str, total: int, folder: Path, *, done: int = 0, quiet: bool = False) -> Iterator[Report]:
+    """Show how ``total`` rows come along, with rate and time left; ``done`` of them are there from before.
 
-    def note(now: float) -> None:
-        rate = (state[0] - done) / max(now - started, 1e-9)
-        left = (total - state[0]) / rate if rate > 0 else None
-        log.info(
-            "progress",
-            extra={
-                "title": title,
-                "done": state[0],
-                "total": total,
-                "failed": state[1],
-                "rows_per_s": round(rate, 2),
-                "eta_s": None if left is None else round(left, 1),
-            },
-        )
+    ``folder/progress.json`` says the same to whoever asks from elsewhere, see :func:`read_progress`.
+    """
+    started = time.monotonic()
+    shown = told = started
+    facts: dict[str, Any] = {"title": title, "done": done, "total": total, "failed": 0, "running": 0}
+
+    def update(finished: int, failed: int, running: int) -> None:
+        rate = (finished - done) / max(time.monotonic() - started, 1e-9)
+        left = (total - finished) / rate if rate > 0 else None
+        facts.update(done=finished, failed=failed, running=running, rows_per_s=round(rate, 3))
+        facts["eta_s"] = None if left is None else round(left, 1)
+
+    def note() -> None:
+        log.info("progress", extra=facts)
         if not quiet and not console.is_terminal:
+            left = facts["eta_s"]
             eta = "" if left is None or left < 1 else f", {left:,.0f} s left"
-            print(f"{title}: {state[0]:,} of {total:,} rows, {rate:,.0f} rows/s{eta}", file=sys.stderr, flush=True)
+            line = f"{title}: {facts['done']:,} of {total:,} rows, {facts['rows_per_s']:,.4g} rows/s{eta}"
+            print(line, file=sys.stderr, flush=True)
 
     console = Console(stderr=True)
     columns = (
@@ -59,13 +66,36 @@ def progress(title: str, total: int, *, done: int = 0, quiet: bool = False, ever
     with Progress(*columns, console=console, disable=quiet or not console.is_terminal) as bars:
         bar = bars.add_task(title, total=total, completed=done, note="")
 
-        def report(finished: int, failed: int) -> None:
-            nonlocal last, state
-            state = (finished, failed)
+        def report(finished: int, failed: int, running: int) -> None:
+            nonlocal shown, told
+            now = time.monotonic()
+            update(finished, failed, running)
             bars.update(bar, completed=finished, note=f"[red]{failed} failed" if failed else "")
-            if time.monotonic() - last >= every_s:
-                last = time.monotonic()
-                note(last)
+            if now - told >= TELL_EVERY_S:
+                told = now
+                _tell(folder, facts)
+            if now - shown >= SHOW_EVERY_S:
+                shown = now
+                note()
 
-        yield report
-        note(time.monotonic())
+        try:
+            yield report
+        finally:
+            update(facts["done"], facts["failed"], 0)
+            _tell(folder, facts)
+            note()
+
+
+def _tell(folder: Path, facts: dict[str, Any]) -> None:
+    temporary = folder / f".{PROGRESS}.{os.getpid()}"
+    temporary.write_text(json.dumps({**facts, "time": round(time.time(), 1)}) + "\n", "utf-8")
+    os.replace(temporary, folder / PROGRESS)
+
+
+def read_progress(folder: Path) -> dict[str, Any] | None:
+    """What was last told about a result folder: rows done, failed and running, rate, and seconds left; or None."""
+    try:
+        facts = json.loads((folder / PROGRESS).read_text("utf-8"))
+    except (OSError, ValueError):
+        return None
+    return facts if isinstance(facts, dict) and {"title", "done", "total", "time"} <= facts.keys() else None

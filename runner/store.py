@@ -379,6 +379,10 @@ class Table:
         """Segments that are not folded in yet."""
         return sorted(self.journal.glob("rows-*.safetensors")) if self.journal.is_dir() else []
 
+    def waiting(self) -> int:
+        """How many rows are finished but not folded in yet."""
+        return sum(int(path.stem.rpartition("-")[2]) for path in self.segments())
+
     def fold(self, paths: Iterable[Path]) -> None:
         """Commit segments: write the chunks that they touch, ``status`` last, then delete them."""
         segments = [(path, Segment.read(path)) for path in paths]

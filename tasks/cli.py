@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from runner.errors import SinewError
+from runner.errors import SinewError, WalltimeReached
 from tasks.problems import BadInput, one_line
 
 _PATH = click.Path(path_type=Path)
@@ -28,6 +28,8 @@ def main() -> None:
         _fail("interrupted; run the same command again to go on, finished rows are kept", 130)
     except click.ClickException as error:
         _fail(" ".join(error.format_message().split()), 2)
+    except WalltimeReached as error:
+        _fail(str(error), 75)  # the job script takes this for: once more
     except SinewError as error:
         _fail(str(error), 2)
     except OSError as error:  # a path that the system refuses, of whatever kind
@@ -61,6 +63,7 @@ def _study_command(name: str, help: str) -> Callable[[Callable[..., None]], clic
             click.option("--out", type=_PATH, help="Result folder (default: results/NAME)."),
             click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed, in place of the study's."),
             click.option("--workers", type=click.IntRange(1, 1024), help="Local worker processes."),
+            click.option("--profile", type=_PATH, help="A cluster's profile: work on SLURM, from inside its job."),
             click.option("--simulator", type=click.Choice(["uniaxial", "febio"]), help="In place of the study's."),
             click.option("--retry-failed", is_flag=True, help="Evaluate failed rows again."),
             click.option("--quiet", is_flag=True, help="No progress and no summary."),
@@ -73,16 +76,37 @@ def _study_command(name: str, help: str) -> Callable[[Callable[..., None]], clic
 
 
 @contextmanager
-def _open(study: Path, tasks: Sequence[str] | None, seed: int | None, extend: bool = False, **options: Any) -> Any:
+def _open(
+    study: Path,
+    tasks: Sequence[str] | None,
+    *,
+    seed: int | None,
+    extend: bool = False,
+    out: Path | None,
+    workers: int | None,
+    profile: Path | None,
+    **options: Any,
+) -> Any:
     """The workspace of a study, once everything about it and its ``tasks`` (default: the study's) is checked."""
-    from tasks import pipeline
+    from runner.allocation import Allocation, join_allocation
+    from tasks import pipeline, submission
+    from tasks.profile import read_profile
     from tasks.study import read_study
     from tasks.workspace import open_workspace
 
     read = read_study(study, seed=seed)
-    out = options.pop("out") or Path("results") / read.name
+    out = out or Path("results") / read.name
     pipeline.check(read, out, read.tasks if tasks is None else tasks, extend=extend)
-    with open_workspace(read, out=out, **options) as workspace:
+    if profile is None:
+        with open_workspace(read, out=out, cluster=read.cluster_spec(workers), **options) as workspace:
+            yield workspace
+        return
+    chosen = read_profile(profile)
+    cluster = chosen.cluster(read.name, submission.jobs_folder(out.absolute()))
+    if isinstance(cluster, Allocation):
+        join_allocation(cluster)
+    submission.refuse_a_second(out)
+    with submission.leading(out, chosen), open_workspace(read, out=out, cluster=cluster, **options) as workspace:
         yield workspace
 
 
@@ -178,13 +202,67 @@ def import_(files: tuple[Path, ...], out: Path, protocol: str | None, tare: bool
         )
 
 
+@_study_command("submit", "Submit a study to SLURM: a small job that leads, and the worker jobs that it starts.")
+@click.option("--dry-run", is_flag=True, help="Print the job scripts, submit nothing.")
+def submit(study: Path, dry_run: bool, profile: Path | None, out: Path | None, **options: Any) -> None:
+    from tasks import pipeline, submission
+    from tasks.profile import read_profile
+    from tasks.study import read_study
+
+    if profile is None:
+        raise BadInput("--profile", "missing", "the profile of a cluster, such as slurm/generic.yaml")
+    read, chosen = read_study(study, seed=options["seed"]), read_profile(profile)
+    out = out or Path("results") / read.name
+    pipeline.check(read, out, read.tasks)
+    submission.check(read, chosen, out, data=options["data"], simulator=options["simulator"])
+    scripts = submission.job_scripts(read, chosen, out, _arguments(options))
+    if dry_run:
+        print(scripts.leader)
+        if scripts.worker is not None:
+            print(f"# ---- each worker job; the scheduler's address and the certificate are made up\n{scripts.worker}")
+        return
+    job = submission.submit(read, chosen, out, scripts)
+    if not options["quiet"]:
+        print(f"job {job} leads '{read.name}'; its output: {submission.jobs_folder(out)}")
+        print(f"follow it by `sinew status {out}`, end it by `sinew cancel {out}`")
+
+
+def _arguments(options: dict[str, Any]) -> list[str]:
+    """Options of a command as arguments for another."""
+    arguments: list[str] = []
+    for name, value in options.items():
+        if value is True:
+            arguments.append(f"--{name.replace('_', '-')}")
+        elif value is not None and value is not False:
+            value = value.absolute() if isinstance(value, Path) else value
+            arguments += [f"--{name.replace('_', '-')}", str(value)]
+    return arguments
+
+
+@sinew.command()
+@click.argument("folder", type=_PATH)
+def cancel(folder: Path) -> None:
+    """End all SLURM jobs of a result folder; what is finished is kept."""
+    from tasks.submission import cancel as cancel_jobs
+
+    jobs = cancel_jobs(folder)
+    for job in jobs:
+        print(f"job {job.job} ({job.name}, {job.state}) is cancelled")
+    print(f"{len(jobs)} jobs cancelled; `sinew submit` goes on with what is left: {folder}")
+
+
 @sinew.command()
 @click.argument("folder", type=_PATH)
 @click.option("--json", "as_json", is_flag=True, help="Machine-readable.")
-def status(folder: Path, as_json: bool) -> None:
-    """What a result folder holds: rows done, failed and left, and why rows failed."""
-    from tasks.pipeline import print_status, read_status
+@click.option("--rows", is_flag=True, help="CSV: which node and job evaluated which row.")
+def status(folder: Path, as_json: bool, rows: bool) -> None:
+    """Rows done, failed, running and left; rate, cost, jobs, and why rows failed."""
+    from tasks.status import print_status, read_status, rows_as_csv
 
+    if rows:
+        for line in rows_as_csv(folder):
+            print(line)
+        return
     found = read_status(folder)
     print(json.dumps(found, indent=1)) if as_json else print_status(found)
 

@@ -90,7 +90,7 @@ def _forest(
         return chosen[ok[chosen]]
 
     seed = int(np.random.SeedSequence([workspace.seed, 3]).generate_state(1)[0])
-    forest = RandomForestRegressor(settings.trees, random_state=seed, n_jobs=workspace.workers or free_cores())
+    forest = RandomForestRegressor(settings.trees, random_state=seed, n_jobs=free_cores())
     forest.fit(features[rows(grown)], output[rows(grown)])
     forest.set_params(n_jobs=1)  # threads would add up the trees' predictions in the order in which they end
     by_tree = np.stack([tree.feature_importances_ for tree in forest.estimators_])

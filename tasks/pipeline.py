@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table as Grid
 
-from runner.store import PENDING, STATUSES, Store, open_store
+from runner.store import Store, open_store
 from tasks.importance import importance
-from tasks.problems import BadInput, one_line
+from tasks.problems import BadInput
 from tasks.report import figures
 from tasks.sensitivity import base_samples, sobol
 from tasks.study import Study
@@ -64,57 +63,6 @@ def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str,
         f"results: {workspace.out}  (figures in {workspace.out / 'figures'}, arrays in store.zarr)", markup=False
     )
     return results
-
-
-def read_status(folder: Path) -> dict[str, Any]:
-    """Rows done, failed and pending in each table of a result folder, and the last failures."""
-    store = open_store(folder)
-    tables = []
-    for table in store.tables():
-        failed = {name: int((table.status == i).sum()) for i, name in enumerate(STATUSES) if i}
-        waiting = sum(int(path.stem.rpartition("-")[2]) for path in table.segments())
-        rows = np.flatnonzero(table.status > 0)[-5:]
-        tables.append(
-            {
-                "table": table.title,
-                "rows": len(table),
-                "done": int((table.status != PENDING).sum()) + waiting,
-                "failed": {name: count for name, count in failed.items() if count},
-                "last_failures": [
-                    {"row": int(row), "status": STATUSES[table.status[row]], "message": str(message)}
-                    for row, message in zip(rows, table.read("message", rows), strict=True)
-                ],
-                "core_hours": float(np.nansum(table.read("wall_seconds", np.flatnonzero(table.status >= 0)))) / 3600,
-            }
-        )
-    results = sorted(path.stem for path in folder.glob("*.json"))
-    return {"folder": str(folder), "study": store.study, "tables": tables, "results": results}
-
-
-def print_status(found: dict[str, Any]) -> None:
-    """The same for a person."""
-    console = Console(highlight=False)
-    grid = Grid(
-        "evaluations",
-        "rows",
-        "done",
-        "failed",
-        "left",
-        "core-hours",
-        title=escape(one_line(f"{found['study']}: {found['folder']}")),
-    )
-    for table in found["tables"]:
-        failed = sum(table["failed"].values())
-        cells = (table["rows"], table["done"], failed, table["rows"] - table["done"])
-        grid.add_row(escape(one_line(table["table"])), *(f"{cell:,}" for cell in cells), f"{table['core_hours']:.3g}")
-    console.print(grid)
-    for table in found["tables"]:
-        for failure in table["last_failures"]:
-            console.print(
-                f"{table['table']}, row {failure['row']}: {failure['status']}: {one_line(failure['message'])}",
-                markup=False,
-            )
-    console.print(f"finished: {', '.join(found['results']) or 'nothing yet'}")
 
 
 def repair(folder: Path) -> int:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from runner.cluster import Local
 from runner.store import STATUSES
 from tasks.evaluate import SpecimenEvaluation
 from tasks.measurements import check_text, read_header, read_numbers
@@ -52,7 +53,7 @@ def simulate_rows(workspace: Workspace, parameters: Array) -> dict[str, Any]:
     files = []
     for specimen in workspace.cohort.specimens:
         evaluation = SpecimenEvaluation(workspace.model, specimen, workspace.simulator, "all")
-        here = workspace.workers is None and workspace.simulator.batch_multiple > 1
+        here = isinstance(workspace.cluster, Local) and workspace.simulator.batch_multiple > 1
         table, rows = workspace.plan(evaluation, parameters)
         workspace.evaluate(evaluation, table, rows, f"simulate {specimen.name}", here=here)
         messages = table.read("message", rows)

@@ -108,6 +108,12 @@ class AddressSettings(Section):
     address: Annotated[str, Field(pattern=r"^(tls|tcp)://[A-Za-z0-9_.:\[\]-]+:\d+$")]
 
 
+class SlurmSettings(Section):
+    """Worker jobs under SLURM; what to ask of it is said by the profile that the command names, never by a study."""
+
+    name: Literal["slurm"] = "slurm"
+
+
 class SobolSettings(Section):
     """A Saltelli design of ``base_samples`` x (free parameters + 2) rows, or of at least ``points`` rows.
 
@@ -160,7 +166,7 @@ class Study(Section):
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     model: ModelSettings = ModelSettings()
     simulator: UniaxialSettings | FEBioSettings = Field(default=UniaxialSettings(), discriminator="name")
-    cluster: LocalSettings | AddressSettings = Field(default=LocalSettings(), discriminator="name")
+    cluster: LocalSettings | AddressSettings | SlurmSettings = Field(default=LocalSettings(), discriminator="name")
     store: StoreSettings = StoreSettings()
     retries: Annotated[int, Field(ge=0, le=20)] = 1
     tasks: Annotated[list[Literal["sobol", "importance"]], Field(min_length=1)] = Field(
@@ -224,6 +230,9 @@ class Study(Section):
         """Where evaluations run; ``workers`` overrides the number of local workers."""
         if isinstance(self.cluster, AddressSettings):
             return Address(self.cluster.address)
+        if isinstance(self.cluster, SlurmSettings):
+            problem, expected = "slurm without a profile", "`sinew submit STUDY --profile PROFILE.yaml`"
+            raise BadInput(f"{self.path}: cluster", problem, expected)
         return Local(workers or self.cluster.workers or free_cores(), self.cluster.tls)
 
     def simulator_object(self, name: str | None, scratch: Path) -> Simulator:

@@ -15,8 +15,9 @@ import numpy as np
 from distributed import Client
 from pythonjsonlogger.json import JsonFormatter
 
-from runner.cluster import open_client
+from runner.cluster import ClusterSpec, Local, open_client
 from runner.ensemble import Policy, evaluate
+from runner.network import dashboard
 from runner.progress import progress
 from runner.store import Store, Table
 from tasks.evaluate import SpecimenEvaluation
@@ -39,7 +40,7 @@ class Workspace:
     simulator: Simulator
     store: Store
     out: Path
-    workers: int | None = None
+    cluster: ClusterSpec
     quiet: bool = False
     retry_failed: bool = False
     simulations: int = 0
@@ -53,8 +54,11 @@ class Workspace:
     def client(self) -> Client:
         """A client of the study's cluster, started when it is first needed."""
         if self._client is None:
-            self._client = self._stack.enter_context(open_client(self.study.cluster_spec(self.workers)))
-            log.info("cluster", extra={"workers": len(self._client.scheduler_info()["workers"])})
+            self._client = self._stack.enter_context(open_client(self.cluster))
+            how = dashboard(self._client)
+            log.info("cluster", extra={"scheduler": self._client.scheduler_info()["address"], "dashboard": how})
+            if not self.quiet and not isinstance(self.cluster, Local):
+                print(f"dashboard: {how}", flush=True)
         return self._client
 
     def specimens(self, names: Sequence[str] | str, where: str) -> tuple[Specimen, ...]:
@@ -90,7 +94,7 @@ class Workspace:
         self.simulations += pending
         policy = Policy(multiple=self.simulator.batch_multiple, retries=self.study.retries)
         client = (lambda: None) if here else self.client
-        with progress(title, asked, done=asked - pending, quiet=self.quiet) as report:
+        with progress(title, asked, self.out, done=asked - pending, quiet=self.quiet) as report:
             evaluate(client, table, evaluation, rows, report, policy)
 
 
@@ -100,7 +104,7 @@ def open_workspace(
     *,
     data: Path | None = None,
     out: Path,
-    workers: int | None = None,
+    cluster: ClusterSpec,
     simulator: str | None = None,
     quiet: bool = False,
     retry_failed: bool = False,
@@ -110,20 +114,34 @@ def open_workspace(
     ``data`` replaces the study's cohort. Raises :class:`BadInput` and
     :class:`runner.errors.StoreError`.
     """
-    cohort = read_cohort(data or study.cohort_path)
-    model = study.tendon()
-    chosen = study.simulator_object(simulator, out.resolve() / "attempts")
-    if study.sobol.specimens != "all":
-        cohort.choose(study.sobol.specimens, f"{study.path}: sobol.specimens")
-    check_folder(out)
-    if out.resolve().is_relative_to(cohort.folder.resolve()):
-        raise BadInput(f"--out {out}", f"lies inside the cohort {cohort.folder}", "a folder beside it")
+    cohort = check_cohort(study, data, out)
+    chosen = study.simulator_object(simulator, attempts_folder(out))
     with ExitStack() as stack:
         store = stack.enter_context(Store.writing(out, study.name))
         stack.enter_context(_log_to(out / "log.jsonl"))
         for abandoned in (out / "attempts").glob("attempt-*"):  # their workers were killed
             shutil.rmtree(abandoned, ignore_errors=True)
-        yield Workspace(study, cohort, model, chosen, store, out, workers, quiet, retry_failed, _stack=stack)
+        model = study.tendon()
+        yield Workspace(study, cohort, model, chosen, store, out, cluster, quiet, retry_failed, _stack=stack)
+
+
+def check_cohort(study: Study, data: Path | None, out: Path) -> Cohort:
+    """The study's cohort, or the one in ``data``, if it and the result folder can be used for the study.
+
+    Raises :class:`BadInput`.
+    """
+    cohort = read_cohort(data or study.cohort_path)
+    if study.sobol.specimens != "all":
+        cohort.choose(study.sobol.specimens, f"{study.path}: sobol.specimens")
+    check_folder(out)
+    if out.resolve().is_relative_to(cohort.folder.resolve()):
+        raise BadInput(f"--out {out}", f"lies inside the cohort {cohort.folder}", "a folder beside it")
+    return cohort
+
+
+def attempts_folder(out: Path) -> Path:
+    """Where a result folder keeps what solvers read and wrote."""
+    return out.resolve() / "attempts"
 
 
 def check_folder(out: Path) -> None:

@@ -1,8 +1,13 @@
-"""What all tests share: reference curves, small cohorts, and the rule that nothing which must run in CI is skipped."""
+"""What all tests share: reference curves, a SLURM, and the rule that nothing which must run in CI is skipped."""
 
+import importlib.util
 import os
 import shutil
+import sys
+from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,6 +42,36 @@ def _must_run(report: pytest.TestReport) -> bool:
     """In CI, only what needs a solver or data that are not there may be skipped."""
     allowed = "febio" in report.keywords or ("shared" in report.keywords and not SHARED.is_dir())
     return os.environ.get("CI") == "true" and not allowed
+
+
+def load_testbed() -> ModuleType:
+    """The module that starts a SLURM on this machine."""
+    path = Path(__file__).parents[1] / "slurm" / "testbed" / "testbed.py"
+    spec = importlib.util.spec_from_file_location("testbed", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["testbed"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def slurm_for_all(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    module = load_testbed()
+    if missing := module.missing():
+        pytest.skip(f"SLURM is not installed ({', '.join(missing)})")
+    testbed = module.start(tmp_path_factory.mktemp("slurm"), nodes=4, cpus=2)
+    try:
+        yield testbed
+    finally:
+        module.stop(testbed)
+
+
+@pytest.fixture
+def slurm_cluster(slurm_for_all: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """A real SLURM of four nodes with two cores each; its commands work here and in processes started from here."""
+    for name, value in slurm_for_all.environment.items():
+        monkeypatch.setenv(name, value)
+    return slurm_for_all
 
 
 @pytest.fixture

@@ -44,7 +44,8 @@ _ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 class FEBio:
     """A solver, its version, the text of the input template, and how a run is stepped and limited.
 
-    ``scratch`` holds one directory for each attempt; those of failed rows are kept, at most ``keep_failed``.
+    ``scratch`` holds one directory for each attempt, unless the job names a folder on its node; those of failed rows
+    are kept in ``scratch``, at most ``keep_failed``.
     ``ramp_s``, ``hold_growth`` and ``still_mm`` say where the solver steps, see :func:`solver_steps`.
     """
 
@@ -95,8 +96,9 @@ class FEBio:
         rows = solver_steps(protocol, self.ramp_s, self.hold_growth, self.still_mm)
         relaxed_s = 40.0 * max(value for name, value in zip(model.names, values, strict=True) if name.startswith("tau"))
         times, displacements, first = _steps(protocol, rows, relaxed_s)
-        self.scratch.mkdir(parents=True, exist_ok=True)
-        directory = Path(tempfile.mkdtemp(prefix="attempt-", dir=self.scratch))
+        scratch = external.scratch(self.scratch)
+        scratch.mkdir(parents=True, exist_ok=True)
+        directory = Path(tempfile.mkdtemp(prefix="attempt-", dir=scratch))
         try:
             text = _rendered(self.template, model, specimen, times, displacements, values)
             (directory / INPUT).write_text(text, "utf-8")
@@ -118,16 +120,16 @@ class FEBio:
             _check_end(finished, directory, self.timeout_s)
             reactions = read_reactions(directory / REACTIONS, times[1:], self.max_file_bytes)
         except _Failed as failed:
-            if _is_full(self.scratch):
+            if _is_full(scratch):
                 shutil.rmtree(directory, ignore_errors=True)
-                raise _no_space(self.scratch) from None
+                raise _no_space(scratch) from None
             self._keep(directory, failed, model, values)
             raise
         except OSError:
-            full = _is_full(self.scratch)
+            full = _is_full(scratch)
             shutil.rmtree(directory, ignore_errors=True)
             if full:
-                raise _no_space(self.scratch) from None
+                raise _no_space(scratch) from None
             raise
         shutil.rmtree(directory, ignore_errors=True)
         at_steps = HALF * np.concatenate([[0.0], reactions])[first:]
@@ -135,13 +137,14 @@ class FEBio:
 
     def _keep(self, directory: Path, failed: "_Failed", model: Model, values: Array) -> None:
         """Keep a failed attempt for a person to look at, with its parameters, unless there are many already."""
+        self.scratch.mkdir(parents=True, exist_ok=True)
         if sum(1 for _ in self.scratch.glob("failed-*")) >= self.keep_failed:
             shutil.rmtree(directory, ignore_errors=True)
             return
         parameters = dict(zip(model.names, values.tolist(), strict=True))
         told = {"status": failed.status, "message": failed.words, "parameters": parameters}
         (directory / "failure.json").write_text(json.dumps(told, indent=1) + "\n", "utf-8")
-        directory.rename(directory.with_name(directory.name.replace("attempt-", f"failed-{failed.status}-")))
+        shutil.move(directory, self.scratch / directory.name.replace("attempt-", f"failed-{failed.status}-"))
 
 
 class _Failed(Exception):

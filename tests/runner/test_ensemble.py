@@ -81,7 +81,9 @@ def test_a_row_that_kills_its_worker_is_found_and_its_neighbours_are_not_blamed(
         rows = run(lambda: client, table, Quick(bad="kill"), parameters, policy=Policy(multiple=10))
         assert failures(table, rows) == {"crashed": 1}
         assert table.status[rows[11]] > 0
-        assert "its worker died" in str(table.read("message", rows[[11]])[0])
+        assert "its process died while it evaluated this row alone (SIGKILL)" in str(
+            table.read("message", rows[[11]])[0]
+        )
 
 
 def test_a_full_disk_stops_the_run_and_fails_no_row(tmp_path, client):
@@ -111,7 +113,7 @@ def test_progress_counts_every_row_once(tmp_path, client):
         table = store.table(table_spec())
         run(lambda: client, table, Quick(), some(100))
         parameters = np.concatenate([some(100), with_bad(50, 1)[:50] + 2])
-        run(lambda: client, table, Quick(), parameters, lambda done, failed: said.append((done, failed)))
+        run(lambda: client, table, Quick(), parameters, lambda done, failed, running: said.append((done, failed)))
     assert said[-1] == (150, 0)
     assert [done for done, _ in said] == sorted(done for done, _ in said)
 

@@ -16,7 +16,7 @@ import psutil
 import pytest
 
 from runner import external
-from runner.external import OUTPUT_FILE, run, tail
+from runner.external import OUTPUT_FILE, Stopped, run, tail
 
 ROOT = Path(__file__).resolve().parents[2]
 LINUX = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs Linux")
@@ -94,13 +94,19 @@ def test_an_exit_code(tmp_path):
     assert finished.output == "no\n"
 
 
-@pytest.mark.parametrize("name", ["SIGSEGV", "SIGABRT", "SIGKILL", "SIGTERM"])
+@pytest.mark.parametrize("name", ["SIGSEGV", "SIGABRT", "SIGKILL"])
 def test_death_by_a_signal(tmp_path, name):
     finished = run(program(tmp_path, f"kill -{name.removeprefix('SIG')} $$"), tmp_path, timeout_s=LONG_S)
     assert finished.killed_by == name
     assert finished.returncode == -signal.Signals[name]
     assert not finished.timed_out
     assert not list(tmp_path.glob("core*"))
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
+def test_a_solver_that_somebody_ends_is_not_a_failure(tmp_path, name):
+    with pytest.raises(Stopped, match=f"was ended by {name}"):
+        run(program(tmp_path, f"kill -{name.removeprefix('SIG')} $$"), tmp_path, timeout_s=LONG_S)
 
 
 @LINUX

@@ -1,0 +1,186 @@
+"""A cluster's profile: one YAML file that says what to ask of SLURM, validated. It says nothing about tissue.
+
+A profile is code of its owner, like a job script: its prologue is run by a shell on the cluster.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PrivateAttr, field_validator
+
+from runner.allocation import Allocation
+from runner.jobs import Jobs
+from runner.network import Network
+from tasks.problems import BadInput, shown
+from tasks.settings import FieldError, Section, read_settings
+
+_OPTION = r"^[A-Za-z0-9_.:@%+=,*&|()\[\]!/-]{1,200}$"
+Option = Annotated[str, Field(pattern=_OPTION)]
+Line = Annotated[str, Field(min_length=1, max_length=1000, pattern=r"^[^\x00-\x1f]+$")]
+_WALLTIME = "D-HH:MM:SS, HH:MM:SS or MM:SS, of at least one minute and at most a year"
+_MEMORY = "memory such as 4G or 4000M, at least 256M"
+
+
+def _seconds(text: str) -> float:
+    """A walltime in seconds, as SLURM writes it."""
+    days, dash, clock = text.rpartition("-")
+    parts = clock.split(":")
+    if not (all(part.isascii() and part.isdigit() for part in parts) and len(parts) in (2, 3)):
+        raise ValueError(f"{shown(text)}; expected {_WALLTIME}")
+    if dash and not (days.isascii() and days.isdigit()):
+        raise ValueError(f"{shown(text)}; expected {_WALLTIME}")
+    numbers = [int(part) for part in parts]
+    seconds = 0
+    for number in numbers:
+        seconds = 60 * seconds + number
+    seconds += 86_400 * int(days or 0)
+    if not 60 <= seconds <= 366 * 86_400 or any(number > 59 for number in numbers[1:]):
+        raise ValueError(f"{shown(text)}; expected {_WALLTIME}")
+    return float(seconds)
+
+
+def _megabytes(text: str) -> int:
+    unit = {"M": 1, "G": 1024, "T": 1024**2}.get(text[-1:].upper())
+    number = text[:-1]
+    if unit is None or not (number.isascii() and number.isdigit()) or len(number) > 9 or int(number) * unit < 256:
+        raise ValueError(f"{shown(text)}; expected {_MEMORY}")
+    return int(number) * unit
+
+
+class _Size(Section):
+    """What one job asks for."""
+
+    cores: Annotated[int, Field(ge=1, le=1024)] = 1
+    memory: str = "4G"
+    walltime: str = "1:00:00"
+    partition: Option | None = None
+
+    @field_validator("walltime", "memory")
+    @classmethod
+    def _readable(cls, value: str, info: Any) -> str:
+        _seconds(value) if info.field_name == "walltime" else _megabytes(value)
+        return value
+
+    @property
+    def walltime_s(self) -> float:
+        return _seconds(self.walltime)
+
+    @property
+    def memory_mb(self) -> int:
+        return _megabytes(self.memory)
+
+
+class CoordinatorSettings(_Size):
+    """The small job that leads: scheduler and client. It requeues itself when its walltime is near."""
+
+    memory: str = "4G"
+    walltime: str = "24:00:00"
+
+
+class WorkerSettings(_Size):
+    """The jobs that evaluate: from ``minimum`` to ``jobs`` of them, each with one worker on each of its ``cores``."""
+
+    cores: Annotated[int, Field(ge=1, le=1024)] = 4
+    memory: str = "8G"
+    walltime: str = "4:00:00"
+    jobs: Annotated[int, Field(ge=1, le=10_000)] = 4
+    minimum: Annotated[int, Field(ge=0, le=10_000)] = 0
+    poll_s: Annotated[float, Field(ge=1, le=600)] = 15.0
+
+
+class AllocationSettings(_Size):
+    """One job for everything: ``tasks`` processes of one core each, of which two lead and the others evaluate."""
+
+    memory: str = "2G"
+    tasks: Annotated[int, Field(ge=3, le=100_000)] = 16
+    walltime: str = "4:00:00"
+
+
+class Profile(Section):
+    """A validated profile. Build it by :func:`read_profile`."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$")]
+    mode: Literal["jobs", "allocation"] = "jobs"
+    account: Option | None = None
+    partition: Option | None = None
+    qos: Option | None = None
+    constraint: Option | None = None
+    directives: list[Annotated[str, Field(pattern=r"^--[a-z][a-z-]*(=[^\x00-\x1f]{0,200})?$")]] = Field(
+        default_factory=list
+    )
+    modules: list[Option] = Field(default_factory=list)
+    prologue: list[Line] = Field(default_factory=list)
+    interface: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.:@-]{1,15}$")] | None = None
+    scratch: Annotated[str, Field(pattern=r'^[/$][^\x00-\x1f"`\\;&|<> ()]{0,199}$')] | None = None
+    tls: bool = True
+    job_script: str | None = None
+    coordinator: CoordinatorSettings = CoordinatorSettings()
+    workers: WorkerSettings = WorkerSettings()
+    allocation: AllocationSettings = AllocationSettings()
+
+    _path: Path = PrivateAttr(default=Path())
+
+    @field_validator("workers")
+    @classmethod
+    def _limits(cls, value: WorkerSettings) -> WorkerSettings:
+        if value.minimum > value.jobs:
+            raise FieldError("minimum", f"{value.minimum} is above jobs {value.jobs}", "at most jobs")
+        return value
+
+    @property
+    def path(self) -> Path:
+        return self._path
+
+    @property
+    def leader(self) -> CoordinatorSettings | AllocationSettings:
+        """The job that is submitted from the login node."""
+        return self.coordinator if self.mode == "jobs" else self.allocation
+
+    def options(self, size: _Size) -> tuple[str, ...]:
+        """Options for ``sbatch``, without what every kind of job asks for by itself."""
+        return tuple(self._options(size))
+
+    def _options(self, size: _Size) -> Iterator[str]:
+        for name in ("account", "qos", "constraint"):
+            if (value := getattr(self, name)) is not None:
+                yield f"--{name}={value}"
+        if (partition := size.partition or self.partition) is not None:
+            yield f"--partition={partition}"
+        yield from self.directives
+
+    def shell_lines(self) -> tuple[str, ...]:
+        """What a job does before it starts anything."""
+        return (*(f"module load {name}" for name in self.modules), *self.prologue)
+
+    def cluster(self, study: str, folder: Path) -> Jobs | Allocation:
+        """The cluster for a study, with its table of jobs and their output in ``folder``."""
+        network = Network(self.interface, self.tls)
+        if self.mode == "allocation":
+            return Allocation(folder, network)
+        workers = self.workers
+        return Jobs(
+            name=study,
+            folder=folder,
+            maximum=workers.jobs,
+            minimum=workers.minimum,
+            cores=workers.cores,
+            memory_mb=workers.memory_mb,
+            walltime_s=workers.walltime_s,
+            network=network,
+            directives=self.options(workers),
+            prologue=self.shell_lines(),
+            scratch=self.scratch,
+            poll_s=workers.poll_s,
+        )
+
+
+def read_profile(path: Path) -> Profile:
+    """Read and validate a profile. Raises :class:`BadInput` for the first thing that is wrong."""
+    profile = read_settings(path, Profile, "profile")
+    profile._path = path
+    if profile.job_script is not None:
+        template = path.parent / profile.job_script
+        if not template.resolve().is_relative_to(path.parent.resolve()) or not template.is_file():
+            raise BadInput(f"{path}: job_script", f"{shown(profile.job_script)} is no file there", "a template beside")
+    return profile

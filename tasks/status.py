@@ -1,0 +1,175 @@
+"""What a result folder holds and what works on it, read from its files alone: it works where nothing runs."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table as Grid
+
+from runner import slurm
+from runner.errors import StoreError
+from runner.progress import PROGRESS, read_progress
+from runner.store import PENDING, STATUSES, Array, Segment, Table, open_store
+from tasks.problems import one_line
+
+SILENT_S = 60.0  # who works tells of it every few seconds
+JOBS_SHOWN = 12
+FAILURES_SHOWN = 5
+
+
+def read_status(folder: Path) -> dict[str, Any]:
+    """Rows done, failed, running and left; rate and time left; what it cost; jobs, and the last failures."""
+    store = open_store(folder)
+    now = time.time()
+    jobs = slurm.JobTable(folder / "jobs").read()
+    tables, by_job, failures = [], dict.fromkeys(jobs, 0), []
+    for table in store.tables():
+        told = _Told(table)
+        failed = {name: int((told.status == i).sum()) for i, name in enumerate(STATUSES) if i}
+        for worker, count in zip(*np.unique(told.worker, return_counts=True), strict=True):
+            job = split_worker(str(worker))[2]
+            by_job[job] = by_job.get(job, 0) + int(count)
+        for at in np.flatnonzero(told.status > 0)[-FAILURES_SHOWN:]:
+            node, _, job = split_worker(str(told.worker[at]))
+            status, message = STATUSES[told.status[at]], str(told.message[at])
+            failure = {"table": table.title, "row": int(told.rows[at]), "status": status, "message": message}
+            failures.append(failure | {"node": node, "job": job})
+        tables.append(
+            {
+                "table": table.title,
+                "rows": len(table),
+                "done": int(told.rows.size),
+                "failed": {name: count for name, count in failed.items() if count},
+                "core_hours": float(np.nansum(told.seconds)) / 3600,
+            }
+        )
+    by_job.pop("", None)
+    return {
+        "folder": str(folder),
+        "study": store.study,
+        "tables": tables,
+        "now": _sign_of_life(folder, now),
+        "jobs": [
+            {
+                "job": record.job,
+                "role": record.role,
+                "nodes": record.nodes,
+                "state": record.end if record.ended else "running" if record.started else "waiting",
+                "core_hours": record.core_hours(now),
+                "rows": by_job.get(record.job, 0),
+            }
+            for record in jobs.values()
+        ],
+        "last_failures": failures,
+        "core_hours": {
+            "evaluations": sum(table["core_hours"] for table in tables),
+            "jobs": sum(record.core_hours(now) for record in jobs.values()),
+        },
+        "results": sorted(path.stem for path in folder.glob("*.json") if path.name != PROGRESS),
+    }
+
+
+class _Told:
+    """All rows of a table that have an outcome, with those that are not folded in yet."""
+
+    def __init__(self, table: Table) -> None:
+        parts: list[tuple[Array, ...]] = []
+        for path in table.segments():
+            try:
+                segment = Segment.read(path)
+            except StoreError:  # folded in meanwhile
+                continue
+            count = segment.rows.size
+            messages = segment.messages or ("",) * count
+            words = np.array([segment.worker] * count, dtype=object), np.array(messages, dtype=object)
+            parts.append((segment.rows, segment.status, segment.wall_seconds, segment.attempts, *words))
+        waiting = np.concatenate([part[0] for part in parts]) if parts else np.zeros(0, dtype=np.int64)
+        rows = np.setdiff1d(np.flatnonzero(table.status != PENDING), waiting)
+        names = ("wall_seconds", "attempts", "worker", "message")
+        parts.insert(0, (rows, table.status[rows], *(table.read(name, rows) for name in names)))
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        order = np.argsort(columns[0], kind="stable")
+        self.rows, self.status, self.seconds, self.attempts, self.worker, self.message = (c[order] for c in columns)
+
+
+def split_worker(worker: str) -> tuple[str, str, str]:
+    """Node, process and SLURM job of who evaluated a row; the job is empty outside of SLURM."""
+    place, _, job = worker.partition(" job ")
+    node, _, process = place.rpartition(":")
+    return node, process, job
+
+
+def rows_as_csv(folder: Path) -> Iterator[str]:
+    """A line for each finished row: who evaluated it, where, and what came of it."""
+    yield "table,row,status,attempts,seconds,node,process,job"
+    for table in open_store(folder).tables():
+        told = _Told(table)
+        for i, row in enumerate(told.rows):
+            node, process, job = split_worker(str(told.worker[i]))
+            title, status = table.title.replace(",", " "), STATUSES[told.status[i]]
+            yield f"{title},{row},{status},{told.attempts[i]},{told.seconds[i]:.6g},{node},{process},{job}"
+
+
+def _sign_of_life(folder: Path, now: float) -> dict[str, Any] | None:
+    facts = read_progress(folder)
+    if facts is None:
+        return None
+    age = now - facts["time"]
+    return {**facts, "age_s": round(age, 1), "alive": age < SILENT_S and facts["done"] < facts["total"]}
+
+
+def print_status(found: dict[str, Any]) -> None:
+    """The same for a person."""
+    console = Console(highlight=False)
+    title = escape(one_line(f"{found['study']}: {found['folder']}"))
+    grid = Grid("evaluations", "rows", "done", "failed", "left", "core-hours", title=title)
+    for table in found["tables"]:
+        failed = sum(table["failed"].values())
+        cells = (table["rows"], table["done"], failed, table["rows"] - table["done"])
+        grid.add_row(escape(one_line(table["table"])), *(f"{cell:,}" for cell in cells), f"{table['core_hours']:.3g}")
+    console.print(grid)
+    console.print(_now(found["now"]), markup=False)
+    if found["jobs"]:
+        _print_jobs(console, found)
+    for failure in found["last_failures"]:
+        place = f" ({failure['node']}{', job ' + failure['job'] if failure['job'] else ''})"
+        words = f"{failure['table']}, row {failure['row']}: {failure['status']}: {failure['message']}"
+        console.print(one_line(words + place), markup=False)
+    console.print(f"finished: {', '.join(found['results']) or 'nothing yet'}", markup=False)
+
+
+def _now(told: dict[str, Any] | None) -> str:
+    if told is None:
+        return "nothing runs"
+    line = one_line(f"{told['title']}: {told['done']:,} of {told['total']:,} rows")
+    if not told["alive"]:
+        return f"nothing runs; last sign of life {_duration(told['age_s'])} ago ({line})"
+    left = f", {_duration(told['eta_s'])} left" if told.get("eta_s") is not None else ""
+    return f"{line}, {told.get('running', 0):,} running, {told.get('rows_per_s', 0):.4g} rows/s{left}"
+
+
+def _duration(seconds: float) -> str:
+    for size, unit in ((86_400, "d"), (3600, "h"), (60, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+def _print_jobs(console: Console, found: dict[str, Any]) -> None:
+    jobs = found["jobs"]
+    shown = [job for job in jobs if job["state"] in ("running", "waiting")]
+    ended = [job for job in jobs if job not in shown]
+    shown = ended[-max(JOBS_SHOWN - len(shown), 3) :] + shown
+    grid = Grid("job", "role", "node", "state", "rows", "core-hours")
+    for job in shown:
+        words = (escape(one_line(str(job[name]))) for name in ("job", "role", "nodes", "state"))
+        grid.add_row(*words, f"{job['rows']:,}", f"{job['core_hours']:.3g}")
+    console.print(grid)
+    if len(shown) < len(jobs):
+        console.print(f"{len(jobs) - len(shown)} more jobs, all ended: see --json")
+    cost = found["core_hours"]
+    console.print(f"cost: {cost['jobs']:.3g} core-hours of jobs, {cost['evaluations']:.3g} of them in evaluations")

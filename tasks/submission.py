@@ -1,0 +1,232 @@
+"""Studies as SLURM jobs: submit the job that leads a study, be that job, and cancel it."""
+
+import os
+import re
+import shlex
+import signal
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import jinja2
+from jinja2.sandbox import SandboxedEnvironment
+
+from runner import drain, slurm
+from runner.errors import ClusterError, WalltimeReached
+from runner.jobs import Jobs, slurm_time, worker_job_script
+from runner.store import PENDING, open_store
+from tasks.problems import BadInput
+from tasks.profile import AllocationSettings, Profile
+from tasks.resources import resource
+from tasks.study import Study
+from tasks.workspace import attempts_folder, check_cohort
+
+GO_ON = 75  # the exit code that makes the job script requeue its job
+TERMINATED = 143
+LAST_CALL_S = 8.0
+
+
+def jobs_folder(out: Path) -> Path:
+    """Where a result folder keeps its table of jobs, their scripts and their output."""
+    return out / "jobs"
+
+
+@dataclass(frozen=True)
+class Scripts:
+    """The text of the job that leads, and of the worker jobs that it will submit (None in an allocation)."""
+
+    leader: str
+    worker: str | None
+
+
+def job_scripts(study: Study, profile: Profile, out: Path, arguments: Sequence[str]) -> Scripts:
+    """The job scripts for a study; ``arguments`` go to ``sinew run``. Raises :class:`BadInput`."""
+    folder = jobs_folder(out.absolute())
+    if not re.fullmatch(r"[A-Za-z0-9_./+@:,=-]+", str(folder)):
+        raise BadInput(f"--out {out}", "SLURM's scripts cannot hold this path", "letters, digits and _ . / + @ : , = -")
+    command = [sys.executable, "-m", "tasks.cli", "run", str(study.path.absolute())]
+    command += ["--profile", str(profile.path.absolute()), "--out", str(out.absolute()), *arguments]
+    leader = profile.leader
+    tasks = leader.tasks if isinstance(leader, AllocationSettings) else 1
+    text = _rendered(
+        profile,
+        {
+            "name": _job_name(study),
+            "folder": str(folder),
+            "walltime": slurm_time(leader.walltime_s),
+            "tasks": tasks,
+            "cores": leader.cores,
+            "memory": f"--mem={leader.memory_mb}M" if tasks == 1 else f"--mem-per-cpu={leader.memory_mb}M",
+            "options": profile.options(leader),
+            "deadline": drain.job_script_lines(leader.walltime_s),
+            "prologue": profile.shell_lines(),
+            "command": shlex.join(command if tasks == 1 else ["srun", *command]),
+        },
+    )
+    cluster = profile.cluster(study.name, folder)
+    return Scripts(text, worker_job_script(cluster) if isinstance(cluster, Jobs) else None)
+
+
+def _job_name(study: Study) -> str:
+    return f"sinew-{study.name}"
+
+
+def _rendered(profile: Profile, values: Mapping[str, Any]) -> str:
+    path = resource("templates/job.sh.j2")
+    if profile.job_script is not None:
+        path = profile.path.parent / profile.job_script
+    environment = SandboxedEnvironment(
+        undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True, keep_trailing_newline=True
+    )
+    try:
+        return environment.from_string(path.read_text("utf-8")).render(values)
+    except jinja2.TemplateError as error:
+        where = f"{path}: line {error.lineno}" if isinstance(error, jinja2.TemplateSyntaxError) else str(path)
+        raise BadInput(where, str(error), f"a Jinja2 template of a job script with {', '.join(values)}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(path, f"cannot be read ({error})", "a template of a job script") from None
+
+
+def check(study: Study, profile: Profile, out: Path, *, data: Path | None, simulator: str | None) -> None:
+    """Refuse now what would fail in the queue. Raises :class:`BadInput`."""
+    check_cohort(study, data, out)
+    try:
+        study.simulator_object(simulator, attempts_folder(out))
+    except BadInput:
+        if not profile.shell_lines():  # else they may well bring the solver, on the node
+            raise
+
+
+def submit(study: Study, profile: Profile, out: Path, scripts: Scripts) -> str:
+    """Submit the job that leads a study; returns its number. Raises ``ClusterError`` when SLURM refuses it."""
+    folder = jobs_folder(out)
+    table = slurm.JobTable(folder)
+    refuse_a_second(out)
+    folder.mkdir(parents=True, exist_ok=True)
+    if scripts.worker is not None:
+        worker = folder / "worker.sh"
+        worker.write_text(scripts.worker, "utf-8")
+        with _field_named(profile, "workers"):
+            slurm.check_script(worker)
+    leader = folder / "job.sh"
+    leader.write_text(scripts.leader, "utf-8")
+    with _field_named(profile, "coordinator" if profile.mode == "jobs" else "allocation"):
+        slurm.check_script(leader)
+        job = slurm.submit(leader)
+    cores = profile.leader.cores
+    if isinstance(profile.leader, AllocationSettings):
+        cores *= profile.leader.tasks
+    table.note(job, "submitted", role=slurm.COORDINATOR, name=_job_name(study), cores=cores)
+    return job
+
+
+@contextmanager
+def _field_named(profile: Profile, section: str) -> Iterator[None]:
+    """Say which field of the profile SLURM does not like."""
+    try:
+        yield
+    except slurm.Refused as refused:
+        field = refused.field
+        if field in ("memory", "walltime", "cores"):
+            field = f"{section}.{field}"
+        elif field == "partition" and getattr(profile, section).partition is not None:
+            field = f"{section}.partition"
+        where = f"{profile.path}: {field or section}"
+        raise ClusterError(f"{where}: SLURM refuses the job ({refused.words}); nothing was submitted") from None
+
+
+def live_jobs(out: Path) -> list[slurm.QueuedJob]:
+    """Jobs of a result folder that wait or run, the one that leads first. Raises ``ClusterError``."""
+    records = slurm.JobTable(jobs_folder(out)).read()
+    unfinished = [record for record in records.values() if record.ended is None]
+    queued = slurm.queue(record.job for record in unfinished)
+    found = [queued[r.job] for r in unfinished if r.job in queued and queued[r.job].name == r.name]
+    leads = {record.job for record in unfinished if record.role == slurm.COORDINATOR}
+    return sorted((job for job in found if job.live), key=lambda job: job.job not in leads)
+
+
+def refuse_a_second(out: Path) -> None:
+    """Raise ``ClusterError`` when another job leads a study on this result folder."""
+    records = slurm.JobTable(jobs_folder(out)).read()
+    for job in live_jobs(out) if records else []:
+        if records[job.job].role == slurm.COORDINATOR and job.job != slurm.job():
+            where = f" on {job.nodes}" if job.nodes else ""
+            raise ClusterError(
+                f"{out}: SLURM job {job.job} ({job.state}{where}) works on it already; wait for it, or "
+                f"`sinew cancel {out}`"
+            )
+
+
+def cancel(out: Path) -> list[slurm.QueuedJob]:
+    """End all jobs of a result folder; returns those that were ended. What is finished is kept."""
+    jobs = live_jobs(out)
+    slurm.cancel([job.job for job in jobs])
+    return jobs
+
+
+@contextmanager
+def leading(out: Path, profile: Profile) -> Iterator[None]:
+    """Be the job that leads a study: note when, stop in time, and in a way that leaves nothing behind.
+
+    Raises ``WalltimeReached`` shortly before the job's deadline, wherever the program is, and ``ClusterError`` when
+    the deadline came without anything finished, so that the job does not go round in circles.
+    """
+    job = slurm.job()
+    if job is None:  # led from a shell
+        yield
+        return
+    table = slurm.JobTable(jobs_folder(out))
+    table.note(job, "started", role=slurm.COORDINATOR, nodes=slurm.node())
+    before = _finished(out)
+    end = "done"
+    try:
+        with _signals():
+            yield
+    except WalltimeReached as reached:
+        end = "its walltime was near"
+        if reached.worked and _finished(out) == before:
+            end = "nothing finished within its walltime"
+            where = f"{profile.path}: {'coordinator' if profile.mode == 'jobs' else 'allocation'}.walltime"
+            raise ClusterError(f"{where}: {end} ({profile.leader.walltime}); ask for more") from None
+        raise
+    except BaseException as error:
+        end = "terminated" if isinstance(error, SystemExit) else (str(error) or type(error).__name__)[:200]
+        raise
+    finally:
+        table.note(job, "ended", end=end)
+
+
+@contextmanager
+def _signals() -> Iterator[None]:
+    """The deadline and SIGTERM as exceptions, so that everything that is open is closed."""
+
+    def deadline(number: int, frame: FrameType | None) -> None:
+        raise WalltimeReached("the walltime is near; run the same command again to go on")
+
+    def terminate(number: int, frame: FrameType | None) -> None:
+        raise SystemExit(TERMINATED)
+
+    before = signal.signal(signal.SIGALRM, deadline), signal.signal(signal.SIGTERM, terminate)
+    left = drain.seconds_left() - LAST_CALL_S
+    if left < float("inf"):
+        signal.setitimer(signal.ITIMER_REAL, max(left, 0.1))
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before[0])
+        signal.signal(signal.SIGTERM, before[1])
+
+
+def _finished(out: Path) -> tuple[int, tuple[float, ...]]:
+    """How many rows of a result folder have outcomes, and when its results were written."""
+    rows = 0
+    if (out / "store.zarr").is_dir():
+        for table in open_store(out).tables():
+            rows += int((table.status != PENDING).sum()) + table.waiting()
+    results = tuple(sorted(os.stat(path).st_mtime for path in out.glob("*.json") if path.name != "progress.json"))
+    return rows, results
