@@ -17,6 +17,7 @@ from distributed.core import Status
 
 DEADLINE, WALLTIME = "SINEW_DEADLINE", "SINEW_WALLTIME"
 CLOSING_S = 4.0
+SAFETY = 1.25  # of the longest run time seen, when a batch must end before a deadline
 CHECK_S = 0.5
 TOO_SHORT = "sinew-walltime-too-short"
 

@@ -32,7 +32,6 @@ RECOUNT_S = 2.0
 RETRIED = ("crashed", "out_of_memory", "bad_output")
 BATCHES_PER_S = 125  # what a scheduler does with a fifth of its time
 ONE_AHEAD_S = 1.0  # a worker gets its next batch early, unless batches take longer than this
-SAFETY = 1.25  # of the longest run time seen, when a batch must end before a deadline
 STOPPING_S = 10.0  # to close the cluster in, before the deadline of the process that leads it
 TRIES_APART = 3
 STOPPED_SOLVERS = 5
@@ -244,7 +243,7 @@ class _Run:
         return slots * self.policy.batches_per_worker if short else slots
 
     def _expected_s(self, rows: int) -> float:
-        return SAFETY * max(self.slowest) * rows if self.slowest else 0.0
+        return drain.SAFETY * max(self.slowest) * rows if self.slowest else 0.0
 
     def _in_time(self, batch: _Batch) -> bool:
         """Whether a batch would end before this process must."""

@@ -1,5 +1,6 @@
 """Workers as jobs under SLURM, through dask-jobqueue: as many as have work, new ones for those that ended."""
 
+import asyncio
 import contextlib
 import importlib
 import logging
@@ -87,7 +88,7 @@ def _classes() -> tuple[Any, Any]:
         submitted_at = math.inf
 
         async def _submit_job(self, script_filename: str) -> str:
-            return slurm.submit(Path(script_filename))
+            return await asyncio.to_thread(slurm.submit, Path(script_filename))  # the scheduler goes on meanwhile
 
         async def start(self) -> None:
             try:
@@ -101,7 +102,7 @@ def _classes() -> tuple[Any, Any]:
         async def _close_job(cls, job_id: str | None, cancel_command: str) -> None:
             if job_id:
                 with contextlib.suppress(ClusterError):  # the controller is away; the job ends without a scheduler
-                    slurm.cancel([job_id])
+                    await asyncio.to_thread(slurm.cancel, [job_id])
 
         async def close(self) -> None:
             await super().close()
@@ -158,7 +159,7 @@ def _job_options(spec: Jobs) -> dict[str, Any]:
 # settings of the user's own Dask projects have no place in these jobs
 _KEYS = """name cores memory processes interface death-timeout local-directory extra env-extra job-extra queue account
 walltime job-cpu job-mem log-directory python header-skip shared-temp-directory project"""
-_NOTHING_OF_THE_USER: dict[str, Any] = {
+_ONLY_OURS: dict[str, Any] = {
     "jobqueue.sinew": {
         **dict.fromkeys(_KEYS.split()),
         "worker-command": "distributed.cli.dask_worker",
@@ -168,7 +169,9 @@ _NOTHING_OF_THE_USER: dict[str, Any] = {
         "job-directives-skip": [],
         "scheduler-options": {},
         "shebang": "#!/usr/bin/env bash",
-    }
+    },
+    # Dask would start a job anew when its workers are away for a while; here the keeper does, when SLURM says so
+    "distributed.deploy.lost-worker-timeout": "365 d",
 }
 
 
@@ -192,7 +195,7 @@ def slurm_time(seconds: float) -> str:
 def worker_job_script(spec: Jobs) -> str:
     """The script of a worker job, as it would be submitted; its scheduler's address is made up."""
     _, job_class = _classes()
-    with dask.config.set(_NOTHING_OF_THE_USER):
+    with dask.config.set(_ONLY_OURS):
         return str(job_class("tls://127.0.0.1:8786", name="worker", **_job_options(spec)).job_script())
 
 
@@ -205,7 +208,7 @@ def open_jobs(spec: Jobs) -> Iterator[Client]:
     table = slurm.JobTable(spec.folder)
     _end_what_is_left(table)
     host = {} if spec.network.interface else {"host": socket.gethostname()}
-    with dask.config.set(_NOTHING_OF_THE_USER):
+    with dask.config.set(_ONLY_OURS):
         try:
             cluster = cluster_class(
                 **_job_options(spec),
@@ -257,13 +260,13 @@ class _Keeper:
             self._look()
         except ClusterError as error:  # the controller is away for a while: what runs, runs on
             log.warning("slurm", extra={"error": str(error)})
+        except Exception as error:  # noqa: BLE001 - in a thread of its own, it would be lost and the run wait for ever
+            self.cluster.failure = ClusterError(f"the worker jobs cannot be looked after: {error!r}")
 
     def _look(self) -> None:
         jobs = dict(self.cluster.workers)
         ours = {name: job for name, job in jobs.items() if job.job_id}
-        for job in ours.values():
-            if job.job_id not in self.noted:
-                self._note(job.job_id, "submitted", cores=self.spec.cores, role=slurm.WORKER, name=job.job_name)
+        self._note_new()
         queued = slurm.queue(job.job_id for job in ours.values())
         workers = self.cluster.scheduler_info["workers"].values()
         for name, job in ours.items():
@@ -285,8 +288,8 @@ class _Keeper:
 
     def _count(self, job: Any, found: slurm.QueuedJob | None) -> None:
         if job.refusal is not None:
-            self.useless += 1
             reason = str(job.refusal)
+            self.useless += isinstance(job.refusal, slurm.Refused)  # else the controller is away: try again
         else:
             self._note(job.job_id, "ended", end="unknown to squeue" if found is None else found.state)
             if job.job_id in self.useful:
@@ -295,7 +298,9 @@ class _Keeper:
             reason = f"worker job {job.job_id} ended before it came to work: {self._last_words(job)}"
         log.warning("job", extra={"error": reason})
         waiting = any(other.refusal is None for other in self.cluster.workers.values() if other is not job)
-        if self.useless >= self.GIVE_UP_AFTER * self.spec.maximum or (job.refusal is not None and not waiting):
+        if self.useless >= self.GIVE_UP_AFTER * self.spec.maximum or (
+            isinstance(job.refusal, slurm.Refused) and not waiting
+        ):
             self.cluster.failure = ClusterError(f"{reason}; finished rows are kept")
 
     def _last_words(self, job: Any) -> str:
@@ -320,14 +325,18 @@ class _Keeper:
 
         self.cluster.sync(replace)
 
+    def _note_new(self) -> None:
+        for job in list(self.cluster.workers.values()):
+            if job.job_id and job.job_id not in self.noted:
+                self._note(job.job_id, "submitted", cores=self.spec.cores, role=slurm.WORKER, name=job.job_name)
+
     def _note(self, job: str, event: str, **facts: Any) -> None:
         self.noted[job] = event
         self.table.note(job, event, **facts)
 
     def ended_now(self) -> None:
         """The cluster closes and takes all of its jobs with it."""
-        for job in self.cluster.workers.values():
-            if job.job_id and self.noted.get(job.job_id) != "ended":
-                if job.job_id not in self.noted:
-                    self._note(job.job_id, "submitted", cores=self.spec.cores, role=slurm.WORKER, name=job.job_name)
-                self._note(job.job_id, "ended", end="done")
+        self._note_new()
+        for job, event in list(self.noted.items()):
+            if event != "ended":
+                self._note(job, "ended", end="done")

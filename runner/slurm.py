@@ -94,6 +94,14 @@ def _failed(finished: subprocess.CompletedProcess[str]) -> ClusterError:
     return Refused(words)
 
 
+def version() -> str:
+    """What SLURM says of itself, such as ``slurm-wlm 22.05.8``. Raises ``ClusterError`` without one."""
+    finished = _call("sbatch", "--version")
+    if finished.returncode != 0:
+        raise _failed(finished)
+    return finished.stdout.strip()
+
+
 def check_script(script: Path) -> None:
     """Ask SLURM whether it would take a job script, without submitting it. Raises :class:`Refused`."""
     finished = _call("sbatch", "--test-only", str(script))

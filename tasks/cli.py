@@ -239,6 +239,39 @@ def _arguments(options: dict[str, Any]) -> list[str]:
     return arguments
 
 
+@_study_command("doctor", "Would this study run here? Looks at disk, SLURM, a worker and the solver.")
+@click.option("--wait", type=click.FloatRange(1, 86_400), default=600.0, show_default=True, help="For a worker (s).")
+def doctor(
+    study: Path,
+    wait: float,
+    profile: Path | None,
+    out: Path | None,
+    data: Path | None,
+    simulator: str | None,
+    workers: int | None,
+    seed: int | None,
+    quiet: bool,
+    retry_failed: bool,
+) -> None:
+    from tasks.doctor import Finding, examine
+    from tasks.profile import read_profile
+    from tasks.study import read_study
+
+    read = read_study(study, seed=seed)
+    out = out or Path("results") / read.name
+    chosen = None if profile is None else read_profile(profile)
+    cluster = read.cluster_spec(workers) if chosen is None else chosen.one_job(read.name, out.absolute())
+
+    def tell(finding: Finding) -> None:
+        if not (quiet and finding.good):
+            print(f"{'ok  ' if finding.good else 'BAD '} {finding.name}: {finding.words}", flush=True)
+
+    findings = examine(read, chosen, cluster, out, tell, data=data, simulator=simulator, wait_s=wait)
+    bad = [finding.name for finding in findings if not finding.good]
+    if bad:
+        raise SinewError(f"{len(bad)} of {len(findings)} checks failed: {', '.join(bad)}")
+
+
 @sinew.command()
 @click.argument("folder", type=_PATH)
 def cancel(folder: Path) -> None:

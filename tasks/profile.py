@@ -155,10 +155,20 @@ class Profile(Section):
 
     def cluster(self, study: str, folder: Path) -> Jobs | Allocation:
         """The cluster for a study, with its table of jobs and their output in ``folder``."""
-        network = Network(self.interface, self.tls)
         if self.mode == "allocation":
-            return Allocation(folder, network)
-        workers = self.workers
+            return Allocation(folder, Network(self.interface, self.tls))
+        return self.jobs(study, folder, self.workers)
+
+    def one_job(self, study: str, folder: Path) -> Jobs:
+        """A job like those that evaluate, to look around in."""
+        size = self.workers
+        if self.mode == "allocation":
+            asked = self.allocation
+            size = WorkerSettings(cores=asked.cores, memory=asked.memory, walltime=asked.walltime, jobs=1, poll_s=2.0)
+        return self.jobs(study, folder, size)
+
+    def jobs(self, study: str, folder: Path, workers: WorkerSettings) -> Jobs:
+        """Worker jobs of this size."""
         return Jobs(
             name=study,
             folder=folder,
@@ -167,7 +177,7 @@ class Profile(Section):
             cores=workers.cores,
             memory_mb=workers.memory_mb,
             walltime_s=workers.walltime_s,
-            network=network,
+            network=Network(self.interface, self.tls),
             directives=self.options(workers),
             prologue=self.shell_lines(),
             scratch=self.scratch,

@@ -104,24 +104,37 @@ def check(study: Study, profile: Profile, out: Path, *, data: Path | None, simul
 def submit(study: Study, profile: Profile, out: Path, scripts: Scripts) -> str:
     """Submit the job that leads a study; returns its number. Raises ``ClusterError`` when SLURM refuses it."""
     folder = jobs_folder(out)
-    table = slurm.JobTable(folder)
     refuse_a_second(out)
     folder.mkdir(parents=True, exist_ok=True)
-    if scripts.worker is not None:
-        worker = folder / "worker.sh"
-        worker.write_text(scripts.worker, "utf-8")
-        with _field_named(profile, "workers"):
-            slurm.check_script(worker)
-    leader = folder / "job.sh"
-    leader.write_text(scripts.leader, "utf-8")
-    with _field_named(profile, "coordinator" if profile.mode == "jobs" else "allocation"):
-        slurm.check_script(leader)
+    leader = check_scripts(profile, scripts, folder)
+    with _field_named(profile, _section(profile)):
         job = slurm.submit(leader)
     cores = profile.leader.cores
     if isinstance(profile.leader, AllocationSettings):
         cores *= profile.leader.tasks
-    table.note(job, "submitted", role=slurm.COORDINATOR, name=_job_name(study), cores=cores)
+    slurm.JobTable(folder).note(job, "submitted", role=slurm.COORDINATOR, name=_job_name(study), cores=cores)
     return job
+
+
+def check_scripts(profile: Profile, scripts: Scripts, folder: Path) -> Path:
+    """Write the job scripts into ``folder`` and ask SLURM whether it would take them; returns the leader's.
+
+    Raises ``ClusterError`` that names the profile's field which SLURM does not like.
+    """
+    leader, worker = folder / "job.sh", folder / "worker.sh"
+    if scripts.worker is not None:
+        worker.write_text(scripts.worker, "utf-8")
+        with _field_named(profile, "workers"):
+            slurm.check_script(worker)
+    leader.write_text(scripts.leader, "utf-8")
+    with _field_named(profile, _section(profile)):
+        slurm.check_script(leader)
+    return leader
+
+
+def _section(profile: Profile) -> str:
+    """The part of a profile that says what the job that leads asks for."""
+    return "coordinator" if profile.mode == "jobs" else "allocation"
 
 
 @contextmanager
@@ -190,7 +203,7 @@ def leading(out: Path, profile: Profile) -> Iterator[None]:
         end = "its walltime was near"
         if reached.worked and _finished(out) == before:
             end = "nothing finished within its walltime"
-            where = f"{profile.path}: {'coordinator' if profile.mode == 'jobs' else 'allocation'}.walltime"
+            where = f"{profile.path}: {_section(profile)}.walltime"
             raise ClusterError(f"{where}: {end} ({profile.leader.walltime}); ask for more") from None
         raise
     except BaseException as error:
