@@ -3,6 +3,7 @@
 import logging
 import os
 import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -53,7 +54,7 @@ def open_allocation(spec: Allocation) -> Iterator[Client]:
             worker_options={
                 **common,
                 "nthreads": 1,
-                "local_directory": external.scratch(Path("/tmp")),  # noqa: S108 - Dask makes a private folder in it
+                "local_directory": external.scratch(Path(tempfile.gettempdir())),
                 "dashboard": False,
                 "silence_logs": logging.ERROR,
             },
@@ -85,3 +86,6 @@ def join_allocation(spec: Allocation) -> None:
             raise ClusterError("cluster: this task of the allocation should have served")
     except KeyboardInterrupt:  # dask-jobqueue's way of saying that the cluster is closed
         raise SystemExit(0) from None
+    finally:
+        if external.SCRATCH in os.environ:  # on this node, no other task of the job has a use for it now
+            shutil.rmtree(external.scratch(spec.folder), ignore_errors=True)

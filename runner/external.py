@@ -108,6 +108,11 @@ def scratch(default: Path) -> Path:
     return Path(os.environ.get(SCRATCH) or default)
 
 
+def scratch_line(folder: str) -> str:
+    """The line of a job script that gives the job a folder of its own below ``folder``, in shell words."""
+    return f'export {SCRATCH}="{folder}/sinew-$SLURM_JOB_ID"'
+
+
 def tail(path: Path, size: int = 4000) -> str:
     """The last ``size`` bytes of a text file; bytes that are not UTF-8 are replaced. Empty if there is none."""
     try:

@@ -132,7 +132,7 @@ def _job_options(spec: Jobs) -> dict[str, Any]:
     prologue += [f"export {name}={value}" for name, value in ONE_THREAD.items()]
     if spec.scratch is not None:
         prologue += [
-            f'export {external.SCRATCH}="{spec.scratch}/sinew-$SLURM_JOB_ID"',
+            external.scratch_line(spec.scratch),
             f'mkdir -p -m 700 "${external.SCRATCH}" || exit 1',
             f"trap 'rm -rf -- \"${external.SCRATCH}\"' EXIT",
         ]

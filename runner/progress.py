@@ -96,6 +96,15 @@ def read_progress(folder: Path) -> dict[str, Any] | None:
     """What was last told about a result folder: rows done, failed and running, rate, and seconds left; or None."""
     try:
         facts = json.loads((folder / PROGRESS).read_text("utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
-    return facts if isinstance(facts, dict) and {"title", "done", "total", "time"} <= facts.keys() else None
+    return facts if isinstance(facts, dict) and _usable(facts) else None
+
+
+def _usable(facts: dict[str, Any]) -> bool:
+    """Whether the file says what :func:`_tell` writes: a title, and numbers that can be shown."""
+    numbers = [facts.get(name) for name in ("done", "total", "time")]
+    numbers += [facts.get(name, 0) for name in ("failed", "running", "rows_per_s")]
+    numbers += [] if facts.get("eta_s") is None else [facts["eta_s"]]
+    usable = all(isinstance(n, int | float) and -1e15 < n < 1e15 for n in numbers)
+    return usable and isinstance(facts.get("title"), str)

@@ -28,13 +28,13 @@ class Refused(ClusterError):
 
 
 _REASONS = (
-    (r"invalid partition|partition.*(not available|down|inactive)", "partition"),
+    (r"invalid partition|partition.*(not available|down|inactive)|use this partition", "partition"),
     (r"invalid account|account.*(not permitted|denied)|AssocMax|AssocGrp", "account"),
     (r"invalid qos|qos.*(not permitted|denied)|QOSMax|QOSGrp", "qos"),
     (r"invalid feature|invalid constraint", "constraint"),
     (r"reservation", "directives"),
     (r"memory specification|memory.*(not available|exceed|per)", "memory"),
-    (r"time limit|TimeLimit", "walltime"),
+    (r"requested time limit|TimeLimit", "walltime"),
     (r"more processors|cpu count|too many (cpus|tasks)|node configuration is not available", "cores"),
 )
 
@@ -88,10 +88,11 @@ def _words(finished: subprocess.CompletedProcess[str]) -> str:
 
 
 def _failed(finished: subprocess.CompletedProcess[str]) -> ClusterError:
+    command = finished.args[0]
     words = _words(finished)
     if re.search(r"unable to contact|connection refused|socket timed out|communication", words, re.IGNORECASE):
         return ClusterError(f"SLURM's controller does not answer ({words}); try again when it is back")
-    return Refused(words)
+    return Refused(words) if command == "sbatch" else ClusterError(f"{command}: {words}")
 
 
 def version() -> str:
@@ -117,8 +118,10 @@ def submit(script: Path) -> str:
     """Submit a job script; returns the job's number. Raises :class:`Refused`."""
     finished = _call("sbatch", "--parsable", str(script))
     job = finished.stdout.strip().partition(";")[0]
-    if finished.returncode != 0 or not job.isdigit():
+    if finished.returncode != 0:
         raise _failed(finished)
+    if not job.isdigit():
+        raise ClusterError(f"sbatch took the job but told no number ({job[:80] or 'nothing'}); look at `squeue --me`")
     return job
 
 
@@ -211,14 +214,16 @@ class JobTable:
         records: dict[str, JobRecord] = {}
         try:
             lines = self.path.read_text("utf-8", errors="replace").splitlines()
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return {}
         for line in lines:
             try:
                 said = json.loads(line)
                 number, event, at = str(said["job"]), str(said["event"]), float(said["time"])
                 facts = {name: kind(said[name]) for name, kind in _FACTS.items() if name in said}
-            except (ValueError, KeyError, TypeError):
+            except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
+                continue
+            if not (0 <= at < 1e11 and 0 <= facts.get("cores", 0) < 10**7):  # NaN, too
                 continue
             record = records.setdefault(number, JobRecord(number))
             for name, value in facts.items():

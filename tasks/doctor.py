@@ -145,8 +145,7 @@ def _size(study: Study, specimens: tuple[Specimen, ...]) -> tuple[int, int]:
 def _look_at_slurm(study: Study, profile: Profile, out: Path, note: Note) -> None:
     try:
         note("SLURM", True, slurm.version())
-        with tempfile.TemporaryDirectory() as folder:
-            check_scripts(profile, job_scripts(study, profile, out, ()), Path(folder))
+        check_scripts(profile, job_scripts(study, profile, out, ()))
         note("profile", True, f"SLURM takes the jobs of {profile.path}")
     except SinewError as error:
         note("profile", False, str(error))

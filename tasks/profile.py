@@ -3,6 +3,7 @@
 A profile is code of its owner, like a job script: its prologue is run by a shell on the cluster.
 """
 
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -12,10 +13,13 @@ from pydantic import Field, PrivateAttr, field_validator
 from runner.allocation import Allocation
 from runner.jobs import Jobs
 from runner.network import Network
-from tasks.problems import BadInput, shown
+from tasks.problems import shown
 from tasks.settings import FieldError, Section, read_settings
 
 _OPTION = r"^[A-Za-z0-9_.:@%+=,*&|()\[\]!/-]{1,200}$"
+_VARIABLE = r"\$\{[A-Za-z_][A-Za-z0-9_]*\}"
+_SCRATCH = rf'^(/|\$[A-Za-z_]|{_VARIABLE})([^\x00-\x1f"`\\;&|<> (){{}}]|{_VARIABLE}){{0,199}}$'
+_OWN = {"--array", "--job-name", "--time", "--output", "--ntasks", "--wrap"}
 Option = Annotated[str, Field(pattern=_OPTION)]
 Line = Annotated[str, Field(min_length=1, max_length=1000, pattern=r"^[^\x00-\x1f]+$")]
 _WALLTIME = "D-HH:MM:SS, HH:MM:SS or MM:SS, of at least one minute and at most a year"
@@ -26,7 +30,9 @@ def _seconds(text: str) -> float:
     """A walltime in seconds, as SLURM writes it."""
     days, dash, clock = text.rpartition("-")
     parts = clock.split(":")
-    if not (all(part.isascii() and part.isdigit() for part in parts) and len(parts) in (2, 3)):
+    if len(text) > 20 or not (
+        all(part.isascii() and part.isdigit() for part in parts) and len(parts) in ((3,) if dash else (2, 3))
+    ):  # D-HH:MM would be hours and minutes to SLURM
         raise ValueError(f"{shown(text)}; expected {_WALLTIME}")
     if dash and not (days.isascii() and days.isdigit()):
         raise ValueError(f"{shown(text)}; expected {_WALLTIME}")
@@ -112,7 +118,7 @@ class Profile(Section):
     modules: list[Option] = Field(default_factory=list)
     prologue: list[Line] = Field(default_factory=list)
     interface: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.:@-]{1,15}$")] | None = None
-    scratch: Annotated[str, Field(pattern=r'^[/$][^\x00-\x1f"`\\;&|<> ()]{0,199}$')] | None = None
+    scratch: Annotated[str, Field(pattern=_SCRATCH)] | None = None
     tls: bool = True
     job_script: str | None = None
     coordinator: CoordinatorSettings = CoordinatorSettings()
@@ -120,6 +126,33 @@ class Profile(Section):
     allocation: AllocationSettings = AllocationSettings()
 
     _path: Path = PrivateAttr(default=Path())
+
+    @field_validator("directives")
+    @classmethod
+    def _one_option(cls, value: list[str]) -> list[str]:
+        for i, option in enumerate(value):
+            try:
+                words = shlex.split(option)
+            except ValueError:
+                words = []
+            if len(words) != 1:
+                raise FieldError(str(i), shown(option), "one option of sbatch, in quotes where it holds blanks")
+            if option.partition("=")[0] in _OWN:
+                raise FieldError(str(i), f"{shown(option)} is for sinew to say", "an option besides")
+        return value
+
+    @field_validator("job_script")
+    @classmethod
+    def _beside(cls, value: str | None, info: Any) -> str | None:
+        if value is not None:
+            folder = info.context["folder"]
+            try:
+                beside = (folder / value).resolve().is_relative_to(folder.resolve()) and (folder / value).is_file()
+            except (ValueError, RuntimeError, OSError):
+                beside = False
+            if not beside:
+                raise ValueError(f"{shown(value)} is no file there; expected a template beside")
+        return value
 
     @field_validator("workers")
     @classmethod
@@ -151,7 +184,7 @@ class Profile(Section):
 
     def shell_lines(self) -> tuple[str, ...]:
         """What a job does before it starts anything."""
-        return (*(f"module load {name}" for name in self.modules), *self.prologue)
+        return (*(f"module load {shlex.quote(name)}" for name in self.modules), *self.prologue)
 
     def cluster(self, study: str, folder: Path) -> Jobs | Allocation:
         """The cluster for a study, with its table of jobs and their output in ``folder``."""
@@ -189,8 +222,4 @@ def read_profile(path: Path) -> Profile:
     """Read and validate a profile. Raises :class:`BadInput` for the first thing that is wrong."""
     profile = read_settings(path, Profile, "profile")
     profile._path = path
-    if profile.job_script is not None:
-        template = path.parent / profile.job_script
-        if not template.resolve().is_relative_to(path.parent.resolve()) or not template.is_file():
-            raise BadInput(f"{path}: job_script", f"{shown(profile.job_script)} is no file there", "a template beside")
     return profile

@@ -65,7 +65,7 @@ def read_settings(path: Path, kind: type[S], what: str, overrides: Mapping[str, 
         raise BadInput(path, (error.strerror or "cannot be read").lower(), "a readable file") from None
     content, lines = _parse(path, text, what)
     try:
-        return kind.model_validate({**content, **(overrides or {})})
+        return kind.model_validate({**content, **(overrides or {})}, context={"folder": path.parent})
     except ValidationError as error:
         raise _first_problem(path, kind, error, lines, what) from None
 
@@ -76,9 +76,16 @@ class _Loader(yaml.SafeLoader):
 
 _Loader.yaml_implicit_resolvers = {
     first: [(tag, pattern) for tag, pattern in resolvers if tag not in _OWN]
-    for _OWN in [("tag:yaml.org,2002:float", "tag:yaml.org,2002:bool", "tag:yaml.org,2002:timestamp")]
+    for _OWN in [
+        ("tag:yaml.org,2002:float", "tag:yaml.org,2002:int", "tag:yaml.org,2002:bool", "tag:yaml.org,2002:timestamp")
+    ]
     for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
+_Loader.add_implicit_resolver(  # without the base of 60, in which 4:00:00 is a number
+    "tag:yaml.org,2002:int",
+    re.compile(r"^[-+]?(0b[01_]+|0[0-7_]*|[1-9][0-9_]*|0x[0-9a-fA-F_]+)$"),
+    list("-+0123456789"),
+)
 _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:float",
     re.compile(r"^[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?$|^[-+]?\.(inf|Inf|INF)$|^\.(nan|NaN|NAN)$"),
@@ -210,7 +217,8 @@ def _expected(problem: Any, field: tuple[str, ...]) -> str:
         if key in context:
             return f"{words} {context[key]}"
     if problem["type"] == "string_pattern_mismatch":
-        return "letters, digits, '_', '-' and '.'" if field[-1:] == ("name",) else f"text like {context['pattern']}"
+        dot = "'_', '-' and '.'" if "." in context["pattern"] else "'_' and '-'"
+        return f"letters, digits, {dot}" if field[-1:] == ("name",) else f"text like {context['pattern']}"
     if problem["type"] == "too_short":
         return "at least one"
     return _EXPECTED.get(problem["type"], problem["msg"])

@@ -23,11 +23,11 @@ FAILURES_SHOWN = 5
 
 def read_status(folder: Path) -> dict[str, Any]:
     """Rows done, failed, running and left; rate and time left; what it cost; jobs, and the last failures."""
-    store = open_store(folder)
     now = time.time()
     jobs = slurm.JobTable(folder / "jobs").read()
+    store = None if jobs and not (folder / "store.zarr").is_dir() else open_store(folder)  # None: it waits in the queue
     tables, by_job, failures = [], dict.fromkeys(jobs, 0), []
-    for table in store.tables():
+    for table in store.tables() if store is not None else ():
         told = _Told(table)
         failed = {name: int((told.status == i).sum()) for i, name in enumerate(STATUSES) if i}
         for worker, count in zip(*np.unique(told.worker, return_counts=True), strict=True):
@@ -50,7 +50,7 @@ def read_status(folder: Path) -> dict[str, Any]:
     by_job.pop("", None)
     return {
         "folder": str(folder),
-        "study": store.study,
+        "study": "waiting" if store is None else store.study,
         "tables": tables,
         "now": _sign_of_life(folder, now),
         "jobs": [

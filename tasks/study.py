@@ -17,6 +17,10 @@ Seconds = Annotated[float, Field(gt=0, le=86_400 * 30, allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 
 
+class SolverMissing(BadInput):
+    """The solver is not on this machine."""
+
+
 class ParameterSettings(Section):
     """Bounds of a parameter, or one ``fixed`` value; ``unit`` guards against a slip of units."""
 
@@ -250,7 +254,7 @@ class Study(Section):
             return Uniaxial()
         executable = shutil.which(settings.executable)
         if executable is None:
-            raise BadInput(
+            raise SolverMissing(
                 f"{self.path}: simulator.executable",
                 f"{shown(settings.executable)} was not found",
                 "febio4 on the PATH, or the path of the solver",

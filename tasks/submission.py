@@ -9,20 +9,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import FrameType
 from typing import Any
 
 import jinja2
 from jinja2.sandbox import SandboxedEnvironment
 
-from runner import drain, slurm
+from runner import drain, external, slurm
 from runner.errors import ClusterError, WalltimeReached
 from runner.jobs import Jobs, slurm_time, worker_job_script
 from runner.store import PENDING, open_store
 from tasks.problems import BadInput
 from tasks.profile import AllocationSettings, Profile
 from tasks.resources import resource
-from tasks.study import Study
+from tasks.simulate.febio import read_template
+from tasks.study import SolverMissing, Study
 from tasks.workspace import attempts_folder, check_cohort
 
 GO_ON = 75  # the exit code that makes the job script requeue its job
@@ -52,6 +54,7 @@ def job_scripts(study: Study, profile: Profile, out: Path, arguments: Sequence[s
     command += ["--profile", str(profile.path.absolute()), "--out", str(out.absolute()), *arguments]
     leader = profile.leader
     tasks = leader.tasks if isinstance(leader, AllocationSettings) else 1
+    scratch = () if tasks == 1 or profile.scratch is None else (external.scratch_line(profile.scratch),)
     text = _rendered(
         profile,
         {
@@ -63,7 +66,7 @@ def job_scripts(study: Study, profile: Profile, out: Path, arguments: Sequence[s
             "memory": f"--mem={leader.memory_mb}M" if tasks == 1 else f"--mem-per-cpu={leader.memory_mb}M",
             "options": profile.options(leader),
             "deadline": drain.job_script_lines(leader.walltime_s),
-            "prologue": profile.shell_lines(),
+            "prologue": (*scratch, *profile.shell_lines()),
             "command": shlex.join(command if tasks == 1 else ["srun", *command]),
         },
     )
@@ -83,11 +86,15 @@ def _rendered(profile: Profile, values: Mapping[str, Any]) -> str:
         undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True, keep_trailing_newline=True
     )
     try:
+        if path.stat().st_size > 2**20:
+            raise BadInput(path, f"{path.stat().st_size / 2**20:,.0f} MB", "a job script of at most 1 MB")
         return environment.from_string(path.read_text("utf-8")).render(values)
     except jinja2.TemplateError as error:
         where = f"{path}: line {error.lineno}" if isinstance(error, jinja2.TemplateSyntaxError) else str(path)
         raise BadInput(where, str(error), f"a Jinja2 template of a job script with {', '.join(values)}") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except (ArithmeticError, AttributeError, LookupError, MemoryError, RecursionError, SyntaxError, TypeError) as error:
+        raise BadInput(path, f"{type(error).__name__}: {error}", "a Jinja2 template of a job script") from None
+    except (OSError, ValueError) as error:
         raise BadInput(path, f"cannot be read ({error})", "a template of a job script") from None
 
 
@@ -96,17 +103,19 @@ def check(study: Study, profile: Profile, out: Path, *, data: Path | None, simul
     check_cohort(study, data, out)
     try:
         study.simulator_object(simulator, attempts_folder(out))
-    except BadInput:
+    except SolverMissing:
         if not profile.shell_lines():  # else they may well bring the solver, on the node
             raise
+        read_template(study.path.parent, getattr(study.simulator, "template", None))
 
 
 def submit(study: Study, profile: Profile, out: Path, scripts: Scripts) -> str:
     """Submit the job that leads a study; returns its number. Raises ``ClusterError`` when SLURM refuses it."""
     folder = jobs_folder(out)
     refuse_a_second(out)
+    check_scripts(profile, scripts)
     folder.mkdir(parents=True, exist_ok=True)
-    leader = check_scripts(profile, scripts, folder)
+    leader, _ = _written(scripts, folder)
     with _field_named(profile, _section(profile)):
         job = slurm.submit(leader)
     cores = profile.leader.cores
@@ -116,20 +125,24 @@ def submit(study: Study, profile: Profile, out: Path, scripts: Scripts) -> str:
     return job
 
 
-def check_scripts(profile: Profile, scripts: Scripts, folder: Path) -> Path:
-    """Write the job scripts into ``folder`` and ask SLURM whether it would take them; returns the leader's.
+def check_scripts(profile: Profile, scripts: Scripts) -> None:
+    """Ask SLURM whether it would take the jobs. Raises ``ClusterError`` that names the profile's field it dislikes."""
+    with TemporaryDirectory() as folder:
+        leader, worker = _written(scripts, Path(folder))
+        if worker is not None:
+            with _field_named(profile, "workers"):
+                slurm.check_script(worker)
+        with _field_named(profile, _section(profile)):
+            slurm.check_script(leader)
 
-    Raises ``ClusterError`` that names the profile's field which SLURM does not like.
-    """
+
+def _written(scripts: Scripts, folder: Path) -> tuple[Path, Path | None]:
     leader, worker = folder / "job.sh", folder / "worker.sh"
-    if scripts.worker is not None:
-        worker.write_text(scripts.worker, "utf-8")
-        with _field_named(profile, "workers"):
-            slurm.check_script(worker)
     leader.write_text(scripts.leader, "utf-8")
-    with _field_named(profile, _section(profile)):
-        slurm.check_script(leader)
-    return leader
+    if scripts.worker is None:
+        return leader, None
+    worker.write_text(scripts.worker, "utf-8")
+    return leader, worker
 
 
 def _section(profile: Profile) -> str:
@@ -176,6 +189,8 @@ def refuse_a_second(out: Path) -> None:
 
 def cancel(out: Path) -> list[slurm.QueuedJob]:
     """End all jobs of a result folder; returns those that were ended. What is finished is kept."""
+    if not (slurm.JobTable(jobs_folder(out)).path.exists() or (out / "store.zarr").is_dir()):
+        raise ClusterError(f"{out}: holds no jobs; name a result folder, as given to --out")
     jobs = live_jobs(out)
     slurm.cancel([job.job for job in jobs])
     return jobs
