@@ -21,7 +21,8 @@ demo: $(READY)
 	$(BIN)/sinew run configs/demo.yaml
 
 test: $(READY)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -m "not slurm"
+	$(BIN)/python -m pytest -m slurm -n 3 --dist worksteal
 
 # what CI asks of the code beside its tests
 check: $(READY)

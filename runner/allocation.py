@@ -1,5 +1,6 @@
 """A whole cluster inside one SLURM allocation: one ``srun``, whose tasks are scheduler, client and workers."""
 
+import asyncio
 import logging
 import os
 import shutil
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import dask
-from distributed import Client
+from distributed import Client, SchedulerPlugin
 from distributed.core import Status
 
 from runner import external
@@ -27,6 +28,13 @@ class Allocation:
 
     folder: Path
     network: Network
+
+
+class _EndWithClient(SchedulerPlugin):
+    """Ends the cluster when its only client is gone, so that srun ends when the client was killed."""
+
+    def remove_client(self, scheduler: Any, client: str) -> None:
+        self.closing = asyncio.ensure_future(scheduler.close(reason="its client is gone"))
 
 
 @contextmanager
@@ -49,7 +57,7 @@ def open_allocation(spec: Allocation) -> Iterator[Client]:
     try:
         runner = jobqueue().SLURMRunner(
             scheduler_file=str(scheduler_file),
-            scheduler_options={**common, "dashboard_address": DASHBOARD},
+            scheduler_options={**common, "dashboard_address": DASHBOARD, "plugins": [_EndWithClient()]},
             worker_class="distributed.Nanny",
             worker_options={
                 **common,
@@ -63,10 +71,12 @@ def open_allocation(spec: Allocation) -> Iterator[Client]:
         raise ClusterError(f"cluster: {error}") from error
     try:
         with Client(runner.scheduler_address, security=security, set_as_default=False) as client:
-            yield client
-            runner.status = Status.closed  # its own way of closing knows no TLS
-            client.retire_workers(close_workers=True)
-            client.shutdown()
+            try:
+                yield client
+                client.retire_workers(close_workers=True)
+            finally:  # else the other tasks, and srun with them, would stay until the walltime
+                runner.status = Status.closed  # its own way of closing knows no TLS
+                client.shutdown()
     finally:
         runner.status = Status.closed
         scheduler_file.unlink(missing_ok=True)

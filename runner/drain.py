@@ -56,6 +56,7 @@ class Leave(WorkerPlugin):
     def __init__(self) -> None:
         self.leaving = False
         self.began = math.inf
+        self.first = math.inf
 
     def setup(self, worker: Any) -> None:
         self.worker = worker
@@ -86,12 +87,14 @@ class Leave(WorkerPlugin):
         if self.worker.state.executing_count:  # it took longer than the run times measured before
             self.tell_if_too_short(time.time() - self.began)
             await asyncio.sleep(0.2)
-        await self.worker.close_gracefully(reason="the walltime")
+        if self.worker.status == Status.paused:  # else it is closing anyway
+            await self.worker.close_gracefully(reason="the walltime")
 
     def tell_if_too_short(self, needed_s: float) -> None:
         """Tell the client if a batch that needs at least ``needed_s`` would not end in any job of this walltime."""
         given_s = walltime_s()
-        start_s = min(60.0, 0.2 * given_s)  # a job also has to start its workers
+        start_s = self.first - (time.time() + seconds_left() - given_s)  # a job also has to start its workers
+        start_s = max(start_s, min(60.0, 0.2 * given_s))
         if start_s + needed_s + CLOSING_S > given_s:
             self.worker.log_event(TOO_SHORT, {"needed_s": needed_s, "walltime_s": given_s})
 
@@ -106,6 +109,7 @@ def enter(expected_s: float) -> None:
     worker: Any = get_worker()
     plugin: Any = worker.plugins[Leave.name]
     plugin.began = time.time()
+    plugin.first = min(plugin.first, plugin.began)
     if seconds_left() >= expected_s + CLOSING_S:
         return
     plugin.tell_if_too_short(expected_s)

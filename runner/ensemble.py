@@ -139,6 +139,7 @@ class _Run:
     largest: int = 0
     rows_running: int = 0
     had_workers: bool = True
+    came: float = field(default_factory=time.monotonic)
     given_up: list[_Batch] = field(default_factory=list)
     seconds_per_row: deque[float] = field(default_factory=lambda: deque(maxlen=9))
     slowest: deque[float] = field(default_factory=lambda: deque(maxlen=200))
@@ -175,7 +176,7 @@ class _Run:
         ask_for(client, self.pending.size // self.policy.multiple)
         self.had_workers = False  # their jobs may wait in the queue for longer than this process may
         wait_for_workers(client, functools.partial(self._check, client))
-        self.had_workers = True
+        self.had_workers, self.came = True, time.monotonic()
         _register(client, drain.Leave())
         _register(client, plugin)
         client.subscribe_topic(drain.TOO_SHORT, lambda event: self.too_short.put(event[1]))
@@ -253,7 +254,7 @@ class _Run:
         return WalltimeReached(
             f"the walltime is near: {self.total - self.pending.size + self.done:,} of {self.total:,} rows are "
             "finished and kept; run the same command again to go on",
-            worked=self.had_workers,
+            worked=self.had_workers and time.monotonic() - self.came > drain.walltime_s() / 4,
         )
 
     def _next_batch(self, slots: int, key: str) -> _Batch:

@@ -235,9 +235,9 @@ def open_jobs(spec: Jobs) -> Iterator[Client]:
 def _end_what_is_left(table: slurm.JobTable) -> None:
     """End worker jobs of a coordinator that was killed: nothing listens to them any more."""
     open_jobs = [record for record in table.read().values() if record.role == slurm.WORKER and record.ended is None]
-    found = slurm.queue(record.job for record in open_jobs)
+    found = slurm.patiently(lambda: slurm.queue(record.job for record in open_jobs))
     left = [r.job for r in open_jobs if r.job in found and found[r.job].live and found[r.job].name == r.name]
-    slurm.cancel(left)
+    slurm.patiently(lambda: slurm.cancel(left))
     for record in open_jobs:
         table.note(record.job, "ended", end="cancelled, its coordinator was gone" if record.job in left else "lost")
 
@@ -258,7 +258,7 @@ class _Keeper:
         """Compare the jobs that there should be with those that there are."""
         try:
             self._look()
-        except ClusterError as error:  # the controller is away for a while: what runs, runs on
+        except (ClusterError, OSError) as error:  # controller or disk are away for a while: what runs, runs on
             log.warning("slurm", extra={"error": str(error)})
         except Exception as error:  # noqa: BLE001 - in a thread of its own, it would be lost and the run wait for ever
             self.cluster.failure = ClusterError(f"the worker jobs cannot be looked after: {error!r}")

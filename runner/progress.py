@@ -6,7 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +82,8 @@ def progress(title: str, total: int, folder: Path, *, done: int = 0, quiet: bool
             yield report
         finally:
             update(facts["done"], facts["failed"], 0)
-            _tell(folder, facts)
+            with suppress(OSError):  # whatever ended the work has been told of already
+                _tell(folder, facts)
             note()
 
 

@@ -5,17 +5,23 @@ import os
 import re
 import subprocess
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from runner.errors import ClusterError
 
 COMMAND_TIMEOUT_S = 60.0
+PATIENCE_S = 3600.0
+T = TypeVar("T")
 _LIVE = """PENDING RUNNING CONFIGURING COMPLETING SUSPENDED STOPPED RESIZING SIGNALING STAGE_OUT REQUEUED REQUEUE_HOLD
 REQUEUE_FED RESV_DEL_HOLD SPECIAL_EXIT"""
 LIVE = frozenset(_LIVE.split())
+
+
+class Away(ClusterError):
+    """SLURM's controller does not answer."""
 
 
 class Refused(ClusterError):
@@ -71,9 +77,7 @@ def _call(*command: str) -> subprocess.CompletedProcess[str]:
     except FileNotFoundError:
         raise ClusterError(f"{command[0]} was not found; run this on a login node, where SLURM is") from None
     except subprocess.TimeoutExpired:
-        raise ClusterError(
-            f"{command[0]} gave no answer within {COMMAND_TIMEOUT_S:g} s; is slurmctld running?"
-        ) from None
+        raise Away(f"{command[0]} gave no answer within {COMMAND_TIMEOUT_S:g} s; is slurmctld running?") from None
     except OSError as error:
         raise ClusterError(f"{command[0]} cannot be run ({error.strerror})") from None
 
@@ -91,7 +95,7 @@ def _failed(finished: subprocess.CompletedProcess[str]) -> ClusterError:
     command = finished.args[0]
     words = _words(finished)
     if re.search(r"unable to contact|connection refused|socket timed out|communication", words, re.IGNORECASE):
-        return ClusterError(f"SLURM's controller does not answer ({words}); try again when it is back")
+        return Away(f"SLURM's controller does not answer ({words}); try again when it is back")
     return Refused(words) if command == "sbatch" else ClusterError(f"{command}: {words}")
 
 
@@ -101,6 +105,18 @@ def version() -> str:
     if finished.returncode != 0:
         raise _failed(finished)
     return finished.stdout.strip()
+
+
+def patiently(ask: Callable[[], T]) -> T:
+    """The answer to a question; in a job, ask for as long as the controller is away (at most an hour)."""
+    until = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            return ask()
+        except Away:
+            if job() is None or time.monotonic() > until:
+                raise
+            time.sleep(5.0)
 
 
 def check_script(script: Path) -> None:

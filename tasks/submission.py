@@ -6,7 +6,7 @@ import shlex
 import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -168,7 +168,7 @@ def _field_named(profile: Profile, section: str) -> Iterator[None]:
 def live_jobs(out: Path) -> list[slurm.QueuedJob]:
     """Jobs of a result folder that wait or run, the one that leads first. Raises ``ClusterError``."""
     records = slurm.JobTable(jobs_folder(out)).read()
-    unfinished = [record for record in records.values() if record.ended is None]
+    unfinished = [record for record in records.values() if record.ended is None or record.role == slurm.COORDINATOR]
     queued = slurm.queue(record.job for record in unfinished)
     found = [queued[r.job] for r in unfinished if r.job in queued and queued[r.job].name == r.name]
     leads = {record.job for record in unfinished if record.role == slurm.COORDINATOR}
@@ -178,7 +178,7 @@ def live_jobs(out: Path) -> list[slurm.QueuedJob]:
 def refuse_a_second(out: Path) -> None:
     """Raise ``ClusterError`` when another job leads a study on this result folder."""
     records = slurm.JobTable(jobs_folder(out)).read()
-    for job in live_jobs(out) if records else []:
+    for job in slurm.patiently(lambda: live_jobs(out)) if records else []:
         if records[job.job].role == slurm.COORDINATOR and job.job != slurm.job():
             where = f" on {job.nodes}" if job.nodes else ""
             raise ClusterError(
@@ -225,7 +225,8 @@ def leading(out: Path, profile: Profile) -> Iterator[None]:
         end = "terminated" if isinstance(error, SystemExit) else (str(error) or type(error).__name__)[:200]
         raise
     finally:
-        table.note(job, "ended", end=end)
+        with suppress(OSError):  # on a full disk, the error that is on its way says more
+            table.note(job, "ended", end=end)
 
 
 @contextmanager

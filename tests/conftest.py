@@ -20,6 +20,8 @@ SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
+        if "slurm_cluster" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.slurm)
         if item.get_closest_marker("febio") and shutil.which("febio4") is None:
             item.add_marker(pytest.mark.skip(reason="febio4 is not on the PATH"))
         if item.get_closest_marker("shared") and not SHARED.is_dir():

@@ -9,6 +9,7 @@ import subprocess
 import time
 
 import psutil
+import pytest
 
 from runner import slurm
 from runner.store import open_store
@@ -44,6 +45,7 @@ def strike(dice: random.Random) -> str | None:
     return job
 
 
+@pytest.mark.timeout(900)
 def test_chaos(tmp_path, slurm_cluster):
     calm = prepare(tmp_path / "calm", seconds=0.02, base_samples=32)
     calm.write_text(calm.read_text().replace("cluster: slurm", "cluster: {name: local, workers: 1}"))
@@ -63,7 +65,7 @@ def test_chaos(tmp_path, slurm_cluster):
     until(lambda: notes.exists(), "the first run of the solver")
     following = time.monotonic() + 10.0
     while live():
-        assert time.monotonic() - started < 280, log_of(out)
+        assert time.monotonic() - started < 700, log_of(out)
         done = survival.committed(out)
         snapshots.append((done, len(notes.read_text().splitlines())))
         if killed_at is None and len(done) > ROWS // 8:
