@@ -135,6 +135,14 @@ def importance(study: Path, **options: Any) -> None:
         pipeline.run(workspace, ["importance"])
 
 
+@_study_command("calibrate", "The parameters of each specimen that bring the model closest to its curves.")
+def calibrate(study: Path, **options: Any) -> None:
+    from tasks import pipeline
+
+    with _open(study, ["calibrate"], **options) as workspace:
+        pipeline.run(workspace, ["calibrate"])
+
+
 @_study_command("simulate", "Forces of given parameter rows along each measured curve.")
 @click.option("--parameters", type=_PATH, required=True, help="CSV, one column for each parameter name.")
 def simulate(study: Path, parameters: Path, **options: Any) -> None:

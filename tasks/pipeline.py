@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table as Grid
 
 from runner.store import Store, open_store
+from tasks.calibrate import calibrate, fitted_curves
 from tasks.importance import importance
 from tasks.problems import BadInput
 from tasks.report import figures
@@ -138,7 +139,31 @@ def _tell_importance(workspace: Workspace, result: dict[str, Any], console: Cons
     console.print(f"R2 on unseen base samples {result['r2_on_unseen']:.3f}; no new simulations")
 
 
+def _draw_calibrate(workspace: Workspace, result: dict[str, Any]) -> None:
+    folder = workspace.out / "figures"
+    figures.save(figures.calibration_convergence(result), folder, "calibrate_convergence")
+    for specimen in workspace.cohort.specimens:
+        told = result["specimens"].get(specimen.name)
+        if told is not None:
+            forces = fitted_curves(workspace, specimen, told["parameters"])
+            figure = figures.fitted_curves(specimen, forces, told["rmse_N"])
+            figures.save(figure, folder, f"calibrate_{specimen.name.replace('/', '_')}")
+
+
+def _tell_calibrate(workspace: Workspace, result: dict[str, Any], console: Console) -> None:
+    grid = Grid("specimen", "RMSE (N)", "noise (N)", "above", "on a bound", "not determined", title="Calibration")
+    for name, told in result["specimens"].items():
+        above = "" if told["above_noise"] is None else f"{100 * told['above_noise']:+.1f} %"
+        noise = "unknown" if told["noise_N"] is None else f"{told['noise_N']:.4g}"
+        free = [parameter for parameter in result["free"] if parameter not in told["determined"]]
+        cells = (f"{told['total_N']:.4g}", noise, above, " ".join(told["on_bound"]), " ".join(free))
+        grid.add_row(name, *cells)
+    console.print(grid)
+    console.print("above: how far the fit stopped above the noise of the curves themselves")
+
+
 _TASKS = {
     "sobol": _Task(sobol, _draw_sobol, _tell_sobol),
     "importance": _Task(lambda workspace, **_: importance(workspace), _draw_importance, _tell_importance),
+    "calibrate": _Task(lambda workspace, **_: calibrate(workspace), _draw_calibrate, _tell_calibrate),
 }

@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, PrivateAttr, field_validator, model_validator
+from pydantic import AfterValidator, Field, PrivateAttr, field_validator, model_validator
 
 from runner.cluster import Address, ClusterSpec, Local, free_cores
 from tasks.model import TENDON, Model, Parameter
@@ -15,6 +15,16 @@ from tasks.simulate import Simulator
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Seconds = Annotated[float, Field(gt=0, le=86_400 * 30, allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
+
+
+def _once(value: Any) -> Any:
+    if isinstance(value, list) and len(set(value)) < len(value):
+        name = next(name for i, name in enumerate(value) if name in value[:i])
+        raise ValueError(f"{shown(name)} is a duplicate; expected each specimen once")
+    return value
+
+
+Specimens = Annotated[Literal["all"] | Annotated[list[str], Field(min_length=1)], AfterValidator(_once)]
 
 
 class SolverMissing(BadInput):
@@ -126,7 +136,7 @@ class SobolSettings(Section):
 
     points: Annotated[int, Field(ge=1, le=10**8)] | None = None
     base_samples: Annotated[int, Field(ge=2, le=2**26)] | None = None
-    specimens: Literal["all"] | Annotated[list[str], Field(min_length=1)] = "all"
+    specimens: Specimens = "all"
     second_order: bool = False
     resamples: Annotated[int, Field(ge=10, le=100_000)] = 200
     confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
@@ -139,14 +149,6 @@ class SobolSettings(Section):
             raise FieldError("base_samples", str(self.base_samples), "a power of two, as the Sobol sequence needs")
         return self
 
-    @field_validator("specimens")
-    @classmethod
-    def _once(cls, value: Any) -> Any:
-        if isinstance(value, list) and len(set(value)) < len(value):
-            name = next(name for i, name in enumerate(value) if name in value[:i])
-            raise ValueError(f"{shown(name)} is a duplicate; expected each specimen once")
-        return value
-
 
 class ImportanceSettings(Section):
     """Random forests on the rows of the Sobol study."""
@@ -154,6 +156,14 @@ class ImportanceSettings(Section):
     trees: Annotated[int, Field(ge=10, le=10_000)] = 100
     repeats: Annotated[int, Field(ge=2, le=1000)] = 10
     max_rows: Annotated[int, Field(ge=100)] = 10_000
+
+
+class CalibrateSettings(Section):
+    """Least squares from ``starts`` points, with ``evaluations`` for each specimen in all."""
+
+    specimens: Specimens = "all"
+    starts: Annotated[int, Field(ge=1, le=1000)] = 3
+    evaluations: Annotated[int, Field(ge=10, le=10**6)] = 1200
 
 
 class StoreSettings(Section):
@@ -173,11 +183,12 @@ class Study(Section):
     cluster: LocalSettings | AddressSettings | SlurmSettings = Field(default=LocalSettings(), discriminator="name")
     store: StoreSettings = StoreSettings()
     retries: Annotated[int, Field(ge=0, le=20)] = 1
-    tasks: Annotated[list[Literal["sobol", "importance"]], Field(min_length=1)] = Field(
+    tasks: Annotated[list[Literal["sobol", "importance", "calibrate"]], Field(min_length=1)] = Field(
         default_factory=lambda: ["sobol", "importance"]  # type: ignore[arg-type]
     )
     sobol: SobolSettings = SobolSettings(points=20_000)
     importance: ImportanceSettings = ImportanceSettings()
+    calibrate: CalibrateSettings = CalibrateSettings()
 
     _path: Path = PrivateAttr(default=Path())
 

@@ -81,11 +81,19 @@ class Workspace:
         return table, rows
 
     def evaluate(
-        self, evaluation: SpecimenEvaluation, table: Table, rows: Array, title: str, *, here: bool = False
+        self,
+        evaluation: SpecimenEvaluation,
+        table: Table,
+        rows: Array,
+        title: str,
+        *,
+        here: bool = False,
+        brief: bool = False,
     ) -> None:
         """See to it that planned rows have outcomes.
 
-        ``here`` evaluates in this process: for few rows, that is faster than starting a cluster.
+        ``here`` evaluates in this process: for few rows, that is faster than starting a cluster. ``brief``: one of many
+        calls, of which none needs to be told about.
         """
         asked = np.unique(rows).size
         pending = table.pending(rows).size
@@ -94,7 +102,7 @@ class Workspace:
         self.simulations += pending
         policy = Policy(multiple=self.simulator.batch_multiple, retries=self.study.retries)
         client = (lambda: None) if here else self.client
-        with progress(title, asked, self.out, done=asked - pending, quiet=self.quiet) as report:
+        with progress(title, asked, self.out, done=asked - pending, quiet=self.quiet or brief) as report:
             evaluate(client, table, evaluation, rows, report, policy)
 
 
@@ -131,8 +139,10 @@ def check_cohort(study: Study, data: Path | None, out: Path) -> Cohort:
     Raises :class:`BadInput`.
     """
     cohort = read_cohort(data or study.cohort_path)
-    if study.sobol.specimens != "all":
-        cohort.choose(study.sobol.specimens, f"{study.path}: sobol.specimens")
+    for task in ("sobol", "calibrate"):
+        names = getattr(study, task).specimens
+        if names != "all":
+            cohort.choose(names, f"{study.path}: {task}.specimens")
     check_folder(out)
     if out.resolve().is_relative_to(cohort.folder.resolve()):
         raise BadInput(f"--out {out}", f"lies inside the cohort {cohort.folder}", "a folder beside it")
@@ -181,8 +191,13 @@ def digest(*parts: Any) -> str:
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
     """Write a result as JSON, whole or not at all; numbers that are not finite become null."""
+    write_text(path, json.dumps(_plain(content), indent=1, allow_nan=False) + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file, whole or not at all."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_text(json.dumps(_plain(content), indent=1, allow_nan=False) + "\n", "utf-8")
+    temporary.write_text(text, "utf-8")
     os.replace(temporary, path)
 
 

@@ -12,6 +12,8 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
+from tasks.model import Specimen
+
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
 _LABELS = {"E": "E", "alpha": r"\alpha", "g": "g", "tau": r"\tau", "nu": r"\nu"}
 _STYLE: Any = {
@@ -174,3 +176,41 @@ def forest_importance(result: dict[str, Any]) -> Figure:
 def _numbers(values: Any) -> np.ndarray:
     """JSON's null back to NaN."""
     return np.array(values, dtype=float)
+
+
+def calibration_convergence(result: dict[str, Any]) -> Figure:
+    """The best objective of each specimen against the evaluations spent, above the noise of its curves."""
+    with plt.rc_context(_STYLE):
+        figure, axis = plt.subplots(figsize=(6.5, 3.6))
+        for number, told in enumerate(result["specimens"].values()):
+            floor = told["noise_N"] or 0.0
+            for order, trace in enumerate(told["traces"]):
+                used, totals = np.array(trace, dtype=float).T
+                above = np.maximum(totals - floor, 1e-4)
+                colour = COLOURS[number % len(COLOURS)]
+                axis.plot(used, above, color=colour, lw=1.2 if order == 0 else 0.6, alpha=1.0 if order == 0 else 0.5)
+        axis.set_xscale("log")
+        axis.set_yscale("log")
+        axis.set_xlabel("evaluations of this start")
+        axis.set_ylabel("objective above the noise (N)")
+        axis.set_title(f"{len(result['specimens'])} specimens, a colour each; best start bold", loc="left", fontsize=9)
+    return figure
+
+
+def fitted_curves(specimen: Specimen, forces: dict[str, Any], rmse_N: dict[str, float]) -> Figure:
+    """Measured curves and the calibrated model: over time above, over displacement below."""
+    with plt.rc_context(_STYLE):
+        figure, axes = plt.subplots(2, len(specimen.curves), figsize=(3.2 * len(specimen.curves), 5.0), squeeze=False)
+        for column, curve in enumerate(specimen.curves):
+            history = curve.protocol
+            for axis, across in zip(axes[:, column], (history.time_s, history.displacement_mm), strict=True):
+                axis.plot(across, curve.force_N, color="0.6", lw=1.6, label="measured", rasterized=True)
+                axis.plot(across, forces[curve.name], color=COLOURS[1], lw=0.7, label="model", rasterized=True)
+            axes[0, column].set_title(f"{curve.name.replace('_', ' ')}: RMSE {rmse_N[curve.name]:.3g} N", fontsize=9)
+            axes[0, column].set_xlabel("time (s)")
+            axes[1, column].set_xlabel("displacement (mm)")
+        for axis in axes[:, 0]:
+            axis.set_ylabel("force (N)")
+        axes[1, -1].legend()
+        figure.suptitle(specimen.name, x=0.01, ha="left", fontsize=10)
+    return figure

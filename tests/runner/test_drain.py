@@ -72,6 +72,7 @@ def test_the_process_that_leads_stops_in_time_and_goes_on_later(tmp_path, monkey
         table = store.table(table_spec())
         rows = table.plan(parameters)
         monkeypatch.setenv(drain.DEADLINE, str(time.time() + 15.0))
+        monkeypatch.setenv(drain.WALLTIME, "15")
         with pytest.raises(WalltimeReached, match=r"\d+ of 40 rows are finished and kept") as reached:
             evaluate(lambda: None if here else client, table, Quick(notes, seconds_per_row=0.5), rows)
         assert drain.seconds_left() > 7.0
