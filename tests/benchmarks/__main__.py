@@ -1,14 +1,21 @@
 """Benchmarks: ratios measured in one run, medians of several rounds. `make benchmarks`, or name some:
 
-python -m tests.benchmarks kernel study memory febio resume
+python -m tests.benchmarks kernel study memory febio resume scale
 """
 
 import platform
 import sys
 
-from tests.benchmarks import febio, kernel, memory, resume, study
+from tests.benchmarks import febio, kernel, memory, resume, scale, study
 
-ALL = {"kernel": kernel.main, "study": study.main, "memory": memory.main, "febio": febio.main, "resume": resume.main}
+ALL = {
+    "kernel": kernel.main,
+    "study": study.main,
+    "memory": memory.main,
+    "febio": febio.main,
+    "resume": resume.main,
+    "scale": scale.main,
+}
 
 
 def processor() -> str:
