@@ -1,61 +1,45 @@
-"""Evaluate many rows of parameters: bounded window, batches, retries, failures as data, commits."""
+"""Evaluate many rows of parameters: bounded window, batches, retries, failures as data, commits.
 
+:func:`evaluate` is for rows that are known beforehand. :func:`converse` is for those who decide what to ask next when
+they have heard what became of what they asked before: several of them talk to one cluster at the same time, so that it
+has work while one of them thinks.
+"""
+
+import contextvars
 import errno
 import functools
-import hashlib
 import math
-import os
 import queue
 import secrets
-import socket
 import statistics
+import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import dask
 import numpy as np
-from distributed import CancelledError, Client, KilledWorker, WorkerPlugin, as_completed
+from distributed import CancelledError, Client, KilledWorker, as_completed
 from distributed.comm.core import CommClosedError
+from threadpoolctl import threadpool_limits
 
-from runner import drain, external, isolation, slurm
+from runner import drain
+from runner.batch import Batch, Carrier, Done, Evaluation, evaluations, run_batch, run_in_time
 from runner.cluster import ask_for, wait_for_workers
 from runner.errors import ClusterError, StoreError, WalltimeReached
 from runner.progress import Report
-from runner.store import STATUSES, Array, Segment, Table, is_whole
+from runner.store import PENDING, STATUSES, Array, Segment, Table, is_whole
 
 RECOUNT_S = 2.0
-RETRIED = ("crashed", "out_of_memory", "bad_output")
 BATCHES_PER_S = 125  # what a scheduler does with a fifth of its time
 ONE_AHEAD_S = 1.0  # a worker gets its next batch early, unless batches take longer than this
 STOPPING_S = 10.0  # to close the cluster in, before the deadline of the process that leads it
 TRIES_APART = 3
-STOPPED_SOLVERS = 5
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What became of ``n`` rows: ``values[field]`` is ``[n, ...]`` float64 (NaN where a row failed).
-
-    ``status`` ``[n]`` holds positions in :data:`runner.store.STATUSES`; ``messages`` has ``n`` texts, or none when no
-    row failed.
-    """
-
-    values: Mapping[str, Array]
-    status: Array
-    messages: tuple[str, ...] = ()
-
-
-class Evaluation(Protocol):
-    """Something that can be pickled, sent to every worker, and asked for the outcome of rows of parameters."""
-
-    def __call__(self, parameters: Array) -> Outcome:
-        """The outcome of ``parameters`` ``[n, d]``. It must not depend on which rows are asked for together."""
-        ...
+SEGMENTS_KEPT = 256  # of a table whose rows come one after the other, before they are folded into their chunk
 
 
 @dataclass(frozen=True)
@@ -63,7 +47,7 @@ class Policy:
     """How rows are cut into batches and what happens to those that fail.
 
     ``batch_s``: aimed-at duration of a batch; ``multiple``: batches hold a multiple of this many rows;
-    ``retries``: how often a row with a status in :data:`RETRIED` is tried again.
+    ``retries``: how often a row with a status in :data:`runner.batch.RETRIED` is tried again.
     """
 
     batch_s: float = 0.5
@@ -93,128 +77,473 @@ def evaluate(
     pending = table.pending(asked)
     del asked
     if pending.size:
-        table.journal.mkdir(parents=True, exist_ok=True)
-        _Run(client(), table, evaluation, pending, total, report, policy, failed).work()
+        run = _Run(client(), policy, report, total, failed)
+        run.add(table, evaluation).put(pending)
+        run.work()
         if (left := table.pending(rows).size) > 0:
             raise StoreError(f"{table.journal}: {left} rows have no outcome although their batches ended; run again")
 
 
-class _Batch:
-    """What a worker needs to evaluate some rows; small, because the evaluation itself waits on the workers."""
+@dataclass(frozen=True)
+class Told:
+    """What became of one row: ``values[field]`` is ``[...]``, NaN when it failed; ``status`` as in ``STATUSES``."""
 
-    def __init__(self, key: str, rows: Array, parameters: Array, journal: Path, retries: int, apart: int = 0) -> None:
-        self.key = key
-        self.rows = rows
-        self.parameters = parameters
-        self.retries = retries
-        self.apart = apart  # how often it has been tried in a process of its own
-        self.expected_s = 0.0
-        content = hashlib.blake2b(rows.tobytes(), digest_size=6).hexdigest()
-        self.segment = journal / f"rows-{rows[0]:09d}-{content}-{rows.size:05d}.safetensors"
+    status: int
+    values: Mapping[str, Array]
 
-    def rows_apart(self) -> "list[_Batch]":
-        """Each row as a batch that is evaluated in a process of its own."""
-        journal = self.segment.parent
-        return [
-            _Batch(self.key, self.rows[i : i + 1], self.parameters[i : i + 1], journal, self.retries, self.apart + 1)
-            for i in range(self.rows.size)
-        ]
+
+@dataclass(frozen=True)
+class Talk:
+    """Somebody who asks for rows step by step: ``rows`` of them at the most, of one or several ``tables``.
+
+    ``work`` runs in a thread of its own. All that it does must follow from what its desk tells it.
+    """
+
+    tables: Sequence[tuple[Table, Evaluation]]
+    rows: int
+    work: "Callable[[Desk], Any]"
+
+
+_computing = threading.Lock()
+
+
+class Desk:
+    """Where the ``work`` of a :class:`Talk` asks for evaluations. It hears of them in the order in which it asked."""
+
+    def __init__(self, send: "Callable[[_Message], None]", *, here: bool) -> None:
+        self._send = send
+        self._here = here
+        self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
+
+    def ask(self, parameters: Array, table: int = 0) -> None:
+        """Ask for ``parameters`` ``[n, d]`` of one of the tables and go on."""
+        self._send(_Message(self, parameters=np.array(parameters, dtype=np.float64), table=table))
+
+    def next(self) -> Told:
+        """What became of the next row that was asked for; waits for it."""
+        answer = self._answers.get()
+        if isinstance(answer, BaseException):
+            raise answer
+        assert isinstance(answer, Told)
+        return answer
+
+    def all_of(self, parameters: Array) -> list[Told]:
+        """Ask for ``parameters`` ``[n, d]`` and wait for all of them."""
+        self.ask(parameters)
+        return [self.next() for _ in parameters]
+
+    def compute(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """The value of ``function(*arguments)``, found on a worker; waits for it."""
+        if self._here:
+            with _computing:  # libraries that think of themselves as alone in a process
+                return function(*arguments)
+        answer: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._send(_Message(self, computation=(function, arguments), answer=answer))
+        value = answer.get()
+        if isinstance(value, BaseException):
+            raise value
+        return value
+
+    def hear(self, answer: Any) -> None:
+        """Called by the runner."""
+        self._answers.put(answer)
+
+
+def converse(
+    client: Callable[[], Client | None],
+    talks: Sequence[Talk],
+    report: Report | None = None,
+    policy: Policy = Policy(),
+) -> list[Any]:
+    """Let several talks share a cluster; returns what their work returned. Raises what :func:`evaluate` raises.
+
+    Every row asked for is planned in its table, in the order of asking, and committed. A talk whose rows are all known
+    costs look-ups. What a worker computes and what a talk does has one thread for linear algebra, so that its numbers
+    do not depend on the machine's cores.
+    """
+    if not talks:
+        return []
+    for talk in talks:
+        for table, _ in talk.tables:
+            table.fold(table.segments())
+    with threadpool_limits(1):
+        run = _Run(client(), policy, report, sum(talk.rows for talk in talks), 0)
+        return run.converse(talks)
+
+
+class _Closed(Exception):
+    """What a desk says to those who still wait when a run ends early."""
+
+
+@dataclass(frozen=True)
+class _Message:
+    """From a desk to the run: rows, a computation, or the end."""
+
+    desk: Desk
+    parameters: Array | None = None
+    table: int = 0
+    computation: tuple[Callable[..., Any], tuple[Any, ...]] | None = None
+    answer: "queue.SimpleQueue[Any] | None" = None
+    result: Any = None
+    error: BaseException | None = None
+
+
+@dataclass(eq=False)
+class _Source:
+    """Rows of one table on their way through a run, and how long such rows take."""
+
+    table: Table
+    evaluation: Evaluation
+    key: str
+    multiple: int
+    largest: int = 0
+    open: bool = False  # more may be asked for
+    pending: Array = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    first: int = 0
+    seconds_per_row: deque[float] = field(default_factory=lambda: deque(maxlen=9))
+    slowest: deque[float] = field(default_factory=lambda: deque(maxlen=200))
+    left_in_chunk: dict[int, int] = field(default_factory=dict)
+    finished: dict[int, list[Path]] = field(default_factory=dict)
+    waiting: set[int] = field(default_factory=set)  # rows that a desk has asked for and nobody knows yet
+    heard: dict[int, Told] = field(default_factory=dict)
+    known: dict[int, tuple[Array, dict[str, Array]]] = field(default_factory=dict)  # chunks read back
+    fresh: dict[int, Path] = field(default_factory=dict)  # finished rows and their segments
+
+    def put(self, rows: Array) -> None:
+        """More rows without an outcome."""
+        self.pending = np.concatenate([self.pending[self.first :], rows])
+        self.first = 0
+        chunks, counts = np.unique(rows // self.table.chunk_rows, return_counts=True)
+        for chunk, count in zip(chunks.tolist(), counts.tolist(), strict=True):
+            self.left_in_chunk[chunk] = self.left_in_chunk.get(chunk, 0) + count
+
+    @property
+    def left(self) -> int:
+        return self.pending.size - self.first
+
+    def expected_s(self, rows: int) -> float:
+        return drain.SAFETY * max(self.slowest) * rows if self.slowest else 0.0
+
+    def batch_size(self, slots: int, aim_s: float, left: int) -> int:
+        """``left``: rows of all tables that wait."""
+        size = self.largest = max(self.largest, self.multiple)
+        if self.seconds_per_row:
+            seconds = max(aim_s, slots / BATCHES_PER_S)
+            size = int(seconds / max(statistics.median(self.seconds_per_row), 1e-9))
+            size = min(size, 8 * self.largest)  # the first batches also load code
+        size = min(size, self.table.chunk_rows, math.ceil(left / slots))  # all workers end at about the same time
+        size = max(self.multiple, -(-size // self.multiple) * self.multiple)
+        self.largest = max(self.largest, size)
+        return size
+
+    def take(self, size: int, retries: int) -> Batch:
+        """The next batch of at most ``size`` rows."""
+        rows = self.pending[self.first : self.first + size]
+        chunk = rows // self.table.chunk_rows
+        rows = rows[chunk == chunk[0]]  # so that a chunk knows when it is complete
+        self.first += rows.size
+        batch = Batch(self.key, rows, self.table.parameters(rows), self.table.journal, retries)
+        batch.expected_s = self.expected_s(rows.size)
+        return batch
+
+    def note(self, batch: Batch, done: Done) -> None:
+        """A batch is in the journal; commit its chunk once that is complete."""
+        if done.seconds is not None:
+            self.seconds_per_row.append(done.seconds / batch.rows.size)
+            self.slowest.append(done.seconds / batch.rows.size)
+        chunk = int(batch.rows[0]) // self.table.chunk_rows
+        self.finished.setdefault(chunk, []).append(batch.segment)
+        self.left_in_chunk[chunk] -= batch.rows.size
+        if self.open:
+            self._hear_of(batch.segment)
+        complete = self.left_in_chunk[chunk] == 0
+        if self.open:  # more rows of this chunk may come
+            complete = len(self.finished[chunk]) >= SEGMENTS_KEPT
+        if complete:  # each chunk is written once, or now and then
+            self._fold(chunk)
+
+    def close(self) -> None:
+        """Nothing more will be asked for."""
+        self.open = False
+        for chunk in list(self.finished):
+            if self.left_in_chunk[chunk] == 0:
+                self._fold(chunk)
+
+    def _fold(self, chunk: int) -> None:
+        self.table.fold(self.finished.pop(chunk))
+        self.fresh = {row: path for row, path in self.fresh.items() if row // self.table.chunk_rows != chunk}
+
+    # ---- for desks
+
+    def ask(self, parameters: Array) -> list[int]:
+        """Plan rows for a desk and look up those that are known; returns their numbers."""
+        rows: list[int] = self.table.plan(parameters, settle=False).tolist()
+        new = [row for row in dict.fromkeys(rows) if row not in self.waiting and not self._look_up(row)]
+        if new:
+            self.waiting.update(new)
+            self.put(np.array(new, dtype=np.int64))
+        return rows
+
+    def _look_up(self, row: int) -> bool:
+        if row in self.heard:
+            return True
+        if row in self.fresh:
+            self._hear_of(self.fresh[row], only=row)
+            return True
+        if self.table.status[row] == PENDING:
+            return False
+        chunk = row // self.table.chunk_rows
+        if chunk not in self.known or self.known[chunk][0].size <= row % self.table.chunk_rows:
+            self._read_back(chunk)
+        if self.known[chunk][0][row % self.table.chunk_rows] == PENDING:
+            self._read_back(chunk)
+        status, values = self.known[chunk]
+        place = row % self.table.chunk_rows
+        self.heard[row] = Told(int(status[place]), {name: array[place] for name, array in values.items()})
+        return True
+
+    def _read_back(self, chunk: int) -> None:
+        rows = np.arange(chunk * self.table.chunk_rows, min((chunk + 1) * self.table.chunk_rows, self.table.settled))
+        values = {name: self.table.read(name, rows) for name in self.table.fields}
+        self.known = {chunk: (self.table.status[rows].copy(), values)}
+
+    def _hear_of(self, path: Path, only: int | None = None) -> None:
+        segment = Segment.read(path)
+        values = dict(segment.values)
+        self.waiting.difference_update(segment.rows.tolist())
+        for place, row in enumerate(segment.rows.tolist()):
+            self.fresh[row] = path
+            if only is None or row == only:
+                status = int(segment.status[place])
+                told = {n: values[n][place] if n in values else self.table.nothing(n) for n in self.table.fields}
+                self.heard[row] = Told(status, told)
+
+
+@dataclass(eq=False)
+class _Conversation:
+    """A talk while it lasts: its desk, its tables, and what it still waits to hear of."""
+
+    desk: Desk
+    sources: list[_Source]
+    asked: deque[tuple[_Source, int]] = field(default_factory=deque)
+    result: Any = None
+
+    def ask(self, message: _Message) -> None:
+        source = self.sources[message.table]
+        assert message.parameters is not None
+        self.asked.extend((source, row) for row in source.ask(message.parameters))
+
+    def answers(self) -> Iterable[Told]:
+        """Those that are due, in the order of asking."""
+        while self.asked and self.asked[0][1] in self.asked[0][0].heard:
+            source, row = self.asked.popleft()
+            yield source.heard[row] if (source, row) in self.asked else source.heard.pop(row)
+
+    def close(self, result: Any) -> None:
+        self.result = result
+        for source in self.sources:
+            source.close()
 
 
 @dataclass
 class _Run:
-    """One call of :func:`evaluate` while it lasts."""
+    """One call of :func:`evaluate` or :func:`converse` while it lasts."""
 
     client: Client | None
-    table: Table
-    evaluation: Evaluation
-    pending: Array
-    total: int
-    report: Report | None
     policy: Policy
-    already_failed: int
-    next: int = 0
-    done: int = 0
-    failed: int = 0
-    largest: int = 0
+    report: Report | None
+    total: int
+    failed: int
+    sources: list[_Source] = field(default_factory=list)
+    name: str = field(default_factory=lambda: secrets.token_hex(4))  # another run may share the scheduler
+    done: int = 0  # rows finished before this call, and by it
     rows_running: int = 0
     had_workers: bool = True
     came: float = field(default_factory=time.monotonic)
-    given_up: list[_Batch] = field(default_factory=list)
-    seconds_per_row: deque[float] = field(default_factory=lambda: deque(maxlen=9))
-    slowest: deque[float] = field(default_factory=lambda: deque(maxlen=200))
+    given_up: list[Batch] = field(default_factory=list)
     too_short: "queue.SimpleQueue[Mapping[str, float]]" = field(default_factory=queue.SimpleQueue)
-    left_in_chunk: dict[int, int] = field(default_factory=dict)
-    finished: dict[int, list[Path]] = field(default_factory=dict)
+    inbox: "queue.SimpleQueue[_Message]" = field(default_factory=queue.SimpleQueue)
+    bell: threading.Condition = field(default_factory=threading.Condition)
+    conversations: dict[Desk, _Conversation] = field(default_factory=dict)
+    turn: int = 0
+
+    def add(self, table: Table, evaluation: Evaluation) -> _Source:
+        source = _Source(table, evaluation, f"{table.key}-{self.name}", self.policy.multiple)
+        table.journal.mkdir(parents=True, exist_ok=True)
+        self.sources.append(source)
+        return source
+
+    @property
+    def left(self) -> int:
+        """Rows that wait for a worker."""
+        return sum(source.left for source in self.sources)
 
     def work(self) -> None:
-        chunks, counts = np.unique(self.pending // self.table.chunk_rows, return_counts=True)
-        self.left_in_chunk = dict(zip(chunks.tolist(), counts.tolist(), strict=True))
-        self.largest = self.policy.multiple
+        self.done = self.total - self.left if not self.conversations else 0
         if self.client is None:
             self._work_here()
         else:
             self._work_on(self.client)
 
-    def _work_here(self) -> None:
-        _evaluations[self.table.key] = self.evaluation
+    # ---- talks
+
+    def converse(self, talks: Sequence[Talk]) -> list[Any]:
+        threads = []
+        for talk in talks:
+            desk = Desk(self._receive, here=self.client is None)
+            sources = [self.add(table, evaluation) for table, evaluation in talk.tables]
+            for source in sources:
+                source.open = True
+            self.conversations[desk] = _Conversation(desk, sources)
+            run = functools.partial(contextvars.copy_context().run, self._talk, desk, talk.work)
+            threads.append(threading.Thread(target=run, name="sinew-talk", daemon=True))
         try:
-            while self.next < self.pending.size:
-                batch = self._next_batch(1, self.table.key)
+            for thread in threads:
+                thread.start()
+            self.work()
+        finally:
+            for desk in self.conversations:
+                desk.hear(_Closed())
+            for thread in threads:
+                while thread.is_alive():
+                    self._refuse_messages()
+                    thread.join(0.05)
+        return [conversation.result for conversation in self.conversations.values()]
+
+    def _talk(self, desk: Desk, work: Callable[[Desk], Any]) -> None:
+        """In a thread of its own."""
+        try:
+            self._receive(_Message(desk, result=work(desk)))
+        except _Closed:
+            return
+        except BaseException as error:  # noqa: BLE001 - the thread that leads the run raises it
+            self._receive(_Message(desk, error=error))
+
+    def _receive(self, message: _Message) -> None:
+        self.inbox.put(message)
+        with self.bell:
+            self.bell.notify_all()
+
+    def _refuse_messages(self) -> None:
+        with suppress(queue.Empty):
+            while True:
+                message = self.inbox.get_nowait()
+                if message.answer is not None:
+                    message.answer.put(_Closed())
+
+    def _listen(self, compute: Callable[[_Message], None] | None, *, wait: bool = False) -> None:
+        """Attend to what desks said; with ``wait``, to at least one of them."""
+        with suppress(queue.Empty):
+            while True:
+                message = self.inbox.get(block=wait, timeout=0.2 if wait else None)
+                wait = False
+                conversation = self.conversations[message.desk]
+                if message.error is not None:
+                    raise message.error
+                if message.parameters is not None:
+                    conversation.ask(message)
+                    self._answer(conversation)
+                elif message.computation is not None and compute is not None:
+                    compute(message)
+                else:
+                    conversation.close(message.result)
+
+    def _answer(self, conversation: _Conversation) -> None:
+        for told in conversation.answers():
+            self.done += 1
+            self.failed += told.status > 0
+            conversation.desk.hear(told)
+        self._tell()
+
+    @property
+    def _talking(self) -> bool:
+        return any(source.open for source in self.sources)
+
+    # ---- in this process
+
+    def _work_here(self) -> None:
+        evaluations.update({source.key: source.evaluation for source in self.sources})
+        try:
+            while self.left or self._talking:
+                self._listen(None, wait=not self.left)
+                if not self.left:
+                    continue
+                source, batch = self._next_batch(1)
                 if not self._in_time(batch):
                     raise self._walltime()
                 try:
-                    self._note(batch, _run_batch(batch))
+                    self._note(source, batch, run_batch(batch))
                 except OSError as error:
                     raise _named(error, batch) from error
         finally:
-            del _evaluations[self.table.key]
+            for source in self.sources:
+                del evaluations[source.key]
+
+    # ---- on a cluster
 
     def _work_on(self, client: Client) -> None:
-        key = f"{self.table.key}-{secrets.token_hex(4)}"  # another run of this study may share the scheduler
-        plugin = _Carrier(key, self.evaluation)
-        ask_for(client, self.pending.size // self.policy.multiple)
+        carrier = Carrier(self.name, {source.key: source.evaluation for source in self.sources})
+        ask_for(client, self._wanted(0))
         self.had_workers = False  # their jobs may wait in the queue for longer than this process may
         wait_for_workers(client, functools.partial(self._check, client))
         self.had_workers, self.came = True, time.monotonic()
         _register(client, drain.Leave())
-        _register(client, plugin)
+        _register(client, carrier)
         client.subscribe_topic(drain.TOO_SHORT, lambda event: self.too_short.put(event[1]))
-        running: dict[Any, _Batch] = {}
+        running: dict[Any, tuple[_Source, Batch]] = {}
+        computing: dict[Any, _Message] = {}
         completed = as_completed(loop=client.loop)
+        self.bell = completed.thread_condition  # rings for what is finished and for what is asked
 
-        def submit(batch: _Batch) -> None:
-            future = client.submit(_run_in_time, batch, pure=False)
-            running[future] = batch
+        def submit(source: _Source, batch: Batch) -> None:
+            future = client.submit(run_in_time, batch, pure=False)
+            running[future] = source, batch
+            completed.add(future)
+
+        def compute(message: _Message) -> None:
+            assert message.computation is not None
+            function, arguments = message.computation
+            future = client.submit(function, *arguments, pure=False, priority=1)  # somebody waits for it
+            computing[future] = message
             completed.add(future)
 
         slots, counted = 1, -math.inf
         ending = False
         try:
-            while running or (self.next < self.pending.size and not ending):
+            while running or computing or ((self.left or self._talking) and not ending):
+                self._listen(compute)
                 if time.monotonic() - counted > RECOUNT_S:  # workers come and go
                     slots, counted = max(1, sum(client.nthreads().values())), time.monotonic()
-                while not ending and len(running) < self._window(slots) and self.next < self.pending.size:
-                    batch = self._next_batch(slots, key)
+                while not ending and len(running) < self._window(slots) and self.left:
+                    source, batch = self._next_batch(slots)
                     if ending := not self._in_time(batch):
                         break
-                    submit(batch)
-                while running and not completed.has_ready():
-                    self.rows_running = sum(batch.rows.size for batch in running.values())
+                    submit(source, batch)
+                while not completed.has_ready() and (running or computing or (self._talking and not ending)):
+                    if not self.inbox.empty() and not ending:
+                        break
+                    self.rows_running = sum(batch.rows.size for _, batch in running.values())
                     self._tell()
-                    self._check(client, len(running))
+                    self._check(client, len(running) + len(computing))
                     with completed.thread_condition:
-                        completed.thread_condition.wait(0.2)
-                if running:
+                        if self.inbox.empty() or ending:
+                            completed.thread_condition.wait(0.2)
+                if completed.has_ready():
                     future = next(completed)
-                    self._collect(future, running.pop(future), submit)
+                    if future in running:
+                        self._collect(future, *running.pop(future), submit)
+                    else:
+                        _hand_back(future, computing.pop(future))
                     future.release()
         finally:
             with suppress(OSError, ValueError, CommClosedError, CancelledError):  # the cluster itself may be gone
-                client.cancel(list(running))
+                client.cancel([*running, *computing])
                 client.unsubscribe_topic(drain.TOO_SHORT)
                 with dask.config.set({"distributed.comm.timeouts.connect": "5 s"}):  # a worker may have just died
-                    client.unregister_worker_plugin(plugin.name)
+                    client.unregister_worker_plugin(carrier.name)
+            for message in computing.values():
+                assert message.answer is not None
+                message.answer.put(_Closed())
         if ending:
             raise self._walltime()
         ask_for(client, 0)
@@ -226,9 +555,14 @@ class _Run:
                 "enough memory? Run again to try once more, all other rows are kept"
             )
 
+    def _wanted(self, running: int) -> int:
+        """How many workers would have something to do."""
+        talking = sum(conversation.sources[0].open for conversation in self.conversations.values())
+        return max(math.ceil(self.left / self.policy.multiple) + running, talking)
+
     def _check(self, client: Client, running: int = 0) -> None:
         """Raise whatever makes it useless to wait any longer."""
-        ask_for(client, math.ceil((self.pending.size - self.next) / self.policy.multiple) + running)
+        ask_for(client, self._wanted(running))
         if drain.seconds_left() < STOPPING_S:
             raise self._walltime()
         with suppress(queue.Empty):
@@ -240,56 +574,43 @@ class _Run:
 
     def _window(self, slots: int) -> int:
         """How many batches may be with the workers: what waits on a worker cannot go to one that becomes free."""
-        short = not self.slowest or self._expected_s(self.largest) < ONE_AHEAD_S
+        short = all(not source.slowest or source.expected_s(source.largest) < ONE_AHEAD_S for source in self.sources)
         return slots * self.policy.batches_per_worker if short else slots
 
-    def _expected_s(self, rows: int) -> float:
-        return drain.SAFETY * max(self.slowest) * rows if self.slowest else 0.0
-
-    def _in_time(self, batch: _Batch) -> bool:
+    def _in_time(self, batch: Batch) -> bool:
         """Whether a batch would end before this process must."""
         return drain.seconds_left() > batch.expected_s + STOPPING_S
 
     def _walltime(self) -> WalltimeReached:
+        done = f"{self.done:,} of {'at most ' if self.conversations else ''}{self.total:,}"
         return WalltimeReached(
-            f"the walltime is near: {self.total - self.pending.size + self.done:,} of {self.total:,} rows are "
-            "finished and kept; run the same command again to go on",
+            f"the walltime is near: {done} rows are finished and kept; run the same command again to go on",
             worked=self.had_workers and time.monotonic() - self.came > drain.walltime_s() / 4,
         )
 
-    def _next_batch(self, slots: int, key: str) -> _Batch:
-        rows = self.pending[self.next : self.next + self._batch_size(slots)]
-        rows = rows[
-            rows // self.table.chunk_rows == rows[0] // self.table.chunk_rows
-        ]  # so that a chunk knows when it is complete
-        self.next += rows.size
-        batch = _Batch(key, rows, self.table.parameters(rows), self.table.journal, self.policy.retries)
-        batch.expected_s = self._expected_s(rows.size)
-        return batch
+    def _next_batch(self, slots: int) -> tuple[_Source, Batch]:
+        """From the tables in turn."""
+        while not self.sources[self.turn % len(self.sources)].left:
+            self.turn += 1
+        source = self.sources[self.turn % len(self.sources)]
+        self.turn += 1
+        return source, source.take(source.batch_size(slots, self.policy.batch_s, self.left), self.policy.retries)
 
-    def _batch_size(self, slots: int) -> int:
-        left = self.pending.size - self.next
-        size = self.largest
-        if self.seconds_per_row:
-            seconds = max(self.policy.batch_s, slots / BATCHES_PER_S)
-            size = int(seconds / max(statistics.median(self.seconds_per_row), 1e-9))
-            size = min(size, 8 * self.largest)  # the first batches also load code
-        size = min(size, self.table.chunk_rows, math.ceil(left / slots))  # all workers end at about the same time
-        multiple = self.policy.multiple
-        size = max(multiple, -(-size // multiple) * multiple)
-        self.largest = max(self.largest, size)
-        return size
-
-    def _collect(self, future: Any, batch: _Batch, submit: Callable[[_Batch], None]) -> None:
+    def _collect(self, future: Any, source: _Source, batch: Batch, submit: Callable[[_Source, Batch], None]) -> None:
         try:
-            self._note(batch, future.result())
+            self._note(source, batch, future.result())
         except KilledWorker:
             if is_whole(batch.segment):
-                self._note(batch, _Done(None, 0))
+                self._note(source, batch, Done(None, 0))
             elif batch.apart < TRIES_APART:
                 for row in batch.rows_apart():
-                    row.expected_s = self._expected_s(1)
-                    submit(row)
+                    row.expected_s = source.expected_s(1)
+                    submit(source, row)
+            elif source.open:
+                raise ClusterError(
+                    f"row {batch.rows[0]} has no outcome: every worker that took it was killed, though the row did not "
+                    "kill its own process; do workers have enough memory? Run again, all other rows are kept"
+                ) from None
             else:
                 self.given_up.append(batch)
         except (CancelledError, CommClosedError) as error:
@@ -298,27 +619,33 @@ class _Run:
         except OSError as error:
             raise _named(error, batch) from error
 
-    def _note(self, batch: _Batch, done: "_Done") -> None:
-        """A batch is in the journal: count it, and commit its chunk once that is complete."""
-        if done.seconds is not None:
-            self.seconds_per_row.append(done.seconds / batch.rows.size)
-            self.slowest.append(done.seconds / batch.rows.size)
-        self.done += batch.rows.size
-        self.failed += done.failed
-        chunk = int(batch.rows[0]) // self.table.chunk_rows
-        self.finished.setdefault(chunk, []).append(batch.segment)
-        self.left_in_chunk[chunk] -= batch.rows.size
-        if self.left_in_chunk[chunk] == 0:  # each chunk is written once
-            self.table.fold(self.finished.pop(chunk))
-        self._tell()
+    def _note(self, source: _Source, batch: Batch, done: Done) -> None:
+        source.note(batch, done)
+        if not self.conversations:
+            self.done += batch.rows.size
+            self.failed += done.failed
+            self._tell()
+        for conversation in self.conversations.values():
+            if source in conversation.sources:
+                self._answer(conversation)
 
     def _tell(self) -> None:
         if self.report is not None:
-            finished = self.total - self.pending.size + self.done
-            self.report(finished, self.already_failed + self.failed, self.rows_running)
+            self.report(self.done, self.failed, self.rows_running)
 
 
-def _named(error: OSError, batch: _Batch) -> StoreError:
+def _hand_back(future: Any, message: _Message) -> None:
+    """The result of a computation, to the desk that waits for it."""
+    assert message.answer is not None
+    try:
+        message.answer.put(future.result())
+    except (CancelledError, CommClosedError) as error:
+        raise ClusterError("the cluster was lost; run the same command again, finished rows are kept") from error
+    except Exception as error:  # noqa: BLE001 - whatever it is, the talk that asked for it has to hear it
+        message.answer.put(error)
+
+
+def _named(error: OSError, batch: Batch) -> StoreError:
     """What the disk did to a batch, in words for a person."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return StoreError(
@@ -326,30 +653,6 @@ def _named(error: OSError, batch: _Batch) -> StoreError:
             "again, nothing is lost"
         )
     return StoreError(f"{error.filename or batch.segment.parent}: {error.strerror or error}")
-
-
-@dataclass(frozen=True)
-class _Done:
-    seconds: float | None
-    failed: int
-
-
-class _Carrier(WorkerPlugin):
-    """Brings an evaluation to every worker, also to those that join or restart later."""
-
-    def __init__(self, key: str, evaluation: Evaluation) -> None:
-        self.key = key
-        self.name = f"sinew-evaluation-{key}"
-        self.evaluation = evaluation
-
-    def setup(self, worker: Any) -> None:
-        _evaluations[self.key] = self.evaluation
-
-    def teardown(self, worker: Any) -> None:
-        _evaluations.pop(self.key, None)
-
-
-_evaluations: dict[str, Evaluation] = {}
 
 
 def _register(client: Client, plugin: Any) -> None:
@@ -362,138 +665,6 @@ def _register(client: Client, plugin: Any) -> None:
             if attempt == 4:
                 raise ClusterError("the cluster's workers do not answer; run the same command again") from error
             time.sleep(1.0)
-
-
-def _run_in_time(batch: _Batch) -> _Done:
-    """On a worker: as below, or hand the batch back because the worker has to leave."""
-    if not is_whole(batch.segment):
-        drain.enter(batch.expected_s)
-    return _run_batch(batch)
-
-
-def _run_batch(batch: _Batch) -> _Done:
-    """Evaluate a batch and put its outcome into the journal."""
-    if is_whole(batch.segment):  # a worker died after it had finished, before it could say so
-        return _Done(None, 0)
-    started = time.perf_counter()
-    if not batch.apart:
-        failed = _evaluate_and_write(batch, _evaluations[batch.key])
-        return _Done(time.perf_counter() - started, failed)
-    death = isolation.run_apart(functools.partial(_evaluate_and_write, batch, _evaluations[batch.key]))
-    if death is None and is_whole(batch.segment):
-        failed = int((Segment.read(batch.segment).status > 0).sum())
-    else:
-        _write_failure(batch, "crashed", f"its process died while it evaluated this row alone ({death})")
-        failed = batch.rows.size
-    return _Done(time.perf_counter() - started, failed)
-
-
-def _evaluate_and_write(batch: _Batch, evaluation: Evaluation) -> int:
-    """Returns how many rows failed."""
-    outcome, attempts, seconds = _undisturbed(evaluation, batch)
-    segment = Segment(batch.rows, outcome.status, attempts, seconds, outcome.values, outcome.messages, _worker_name())
-    segment.write(batch.segment)
-    return int((outcome.status > 0).sum())
-
-
-def _undisturbed(evaluation: Evaluation, batch: _Batch) -> tuple[Outcome, Array, Array]:
-    """Evaluate; when somebody stops a solver, most likely this worker is next, and the row is not to blame."""
-    for _ in range(STOPPED_SOLVERS):
-        try:
-            return _attempt(evaluation, batch.parameters, batch.retries)
-        except external.Stopped as stopped:
-            reason = str(stopped)
-            time.sleep(2.0)
-    count = len(batch.parameters)
-    status = np.full(count, STATUSES.index("crashed"), dtype=np.int8)
-    words = f"the solver was stopped {STOPPED_SOLVERS} times from outside ({reason})"
-    return Outcome({}, status, (words,) * count), np.full(count, STOPPED_SOLVERS, np.int16), np.full(count, np.nan)
-
-
-def _attempt(evaluation: Evaluation, parameters: Array, retries: int) -> tuple[Outcome, Array, Array]:
-    """Evaluate, then try again what may have failed by bad luck. Returns outcome, attempts ``[n]``, seconds ``[n]``."""
-    started = time.perf_counter()
-    outcome = _contained(evaluation, parameters)
-    count = len(parameters)
-    seconds = np.full(count, (time.perf_counter() - started) / count)
-    attempts = np.ones(count, dtype=np.int16)
-    retried = [STATUSES.index(name) for name in RETRIED]
-    for _ in range(retries):
-        again = np.flatnonzero(np.isin(outcome.status, retried))
-        if not again.size:
-            break
-        started = time.perf_counter()
-        outcome = _replaced(outcome, again, _contained(evaluation, parameters[again]))
-        seconds[again] += (time.perf_counter() - started) / again.size
-        attempts[again] += 1
-    return outcome, attempts, seconds
-
-
-def _contained(evaluation: Evaluation, parameters: Array) -> Outcome:
-    """Evaluate; a row whose evaluation raises is a failed row, not a failed batch; an error of the system is none."""
-    try:
-        outcome = evaluation(parameters)
-    except OSError:  # a disk, a mount, a program that is gone
-        raise
-    except Exception as error:  # noqa: BLE001 - whatever a model raises is that row's failure
-        if len(parameters) > 1:
-            return _joined([_contained(evaluation, row[np.newaxis]) for row in parameters])
-        reason = STATUSES.index("out_of_memory" if isinstance(error, MemoryError) else "crashed")
-        return Outcome({}, np.array([reason], dtype=np.int8), (f"{type(error).__name__}: {error}",))
-    broken = np.zeros(len(parameters), dtype=bool)
-    for array in outcome.values.values():
-        broken |= ~np.isfinite(array.reshape(len(parameters), -1)).all(axis=1)
-    broken &= outcome.status == 0
-    status = np.where(broken, STATUSES.index("bad_output"), outcome.status).astype(np.int8)
-    if not status.any():
-        return outcome
-    messages = list(outcome.messages or [""] * len(parameters))
-    for i in np.flatnonzero(broken):
-        messages[i] = "the outcome holds numbers that are not finite"
-    values = {name: array.copy() for name, array in outcome.values.items()}
-    for array in values.values():
-        array[status > 0] = np.nan  # a failed row has no numbers, not half of them
-    return Outcome(values, status, tuple(messages))
-
-
-def _joined(outcomes: list[Outcome]) -> Outcome:
-    shapes = next((o.values for o in outcomes if o.values), {})
-    values = {
-        name: np.concatenate([o.values.get(name, np.full((1, *like.shape[1:]), np.nan)) for o in outcomes])
-        for name, like in shapes.items()
-    }
-    messages = tuple(o.messages[0] if o.messages else "" for o in outcomes)
-    return Outcome(values, np.concatenate([o.status for o in outcomes]), messages)
-
-
-def _replaced(outcome: Outcome, at: Array, by: Outcome) -> Outcome:
-    values = {name: array.copy() for name, array in (outcome.values or by.values).items()}
-    for name, array in values.items():
-        array[at] = by.values.get(name, np.nan)
-    status = outcome.status.copy()
-    status[at] = by.status
-    messages = list(outcome.messages or [""] * len(status))
-    for place, i in enumerate(at):
-        messages[i] = by.messages[place] if by.messages else ""
-    return Outcome(values, status, tuple(messages))
-
-
-def _write_failure(batch: _Batch, status: str, message: str) -> None:
-    count = batch.rows.size
-    Segment(
-        batch.rows,
-        np.full(count, STATUSES.index(status), dtype=np.int8),
-        np.full(count, batch.apart, dtype=np.int16),
-        np.full(count, np.nan),
-        {},
-        (message,) * count,
-        _worker_name(),
-    ).write(batch.segment)
-
-
-def _worker_name() -> str:
-    job = slurm.job()
-    return f"{slurm.node() or socket.gethostname()}:{os.getpid()}" + (f" job {job}" if job else "")
 
 
 def failures(table: Table, rows: Iterable[int]) -> dict[str, int]:

@@ -306,6 +306,10 @@ class Table:
         with _errors_named(self._path("status")):
             self.status: Array = self._array("status")[:]  # type: ignore[assignment]
         self._hashes, self._order = self._index()
+        self._unsettled: list[Array] = []  # parameters of the last rows, which the arrays do not hold yet
+        if store.writable and self._planned.is_file():
+            self._take_up(self._planned.read_bytes())
+            self.settle()
 
     def __len__(self) -> int:
         return int(self.status.size)
@@ -314,12 +318,23 @@ class Table:
     def name(self) -> str:
         return self.group.path.rsplit("/", 1)[-1]
 
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """What is stored of every outcome."""
+        return self._fields
+
+    def nothing(self, field: str) -> Array:
+        """What a failed row has for a field: NaN, in its shape."""
+        return np.full(self._array(field).shape[1:], np.nan)
+
     # ---- planning
 
-    def plan(self, parameters: Array) -> Array:
+    def plan(self, parameters: Array, *, settle: bool = True) -> Array:
         """Row numbers ``[n]`` of ``parameters`` ``[n, d]``; rows that are not known yet are appended.
 
-        Equal parameter sets share a row. Raises ``ValueError`` for numbers that are not finite.
+        Equal parameter sets share a row. Those who plan a few rows often do not ``settle`` them each time: they are
+        noted in the journal, which is fast, and enter the arrays when rows are next folded in. Raises ``ValueError``
+        for numbers that are not finite.
         """
         if not all(np.isfinite(parameters[block]).all() for block in _slices(len(parameters), self.chunk_rows)):
             raise ValueError("parameters must be finite numbers")
@@ -331,8 +346,48 @@ class Table:
             rank = np.empty(first.size, dtype=np.int64)  # unique sorts by hash; rows keep the order of asking
             rank[np.argsort(first)] = np.arange(first.size)
             rows[new] = len(self) + rank[inverse]
-            self._append(parameters, new[np.sort(first)], unique, len(self) + rank)
+            self._append(parameters, new[np.sort(first)], unique, len(self) + rank, settle=settle)
         return rows
+
+    @property
+    def settled(self) -> int:
+        """How many rows the arrays hold."""
+        return len(self) - sum(map(len, self._unsettled))
+
+    def settle(self) -> None:
+        """Enter planned rows into the arrays."""
+        if self._unsettled:
+            parameters = np.concatenate(self._unsettled)
+            self._extend(self.settled, parameters, np.arange(len(parameters)))
+            self._unsettled = []
+        self._planned.unlink(missing_ok=True)
+
+    @property
+    def _planned(self) -> Path:
+        return self.journal / "planned"
+
+    def _note_planned(self, parameters: Array) -> None:
+        """Note the last rows in the journal: number, parameters, and a checksum of both."""
+        with _errors_named(self._planned):
+            self.journal.mkdir(parents=True, exist_ok=True)
+            with self._planned.open("ab") as file:
+                for row, values in enumerate(parameters, len(self) - len(parameters)):
+                    record = np.int64(row).tobytes() + np.ascontiguousarray(values, dtype=np.float64).tobytes()
+                    file.write(record + hashlib.blake2b(record, digest_size=8).digest())
+
+    def _take_up(self, noted: bytes) -> None:
+        """Plan what the journal notes beyond the arrays; a record that was cut short ends it."""
+        width = int(self._array("parameters").shape[1])
+        size = 8 * (width + 2)
+        for start in range(0, len(noted) - size + 1, size):
+            record, check = noted[start : start + size - 8], noted[start + size - 8 : start + size]
+            row = int(np.frombuffer(record[:8], dtype=np.int64)[0])
+            if hashlib.blake2b(record, digest_size=8).digest() != check or row > len(self):
+                return
+            values = np.frombuffer(record[8:], dtype=np.float64)[np.newaxis]
+            if row == len(self):
+                only = np.zeros(1, dtype=np.int64)
+                self._append(values, only, self._hashes_of(values), only + row, settle=False, note=False)
 
     def find(self, parameters: Array) -> Array:
         """Row numbers ``[n]`` of known parameter sets ``[n, d]``, -1 for the others."""
@@ -364,6 +419,7 @@ class Table:
 
     def reopen(self, rows: Array) -> None:
         """Make failed rows pending again, so that they are evaluated anew."""
+        self.settle()
         status = self._array("status")
         for start in range(0, len(self), self.chunk_rows):
             chosen = rows[(rows >= start) & (rows < start + self.chunk_rows)]
@@ -379,12 +435,17 @@ class Table:
         """Segments that are not folded in yet."""
         return sorted(self.journal.glob("rows-*.safetensors")) if self.journal.is_dir() else []
 
+    def finished(self) -> int:
+        """How many rows have a committed outcome."""
+        return int((self.status != PENDING).sum())
+
     def waiting(self) -> int:
         """How many rows are finished but not folded in yet."""
         return sum(int(path.stem.rpartition("-")[2]) for path in self.segments())
 
     def fold(self, paths: Iterable[Path]) -> None:
         """Commit segments: write the chunks that they touch, ``status`` last, then delete them."""
+        self.settle()
         segments = [(path, Segment.read(path)) for path in paths]
         touched = sorted(
             {int(chunk) for _, segment in segments for chunk in np.unique(segment.rows // self.chunk_rows)}
@@ -430,10 +491,18 @@ class Table:
 
     def parameters(self, rows: Array) -> Array:
         """Parameters ``[n, d]`` of ``rows``."""
-        return self.read("parameters", rows)
+        late = rows >= self.settled
+        if not late.any():
+            return self.read("parameters", rows)
+        found = np.empty((rows.size, int(self._array("parameters").shape[1])))
+        found[late] = np.concatenate(self._unsettled)[rows[late] - self.settled]
+        found[~late] = self.read("parameters", rows[~late])
+        return found
 
     def read(self, name: str, rows: Array, columns: slice = slice(None)) -> Array:
         """A field at ``rows`` ``[n, ...]``; ``columns`` limits its first own axis. NaN where a row has no outcome."""
+        if rows.size and int(rows.max()) >= self.settled:
+            self.settle()
         array = self._array(name)
         width = array.shape[1:]
         if len(width):
@@ -495,9 +564,25 @@ class Table:
         order = np.argsort(hashes[rows_kept], kind="stable")
         return hashes[rows_kept][order], rows_kept[order]
 
-    def _append(self, parameters: Array, chosen: Array, hashes: Array, rows: Array) -> None:
+    def _append(
+        self, parameters: Array, chosen: Array, hashes: Array, rows: Array, *, settle: bool, note: bool = True
+    ) -> None:
         """Plan the ``chosen`` of ``parameters`` as new rows; ``hashes`` and ``rows`` extend the index."""
-        first = len(self)
+        if settle:
+            self.settle()
+            self._extend(len(self), parameters, chosen)
+        self.status = np.concatenate([self.status, np.full(chosen.size, PENDING, dtype=np.int8)])
+        if not settle:
+            self._unsettled.append(parameters[chosen] + 0.0)
+            if note:
+                self._note_planned(self._unsettled[-1])
+        order = np.argsort(hashes, kind="stable")
+        place = np.searchsorted(self._hashes, hashes[order])
+        self._hashes = np.insert(self._hashes, place, hashes[order])
+        self._order = np.insert(self._order, place, rows[order])
+
+    def _extend(self, first: int, parameters: Array, chosen: Array) -> None:
+        """Lengthen the arrays, which hold ``first`` rows, by the ``chosen`` of ``parameters``."""
         count = first + chosen.size
         with _errors_named(self._path("parameters")):
             for name in (*self._fields, "attempts", "wall_seconds", "worker", "message", "parameters"):
@@ -510,11 +595,6 @@ class Table:
                 planned[start:stop] = parameters[chosen[start - first : stop - first]] + 0.0
                 start = stop
             self._array("status").resize((count,))  # last: a row exists once it has a status
-        self.status = np.concatenate([self.status, np.full(chosen.size, PENDING, dtype=np.int8)])
-        hashes = np.concatenate([self._hashes, hashes])
-        rows = np.concatenate([self._order, rows])
-        order = np.argsort(hashes, kind="stable")
-        self._hashes, self._order = hashes[order], rows[order]
 
 
 def _create_table(root: zarr.Group, name: str, spec: TableSpec) -> None:

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from runner.ensemble import Outcome
+from runner.batch import Outcome
 from runner.store import STATUSES, Coordinate, Field, TableSpec
 from tasks.model import Model, Protocol, Specimen
 from tasks.simulate import Array, Simulator

@@ -25,7 +25,8 @@ import numpy as np
 import psutil
 from distributed import Client, LocalCluster, Worker
 
-from runner.ensemble import Outcome, evaluate
+from runner.batch import Outcome
+from runner.ensemble import evaluate
 from runner.network import shared_certificate
 from runner.periodic import every
 from runner.settings import DASHBOARD, SETTINGS
@@ -36,7 +37,7 @@ WORKERS, HELPERS = 1000, 2
 SIZES = ((10**3, 20.0), (10**4, 3.0), (10**5, 0.3), (10**6, 0.04))  # rows, seconds of an evaluation
 FEWER = (10**4, 10**5)  # rows of the shortest evaluations, after the most of them
 SLOTS, ROUNDS = 64, 3
-FIXED = ((2560, 1.0, 95), (25_600, 0.1, 90))  # rows, seconds of an evaluation, aim (% utilisation)
+FIXED = ((6400, 1.0, 95), (64_000, 0.1, 90))  # rows, seconds of an evaluation, aim (% utilisation)
 AIM_MS = 0.2  # client and scheduler, for an evaluation in a batch of many
 DIMENSIONS = 16
 IDLE_S = 15.0
@@ -279,33 +280,37 @@ def apart(workers: int, sizes: list[tuple[int, float]]) -> list[Found]:
 # ---- telling
 
 
+COLUMNS: dict[str, tuple[int, str, Callable[[Found], float]]] = {  # width, format, number
+    "rows": (11, ",", lambda f: f.rows),
+    "s/row": (6, "g", lambda f: f.seconds),
+    "workers": (8, "", lambda f: f.workers),
+    "batches": (8, ",", lambda f: f.batches),
+    "start s": (8, ".1f", lambda f: f.arrival_s),
+    "wall s": (7, ".1f", lambda f: f.wall_s),
+    "used%": (6, ".1f", lambda f: 100 * f.used),
+    "+start": (7, ".1f", lambda f: 100 * f.used_with_arrival),
+    "steady": (7, ".1f", lambda f: 100 * f.steady),
+    "RSS MB": (7, ".0f", lambda f: f.before_MB),
+    "+MB": (5, ".0f", lambda f: f.growth_MB),
+    "late": (6, "+.1f", lambda f: f.late_MB),
+    "CPU s": (7, ".1f", lambda f: f.cpu_s),
+    "idle s": (7, ".1f", lambda f: f.idle_s),
+    "ms/row": (8, ".3f", lambda f: f.overhead_ms),
+    "ms/batch": (9, ".2f", lambda f: 1e3 * f.overhead_s / f.batches),
+    "late/early": (11, ".2f", lambda f: f.late_cpu),
+    "helpers s": (10, ".1f", lambda f: f.helpers_s),
+    "load": (6, ".1f", lambda f: f.load),
+}
+
+
+def head(title: str) -> None:
+    print(f"\n  {title}")
+    print("".join(name.rjust(width) for name, (width, _, _) in COLUMNS.items()), flush=True)
+
+
 def tell(found: list[Found]) -> None:
-    columns: dict[str, tuple[str, Callable[[Found], float]]] = {
-        "rows": ("11,", lambda f: f.rows),
-        "s/row": ("6g", lambda f: f.seconds),
-        "workers": ("8", lambda f: f.workers),
-        "batches": ("8,", lambda f: f.batches),
-        "start s": ("8.1f", lambda f: f.arrival_s),
-        "wall s": ("7.1f", lambda f: f.wall_s),
-        "used%": ("6.1f", lambda f: 100 * f.used),
-        "+start": ("7.1f", lambda f: 100 * f.used_with_arrival),
-        "steady": ("7.1f", lambda f: 100 * f.steady),
-        "RSS MB": ("7.0f", lambda f: f.before_MB),
-        "+MB": ("6.0f", lambda f: f.growth_MB),
-        "late": ("+6.1f", lambda f: f.late_MB),
-        "CPU s": ("7.1f", lambda f: f.cpu_s),
-        "idle s": ("7.1f", lambda f: f.idle_s),
-        "ms/row": ("8.3f", lambda f: f.overhead_ms),
-        "ms/batch": ("9.2f", lambda f: 1e3 * f.overhead_s / f.batches),
-        "late/early": ("11.2f", lambda f: f.late_cpu),
-        "helpers s": ("10.1f", lambda f: f.helpers_s),
-        "load": ("6.1f", lambda f: f.load),
-    }
-    lines = [[f"{number(one):{form}}" for form, number in columns.values()] for one in found]
-    table = [list(columns), *lines]
-    widths = [max(map(len, column)) + 1 for column in zip(*table, strict=True)]
-    for cells in table:
-        print("".join(cell.rjust(width) for cell, width in zip(cells, widths, strict=True)), flush=True)
+    for one in found:
+        print("".join(f"{number(one):{form}}".rjust(w) for w, form, number in COLUMNS.values()), flush=True)
 
 
 def exponent(name: str, found: list[Found], number: Callable[[Found], float]) -> None:
@@ -318,21 +323,21 @@ def exponent(name: str, found: list[Found], number: Callable[[Found], float]) ->
 def main() -> None:
     print(f"  TLS, {HELPERS} processes of workers; load average at the start {os.getloadavg()[0]:.1f}")
     print(LEGEND)
-    found = [apart(WORKERS, [size, *((rows, size[1]) for rows in FEWER if size == SIZES[-1])]) for size in SIZES]
-    print(f"\n  a call with one row of 0.01 s for each of {WORKERS} workers")
-    tell([found[0][0]])
-    print(f"\n  {WORKERS} workers")
+    head(f"{WORKERS} workers")
+    found = []
+    for size in SIZES:
+        found.append(apart(WORKERS, [size, *((rows, size[1]) for rows in FEWER if size == SIZES[-1])]))
+        tell([found[-1][1]])
     sizes = [one[1] for one in found]
-    tell(sizes)
     exponent("CPU time of scheduler and client over idle (us of an evaluation)", sizes, lambda f: 1e3 * f.overhead_ms)
     exponent("the same of the whole run (ms)", sizes, lambda f: 1e3 * f.overhead_s)
     exponent("growth of memory (MB)", sizes, lambda f: f.growth_MB)
-    print(f"\n  evaluations of {SIZES[-1][1]:g} s on one cluster")
-    equal = [*found[-1][2:], found[-1][1]]
-    tell(equal)
-    exponent("CPU time of scheduler and client over idle of the whole run (ms)", equal, lambda f: 1e3 * f.overhead_s)
     print(f"  an evaluation in a batch of many: {sizes[-1].overhead_ms:.3f} ms (aim {AIM_MS})")
-    print(f"\n  {SLOTS} workers on one cluster")
+    head(f"evaluations of {SIZES[-1][1]:g} s on one cluster, first those that warm up")
+    equal = [*found[-1][2:], found[-1][1]]
+    tell([found[-1][0], *equal])
+    exponent("CPU time of scheduler and client over idle of the whole run (ms)", equal, lambda f: 1e3 * f.overhead_s)
+    head(f"{SLOTS} workers on one cluster")
     rounds = apart(SLOTS, [(rows, seconds) for _ in range(ROUNDS) for rows, seconds, _ in FIXED])[1:]
     tell(rounds)
     for _, seconds, aim in FIXED:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from runner.ensemble import Outcome
+from runner.batch import Outcome
 from runner.store import STATUSES, Coordinate, Field, TableSpec
 
 POINTS = 7

@@ -369,3 +369,40 @@ def test_a_lock_that_is_a_link_is_not_followed(tmp_path):
     with pytest.raises(StoreError, match="lock"), Store.writing(tmp_path / "out", "study"):
         pass
     assert (tmp_path / "victim").read_text() == "precious"
+
+
+def test_rows_that_were_noted_but_not_settled_are_planned_when_the_store_opens(tmp_path):
+    for name, settle in (("noted", False), ("settled", True)):
+        with Store.writing(tmp_path / name, "study") as store:
+            table = store.table(table_spec())
+            assert table.plan(some(5), settle=settle).tolist() == [0, 1, 2, 3, 4]
+            assert table.plan(some(8)[::-1], settle=settle).tolist() == [5, 6, 7, 4, 3, 2, 1, 0]
+            assert np.array_equal(table.parameters(np.array([7, 2, 5])), some(8)[[5, 2, 7]])
+            assert table.settled == (8 if settle else 0)
+        with Store.writing(tmp_path / name, "study") as store:
+            table = store.table(table_spec())
+            assert len(table) == table.settled == 8
+            assert table.find(some(8)).tolist() == [0, 1, 2, 3, 4, 7, 6, 5]
+            assert not (table.journal / "planned").exists()
+    assert contents(tmp_path / "noted" / "store.zarr") == contents(tmp_path / "settled" / "store.zarr")
+
+
+@pytest.mark.parametrize("harm", ["cut", "flip", "twice"])
+def test_damaged_notes_of_planned_rows_end_the_plan_there(tmp_path, harm):
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        table.plan(some(6), settle=False)
+        notes = table.journal / "planned"
+    whole = notes.read_bytes()
+    size = len(whole) // 6
+    if harm == "cut":
+        notes.write_bytes(whole[: 3 * size + 5])
+    elif harm == "flip":
+        notes.write_bytes(whole[: 3 * size + 9] + bytes([whole[3 * size + 9] ^ 1]) + whole[3 * size + 10 :])
+    else:
+        notes.write_bytes(whole[: 3 * size] * 2)
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        assert len(table) == 3
+        assert np.array_equal(table.parameters(np.arange(3)), some(3))
+        assert table.plan(some(6), settle=False).tolist() == [0, 1, 2, 3, 4, 5]

@@ -1,0 +1,200 @@
+"""Talks that share a cluster: heard in the order of asking, the same bytes every time, errors that come through."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from runner.cluster import Local, open_client
+from runner.ensemble import Policy, Talk, converse, evaluate
+from runner.errors import WalltimeReached
+from runner.store import Store
+from tests.runner.evaluations import Quick, table_spec
+from tests.runner.test_store import contents, some
+
+
+@pytest.fixture(scope="module")
+def client():
+    with open_client(Local(2)) as client:
+        yield client
+
+
+def double(number: float) -> float:
+    return 2 * number
+
+
+def wrong(number: float) -> float:
+    raise ArithmeticError(f"no double of {number}")
+
+
+def walk(start: float, steps: int, ahead: int = 1):
+    """Asks for points that depend on what it heard; up to ``ahead`` of them unheard."""
+
+    def work(desk):
+        a, heard = start, []
+        for _ in range(ahead):
+            desk.ask(np.array([[a, float(len(heard))]]))
+            a += 1.0
+        while len(heard) < steps:
+            told = desk.next()
+            heard.append(float(told.values["force"][-1]))
+            if len(heard) + ahead <= steps:
+                a = desk.compute(double, heard[-1]) % 17.0 + start
+                desk.ask(np.array([[a, float(len(heard))]]))
+        return heard
+
+    return work
+
+
+def talks(store, steps=12, ahead=1):
+    tables = [store.table(table_spec(name)) for name in "abc"]
+    return [
+        Talk([(table, Quick(seconds_per_row=0.01 * (3 - i)))], steps, walk(10.0 * i + 1, steps, ahead))
+        for i, table in enumerate(tables)
+    ]
+
+
+@pytest.mark.parametrize("ahead", [1, 4])
+def test_what_is_asked_and_stored_does_not_depend_on_the_cluster(tmp_path, client, ahead):
+    heard = {}
+    for name, get in (("two", lambda: client), ("here", lambda: None)):
+        with Store.writing(tmp_path / name, "study") as store:
+            heard[name] = converse(get, talks(store, ahead=ahead))
+            assert all(len(one) == 12 for one in heard[name])
+            assert not list((tmp_path / name / "journal").glob("*/rows-*")), "all is committed"
+    assert heard["two"] == heard["here"]
+    assert contents(tmp_path / "two") == contents(tmp_path / "here")
+
+
+def test_known_rows_are_heard_from_the_store(tmp_path, client):
+    with Store.writing(tmp_path, "study") as store:
+        first = converse(lambda: client, talks(store))
+        again = [Talk(talk.tables, talk.rows, talk.work) for talk in talks(store)]
+        never = [Talk([(talk.tables[0][0], Quick(bad="raise"))], talk.rows, talk.work) for talk in again]
+        assert converse(lambda: None, never) == first
+        table = store.table(table_spec("a"))
+        assert len(table) == len(np.unique(table.parameters(np.arange(len(table))), axis=0))
+
+
+def test_answers_come_in_the_order_of_asking_with_failures_among_them(tmp_path, client):
+    parameters = some(40)
+    parameters[[3, 17], 0] *= -1
+
+    def work(desk):
+        desk.ask(parameters[:30])
+        desk.ask(parameters[:5])  # known or on their way already
+        return [desk.next() for _ in range(35)] + desk.all_of(parameters[30:])
+
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        (told,) = converse(lambda: client, [Talk([(table, Quick(bad="diverged"))], 45, work)])
+        expected = np.concatenate([parameters[:30], parameters[:5], parameters[30:]])
+        for one, (a, b) in zip(told, expected, strict=True):
+            if a < 0:
+                assert one.status > 0
+                assert np.isnan(one.values["force"]).all()
+            else:
+                assert one.status == 0
+                assert one.values["force"].tolist() == (a * np.arange(7) + b).tolist()
+        assert len(table) == 40
+
+
+def test_one_talk_can_ask_several_tables(tmp_path, client):
+    def work(desk):
+        desk.ask(np.array([[1.0, 2.0]]), 1)
+        desk.ask(np.array([[3.0, 4.0]]), 0)
+        return [float(desk.next().values["force"][0]) for _ in range(2)]
+
+    with Store.writing(tmp_path, "study") as store:
+        tables = [(store.table(table_spec(name)), Quick()) for name in "ab"]
+        assert converse(lambda: client, [Talk(tables, 2, work)]) == [[2.0, 4.0]]
+        assert [len(table) for table, _ in tables] == [1, 1]
+
+
+@pytest.mark.parametrize("here", [True, False])
+def test_an_error_of_a_talk_ends_the_run_and_the_other_talks(tmp_path, client, here):
+    before = threading.active_count()
+
+    def broken(desk):
+        desk.all_of(some(3))
+        raise LookupError("lost the thread")
+
+    def computes(desk):
+        desk.all_of(some(2))
+        desk.compute(wrong, 3.0)
+
+    def patient(desk):
+        desk.next()  # of nothing: waits for ever
+
+    with Store.writing(tmp_path, "study") as store:
+        for work, error in ((broken, LookupError), (computes, ArithmeticError)):
+            tables = [[(store.table(table_spec(name)), Quick())] for name in "ab"]
+            with pytest.raises(error):
+                converse(
+                    (lambda: None) if here else (lambda: client),
+                    [Talk(tables[0], 3, work), Talk(tables[1], 1, patient)],
+                )
+            assert not [thread for thread in threading.enumerate() if thread.name == "sinew-talk"]
+    assert threading.active_count() <= before + 2
+
+
+def test_rows_of_an_interrupted_run_are_heard_by_the_next(tmp_path, client):
+    def impatient(desk):
+        for row in some(20):
+            desk.all_of(row[np.newaxis])
+            if row[0] == some(20)[9, 0]:
+                raise WalltimeReached("enough", worked=True)
+
+    with Store.writing(tmp_path / "cut", "study") as store, pytest.raises(WalltimeReached):
+        converse(lambda: client, [Talk([(store.table(table_spec()), Quick())], 20, impatient)])
+    for name in ("cut", "whole"):
+        with Store.writing(tmp_path / name, "study") as store:
+            table = store.table(table_spec())
+            done = len(table.segments()) + table.finished()
+            assert done == (10 if name == "cut" else 0)
+            work = lambda desk: [desk.all_of(row[np.newaxis]) for row in some(20)]  # noqa: E731
+            converse(lambda: client, [Talk([(table, Quick())], 20, work)])
+    assert contents(tmp_path / "cut") == contents(tmp_path / "whole")
+
+
+def test_many_single_rows_leave_few_files(tmp_path, monkeypatch):
+    monkeypatch.setattr("runner.ensemble.SEGMENTS_KEPT", 16)
+    most = 0
+
+    def work(desk):
+        nonlocal most
+        for row in some(100):
+            desk.all_of(row[np.newaxis])
+            most = max(most, len(list((tmp_path / "journal").glob("*/rows-*"))))
+
+    with Store.writing(tmp_path, "study") as store:
+        converse(lambda: None, [Talk([(store.table(table_spec()), Quick())], 100, work)])
+    assert 8 <= most <= 16
+
+
+def test_slow_and_fast_talks_do_not_wait_for_each_other(tmp_path, client):
+    def work(desk):
+        started = time.monotonic()
+        for row in some(8):
+            desk.all_of(row[np.newaxis])
+        return time.monotonic() - started
+
+    with Store.writing(tmp_path, "study") as store:
+        tables = [store.table(table_spec(name)) for name in "ab"]
+        evaluations = Quick(seconds_per_row=0.4), Quick()
+        slow, fast = converse(
+            lambda: client, [Talk([(table, e)], 8, work) for table, e in zip(tables, evaluations, strict=True)]
+        )
+    assert fast < slow / 2
+
+
+def test_a_talk_and_known_rows_share_a_table(tmp_path, client):
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        rows = table.plan(some(50))
+        evaluate(lambda: client, table, Quick(), rows, policy=Policy())
+        work = lambda desk: [float(one.values["force"][0]) for one in desk.all_of(some(60)[::-1])]  # noqa: E731
+        (heard,) = converse(lambda: client, [Talk([(table, Quick())], 60, work)])
+        assert heard == some(60)[::-1, 1].tolist()
+        assert len(table) == 60
