@@ -1,24 +1,42 @@
 """Calibration of each specimen: the parameters that bring the model closest to its measured curves.
 
-Stores: rows of every evaluation, like all tasks. Leaves ``calibrate.json`` and ``calibrate.csv`` (a line for each
-specimen, as in table 2 of Pekedis 2025). Fits are least squares from several starts, see :mod:`tasks.least_squares`.
+Stores: rows of every evaluation, like all tasks; ``calibrate/SPECIMEN``, the points of the Bayesian search. Leaves
+``calibrate.json``, ``calibrate.csv`` (a line for each specimen, as in table 2 of Pekedis 2025) and
+``calibrate_sites.csv`` (mean and standard deviation by site). All specimens share the cluster: while one's next point
+is being thought of, it evaluates the others'.
 """
 
 import csv
 import io
-from collections.abc import Generator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
-from runner.cluster import Local
-from tasks.evaluate import SpecimenEvaluation, kept_points
-from tasks.least_squares import Fit, Seen, Weighing, least_squares
+from runner.ensemble import Desk, Talk
+from tasks.bayesian import Search
+from tasks.correlations import correlations, sites_table
+from tasks.evaluate import SpecimenEvaluation
+from tasks.fits import (
+    Found,
+    Place,
+    best_apart,
+    from_unit,
+    jacobians_at,
+    polished,
+    search,
+    to_unit,
+    uncertainty,
+    weighing_of,
+)
+from tasks.ledger import Ledger
 from tasks.model import Specimen
 from tasks.noise import noise_of
 from tasks.problems import BadInput
 from tasks.simulate import Array
+from tasks.study import CalibrateSettings
 from tasks.workspace import Workspace, digest, read_result, write_json, write_text
 
 ON_BOUND = 1e-3
@@ -39,101 +57,122 @@ def calibrate(workspace: Workspace) -> dict[str, Any]:
     previous = read_result(workspace.out / "calibrate.json")
     if previous is not None and previous.get("inputs") == inputs:
         return previous
-    found = {}
+    talks = []
     for number, evaluation in enumerate(evaluations):
-        fits = _fits(workspace, evaluation, number)
-        if not fits:
+        table, _ = workspace.plan(evaluation, np.empty((0, len(workspace.model.names))))
+        folder = workspace.out / "calibrate"
+        name = evaluation.specimen.name.replace("/", "_")
+        known = Ledger(folder / f"{name}.known.jsonl", inputs)
+        if not len(known):
+            known.append(np.array([len(table)]))
+        seeds = _seeds(workspace, table, int(known.kept[0][0]), settings.bayesian.seeds)
+        ledger = Ledger(folder / f"{name}.proposals.jsonl", digest(inputs, seeds.points, seeds.totals))
+        seed = (workspace.seed, 4, number)
+        work = _methods(workspace, evaluation, settings, seeds, seed, ledger)
+        talks.append(Talk([(table, evaluation)], _most(settings, len(workspace.model.free)), work))
+    done = workspace.converse(talks, "calibrate")
+    found = {}
+    for evaluation, fitted in zip(evaluations, done, strict=True):
+        if fitted is None:
             raise BadInput(
                 workspace.out, f"{evaluation.specimen.name}: the model fails at every start", "see `sinew status`"
             )
-        found[evaluation.specimen.name] = _told(workspace, evaluation, fits)
+        found[evaluation.specimen.name] = _told(workspace, evaluation, fitted)
+        _keep_points(workspace, evaluation, fitted)
     result = {
         "names": list(workspace.model.names),
         "units": [parameter.unit for parameter in workspace.model.parameters],
         "free": [parameter.name for parameter in workspace.model.free],
-        "starts": settings.starts,
+        "methods": list(settings.methods),
         "evaluations": settings.evaluations,
+        "bayesian_evaluations": settings.bayesian.evaluations,
         "specimens": found,
         "inputs": inputs,
     }
+    result["correlations"] = correlations(found, workspace.model.free)
     write_text(workspace.out / "calibrate.csv", _as_csv(result))
+    write_text(workspace.out / "calibrate_sites.csv", sites_table(found, workspace.model.free))
     write_json(workspace.out / "calibrate.json", result)
     return result
 
 
-def _fits(workspace: Workspace, evaluation: SpecimenEvaluation, number: int) -> list[Fit]:
-    """Fits from all starts, best first. All starts of a specimen advance together."""
-    settings = workspace.study.calibrate
+@dataclass(frozen=True)
+class _Fitted:
+    methods: dict[str, Found]
+    seen: Search | None
+    jacobians: tuple[Array, ...]
+
+    @property
+    def best(self) -> str:
+        return min(self.methods, key=lambda name: self.methods[name].total)
+
+
+def _most(settings: CalibrateSettings, size: int) -> int:
+    """Evaluations that a specimen takes at the most."""
+    both = {"bayesian", "hybrid"} & set(settings.methods)
+    rows = settings.bayesian.evaluations if both else 0
+    rows += max(0, settings.evaluations - settings.bayesian.evaluations) if "hybrid" in settings.methods else 0
+    rows += settings.evaluations if "least_squares" in settings.methods else 0
+    return rows + size + 1
+
+
+def _methods(
+    workspace: Workspace,
+    evaluation: SpecimenEvaluation,
+    settings: CalibrateSettings,
+    seeds: Search,
+    seed: tuple[int, ...],
+    ledger: Ledger,
+) -> Callable[[Desk], _Fitted | None]:
+    def work(desk: Desk) -> _Fitted | None:
+        place = Place(desk, workspace.model, evaluation)
+        found: dict[str, Found | None] = {}
+        seen = None
+        if {"bayesian", "hybrid"} & set(settings.methods):
+            bo = settings.bayesian
+            budget = min(bo.evaluations, settings.evaluations)
+            seen, found["bayesian"] = search(
+                place, budget=budget, initial=bo.initial, pending=bo.pending, seeds=seeds, seed=seed, ledger=ledger
+            )
+        if "hybrid" in settings.methods and seen is not None:
+            left = settings.evaluations - len(seen.totals)
+            found["hybrid"] = polished(place, best_apart(seen), left, settings.starts, before=found["bayesian"])
+        if "least_squares" in settings.methods:
+            rng = np.random.default_rng((*seed, 1))
+            starts = [np.full(place.size, 0.5), *rng.random((settings.starts - 1, place.size))]
+            found["least_squares"] = polished(place, starts, settings.evaluations, settings.starts)
+        methods: dict[str, Found] = {n: one for n, one in found.items() if one is not None and n in settings.methods}
+        if not methods:
+            return None
+        best = min(methods.values(), key=lambda one: one.total)
+        return _Fitted(methods, seen, jacobians_at(place, best.at))
+
+    return work
+
+
+def _seeds(workspace: Workspace, table: Any, known: int, count: int) -> Search:
+    """Of the first ``known`` rows of a table: the best half of ``count``, and others spread evenly over the rest."""
     size = len(workspace.model.free)
-    rng = np.random.default_rng([workspace.seed, 4, number])
-    starts = np.concatenate([np.full((1, size), 0.5), rng.random((settings.starts - 1, size))])
-    weighing = weighing_of(evaluation)
-    budget = settings.evaluations // settings.starts
-    fits = together(workspace, evaluation, [least_squares(start, weighing, budget) for start in starts])
-    return sorted((fit for fit in fits if fit is not None), key=lambda fit: float(fit.objective.sum()))
+    rows = np.flatnonzero(table.status[:known] == 0)
+    if rows.size == 0 or count == 0:
+        return Search(np.empty((0, size)), np.empty(0))
+    totals = table.read("objective", rows).sum(axis=1)
+    order = np.argsort(totals, kind="stable")
+    rest = order[count // 2 :]
+    others = rest[np.linspace(0, rest.size - 1, min(rest.size, count - count // 2)).astype(int)] if rest.size else rest
+    chosen = np.concatenate([order[: count // 2], others])
+    points = to_unit(workspace.model, table.parameters(rows[chosen]))
+    inside = ((points >= 0.0) & (points <= 1.0)).all(axis=1)
+    return Search(points[inside], totals[chosen][inside])
 
 
-def weighing_of(evaluation: SpecimenEvaluation) -> Weighing:
-    """How many measured points each kept point of each curve stands for."""
-    counts, shares = [], []
-    for curve in evaluation.specimen.curves:
-        keep = kept_points(curve.protocol, evaluation.points_per_curve)
-        edges = np.concatenate([[0], (keep[1:] + keep[:-1] + 1) // 2, [curve.force_N.size]])
-        counts.append(curve.force_N.size)
-        shares.append(np.diff(edges).astype(float))
-    return Weighing(tuple(counts), tuple(shares))
-
-
-@dataclass
-class _Running:
-    """A fit under way and the points that it waits for."""
-
-    steps: Generator[Array, Seen, Fit | None]
-    asked: Array
-
-
-def together(
-    workspace: Workspace, evaluation: SpecimenEvaluation, fits: list[Generator[Array, Seen, Fit | None]]
-) -> list[Fit | None]:
-    """Drive fits of one specimen to their ends: what they ask for is evaluated in common rounds, through the store."""
-    ended: dict[int, Fit | None] = {}
-    running = {number: _Running(steps, next(steps)) for number, steps in enumerate(fits)}
-    while running:
-        points = np.concatenate([fit.asked for fit in running.values()])
-        seen = _seen(workspace, evaluation, points)
-        first = 0
-        for number, fit in list(running.items()):
-            rows = slice(first, first + len(fit.asked))
-            first += len(fit.asked)
-            try:
-                fit.asked = fit.steps.send(Seen(seen.objective[rows], tuple(force[rows] for force in seen.forces)))
-            except StopIteration as end:
-                ended[number] = end.value
-                del running[number]
-    return [ended[number] for number in sorted(ended)]
-
-
-def _seen(workspace: Workspace, evaluation: SpecimenEvaluation, points: Array) -> Seen:
-    table, rows = workspace.plan(evaluation, from_unit(workspace, points))
-    here = isinstance(workspace.cluster, Local) and workspace.simulator.batch_multiple > 1
-    workspace.evaluate(evaluation, table, rows, f"calibrate {evaluation.specimen.name}", here=here, brief=True)
-    names = [curve.name for curve in evaluation.specimen.curves]
-    return Seen(table.read("objective", rows), tuple(table.read(f"force_{name}", rows) for name in names))
-
-
-def from_unit(workspace: Workspace, points: Array) -> Array:
-    """Parameter sets ``[n, all]`` from points ``[n, free]`` of the unit cube."""
-    free = workspace.model.free
-    low, high = (np.array([getattr(parameter, side) for parameter in free]) for side in ("minimum", "maximum"))
-    return workspace.model.full(tuple(parameter.name for parameter in free), low + (high - low) * points)
-
-
-def _told(workspace: Workspace, evaluation: SpecimenEvaluation, fits: list[Fit]) -> dict[str, Any]:
-    best = fits[0]
+def _told(workspace: Workspace, evaluation: SpecimenEvaluation, fitted: _Fitted) -> dict[str, Any]:
+    best = fitted.methods[fitted.best]
     free = [parameter.name for parameter in workspace.model.free]
-    values = from_unit(workspace, best.at[np.newaxis])[0]
+    values = from_unit(workspace.model, best.at[np.newaxis])[0]
     noise = [noise_of(curve) for curve in evaluation.specimen.curves]
-    sd, correlation = uncertainty(best, weighing_of(evaluation), [each.inflation for each in noise])
+    inflation = [each.inflation for each in noise]
+    sd, correlation = uncertainty(fitted.jacobians, best.objective, weighing_of(evaluation), inflation)
     floor = float(sum(each.sd_N for each in noise))
     pairs = [
         {"parameters": [free[i], free[j]], "correlation": correlation[i, j]}
@@ -142,36 +181,51 @@ def _told(workspace: Workspace, evaluation: SpecimenEvaluation, fits: list[Fit])
         if sd[i] < DETERMINED and sd[j] < DETERMINED and abs(correlation[i, j]) > CONFOUNDED
     ]
     specimen = evaluation.specimen
+    settings = workspace.study.calibrate
+    equal = sorted({settings.bayesian.evaluations, settings.evaluations})
     return {
+        "site": specimen.site,
+        "donor": specimen.donor,
         "parameters": dict(zip(workspace.model.names, values, strict=True)),
         "rmse_N": dict(zip([curve.name for curve in specimen.curves], best.objective, strict=True)),
-        "total_N": float(best.objective.sum()),
+        "total_N": best.total,
         "noise_N": floor,
-        "above_noise": float(best.objective.sum()) / floor - 1.0 if floor > 0 else None,
+        "above_noise": _above(best.total, floor),
+        "method": fitted.best,
         "on_bound": [n for n, at in zip(free, best.at, strict=True) if min(at, 1 - at) < ON_BOUND],
         "sd_of_range": dict(zip(free, sd, strict=True)),
         "determined": [name for name, value in zip(free, sd, strict=True) if value < DETERMINED],
         "confounded": pairs,
-        "converged": best.converged,
-        "starts": [{"total_N": float(fit.objective.sum()), "converged": fit.converged} for fit in fits],
-        "traces": [[list(point) for point in fit.trace] for fit in fits],
+        "methods": {
+            name: {
+                "total_N": one.total,
+                "above_noise": _above(one.total, floor),
+                "evaluations": one.trace[-1][0],
+                "converged": one.converged,
+                "starts": one.starts,
+                "above_noise_after": {str(count): _above(one.total_after(count), floor) for count in equal},
+                "trace": [list(point) for point in one.trace],
+            }
+            for name, one in fitted.methods.items()
+        },
     }
 
 
-def uncertainty(fit: Fit, weighing: Weighing, inflation: list[float]) -> tuple[Array, Array]:
-    """Standard deviations ``[d]``, as parts of each range, and correlations ``[d, d]`` from the curvature at the fit.
+def _above(total: float | None, floor: float) -> float | None:
+    """How far above the noise of the curves, as a part of it."""
+    return total / floor - 1.0 if total is not None and floor > 0 else None
 
-    A curve's residuals are taken for noise of the size of their RMSE, of which ``inflation`` points weigh as much as
-    one (correlation in time; not a number: taken for 1), and each parameter as uniform over its range before the data
-    were seen (precision 12). Where the model itself is wrong, the residuals are no noise and all of this is too bold.
-    """
-    precision = 12.0 * np.eye(fit.at.size)
-    for jacobian, share, rmse, factor in zip(fit.jacobians, weighing.shares, fit.objective, inflation, strict=True):
-        variance = max(rmse, 1e-12) ** 2 * (factor if np.isfinite(factor) else 1.0)
-        precision += (jacobian * share) @ jacobian.T / variance
-    covariance = np.linalg.inv(precision)
-    sd = np.sqrt(np.diag(covariance))
-    return sd, covariance / np.outer(sd, sd)
+
+def _keep_points(workspace: Workspace, evaluation: SpecimenEvaluation, fitted: _Fitted) -> None:
+    if fitted.seen is not None:
+        dataset = xr.Dataset(
+            {
+                "parameters": (("evaluation", "parameter"), from_unit(workspace.model, fitted.seen.points)),
+                "total": ("evaluation", fitted.seen.totals, {"units": "N"}),
+            },
+            coords={"parameter": list(workspace.model.names)},
+        )
+        workspace.store.write_result(f"calibrate/{evaluation.specimen.name.replace('/', '_')}", dataset)
 
 
 def _as_csv(result: dict[str, Any]) -> str:

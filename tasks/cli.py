@@ -127,20 +127,22 @@ def sobol(study: Path, extend: bool, **options: Any) -> None:
         pipeline.run(workspace, ["sobol"], extend=extend)
 
 
-@_study_command("importance", "Random forest importance from the rows of the Sobol study.")
-def importance(study: Path, **options: Any) -> None:
-    from tasks import pipeline
+def _task_command(task: str, words: str) -> None:
+    """A command that runs one task of a study."""
 
-    with _open(study, ["importance"], **options) as workspace:
-        pipeline.run(workspace, ["importance"])
+    @_study_command(task, words)
+    def command(study: Path, **options: Any) -> None:
+        from tasks import pipeline
+
+        with _open(study, [task], **options) as workspace:
+            pipeline.run(workspace, [task])
 
 
-@_study_command("calibrate", "The parameters of each specimen that bring the model closest to its curves.")
-def calibrate(study: Path, **options: Any) -> None:
-    from tasks import pipeline
-
-    with _open(study, ["calibrate"], **options) as workspace:
-        pipeline.run(workspace, ["calibrate"])
+_task_command("importance", "Random forest importance from the rows of the Sobol study.")
+_task_command("calibrate", "The parameters of each specimen that bring the model closest to its curves.")
+_task_command("infer", "The parameters of each site with their uncertainty (ABC-SMC).")
+_task_command("predict", "Bands around the curves of each site, and how much of the data they cover.")
+_task_command("compare", "Can the sites be told apart by their parameters?")
 
 
 @_study_command("simulate", "Forces of given parameter rows along each measured curve.")

@@ -14,10 +14,13 @@ from rich.table import Table as Grid
 from runner.store import Store, open_store
 from tasks.calibrate import calibrate, fitted_curves
 from tasks.importance import importance
+from tasks.infer import infer
+from tasks.predict import predict
 from tasks.problems import BadInput
-from tasks.report import figures
+from tasks.report import calibration, figures, posterior, prediction, site_figures
 from tasks.sensitivity import base_samples, sobol
-from tasks.study import Study
+from tasks.sites import compare
+from tasks.study import NEEDS, Study
 from tasks.workspace import Workspace, check_folder, read_result
 
 log = logging.getLogger("sinew")
@@ -38,8 +41,9 @@ def check(study: Study, out: Path, tasks: Sequence[str], *, extend: bool = False
         raise BadInput(f"{study.path}: model.parameters", "one free parameter", "at least two for Sobol indices")
     if extend and not finished:
         raise BadInput(out / "sobol.json", "is not there", "a finished `sinew sobol` to extend")
-    if "importance" in tasks and "sobol" not in tasks and not finished:
-        raise BadInput(out / "sobol.json", "no finished Sobol study", "`sinew sobol` on this study first")
+    for task, before in NEEDS.items():
+        if task in tasks and before not in tasks and read_result(out / f"{before}.json") is None:
+            raise BadInput(out / f"{before}.json", "is not there", f"`sinew {before}` on this study first")
 
 
 def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str, dict[str, Any]]:
@@ -148,6 +152,35 @@ def _draw_calibrate(workspace: Workspace, result: dict[str, Any]) -> None:
             forces = fitted_curves(workspace, specimen, told["parameters"])
             figure = figures.fitted_curves(specimen, forces, told["rmse_N"])
             figures.save(figure, folder, f"calibrate_{specimen.name.replace('/', '_')}")
+    calibration.draw(workspace, result)
+
+
+def _draw_infer(workspace: Workspace, result: dict[str, Any]) -> None:
+    folder = workspace.out / "figures"
+    for site in result["sites"]:
+        particles = workspace.store.read_result(f"infer/{site}")
+        for name, figure in posterior.figures_of(particles, result, site).items():
+            figures.save(figure, folder, f"infer_{site}_{name}")
+
+
+def _tell_infer(workspace: Workspace, result: dict[str, Any], console: Console) -> None:
+    sites = result["sites"]
+    percent = round(100 * result["interval"])
+    grid = Grid("parameter", *sites, title=f"Posterior: mean ± sd ({percent} % HDI)")
+    for name in result["names"]:
+        cells = []
+        for told in sites.values():
+            found = told["parameters"][name]
+            low, high = found["hdi"]
+            cells.append(f"{found['mean']:.4g} ± {found['sd']:.3g} ({low:.4g}, {high:.4g})")
+        grid.add_row(name, *cells)
+    console.print(grid)
+    for site, told in sites.items():
+        last, judged = told["epsilon"][-1], sum(g["judged"] for g in told["generations"])
+        console.print(
+            f"{site}: {len(told['generations'])} generations, {judged:,} proposals, threshold {last:.3g}, "
+            f"effective sample size {told['effective_sample_size']:.0f} of {result['population']}"
+        )
 
 
 def _tell_calibrate(workspace: Workspace, result: dict[str, Any], console: Console) -> None:
@@ -166,4 +199,7 @@ _TASKS = {
     "sobol": _Task(sobol, _draw_sobol, _tell_sobol),
     "importance": _Task(lambda workspace, **_: importance(workspace), _draw_importance, _tell_importance),
     "calibrate": _Task(lambda workspace, **_: calibrate(workspace), _draw_calibrate, _tell_calibrate),
+    "infer": _Task(lambda workspace, **_: infer(workspace), _draw_infer, _tell_infer),
+    "predict": _Task(lambda workspace, **_: predict(workspace), prediction.draw, prediction.tell),
+    "compare": _Task(lambda workspace, **_: compare(workspace), site_figures.draw, site_figures.tell),
 }

@@ -17,6 +17,12 @@ Seconds = Annotated[float, Field(gt=0, le=86_400 * 30, allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 
 
+Task = Literal["sobol", "importance", "calibrate", "infer", "predict", "compare"]
+
+#: Whose results a task takes up.
+NEEDS = {"importance": "sobol", "infer": "calibrate", "predict": "infer", "compare": "infer"}
+
+
 def _once(value: Any) -> Any:
     if isinstance(value, list) and len(set(value)) < len(value):
         name = next(name for i, name in enumerate(value) if name in value[:i])
@@ -158,12 +164,55 @@ class ImportanceSettings(Section):
     max_rows: Annotated[int, Field(ge=100)] = 10_000
 
 
+class BayesianSettings(Section):
+    """Bayesian optimisation: ``evaluations``, of which ``initial`` are random; ``pending`` are under way at a time.
+
+    ``seeds``: how many evaluations that the store has already inform the surrogate from the start.
+    """
+
+    evaluations: Annotated[int, Field(ge=2, le=1000)] = 100
+    initial: Annotated[int, Field(ge=1, le=1000)] = 10
+    pending: Annotated[int, Field(ge=1, le=100)] = 1
+    seeds: Annotated[int, Field(ge=0, le=1000)] = 40
+
+
 class CalibrateSettings(Section):
-    """Least squares from ``starts`` points, with ``evaluations`` for each specimen in all."""
+    """``methods``, each with ``evaluations`` for each specimen; least squares uses them from up to ``starts`` points.
+
+    ``hybrid`` polishes the best points of the Bayesian optimisation, whose evaluations count as its own.
+    """
 
     specimens: Specimens = "all"
+    methods: Annotated[list[Literal["bayesian", "hybrid", "least_squares"]], Field(min_length=1)] = Field(
+        default_factory=lambda: ["bayesian", "hybrid"]  # type: ignore[arg-type]
+    )
     starts: Annotated[int, Field(ge=1, le=1000)] = 3
-    evaluations: Annotated[int, Field(ge=10, le=10**6)] = 1200
+    evaluations: Annotated[int, Field(ge=10, le=10**6)] = 600
+    bayesian: BayesianSettings = BayesianSettings()
+
+
+class InferSettings(Section):
+    """ABC-SMC by site: ``population`` particles in each of up to ``generations``.
+
+    The first threshold is ``epsilon``, each next one the ``quantile`` of the distances that were accepted, until it is
+    below ``smallest_epsilon`` or fewer than ``smallest_acceptance`` of the proposals are accepted. Priors are normal:
+    mean of the site's calibrated specimens and ``widening`` times their standard deviation. Of protocols in
+    ``single_cycle`` the first load and unload is looked at. ``distance``: ``relative``, or pyABC's ``adaptive`` one
+    (whose first threshold comes from a sample of the prior). ``pending``: proposals under way at the most.
+    """
+
+    specimens: Specimens = "all"
+    protocols: Literal["all"] | Annotated[list[str], Field(min_length=1)] = "all"
+    single_cycle: list[str] = Field(default_factory=lambda: ["cyclic"])
+    population: Annotated[int, Field(ge=4, le=100_000)] = 40
+    generations: Annotated[int, Field(ge=1, le=1000)] = 8
+    epsilon: Positive = 0.3
+    quantile: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    smallest_epsilon: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    smallest_acceptance: Annotated[float, Field(gt=0, le=1)] = 0.005
+    widening: Positive = 2.0
+    distance: Literal["relative", "adaptive"] = "relative"
+    pending: Annotated[int, Field(ge=1, le=100_000)] = 64
 
 
 class StoreSettings(Section):
@@ -183,12 +232,13 @@ class Study(Section):
     cluster: LocalSettings | AddressSettings | SlurmSettings = Field(default=LocalSettings(), discriminator="name")
     store: StoreSettings = StoreSettings()
     retries: Annotated[int, Field(ge=0, le=20)] = 1
-    tasks: Annotated[list[Literal["sobol", "importance", "calibrate"]], Field(min_length=1)] = Field(
+    tasks: Annotated[list[Task], Field(min_length=1)] = Field(
         default_factory=lambda: ["sobol", "importance"]  # type: ignore[arg-type]
     )
     sobol: SobolSettings = SobolSettings(points=20_000)
     importance: ImportanceSettings = ImportanceSettings()
     calibrate: CalibrateSettings = CalibrateSettings()
+    infer: InferSettings = InferSettings()
 
     _path: Path = PrivateAttr(default=Path())
 
@@ -203,8 +253,9 @@ class Study(Section):
         for task in value:
             if value.count(task) > 1:
                 raise ValueError(f"{task} is a duplicate; expected each task once")
-        if "importance" in value and "sobol" in value and value.index("importance") < value.index("sobol"):
-            raise ValueError("importance before sobol, whose rows it uses; expected sobol first")
+        for task, before in NEEDS.items():
+            if task in value and before in value and value.index(task) < value.index(before):
+                raise ValueError(f"{task} before {before}, whose results it uses; expected {before} first")
         return value
 
     @model_validator(mode="after")

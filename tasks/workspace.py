@@ -10,16 +10,18 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from typing import Protocol as Interface
 
 import numpy as np
 from distributed import Client
 from pythonjsonlogger.json import JsonFormatter
 
+from runner.batch import Evaluation
 from runner.cluster import ClusterSpec, Local, open_client
-from runner.ensemble import Policy, evaluate
+from runner.ensemble import Policy, Talk, converse, evaluate
 from runner.network import dashboard
 from runner.progress import progress
-from runner.store import Store, Table
+from runner.store import Store, Table, TableSpec
 from tasks.evaluate import SpecimenEvaluation
 from tasks.measurements import Cohort, read_cohort
 from tasks.model import Model, Specimen
@@ -28,6 +30,12 @@ from tasks.simulate import Array, Simulator
 from tasks.study import Study
 
 log = logging.getLogger("sinew")
+
+
+class Stored(Evaluation, Interface):
+    """An evaluation that says how its outcomes are stored."""
+
+    def table(self) -> TableSpec: ...
 
 
 @dataclass
@@ -71,7 +79,7 @@ class Workspace:
         """What the study asks of a specimen."""
         return SpecimenEvaluation(self.model, specimen, self.simulator, self.study.store.points_per_curve)
 
-    def plan(self, evaluation: SpecimenEvaluation, parameters: Array) -> tuple[Table, Array]:
+    def plan(self, evaluation: Stored, parameters: Array) -> tuple[Table, Array]:
         """The table of an evaluation and the row in it of each of ``parameters`` ``[n, d]``, known or new."""
         table = self.store.table(evaluation.table())
         table.fold(table.segments())
@@ -82,7 +90,7 @@ class Workspace:
 
     def evaluate(
         self,
-        evaluation: SpecimenEvaluation,
+        evaluation: Evaluation,
         table: Table,
         rows: Array,
         title: str,
@@ -104,6 +112,17 @@ class Workspace:
         client = (lambda: None) if here else self.client
         with progress(title, asked, self.out, done=asked - pending, quiet=self.quiet or brief) as report:
             evaluate(client, table, evaluation, rows, report, policy)
+
+    def converse(self, talks: Sequence[Talk], title: str) -> list[Any]:
+        """Let several talks ask for evaluations on the study's cluster; returns what each of them returned."""
+        tables = [table for talk in talks for table, _ in talk.tables]
+        before = sum(table.finished() for table in tables)
+        policy = Policy(multiple=self.simulator.batch_multiple, retries=self.study.retries)
+        with progress(title, sum(talk.rows for talk in talks), self.out, quiet=self.quiet) as report:
+            try:
+                return converse(self.client, talks, report, policy)
+            finally:
+                self.simulations += sum(table.finished() for table in tables) - before
 
 
 @contextmanager
@@ -139,7 +158,7 @@ def check_cohort(study: Study, data: Path | None, out: Path) -> Cohort:
     Raises :class:`BadInput`.
     """
     cohort = read_cohort(data or study.cohort_path)
-    for task in ("sobol", "calibrate"):
+    for task in ("sobol", "calibrate", "infer"):
         names = getattr(study, task).specimens
         if names != "all":
             cohort.choose(names, f"{study.path}: {task}.specimens")

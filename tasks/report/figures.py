@@ -16,7 +16,7 @@ from tasks.model import Specimen
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
 _LABELS = {"E": "E", "alpha": r"\alpha", "g": "g", "tau": r"\tau", "nu": r"\nu"}
-_STYLE: Any = {
+STYLE: Any = {
     "font.size": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -45,7 +45,7 @@ def save(figure: Figure, folder: Path, name: str) -> list[Path]:
 def sobol_indices(result: dict[str, Any]) -> Figure:
     """First and total order indices with intervals: the total objective above, each protocol below."""
     panels = {"total objective": result, **result["protocols"]}
-    with plt.rc_context(_STYLE):
+    with plt.rc_context(STYLE):
         height = 2.1 * len(panels) + 0.4
         figure, axes = plt.subplots(len(panels), 1, figsize=(7.5, height), sharex=True, squeeze=False)
         at = np.arange(len(result["names"]))
@@ -76,7 +76,7 @@ def sobol_along_time(dataset: xr.Dataset, names: list[str], *, shown: int = 6) -
         strongest = np.fmax(strongest, np.nanmax(dataset[f"ST_{protocol}"].to_numpy(), axis=1))
     chosen = np.argsort(-strongest)[:shown]
     styles = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
-    with plt.rc_context(_STYLE):
+    with plt.rc_context(STYLE):
         figure, axes = plt.subplots(
             2,
             len(protocols),
@@ -121,7 +121,7 @@ def sobol_convergence(result: dict[str, Any], *, shown: int = 6) -> Figure:
     total, conf = _numbers(curve["ST"]), _numbers(curve["ST_conf"])
     chosen = np.argsort(-np.nan_to_num(total[-1]))[:shown]
     markers = "osv^D*"
-    with plt.rc_context(_STYLE):
+    with plt.rc_context(STYLE):
         figure, axis = plt.subplots(figsize=(6, 3.6))
         for rank, j in enumerate(chosen):
             shift = 1 + 0.02 * (rank - shown / 2)
@@ -148,7 +148,7 @@ def forest_importance(result: dict[str, Any]) -> Figure:
     """Impurity (percent) and permutation importance for the total objective and each protocol."""
     panels = {"total objective": result, **result["protocols"]}
     at = np.arange(len(result["names"]))
-    with plt.rc_context(_STYLE):
+    with plt.rc_context(STYLE):
         figure, axes = plt.subplots(1, 2, figsize=(8, 5.2), sharey=True)
         width = 0.8 / len(panels)
         for axis, key, spread, label in (
@@ -179,27 +179,33 @@ def _numbers(values: Any) -> np.ndarray:
 
 
 def calibration_convergence(result: dict[str, Any]) -> Figure:
-    """The best objective of each specimen against the evaluations spent, above the noise of its curves."""
-    with plt.rc_context(_STYLE):
-        figure, axis = plt.subplots(figsize=(6.5, 3.6))
-        for number, told in enumerate(result["specimens"].values()):
-            floor = told["noise_N"] or 0.0
-            for order, trace in enumerate(told["traces"]):
-                used, totals = np.array(trace, dtype=float).T
-                above = np.maximum(totals - floor, 1e-4)
-                colour = COLOURS[number % len(COLOURS)]
-                axis.plot(used, above, color=colour, lw=1.2 if order == 0 else 0.6, alpha=1.0 if order == 0 else 0.5)
-        axis.set_xscale("log")
-        axis.set_yscale("log")
-        axis.set_xlabel("evaluations of this start")
-        axis.set_ylabel("objective above the noise (N)")
-        axis.set_title(f"{len(result['specimens'])} specimens, a colour each; best start bold", loc="left", fontsize=9)
+    """How far above the noise of its curves each specimen's objective is, against evaluations: a panel by method."""
+    methods = result["methods"]
+    with plt.rc_context(STYLE):
+        size = (3.4 * len(methods) + 0.6, 3.2)
+        figure, axes = plt.subplots(1, len(methods), figsize=size, sharex=True, sharey=True, squeeze=False)
+        for axis, method in zip(axes[0], methods, strict=True):
+            ends = []
+            for told in result["specimens"].values():
+                found = told["methods"].get(method)
+                if found is None or not told["noise_N"]:
+                    continue
+                used, totals = np.array(found["trace"], dtype=float).T
+                above = np.maximum(100 * (totals / told["noise_N"] - 1.0), 0.1)
+                axis.step(used, above, where="post", color=COLOURS[0], lw=0.7, alpha=0.6)
+                ends.append(above[-1])
+            axis.set_xscale("log")
+            axis.set_yscale("log")
+            axis.set_xlabel("evaluations")
+            middle = f", median {np.median(ends):.3g} %" if ends else ""
+            axis.set_title(f"{method.replace('_', ' ')}{middle}", loc="left", fontsize=9)
+        axes[0, 0].set_ylabel("objective above the noise (%)")
     return figure
 
 
 def fitted_curves(specimen: Specimen, forces: dict[str, Any], rmse_N: dict[str, float]) -> Figure:
     """Measured curves and the calibrated model: over time above, over displacement below."""
-    with plt.rc_context(_STYLE):
+    with plt.rc_context(STYLE):
         figure, axes = plt.subplots(2, len(specimen.curves), figsize=(3.2 * len(specimen.curves), 5.0), squeeze=False)
         for column, curve in enumerate(specimen.curves):
             history = curve.protocol

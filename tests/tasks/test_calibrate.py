@@ -2,10 +2,12 @@
 
 import csv
 import json
+import shutil
 
 import pytest
 
 from tasks.cohort import virtual_cohort, write_cohort
+from tests.runner.test_store import contents
 from tests.tasks.test_pipeline import new_simulations, sinew
 
 STUDY = """
@@ -13,7 +15,11 @@ name: fitted
 seed: 11
 cohort: cohort
 tasks: [calibrate]
-calibrate: {starts: 2, evaluations: 500}
+calibrate:
+  methods: [bayesian, hybrid, least_squares]
+  starts: 2
+  evaluations: 250
+  bayesian: {evaluations: 16, initial: 8}
 """
 
 
@@ -37,10 +43,17 @@ def test_specimens_are_calibrated_down_to_their_noise(study, tmp_path, capsys):
         assert found["total_N"] == pytest.approx(sum(found["rmse_N"].values()))
         assert "nu_m" not in found["determined"], "the force says nothing of it"
         assert "E_f" in found["determined"]
-        assert len(found["starts"]) == 2
-        assert found["total_N"] == min(start["total_N"] for start in found["starts"])
-        used = [trace[-1][0] for trace in found["traces"]]
-        assert max(used) <= 250
+        methods = found["methods"]
+        assert set(methods) == {"bayesian", "hybrid", "least_squares"}
+        assert found["total_N"] == min(method["total_N"] for method in methods.values())
+        assert methods["hybrid"]["total_N"] < methods["bayesian"]["total_N"], "polishing helps"
+        assert methods["bayesian"]["evaluations"] == 16
+        for method in methods.values():
+            assert method["evaluations"] <= 250
+            totals = [total for _, total in method["trace"]]
+            assert totals == sorted(totals, reverse=True)
+            assert totals[-1] == method["total_N"]
+        assert methods["hybrid"]["trace"][: len(methods["bayesian"]["trace"])] == methods["bayesian"]["trace"]
         for suffix in ("png", "pdf"):
             assert (out / "figures" / f"calibrate_{name.replace('/', '_')}.{suffix}").stat().st_size > 5000
     rows = list(csv.DictReader((out / "calibrate.csv").read_text().splitlines()))
@@ -54,10 +67,46 @@ def test_specimens_are_calibrated_down_to_their_noise(study, tmp_path, capsys):
     sinew("calibrate", study, "--out", out, "--quiet")
     assert new_simulations(out)[-1] == 0, "its rows are in the store"
     assert (out / "calibrate.json").read_bytes() == first
+    shutil.rmtree(out / "calibrate")  # what was proposed is proposed again, and is the same
+    study.write_text(STUDY.replace("initial: 8", "initial: 8, seeds: 0"))
+    sinew("calibrate", study, "--out", out, "--quiet")
+    assert new_simulations(out)[-1] == 0
+    assert json.loads((out / "calibrate.json").read_text())["specimens"] == result["specimens"]
+
+
+def test_the_store_does_not_depend_on_the_number_of_workers(study, tmp_path):
+    study.write_text(
+        STUDY.replace("evaluations: 250", "evaluations: 60").replace("[bayesian, hybrid, least_squares]", "[hybrid]")
+    )
+    results = []
+    for workers in (1, 2):
+        out = tmp_path / f"out{workers}"
+        sinew("calibrate", study, "--out", out, "--workers", workers, "--quiet")
+        results.append((contents(out / "store.zarr"), (out / "calibrate.json").read_bytes()))
+    assert results[0] == results[1]
+
+
+def test_rows_that_the_store_has_inform_the_search(study, tmp_path):
+    out = tmp_path / "out"
+    study.write_text(
+        STUDY.replace("tasks: [calibrate]", "tasks: [sobol, calibrate]\nsobol: {base_samples: 16}").replace(
+            "methods: [bayesian, hybrid, least_squares]", "methods: [bayesian]"
+        )
+    )
+    sinew("run", study, "--out", out, "--quiet")
+    sobol = json.loads((out / "sobol.json").read_text())
+    found = json.loads((out / "calibrate.json").read_text())["specimens"]["distal/1"]
+    with_rows = found["methods"]["bayesian"]
+    assert with_rows["evaluations"] == 16
+    assert sobol["rows"] == 288
+    sinew("calibrate", study, "--out", tmp_path / "bare", "--quiet")
+    bare = json.loads((tmp_path / "bare" / "calibrate.json").read_text())["specimens"]["distal/1"]
+    assert with_rows["trace"][:8] == bare["methods"]["bayesian"]["trace"][:8], "the random points are the same"
+    assert with_rows["trace"][8:] != bare["methods"]["bayesian"]["trace"][8:]
 
 
 def test_a_specimen_that_is_not_there_is_one_line(study, tmp_path, capsys):
-    study.write_text(STUDY.replace("{starts: 2", "{specimens: [distal/7], starts: 2"))
+    study.write_text(STUDY.replace("  starts: 2", "  specimens: [distal/7]"))
     with pytest.raises(SystemExit) as ended:
         sinew("calibrate", study, "--out", tmp_path / "out")
     assert ended.value.code == 2

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tasks.calibrate import from_unit, uncertainty, weighing_of
 from tasks.cohort import virtual_cohort
 from tasks.evaluate import SpecimenEvaluation
+from tasks.fits import from_unit, uncertainty, weighing_of
 from tasks.least_squares import Fit, Seen, Weighing, least_squares
 from tasks.model import Model
 from tasks.simulate.uniaxial import Uniaxial
@@ -53,7 +53,7 @@ def test_the_interval_is_that_of_the_least_squares_theory():
         for _ in range(200)
     ]
     found = np.array([fit.at for fit in fits])
-    said = np.median([uncertainty(fit, WEIGHING, [1.0])[0] for fit in fits], axis=0)
+    said = np.median([uncertainty(fit.jacobians, fit.objective, WEIGHING, [1.0])[0] for fit in fits], axis=0)
     assert said == pytest.approx(found.std(axis=0, ddof=1), rel=0.15)
 
 
@@ -82,20 +82,17 @@ def test_a_virtual_tendon_is_fitted_down_to_its_noise():
     made = truth["specimens"][specimens[2].name]["parameters"]
     floor = evaluation(np.array([[made[name] for name in evaluation.model.names]])).values["objective"].sum()
 
-    class Stub:
-        model = evaluation.model
-
     fit = least_squares(np.full(16, 0.5), weighing_of(evaluation), 600)
     asked = next(fit)
     try:
         while True:
-            outcome = evaluation(from_unit(Stub, asked)).values
+            outcome = evaluation(from_unit(evaluation.model, asked)).values
             forces = tuple(outcome[f"force_{curve.name}"] for curve in specimens[2].curves)
             asked = fit.send(Seen(outcome["objective"], forces))
     except StopIteration as end:
         found = end.value
     assert found.objective.sum() < 1.01 * floor
-    sd, _ = uncertainty(found, weighing_of(evaluation), [1.86] * 3)
+    sd, _ = uncertainty(found.jacobians, found.objective, weighing_of(evaluation), [1.86] * 3)
     by_name = dict(zip(evaluation.model.names, sd, strict=True))
     assert by_name["nu_m"] == pytest.approx(12**-0.5), "the force says nothing of it"
     assert by_name["E_f"] < 0.05

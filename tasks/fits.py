@@ -1,0 +1,227 @@
+"""Fits of one specimen: Bayesian optimisation, least squares, and one polished by the other, at a desk of the runner.
+
+Points are on the unit cube of the model's free parameters: 0 is the lower bound of a parameter, 1 the upper.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from runner.ensemble import Desk
+from tasks.bayesian import Search, Surrogate, bayesian, propose
+from tasks.evaluate import SpecimenEvaluation, kept_points
+from tasks.least_squares import STEP, Fit, Seen, Weighing, least_squares
+from tasks.ledger import Ledger
+from tasks.model import Model
+from tasks.simulate import Array
+
+APART = 0.1  # starts nearer to each other than this (of the cube's diagonal) would find the same
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a method found: ``at`` ``[d]``, RMSE of each curve there ``[p]`` (N), and how it came there.
+
+    ``trace`` holds numbers of evaluations and the best total so far (N); ``converged`` is None where a method never is.
+    """
+
+    at: Array
+    objective: Array
+    trace: tuple[tuple[int, float], ...]
+    converged: bool | None
+    starts: int = 1
+
+    @property
+    def total(self) -> float:
+        return float(self.objective.sum())
+
+    def total_after(self, evaluations: int) -> float | None:
+        """The best total (N) within so many evaluations; None when the first took more."""
+        reached = [total for used, total in self.trace if used <= evaluations]
+        return reached[-1] if reached else None
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the fits of one specimen ask."""
+
+    desk: Desk
+    model: Model
+    evaluation: SpecimenEvaluation
+
+    @property
+    def size(self) -> int:
+        return len(self.model.free)
+
+    def ask(self, points: Array) -> None:
+        self.desk.ask(from_unit(self.model, points))
+
+    def hear(self, count: int) -> Seen:
+        """What became of the next ``count`` points."""
+        told = [self.desk.next() for _ in range(count)]
+        names = [curve.name for curve in self.evaluation.specimen.curves]
+        return Seen(
+            np.array([one.values["objective"] for one in told]),
+            tuple(np.array([one.values[f"force_{name}"] for one in told]) for name in names),
+        )
+
+    def seen(self, points: Array) -> Seen:
+        self.ask(points)
+        return self.hear(len(points))
+
+
+def search(
+    place: Place,
+    *,
+    budget: int,
+    initial: int,
+    pending: int,
+    seeds: Search,
+    seed: tuple[int, ...],
+    ledger: Ledger,
+) -> tuple[Search, Found | None]:
+    """Bayesian optimisation; ``ledger`` keeps the proposals. Returns what it saw, and the best (None: all failed)."""
+    objectives: list[Array] = []
+    proposed = 0
+
+    def hear() -> float:
+        objectives.append(place.hear(1).objective[0])
+        total = float(objectives[-1].sum())
+        return total if np.isfinite(total) else np.inf
+
+    def propose_one(number: int, surrogate: Surrogate) -> tuple[Array, Array]:
+        nonlocal proposed
+        if proposed == len(ledger):
+            point, theta = place.desk.compute(propose, surrogate, (*seed, number))
+            ledger.append(np.concatenate([point, theta]))
+        proposed += 1
+        kept = ledger.kept[proposed - 1]
+        return kept[: place.size], kept[place.size :]
+
+    seen = bayesian(
+        place.ask,
+        hear,
+        propose_one,
+        size=place.size,
+        budget=budget,
+        initial=initial,
+        pending=pending,
+        seeds=seeds,
+        rng=np.random.default_rng(seed),
+    )
+    if not np.isfinite(seen.totals).any():
+        return seen, None
+    best = int(np.argmin(seen.totals))
+    lowest = np.minimum.accumulate(seen.totals)
+    first = int(np.argmax(np.isfinite(lowest)))
+    trace = tuple((n + 1, float(lowest[n])) for n in range(first, len(lowest)))
+    return seen, Found(seen.points[best], objectives[best], trace, None)
+
+
+def polished(
+    place: Place, starts: Iterable[Array], budget: int, most: int, before: Found | None = None
+) -> Found | None:
+    """Least squares from one start after the other, until ``budget`` evaluations are used or ``most`` starts.
+
+    ``before``: what was found, and used of another budget, before. None when the model fails at every start.
+    """
+    best, trace = before, list(before.trace) if before else []
+    used = offset = trace[-1][0] if trace else 0
+    converged, tried = False, 0
+    for start in starts:
+        left = budget - (used - offset)
+        if tried == most or (tried and left < place.size + 5):
+            break
+        tried += 1
+        fit = follow(place, start, left)
+        if fit is None:
+            used += 1
+            continue
+        for more, total in fit.trace:
+            trace.append((used + more, min(total, trace[-1][1] if trace else np.inf)))
+        used += fit.trace[-1][0]
+        if best is None or fit.objective.sum() < best.total:
+            best, converged = Found(fit.at, fit.objective, (), fit.converged), fit.converged
+    return None if best is None else Found(best.at, best.objective, tuple(trace), converged, tried)
+
+
+def follow(place: Place, start: Array, budget: int) -> Fit | None:
+    """One least-squares fit to its end."""
+    steps = least_squares(start, weighing_of(place.evaluation), budget)
+    asked = next(steps)
+    while True:
+        try:
+            asked = steps.send(place.seen(asked))
+        except StopIteration as end:
+            fit: Fit | None = end.value
+            return fit
+
+
+def best_apart(seen: Search) -> Iterable[Array]:
+    """Points of a search, the best first, those left out that are near a better one."""
+    chosen: list[Array] = []
+    for number in np.argsort(seen.totals, kind="stable"):
+        point = seen.points[number]
+        distances = [float(np.linalg.norm(point - other)) for other in chosen]
+        if np.isfinite(seen.totals[number]) and all(d > APART * np.sqrt(point.size) for d in distances):
+            chosen.append(point)
+            yield point
+
+
+def jacobians_at(place: Place, at: Array) -> tuple[Array, ...]:
+    """Derivatives ``[d, k]`` (N per unit) of the kept forces of every curve at a point; 0 where the model fails."""
+    steps = np.where(at + STEP <= 1.0, STEP, -STEP)
+    seen = place.seen(np.concatenate([at[np.newaxis], at + np.diag(steps)]))
+    alive = np.asarray(np.isfinite(seen.objective).all(axis=1))[1:, np.newaxis]
+    return tuple(np.where(alive, (force[1:] - force[0]) / steps[:, np.newaxis], 0.0) for force in seen.forces)
+
+
+def weighing_of(evaluation: SpecimenEvaluation) -> Weighing:
+    """How many measured points each kept point of each curve stands for."""
+    counts, shares = [], []
+    for curve in evaluation.specimen.curves:
+        keep = kept_points(curve.protocol, evaluation.points_per_curve)
+        edges = np.concatenate([[0], (keep[1:] + keep[:-1] + 1) // 2, [curve.force_N.size]])
+        counts.append(curve.force_N.size)
+        shares.append(np.diff(edges).astype(float))
+    return Weighing(tuple(counts), tuple(shares))
+
+
+def from_unit(model: Model, points: Array) -> Array:
+    """Parameter sets ``[n, all]`` from points ``[n, free]`` of the unit cube."""
+    low, high = _bounds(model)
+    return model.full(tuple(parameter.name for parameter in model.free), low + (high - low) * points)
+
+
+def to_unit(model: Model, parameters: Array) -> Array:
+    """Points ``[n, free]`` of the unit cube from parameter sets ``[n, all]``."""
+    low, high = _bounds(model)
+    columns = [model.names.index(parameter.name) for parameter in model.free]
+    return (parameters[:, columns] - low) / (high - low)
+
+
+def _bounds(model: Model) -> tuple[Array, Array]:
+    return (
+        np.array([parameter.minimum for parameter in model.free]),
+        np.array([parameter.maximum for parameter in model.free]),
+    )
+
+
+def uncertainty(
+    jacobians: tuple[Array, ...], objective: Array, weighing: Weighing, inflation: list[float]
+) -> tuple[Array, Array]:
+    """Standard deviations ``[d]``, as parts of each range, and correlations ``[d, d]`` from the curvature at a fit.
+
+    ``objective`` ``[p]`` (N): a curve's residuals are taken for noise of the size of their RMSE, of which ``inflation``
+    points weigh as much as one (correlation in time; not a number: taken for 1), and each parameter as uniform over its
+    range before the data were seen (precision 12). Where the model itself is wrong, the residuals are no noise and all
+    of this is too bold.
+    """
+    precision = 12.0 * np.eye(len(jacobians[0]))
+    for jacobian, share, rmse, factor in zip(jacobians, weighing.shares, objective, inflation, strict=True):
+        variance = max(rmse, 1e-12) ** 2 * (factor if np.isfinite(factor) else 1.0)
+        precision += (jacobian * share) @ jacobian.T / variance
+    covariance = np.linalg.inv(precision)
+    sd = np.sqrt(np.diag(covariance))
+    return sd, covariance / np.outer(sd, sd)

@@ -1,0 +1,116 @@
+"""Figures of an inference: how the threshold fell, marginals against the prior, and joint distributions."""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
+from scipy.stats import gaussian_kde
+
+from tasks.report.figures import COLOURS, STYLE, symbol
+from tasks.simulate import Array
+
+
+def figures_of(particles: xr.Dataset, result: dict[str, Any], site: str) -> dict[str, Figure]:
+    """All figures of a site by name; ``particles`` as ``infer/SITE`` in the store."""
+    return {
+        "thresholds": thresholds(result["sites"][site], site),
+        "marginals": marginals(particles, result, site),
+        "joint": joint(particles, result["names"], site),
+    }
+
+
+def thresholds(told: dict[str, Any], site: str) -> Figure:
+    """Threshold and acceptance rate of each generation."""
+    at = np.arange(1, len(told["generations"]) + 1)
+    with plt.rc_context(STYLE):
+        figure, axes = plt.subplots(1, 2, figsize=(7.5, 2.6))
+        axes[0].plot(at, told["epsilon"], "o-")
+        axes[0].set_ylabel("threshold (relative distance)")
+        axes[0].set_ylim(bottom=0)
+        axes[1].plot(at, [100 * g["accepted"] / g["judged"] for g in told["generations"]], "o-", color=COLOURS[1])
+        axes[1].set_ylabel("proposals accepted (%)")
+        axes[1].set_ylim(bottom=0)
+        for axis in axes:
+            axis.set_xlabel("generation")
+            axis.set_xticks(at)
+        figure.suptitle(site, x=0.01, ha="left", fontsize=10)
+    return figure
+
+
+def marginals(particles: xr.Dataset, result: dict[str, Any], site: str) -> Figure:
+    """Density of each parameter in the last generation over the prior's, with mean and HDI."""
+    names, units = result["names"], result["units"]
+    values, weight = particles["parameters"].values[-1], particles["weight"].values[-1]
+    columns = 4
+    rows = -(-len(names) // columns)
+    with plt.rc_context(STYLE):
+        figure, axes = plt.subplots(rows, columns, figsize=(9, 1.75 * rows + 0.4), squeeze=False)
+        for axis in axes.ravel()[len(names) :]:
+            axis.set_axis_off()
+        for j, (axis, name, unit) in enumerate(zip(axes.ravel(), names, units, strict=False)):
+            found = result["sites"][site]["parameters"][name]
+            span = values[:, j].min(), values[:, j].max()
+            wide = found["prior_mean"] - 2 * found["prior_sd"], found["prior_mean"] + 2 * found["prior_sd"]
+            grid = np.linspace(min(span[0], max(wide[0], 0.0)), max(span[1], wide[1]), 200)
+            prior = np.exp(-0.5 * ((grid - found["prior_mean"]) / found["prior_sd"]) ** 2)
+            axis.plot(grid, prior / np.trapezoid(prior, grid), color="0.6", label="prior")
+            axis.plot(grid, _density(values[:, j], weight, grid), color=COLOURS[0], label="posterior")
+            axis.axvspan(*found["hdi"], color=COLOURS[0], alpha=0.12, lw=0)
+            axis.axvline(found["mean"], color=COLOURS[0], lw=0.8, ls="--")
+            axis.set_title(symbol(name) + ("" if unit == "1" else f" ({unit})"), fontsize=9)
+            axis.set_yticks([])
+        axes[0, 0].legend(fontsize=7)
+        percent = round(100 * result["interval"])
+        figure.suptitle(f"{site}: dashed, mean; shaded, {percent} % HDI", x=0.01, ha="left", fontsize=10)
+    return figure
+
+
+def joint(particles: xr.Dataset, names: list[str], site: str) -> Figure:
+    """All pairs of parameters (S3-S5 of Pekedis 2025): particles below the diagonal, their correlation above it.
+
+    Drawn in one pair of axes, a unit square for each pair: many axes cost many seconds.
+    """
+    values, weight = particles["parameters"].values[-1], particles["weight"].values[-1]
+    count = len(names)
+    covariance = np.cov(values, rowvar=False, aweights=weight).reshape(count, count)
+    scale = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.where(np.outer(scale, scale) > 0, np.outer(scale, scale), 1.0)
+    low, span = values.min(axis=0), np.ptp(values, axis=0)
+    inside = 0.08 + 0.84 * (values - low) / np.where(span > 0, span, 1.0)
+    above, below = np.triu_indices(count, 1), np.tril_indices(count, -1)
+    shown = np.full((count, count), np.nan)
+    shown[above] = correlation[above]
+    with plt.rc_context(STYLE):
+        side = 0.5 * count + 1.2
+        figure, axis = plt.subplots(figsize=(side + 0.8, side))
+        colours = axis.pcolormesh(shown, cmap="RdBu_r", vmin=-1, vmax=1)
+        for i, j in zip(*above, strict=True):
+            ink = "white" if abs(correlation[i, j]) > 0.7 else "black"
+            axis.text(j + 0.5, i + 0.5, f"{correlation[i, j]:.2f}", ha="center", va="center", color=ink, fontsize=6)
+        across = np.concatenate([inside[:, j] + j for _, j in zip(*below, strict=True)])
+        up = np.concatenate([1.0 - inside[:, i] + i for i, _ in zip(*below, strict=True)])
+        sizes = np.tile(60 * weight, len(below[0]))
+        axis.scatter(across, up, s=sizes, color=COLOURS[0], lw=0, alpha=0.7)
+        grid = np.linspace(0.0, 1.0, 60)
+        for k in range(count):
+            density = _density(inside[:, k], weight, grid)
+            axis.plot(k + grid, k + 0.95 - 0.85 * density / (density.max() or 1.0), color=COLOURS[1], lw=1)
+        axis.set_xticks(np.arange(count) + 0.5, [symbol(name) for name in names])
+        axis.set_yticks(np.arange(count) + 0.5, [symbol(name) for name in names])
+        axis.hlines(np.arange(count + 1), 0, count, color="0.85", lw=0.5)
+        axis.vlines(np.arange(count + 1), 0, count, color="0.85", lw=0.5)
+        axis.set_xlim(0, count)
+        axis.set_ylim(count, 0)
+        axis.tick_params(length=0)
+        figure.colorbar(colours, ax=axis, shrink=0.5, label="correlation")
+        axis.set_title(f"{site}: particles (size: weight), densities, correlations", loc="left", fontsize=10)
+    return figure
+
+
+def _density(values: Array, weight: Array, grid: Array) -> Array:
+    if np.ptp(values) == 0.0:
+        return np.zeros(grid.size)
+    density: Array = gaussian_kde(values, weights=weight)(grid)
+    return density

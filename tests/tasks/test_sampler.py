@@ -1,0 +1,233 @@
+"""The sampler of pyABC on the store: known posteriors, the same particles whatever happens, few superfluous rows."""
+
+import numpy as np
+import pyabc
+import pytest
+from scipy import stats
+
+from runner.cluster import Local, open_client
+from runner.ensemble import Talk, converse
+from runner.store import Store
+from tasks.priors import Normals
+from tasks.sampler import StoredModel, StoreSampler
+from tasks.transitions import DefensiveNormal
+from tests.runner.test_store import contents
+from tests.tasks.analytic import SD, NoisyMean
+
+WIDE = 1e6
+
+
+@pytest.fixture(scope="module")
+def client():
+    with open_client(Local(2)) as client:
+        yield client
+
+
+def prior(mean: float = 0.0, sd: float = 1.0) -> Normals:
+    return Normals(("mean",), np.array([mean]), np.array([sd]), np.array([-WIDE]), np.array([WIDE]))
+
+
+def distance(x, observed):
+    return abs(x["y"] - observed["y"])
+
+
+def inference(
+    store, evaluations, observed, *, seed=1, generations=4, population=60, pending=16, stop_at=None, out=None
+):
+    """A talk that runs pyABC with one model for each evaluation."""
+    tables = [(store.table(evaluation.table()), evaluation) for evaluation in evaluations]
+
+    def work(desk):
+        models = [
+            StoredModel(f"m{i}", ["mean"], table=i, describe=lambda values: {"y": float(values["y"])})
+            for i in range(len(tables))
+        ]
+        sampler = StoreSampler(desk, (seed, 1), pending)
+        priors = [prior() for _ in models]
+        abc = pyabc.ABCSMC(
+            models, priors, distance, transitions=[DefensiveNormal(p) for p in priors], population_size=population,
+            eps=pyabc.QuantileEpsilon(initial_epsilon=2.0, alpha=0.5), sampler=sampler,
+        )  # fmt: skip
+        abc.new("sqlite://" if out is None else f"sqlite:///{out}", {"y": observed})
+        history = abc.run(max_nr_populations=generations, min_acceptance_rate=0.005)
+        frames = {m: history.get_distribution(m=m, t=history.max_t) for m in history.alive_models(history.max_t)}
+        told = {
+            "frames": {m: (frame["mean"].to_numpy(), w) for m, (frame, w) in frames.items()},
+            "models": history.get_model_probabilities(history.max_t)["p"].to_dict(),
+            "epsilon": float(history.get_all_populations()["epsilon"].iloc[-1]),
+            "generations": sampler.generations,
+        }
+        history.done()  # the connection belongs to this thread
+        return told
+
+    return Talk(tables, 10_000, work)
+
+
+def test_the_same_particles_and_rows_on_any_cluster(tmp_path, client):
+    found = {}
+    for name, get in (("two", lambda: client), ("here", lambda: None)):
+        with Store.writing(tmp_path / name, "study") as store:
+            (found[name],) = converse(get, [inference(store, [NoisyMean(failing=0.05)], 0.7)])
+    for a, b in zip(found["two"]["frames"][0], found["here"]["frames"][0], strict=True):
+        assert a.tobytes() == b.tobytes()
+    assert found["two"]["generations"] == found["here"]["generations"]
+    assert contents(tmp_path / "two") == contents(tmp_path / "here")
+
+
+def test_two_runs_at_once_have_particles_of_their_own(tmp_path, client):
+    with Store.writing(tmp_path, "study") as store:
+        talks = [inference(store, [NoisyMean(salt=i)], 0.7, seed=i, generations=2) for i in range(3)]
+        found = converse(lambda: client, talks)
+    first = [one["frames"][0][0][0] for one in found]
+    assert len(set(first)) == 3
+
+
+class Killed(Exception):
+    pass
+
+
+def test_a_run_that_dies_in_mid_generation_goes_on_there(tmp_path, client, monkeypatch):
+    whole = tmp_path / "whole"
+    with Store.writing(whole, "study") as store:
+        (undisturbed,) = converse(lambda: client, [inference(store, [NoisyMean()], 0.7)])
+        rows = len(store.table(NoisyMean().table()))
+    judged, judge = 0, StoreSampler._judge
+
+    def dies(self, *arguments):
+        nonlocal judged
+        judged += 1
+        if judged == 150:
+            raise Killed
+        return judge(self, *arguments)
+
+    with Store.writing(tmp_path / "cut", "study") as store:
+        monkeypatch.setattr(StoreSampler, "_judge", dies)
+        with pytest.raises(Killed):
+            converse(lambda: client, [inference(store, [NoisyMean()], 0.7)])
+    monkeypatch.setattr(StoreSampler, "_judge", judge)
+    with Store.writing(tmp_path / "cut", "study") as store:
+        table = store.table(NoisyMean().table())
+        assert 100 < table.finished() + table.waiting() < rows
+        (resumed,) = converse(lambda: client, [inference(store, [NoisyMean()], 0.7)])
+    assert resumed["frames"][0][0].tobytes() == undisturbed["frames"][0][0].tobytes()
+    assert contents(tmp_path / "cut") == contents(whole)
+
+
+def test_superfluous_rows_are_few_and_bounded(tmp_path):
+    with Store.writing(tmp_path, "study") as store:
+        (found,) = converse(lambda: None, [inference(store, [NoisyMean()], 0.7, generations=6, pending=64)])
+        asked = sum(g.asked for g in found["generations"])
+        judged = sum(g.judged for g in found["generations"])
+        assert asked - judged <= 64 * len(found["generations"])
+        assert asked <= 1.15 * judged
+        assert len(store.table(NoisyMean().table())) == asked
+    assert all(g.accepted == 60 for g in found["generations"])
+
+
+def test_a_threshold_out_of_reach_ends_the_run(tmp_path):
+    with Store.writing(tmp_path, "study") as store:
+        (found,) = converse(lambda: None, [inference(store, [NoisyMean()], 0.7, generations=1, population=4)])
+        assert found["generations"][0].accepted == 4
+
+        def work(desk):
+            model = StoredModel("m", ["mean"], describe=lambda values: {"y": float(values["y"])})
+            sampler = StoreSampler(desk, (1, 1), 16)
+            abc = pyabc.ABCSMC(
+                model, prior(), distance, population_size=10, eps=pyabc.ListEpsilon([1e-9]), sampler=sampler
+            )
+            abc.new("sqlite://", {"y": 50.0})
+            history = abc.run(max_nr_populations=1, min_acceptance_rate=0.1)
+            found = history.n_populations, sampler.generations[-1]
+            history.done()
+            return found
+
+        evaluation = NoisyMean(salt=9)
+        ((populations, last),) = converse(
+            lambda: None, [Talk([(store.table(evaluation.table()), evaluation)], 200, work)]
+        )
+    assert populations == 0
+    assert last.judged == 100
+    assert last.asked == 100, "the limit holds for what is asked for, too"
+    assert 40 < last.closest < 60
+
+
+@pytest.mark.parametrize("failing", [0.0, 0.05])
+def test_simulation_based_calibration(tmp_path, failing):
+    """Ranks of the truth among posterior draws are uniform (Talts et al. 2018), with and without failures."""
+    rng = np.random.default_rng(17)
+    runs, kept = 60, 19
+    truths = rng.standard_normal(runs)
+    data = truths + SD * rng.standard_normal(runs)
+    with Store.writing(tmp_path, "study") as store:
+        table = [NoisyMean(failing=failing, salt=i) for i in range(runs)]
+        found = []
+        for start in range(0, runs, 10):
+            talks = [
+                inference(store, [table[i]], float(data[i]), seed=i, generations=3, population=24)
+                for i in range(start, start + 10)
+            ]
+            found += converse(lambda: None, talks)
+    ranks, means, epsilons = [], [], []
+    for one, truth in zip(found, truths, strict=True):
+        values, weight = one["frames"][0]
+        draws = rng.choice(values, size=kept, p=weight)
+        ranks.append(int((draws < truth).sum()))
+        means.append(float(weight @ values))
+        epsilons.append(one["epsilon"])
+    counts = np.bincount(np.array(ranks) // 5, minlength=4)
+    assert stats.chisquare(counts).pvalue > 0.01, counts
+    exact = data / (1 + SD**2)
+    assert np.median(epsilons) < 0.6
+    assert np.mean(np.abs(np.array(means) - exact)) < 0.2
+    assert np.corrcoef(means, exact)[0, 1] > 0.96
+    failed = sum(g.failed for one in found for g in one["generations"])
+    judged = sum(g.judged for one in found for g in one["generations"])
+    assert failed / judged == pytest.approx(failing, abs=0.02)
+
+
+def test_model_selection_finds_the_probabilities(tmp_path):
+    """Two slopes, equal prior probabilities: the posterior ones follow from the two marginal likelihoods."""
+    y = 1.5
+    with Store.writing(tmp_path, "study") as store:
+        evaluations = [NoisyMean(slope=1.0), NoisyMean(slope=0.0)]
+        (found,) = converse(
+            lambda: None, [inference(store, evaluations, y, generations=4, population=200, pending=100)]
+        )
+    likelihoods = [stats.norm.pdf(y, 0, np.hypot(slope, SD)) for slope in (1.0, 0.0)]
+    exact = likelihoods[0] / sum(likelihoods)
+    assert found["models"].get(0, 0.0) == pytest.approx(exact, abs=0.1)
+
+
+def test_the_mixture_bounds_the_weights():
+    """In 16 dimensions, 40 particles: no weight exceeds five times that of a draw from the prior."""
+    names = tuple(f"p{i}" for i in range(16))
+    wide = Normals(names, np.zeros(16), np.ones(16), np.full(16, -WIDE), np.full(16, WIDE))
+    rng = np.random.default_rng(3)
+    particles = 0.5 * rng.standard_normal((40, 16))
+    transition = DefensiveNormal(wide)
+    import pandas as pd
+
+    transition.fit(pd.DataFrame(particles, columns=list(names)), np.full(40, 1 / 40))
+    state = np.random.get_state()
+    np.random.seed(5)
+    drawn = [transition.rvs() for _ in range(400)]
+    np.random.set_state(state)
+    weights = np.array([wide.pdf(x) / transition.pdf(x) for x in drawn])
+    assert weights.max() <= 5.0 + 1e-9
+    grid = np.array([list(x.values()) for x in drawn])
+    assert weights @ grid / weights.sum() == pytest.approx(np.zeros(16), abs=0.5)
+    assert np.mean(weights) == pytest.approx(1.0, rel=0.3), "both are densities of one"
+
+
+def test_a_prior_draws_what_its_density_says():
+    truncated = Normals(
+        ("a", "b"), np.array([0.2, 5.0]), np.array([1.0, 2.0]), np.array([0.0, 4.0]), np.array([np.inf, 6.0])
+    )
+    expected = [stats.truncnorm(-0.2, np.inf, 0.2, 1.0), stats.truncnorm(-0.5, 0.5, 5.0, 2.0)]
+    share = np.random.default_rng(1).random((2000, 2))
+    drawn = truncated.quantiles(share)
+    for column, law in zip(drawn.T, expected, strict=True):
+        assert stats.kstest(column, law.cdf).pvalue > 0.01
+    point = pyabc.Parameter(a=0.7, b=4.5)
+    assert truncated.pdf(point) == pytest.approx(expected[0].pdf(0.7) * expected[1].pdf(4.5))
+    assert truncated.pdf(pyabc.Parameter(a=-0.1, b=4.5)) == 0.0
