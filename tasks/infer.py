@@ -152,7 +152,7 @@ def _inference(
                 "a larger epsilon, or another prior",
             )
         weights = getattr(distance, "scale_weights", None) or {}
-        told = {str(t): np.asarray(w).tolist() for t, w in weights.items() if t >= 0} if not relative else {}
+        told = {str(t): np.asarray(w).tolist() for t, w in weights.items() if 0 <= t <= history.max_t}
         particles = _particles(history, prior.names)
         history.done()  # the connection belongs to this thread
         return _Inferred(particles, sampler.generations, told)

@@ -131,7 +131,7 @@ def test_pyabcs_adaptive_distance_works_and_is_kept(study, tmp_path):
     sinew("run", study, "--out", out, "--quiet")
     first = json.loads((out / "infer.json").read_text())
     weights = first["sites"]["distal"]["distance_weights"]
-    assert len(weights) == 3
+    assert set(weights) == {"0", "1", "2"}
     assert weights["0"] != weights["2"], "it adapts"
     (out / "infer.json").unlink()
     sinew("run", study, "--out", out, "--quiet")
