@@ -38,8 +38,8 @@ def evaluated(notes) -> list[str]:
 
 def test_planned_ends_cost_no_row_and_repeat_none(tmp_path):
     notes = tmp_path / "notes"
-    parameters = some(60)
-    with workers_with(7.0, 12.0, None) as client, Store.writing(tmp_path, "study") as store:
+    parameters = some(90)
+    with workers_with(13.0, 18.0, None) as client, Store.writing(tmp_path, "study") as store:
         table = store.table(table_spec())
         rows = table.plan(parameters)
         seen = []
