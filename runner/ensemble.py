@@ -36,7 +36,7 @@ from runner.store import PENDING, STATUSES, Array, Segment, Table, is_whole
 
 RECOUNT_S = 2.0
 BATCHES_PER_S = 125  # what a scheduler does with a fifth of its time
-ONE_AHEAD_S = 4.0  # a worker gets its next batch early, unless batches take longer than this
+ONE_AHEAD_S = 1.0  # a worker gets its next batch early, unless batches take longer than this
 STOPPING_S = 10.0  # to close the cluster in, before the deadline of the process that leads it
 TRIES_APART = 3
 SEGMENTS_KEPT = 256  # of a table whose rows come one after the other, before they are folded into their chunk
