@@ -162,6 +162,13 @@ def bayesian(
     return Search(np.array(points).reshape(-1, size), np.array(totals))
 
 
+def informative(totals: Array, count: int) -> Array:
+    """Of points with ``totals`` ``[n]``, the best half of ``count``, and others spread evenly over the rest."""
+    order = np.argsort(totals, kind="stable")
+    best, rest = order[: count // 2], order[count // 2 :]
+    return np.concatenate([best, rest[np.linspace(0, rest.size - 1, min(rest.size, count - count // 2)).astype(int)]])
+
+
 def _logarithms(totals: Array) -> Array:
     """Failures count as the worst that was seen: the process learns to keep away."""
     finite = np.isfinite(totals)

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from runner.ensemble import Desk, Talk
-from tasks.bayesian import Search
+from tasks.bayesian import Search, informative
 from tasks.correlations import correlations, sites_table
 from tasks.evaluate import SpecimenEvaluation
 from tasks.fits import (
@@ -157,10 +157,7 @@ def _seeds(workspace: Workspace, table: Any, known: int, count: int) -> Search:
     if rows.size == 0 or count == 0:
         return Search(np.empty((0, size)), np.empty(0))
     totals = table.read("objective", rows).sum(axis=1)
-    order = np.argsort(totals, kind="stable")
-    rest = order[count // 2 :]
-    others = rest[np.linspace(0, rest.size - 1, min(rest.size, count - count // 2)).astype(int)] if rest.size else rest
-    chosen = np.concatenate([order[: count // 2], others])
+    chosen = informative(totals, count)
     points = to_unit(workspace.model, table.parameters(rows[chosen]))
     inside = ((points >= 0.0) & (points <= 1.0)).all(axis=1)
     return Search(points[inside], totals[chosen][inside])

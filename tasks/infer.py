@@ -71,11 +71,16 @@ def infer(workspace: Workspace) -> dict[str, Any]:
     return result
 
 
+def site_of(specimen: Specimen) -> str:
+    """What a specimen's site is called in results."""
+    return (specimen.site or "all").replace("/", "_")
+
+
 def by_site(specimens: tuple[Specimen, ...]) -> dict[str, tuple[Specimen, ...]]:
     """Specimens by site; those without one are ``all``."""
     sites: dict[str, list[Specimen]] = {}
     for specimen in specimens:
-        sites.setdefault((specimen.site or "all").replace("/", "_"), []).append(specimen)
+        sites.setdefault(site_of(specimen), []).append(specimen)
     return {site: tuple(members) for site, members in sites.items()}
 
 
@@ -225,7 +230,7 @@ def _arviz() -> Any:
 
 
 def _told(workspace: Workspace, members: tuple[Specimen, ...], prior: Normals, found: _Inferred) -> dict[str, Any]:
-    site = (members[0].site or "all").replace("/", "_")
+    site = site_of(members[0])
     workspace.store.write_result(f"infer/{site}", found.particles)
     sample = draws(found.particles, DRAWS, (workspace.seed, 6))
     units = {parameter.name: parameter.unit for parameter in workspace.model.free}

@@ -31,7 +31,7 @@ from scipy.stats import t as student
 
 from runner.ensemble import Desk, Talk, failures
 from tasks.evaluate import SpecimenEvaluation, kept_points
-from tasks.infer import by_site, draws
+from tasks.infer import by_site, draws, site_of
 from tasks.model import Specimen
 from tasks.noise import noise_of
 from tasks.problems import BadInput
@@ -163,7 +163,7 @@ def _rows(
 ) -> _Rows:
     found = [posterior["parameters"][name] for name in names]
     three = np.array([[each["mean"], *each["hdi"]] for each in found], dtype=float).T
-    particles = workspace.store.read_result(f"infer/{(specimen.site or 'all').replace('/', '_')}")
+    particles = workspace.store.read_result(f"infer/{site_of(specimen)}")
     drawn = draws(particles.sel(parameter=list(names)), DRAWS, seed)
     others = [one.name for one in specimens if one.name != specimen.name]
     missing = [name for name in others if name not in calibration["specimens"]]

@@ -17,7 +17,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 from scipy.stats import qmc
 
-from tasks.bayesian import fitted
+from tasks.bayesian import fitted, informative
 from tasks.correlations import correlations
 from tasks.model import Parameter
 from tasks.report.figures import COLOURS, STYLE, save, symbol
@@ -221,11 +221,7 @@ class Learned:
 def learned(samples: Samples) -> Learned:
     """The surrogate of the Bayesian search, fitted again to what it saw: its best points and, of many, some others."""
     alive = np.flatnonzero(samples.alive)
-    order = alive[np.argsort(samples.totals[alive], kind="stable")]
-    half = LEARNED // 2
-    rest = order[half:]
-    others = rest[np.linspace(0, rest.size - 1, min(rest.size, half)).astype(int)] if rest.size else rest
-    chosen = np.concatenate([order[:half], others])
+    chosen = alive[informative(samples.totals[alive], LEARNED)]
     low, high = _bounds(samples.parameters)
     points = (samples.points[chosen] - low) / (high - low)
     process, _ = fitted(points, np.log(np.maximum(samples.totals[chosen], 1e-12)), None)
