@@ -283,8 +283,12 @@ def test_a_leading_job_whose_walltime_is_too_short(tmp_path, slurm_cluster, bed)
 
 def test_workers_that_come_just_before_the_leading_job_must_stop(tmp_path, slurm_cluster, bed):
     """They are not to blame for a walltime in which nothing finished: it waits in the queue again."""
-    slurm_cluster.run("sbatch", "-p", "urgent", "-N", "3", "--exclusive", "--output=/dev/null", "--wrap", "sleep 42")
+    occupy = ["-p", "urgent", "-N", "3", "--exclusive", "--output=/dev/null", "--parsable", "--wrap", "sleep 600"]
+    occupied = slurm_cluster.run("sbatch", *occupy).strip()
     out = submit(prepare(tmp_path, profile_with(leads="1:00", jobs=2), seconds=25, base_samples=2))
+    until(lambda: lives_of(out, leader(out))[1:] == ["started"], "the start of the first life")
+    time.sleep(35)  # of the 50 seconds before it must stop
+    slurm_cluster.run("scancel", occupied)
     until(lambda: len(lives_of(out, leader(out))) > 2, "the end of the first life")
     assert lives_of(out, leader(out))[:3] == ["submitted", "started", "its walltime was near"], said_by_leader(out)
     until(lambda: slurm.queue()[leader(out)].state == "PENDING", "its place in the queue")
