@@ -35,8 +35,8 @@ from runner.progress import Report
 from runner.store import PENDING, STATUSES, Array, Segment, Table, is_whole
 
 RECOUNT_S = 2.0
-BATCHES_PER_S = 125  # what a scheduler does with a fifth of its time
-ONE_AHEAD_S = 1.0  # a worker gets its next batch early, unless batches take longer than this
+BATCHES_PER_S = 30  # what a scheduler does with a fifth of its time
+ONE_AHEAD_S = 5.0  # a worker gets its next batch early, unless batches take longer than this
 STOPPING_S = 10.0  # to close the cluster in, before the deadline of the process that leads it
 TRIES_APART = 3
 SEGMENTS_KEPT = 256  # of a table whose rows come one after the other, before they are folded into their chunk
@@ -495,10 +495,11 @@ class _Run:
         completed = as_completed(loop=client.loop)
         self.bell = completed.thread_condition  # rings for what is finished and for what is asked
 
-        def submit(source: _Source, batch: Batch) -> None:
-            future = client.submit(run_in_time, batch, pure=False)
-            running[future] = source, batch
-            completed.add(future)
+        def submit(batches: list[tuple[_Source, Batch]]) -> None:
+            """All in one message: most of its cost does not depend on how many there are."""
+            futures = client.map(run_in_time, [batch for _, batch in batches], pure=False)
+            running.update(zip(futures, batches, strict=True))
+            completed.update(futures)
 
         def compute(message: _Message) -> None:
             assert message.computation is not None
@@ -509,16 +510,20 @@ class _Run:
 
         slots, counted = 1, -math.inf
         ending = False
+        batches: list[tuple[_Source, Batch]]
         try:
             while running or computing or ((self.left or self._talking) and not ending):
                 self._listen(compute)
                 if time.monotonic() - counted > RECOUNT_S:  # workers come and go
                     slots, counted = max(1, sum(client.nthreads().values())), time.monotonic()
-                while not ending and len(running) < self._window(slots) and self.left:
+                batches = []
+                while not ending and len(running) + len(batches) < slots * self._ahead() and self.left:
                     source, batch = self._next_batch(slots)
                     if ending := not self._in_time(batch):
                         break
-                    submit(source, batch)
+                    batches.append((source, batch))
+                if batches:
+                    submit(batches)
                 while not completed.has_ready() and (running or computing or (self._talking and not ending)):
                     if not self.inbox.empty() and not ending:
                         break
@@ -528,10 +533,12 @@ class _Run:
                     with completed.thread_condition:
                         if self.inbox.empty() or ending:
                             completed.thread_condition.wait(0.2)
-                if completed.has_ready():
+                while completed.has_ready():
                     future = next(completed)
                     if future in running:
-                        self._collect(future, *running.pop(future), submit)
+                        batches = self._collect(future, *running.pop(future))
+                        if batches:
+                            submit(batches)
                     else:
                         _hand_back(future, computing.pop(future))
                     future.release()
@@ -572,14 +579,14 @@ class _Run:
                 f"{told['needed_s'] / self.policy.multiple:.0f} s; ask for more time, finished rows are kept"
             )
 
-    def _window(self, slots: int) -> int:
-        """How many batches may be with the workers: what waits on a worker cannot go to one that becomes free."""
+    def _ahead(self) -> int:
+        """How many batches a worker may have: what waits on one cannot go to another that becomes free."""
         short = all(not source.slowest or source.expected_s(source.largest) < ONE_AHEAD_S for source in self.sources)
-        return slots * self.policy.batches_per_worker if short else slots
+        return self.policy.batches_per_worker if short else 1
 
     def _in_time(self, batch: Batch) -> bool:
-        """Whether a batch would end before this process must."""
-        return drain.seconds_left() > batch.expected_s + STOPPING_S
+        """Whether a batch would end before this process must, even if it has to wait for the one before it."""
+        return drain.seconds_left() > self._ahead() * batch.expected_s + STOPPING_S
 
     def _walltime(self) -> WalltimeReached:
         done = f"{self.done:,} of {'at most ' if self.conversations else ''}{self.total:,}"
@@ -596,16 +603,18 @@ class _Run:
         self.turn += 1
         return source, source.take(source.batch_size(slots, self.policy.batch_s, self.left), self.policy.retries)
 
-    def _collect(self, future: Any, source: _Source, batch: Batch, submit: Callable[[_Source, Batch], None]) -> None:
+    def _collect(self, future: Any, source: _Source, batch: Batch) -> list[tuple[_Source, Batch]]:
+        """Take note of a finished batch; returns what must be tried again because workers died of it, or with it."""
         try:
             self._note(source, batch, future.result())
         except KilledWorker:
             if is_whole(batch.segment):
                 self._note(source, batch, Done(None, 0))
             elif batch.apart < TRIES_APART:
-                for row in batch.rows_apart():
+                apart = batch.rows_apart()
+                for row in apart:
                     row.expected_s = source.expected_s(1)
-                    submit(source, row)
+                return [(source, row) for row in apart]
             elif source.open:
                 raise ClusterError(
                     f"row {batch.rows[0]} has no outcome: every worker that took it was killed, though the row did not "
@@ -618,6 +627,7 @@ class _Run:
             raise ClusterError(lost) from error
         except OSError as error:
             raise _named(error, batch) from error
+        return []
 
     def _note(self, source: _Source, batch: Batch, done: Done) -> None:
         source.note(batch, done)
