@@ -10,22 +10,24 @@ import csv
 import io
 import logging
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pyabc
 import xarray as xr
+from pyabc.sampler import Sampler
 
 from runner.ensemble import Desk, Talk
-from tasks.model import Specimen
+from tasks.model import Model, Specimen
 from tasks.observations import SiteEvaluation, observed, root_mean_square
 from tasks.priors import Normals, calibrated
 from tasks.problems import BadInput
 from tasks.sampler import Generation, StoredModel, StoreSampler
 from tasks.simulate import Array
+from tasks.stock_sampler import DirectModel, SimulationFailed, stock_sampler
 from tasks.study import InferSettings
 from tasks.transitions import DefensiveNormal
 from tasks.workspace import Workspace, digest, read_result, write_json, write_text
@@ -51,14 +53,11 @@ def infer(workspace: Workspace) -> dict[str, Any]:
     previous = read_result(workspace.out / "infer.json")
     if previous is not None and previous.get("inputs") == inputs:
         return previous
-    talks = []
-    for number, (site, evaluation) in enumerate(evaluations.items()):
-        table, _ = workspace.plan(evaluation, np.empty((0, len(workspace.model.names))))
-        database = workspace.out / "infer" / f"{site}.db"
-        work = _inference(workspace, evaluation, priors[site], (workspace.seed, 5, number), database)
-        talks.append(Talk([(table, evaluation)], settings.generations * settings.population * 10, work))
-    done = dict(zip(sites, workspace.converse(talks, "infer"), strict=True))
+    problems = [_Problem(workspace, site, evaluations[site], priors[site]) for site in sites]
+    infer_all = _on_the_store if settings.sampler == "store" else _by_the_stock_sampler
+    done = dict(zip(sites, infer_all(workspace, problems), strict=True))
     result: dict[str, Any] = {
+        "sampler": settings.sampler,
         "names": [parameter.name for parameter in workspace.model.free],
         "units": [parameter.unit for parameter in workspace.model.free],
         "population": settings.population,
@@ -115,54 +114,99 @@ class _Inferred:
     weights: dict[str, list[float]]  # of an adaptive distance, by generation
 
 
-def _inference(
-    workspace: Workspace, evaluation: SiteEvaluation, prior: Normals, seed: tuple[int, ...], database: Path
-) -> Callable[[Desk], _Inferred]:
-    settings = workspace.study.infer
+class _Problem:
+    """The inference of one site: distance, prior and data for pyABC, whoever samples."""
 
-    def row(values: Array) -> Array:
-        full: Array = workspace.model.full(prior.names, values[np.newaxis])[0]
-        return full
+    def __init__(self, workspace: Workspace, site: str, evaluation: SiteEvaluation, prior: Normals) -> None:
+        self.study = workspace.study
+        self.evaluation = evaluation
+        self.prior = prior
+        self.row = partial(_row, workspace.model, prior.names)
+        self.distance, self.describe, self.data = _distance(self.study.infer, evaluation)
+        self.database = workspace.out / "infer" / f"{site}.db"
 
-    def work(desk: Desk) -> _Inferred:
-        distance, describe, data = _distance(settings, evaluation)
-        model = StoredModel(evaluation.title, prior.names, row=row, describe=describe)
-        sampler = StoreSampler(desk, seed, settings.pending)
+    def run(self, model: pyabc.Model, sampler: Sampler) -> tuple[xr.Dataset, dict[str, list[float]]] | None:
+        """The particles of all generations, and the weights of the distance; None when not even the first is full."""
+        settings = self.study.infer
         relative = settings.distance == "relative"
         abc = pyabc.ABCSMC(
             model,
-            prior,
-            distance,
-            transitions=DefensiveNormal(prior),
+            self.prior,
+            self.distance,
+            transitions=DefensiveNormal(self.prior),
             population_size=settings.population,
             eps=pyabc.QuantileEpsilon(
                 initial_epsilon=settings.epsilon if relative else "from_sample", alpha=settings.quantile
             ),
             sampler=sampler,
         )
-        database.parent.mkdir(exist_ok=True)
-        database.unlink(missing_ok=True)  # of a run that was interrupted: all of it comes again, out of the store
-        abc.new(f"sqlite:///{database}", data)
+        self.database.parent.mkdir(exist_ok=True)
+        self.database.unlink(missing_ok=True)  # of a run that was interrupted: all of it comes again
+        abc.new(f"sqlite:///{self.database}", self.data)
         history = abc.run(
             minimum_epsilon=settings.smallest_epsilon,
             max_nr_populations=settings.generations,
             min_acceptance_rate=settings.smallest_acceptance,
         )
-        if history.n_populations == 0:
-            last = sampler.generations[-1]
-            raise BadInput(
-                f"{workspace.study.path}: infer.epsilon",
-                f"of {last.judged:,} draws for {evaluation.title} {last.accepted} came within {settings.epsilon:g}, "
-                f"the closest was at {last.closest:.3g}, {last.failed} failed",
-                "a larger epsilon, or another prior",
-            )
-        weights = getattr(distance, "scale_weights", None) or {}
-        told = {str(t): np.asarray(w).tolist() for t, w in weights.items() if 0 <= t <= history.max_t}
-        particles = _particles(history, prior.names)
-        history.done()  # the connection belongs to this thread
-        return _Inferred(particles, sampler.generations, told)
+        try:
+            if history.n_populations == 0:
+                return None
+            weights = getattr(self.distance, "scale_weights", None) or {}
+            told = {str(t): np.asarray(w).tolist() for t, w in weights.items() if 0 <= t <= history.max_t}
+            return _particles(history, self.prior.names), told
+        finally:
+            history.done()  # the connection belongs to this thread
 
-    return work
+
+def _row(model: Model, names: tuple[str, ...], values: Array) -> Array:
+    full: Array = model.full(names, values[np.newaxis])[0]
+    return full
+
+
+def _on_the_store(workspace: Workspace, problems: Sequence[_Problem]) -> list[_Inferred]:
+    """All sites at once."""
+    settings = workspace.study.infer
+    talks = []
+    for number, problem in enumerate(problems):
+        table, _ = workspace.plan(problem.evaluation, np.empty((0, len(workspace.model.names))))
+        work = partial(_talk, problem, (workspace.seed, 5, number))
+        talks.append(Talk([(table, problem.evaluation)], settings.generations * settings.population * 10, work))
+    return workspace.converse(talks, "infer")
+
+
+def _talk(problem: _Problem, seed: tuple[int, ...], desk: Desk) -> _Inferred:
+    settings = problem.study.infer
+    sampler = StoreSampler(desk, seed, settings.pending)
+    title = problem.evaluation.title
+    found = problem.run(StoredModel(title, problem.prior.names, row=problem.row, describe=problem.describe), sampler)
+    if found is None:
+        last = sampler.generations[-1]
+        raise BadInput(
+            f"{problem.study.path}: infer.epsilon",
+            f"of {last.judged:,} draws for {title} {last.accepted} came within {settings.epsilon:g}, "
+            f"the closest was at {last.closest:.3g}, {last.failed} failed",
+            "a larger epsilon, or another prior",
+        )
+    return _Inferred(found[0], sampler.generations, found[1])
+
+
+def _by_the_stock_sampler(workspace: Workspace, problems: Sequence[_Problem]) -> list[_Inferred]:
+    """One site after the other: pyABC's sampler mixes up what runs on one scheduler at the same time."""
+    done = []
+    for problem in problems:
+        model = DirectModel(
+            problem.evaluation.title, problem.prior.names, problem.evaluation, problem.row, problem.describe
+        )
+        sampler = stock_sampler(workspace.client())
+        try:
+            found = problem.run(model, sampler)
+        except SimulationFailed as failed:
+            raise BadInput(
+                f"{workspace.study.path}: infer.sampler", f"a simulation failed ({failed}), and dask ends", "store"
+            ) from None
+        assert found is not None, "it draws until a generation is full"
+        done.append(_Inferred(found[0], sampler.generations, found[1]))
+    return done
 
 
 def _distance(

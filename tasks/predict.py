@@ -5,7 +5,7 @@ points:
 
 - ``hdi``: from the lowest to the highest of three simulations, at the posterior mean and at the low and at the high
   bounds of the highest density intervals of all parameters (Pekedis 2025, first case);
-- ``draws``: pointwise 95 % of simulations with draws from the posterior (second case);
+- ``draws``: pointwise 95 % of 40 simulations with draws from the posterior (second case; both numbers are settings);
 - ``new``: for a specimen that was not measured yet.
 
 The first two are the paper's, and neither is about a single tendon. One parameter set for all specimens of a site is
@@ -39,8 +39,6 @@ from tasks.simulate import Array
 from tasks.simulate.uniaxial import Uniaxial
 from tasks.workspace import Workspace, digest, read_result, write_json
 
-DRAWS = 40
-PROBABILITY = 0.95
 FEWEST = 4  # specimens of a site, for the band of a new one: of two others nothing is known of the spread
 BENDS = 0.2  # of the largest force: where asinh turns from a line to a logarithm
 BANDS = ("hdi", "draws", "new")
@@ -85,6 +83,7 @@ def predict(workspace: Workspace) -> dict[str, Any]:
 
     Returns ``predict.json``. Raises :class:`BadInput` when there is no inference, or when it was of another model.
     """
+    settings = workspace.study.predict
     inferred, calibration = (_needed(workspace, task) for task in ("infer", "calibrate"))
     names = tuple(parameter.name for parameter in workspace.model.free)
     if tuple(inferred["names"]) != names:
@@ -104,7 +103,8 @@ def predict(workspace: Workspace) -> dict[str, Any]:
     tables = [workspace.plan(evaluation, each) for evaluation, each in zip(evaluations, rows, strict=True)]
     _evaluate(workspace, evaluations, tables)
     inputs = digest(
-        [DRAWS, PROBABILITY, FEWEST, BENDS],
+        settings.model_dump(),
+        [FEWEST, BENDS],
         {site: [one.name for one in specimens] for site, specimens in sites.items()},
         [table.key for table, _ in tables],
         *rows,
@@ -114,8 +114,8 @@ def predict(workspace: Workspace) -> dict[str, Any]:
     if previous is not None and previous.get("inputs") == inputs and "predict" in workspace.store.root:
         return previous
     result: dict[str, Any] = {
-        "probability": PROBABILITY,
-        "draws": DRAWS,
+        "probability": settings.probability,
+        "draws": settings.draws,
         "rows": sum(len(each) for each in rows),
         "failed": sum(int((table.status[at] > 0).sum()) for table, at in tables),
         "sites": {},
@@ -164,7 +164,7 @@ def _rows(
     found = [posterior["parameters"][name] for name in names]
     three = np.array([[each["mean"], *each["hdi"]] for each in found], dtype=float).T
     particles = workspace.store.read_result(f"infer/{site_of(specimen)}")
-    drawn = draws(particles.sel(parameter=list(names)), DRAWS, seed)
+    drawn = draws(particles.sel(parameter=list(names)), workspace.study.predict.draws, seed)
     others = [one.name for one in specimens if one.name != specimen.name]
     missing = [name for name in others if name not in calibration["specimens"]]
     if missing:
@@ -219,7 +219,8 @@ def _forces(
             keep = kept_points(curve.protocol, workspace.study.store.points_per_curve)
             force = rows.split(table.read(f"force_{curve.name}", at))
             noise = noise_of_others(specimens, specimen, curve.name)
-            bands = _bands({name: force[name][ok[name]] for name in BANDS}, noise)
+            probability = workspace.study.predict.probability
+            bands = _bands({name: force[name][ok[name]] for name in BANDS}, noise, probability)
             labels = {"specimen": specimen.name, "protocol": curve.name}
             arrays = {
                 "time": curve.protocol.time_s[keep],
@@ -231,13 +232,13 @@ def _forces(
     return points
 
 
-def _bands(simulated: dict[str, Array], noise: float) -> dict[str, Band | None]:
+def _bands(simulated: dict[str, Array], noise: float, probability: float) -> dict[str, Band | None]:
     """From simulations ``[n, t]`` for each band; None where too few of them are left."""
     three, drawn, others = (simulated[name] for name in BANDS)
     return {
         "hdi": (three.min(axis=0), three.max(axis=0)) if len(three) > 1 else None,
-        "draws": pointwise(drawn) if len(drawn) > 1 else None,
-        "new": next_curve(others, noise) if len(others) >= FEWEST - 1 else None,
+        "draws": pointwise(drawn, probability) if len(drawn) > 1 else None,
+        "new": next_curve(others, noise, probability) if len(others) >= FEWEST - 1 else None,
     }
 
 
@@ -251,13 +252,13 @@ def _named_bands(bands: dict[str, Band | None], size: int, prefix: str = "") -> 
     return named
 
 
-def pointwise(curves: Array, probability: float = PROBABILITY) -> Band:
+def pointwise(curves: Array, probability: float) -> Band:
     """Bounds ``[t]`` that hold the middle ``probability`` of ``curves`` ``[n, t]`` at each point."""
     low, high = np.quantile(curves, [(1 - probability) / 2, (1 + probability) / 2], axis=0)
     return low, high
 
 
-def next_curve(curves: Array, noise: float = 0.0, probability: float = PROBABILITY) -> Band:
+def next_curve(curves: Array, noise: float, probability: float) -> Band:
     """Bounds ``[t]`` for one more of ``curves`` ``[n, t]`` that is measured with ``noise`` (standard deviation).
 
     The prediction interval of a normal sample, of asinh of the curves; the bend is at ``BENDS`` of their largest
@@ -310,7 +311,7 @@ def _stresses(workspace: Workspace, specimen: Specimen, rows: _Rows) -> tuple[_P
         arrays = {"time": curve.protocol.time_s[keep], "displacement": curve.protocol.displacement_mm[keep]}
         for constituent, stress in (("matrix", done.matrix_MPa), ("fibre", done.fibre_MPa)):
             each = rows.split(stress[:, keep])
-            bands = _bands({name: each[name][ok[name]] for name in BANDS}, 0.0)
+            bands = _bands({name: each[name][ok[name]] for name in BANDS}, 0.0, workspace.study.predict.probability)
             arrays |= _named_bands(bands, keep.size, f"{constituent}_")
         points.add(keep.size, {"specimen": specimen.name, "protocol": curve.name}, arrays)
     return points, None

@@ -26,12 +26,9 @@ from sklearn.model_selection import StratifiedKFold
 
 from tasks.problems import BadInput
 from tasks.simulate import Array
+from tasks.study import CompareSettings
 from tasks.workspace import Workspace, digest, read_result, write_json
 
-CONFIDENCE = 0.95
-FOLDS = 5
-REPEATS = 5  # of the cross-validation, over other folds
-PERMUTATIONS = 200
 GRID = 201
 FEW = 10  # effective particles: with fewer, the heaviest decide, and their scatter is not seen in the sample
 NOTE = (
@@ -89,6 +86,7 @@ def compare(workspace: Workspace) -> dict[str, Any]:
     Raises :class:`BadInput` when there is no inference, when it has one site only, or a site of fewer than four
     particles. Where a few of them have most of the weight, intervals are wide.
     """
+    settings = workspace.study.compare
     path = workspace.out / "infer.json"
     inferred = read_result(path)
     if inferred is None:
@@ -99,7 +97,8 @@ def compare(workspace: Workspace) -> dict[str, Any]:
     sites = {site: _last_particles(workspace, site, names) for site in inferred["sites"]}
     inputs = digest(
         workspace.seed,
-        [CONFIDENCE, FOLDS, REPEATS, PERMUTATIONS, GRID, FEW],
+        settings.model_dump(),
+        [GRID, FEW],
         names,
         list(sites),
         *(part for particles in sites.values() for part in (particles.values, particles.weights)),
@@ -114,7 +113,7 @@ def compare(workspace: Workspace) -> dict[str, Any]:
     along = {site: component.of(particles.values) for site, particles in sites.items()}
     result: dict[str, Any] = {
         "names": names,
-        "confidence": CONFIDENCE,
+        "confidence": settings.confidence,
         "component": {
             "explained_variance": component.explained,
             "loadings": dict(zip(names, component.loadings, strict=True)),
@@ -126,7 +125,7 @@ def compare(workspace: Workspace) -> dict[str, Any]:
             for site, particles in sites.items()
         },
         "pairs": [
-            _pair(component, along, sites, pair, (workspace.seed, 8, number))
+            _pair(component, along, sites, pair, (workspace.seed, 8, number), settings)
             for number, pair in enumerate(combinations(sites, 2))
         ],
         "densities": densities(along, sites),
@@ -150,9 +149,10 @@ def _pair(
     sites: Mapping[str, Particles],
     pair: tuple[str, str],
     seed: tuple[int, ...],
+    settings: CompareSettings,
 ) -> dict[str, Any]:
     first, second = pair
-    found = area(along[first], along[second], sites[first].weights, sites[second].weights)
+    found = area(along[first], along[second], sites[first].weights, sites[second].weights, settings.confidence)
     values = np.concatenate([along[first], along[second]])
     weights = np.concatenate([sites[first].weights, sites[second].weights])
     labels = np.repeat([0, 1], [along[first].size, along[second].size])
@@ -163,7 +163,7 @@ def _pair(
         "auc": found.auc,
         "interval": found.interval,
         "roc": {"false_positive": false_positive, "true_positive": true_positive},
-        "all_parameters": separability(scaled[first], scaled[second], seed, PERMUTATIONS),
+        "all_parameters": separability(scaled[first], scaled[second], seed, settings),
     }
 
 
@@ -186,7 +186,7 @@ def first_component(groups: list[Particles]) -> Component:
     return Component(mean, sd, loadings, float(variances[-1]) / total if total > 0 else 0.0)
 
 
-def area(x: Array, y: Array, x_weights: Array, y_weights: Array, confidence: float = CONFIDENCE) -> Area:
+def area(x: Array, y: Array, x_weights: Array, y_weights: Array, confidence: float = 0.95) -> Area:
     """How often a draw from ``y`` is above one from ``x``; below 0.5, ``y`` is the lower one.
 
     ``x`` ``[n]`` and ``y`` ``[m]`` have weights whose sums are 1. The interval is that of :func:`interval`.
@@ -256,13 +256,15 @@ def _newcombe(auc: float, effective: tuple[float, float], z: float) -> tuple[flo
     return low, high
 
 
-def separability(first: Particles, second: Particles, seed: tuple[int, ...], permutations: int) -> dict[str, Any]:
+def separability(
+    first: Particles, second: Particles, seed: tuple[int, ...], settings: CompareSettings
+) -> dict[str, Any]:
     """How well a linear classifier of all parameters tells particles that it has not seen.
 
-    Linear discriminant analysis, ``FOLDS`` folds, ``REPEATS`` times over. DeLong's variance leaves out that another
+    Linear discriminant analysis, ``folds``, ``repeats`` times over. DeLong's variance leaves out that another
     sample would have trained another classifier: without a difference, its intervals miss 0.5 in 15 of 100 cases.
     What is left out is seen when the sites' names are shuffled: ``p_value`` and ``without_difference`` (the range
-    that holds ``CONFIDENCE`` of the areas then) come from there, and the interval is never shorter than their scatter.
+    that holds ``confidence`` of the areas then) come from there, and the interval is never shorter than their scatter.
     With fewer than ``FEW`` effective particles both are None: that clouds of particles differ is no news, they were
     proposed in different places; it is their weights that make posteriors of them.
     """
@@ -270,31 +272,31 @@ def separability(first: Particles, second: Particles, seed: tuple[int, ...], per
     weights = np.concatenate([first.weights, second.weights])
     weights = np.maximum(weights, 1e-9 * weights.max())  # one particle may have it all, and be in one fold only
     is_second = np.repeat([False, True], [first.weights.size, second.weights.size])
-    folds = min(FOLDS, first.weights.size, second.weights.size)
+    folds = min(settings.folds, first.weights.size, second.weights.size)
     rng = np.random.default_rng(seed)
     placed = np.zeros(weights.size)
-    for _ in range(REPEATS):
-        placed += _placed_unseen(values, weights, is_second, folds, rng) / REPEATS
+    for _ in range(settings.repeats):
+        placed += _placed_unseen(values, weights, is_second, folds, rng) / settings.repeats
     parts = [weights[~is_second] / weights[~is_second].sum(), weights[is_second] / weights[is_second].sum()]
     auc = min(max(float(parts[0] @ placed[~is_second] + parts[1] @ placed[is_second]) / 2, 0.0), 1.0)
-    shuffled = np.empty(permutations)
-    for k in range(permutations):
+    shuffled = np.empty(settings.permutations)
+    for k in range(settings.permutations):
         names = rng.permutation(is_second)
         each = _placed_unseen(values, weights, names, folds, rng)
         halves = (each[side] @ weights[side] / weights[side].sum() for side in (~names, names))
         shuffled[k] = sum(halves) / 2
     scatter = float(np.mean((shuffled - 0.5) ** 2)) * 4 * auc * (1 - auc)  # it narrows where areas are near 0 or 1
     variance = max(_variance(placed[~is_second], parts[0]) + _variance(placed[is_second], parts[1]), scatter)
-    tail = (1 - CONFIDENCE) / 2
+    tail = (1 - settings.confidence) / 2
     few = min(first.effective, second.effective) < FEW
     return {
         "auc": auc,
-        "interval": interval(auc, variance, (first.effective, second.effective), CONFIDENCE),
+        "interval": interval(auc, variance, (first.effective, second.effective), settings.confidence),
         "without_difference": None if few else np.quantile(shuffled, [tail, 1 - tail]),
-        "p_value": None if few else float((1 + np.sum(shuffled >= auc)) / (1 + permutations)),
+        "p_value": None if few else float((1 + np.sum(shuffled >= auc)) / (1 + settings.permutations)),
         "folds": folds,
-        "repeats": REPEATS,
-        "permutations": permutations,
+        "repeats": settings.repeats,
+        "permutations": settings.permutations,
     }
 
 

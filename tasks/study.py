@@ -198,7 +198,8 @@ class InferSettings(Section):
     below ``smallest_epsilon`` or fewer than ``smallest_acceptance`` of the proposals are accepted. Priors are normal:
     mean of the site's calibrated specimens and ``widening`` times their standard deviation. Of protocols in
     ``single_cycle`` the first load and unload is looked at. ``distance``: ``relative``, or pyABC's ``adaptive`` one
-    (whose first threshold comes from a sample of the prior). ``pending``: proposals under way at the most.
+    (whose first threshold comes from a sample of the prior). ``pending``: proposals under way at the most. ``sampler``:
+    ``store``, or for comparison pyABC's own on ``dask``, which stores no rows and cannot go on after an interruption.
     """
 
     specimens: Specimens = "all"
@@ -212,7 +213,27 @@ class InferSettings(Section):
     smallest_acceptance: Annotated[float, Field(gt=0, le=1)] = 0.005
     widening: Positive = 2.0
     distance: Literal["relative", "adaptive"] = "relative"
+    sampler: Literal["store", "dask"] = "store"
     pending: Annotated[int, Field(ge=1, le=100_000)] = 64
+
+
+class PredictSettings(Section):
+    """Bands that hold ``probability`` of ``draws`` from the posterior, and of specimens that are still to come."""
+
+    draws: Annotated[int, Field(ge=2, le=10_000)] = 40
+    probability: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
+
+
+class CompareSettings(Section):
+    """``confidence`` of all intervals; the classifier of all parameters is judged by cross-validation.
+
+    That has ``folds``, is repeated ``repeats`` times over other ones, and set against ``permutations`` of the sites.
+    """
+
+    confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
+    folds: Annotated[int, Field(ge=2, le=100)] = 5
+    repeats: Annotated[int, Field(ge=1, le=1000)] = 5
+    permutations: Annotated[int, Field(ge=20, le=100_000)] = 200
 
 
 class StoreSettings(Section):
@@ -239,6 +260,8 @@ class Study(Section):
     importance: ImportanceSettings = ImportanceSettings()
     calibrate: CalibrateSettings = CalibrateSettings()
     infer: InferSettings = InferSettings()
+    predict: PredictSettings = PredictSettings()
+    compare: CompareSettings = CompareSettings()
 
     _path: Path = PrivateAttr(default=Path())
 

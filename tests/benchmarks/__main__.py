@@ -1,12 +1,12 @@
 """Benchmarks: ratios measured in one run, medians of several rounds. `make benchmarks`, or name some:
 
-python -m tests.benchmarks kernel study memory febio resume scale
+python -m tests.benchmarks kernel study memory febio resume scale calibration sampler
 """
 
 import platform
 import sys
 
-from tests.benchmarks import febio, kernel, memory, resume, scale, study
+from tests.benchmarks import calibration, febio, kernel, memory, resume, sampler, scale, study
 
 ALL = {
     "kernel": kernel.main,
@@ -15,6 +15,8 @@ ALL = {
     "febio": febio.main,
     "resume": resume.main,
     "scale": scale.main,
+    "calibration": calibration.main,
+    "sampler": sampler.main,
 }
 
 

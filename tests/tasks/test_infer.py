@@ -83,6 +83,17 @@ def test_the_tail_of_the_pipeline_runs_and_its_results_open(study, tmp_path, cap
     assert new_simulations(out)[-1] == 0, "its rows are in the store"
     assert (out / "infer.json").read_bytes() == first
 
+    study.write_text(STUDY.replace("population: 12, generations: 3", "sampler: dask, population: 6, generations: 2"))
+    sinew("infer", study, "--out", out, "--quiet")
+    assert new_simulations(out)[-1] == 0, "pyABC's own sampler stores no rows"
+    theirs = json.loads((out / "infer.json").read_text())
+    assert (result["sampler"], theirs["sampler"]) == ("store", "dask")
+    for site, found in theirs["sites"].items():
+        assert [generation["accepted"] for generation in found["generations"]] == [6, 6]
+        assert all(g["judged"] <= g["asked"] for g in found["generations"])
+        mean, known = found["parameters"]["E_f"]["mean"], result["sites"][site]["parameters"]["E_f"]
+        assert mean == pytest.approx(known["prior_mean"], abs=3 * known["prior_sd"])
+
 
 def test_killed_in_mid_generation_it_ends_with_the_same_bytes(study, tmp_path):
     study.write_text(STUDY.replace(", predict, compare", ""))
@@ -136,6 +147,30 @@ def test_pyabcs_adaptive_distance_works_and_is_kept(study, tmp_path):
     (out / "infer.json").unlink()
     sinew("run", study, "--out", out, "--quiet")
     assert json.loads((out / "infer.json").read_text()) == first
+
+
+@pytest.mark.febio
+@pytest.mark.timeout(900)
+def test_both_simulators_lead_to_the_same_posterior(study, tmp_path):
+    study.write_text(
+        STUDY.replace("evaluations: 60", "evaluations: 30")
+        + "compare: {permutations: 20}\nsimulator: {name: febio, time_steps: {hold_growth: 0.1}}\n"
+    )
+    results = []
+    for engine in ("uniaxial", "febio"):
+        out = tmp_path / engine
+        sinew("run", study, "--out", out, "--simulator", engine, "--quiet")
+        results.append({n: json.loads((out / f"{n}.json").read_text()) for n in ("calibrate", "infer", "predict")})
+    embedded, solver = results
+    for name, found in embedded["calibrate"]["specimens"].items():
+        assert solver["calibrate"]["specimens"][name]["total_N"] == pytest.approx(found["total_N"], rel=1e-3)
+    for site, found in embedded["infer"]["sites"].items():
+        for name, told in found["parameters"].items():
+            beside = solver["infer"]["sites"][site]["parameters"][name]
+            assert beside["mean"] == pytest.approx(told["mean"], abs=0.05 * told["prior_sd"]), (site, name)
+    assert solver["predict"]["coverage"]["draws"]["all"] == pytest.approx(
+        embedded["predict"]["coverage"]["draws"]["all"], abs=0.05
+    )
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.002])

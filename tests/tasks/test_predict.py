@@ -11,7 +11,7 @@ from runner.cluster import Local
 from tasks.cohort import virtual_cohort, write_cohort
 from tasks.infer import draws
 from tasks.model import Model
-from tasks.predict import DRAWS, coverage, next_curve, noise_of_others, pointwise, predict
+from tasks.predict import coverage, next_curve, noise_of_others, pointwise, predict
 from tasks.problems import BadInput
 from tasks.report import prediction
 from tasks.simulate.uniaxial import Uniaxial
@@ -63,11 +63,11 @@ def test_the_band_of_a_new_curve_is_the_textbook_one_where_asinh_is_a_line():
     curves = np.zeros((5, 2))
     curves[:, 0] = 1000.0
     curves[:, 1] = np.array([-0.2, -0.1, 0.0, 0.1, 0.2])
-    low, high = next_curve(curves)
+    low, high = next_curve(curves, 0.0, 0.95)
     reach = 2.776445 * np.std(curves[:, 1], ddof=1) * np.sqrt(1.2)
     assert (low[1], high[1]) == pytest.approx((-reach, reach), rel=1e-4)
     assert (low[0], high[0]) == pytest.approx((1000.0, 1000.0)), "curves that agree leave nothing but noise"
-    low, high = next_curve(curves, noise=2.0)
+    low, high = next_curve(curves, 2.0, 0.95)
     assert (low[0], high[0]) == pytest.approx((1000 - 3.919928, 1000 + 3.919928))
     assert high[1] == pytest.approx(np.hypot(reach, 3.919928), rel=1e-4)
 
@@ -83,13 +83,13 @@ def test_the_band_of_a_new_curve_holds_as_many_as_it_says(members, kind):
         by = rng.normal(0, 0.25, (members + 1, 1))
         curves = along * np.exp(by) if kind == "factors" else along + 150.0 * by
         measured = curves[0] + rng.normal(0, 5.0, 40)
-        low, high = next_curve(curves[1:], noise=5.0)
+        low, high = next_curve(curves[1:], 5.0, 0.95)
         held.append(np.mean((measured >= low) & (measured <= high)))
     assert 0.925 <= np.mean(held) <= 0.975
 
 
 def test_pointwise_bounds_leave_out_the_same_on_both_sides():
-    low, high = pointwise(np.arange(101.0)[:, np.newaxis] * [1.0, -2.0])
+    low, high = pointwise(np.arange(101.0)[:, np.newaxis] * [1.0, -2.0], 0.95)
     assert (low[0], high[0]) == pytest.approx((2.5, 97.5))
     assert (low[1], high[1]) == pytest.approx((-195.0, -5.0))
 
@@ -144,7 +144,7 @@ def test_a_prediction_is_simulated_once_and_drawn(tmp_path):
         rows = np.array([[truth[name]["parameters"][p] for p in MODEL.names] for name in others])
         alone = Uniaxial().simulate(MODEL, specimen, curve.protocol, rows).force_N[:, keep]
         noise = noise_of_others(workspace.cohort.specimens, specimen, "one_step")
-        for bound, known in zip(("low", "high"), next_curve(alone, noise), strict=True):
+        for bound, known in zip(("low", "high"), next_curve(alone, noise, 0.95), strict=True):
             assert mine[f"new_{bound}"].to_numpy() == pytest.approx(known), "of the others, none of its own"
 
         stress = {name: dataset[f"stress_{name}"].to_numpy() for name in ("matrix_draws_low", "fibre_draws_high")}
@@ -170,8 +170,8 @@ def test_a_prediction_is_simulated_once_and_drawn(tmp_path):
 def _repeated(workspace):
     """Rows that were asked for twice: equal draws."""
     particles = workspace.store.read_result("infer/distal")
-    drawn = draws(particles, DRAWS, (workspace.seed, 7, 0))
-    return (DRAWS - len(np.unique(drawn, axis=0))) * len(workspace.cohort.specimens)
+    drawn = draws(particles, 40, (workspace.seed, 7, 0))
+    return (40 - len(np.unique(drawn, axis=0))) * len(workspace.cohort.specimens)
 
 
 def test_three_specimens_of_a_site_are_too_few_for_a_new_one_and_failed_rows_are_left_out(tmp_path):

@@ -13,12 +13,11 @@ from sklearn.decomposition import PCA
 from sklearn.metrics import roc_auc_score
 
 from runner.cluster import Local
-from tasks import sites
 from tasks.cohort import virtual_cohort, write_cohort
 from tasks.problems import BadInput
 from tasks.report import site_figures
 from tasks.sites import Particles, area, compare, discriminant, first_component, interval, separability
-from tasks.study import read_study
+from tasks.study import CompareSettings, read_study
 from tasks.workspace import open_workspace, write_json
 
 NAMES = ["E_f", "E_m", "alpha_f"]
@@ -123,7 +122,7 @@ def test_the_discriminant_finds_a_difference_across_the_largest_spread():
     component = first_component(groups)
     by_component = area(*(component.of(group.values) for group in groups), equal(60), equal(60))
     assert by_component.interval[0] < 0.5 < by_component.interval[1]
-    found = separability(*groups, (0,), permutations=60)
+    found = separability(*groups, (0,), CompareSettings(permutations=60))
     assert found["auc"] > 0.8
     assert found["interval"][0] > 0.65
     assert found["p_value"] == pytest.approx(1 / 61)
@@ -138,7 +137,7 @@ def test_without_a_difference_the_classifier_of_all_parameters_claims_none():
     held, claimed, areas = 0, 0, []
     for number in range(40):
         groups = [Particles(rng.normal(size=(40, 16)), rng.dirichlet(np.full(40, 3.0))) for _ in range(2)]
-        found = separability(*groups, (number,), permutations=20)
+        found = separability(*groups, (number,), CompareSettings(permutations=20))
         held += found["interval"][0] <= 0.5 <= found["interval"][1]
         claimed += found["p_value"] < 0.05
         areas.append(found["auc"])
@@ -148,11 +147,10 @@ def test_without_a_difference_the_classifier_of_all_parameters_claims_none():
 
 
 @pytest.fixture
-def workspace(tmp_path, monkeypatch):
-    monkeypatch.setattr(sites, "PERMUTATIONS", 60)
+def workspace(tmp_path):
     specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
     write_cohort(tmp_path / "cohort", specimens, truth)
-    (tmp_path / "study.yaml").write_text("name: sites\nseed: 4\ncohort: cohort\n")
+    (tmp_path / "study.yaml").write_text("name: sites\nseed: 4\ncohort: cohort\ncompare: {permutations: 60}\n")
     with open_workspace(
         read_study(tmp_path / "study.yaml"), out=tmp_path / "out", cluster=Local(workers=1), quiet=True
     ) as opened:

@@ -14,6 +14,7 @@ from distributed import Client
 
 from runner import slurm
 from runner.store import open_store
+from tasks.cohort import virtual_cohort, write_cohort
 from tests.runner.test_store import contents
 from tests.tasks import test_survival as survival
 
@@ -103,6 +104,38 @@ def test_a_study_through_slurm(tmp_path, slurm_cluster, profile):
     assert {line["job"] for line in told} <= {job["job"] for job in status["jobs"]}
     assert not list((out / "jobs").glob("certificate*")), "the keys of a run end with it"
     assert not survival.leftovers(tmp_path / "slurm" / "solver")
+
+
+def test_the_whole_pipeline_through_slurm(tmp_path, slurm_cluster):
+    """Tasks that ask step by step, from Sobol to the comparison of sites: the same bytes as on this machine."""
+    tasks = "[sobol, importance, calibrate, infer, predict, compare]"
+    text = f"""
+name: pipeline
+seed: 5
+cohort: cohort
+tasks: {tasks}
+sobol: {{base_samples: 16, resamples: 20, specimens: [distal/1]}}
+importance: {{trees: 10, repeats: 2}}
+calibrate: {{evaluations: 60, starts: 1, bayesian: {{evaluations: 14, initial: 10}}}}
+infer: {{population: 8, generations: 2, epsilon: 0.6, pending: 8}}
+compare: {{permutations: 20}}
+cluster: slurm
+"""
+    specimens, truth = virtual_cohort(seed=1, per_site=2, rate_hz=1.0)
+    write_cohort(tmp_path / "cohort", [one for one in specimens if one.site != "middle"], truth)
+    study = tmp_path / "study.yaml"
+    study.write_text(text)
+    (tmp_path / "profile.yaml").write_text(PROFILE.replace("memory: 500M", "memory: 1500M"))
+    out = submit(study)
+    local = tmp_path / "local.yaml"
+    local.write_text(text.replace("cluster: slurm", "cluster: {name: local, workers: 1}"))
+    here = tmp_path / "here"
+    sinew("run", local, "--out", here, "--quiet")
+    until(lambda: not live(), "the end of all jobs", 240)
+    assert (out / "compare.json").exists(), log_of(out)
+    for name in ("sobol", "importance", "calibrate", "infer", "predict", "compare"):
+        assert (out / f"{name}.json").read_bytes() == (here / f"{name}.json").read_bytes(), name
+    assert contents(out / "store.zarr") == contents(here / "store.zarr")
 
 
 def scheduler_of(out: Path) -> str | None:

@@ -1,0 +1,74 @@
+"""pyABC's own sampler on the study's cluster, to compare ours with: no rows in the store, no resuming.
+
+It was seen to give other particles each time, to send the problem along with every proposal, to wait for ever where no
+worker is, and to have no limit of proposals. What it makes of failures is that the whole inference ends.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pyabc
+from distributed import Client
+from pyabc.sampler import DaskDistributedSampler
+
+from runner.batch import Evaluation
+from runner.cluster import ask_for, wait_for_workers
+from runner.store import STATUSES
+from tasks.sampler import Generation
+from tasks.simulate import Array
+
+EVERY_SLOT = 2**20  # a cluster that can grow grows as far as its profile lets it
+
+
+class SimulationFailed(Exception):
+    """A simulation failed, which this sampler does not survive."""
+
+
+class DirectModel(pyabc.Model):  # type: ignore[misc]
+    """A model that evaluates where it is asked. Arguments as those of :class:`tasks.sampler.StoredModel`."""
+
+    def __init__(
+        self,
+        name: str,
+        names: Sequence[str],
+        evaluation: Evaluation,
+        row: Callable[[Array], Array],
+        describe: Callable[[Mapping[str, Array]], dict[str, Any]],
+    ) -> None:
+        super().__init__(name)
+        self.names = tuple(names)
+        self.evaluation = evaluation
+        self.row = row
+        self.describe = describe
+
+    def sample(self, pars: Mapping[str, float]) -> dict[str, Any]:
+        """The summary statistics. Raises :class:`SimulationFailed`."""
+        outcome = self.evaluation(self.row(np.array([pars[name] for name in self.names]))[np.newaxis])
+        if outcome.status[0] > 0:
+            raise SimulationFailed(f"{STATUSES[outcome.status[0]]}: {outcome.messages[0]}")
+        return self.describe({name: values[0] for name, values in outcome.values.items()})
+
+
+class StockSampler(DaskDistributedSampler):  # type: ignore[misc]
+    """pyABC's sampler, which also notes what its generations took."""
+
+    def __init__(self, client: Client) -> None:
+        super().__init__(client)
+        self.generations: list[Generation] = []
+        self.sample_factory.record_rejected()  # to tell which were superfluous
+
+    def sample_until_n_accepted(self, n: int, *arguments: Any, **options: Any) -> Any:
+        """As pyABC's."""
+        sample = super().sample_until_n_accepted(n, *arguments, **options)
+        self.generations.append(Generation(len(sample.all_particles), n, 0, self.nr_evaluations_))
+        return sample
+
+
+def stock_sampler(client: Client) -> StockSampler:
+    """The sampler, once the cluster has a worker."""
+    check = partial(ask_for, client, EVERY_SLOT)
+    check()
+    wait_for_workers(client, check)
+    return StockSampler(client)
