@@ -3,20 +3,27 @@
 Points are on the unit cube of the model's free parameters: 0 is the lower bound of a parameter, 1 the upper.
 """
 
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from runner.ensemble import Desk
 from tasks.bayesian import Search, Surrogate, bayesian, propose
 from tasks.evaluate import SpecimenEvaluation, kept_points
-from tasks.least_squares import STEP, Fit, Seen, Weighing, least_squares
+from tasks.least_squares import SMALLEST_GAIN, STEP, Fit, Seen, Weighing, curvature_of, least_squares
 from tasks.ledger import Ledger
 from tasks.model import Model
 from tasks.simulate import Array
 
 APART = 0.1  # starts nearer to each other than this (of the cube's diagonal) would find the same
+ALIKE = (("tau_3f", "tau_3m"), ("tau_2f", "tau_2m"))  # can stand for each other, and trap a fit where they do
+FAST, SLOW = 0.05, 0.95  # of a relaxation time's range
+COMPARABLE = 5e-3  # gain of a step (of the objective) from which on a fit is near enough to its end to be compared
+FINISH = 0.25  # of the evaluations, to bring the best of several fits to its end
 
 
 @dataclass(frozen=True)
@@ -122,33 +129,75 @@ def search(
 def polished(
     place: Place, starts: Iterable[Array], budget: int, most: int, before: Found | None = None
 ) -> Found | None:
-    """Least squares from one start after the other, until ``budget`` evaluations are used or ``most`` starts.
+    """Least squares with ``budget`` evaluations from up to ``most`` starts; the best fit is then brought to its end.
 
-    ``before``: what was found, and used of another budget, before. None when the model fails at every start.
+    After the first of ``starts`` come those that :func:`exchanged` makes of where it led, then the others. ``before``:
+    what was found, and used of another budget, before. None when the model fails at every start.
     """
     best, trace = before, list(before.trace) if before else []
     used = offset = trace[-1][0] if trace else 0
     converged, tried = False, 0
-    for start in starts:
+    waiting: deque[Array] = deque()
+    others = iter(starts)
+    while tried < most:
+        start = waiting.popleft() if waiting else next(others, None)
         left = budget - (used - offset)
-        if tried == most or (tried and left < place.size + 5):
+        room = (left - int(FINISH * budget)) // (most - tried) if most > 1 else left
+        if start is None or (tried and room < 2 * place.size):
             break
         tried += 1
-        fit = follow(place, start, left)
-        if fit is None:
-            used += 1
-            continue
-        for more, total in fit.trace:
-            trace.append((used + more, min(total, trace[-1][1] if trace else np.inf)))
-        used += fit.trace[-1][0]
-        if best is None or fit.objective.sum() < best.total:
-            best, converged = Found(fit.at, fit.objective, (), fit.converged), fit.converged
+        fit = follow(place, start, max(room, 1), SMALLEST_GAIN if most == 1 else COMPARABLE)
+        best, converged = _better(best, converged, fit, trace, used)
+        used += fit.trace[-1][0] if fit else 1
+        if fit is not None and tried == 1:
+            waiting.extend(exchanged(place, fit))
+    if best is not None and most > 1:
+        fit = follow(place, best.at, budget - (used - offset), SMALLEST_GAIN)
+        best, converged = _better(best, converged, fit, trace, used)
     return None if best is None else Found(best.at, best.objective, tuple(trace), converged, tried)
 
 
-def follow(place: Place, start: Array, budget: int) -> Fit | None:
+def _better(
+    best: Found | None, converged: bool, fit: Fit | None, trace: list[tuple[int, float]], used: int
+) -> tuple[Found | None, bool]:
+    """The better of two fits, and whether it converged; the new one's way is added to ``trace``."""
+    if fit is None:
+        return best, converged
+    for more, total in fit.trace:
+        trace.append((used + more, min(total, trace[-1][1] if trace else np.inf)))
+    if best is None or fit.objective.sum() <= best.total:
+        return Found(fit.at, fit.objective, (), fit.converged), fit.converged
+    return best, converged
+
+
+def exchanged(place: Place, fit: Fit) -> Iterable[Array]:
+    """Starts for other fits: in each pair of relaxation times, one at the slow end of its range, one at the fast end.
+
+    A slow fibre beside a fast matrix relaxes much like a fast fibre beside a slow matrix, and the way from one to the
+    other leads uphill. The other parameters follow as the fit's derivatives say.
+    """
+    names = [parameter.name for parameter in place.model.free]
+    pairs = [pair for pair in ALIKE if set(pair) <= set(names)]
+    chosen = np.array([names.index(name) for pair in pairs for name in pair], dtype=int)
+    if not chosen.size:
+        return
+    curvature = curvature_of(fit.jacobians, weighing_of(place.evaluation), fit.objective)
+    curvature += np.diag(1e-3 * np.diag(curvature) + 1e-10 * (np.trace(curvature) or 1.0))
+    others = np.setdiff1d(np.arange(place.size), chosen)
+    upper = np.linalg.cholesky(curvature[np.ix_(others, others)]).T
+    for each in product(((FAST, SLOW), (SLOW, FAST)), repeat=len(pairs)):
+        ends = np.concatenate(each)
+        pull = curvature[np.ix_(others, chosen)] @ (ends - fit.at[chosen])
+        bounds = (-fit.at[others] - 1e-12, 1.0 - fit.at[others] + 1e-12)
+        point = fit.at.copy()
+        point[others] += lsq_linear(upper, -np.linalg.solve(upper.T, pull), bounds=bounds).x
+        point[chosen] = ends
+        yield np.clip(point, 0.0, 1.0)
+
+
+def follow(place: Place, start: Array, budget: int, enough: float) -> Fit | None:
     """One least-squares fit to its end."""
-    steps = least_squares(start, weighing_of(place.evaluation), budget)
+    steps = least_squares(start, weighing_of(place.evaluation), budget, enough)
     asked = next(steps)
     while True:
         try:

@@ -3,8 +3,10 @@
 The objective is that of Pekedis (2025): the sum over protocols of the RMSE over every measured point. Its value is
 known exactly for each row. Its gradient comes from differences of those values, corrected for the curvature along
 each difference, and its curvature, after Gauss and Newton, from the points of the curves that the store keeps, each
-weighted by the number of measured points that it stands for. Damping is Marquardt's (1963); each step solves a linear
-least-squares problem with bounds (Branch, Coleman and Li 1999, as in scipy).
+weighted by the number of measured points that it stands for. Differences cost an evaluation for each parameter, so the
+derivatives found with them are kept up to date by what the steps show (Broyden 1965), as long as that gains enough.
+Damping is Marquardt's (1963); each step solves a linear least-squares problem with bounds (Branch, Coleman and Li 1999,
+as in scipy).
 
 Parameters are on the unit cube here: 0 is the lower bound of a parameter, 1 the upper.
 """
@@ -19,8 +21,10 @@ from scipy.optimize import lsq_linear
 from tasks.simulate import Array
 
 STEP = 1e-4
-DAMPINGS = (0.2, 1.0, 5.0, 50.0)
+DAMPINGS = (0.3, 3.0)
+LARGEST_DAMPING = 1e6
 SMALLEST_GAIN = 1e-6
+WORTHWHILE = 0.01  # of the objective: a step that gains less asks for new differences
 SNAP = 1e-9
 
 
@@ -58,10 +62,13 @@ class Fit:
     converged: bool
 
 
-def least_squares(start: Array, weighing: Weighing, budget: int) -> Generator[Array, Seen, Fit | None]:
+def least_squares(
+    start: Array, weighing: Weighing, budget: int, enough: float = SMALLEST_GAIN
+) -> Generator[Array, Seen, Fit | None]:
     """Fit from ``start`` ``[d]``: yields points ``[n, d]``, wants what was :class:`Seen` there, returns the fit.
 
-    Returns None when the start itself cannot be evaluated.
+    It has converged when a step with new derivatives gains less than ``enough`` of the objective. Returns None when
+    the start itself cannot be evaluated.
     """
     at = np.clip(start, 0.0, 1.0)
     size = at.size
@@ -71,22 +78,24 @@ def least_squares(start: Array, weighing: Weighing, budget: int) -> Generator[Ar
         return None
     trace = [(used, float(best.sum()))]
     damping, converged = 1e-2, False
-    side = np.ones(size)
-    jacobians: tuple[Array, ...] = tuple(np.zeros((size, force.shape[1])) for force in seen.forces)
+    side, alive = np.ones(size), np.ones(size, dtype=bool)
     here = tuple(force[0] for force in seen.forces)
-    while used + size + len(DAMPINGS) <= budget:
-        steps = side * np.where((at + side * STEP >= 0.0) & (at + side * STEP <= 1.0), STEP, -STEP)
-        moved = yield at + np.diag(steps)
-        used += size
-        alive = np.asarray(np.isfinite(moved.objective).all(axis=1))  # what fails is not gone to this time
-        side[~alive] *= -1  # and looked at from the other side the next time
-        jacobians = tuple(
-            np.where(alive[:, np.newaxis], (force - base) / steps[:, np.newaxis], 0.0)
-            for force, base in zip(moved.forces, here, strict=True)
+    jacobians: tuple[Array, ...] = tuple(np.zeros((size, force.size)) for force in here)
+    pulls = np.zeros((len(here), size))  # gradient of half the squared residuals of each curve
+    outdated = True
+    while used + outdated * size + len(DAMPINGS) <= budget:
+        current = outdated
+        if outdated:
+            steps = side * np.where((at + side * STEP >= 0.0) & (at + side * STEP <= 1.0), STEP, -STEP)
+            moved = yield at + np.diag(steps)
+            used += size
+            alive = np.asarray(np.isfinite(moved.objective).all(axis=1))  # what fails is not gone to this time
+            side[~alive] *= -1  # and looked at from the other side the next time
+            jacobians, pulls = _derivatives(moved, steps, alive, here, best, weighing)
+        curvature = curvature_of(jacobians, weighing, best)
+        gradient = np.sum(
+            [p / (n * max(r, 1e-12)) for p, n, r in zip(pulls, weighing.counts, best, strict=True)], axis=0
         )
-        curvature = _curvature(jacobians, weighing, best)
-        slopes = np.where(alive, (moved.objective.sum(axis=1) - best.sum()) / steps, 0.0)
-        gradient = np.where(alive, slopes - 0.5 * steps * np.diag(curvature), 0.0)
         tried = [damping * factor for factor in DAMPINGS]
         candidates = np.array([_step(at, gradient, curvature, value) for value in tried])
         seen = yield candidates
@@ -95,20 +104,60 @@ def least_squares(start: Array, weighing: Weighing, budget: int) -> Generator[Ar
         totals[~np.isfinite(totals)] = np.inf
         chosen = int(np.argmin(totals))
         gain = float(best.sum() - totals[chosen])
+        for number in np.argsort(-totals):  # the best last: it weighs most
+            if np.isfinite(totals[number]):
+                forces = tuple(force[number] for force in seen.forces)
+                jacobians = _broyden(jacobians, candidates[number] - at, forces, here)
         if gain > 0:
-            at, best = candidates[chosen], seen.objective[chosen]
-            here = tuple(force[chosen] for force in seen.forces)
+            arrived = tuple(force[chosen] for force in seen.forces)
+            pulls = pulls + np.array(
+                [
+                    j @ (s * (new - old))
+                    for j, s, new, old in zip(jacobians, weighing.shares, arrived, here, strict=True)
+                ]
+            )
+            at, best, here = candidates[chosen], seen.objective[chosen], arrived
             damping = max(tried[chosen], 1e-9)
         else:
-            damping *= 500.0
+            damping *= 30.0
         trace.append((used, float(best.sum())))
-        if alive.all() and gain <= SMALLEST_GAIN * best.sum() and (gain > 0 or damping > 1e6):
+        little = gain <= enough * best.sum()
+        if current and alive.all() and little and (gain > 0 or damping > LARGEST_DAMPING):
             converged = True
             break
+        stuck = gain <= 0 and current  # the derivatives are of this very point: all that is left is a smaller step
+        outdated = gain < WORTHWHILE * best.sum() and (not stuck or damping > LARGEST_DAMPING)
     return Fit(at, best, tuple(trace), jacobians, converged)
 
 
-def _curvature(jacobians: Sequence[Array], weighing: Weighing, objective: Array) -> Array:
+def _derivatives(
+    moved: Seen, steps: Array, alive: Array, here: tuple[Array, ...], best: Array, weighing: Weighing
+) -> tuple[tuple[Array, ...], Array]:
+    """Jacobians ``[d, k]`` of the kept forces, and gradients ``[p, d]`` of half the squared residuals."""
+    jacobians, pulls = [], []
+    for number, (forces, base) in enumerate(zip(moved.forces, here, strict=True)):
+        jacobian = np.where(alive[:, np.newaxis], (forces - base) / steps[:, np.newaxis], 0.0)
+        slope = np.where(alive, (moved.objective[:, number] - best[number]) / steps, 0.0)
+        bend = np.sum(jacobian**2 * weighing.shares[number], axis=1)
+        pulls.append(weighing.counts[number] * best[number] * slope - np.where(alive, 0.5 * steps * bend, 0.0))
+        jacobians.append(jacobian)
+    return tuple(jacobians), np.array(pulls)
+
+
+def _broyden(
+    jacobians: tuple[Array, ...], moved: Array, forces: tuple[Array, ...], here: tuple[Array, ...]
+) -> tuple[Array, ...]:
+    """The nearest Jacobians that are right along ``moved`` ``[d]``."""
+    square = float(moved @ moved)
+    if square < STEP**2:
+        return jacobians
+    return tuple(
+        jacobian + np.outer(moved / square, force - base - moved @ jacobian)
+        for jacobian, force, base in zip(jacobians, forces, here, strict=True)
+    )
+
+
+def curvature_of(jacobians: Sequence[Array], weighing: Weighing, objective: Array) -> Array:
     """Gauss-Newton curvature ``[d, d]`` of the sum of RMSEs."""
     parts = [
         (jacobian * share) @ jacobian.T / (count * max(rmse, 1e-12))

@@ -1,48 +1,137 @@
-"""The noise of a measured curve, from the curve alone: no model is asked.
+"""The noise of measured curves, from the curves alone: no model is asked.
 
-Neighbouring points differ by noise, and by a signal that changes smoothly. Differences over one point and over two,
-each less its running mean, give the level and the correlation of an AR(1) process: their variances are
-2 s^2 (1 - r) and 2 s^2 (1 - r^2) (difference-based estimators: Hall, Kay and Titterington 1990, Biometrika 77).
+Every phase of a curve (a ramp, a hold) gets a smooth course of its own: a cubic spline, of the time on ramps and of its
+logarithm in holds, where relaxation is fast at first and slow later. What is left is taken for first-order
+autoregressive noise, whose level and correlation are those of the largest restricted likelihood (Patterson and Thompson
+1971, Biometrika 58): it accounts for what the splines have taken away, which matters where noise is correlated over
+many points or a phase has few.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
-from scipy.stats import median_abs_deviation
+from scipy.interpolate import BSpline
+from scipy.optimize import minimize, minimize_scalar
 
 from tasks.model import Curve
+from tasks.model.phases import Phase, phases
 from tasks.simulate import Array
 
-WINDOW = 25
-FEWEST = 4 * WINDOW
+POINTS, MOST = 6, 12  # points for each coefficient of a spline, and how many coefficients a hold may have
+LONG = 400  # points of a ramp for which it may have one more
+FEWEST = 12  # points of a phase that can tell
+CORRELATIONS = (-0.5, 0.995)
+CLEARLY = 10.0  # gain in twice the log likelihood, from which on noise that grows with the force is believed
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviation (N) and correlation of neighbouring points; NaN where a curve has too few points to tell."""
+    """Standard deviation ``sd_N`` at rest (N), and ``proportional`` to the force; correlation of neighbouring points.
+
+    NaN where the curves have too few points to tell.
+    """
 
     sd_N: float
     ar1: float
+    proportional: float = 0.0
 
     @property
     def inflation(self) -> float:
         """How many correlated points weigh as much as one that is independent."""
         return (1.0 + self.ar1) / (1.0 - self.ar1)
 
+    def sd_at(self, force_N: Array) -> Array:
+        """Standard deviation (N) at forces ``[t]`` (N)."""
+        return np.hypot(self.sd_N, self.proportional * force_N)
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A phase: forces ``[t]`` (N), splines ``[t, p]``, a first look at the course ``[t]``, time steps in usual ones."""
+
+    force: Array
+    splines: Array
+    course: Array
+    steps: Array
+
 
 def noise_of(curve: Curve) -> Noise:
-    """Noise of a curve of at least ``FEWEST`` points that is sampled evenly, but for a jump now and then."""
-    if curve.force_N.size < FEWEST:
+    """Noise of one curve, the same at every force."""
+    return noise_of_all([curve], proportional=False)
+
+
+def noise_of_all(curves: Sequence[Curve], *, proportional: bool = True) -> Noise:
+    """The noise that curves have in common; ``proportional``: it may grow with the force."""
+    pieces = [piece for curve in curves for piece in _pieces(curve)]
+    if sum(piece.force.size - piece.splines.shape[1] for piece in pieces) < FEWEST:
         return Noise(float("nan"), float("nan"))
-    one, two = (_variance(curve.force_N[lag:] - curve.force_N[:-lag]) for lag in (1, 2))
-    if one == 0.0:
+    if all(np.ptp(piece.force - piece.course) == 0.0 for piece in pieces):
         return Noise(0.0, 0.0)
-    ar1 = float(np.clip(two / one - 1.0, -0.9, 0.95))
-    return Noise(float(np.sqrt(one / (2.0 * (1.0 - ar1)))), ar1)
+    even = minimize_scalar(lambda r: _restricted(pieces, r, 0.0)[0], bounds=CORRELATIONS, method="bounded")
+    loss, sd = _restricted(pieces, even.x, 0.0)
+    found = Noise(float(sd), float(even.x))
+    if not proportional:
+        return found
+    largest = max(float(np.abs(piece.course).max()) for piece in pieces)
+    low, high = CORRELATIONS
+    grown = min(
+        (
+            minimize(
+                lambda at: _restricted(pieces, float(np.clip(at[0], low, high)), abs(at[1]) / largest)[0],
+                [even.x, start],
+                method="Nelder-Mead",
+                options={"xatol": 1e-3, "fatol": 1e-2, "maxiter": 120},
+            )
+            for start in (0.5, 5.0)
+        ),
+        key=lambda result: result.fun,
+    )
+    if loss - grown.fun < CLEARLY:
+        return found
+    r, growth = float(np.clip(grown.x[0], low, high)), abs(float(grown.x[1])) / largest
+    _, sd = _restricted(pieces, r, growth)
+    return Noise(float(sd), r, float(sd * growth))
 
 
-def _variance(differences: Array) -> float:
-    """Of what is left when the signal's own slope is taken away; ramps' ends and jumps do not count."""
-    left = differences - uniform_filter1d(differences, WINDOW, mode="nearest")
-    return float(median_abs_deviation(left, scale="normal") ** 2 * WINDOW / (WINDOW - 1))
+def _restricted(pieces: Sequence[_Piece], r: float, growth: float) -> tuple[float, float]:
+    """-2 log restricted likelihood, up to a constant, at its best level, and that level (N)."""
+    squares, loss, count = 0.0, 0.0, 0
+    for piece in pieces:
+        sd = np.hypot(1.0, growth * piece.course)
+        both = np.column_stack([piece.splines, piece.force]) / sd[:, np.newaxis]
+        correlation = np.sign(r) * np.abs(r) ** piece.steps
+        alone = 1.0 - correlation**2
+        both[1:] = (both[1:] - correlation[:, np.newaxis] * both[:-1]) / np.sqrt(alone)[:, np.newaxis]
+        upper: Array = np.asarray(np.linalg.qr(both, mode="r"))
+        size = piece.splines.shape[1]
+        squares += float(np.sum(upper[size:, size] ** 2))
+        loss += float(np.log(alone).sum()) + 2.0 * float(np.log(sd).sum())
+        loss += 2.0 * float(np.log(np.abs(np.diag(upper[:size, :size]))).sum())
+        count += piece.force.size - size
+    variance = max(squares / count, np.finfo(float).tiny)
+    return loss + count * float(np.log(variance)), float(np.sqrt(variance))
+
+
+def _pieces(curve: Curve) -> list[_Piece]:
+    usual = float(np.median(np.diff(curve.protocol.time_s)))
+    found = []
+    for phase in phases(curve.protocol):
+        force, time = curve.force_N[phase.points], curve.protocol.time_s[phase.points]
+        if force.size < FEWEST:
+            continue
+        splines = _splines(phase, time - time[0], usual)
+        fitted, *_ = np.linalg.lstsq(splines, force, rcond=None)
+        found.append(_Piece(force, splines, splines @ fitted, np.diff(time) / usual))
+    return found
+
+
+def _splines(phase: Phase, since: Array, usual: float) -> Array:
+    """Cubic B-splines ``[t, p]``."""
+    hold = phase.kind == "hold"
+    x = np.log1p(since / usual) if hold else since
+    count = int(np.clip(since.size // POINTS, 4, MOST if hold else MOST + since.size // LONG))
+    inner = np.linspace(0.0, x[-1], count - 2)
+    knots = np.concatenate([np.zeros(3), inner, np.full(3, x[-1])])
+    matrix: Array = BSpline.design_matrix(x, knots, 3).toarray()
+    return matrix[:, np.abs(matrix).max(axis=0) > 1e-9]

@@ -4,6 +4,7 @@ import logging
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,9 @@ from tasks.report import calibration, figures, posterior, prediction, site_figur
 from tasks.sensitivity import base_samples, sobol
 from tasks.sites import compare
 from tasks.study import NEEDS, Study
-from tasks.workspace import Workspace, check_folder, read_result
+from tasks.workspace import Workspace, check_folder, digest, read_result, write_json
+
+DRAWN = ".drawn.json"  # in the folder of the figures: which results they show
 
 log = logging.getLogger("sinew")
 
@@ -59,7 +62,7 @@ def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str,
         simulations = workspace.simulations
         results[name] = task.work(workspace, **options)
         seconds = time.monotonic() - started
-        task.draw(workspace, results[name])
+        _draw(workspace, name, results[name])
         new = workspace.simulations - simulations
         log.info("task finished", extra={"task": name, "seconds": round(seconds, 3), "new_simulations": new})
         task.tell(workspace, results[name], console)
@@ -68,6 +71,20 @@ def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str,
         f"results: {workspace.out}  (figures in {workspace.out / 'figures'}, arrays in store.zarr)", markup=False
     )
     return results
+
+
+def _draw(workspace: Workspace, name: str, result: dict[str, Any]) -> None:
+    """The figures of a task, whose names begin with its own, unless they are there and show this very result."""
+    folder = workspace.out / "figures"
+    shown = digest(version("sinew"), (workspace.out / f"{name}.json").read_text("utf-8"))
+    drawn = read_result(folder / DRAWN) or {}
+
+    def there() -> dict[str, Any]:
+        return {"shows": shown, "files": sorted(path.name for path in folder.glob(f"{name}*"))}
+
+    if drawn.get(name) != there():
+        _TASKS[name].draw(workspace, result)
+        write_json(folder / DRAWN, drawn | {name: there()})
 
 
 def repair(folder: Path) -> int:

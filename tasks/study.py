@@ -186,7 +186,7 @@ class CalibrateSettings(Section):
     methods: Annotated[list[Literal["bayesian", "hybrid", "least_squares"]], Field(min_length=1)] = Field(
         default_factory=lambda: ["bayesian", "hybrid"]  # type: ignore[arg-type]
     )
-    starts: Annotated[int, Field(ge=1, le=1000)] = 3
+    starts: Annotated[int, Field(ge=1, le=1000)] = 5
     evaluations: Annotated[int, Field(ge=10, le=10**6)] = 600
     bayesian: BayesianSettings = BayesianSettings()
 

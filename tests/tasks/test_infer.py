@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -30,11 +31,21 @@ infer: {population: 12, generations: 3, epsilon: 0.5, pending: 16}
 """
 
 
-@pytest.fixture
-def study(tmp_path):
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory):
+    """A study whose cohort is calibrated in ``out``."""
+    folder = tmp_path_factory.mktemp("calibrated")
     specimens, truth = virtual_cohort(seed=1, per_site=2, rate_hz=1.0)
-    write_cohort(tmp_path / "cohort", [s for s in specimens if s.site != "middle"], truth)
-    (tmp_path / "study.yaml").write_text(STUDY)
+    write_cohort(folder / "cohort", [s for s in specimens if s.site != "middle"], truth)
+    (folder / "study.yaml").write_text(STUDY)
+    sinew("calibrate", folder / "study.yaml", "--out", folder / "out", "--quiet")
+    return folder
+
+
+@pytest.fixture
+def study(calibrated, tmp_path):
+    """A copy of it: a test may change what it likes."""
+    shutil.copytree(calibrated, tmp_path, dirs_exist_ok=True)
     return tmp_path / "study.yaml"
 
 
@@ -97,9 +108,9 @@ def test_the_tail_of_the_pipeline_runs_and_its_results_open(study, tmp_path, cap
 
 def test_killed_in_mid_generation_it_ends_with_the_same_bytes(study, tmp_path):
     study.write_text(STUDY.replace(", predict, compare", ""))
+    cut = tmp_path / "out"
+    shutil.copytree(cut, tmp_path / "whole")
     sinew("run", study, "--out", tmp_path / "whole", "--quiet")
-    cut = tmp_path / "cut"
-    sinew("calibrate", study, "--out", cut, "--quiet")
     command = [sys.executable, "-m", "tasks.cli", "run", str(study), "--out", str(cut), "--quiet"]
     process = subprocess.Popen(command, start_new_session=True)
     journal = cut / "journal"
@@ -117,18 +128,18 @@ def test_killed_in_mid_generation_it_ends_with_the_same_bytes(study, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "out", "words"),
     [
-        (("epsilon: 0.5", "epsilon: 0.0001"), ["infer.epsilon", "the closest was at", "a larger epsilon"]),
-        (("population: 12", "population: 12, protocols: [creep]"), ["infer.protocols", "no curve of"]),
-        (("[calibrate, infer, predict, compare]", "[infer]"), ["calibrate.json", "`sinew calibrate`"]),
-        (("[calibrate, infer, predict, compare]", "[infer, calibrate]"), ["calibrate first"]),
+        (("epsilon: 0.5", "epsilon: 0.0001"), "out", ["infer.epsilon", "the closest was at", "a larger epsilon"]),
+        (("population: 12", "population: 12, protocols: [creep]"), "out", ["infer.protocols", "no curve of"]),
+        (("[calibrate, infer, predict, compare]", "[infer]"), "new", ["calibrate.json", "`sinew calibrate`"]),
+        (("[calibrate, infer, predict, compare]", "[infer, calibrate]"), "new", ["calibrate first"]),
     ],
 )
-def test_bad_input_is_one_line(study, tmp_path, capsys, change, words):
+def test_bad_input_is_one_line(study, tmp_path, capsys, change, out, words):
     study.write_text(STUDY.replace(*change))
     with pytest.raises(SystemExit) as ended:
-        sinew("run", study, "--out", tmp_path / "out", "--quiet")
+        sinew("run", study, "--out", tmp_path / out, "--quiet")
     assert ended.value.code == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1

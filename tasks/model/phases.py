@@ -1,0 +1,76 @@
+"""What a displacement history does when: loads, unloads, holds. Read off the displacement alone.
+
+A stretch of time is a hold when the displacement moves much slower there than it does where it moves, and ends about
+where it began; so a slow ramp among fast ones is still a ramp.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from tasks.model.specimen import Array, Protocol
+
+Kind = Literal["load", "unload", "hold"]
+SLOW = 0.1  # of the usual speed while the displacement moves
+STAYS = 0.02  # of the whole range of the displacement
+SMOOTHED = 5  # points over which a speed is taken, against noise of the displacement
+
+
+@dataclass(frozen=True)
+class Phase:
+    """Points ``start`` to ``stop`` (exclusive) of a protocol; the last of one phase is the first of the next.
+
+    ``number`` counts phases of the same kind from 1: with cycles it is the cycle, with steps the step.
+    """
+
+    kind: Kind
+    number: int
+    start: int
+    stop: int
+
+    @property
+    def points(self) -> slice:
+        return slice(self.start, self.stop)
+
+
+def phases(protocol: Protocol) -> tuple[Phase, ...]:
+    """All phases in order. A history that never moves is one hold."""
+    time, moved = protocol.time_s, protocol.displacement_mm
+    whole = float(np.ptp(moved))
+    if moved.size < 3 or whole == 0.0:
+        return (Phase("hold", 1, 0, moved.size),)
+    speed = np.diff(moved) / np.diff(time)
+    if speed.size > 2 * SMOOTHED:
+        speed = median_filter(speed, SMOOTHED, mode="nearest")
+    kinds = _directions(speed, np.diff(time), moved, STAYS * whole)
+    for begin, end in _runs(kinds):  # a wobble within a phase
+        way = abs(moved[end] - moved[begin])
+        if kinds[begin] != 0 and way <= STAYS * whole and begin > 0:
+            kinds[begin:end] = kinds[begin - 1]
+    counted = {0: 0, 1: 0, -1: 0}
+    names: dict[int, Kind] = {0: "hold", 1: "load", -1: "unload"}
+    found = []
+    for begin, end in _runs(kinds):
+        kind = int(kinds[begin])
+        counted[kind] += 1
+        found.append(Phase(names[kind], counted[kind], begin, end + 1))
+    return tuple(found)
+
+
+def _directions(speed: Array, steps: Array, moved: Array, stays: float) -> Array:
+    """1, -1 or 0 for each step ``[t - 1]``; slow steps that get somewhere are looked at again among themselves."""
+    usual = float(np.sum(speed**2 * steps) / np.sum(np.abs(speed) * steps))  # where it moves: weighted by the way
+    kinds = np.where(np.abs(speed) < SLOW * usual, 0, np.sign(speed)).astype(int)
+    for begin, end in _runs(kinds):
+        if kinds[begin] == 0 and abs(moved[end] - moved[begin]) > stays:
+            part = slice(begin, end)
+            kinds[part] = _directions(speed[part], steps[part], moved[begin : end + 1], stays)
+    return kinds
+
+
+def _runs(values: Array) -> list[tuple[int, int]]:
+    """Where equal values begin and end (exclusive)."""
+    return list(pairwise([0, *(np.flatnonzero(np.diff(values)) + 1).tolist(), values.size]))

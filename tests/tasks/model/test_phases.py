@@ -1,0 +1,48 @@
+"""Phases are read off the displacement, whatever a protocol is called, at any rate, with noise of the displacement."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from tasks.model import Protocol
+from tasks.model.phases import phases
+from tasks.model.protocols import cyclic, one_step, two_step
+
+
+def kinds(protocol):
+    return [(phase.kind, phase.number) for phase in phases(protocol)]
+
+
+@pytest.mark.parametrize("rate_hz", [1.0, 10.0, 100.0])
+@pytest.mark.parametrize("noise_mm", [0.0, 0.0005])
+def test_the_standard_protocols(rate_hz, noise_mm):
+    rng = np.random.default_rng(1)
+    expected = {
+        one_step: [("load", 1), ("hold", 1)],
+        two_step: [("load", 1), ("hold", 1), ("load", 2), ("hold", 2)],
+        cyclic: [(kind, number) for number in range(1, 13) for kind in ("load", "unload")],
+    }
+    for make, known in expected.items():
+        clean = make(10.0, rate_hz)
+        moved = clean.displacement_mm + noise_mm / rate_hz * rng.standard_normal(clean.time_s.size)
+        assert kinds(Protocol("any", clean.time_s, moved)) == known
+
+
+def test_phases_join_and_cover_everything():
+    protocol = two_step(10.0, 10.0)
+    found = phases(protocol)
+    assert (found[0].start, found[-1].stop) == (0, protocol.time_s.size)
+    assert all(a.stop == b.start + 1 for a, b in pairwise(found))
+
+
+def test_a_slow_ramp_among_fast_ones_is_no_hold():
+    time = np.arange(0, 400, 0.5)
+    moved = np.interp(time, [0, 10, 60, 70, 370, 400], [0, 1, 1, 0, 1, 1])
+    assert kinds(Protocol("rates", time, moved)) == [
+        ("load", 1), ("hold", 1), ("unload", 1), ("load", 2), ("hold", 2),
+    ]  # fmt: skip
+
+
+def test_what_never_moves_is_one_hold():
+    assert kinds(Protocol("still", np.arange(9.0), np.ones(9))) == [("hold", 1)]
