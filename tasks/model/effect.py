@@ -3,7 +3,8 @@
 The embedded simulator takes bars through these stages, and an effect may change any of them:
 
 1. ``material``      constants: the baseline's parameters, beta, lambda_0 and area_mm2
-2. ``displacement``  displacement of the gauge length, from that of the grips and from the force
+2. ``displacement``  displacement of the gauge length, from that of the grips and from the force; ``giving_way`` tells
+   how it depends on the force, so that both are found together
 3. ``fibre_stretch`` stretch of the fibres, from that of the bar
 4. ``matrix_stress``, ``fibre_stress``  elastic second Piola-Kirchhoff stress of each constituent
 5. ``branches``      further viscous branches;  ``slowing``  factor on the baseline's relaxation times
@@ -84,6 +85,17 @@ class Branch:
     time_s: Array
 
 
+@dataclass(frozen=True, eq=False)
+class GivingWay:
+    """How lost displacement s follows the force F from point to point: ds <- kept ds + compliance dF.
+
+    ``compliance`` (mm/N) and ``kept`` (1 where what is lost stays lost, else 0), each ``[n, t]``.
+    """
+
+    compliance: Array
+    kept: Array
+
+
 Hook = Callable[[Bars, Values], Array]
 
 
@@ -114,6 +126,7 @@ class Effect:
     other_forms: tuple["Effect", ...] = ()
     material: Callable[[Bars, Values], Mapping[str, Array]] | None = None
     displacement: Hook | None = None
+    giving_way: Callable[[Bars, Values], tuple[GivingWay, ...]] | None = None
     fibre_stretch: Hook | None = None
     matrix_stress: Hook | None = None
     fibre_stress: Hook | None = None

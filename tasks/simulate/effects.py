@@ -17,7 +17,7 @@ from tasks.simulate import Array, memory
 _DRIVERS = ("matrix", "fibre", "strain")
 BALANCE = 1e-11  # of the largest displacement: what may be left between grips, machine and gauge length
 ITERATIONS = 60
-_STRETCH_STEP, _FORCE_STEP_N = 1e-7, 1e-3  # of the differences that give tangents: their errors slow Newton only
+_STRETCH_STEP = 1e-7  # of the differences that give tangents: their errors slow Newton's method only
 
 
 def simulate_with(
@@ -122,6 +122,7 @@ class _Run:
     def balanced(self, bars: Bars) -> Bars:
         """The bars with the displacement that is left for the gauge length under the force that it causes."""
         grips = bars
+        bars = replace(grips, displacement_mm=self._left(grips, grips.force_N))
         largest = max(float(np.abs(grips.displacement_mm).max()), np.finfo(float).tiny)
         for _ in range(ITERATIONS):
             bars = self.pulled(bars)
@@ -199,8 +200,8 @@ class _Run:
         """What to add to the displacement ``[n, t]`` (mm): one step of Newton's method."""
         nudged = self._elastic(replace(bars, displacement_mm=bars.displacement_mm + _STRETCH_STEP * bars.length_mm))
         tangents = (_drivers(nudged) - _drivers(bars)) / _STRETCH_STEP
-        less = self._left(grips, bars.force_N + _FORCE_STEP_N)
-        yielding = (self._left(grips, bars.force_N) - less) / _FORCE_STEP_N
+        state = replace(grips, force_N=bars.force_N)
+        gives = [way for effect, own in self.chosen if effect.giving_way for way in effect.giving_way(state, own)]
         branches = self._memory(bars)
         area = np.ascontiguousarray(bars.material["area_mm2"][:, 0])
         result = np.empty_like(residual)
@@ -212,7 +213,8 @@ class _Run:
             tangents,
             area,
             bars.length_mm,
-            yielding,
+            np.array([way.compliance for way in gives]).reshape(-1, *residual.shape),
+            np.array([way.kept for way in gives]).reshape(-1, *residual.shape),
             residual,
             result,
         )

@@ -162,8 +162,10 @@ class _Failed(Exception):
 # ---- input
 
 
-def read_template(folder: Path, name: str | None) -> str:
+def read_template(folder: Path, name: str | None, model: Model | None = None) -> str:
     """The input template's text, the built-in one or a file inside ``folder``; checked by rendering it once.
+
+    It is rendered with the parameters of ``model``, by default the baseline's.
 
     Raises :class:`BadInput` when it is not there, leaves the folder, cannot be rendered, or is no FEBio input.
     """
@@ -187,7 +189,7 @@ def read_template(folder: Path, name: str | None) -> str:
         raise BadInput(path, "not a text file", "a FEBio input template in UTF-8") from None
     except OSError as error:
         raise BadInput(path, (error.strerror or "cannot be read").lower(), "a readable file") from None
-    model = Model()
+    model = model or Model()
     times = np.array([0.0, 1.0, 2.0])
     try:
         rendered = render(text, model, Specimen("check", 10.0, 8.0, 4.0), times, 0.1 * times, model.reference)

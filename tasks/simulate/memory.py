@@ -34,14 +34,15 @@ def stress(  # type: ignore[no-untyped-def]
     h, decay, gain = np.zeros(count), np.zeros(count), np.zeros(count)
     for row in range(total.shape[0]):
         h[:] = 0.0
-        last_step = -1
+        last_step, last_factor = -1, 1.0
         total[row, 0] = 0.0 if sudden else drivers[0, row, 0] + drivers[1, row, 0]
         for t in range(1, total.shape[1]):
-            if slowed > 0 or step_of[t] != last_step:
-                last_step = step_of[t]
+            factor = slowing[row, t] if slowed > 0 else 1.0
+            if step_of[t] != last_step or factor != last_factor:
+                last_step, last_factor = step_of[t], factor
                 for k in range(count):
-                    factor = slowing[row, t] if k < slowed else 1.0
-                    decay[k], gain[k] = _coefficients(steps[last_step], factor, viscosity[row, k], times[row, k])
+                    own = factor if k < slowed else 1.0
+                    decay[k], gain[k] = _coefficients(steps[last_step], own, viscosity[row, k], times[row, k])
             summed = drivers[0, row, t] + drivers[1, row, t]
             for k in range(count):
                 before = 0.0 if sudden and t == 1 else drivers[driver[k], row, t - 1]
@@ -64,38 +65,51 @@ def correction(  # type: ignore[no-untyped-def]
     tangents,
     area,
     length,
-    yielding,
+    compliance,
+    kept,
     residual,
     result,
 ):
     """Write the change of displacement ``[n, t]`` (mm) that removes ``residual`` ``[n, t]`` (mm), to first order.
 
-    The bars give way by ``yielding`` ``[n, t]`` (mm/N) under force. ``tangents`` ``[3, n, t]`` are the derivatives of
-    the drivers by the stretch. Since the past is known, each point is one linear equation.
+    What gives way follows s <- kept s + compliance dF, with ``compliance`` (mm/N) and ``kept`` ``[m, n, t]``.
+    ``tangents`` ``[3, n, t]`` are the derivatives of the drivers by the stretch. As the past is known, each point is
+    one linear equation.
     """
     count = driver.size
     h, decay, gain = np.zeros(count), np.zeros(count), np.zeros(count)
+    slipped = np.zeros(compliance.shape[0])
     for row in range(result.shape[0]):
-        h[:] = 0.0
-        last_step = -1
+        h[:], decay[:], gain[:] = 0.0, 0.0, 0.0
+        slipped[:] = 0.0
+        last_step, last_factor = -1, 1.0
         before = 0.0
         for t in range(result.shape[1]):
-            if t > 0 and (slowed > 0 or step_of[t] != last_step):
-                last_step = step_of[t]
+            factor = slowing[row, t] if slowed > 0 else 1.0
+            if t > 0 and (step_of[t] != last_step or factor != last_factor):
+                last_step, last_factor = step_of[t], factor
                 for k in range(count):
-                    factor = slowing[row, t] if k < slowed else 1.0
-                    decay[k], gain[k] = _coefficients(steps[last_step], factor, viscosity[row, k], times[row, k])
+                    own = factor if k < slowed else 1.0
+                    decay[k], gain[k] = _coefficients(steps[last_step], own, viscosity[row, k], times[row, k])
             stiffness = tangents[0, row, t] + tangents[1, row, t]
             history = 0.0
             for k in range(count):
-                slope = tangents[driver[k], row, t] * gain[k]
+                stiffness += tangents[driver[k], row, t] * gain[k]
                 history += h[k] * decay[k]
                 if t > 0:
                     history -= tangents[driver[k], row, t - 1] * before * gain[k]
-                stiffness += slope
             scale = area[row] * stretch[row, t]
             instant = (area[row] * stress[row, t] + scale * stiffness) / length
-            moved = (residual[row, t] - yielding[row, t] * scale * history) / (1.0 + yielding[row, t] * instant)
+            past = scale * history
+            soft, lost = 0.0, 0.0
+            for m in range(slipped.size):
+                slipped[m] *= kept[m, row, t]
+                soft += compliance[m, row, t]
+                lost += slipped[m]
+            moved = (residual[row, t] - lost - soft * past) / (1.0 + soft * instant)
+            pulled = instant * moved + past
+            for m in range(slipped.size):
+                slipped[m] += compliance[m, row, t] * pulled
             now = moved / length
             for k in range(count):
                 change = tangents[driver[k], row, t] * now

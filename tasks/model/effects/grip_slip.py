@@ -2,16 +2,30 @@
 
 import numpy as np
 
-from tasks.model.effect import Array, Bars, Effect, Values
+from tasks.model.effect import Array, Bars, Effect, GivingWay, Values
 from tasks.model.parameters import Parameter
 
 
 def _displacement(bars: Bars, values: Values) -> Array:
     pull = np.maximum(bars.force_N, 0.0)
-    impulse = np.cumsum(pull * np.diff(bars.time_s, prepend=bars.time_s[0]), axis=1)
+    impulse = np.cumsum(pull * _steps(bars), axis=1)
     largest = np.maximum.accumulate(pull, axis=1)
     slip = values["slip_per_force"] * (largest - pull[:, :1]) + values["slip_per_impulse"] * impulse
     return bars.displacement_mm - slip
+
+
+def _giving_way(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
+    pulled = bars.force_N > 0.0
+    largest = np.maximum.accumulate(np.maximum(bars.force_N, 0.0), axis=1)
+    rises = np.diff(largest, axis=1, prepend=largest[:, :1]) > 0.0
+    return (
+        GivingWay(values["slip_per_force"] * rises, 1.0 - rises),
+        GivingWay(values["slip_per_impulse"] * pulled * _steps(bars), np.ones_like(bars.force_N)),
+    )
+
+
+def _steps(bars: Bars) -> Array:
+    return np.diff(bars.time_s, prepend=bars.time_s[0])
 
 
 EFFECT = Effect(
@@ -35,4 +49,5 @@ EFFECT = Effect(
     },
     no_febio="the template prescribes the displacement of the specimen itself; there are no grips in it",
     displacement=_displacement,
+    giving_way=_giving_way,
 )

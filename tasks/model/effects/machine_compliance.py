@@ -1,11 +1,18 @@
 """A machine that gives way: part of the measured displacement never reaches the gauge length."""
 
-from tasks.model.effect import Array, Bars, Effect, Values
+import numpy as np
+
+from tasks.model.effect import Array, Bars, Effect, GivingWay, Values
 from tasks.model.parameters import Parameter
 
 
 def _displacement(bars: Bars, values: Values) -> Array:
     return bars.displacement_mm - values["compliance"] * bars.force_N
+
+
+def _giving_way(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
+    nothing = np.zeros_like(bars.force_N)
+    return (GivingWay(values["compliance"] + nothing, nothing),)
 
 
 EFFECT = Effect(
@@ -26,4 +33,5 @@ EFFECT = Effect(
     shared=("compliance",),
     no_febio="the template prescribes the displacement of the specimen itself; there is no machine in it",
     displacement=_displacement,
+    giving_way=_giving_way,
 )
