@@ -141,3 +141,11 @@ def test_a_test_that_starts_displaced_is_at_rest_in_both(solver, slug):
     protocol = replace(PULLED, displacement_mm=PULLED.displacement_mm + 0.05)
     effects, values = (LIBRARY[slug],), LIBRARY[slug].typical
     assert error(run(solver, effects, values, protocol), embedded(effects, values, protocol)) < 1e-8
+
+
+@pytest.mark.febio
+def test_a_branch_on_a_matrix_that_yields_deviates_as_the_docs_say(solver):
+    """In the solver such a branch follows the yielding matrix, in the embedded simulator the strain."""
+    effects = (LIBRARY["permanent-set"], LIBRARY["fluid-flow"])
+    values = np.concatenate([effect.typical for effect in effects])
+    assert 0.01 < error(run(solver, effects, values), embedded(effects, values)) < 0.05
