@@ -47,6 +47,7 @@ class FEBio:
     ``scratch`` holds one directory for each attempt, unless the job names a folder on its node; those of failed rows
     are kept in ``scratch``, at most ``keep_failed``.
     ``ramp_s``, ``hold_growth`` and ``still_mm`` say where the solver steps, see :func:`solver_steps`.
+    ``loaded_at_rest`` says that the template's bar bears force at zero displacement, whose relaxation is waited for.
     """
 
     executable: str
@@ -59,13 +60,15 @@ class FEBio:
     hold_growth: float = 0.02
     still_mm: float = 0.0
     keep_failed: int = 20
+    loaded_at_rest: bool = False
     name: str = "febio"
     batch_multiple: int = 1
 
     def identity(self) -> dict[str, Any]:
         digest = hashlib.blake2b(self.template.encode(), digest_size=16).hexdigest()
         steps = {"ramp_s": self.ramp_s, "hold_growth": self.hold_growth, "still_mm": self.still_mm}
-        return {"name": self.name, "version": self.version, "template": digest, "time_steps": steps}
+        identity = {"name": self.name, "version": self.version, "template": digest, "time_steps": steps}
+        return identity | ({"loaded_at_rest": True} if self.loaded_at_rest else {})
 
     def simulate(
         self, model: Model, specimen: Specimen, protocol: Protocol, parameters: Array, *, stresses: bool = False
@@ -95,7 +98,7 @@ class FEBio:
         """Force ``[t]`` (N) for one parameter set. Raises :class:`_Failed`."""
         rows = solver_steps(protocol, self.ramp_s, self.hold_growth, self.still_mm)
         relaxed_s = 40.0 * max(value for name, value in zip(model.names, values, strict=True) if name.startswith("tau"))
-        times, displacements, first = _steps(protocol, rows, relaxed_s)
+        times, displacements, first = _steps(protocol, rows, relaxed_s, self.loaded_at_rest)
         scratch = external.scratch(self.scratch)
         scratch.mkdir(parents=True, exist_ok=True)
         directory = Path(tempfile.mkdtemp(prefix="attempt-", dir=scratch))
@@ -159,8 +162,10 @@ class _Failed(Exception):
 # ---- input
 
 
-def read_template(folder: Path, name: str | None) -> str:
+def read_template(folder: Path, name: str | None, model: Model | None = None) -> str:
     """The input template's text, the built-in one or a file inside ``folder``; checked by rendering it once.
+
+    It is rendered with the parameters of ``model``, by default the baseline's.
 
     Raises :class:`BadInput` when it is not there, leaves the folder, cannot be rendered, or is no FEBio input.
     """
@@ -184,7 +189,7 @@ def read_template(folder: Path, name: str | None) -> str:
         raise BadInput(path, "not a text file", "a FEBio input template in UTF-8") from None
     except OSError as error:
         raise BadInput(path, (error.strerror or "cannot be read").lower(), "a readable file") from None
-    model = Model()
+    model = model or Model()
     times = np.array([0.0, 1.0, 2.0])
     try:
         rendered = render(text, model, Specimen("check", 10.0, 8.0, 4.0), times, 0.1 * times, model.reference)
@@ -338,14 +343,15 @@ def _segments(protocol: Protocol, still_mm: float) -> list[tuple[int, int, bool]
     return segments
 
 
-def _steps(protocol: Protocol, rows: Array, relaxed_s: float) -> tuple[Array, Array, int]:
+def _steps(protocol: Protocol, rows: Array, relaxed_s: float, loaded_at_rest: bool) -> tuple[Array, Array, int]:
     """The solver's times (s, from 0) and displacements (mm), and which of them is the protocol's first row.
 
-    A protocol that starts displaced starts at rest: the solver goes there in 1 s and waits until all has relaxed.
+    A protocol that starts displaced, or a bar that is loaded without, starts at rest: the solver goes there in 1 s and
+    waits until all has relaxed.
     """
     times = protocol.time_s[rows] - protocol.time_s[0]
     displacements = protocol.displacement_mm[rows]
-    if displacements[0] == 0:
+    if displacements[0] == 0 and not loaded_at_rest:
         return times, displacements, 0
     waited = 1.0 + relaxed_s
     times = np.concatenate([[0.0, 1.0], times + waited])

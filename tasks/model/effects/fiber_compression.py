@@ -1,0 +1,29 @@
+"""Fibres that resist compression."""
+
+from tasks.model import fibre
+from tasks.model.effect import Array, Bars, Effect, Values
+from tasks.model.parameters import Parameter
+
+
+def _fibre_stress(bars: Bars, values: Values) -> Array:
+    mirrored = 1.0 + (1.0 - bars.fibre_stretch)
+    return bars.fibre_MPa - values["compressed_part"] * fibre.stress(mirrored, bars.material)
+
+
+EFFECT = Effect(
+    slug="fiber-compression",
+    title="Fibres in compression",
+    description="Fibres embedded in the matrix do not buckle at once: below their own length they push back with a "
+    "part of what they bear in tension.",
+    equation="S_f(stretch) -> S_f(stretch) - compressed_part x S_f(2 - stretch)",
+    reference="Ault and Hoffman (1992) J Biomech Eng 114:137; Van Loocke et al. (2006) J Biomech 39:2999",
+    parameters=(Parameter("compressed_part", "1", 0.0, 1.0, 0.3, "stress in compression to stress in tension"),),
+    null={"compressed_part": 0.0},
+    seen_by=("compression",),
+    confounded_with={
+        "E_m": "where the fibres are below their length throughout, both are one stiffness",
+        "toe-slack": "slack fibres are compressed at the gauge length, so the pair shows where each alone does not",
+    },
+    no_febio="its fibre materials carry tension only, and one with an axial stiffness would resist tension as well",
+    fibre_stress=_fibre_stress,
+)

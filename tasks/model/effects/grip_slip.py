@@ -1,0 +1,53 @@
+"""A specimen that slips in its grips, and stays slipped."""
+
+import numpy as np
+
+from tasks.model.effect import Array, Bars, Effect, GivingWay, Values
+from tasks.model.parameters import Parameter
+
+
+def _displacement(bars: Bars, values: Values) -> Array:
+    pull = np.maximum(bars.force_N, 0.0)
+    impulse = np.cumsum(pull * _steps(bars), axis=1)
+    largest = np.maximum.accumulate(pull, axis=1)
+    slip = values["slip_per_force"] * (largest - pull[:, :1]) + values["slip_per_impulse"] * impulse
+    return bars.displacement_mm - slip
+
+
+def _giving_way(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
+    pulled = bars.force_N > 0.0
+    largest = np.maximum.accumulate(np.maximum(bars.force_N, 0.0), axis=1)
+    rises = np.diff(largest, axis=1, prepend=largest[:, :1]) > 0.0
+    return (
+        GivingWay(values["slip_per_force"] * rises, 1.0 - rises),
+        GivingWay(values["slip_per_impulse"] * pulled * _steps(bars), np.ones_like(bars.force_N)),
+    )
+
+
+def _steps(bars: Bars) -> Array:
+    return np.diff(bars.time_s, prepend=bars.time_s[0])
+
+
+EFFECT = Effect(
+    slug="grip-slip",
+    title="Slip in the grips",
+    description="The specimen is drawn out of the grips a little whenever the pull exceeds all before, and creeps "
+    "while it is pulled. Slip is counted from the first point and never comes back, so later cycles begin slack.",
+    equation="gauge displacement = grip displacement - slip_per_force x (largest force so far - first force) "
+    "- slip_per_impulse x integral of the force over time",
+    reference="Cheung and Zhang (2006) Med Eng Phys 28:379 (gripping tendons)",
+    parameters=(
+        Parameter("slip_per_force", "mm/N", 0.0, 1e-4, 3e-5, "slip per new largest force"),
+        Parameter("slip_per_impulse", "mm/(N s)", 0.0, 1e-6, 2e-7, "slip per force and time"),
+    ),
+    null={"slip_per_force": 0.0, "slip_per_impulse": 0.0},
+    seen_by=("ramp", "peak", "late hold", "unload", "valley", "later cycles"),
+    confounded_with={
+        "machine-compliance": "both lose displacement under load; only unloading shows whether it comes back",
+        "permanent-set": "both leave the bar slack after unloading; a set is in the matrix alone",
+        "tau_3f": "creep in the grips relaxes the force like a slow mode",
+    },
+    no_febio="the template prescribes the displacement of the specimen itself; there are no grips in it",
+    displacement=_displacement,
+    giving_way=_giving_way,
+)

@@ -1,0 +1,73 @@
+"""The fibres' elastic law, "fiber-exp-pow-linear" (Maas et al., FEBio theory manual, section 5), for many bars.
+
+With I = stretch^2 and I0 = lambda_0^2: no stress up to I = 1, then 2 xi exp(alpha (I-1)^beta) (I-1)^(beta-1), and
+2 B - E_f / stretch beyond I0; continuity of stress and stiffness at I0 gives xi and B.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numba
+import numpy as np
+
+Array = np.ndarray[Any, np.dtype[Any]]
+
+
+def stress(stretch: Array, material: Mapping[str, Array]) -> Array:
+    """Second Piola-Kirchhoff stress ``[n, t]`` (MPa) at the fibres' ``stretch`` ``[n, t]``.
+
+    ``material`` holds E_f (MPa), alpha_f, beta and lambda_0, each ``[n, 1]``.
+    """
+    result = np.empty_like(stretch)
+    _stress(np.ascontiguousarray(stretch), *_constants(material), result)
+    return result
+
+
+def energy(stretch: Array, material: Mapping[str, Array]) -> Array:
+    """Strain energy density ``[n, t]`` (MPa): its derivative by I is half the :func:`stress`."""
+    modulus, alpha, beta, lambda_0 = (material[name] for name in ("E_f", "alpha_f", "beta", "lambda_0"))
+    toe, _, _, _, linear, _ = (constant[:, np.newaxis] for constant in _constants(material))
+    square, square_0 = stretch**2, lambda_0**2
+    decay = np.exp(-alpha * (square_0 - 1.0) ** beta)
+    in_toe = _toe_energy(np.clip(square, 1.0, square_0) - 1.0, toe * decay, alpha, beta)
+    beyond = np.maximum(square, square_0)
+    return in_toe + 0.5 * linear * (beyond - square_0) - modulus * (np.sqrt(beyond) - lambda_0)
+
+
+def _toe_energy(strain: Array, slope: Array, alpha: Array, beta: Array) -> Array:
+    power = strain**beta
+    safe = np.where(alpha == 0.0, 1.0, alpha)
+    return 0.5 * slope / beta * np.where(alpha == 0.0, power, np.expm1(alpha * power) / safe)
+
+
+def _constants(material: Mapping[str, Array]) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """2 xi exp(alpha (I0-1)^beta), alpha, beta, I0, 2 B and E_f, each ``[n]``."""
+    modulus, alpha, beta, lambda_0 = (material[name][:, 0] for name in ("E_f", "alpha_f", "beta", "lambda_0"))
+    square = lambda_0**2
+    power = (square - 1) ** beta
+    d = 4 * square**1.5 * (beta - 1 + alpha * beta * power)
+    toe = 2 * modulus * (square - 1) ** (2 - beta) / d
+    linear = 2 * modulus * (2 * square * (beta - 0.5 + alpha * beta * power) - 1) / d
+    return toe, alpha, beta, square, linear, modulus
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _stress(stretch, toe, alpha, beta, toe_end, linear, modulus, result):  # type: ignore[no-untyped-def]
+    for row in range(stretch.shape[0]):
+        toe_end_power = (toe_end[row] - 1.0) ** beta[row]
+        last, value = np.nan, 0.0
+        for t in range(stretch.shape[1]):
+            stretched = stretch[row, t]
+            if stretched != last:  # the powers are dear, and a hold needs them once
+                square = stretched * stretched
+                strain = square - 1.0
+                if square <= 1.0:
+                    value = 0.0
+                elif square < toe_end[row]:
+                    power = strain ** beta[row]
+                    value = toe[row] * math.exp(alpha[row] * (power - toe_end_power)) * strain ** (beta[row] - 1.0)
+                else:
+                    value = linear[row] - modulus[row] / stretched
+                last = stretched
+            result[row, t] = value

@@ -1,0 +1,225 @@
+"""The embedded simulator with effects: the same bar as :mod:`tasks.simulate.uniaxial`, with any effects in it.
+
+The stages, in this order (:mod:`tasks.model.effect` says what an effect can change in each):
+displacement -> stretch -> elastic stress -> memory -> force -> reading. Where the displacement of the gauge length
+depends on the force, both are found together by Newton's method on the whole curve.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from tasks.model import Model, Protocol, Specimen, fibre
+from tasks.model.effect import Bars, Branch, Effect, Values, in_order
+from tasks.simulate import Array, memory
+
+_DRIVERS = ("matrix", "fibre", "strain")
+BALANCE = 1e-11  # of the largest displacement: what may be left between grips, machine and gauge length
+ITERATIONS = 60
+_STRETCH_STEP = 1e-7  # of the differences that give tangents: their errors slow Newton's method only
+
+
+def simulate_with(
+    model: Model,
+    effects: tuple[Effect, ...],
+    specimen: Specimen,
+    protocol: Protocol,
+    parameters: Array,
+    values: Array,
+    *,
+    sudden: bool = False,
+) -> Array:
+    """Force ``[n, t]`` (N) along ``protocol`` for ``parameters`` ``[n, d]`` and the effects' ``values`` ``[n, k]``.
+
+    The columns of ``values`` are the parameters of ``effects``, in the order given; that order changes nothing else.
+    With no effect, or all at their null values, the forces are those of :mod:`tasks.simulate.uniaxial`. The first
+    point is at rest; with ``sudden`` it is free of stress, and prestretch comes with the first step, as when the solver
+    starts at zero displacement. Rows with impossible parameters, or for which Newton's method finds no balance of
+    force and displacement, are NaN.
+    """
+    named = _by_effect(effects, values)
+    chosen = tuple((effect, named[effect.slug]) for effect in in_order(effects))
+    with np.errstate(all="ignore"):  # rows with impossible parameters end as NaN
+        run = _Run(chosen, protocol, sudden)
+        bars = _bars(model, specimen, protocol, parameters, chosen)
+        bars = run.balanced(bars) if any(effect.displacement for effect, _ in chosen) else run.pulled(bars)
+        for effect, own in chosen:
+            if effect.reading:
+                bars = replace(bars, force_N=effect.reading(bars, own))
+    force = bars.force_N
+    force[~np.isfinite(force).all(axis=1)] = np.nan
+    return force
+
+
+def _by_effect(effects: tuple[Effect, ...], values: Array) -> dict[str, Values]:
+    """The values of each effect by name, each ``[n, 1]``."""
+    named: dict[str, Values] = {}
+    first = 0
+    for effect in effects:
+        named[effect.slug] = {name: values[:, [first + i]] for i, name in enumerate(effect.names)}
+        first += len(effect.names)
+    if first != values.shape[1]:
+        raise ValueError(f"{values.shape[1]} columns of values for {first} parameters of effects")
+    return named
+
+
+def _bars(
+    model: Model,
+    specimen: Specimen,
+    protocol: Protocol,
+    parameters: Array,
+    chosen: tuple[tuple[Effect, Values], ...],
+) -> Bars:
+    """The bars as the grips would pull them without effects, made of the material with effects."""
+    count = len(parameters)
+    constants = {"beta": model.beta, "lambda_0": model.lambda_0, "area_mm2": specimen.area_mm2}
+    material = {name: parameters[:, [column]] for column, name in enumerate(model.names)}
+    material |= {name: np.full((count, 1), value) for name, value in constants.items()}
+    displacement = np.tile(np.asarray(protocol.displacement_mm, dtype=np.float64), (count, 1))
+    nothing = np.zeros_like(displacement)
+    bars = Bars(
+        np.asarray(protocol.time_s, dtype=np.float64),
+        specimen.length_mm,
+        material,
+        displacement,
+        stretch=nothing,
+        fibre_stretch=nothing,
+        matrix_MPa=nothing,
+        fibre_MPa=nothing,
+        force_N=nothing,
+    )
+    for effect, own in chosen:
+        if effect.material:
+            bars = replace(bars, material={**bars.material, **effect.material(bars, own)})
+    return bars
+
+
+class _Memory(NamedTuple):
+    """The viscous branches as the compiled recursions take them."""
+
+    driver: Array
+    viscosity: Array
+    time_s: Array
+    slowing: Array
+    slowed: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """What stays the same while a balance of force and displacement is sought."""
+
+    chosen: tuple[tuple[Effect, Values], ...]
+    protocol: Protocol
+    sudden: bool
+
+    def pulled(self, bars: Bars) -> Bars:
+        """The bars with the force that they bear at the displacement of their gauge length."""
+        bars = self._elastic(bars)
+        total = self._stress(bars, self._memory(bars))
+        return replace(bars, force_N=bars.material["area_mm2"] * bars.stretch * total)
+
+    def balanced(self, bars: Bars) -> Bars:
+        """The bars with the displacement that is left for the gauge length under the force that it causes."""
+        grips = bars
+        bars = replace(grips, displacement_mm=self._left(grips, grips.force_N))
+        largest = max(float(np.abs(grips.displacement_mm).max()), np.finfo(float).tiny)
+        for _ in range(ITERATIONS):
+            bars = self.pulled(bars)
+            residual = self._left(grips, bars.force_N) - bars.displacement_mm
+            worst = np.abs(residual).max(axis=1)
+            if not (worst > BALANCE * largest).any():  # rows that are NaN stay so
+                return bars
+            residual[worst <= BALANCE * largest] = 0.0  # so that a row does not depend on its neighbours
+            moved = bars.displacement_mm + self._correction(grips, bars, residual)
+            bars = replace(bars, displacement_mm=moved)
+        bars.force_N[worst > BALANCE * largest] = np.nan
+        return bars
+
+    def _left(self, grips: Bars, force: Array) -> Array:
+        """Displacement ``[n, t]`` (mm) of the gauge length under ``force`` ``[n, t]`` (N)."""
+        bars = replace(grips, force_N=force)
+        for effect, own in self.chosen:
+            if effect.displacement:
+                bars = replace(bars, displacement_mm=effect.displacement(bars, own))
+        return bars.displacement_mm
+
+    def _elastic(self, bars: Bars) -> Bars:
+        stretch = 1.0 + bars.displacement_mm / bars.length_mm
+        bars = replace(bars, stretch=stretch, fibre_stretch=stretch)
+        for effect, own in self.chosen:
+            if effect.fibre_stretch:
+                bars = replace(bars, fibre_stretch=effect.fibre_stretch(bars, own))
+        bars = replace(
+            bars,
+            matrix_MPa=bars.material["E_m"] * bars.strain,
+            fibre_MPa=fibre.stress(bars.fibre_stretch, bars.material),
+        )
+        for effect, own in self.chosen:
+            if effect.matrix_stress:
+                bars = replace(bars, matrix_MPa=effect.matrix_stress(bars, own))
+            if effect.fibre_stress:
+                bars = replace(bars, fibre_MPa=effect.fibre_stress(bars, own))
+        return bars
+
+    def _memory(self, bars: Bars) -> _Memory:
+        """The baseline's six branches, whose times can be slowed, then those of the effects."""
+        p = bars.material
+        branches = [
+            Branch("matrix" if c == "m" else "fibre", p[f"g_{i}{c}"] * p[f"tau_{i}{c}"], p[f"tau_{i}{c}"])
+            for c in "mf"
+            for i in (1, 2, 3)
+        ]
+        slowing = None
+        for effect, own in self.chosen:
+            if effect.slowing:
+                factor = effect.slowing(bars, own)
+                slowing = factor if slowing is None else slowing * factor
+            if effect.branches:
+                branches += effect.branches(bars, own)
+        return _Memory(
+            np.array([_DRIVERS.index(branch.driver) for branch in branches]),
+            np.concatenate([branch.viscosity for branch in branches], axis=1),
+            np.concatenate([branch.time_s for branch in branches], axis=1),
+            np.ones((1, 1)) if slowing is None else slowing,
+            0 if slowing is None else 6,
+        )
+
+    def _stress(self, bars: Bars, branches: _Memory) -> Array:
+        total = np.empty_like(bars.stretch)
+        memory.stress(
+            *self.protocol.distinct_steps,
+            *branches,
+            _drivers(bars),
+            self.sudden,
+            total,
+        )
+        return total
+
+    def _correction(self, grips: Bars, bars: Bars, residual: Array) -> Array:
+        """What to add to the displacement ``[n, t]`` (mm): one step of Newton's method."""
+        nudged = self._elastic(replace(bars, displacement_mm=bars.displacement_mm + _STRETCH_STEP * bars.length_mm))
+        tangents = (_drivers(nudged) - _drivers(bars)) / _STRETCH_STEP
+        state = replace(grips, force_N=bars.force_N)
+        gives = [way for effect, own in self.chosen if effect.giving_way for way in effect.giving_way(state, own)]
+        branches = self._memory(bars)
+        area = np.ascontiguousarray(bars.material["area_mm2"][:, 0])
+        result = np.empty_like(residual)
+        memory.correction(
+            *self.protocol.distinct_steps,
+            *branches,
+            bars.stretch,
+            bars.force_N / (area[:, np.newaxis] * bars.stretch),
+            tangents,
+            area,
+            bars.length_mm,
+            np.array([way.compliance for way in gives]).reshape(-1, *residual.shape),
+            np.array([way.kept for way in gives]).reshape(-1, *residual.shape),
+            residual,
+            result,
+        )
+        return result
+
+
+def _drivers(bars: Bars) -> Array:
+    return np.stack([bars.matrix_MPa, bars.fibre_MPa, bars.strain])

@@ -1,0 +1,126 @@
+"""The memory of viscous branches along a history, for any number of branches: the recursion of Puso and Weiss (1998).
+
+Each branch keeps H <- H exp(-dt/tau) + dS viscosity (1 - exp(-dt/tau)) / dt with S what drives it; viscosity is
+strength times tau, and tau = 0 is a bare dashpot with a backward difference.
+"""
+
+import math
+
+import numba
+import numpy as np
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def stress(  # type: ignore[no-untyped-def]
+    steps,
+    step_of,
+    driver,
+    viscosity,
+    times,
+    slowing,
+    slowed,
+    drivers,
+    sudden,
+    total,
+):
+    """Write the stress ``total`` ``[n, t]``: the constituents' elastic stress and that of all branches.
+
+    ``drivers`` ``[3, n, t]`` are the elastic stress of matrix and fibres (MPa) and the strain; branch k is driven by
+    ``driver[k]``, with ``viscosity`` and ``times`` ``[n, k]``. The times of the first ``slowed`` branches are
+    multiplied by ``slowing`` ``[n, t]``. The first point is at rest, unless ``sudden``: then the bars are free of
+    stress there, and what they bear comes with the first step.
+    """
+    count = driver.size
+    h, decay, gain = np.zeros(count), np.zeros(count), np.zeros(count)
+    for row in range(total.shape[0]):
+        h[:] = 0.0
+        last_step, last_factor = -1, 1.0
+        total[row, 0] = 0.0 if sudden else drivers[0, row, 0] + drivers[1, row, 0]
+        for t in range(1, total.shape[1]):
+            factor = slowing[row, t] if slowed > 0 else 1.0
+            if step_of[t] != last_step or factor != last_factor:
+                last_step, last_factor = step_of[t], factor
+                for k in range(count):
+                    own = factor if k < slowed else 1.0
+                    decay[k], gain[k] = _coefficients(steps[last_step], own, viscosity[row, k], times[row, k])
+            summed = drivers[0, row, t] + drivers[1, row, t]
+            for k in range(count):
+                before = 0.0 if sudden and t == 1 else drivers[driver[k], row, t - 1]
+                h[k] = h[k] * decay[k] + (drivers[driver[k], row, t] - before) * gain[k]
+                summed += h[k]
+            total[row, t] = summed
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def correction(  # type: ignore[no-untyped-def]
+    steps,
+    step_of,
+    driver,
+    viscosity,
+    times,
+    slowing,
+    slowed,
+    stretch,
+    stress,
+    tangents,
+    area,
+    length,
+    compliance,
+    kept,
+    residual,
+    result,
+):
+    """Write the change of displacement ``[n, t]`` (mm) that removes ``residual`` ``[n, t]`` (mm), to first order.
+
+    What gives way follows s <- kept s + compliance dF, with ``compliance`` (mm/N) and ``kept`` ``[m, n, t]``.
+    ``tangents`` ``[3, n, t]`` are the derivatives of the drivers by the stretch. As the past is known, each point is
+    one linear equation.
+    """
+    count = driver.size
+    h, decay, gain = np.zeros(count), np.zeros(count), np.zeros(count)
+    slipped = np.zeros(compliance.shape[0])
+    for row in range(result.shape[0]):
+        h[:], decay[:], gain[:] = 0.0, 0.0, 0.0
+        slipped[:] = 0.0
+        last_step, last_factor = -1, 1.0
+        before = 0.0
+        for t in range(result.shape[1]):
+            factor = slowing[row, t] if slowed > 0 else 1.0
+            if t > 0 and (step_of[t] != last_step or factor != last_factor):
+                last_step, last_factor = step_of[t], factor
+                for k in range(count):
+                    own = factor if k < slowed else 1.0
+                    decay[k], gain[k] = _coefficients(steps[last_step], own, viscosity[row, k], times[row, k])
+            stiffness = tangents[0, row, t] + tangents[1, row, t]
+            history = 0.0
+            for k in range(count):
+                stiffness += tangents[driver[k], row, t] * gain[k]
+                history += h[k] * decay[k]
+                if t > 0:
+                    history -= tangents[driver[k], row, t - 1] * before * gain[k]
+            scale = area[row] * stretch[row, t]
+            instant = (area[row] * stress[row, t] + scale * stiffness) / length
+            past = scale * history
+            soft, lost = 0.0, 0.0
+            for m in range(slipped.size):
+                slipped[m] *= kept[m, row, t]
+                soft += compliance[m, row, t]
+                lost += slipped[m]
+            moved = (residual[row, t] - lost - soft * past) / (1.0 + soft * instant)
+            pulled = instant * moved + past
+            for m in range(slipped.size):
+                slipped[m] += compliance[m, row, t] * pulled
+            now = moved / length
+            for k in range(count):
+                change = tangents[driver[k], row, t] * now
+                if t > 0:
+                    change -= tangents[driver[k], row, t - 1] * before
+                h[k] = h[k] * decay[k] + change * gain[k]
+            before = now
+            result[row, t] = moved
+
+
+@numba.njit(nogil=True, inline="always", error_model="numpy")
+def _coefficients(step, factor, viscosity, time):  # type: ignore[no-untyped-def]
+    ratio = step / (time * factor)
+    return math.exp(-ratio), -viscosity * factor * math.expm1(-ratio) / step
