@@ -3,8 +3,7 @@
 Points are on the unit cube of the model's free parameters: 0 is the lower bound of a parameter, 1 the upper.
 """
 
-from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import product
 
@@ -14,7 +13,7 @@ from scipy.optimize import lsq_linear
 from runner.ensemble import Desk
 from tasks.bayesian import Search, Surrogate, bayesian, propose
 from tasks.evaluate import SpecimenEvaluation, kept_points
-from tasks.least_squares import SMALLEST_GAIN, STEP, Fit, Seen, Weighing, curvature_of, least_squares
+from tasks.least_squares import STEP, Fit, Seen, Weighing, curvature_of, least_squares
 from tasks.ledger import Ledger
 from tasks.model import Model
 from tasks.simulate import Array
@@ -22,8 +21,7 @@ from tasks.simulate import Array
 APART = 0.1  # starts nearer to each other than this (of the cube's diagonal) would find the same
 ALIKE = (("tau_3f", "tau_3m"), ("tau_2f", "tau_2m"))  # can stand for each other, and trap a fit where they do
 FAST, SLOW = 0.05, 0.95  # of a relaxation time's range
-COMPARABLE = 5e-3  # gain of a step (of the objective) from which on a fit is near enough to its end to be compared
-FINISH = 0.25  # of the evaluations, to bring the best of several fits to its end
+FIRST = 0.13  # of the evaluations, for each of several fits, before the worse half of them is given up
 
 
 @dataclass(frozen=True)
@@ -129,45 +127,92 @@ def search(
 def polished(
     place: Place, starts: Iterable[Array], budget: int, most: int, before: Found | None = None
 ) -> Found | None:
-    """Least squares with ``budget`` evaluations from up to ``most`` starts; the best fit is then brought to its end.
+    """Least squares with ``budget`` evaluations from up to ``most`` starts, in a race.
 
-    After the first of ``starts`` come those that :func:`exchanged` makes of where it led, then the others. ``before``:
-    what was found, and used of another budget, before. None when the model fails at every start.
+    After the first of ``starts`` come those that :func:`exchanged` makes of where it led, then the others. Each has
+    ``FIRST`` of the evaluations; the better half goes on for twice as long, then the better half of these, until one is
+    left, which has what remains. ``before``: what was found, and used of another budget, before. None when the model
+    fails at every start.
     """
-    best, trace = before, list(before.trace) if before else []
-    used = offset = trace[-1][0] if trace else 0
-    converged, tried = False, 0
-    waiting: deque[Array] = deque()
+    trace = list(before.trace) if before else []
+    offset, used = trace[-1][0] if trace else 0, 0
+    quota = budget if most == 1 else max(int(FIRST * budget), place.size + 4)
+    descents: list[Descent] = []
+
+    def advance(one: Descent, until: int) -> None:
+        nonlocal used
+        known, since = len(one.trace), one.used
+        one.go_on(min(until, one.used + budget - used))
+        for count, total in one.trace[known:]:
+            trace.append((offset + used + count - since, min(total, trace[-1][1] if trace else np.inf)))
+        used += one.used - since
+
     others = iter(starts)
-    while tried < most:
-        start = waiting.popleft() if waiting else next(others, None)
-        left = budget - (used - offset)
-        room = (left - int(FINISH * budget)) // (most - tried) if most > 1 else left
-        if start is None or (tried and room < 2 * place.size):
+    after: Iterator[Array] = iter(())
+    tried = 0
+    while tried < most and (tried == 0 or used < budget):
+        start = next(after, None) if descents else None
+        start = next(others, None) if start is None else start
+        if start is None:
             break
         tried += 1
-        fit = follow(place, start, max(room, 1), SMALLEST_GAIN if most == 1 else COMPARABLE)
-        best, converged = _better(best, converged, fit, trace, used)
-        used += fit.trace[-1][0] if fit else 1
-        if fit is not None and tried == 1:
-            waiting.extend(exchanged(place, fit))
-    if best is not None and most > 1:
-        fit = follow(place, best.at, budget - (used - offset), SMALLEST_GAIN)
-        best, converged = _better(best, converged, fit, trace, used)
-    return None if best is None else Found(best.at, best.objective, tuple(trace), converged, tried)
+        one = Descent(place, start, budget)
+        advance(one, quota)
+        if one.fit is not None:
+            descents.append(one)
+            if len(descents) == 1 and most > 1:
+                after = iter(exchanged(place, one.fit))
+    racing = descents
+    while racing and used < budget and any(not one.ended for one in racing):
+        racing = sorted(racing, key=lambda one: one.total)[: (len(racing) + 1) // 2]
+        quota = 2 * quota if len(racing) > 1 else budget
+        before_round = used
+        for one in racing:
+            advance(one, quota)
+        if used == before_round and len(racing) == 1:
+            break
+    best = min(descents, key=lambda one: one.total, default=None)
+    if best is None or best.fit is None or (before is not None and before.total < best.total):
+        return before and Found(before.at, before.objective, tuple(trace), False, tried)
+    return Found(best.fit.at, best.fit.objective, tuple(trace), best.fit.converged, tried)
 
 
-def _better(
-    best: Found | None, converged: bool, fit: Fit | None, trace: list[tuple[int, float]], used: int
-) -> tuple[Found | None, bool]:
-    """The better of two fits, and whether it converged; the new one's way is added to ``trace``."""
-    if fit is None:
-        return best, converged
-    for more, total in fit.trace:
-        trace.append((used + more, min(total, trace[-1][1] if trace else np.inf)))
-    if best is None or fit.objective.sum() <= best.total:
-        return Found(fit.at, fit.objective, (), fit.converged), fit.converged
-    return best, converged
+class Descent:
+    """A least-squares fit under way: ``fit`` is how far it has come (None: not one step), ``used`` its evaluations."""
+
+    def __init__(self, place: Place, start: Array, budget: int) -> None:
+        self.place = place
+        self.fit: Fit | None = None
+        self.used = 0
+        self._steps = least_squares(start, weighing_of(place.evaluation), budget, self._hear)
+        self._asked: Array | None = next(self._steps)
+
+    @property
+    def ended(self) -> bool:
+        return self._asked is None
+
+    @property
+    def total(self) -> float:
+        """The total objective (N) so far."""
+        return np.inf if self.fit is None else float(self.fit.objective.sum())
+
+    @property
+    def trace(self) -> tuple[tuple[int, float], ...]:
+        return () if self.fit is None else self.fit.trace
+
+    def go_on(self, until: int) -> None:
+        """Until it has ended, or its next step would take more than ``until`` evaluations in all."""
+        while self._asked is not None and self.used + len(self._asked) <= until:
+            seen = self.place.seen(self._asked)
+            self.used += len(self._asked)
+            try:
+                self._asked = self._steps.send(seen)
+            except StopIteration as end:
+                self._asked = None
+                self.fit = end.value
+
+    def _hear(self, fit: Fit) -> None:
+        self.fit = fit
 
 
 def exchanged(place: Place, fit: Fit) -> Iterable[Array]:
@@ -193,18 +238,6 @@ def exchanged(place: Place, fit: Fit) -> Iterable[Array]:
         point[others] += lsq_linear(upper, -np.linalg.solve(upper.T, pull), bounds=bounds).x
         point[chosen] = ends
         yield np.clip(point, 0.0, 1.0)
-
-
-def follow(place: Place, start: Array, budget: int, enough: float) -> Fit | None:
-    """One least-squares fit to its end."""
-    steps = least_squares(start, weighing_of(place.evaluation), budget, enough)
-    asked = next(steps)
-    while True:
-        try:
-            asked = steps.send(place.seen(asked))
-        except StopIteration as end:
-            fit: Fit | None = end.value
-            return fit
 
 
 def best_apart(seen: Search) -> Iterable[Array]:

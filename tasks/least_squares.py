@@ -11,7 +11,7 @@ as in scipy).
 Parameters are on the unit cube here: 0 is the lower bound of a parameter, 1 the upper.
 """
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,12 +63,11 @@ class Fit:
 
 
 def least_squares(
-    start: Array, weighing: Weighing, budget: int, enough: float = SMALLEST_GAIN
+    start: Array, weighing: Weighing, budget: int, tell: Callable[[Fit], None] = lambda fit: None
 ) -> Generator[Array, Seen, Fit | None]:
     """Fit from ``start`` ``[d]``: yields points ``[n, d]``, wants what was :class:`Seen` there, returns the fit.
 
-    It has converged when a step with new derivatives gains less than ``enough`` of the objective. Returns None when
-    the start itself cannot be evaluated.
+    Returns None when the start itself cannot be evaluated. ``tell`` hears after each step how far the fit has come.
     """
     at = np.clip(start, 0.0, 1.0)
     size = at.size
@@ -121,7 +120,8 @@ def least_squares(
         else:
             damping *= 30.0
         trace.append((used, float(best.sum())))
-        little = gain <= enough * best.sum()
+        tell(Fit(at, best, tuple(trace), jacobians, False))
+        little = gain <= SMALLEST_GAIN * best.sum()
         if current and alive.all() and little and (gain > 0 or damping > LARGEST_DAMPING):
             converged = True
             break

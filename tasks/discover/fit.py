@@ -1,0 +1,158 @@
+"""Fits of one specimen, with or without effects, by generalised least squares.
+
+Measured points are many and their noise is correlated, so residuals are whitened first: with the noise's standard
+deviation s and correlation r, (e_t - r e_{t-1}) / (s sqrt(1 - r^2)). Their sum of squares is twice the negative log
+likelihood, up to a constant, and has about as many degrees of freedom as there are points less parameters, if the model
+is true.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from tasks.fits import ALIKE, FAST, SLOW
+from tasks.model import Curve, Model, Specimen
+from tasks.model.effect import Effect
+from tasks.noise import Noise
+from tasks.simulate import Array
+from tasks.simulate.effects import simulate_with
+
+BLIND = "nu_m"  # the force does not depend on it
+STEP = 1e-5
+TOLERANCE = 1e-5
+EVALUATIONS = 60  # iterations of one fit, at most
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A specimen, the noise of its curves, and which curves a fit may see."""
+
+    specimen: Specimen
+    noise: Noise
+
+    @property
+    def curves(self) -> tuple[Curve, ...]:
+        return self.specimen.curves
+
+    def whitened(self, curve: Curve, error_N: Array) -> Array:
+        """Errors ``[n, t]`` (N) of a curve in units of its noise, with its correlation taken out."""
+        r = self.noise.ar1
+        scaled = error_N / self.noise.sd_at(curve.force_N)
+        white = scaled.copy()
+        white[:, 1:] = (scaled[:, 1:] - r * scaled[:, :-1]) / np.sqrt(1.0 - r * r)
+        return white
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Where a fit ended: ``at`` ``[k]`` on the unit cube, ``loss`` (whitened sum of squares), ``points`` it is over.
+
+    ``uncertainty`` ``[k]``: standard deviations on the unit cube, from the curvature; ``at_bound`` ``[k]``.
+    """
+
+    at: Array
+    loss: float
+    points: int
+    uncertainty: Array = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def at_bound(self) -> Array:
+        return (self.at < 1e-3) | (self.at > 1.0 - 1e-3)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """The model with some effects: what a fit can vary is the model's free parameters and those of the effects."""
+
+    model: Model
+    effects: tuple[Effect, ...] = ()
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        return tuple(p.name for p in self.model.free if p.name != BLIND)
+
+    @property
+    def size(self) -> int:
+        return len(self.varied) + sum(len(effect.parameters) for effect in self.effects)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds ``[k]``: the model's, then the effects'."""
+        own = [p for p in self.model.free if p.name != BLIND]
+        every = [*own, *(p for effect in self.effects for p in effect.parameters)]
+        low = [p.minimum if p.possible(p.minimum) else p.minimum + 1e-6 * (p.maximum - p.minimum) for p in every]
+        return np.array(low), np.array([p.maximum for p in every])
+
+    def rows(self, at: Array) -> tuple[Array, Array]:
+        """Parameters ``[n, d]`` and effects' values ``[n, m]`` of points ``[n, k]`` of the unit cube."""
+        low, high = self.bounds()
+        values = low + (high - low) * at
+        count = len(self.varied)
+        return self.model.full(self.varied, values[:, :count]), values[:, count:]
+
+    def forces(self, specimen: Specimen, curve: Curve, at: Array) -> Array:
+        """Forces ``[n, t]`` (N) along a curve's protocol."""
+        parameters, values = self.rows(at)
+        return simulate_with(self.model, self.effects, specimen, curve.protocol, parameters, values)
+
+    def unit(self, name: str, value: float) -> float:
+        """Where on the unit cube a parameter of an effect has a value."""
+        low, high = self.bounds()
+        index = len(self.varied) + [p.name for effect in self.effects for p in effect.parameters].index(name)
+        return float(np.clip((value - low[index]) / (high[index] - low[index]), 0.0, 1.0))
+
+    def null(self) -> Array:
+        """The effects' values ``[m]`` on the unit cube at which they do nothing."""
+        return np.array([self.unit(n, v) for e in self.effects for n, v in zip(e.names, e.null_values, strict=True)])
+
+    def typical(self) -> Array:
+        """The effects' typical values ``[m]`` on the unit cube."""
+        return np.array([self.unit(n, v) for e in self.effects for n, v in zip(e.names, e.typical, strict=True)])
+
+
+def residuals(candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve]) -> Array:
+    """Whitened residuals ``[n, all points]`` of the curves at points ``[n, k]``; what fails is far away."""
+    parts = []
+    for curve in curves:
+        force = candidate.forces(measured.specimen, curve, at)
+        white = measured.whitened(curve, force - curve.force_N)
+        parts.append(np.where(np.isfinite(white), white, 1e3))
+    return np.concatenate(parts, axis=1)
+
+
+def fit(candidate: Candidate, measured: Measured, start: Array, curves: Sequence[Curve] | None = None) -> Fitted:
+    """The nearest minimum to ``start`` ``[k]`` on the unit cube, over ``curves`` (all of the specimen's)."""
+    chosen = measured.curves if curves is None else curves
+
+    def loss(at: Array) -> Array:
+        return residuals(candidate, measured, at[np.newaxis], chosen)[0]
+
+    def slope(at: Array) -> Array:
+        steps = np.where(at + STEP <= 1.0, STEP, -STEP)
+        moved = residuals(candidate, measured, np.concatenate([at[np.newaxis], at + np.diag(steps)]), chosen)
+        return ((moved[1:] - moved[0]) / steps[:, np.newaxis]).T
+
+    found = least_squares(
+        loss, np.clip(start, 1e-6, 1 - 1e-6), jac=slope, bounds=(0.0, 1.0), ftol=TOLERANCE, xtol=1e-7, gtol=1e-7,
+        max_nfev=EVALUATIONS, x_scale=1.0,
+    )  # fmt: skip
+    curvature = found.jac.T @ found.jac + 12.0 * np.eye(start.size)
+    spread = np.sqrt(np.diag(np.linalg.inv(curvature)))
+    return Fitted(found.x, float(2.0 * found.cost), int(found.fun.size), spread)
+
+
+def starts(candidate: Candidate, rng: np.random.Generator, count: int) -> list[Array]:
+    """Points ``[k]`` to begin a fit of the bare model from: the middle, exchanged relaxation times, and random ones."""
+    names = list(candidate.varied)
+    found = [np.full(candidate.size, 0.5)]
+    pairs = [pair for pair in ALIKE if set(pair) <= set(names)]
+    chosen = [names.index(name) for pair in pairs for name in pair]
+    for ends in product(((FAST, SLOW), (SLOW, FAST)), repeat=len(pairs)):
+        point = np.full(candidate.size, 0.5)
+        point[chosen] = np.concatenate(ends) if ends else []
+        found.append(point)
+    while len(found) < count:
+        found.append(rng.random(candidate.size))
+    return found[:count]
