@@ -21,7 +21,7 @@ demo: $(READY)
 	$(BIN)/sinew run configs/demo.yaml
 
 test: $(READY)
-	$(BIN)/python -m pytest -m "not slurm"
+	$(BIN)/python -m pytest -m "not slurm" -n 2 --dist worksteal
 	$(BIN)/python -m pytest -m slurm -n 3 --dist worksteal
 
 # what CI asks of the code beside its tests

@@ -143,6 +143,7 @@ _task_command("calibrate", "The parameters of each specimen that bring the model
 _task_command("infer", "The parameters of each site with their uncertainty (ABC-SMC).")
 _task_command("predict", "Bands around the curves of each site, and how much of the data they cover.")
 _task_command("compare", "Can the sites be told apart by their parameters?")
+_task_command("discover", "Where do model and measurements disagree, and which effect is missing?")
 
 
 @_study_command("simulate", "Forces of given parameter rows along each measured curve.")

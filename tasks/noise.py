@@ -21,6 +21,7 @@ from tasks.simulate import Array
 POINTS, MOST = 6, 12  # points for each coefficient of a spline, and how many coefficients a hold may have
 LONG = 400  # points of a ramp for which it may have one more
 FEWEST = 12  # points of a phase that can tell
+ENOUGH = 150  # points in holds
 CORRELATIONS = (-0.5, 0.995)
 CLEARLY = 10.0  # gain in twice the log likelihood, from which on noise that grows with the force is believed
 
@@ -50,6 +51,7 @@ class Noise:
 class _Piece:
     """A phase: forces ``[t]`` (N), splines ``[t, p]``, a first look at the course ``[t]``, time steps in usual ones."""
 
+    hold: bool
     force: Array
     splines: Array
     course: Array
@@ -62,8 +64,11 @@ def noise_of(curve: Curve) -> Noise:
 
 
 def noise_of_all(curves: Sequence[Curve], *, proportional: bool = True) -> Noise:
-    """The noise that curves have in common; ``proportional``: it may grow with the force."""
-    pieces = [piece for curve in curves for piece in _pieces(curve)]
+    """The noise that curves have in common; ``proportional``: it may grow with the force.
+
+    Where there are ``ENOUGH`` points in holds, ramps are left out: few points to a sharp toe are no smooth course.
+    """
+    pieces = _chosen(curves)
     if sum(piece.force.size - piece.splines.shape[1] for piece in pieces) < FEWEST:
         return Noise(float("nan"), float("nan"))
     if all(np.ptp(piece.force - piece.course) == 0.0 for piece in pieces):
@@ -94,6 +99,25 @@ def noise_of_all(curves: Sequence[Curve], *, proportional: bool = True) -> Noise
     return Noise(float(sd), r, float(sd * growth))
 
 
+def noise_of_each(groups: Sequence[Sequence[Curve]]) -> list[Noise]:
+    """The noise of several specimens from one machine: a level for each, and one correlation."""
+    pieces = [_chosen(curves) for curves in groups]
+    if any(sum(p.force.size - p.splines.shape[1] for p in each) < FEWEST for each in pieces):
+        return [noise_of_all(curves, proportional=False) for curves in groups]
+
+    def loss(r: float) -> float:
+        return sum(_restricted(each, r, 0.0)[0] for each in pieces)
+
+    r = float(minimize_scalar(loss, bounds=CORRELATIONS, method="bounded").x)
+    return [Noise(_restricted(each, r, 0.0)[1], r) for each in pieces]
+
+
+def _chosen(curves: Sequence[Curve]) -> list[_Piece]:
+    pieces = [piece for curve in curves for piece in _pieces(curve)]
+    holds = [piece for piece in pieces if piece.hold]
+    return holds if sum(piece.force.size for piece in holds) >= ENOUGH else pieces
+
+
 def _restricted(pieces: Sequence[_Piece], r: float, growth: float) -> tuple[float, float]:
     """-2 log restricted likelihood, up to a constant, at its best level, and that level (N)."""
     squares, loss, count = 0.0, 0.0, 0
@@ -122,7 +146,7 @@ def _pieces(curve: Curve) -> list[_Piece]:
             continue
         splines = _splines(phase, time - time[0], usual)
         fitted, *_ = np.linalg.lstsq(splines, force, rcond=None)
-        found.append(_Piece(force, splines, splines @ fitted, np.diff(time) / usual))
+        found.append(_Piece(phase.kind == "hold", force, splines, splines @ fitted, np.diff(time) / usual))
     return found
 
 

@@ -14,11 +14,12 @@ from rich.table import Table as Grid
 
 from runner.store import Store, open_store
 from tasks.calibrate import calibrate, fitted_curves
+from tasks.discover.discover import discover
 from tasks.importance import importance
 from tasks.infer import infer
 from tasks.predict import predict
 from tasks.problems import BadInput
-from tasks.report import calibration, figures, posterior, prediction, site_figures
+from tasks.report import calibration, discovery, figures, posterior, prediction, site_figures
 from tasks.sensitivity import base_samples, sobol
 from tasks.sites import compare
 from tasks.study import NEEDS, Study
@@ -219,4 +220,5 @@ _TASKS = {
     "infer": _Task(lambda workspace, **_: infer(workspace), _draw_infer, _tell_infer),
     "predict": _Task(lambda workspace, **_: predict(workspace), prediction.draw, prediction.tell),
     "compare": _Task(lambda workspace, **_: compare(workspace), site_figures.draw, site_figures.tell),
+    "discover": _Task(lambda workspace, **_: discover(workspace), discovery.draw, discovery.tell),
 }

@@ -8,6 +8,8 @@ from pydantic import AfterValidator, Field, PrivateAttr, field_validator, model_
 
 from runner.cluster import Address, ClusterSpec, Local, free_cores
 from tasks.model import TENDON, Model, Parameter
+from tasks.model.effect import Effect
+from tasks.model.effects import library
 from tasks.problems import BadInput, shown
 from tasks.settings import FieldError, Section, by_name, read_settings
 from tasks.simulate import Simulator
@@ -17,7 +19,7 @@ Seconds = Annotated[float, Field(gt=0, le=86_400 * 30, allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 
 
-Task = Literal["sobol", "importance", "calibrate", "infer", "predict", "compare"]
+Task = Literal["sobol", "importance", "calibrate", "infer", "predict", "compare", "discover"]
 
 #: Whose results a task takes up.
 NEEDS = {"importance": "sobol", "infer": "calibrate", "predict": "infer", "compare": "infer"}
@@ -81,8 +83,9 @@ class ParameterSettings(Section):
 
 
 class ModelSettings(Section):
-    """The tissue model: what the study says differs from the published ranges."""
+    """The tissue model: what the study says differs from the published ranges, and ``effects`` it has besides."""
 
+    effects: list[str] = Field(default_factory=list)
     parameters: dict[str, ParameterSettings] = Field(default_factory=dict)
     beta: Annotated[float, Field(ge=2, le=10, allow_inf_nan=False)] = 2.0
     lambda_0: Annotated[float, Field(gt=1, le=2, allow_inf_nan=False)] = 1.01
@@ -236,6 +239,25 @@ class CompareSettings(Section):
     permutations: Annotated[int, Field(ge=20, le=100_000)] = 200
 
 
+class DiscoverSettings(Section):
+    """Which ``effects`` of the library are candidates, and from how many ``starts`` the model without them is fitted.
+
+    ``chance``: how often some cell of the whole cohort may look wrong where nothing is.
+    """
+
+    specimens: Specimens = "all"
+    effects: Literal["all"] | Annotated[list[str], Field(min_length=1)] = "all"
+    starts: Annotated[int, Field(ge=1, le=100)] = 6
+    chance: Annotated[float, Field(gt=0, lt=0.5)] = 0.05
+
+    @field_validator("effects")
+    @classmethod
+    def _known(cls, value: list[str] | str) -> list[str] | str:
+        if isinstance(value, list) and (unknown := [slug for slug in value if slug not in library()]):
+            raise ValueError(f"{shown(unknown[0])} is no effect; expected some of {', '.join(library())}")
+        return value
+
+
 class StoreSettings(Section):
     """``points_per_curve``: how many points of each simulated curve are kept (``all``: every measured point)."""
 
@@ -262,6 +284,7 @@ class Study(Section):
     infer: InferSettings = InferSettings()
     predict: PredictSettings = PredictSettings()
     compare: CompareSettings = CompareSettings()
+    discover: DiscoverSettings = DiscoverSettings()
 
     _path: Path = PrivateAttr(default=Path())
 
@@ -299,7 +322,8 @@ class Study(Section):
 
     def tendon(self) -> Model:
         """The model with this study's bounds."""
-        known = {parameter.name: parameter for parameter in TENDON}
+        added = [parameter for effect in self.effects() for parameter in effect.parameters]
+        known = {parameter.name: parameter for parameter in (*TENDON, *added)}
         for name in self.model.parameters:
             if name not in known:
                 raise FieldError(f"model.parameters.{name}", "unknown parameter", f"one of {', '.join(known)}")
@@ -315,6 +339,16 @@ class Study(Section):
             raise FieldError("model.parameters", "every parameter is fixed", "at least one with min and max")
         return model
 
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects that the model has besides the baseline, as the study orders them."""
+        known = library()
+        for i, slug in enumerate(self.model.effects):
+            if slug not in known:
+                raise FieldError("model.effects", f"no effect {shown(slug)}", f"one of {', '.join(known)}")
+            if slug in self.model.effects[:i]:
+                raise FieldError("model.effects", f"{slug} is a duplicate", "each effect once")
+        return tuple(known[slug] for slug in self.model.effects)
+
     def cluster_spec(self, workers: int | None = None) -> ClusterSpec:
         """Where evaluations run; ``workers`` overrides the number of local workers."""
         if isinstance(self.cluster, AddressSettings):
@@ -329,14 +363,16 @@ class Study(Section):
 
         Raises :class:`BadInput` when the solver or its template cannot be found.
         """
+        from tasks.simulate.effects import UniaxialWith
         from tasks.simulate.febio import FEBio, read_template, solver_version
+        from tasks.simulate.febio_effects import febio_with
         from tasks.simulate.uniaxial import Uniaxial
 
         settings = self.simulator
         if name is not None and name != settings.name:
             settings = UniaxialSettings() if name == "uniaxial" else FEBioSettings()
         if isinstance(settings, UniaxialSettings):
-            return Uniaxial()
+            return UniaxialWith(tuple(self.model.effects)) if self.model.effects else Uniaxial()
         executable = shutil.which(settings.executable)
         if executable is None:
             raise SolverMissing(
@@ -346,7 +382,7 @@ class Study(Section):
             )
         template = read_template(self.path.parent, settings.template)
         steps = settings.time_steps
-        return FEBio(
+        solver = FEBio(
             executable=str(Path(executable).resolve()),
             version=solver_version(Path(executable).resolve()),
             template=template,
@@ -358,6 +394,7 @@ class Study(Section):
             still_mm=steps.still_mm,
             keep_failed=settings.keep_failed,
         )
+        return febio_with(solver, self.effects())
 
 
 def read_study(path: Path, *, seed: int | None = None) -> Study:

@@ -118,7 +118,8 @@ class Workspace:
         tables = [table for talk in talks for table, _ in talk.tables]
         before = sum(table.finished() for table in tables)
         policy = Policy(multiple=self.simulator.batch_multiple, retries=self.study.retries)
-        with progress(title, sum(talk.rows for talk in talks), self.out, quiet=self.quiet) as report:
+        rows = sum(talk.rows for talk in talks)
+        with progress(title, rows, self.out, quiet=self.quiet or not rows) as report:
             try:
                 return converse(self.client, talks, report, policy)
             finally:
@@ -158,7 +159,7 @@ def check_cohort(study: Study, data: Path | None, out: Path) -> Cohort:
     Raises :class:`BadInput`.
     """
     cohort = read_cohort(data or study.cohort_path)
-    for task in ("sobol", "calibrate", "infer"):
+    for task in ("sobol", "calibrate", "infer", "discover"):
         names = getattr(study, task).specimens
         if names != "all":
             cohort.choose(names, f"{study.path}: {task}.specimens")

@@ -21,6 +21,7 @@ from tasks.simulate import Array
 from tasks.simulate.effects import simulate_with
 
 BLIND = "nu_m"  # the force does not depend on it
+TOE, GENTLE = "alpha_f", 0.05
 STEP = 1e-5
 TOLERANCE = 1e-5
 EVALUATIONS = 60  # iterations of one fit, at most
@@ -143,14 +144,19 @@ def fit(candidate: Candidate, measured: Measured, start: Array, curves: Sequence
     return Fitted(found.x, float(2.0 * found.cost), int(found.fun.size), spread)
 
 
+def gentle(candidate: Candidate) -> Array:
+    """The middle of the bare model's ranges, with a gentle toe: a fit that begins with a sharp one stays there."""
+    return np.where(np.array(candidate.varied) == TOE, GENTLE, 0.5)
+
+
 def starts(candidate: Candidate, rng: np.random.Generator, count: int) -> list[Array]:
     """Points ``[k]`` to begin a fit of the bare model from: the middle, exchanged relaxation times, and random ones."""
     names = list(candidate.varied)
-    found = [np.full(candidate.size, 0.5)]
+    found = [np.full(candidate.size, 0.5), gentle(candidate)]
     pairs = [pair for pair in ALIKE if set(pair) <= set(names)]
     chosen = [names.index(name) for pair in pairs for name in pair]
     for ends in product(((FAST, SLOW), (SLOW, FAST)), repeat=len(pairs)):
-        point = np.full(candidate.size, 0.5)
+        point = gentle(candidate)
         point[chosen] = np.concatenate(ends) if ends else []
         found.append(point)
     while len(found) < count:

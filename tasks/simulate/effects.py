@@ -6,18 +6,57 @@ depends on the force, both are found together by Newton's method on the whole cu
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tasks.model import Model, Protocol, Specimen, fibre
+from runner.store import STATUSES
+from tasks.model import Curve, Model, Protocol, Specimen, fibre
 from tasks.model.effect import Bars, Branch, Effect, Values, in_order
-from tasks.simulate import Array, memory
+from tasks.model.effects import library
+from tasks.simulate import Array, Compared, Simulated, impossible, memory
 
 _DRIVERS = ("matrix", "fibre", "strain")
 BALANCE = 1e-11  # of the largest displacement: what may be left between grips, machine and gauge length
 ITERATIONS = 60
 _STRETCH_STEP = 1e-7  # of the differences that give tangents: their errors slow Newton's method only
+
+
+@dataclass(frozen=True)
+class UniaxialWith:
+    """The embedded simulator for studies whose model has effects, named by their ``slugs``.
+
+    Its models are those of :func:`tasks.model.effect.model_with`: the effects' parameters stand behind the baseline's.
+    """
+
+    slugs: tuple[str, ...]
+    name: str = "uniaxial"
+    batch_multiple: int = 8
+
+    def identity(self) -> dict[str, Any]:
+        return {"name": self.name, "version": 1, "effects": list(self.slugs)}
+
+    def simulate(
+        self, model: Model, specimen: Specimen, protocol: Protocol, parameters: Array, *, stresses: bool = False
+    ) -> Simulated:
+        if stresses:
+            raise ValueError("with effects there are no stresses of the constituents")
+        effects = tuple(library()[slug] for slug in self.slugs)
+        own = len(model.parameters) - sum(len(effect.parameters) for effect in effects)
+        bare = Model(model.parameters[:own], model.beta, model.lambda_0)
+        force = simulate_with(bare, effects, specimen, protocol, parameters[:, :own], parameters[:, own:])
+        status, wrong = np.zeros(len(force), dtype=np.int8), impossible(model, parameters)
+        reasons = dict.fromkeys(np.flatnonzero(~np.isfinite(force).all(axis=1)).tolist(), "no force was found")
+        status[list(reasons)] = STATUSES.index("diverged")
+        status[list(wrong)] = STATUSES.index("bad_input")
+        reasons |= wrong
+        force[status > 0] = np.nan
+        return Simulated(force, status, tuple(reasons.get(row, "") for row in range(len(force))))
+
+    def compare(self, model: Model, specimen: Specimen, curve: Curve, parameters: Array, keep: Array) -> Compared:
+        done = self.simulate(model, specimen, curve.protocol, parameters)
+        rmse = np.sqrt(np.mean((done.force_N - curve.force_N) ** 2, axis=1))
+        return Compared(rmse, done.force_N[:, keep], done.status, done.messages)
 
 
 def simulate_with(

@@ -1,0 +1,116 @@
+"""`sinew discover` from end to end: a hidden effect is named and added, and where nothing is hidden, nothing is."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from tasks.cohort import autoregressive, virtual_cohort, write_cohort
+from tasks.model import Curve, Model, Specimen
+from tasks.model.effects import library
+from tasks.model.protocols import cyclic, one_step
+from tasks.simulate.effects import simulate_with
+from tests.conftest import SHARED
+from tests.tasks.test_pipeline import new_simulations, sinew
+
+STUDY = """
+name: hidden
+seed: 3
+cohort: cohort
+tasks: [discover]
+discover: {effects: [force-drift, time-lag, toe-slack], starts: 3}
+"""
+
+
+def pulled(bare: Specimen, truth: dict[str, float], slack: float | None, seed: int) -> Specimen:
+    """The specimen pulled anew at 4 Hz, with slack fibres if wanted, and noise."""
+    model, rng = Model(), np.random.default_rng(seed)
+    effects = () if slack is None else (library()["toe-slack"],)
+    values = np.zeros((1, 0)) if slack is None else np.array([[slack]])
+    parameters = np.array([[min(truth[p.name], p.maximum) for p in model.parameters]])
+    curves = []
+    for make in (one_step, cyclic):
+        protocol = make(bare.length_mm, 4.0)
+        force = simulate_with(model, effects, bare, protocol, parameters, values)[0]
+        curves.append(Curve(protocol, force + 1.5 * autoregressive(rng, force.size, 0.3)))
+    return Specimen(bare.name, bare.length_mm, bare.width_mm, bare.thickness_mm, tuple(curves))
+
+
+@pytest.fixture
+def study(tmp_path):
+    def make(slack):
+        specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
+        told = [truth["specimens"][one.name]["parameters"] for one in specimens[:2]]
+        write_cohort(tmp_path / "cohort", [pulled(o, t, slack, i) for i, (o, t) in enumerate(zip(specimens, told))])  # noqa: B905
+        (tmp_path / "study.yaml").write_text(STUDY)
+        return tmp_path / "study.yaml"
+
+    return make
+
+
+def test_a_hidden_effect_is_named_added_and_shown(study, tmp_path, capsys):
+    path, out = study(0.99), tmp_path / "out"
+    sinew("discover", path, "--out", out, "--workers", 2)
+    assert "NAMED toe-slack" in capsys.readouterr().out
+    result = json.loads((out / "verdict.json").read_text())
+    assert (result["verdict"], result["effects"], result["set"]) == ("NAMED", ["toe-slack"], [])
+    best = result["candidates"][0]
+    assert best["effects"] == ["toe-slack"]
+    for told in best["parameters"].values():
+        low, high = told["slack_stretch"]["interval"]
+        assert low - 0.0005 < 0.99 < high + 0.0005
+    assert result["gap"]["closed"] > 0.9
+    assert any(abs(cell["z"]) > cell["limit"] for cells in result["cells"].values() for cell in cells)
+    after = [abs(cell["z"]) > cell["limit"] for cells in result["after"].values() for cell in cells]
+    assert np.mean(after) < 0.05
+    assert (out / "figures" / "discover_cells.png").stat().st_size > 5000
+
+    added = out / result["model"]["path"]
+    assert yaml.safe_load(added.read_text())["model"] == {"effects": ["toe-slack"]}
+    assert "+  - toe-slack" in result["model"]["difference"]
+    rows = tmp_path / "rows.csv"
+    rows.write_text("E_f,slack_stretch\n200,1.0\n200,0.985\n")
+    sinew("simulate", added, "--parameters", rows, "--out", tmp_path / "simulated", "--quiet")
+    forces = np.loadtxt(tmp_path / "simulated" / "distal" / "1.one_step.csv", delimiter=",", skiprows=1)
+    assert np.abs(forces[:, 2] - forces[:, 3]).max() > 10.0, "the added effect changes the force"
+
+    first = (out / "verdict.json").read_bytes()
+    (out / "verdict.json").unlink()
+    sinew("discover", path, "--out", out, "--quiet")
+    assert new_simulations(out)[-1] == 0
+    assert (out / "verdict.json").read_bytes() == first, "its fits are kept"
+
+
+def test_where_nothing_is_hidden_nothing_is_named(study, tmp_path):
+    out = tmp_path / "out"
+    sinew("discover", study(None), "--out", out, "--quiet")
+    result = json.loads((out / "verdict.json").read_text())
+    assert (result["verdict"], result["effects"], result["set"]) == ("NONE", [], [])
+    assert result["model"] is None
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(("case", "effects"), [("case_18", ["toe-slack"]), ("case_07", [])])
+def test_cohorts_that_others_made(tmp_path, case, effects):
+    """One specimen of a development case whose truth comes from another integration."""
+    path = tmp_path / "study.yaml"
+    text = STUDY.replace("cohort: cohort", f"cohort: {SHARED}/hidden/dev-1/{case}").replace("time-lag, ", "")
+    path.write_text(text.replace("starts: 3", "starts: 2, specimens: [s01]"))
+    sinew("discover", path, "--out", tmp_path / "out", "--quiet")
+    result = json.loads((tmp_path / "out" / "verdict.json").read_text())
+    assert result["effects"] == effects
+    assert result["verdict"] == ("NAMED" if effects else "NONE")
+
+
+def test_a_model_that_has_effects_already_is_one_line(study, tmp_path, capsys):
+    path = study(None)
+    path.write_text(STUDY + "model: {effects: [softening]}\n")
+    with pytest.raises(SystemExit) as ended:
+        sinew("discover", path, "--out", tmp_path / "out")
+    assert ended.value.code == 2
+    assert "model.effects" in capsys.readouterr().err
+    path.write_text(STUDY.replace("time-lag", "magic"))
+    with pytest.raises(SystemExit):
+        sinew("discover", path, "--out", tmp_path / "out")
+    assert "'magic' is no effect" in capsys.readouterr().err
