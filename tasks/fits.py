@@ -224,11 +224,11 @@ def exchanged(place: Place, fit: Fit) -> Iterable[Array]:
     names = [parameter.name for parameter in place.model.free]
     pairs = [pair for pair in ALIKE if set(pair) <= set(names)]
     chosen = np.array([names.index(name) for pair in pairs for name in pair], dtype=int)
-    if not chosen.size:
+    others = np.setdiff1d(np.arange(place.size), chosen)
+    if not chosen.size or not others.size:
         return
     curvature = curvature_of(fit.jacobians, weighing_of(place.evaluation), fit.objective)
     curvature += np.diag(1e-3 * np.diag(curvature) + 1e-10 * (np.trace(curvature) or 1.0))
-    others = np.setdiff1d(np.arange(place.size), chosen)
     upper = np.linalg.cholesky(curvature[np.ix_(others, others)]).T
     for each in product(((FAST, SLOW), (SLOW, FAST)), repeat=len(pairs)):
         ends = np.concatenate(each)

@@ -1,13 +1,15 @@
 """The fit on problems whose answer is known: linear, nonlinear, at a bound, with failures, and on a tendon."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tasks.cohort import virtual_cohort
 from tasks.evaluate import SpecimenEvaluation
-from tasks.fits import from_unit, uncertainty, weighing_of
+from tasks.fits import Place, exchanged, from_unit, uncertainty, weighing_of
 from tasks.least_squares import Fit, Seen, Weighing, least_squares
-from tasks.model import Model
+from tasks.model import TENDON, Model
 from tasks.simulate.uniaxial import Uniaxial
 
 TIMES = np.linspace(0, 1, 200)
@@ -74,6 +76,26 @@ def test_the_budget_holds():
     fit = drive(least_squares(np.full(3, 0.01), WEIGHING, 20), exponential, exponential(np.array([0.9, 0.9, 0.9])))
     assert not fit.converged
     assert fit.trace[-1][0] <= 20
+
+
+@pytest.mark.parametrize(
+    "free", [("E_f", "tau_2f", "tau_2m", "tau_3f", "tau_3m"), ("tau_3f", "tau_3m"), ("E_f", "E_m")]
+)
+def test_starts_with_exchanged_relaxation_times(free):
+    """One of each pair is fast and the other slow, in every way; where a parameter is fixed, its pair stays out."""
+    parameters = tuple(p if p.name in free else replace(p, minimum=1.0, maximum=1.0, reference=1.0) for p in TENDON)
+    model = Model(parameters)
+    specimens, _ = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
+    place = Place(None, model, SpecimenEvaluation(model, specimens[0], Uniaxial(), 96))
+    size = len(free)
+    jacobians = tuple(np.random.default_rng(i).normal(size=(size, 96)) for i in range(3))
+    found = list(exchanged(place, Fit(np.full(size, 0.4), np.ones(3), (), jacobians, False)))
+    assert len(found) == (4 if size == 5 else 0)
+    at = {parameter.name: i for i, parameter in enumerate(model.free)}
+    for pair in (("tau_2f", "tau_2m"), ("tau_3f", "tau_3m")) if found else ():
+        ends = [tuple(np.round(point[[at[name] for name in pair]], 2).tolist()) for point in found]
+        assert sorted(ends) == [(0.05, 0.95)] * 2 + [(0.95, 0.05)] * 2
+    assert all(((point >= 0) & (point <= 1)).all() for point in found)
 
 
 def test_a_virtual_tendon_is_fitted_down_to_its_noise():
