@@ -167,7 +167,7 @@ def _told(workspace: Workspace, evaluation: SpecimenEvaluation, fitted: _Fitted)
     best = fitted.methods[fitted.best]
     free = [parameter.name for parameter in workspace.model.free]
     values = from_unit(workspace.model, best.at[np.newaxis])[0]
-    noise = [noise_of(curve) for curve in evaluation.specimen.curves]
+    noise = [noise_of(curve, evaluation.specimen.curves) for curve in evaluation.specimen.curves]
     inflation = [each.inflation for each in noise]
     sd, correlation = uncertainty(fitted.jacobians, best.objective, weighing_of(evaluation), inflation)
     floor = float(sum(each.sd_N for each in noise))

@@ -58,9 +58,10 @@ class _Piece:
     steps: Array
 
 
-def noise_of(curve: Curve) -> Noise:
-    """Noise of one curve, the same at every force."""
-    return noise_of_all([curve], proportional=False)
+def noise_of(curve: Curve, beside: Sequence[Curve] = ()) -> Noise:
+    """Noise of one curve, the same at every force; where it has too few points to tell, that of those ``beside`` it."""
+    found = noise_of_all([curve], proportional=False)
+    return found if np.isfinite(found.sd_N) or not beside else noise_of_all(beside, proportional=False)
 
 
 def noise_of_all(curves: Sequence[Curve], *, proportional: bool = True) -> Noise:

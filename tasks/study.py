@@ -85,10 +85,10 @@ class ParameterSettings(Section):
 class ModelSettings(Section):
     """The tissue model: what the study says differs from the published ranges, and ``effects`` it has besides."""
 
-    effects: list[str] = Field(default_factory=list)
     parameters: dict[str, ParameterSettings] = Field(default_factory=dict)
     beta: Annotated[float, Field(ge=2, le=10, allow_inf_nan=False)] = 2.0
     lambda_0: Annotated[float, Field(gt=1, le=2, allow_inf_nan=False)] = 1.01
+    effects: list[str] = Field(default_factory=list)
 
 
 class UniaxialSettings(Section):

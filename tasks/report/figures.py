@@ -194,8 +194,9 @@ def calibration_convergence(result: dict[str, Any]) -> Figure:
                 above = np.maximum(100 * (totals / told["noise_N"] - 1.0), 0.1)
                 axis.step(used, above, where="post", color=COLOURS[0], lw=0.7, alpha=0.6)
                 ends.append(above[-1])
-            axis.set_xscale("log")
-            axis.set_yscale("log")
+            if ends:  # the noise is known
+                axis.set_xscale("log")
+                axis.set_yscale("log")
             axis.set_xlabel("evaluations")
             middle = f", median {np.median(ends):.3g} %" if ends else ""
             axis.set_title(f"{method.replace('_', ' ')}{middle}", loc="left", fontsize=9)

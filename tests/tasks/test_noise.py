@@ -64,4 +64,8 @@ def test_a_virtual_specimen_has_the_noise_that_was_put_on():
 def test_a_curve_without_noise_and_one_that_is_too_short():
     t = np.arange(500) / 100
     assert noise_of(Curve(Protocol("pull", t, t), 3 * t)).sd_N == pytest.approx(0, abs=1e-9)
-    assert np.isnan(noise_of(Curve(Protocol("pull", t[:10], t[:10]), t[:10])).sd_N)
+    short = Curve(Protocol("pull", t[:10], t[:10]), t[:10])
+    assert np.isnan(noise_of(short).sd_N)
+    rng = np.random.default_rng(1)
+    long = Curve(Protocol("pull", t, t), 3 * t + 0.5 * rng.standard_normal(t.size))
+    assert noise_of(short, [short, long]) == noise_of(long)
