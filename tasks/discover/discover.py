@@ -20,6 +20,7 @@ from tasks.discover.fit import STEP, Candidate, Fitted, residuals
 from tasks.model.effects import library
 from tasks.problems import BadInput
 from tasks.simulate import Array
+from tasks.simulate.uniaxial import Uniaxial
 from tasks.workspace import Workspace, write_json, write_text
 
 RUNNERS_UP = 2  # candidates beside the best that predict held-out curves
@@ -29,11 +30,15 @@ BLOCK = 50  # points whose errors may depend on each other
 def discover(workspace: Workspace) -> dict[str, Any]:
     """The verdict on a cohort. Returns ``discover.json``.
 
-    Raises :class:`BadInput` when the study's model has effects already, or noise cannot be told from the curves.
+    Raises :class:`BadInput` when the study's model has effects already, for another simulator than the embedded one,
+    and when noise cannot be told from the curves.
     """
     study = workspace.study
     if study.model.effects:
         raise BadInput(f"{study.path}: model.effects", "is not empty", "a model without effects to begin with")
+    if not isinstance(workspace.simulator, Uniaxial):
+        problem = f"is {workspace.simulator.name}, and effects are fitted with the embedded simulator"
+        raise BadInput(f"{study.path}: simulator", problem, "uniaxial")
     settings = study.discover
     explored = explorers(workspace)
     for one in explored:

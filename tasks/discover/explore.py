@@ -94,11 +94,11 @@ class Explorer:
         """The best fit with effects, from where the bare model ended; ``others``: values to begin with as well."""
         candidate = Candidate(self.model, effects)
         null, typical = candidate.null(), candidate.typical()
-        ledger = self.ledger("having", slugs(effects))
         begins = [np.concatenate([bare.at, null + share * (typical - null)]) for share in SHARES]
         begins.append(np.concatenate([gentle(candidate), typical]))  # the bare model may have led astray
         if others is not None:
             begins.append(np.concatenate([bare.at, others]))
+        ledger = self.ledger("having", slugs(effects), digest(*begins, *candidate.bounds()))
         found = [self._fit(ledger, i, desk, candidate, at) for i, at in enumerate(begins)]
         return min(found, key=lambda one: one.loss)
 
@@ -106,7 +106,7 @@ class Explorer:
         """Whitened squared errors ``[t]`` of each curve, predicted by a fit to all others; none of a single curve."""
         candidate = Candidate(self.model, effects)
         curves = self.measured.curves
-        ledger = self.ledger("held out", slugs(effects), digest(start))
+        ledger = self.ledger("held out", slugs(effects), digest(start, *candidate.bounds()))
         told = {}
         for i, curve in enumerate(curves if len(curves) > 1 else ()):
             seen = [one for one in curves if one is not curve]

@@ -103,6 +103,14 @@ def test_cohorts_that_others_made(tmp_path, case, effects):
     assert result["verdict"] == ("NAMED" if effects else "NONE")
 
 
+@pytest.mark.febio
+def test_another_simulator_is_one_line(study, tmp_path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        sinew("discover", study(None), "--out", tmp_path / "out", "--simulator", "febio")
+    assert ended.value.code == 2
+    assert "effects are fitted with the embedded simulator; expected uniaxial" in capsys.readouterr().err
+
+
 def test_a_model_that_has_effects_already_is_one_line(study, tmp_path, capsys):
     path = study(None)
     path.write_text(STUDY + "model: {effects: [softening]}\n")
