@@ -37,6 +37,7 @@ from runner.store import PENDING, STATUSES, Array, Segment, Table, is_whole
 RECOUNT_S = 2.0
 BATCHES_PER_S = 30  # what a scheduler does with a fifth of its time
 ONE_AHEAD_S = 5.0  # a worker gets its next batch early, unless batches take longer than this
+IN_A_MESSAGE = 64  # batches: a few megabytes of parameters at the most
 STOPPING_S = 10.0  # to close the cluster in, before the deadline of the process that leads it
 TRIES_APART = 3
 SEGMENTS_KEPT = 256  # of a table whose rows come one after the other, before they are folded into their chunk
@@ -496,10 +497,12 @@ class _Run:
         self.bell = completed.thread_condition  # rings for what is finished and for what is asked
 
         def submit(batches: list[tuple[_Source, Batch]]) -> None:
-            """All in one message: most of its cost does not depend on how many there are."""
-            futures = client.map(run_in_time, [batch for _, batch in batches], pure=False)
-            running.update(zip(futures, batches, strict=True))
-            completed.update(futures)
+            """Many in one message: most of its cost does not depend on how many there are."""
+            for first in range(0, len(batches), IN_A_MESSAGE):
+                group = batches[first : first + IN_A_MESSAGE]
+                futures = client.map(run_in_time, [batch for _, batch in group], pure=False)
+                running.update(zip(futures, group, strict=True))
+                completed.update(futures)
 
         def compute(message: _Message) -> None:
             assert message.computation is not None
