@@ -16,7 +16,7 @@ from runner.ensemble import Desk
 from tasks.discover.cells import Cell, cells, limit_by_chance, misfits
 from tasks.discover.choose import Scored, Verdict, criterion, held_out_gain, verdict
 from tasks.discover.explore import Effects, Explorer, agree, explorers, slugs, together
-from tasks.discover.fit import STEP, Candidate, Fitted, residuals
+from tasks.discover.fit import Candidate, Fitted, derivatives
 from tasks.model.effects import library
 from tasks.problems import BadInput
 from tasks.simulate import Array
@@ -186,12 +186,9 @@ def _map(
             newtons.append(float(error[cell.points].mean()))
         first += curve.force_N.size
     which = np.array(inside)
-    at = fitted.at
-    steps = np.where(at + STEP <= 1.0, STEP, -STEP)
-    moved = residuals(candidate, one.measured, np.concatenate([at[np.newaxis], at + np.diag(steps)]), curves)
-    derivatives = ((moved[1:] - moved[0]) / steps[:, np.newaxis]).T
-    z = -misfits(which, moved[0])  # measured minus simulated
-    limit = limit_by_chance(which, derivatives, chance, np.random.default_rng(seed))
+    errors, slopes = derivatives(candidate, one.measured, fitted.at, curves)
+    z = -misfits(which, errors)  # measured minus simulated
+    limit = limit_by_chance(which, slopes, chance, np.random.default_rng(seed))
     return [
         {
             "protocol": cell.protocol,

@@ -29,7 +29,7 @@ EVALUATIONS = 60  # iterations of one fit, at most
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A specimen, the noise of its curves, and which curves a fit may see."""
+    """A specimen and the noise of its curves."""
 
     specimen: Specimen
     noise: Noise
@@ -123,6 +123,13 @@ def residuals(candidate: Candidate, measured: Measured, at: Array, curves: Seque
     return np.concatenate(parts, axis=1)
 
 
+def derivatives(candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve]) -> tuple[Array, Array]:
+    """Whitened residuals ``[t]`` at a point ``[k]`` of the unit cube, and their derivatives ``[t, k]``."""
+    steps = np.where(at + STEP <= 1.0, STEP, -STEP)
+    moved = residuals(candidate, measured, np.concatenate([at[np.newaxis], at + np.diag(steps)]), curves)
+    return moved[0], ((moved[1:] - moved[0]) / steps[:, np.newaxis]).T
+
+
 def fit(candidate: Candidate, measured: Measured, start: Array, curves: Sequence[Curve] | None = None) -> Fitted:
     """The nearest minimum to ``start`` ``[k]`` on the unit cube, over ``curves`` (all of the specimen's)."""
     chosen = measured.curves if curves is None else curves
@@ -131,9 +138,7 @@ def fit(candidate: Candidate, measured: Measured, start: Array, curves: Sequence
         return residuals(candidate, measured, at[np.newaxis], chosen)[0]
 
     def slope(at: Array) -> Array:
-        steps = np.where(at + STEP <= 1.0, STEP, -STEP)
-        moved = residuals(candidate, measured, np.concatenate([at[np.newaxis], at + np.diag(steps)]), chosen)
-        return ((moved[1:] - moved[0]) / steps[:, np.newaxis]).T
+        return derivatives(candidate, measured, at, chosen)[1]
 
     found = least_squares(
         loss, np.clip(start, 1e-6, 1 - 1e-6), jac=slope, bounds=(0.0, 1.0), ftol=TOLERANCE, xtol=1e-7, gtol=1e-7,
