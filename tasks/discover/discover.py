@@ -16,7 +16,7 @@ from runner.ensemble import Desk
 from tasks.discover.cells import Cell, cells, limit_by_chance, misfits
 from tasks.discover.choose import Scored, Verdict, criterion, held_out_gain, verdict
 from tasks.discover.explore import Effects, Explorer, agree, explorers, slugs, together
-from tasks.discover.fit import Candidate, Fitted, derivatives
+from tasks.discover.fit import Candidate, Fitted, derivatives, errors
 from tasks.model.effects import library
 from tasks.problems import BadInput
 from tasks.simulate import Array
@@ -177,7 +177,7 @@ def _map(
     newtons: list[float] = []
     total, first = sum(curve.force_N.size for curve in curves), 0
     for curve in curves:
-        error = curve.force_N - candidate.forces(one.measured.specimen, curve, fitted.at[np.newaxis])[0]
+        error = curve.force_N - candidate.forces(one.measured.specimen, curve.protocol, fitted.at[np.newaxis])[0]
         for cell in cells(curve):
             every.append(cell)
             row = np.zeros(total)
@@ -186,8 +186,8 @@ def _map(
             newtons.append(float(error[cell.points].mean()))
         first += curve.force_N.size
     which = np.array(inside)
-    errors, slopes = derivatives(candidate, one.measured, fitted.at, curves)
-    z = -misfits(which, errors)  # measured minus simulated
+    white, slopes = derivatives(candidate, one.measured, fitted.at, curves, errors)
+    z = -misfits(which, white)  # measured minus simulated
     limit = limit_by_chance(which, slopes, chance, np.random.default_rng(seed))
     return [
         {

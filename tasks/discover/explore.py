@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from runner.ensemble import Desk, Talk
-from tasks.discover.fit import Candidate, Fitted, Measured, fit, gentle, residuals, starts
+from tasks.discover.fit import Candidate, Fitted, errors, fit, gentle, starts
+from tasks.discover.measured import Measured
 from tasks.ledger import Ledger
 from tasks.model import Curve, Model
 from tasks.model.effect import Effect
@@ -111,7 +112,7 @@ class Explorer:
         for i, curve in enumerate(curves if len(curves) > 1 else ()):
             seen = [one for one in curves if one is not curve]
             found = self._fit(ledger, i, desk, candidate, start, seen)
-            told[curve.name] = residuals(candidate, self.measured, found.at[np.newaxis], [curve])[0] ** 2
+            told[curve.name] = errors(candidate, self.measured, found.at[np.newaxis], [curve])[0] ** 2
         return told
 
 

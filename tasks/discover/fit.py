@@ -1,50 +1,25 @@
-"""Fits of one specimen, with or without effects, by generalised least squares.
+"""Fits of one specimen, with or without effects, by generalised least squares on whitened residuals."""
 
-Measured points are many and their noise is correlated, so residuals are whitened first: with the noise's standard
-deviation s and correlation r, (e_t - r e_{t-1}) / (s sqrt(1 - r^2)). Their sum of squares is twice the negative log
-likelihood, up to a constant, and has about as many degrees of freedom as there are points less parameters, if the model
-is true.
-"""
-
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from tasks.discover.measured import Measured
 from tasks.fits import ALIKE, FAST, SLOW
-from tasks.model import Curve, Model, Specimen
+from tasks.model import Curve, Model, Protocol, Specimen
 from tasks.model.effect import Effect
-from tasks.noise import Noise
 from tasks.simulate import Array
 from tasks.simulate.effects import simulate_with
 
 BLIND = "nu_m"  # the force does not depend on it
 TOE, GENTLE = "alpha_f", 0.05
 STEP = 1e-5
+FAR = 1e3  # standard deviations: where a model fails
 TOLERANCE = 1e-5
 EVALUATIONS = 60  # iterations of one fit, at most
-
-
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """A specimen and the noise of its curves."""
-
-    specimen: Specimen
-    noise: Noise
-
-    @property
-    def curves(self) -> tuple[Curve, ...]:
-        return self.specimen.curves
-
-    def whitened(self, curve: Curve, error_N: Array) -> Array:
-        """Errors ``[n, t]`` (N) of a curve in units of its noise, with its correlation taken out."""
-        r = self.noise.ar1
-        scaled = error_N / self.noise.sd_at(curve.force_N)
-        white = scaled.copy()
-        white[:, 1:] = (scaled[:, 1:] - r * scaled[:, :-1]) / np.sqrt(1.0 - r * r)
-        return white
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,10 +68,10 @@ class Candidate:
         count = len(self.varied)
         return self.model.full(self.varied, values[:, :count]), values[:, count:]
 
-    def forces(self, specimen: Specimen, curve: Curve, at: Array) -> Array:
-        """Forces ``[n, t]`` (N) along a curve's protocol."""
+    def forces(self, specimen: Specimen, protocol: Protocol, at: Array) -> Array:
+        """Forces ``[n, t]`` (N) along a protocol at points ``[n, k]`` of the unit cube."""
         parameters, values = self.rows(at)
-        return simulate_with(self.model, self.effects, specimen, curve.protocol, parameters, values)
+        return simulate_with(self.model, self.effects, specimen, protocol, parameters, values)
 
     def unit(self, name: str, value: float) -> float:
         """Where on the unit cube a parameter of an effect has a value."""
@@ -113,20 +88,35 @@ class Candidate:
         return np.array([self.unit(n, v) for e in self.effects for n, v in zip(e.names, e.typical, strict=True)])
 
 
-def residuals(candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve]) -> Array:
-    """Whitened residuals ``[n, all points]`` of the curves at points ``[n, k]``; what fails is far away."""
+def errors(candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve]) -> Array:
+    """Whitened errors ``[n, all measured points]`` at points ``[n, k]``; what fails is far away."""
     parts = []
     for curve in curves:
-        force = candidate.forces(measured.specimen, curve, at)
+        force = candidate.forces(measured.specimen, curve.protocol, at)
         white = measured.whitened(curve, force - curve.force_N)
-        parts.append(np.where(np.isfinite(white), white, 1e3))
+        parts.append(np.where(np.isfinite(white), white, FAR))
     return np.concatenate(parts, axis=1)
 
 
-def derivatives(candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve]) -> tuple[Array, Array]:
-    """Whitened residuals ``[t]`` at a point ``[k]`` of the unit cube, and their derivatives ``[t, k]``."""
+def residuals(candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve]) -> Array:
+    """Whitened residuals ``[n, groups of all curves]`` at points ``[n, k]``; what fails is far away."""
+    parts = []
+    for curve in curves:
+        thin = measured.thinned[curve.name]
+        white = thin.residuals(candidate.forces(measured.specimen, thin.protocol, at))
+        parts.append(np.where(np.isfinite(white), white, FAR))
+    return np.concatenate(parts, axis=1)
+
+
+Whitened = Callable[[Candidate, Measured, Array, Sequence[Curve]], Array]
+
+
+def derivatives(
+    candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve], of: Whitened = residuals
+) -> tuple[Array, Array]:
+    """Residuals ``[t]`` at a point ``[k]`` of the unit cube, and their derivatives ``[t, k]``."""
     steps = np.where(at + STEP <= 1.0, STEP, -STEP)
-    moved = residuals(candidate, measured, np.concatenate([at[np.newaxis], at + np.diag(steps)]), curves)
+    moved = of(candidate, measured, np.concatenate([at[np.newaxis], at + np.diag(steps)]), curves)
     return moved[0], ((moved[1:] - moved[0]) / steps[:, np.newaxis]).T
 
 

@@ -22,7 +22,7 @@ EFFECT = Effect(
     "actuator, and what the springs take is counted as strain.",
     equation="gauge displacement = grip displacement - compliance x force",
     reference="Kalidindi et al. (1997) Exp Mech 37:210",
-    parameters=(Parameter("compliance", "mm/N", 0.0, 2e-4, 5e-5, "displacement that the machine takes per force"),),
+    parameters=(Parameter("compliance", "mm/N", 0.0, 1e-3, 1e-4, "displacement that the machine takes per force"),),
     null={"compliance": 0.0},
     seen_by=("ramp", "peak", "early hold", "middle hold", "late hold"),
     confounded_with={
