@@ -95,7 +95,7 @@ class Told:
 
 @dataclass(frozen=True)
 class Talk:
-    """Somebody who asks for rows step by step: ``rows`` of them at the most, of one or several ``tables``.
+    """Somebody who asks for rows step by step: ``rows`` of them at the most, of any number of ``tables``.
 
     ``work`` runs in a thread of its own. All that it does must follow from what its desk tells it.
     """
@@ -327,6 +327,7 @@ class _Conversation:
     desk: Desk
     sources: list[_Source]
     asked: deque[tuple[_Source, int]] = field(default_factory=deque)
+    open: bool = True
     result: Any = None
 
     def ask(self, message: _Message) -> None:
@@ -341,7 +342,7 @@ class _Conversation:
             yield source.heard[row] if (source, row) in self.asked else source.heard.pop(row)
 
     def close(self, result: Any) -> None:
-        self.result = result
+        self.result, self.open = result, False
         for source in self.sources:
             source.close()
 
@@ -458,7 +459,7 @@ class _Run:
 
     @property
     def _talking(self) -> bool:
-        return any(source.open for source in self.sources)
+        return any(conversation.open for conversation in self.conversations.values())
 
     # ---- in this process
 
@@ -567,7 +568,7 @@ class _Run:
 
     def _wanted(self, running: int) -> int:
         """How many workers would have something to do."""
-        talking = sum(conversation.sources[0].open for conversation in self.conversations.values())
+        talking = sum(conversation.open for conversation in self.conversations.values())
         return max(math.ceil(self.left / self.policy.multiple) + running, talking)
 
     def _check(self, client: Client, running: int = 0) -> None:

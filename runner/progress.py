@@ -27,12 +27,14 @@ Report = Callable[[int, int, int], None]
 
 class _Rate(ProgressColumn):
     def render(self, task: Task) -> Text:
-        return Text(f"{task.speed:,.0f} rows/s" if task.speed else "")
+        return Text(f"{task.speed:,.3g} {task.fields['of']}/s" if task.speed else "")
 
 
 @contextmanager
-def progress(title: str, total: int, folder: Path, *, done: int = 0, quiet: bool = False) -> Iterator[Report]:
-    """Show how ``total`` rows come along, with rate and time left; ``done`` of them are there from before.
+def progress(
+    title: str, total: int, folder: Path, *, of: str = "rows", done: int = 0, quiet: bool = False
+) -> Iterator[Report]:
+    """Show how ``total`` rows, or whatever is counted, come along: rate and time left. ``done`` are there from before.
 
     ``folder/progress.json`` says the same to whoever asks from elsewhere, see :func:`read_progress`.
     """
@@ -64,7 +66,7 @@ def progress(title: str, total: int, folder: Path, *, done: int = 0, quiet: bool
         TextColumn("{task.fields[note]}"),
     )
     with Progress(*columns, console=console, disable=quiet or not console.is_terminal) as bars:
-        bar = bars.add_task(title, total=total, completed=done, note="")
+        bar = bars.add_task(title, total=total, completed=done, note="", of=of)
 
         def report(finished: int, failed: int, running: int) -> None:
             nonlocal shown, told

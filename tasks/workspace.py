@@ -6,7 +6,7 @@ import logging
 import os
 import shutil
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -119,7 +119,7 @@ class Workspace:
         before = sum(table.finished() for table in tables)
         policy = Policy(multiple=self.simulator.batch_multiple, retries=self.study.retries)
         rows = sum(talk.rows for talk in talks)
-        with progress(title, rows, self.out, quiet=self.quiet or not rows) as report:
+        with progress(title, rows, self.out, quiet=self.quiet) if rows else nullcontext() as report:
             try:
                 return converse(self.client, talks, report, policy)
             finally:

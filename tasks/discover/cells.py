@@ -9,10 +9,14 @@ fit). The largest misfit over all cells of that noise gives the limit that is cr
 of a whole cohort (Westfall and Young 1993, max T).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from tasks.discover.fit import Candidate, Fitted, derivatives, errors
+from tasks.discover.measured import Measured
 from tasks.model import Curve
 from tasks.model.phases import Phase, phases
 from tasks.simulate import Array
@@ -72,8 +76,10 @@ def misfits(inside: Array, errors: Array) -> Array:
     return found
 
 
-def limit_by_chance(inside: Array, derivatives: Array, chance: float, rng: np.random.Generator) -> float:
-    """What the largest of all misfits exceeds with the probability ``chance`` when the model is true.
+def limits_by_chance(
+    inside: Array, derivatives: Array, chances: Sequence[float], rng: np.random.Generator
+) -> list[float]:
+    """What the largest of all misfits exceeds with each of the probabilities ``chances`` when the model is true.
 
     ``derivatives`` ``[t, k]`` are those of the whitened residuals at the fit.
     """
@@ -83,4 +89,55 @@ def limit_by_chance(inside: Array, derivatives: Array, chance: float, rng: np.ra
     left = shares - (shares @ basis) @ basis.T
     root = np.linalg.cholesky(left @ left.T + 1e-9 * np.eye(len(left)))
     largest = np.abs(root @ rng.standard_normal((len(left), DRAWS))).max(axis=0)
-    return float(np.quantile(largest, 1.0 - chance))
+    return [float(np.quantile(largest, 1.0 - chance)) for chance in chances]
+
+
+def misfit_map(
+    measured: Measured, candidate: Candidate, fitted: Fitted, chance: float, surely: float, seed: tuple[int, ...]
+) -> list[dict[str, Any]]:
+    """Every cell of a specimen: how far measurement and model are apart there, in newton and in units of chance.
+
+    ``limit`` is crossed by chance in some cell with the probability ``chance``, ``sure`` with ``surely`` times that.
+    """
+    every: list[Cell] = []
+    inside: list[Array] = []
+    newtons: list[float] = []
+    total, first = sum(curve.force_N.size for curve in measured.curves), 0
+    for curve in measured.curves:
+        error = curve.force_N - candidate.forces(measured.specimen, curve.protocol, fitted.at[np.newaxis])[0]
+        for cell in cells(curve):
+            every.append(cell)
+            row = np.zeros(total)
+            row[first + cell.points] = 1.0
+            inside.append(row)
+            newtons.append(float(error[cell.points].mean()))
+        first += curve.force_N.size
+    which = np.array(inside)
+    white, slopes = derivatives(candidate, measured, fitted.at, measured.curves, errors)
+    z = -misfits(which, white)  # measured minus simulated
+    limit, sure = limits_by_chance(which, slopes, [chance, surely * chance], np.random.default_rng(seed))
+    return [
+        {
+            "protocol": cell.protocol,
+            "phase": cell.phase,
+            "number": cell.number,
+            "z": float(z[c]),
+            "mean_N": newtons[c],
+            "limit": limit,
+            "sure": sure,
+        }
+        for c, cell in enumerate(every)
+    ]
+
+
+def located_part(before: Sequence[list[dict[str, Any]]], after: Sequence[list[dict[str, Any]]]) -> float | None:
+    """Part of the improvement that lies in cells which were beyond chance before; None where none was."""
+    gains = [
+        (b["z"] ** 2 - a["z"] ** 2, abs(b["z"]) > b["limit"])
+        for old, new in zip(before, after, strict=True)
+        for b, a in zip(old, new, strict=True)
+    ]
+    if not any(located for _, located in gains):
+        return None
+    better = sum(gain for gain, _ in gains if gain > 0)
+    return float(sum(gain for gain, located in gains if located and gain > 0) / better) if better else 0.0

@@ -1,33 +1,58 @@
 """Which effect is missing, if any: from fits with and without, to a verdict.
 
-Each candidate is nested on the null model, and judged by twice its log likelihood (whitened, so correlated noise does
-not count twice) less a penalty of ln(points) for each parameter of each specimen (Schwarz 1978).
+Each candidate is nested on the bare model. Its criterion is twice the negative log likelihood (whitened, so correlated
+noise does not count twice) plus a penalty of ln(points) for each parameter of each specimen (Schwarz 1978). That alone
+decides little: nature's form of an effect is not the library's, so even the right effect leaves something, and a second
+effect can feed on what the first one's form leaves. Whoever is named must therefore explain nearly all of the misfit,
+leave rivals far behind, predict what was held out, recur in other specimens, and end inside its bounds.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 CLEARLY = 20.0  # of the criterion: 10 of twice the log likelihood are called very strong (Kass and Raftery 1995)
-EXPLAINED = 0.8  # part of the misfit beyond noise that an effect must take away to be a name
+EXPLAINED = 0.9  # part of the misfit beyond noise that an effect must take away to be a name
+FAR_BEHIND = 2.0  # how many times what the best leaves a rival must leave
+SECOND = 0.5  # part of what one effect leaves that a second must take away
 HELD_OUT_ERRORS = 2.0  # standard errors by which the prediction of what a fit has not seen must improve
+KINDS = 2  # of splits on which it must
+PLACES = 0.5  # part of the improvement that must lie in cells which disagree
 
 
 @dataclass(frozen=True)
 class Scored:
-    """A candidate: its effects' slugs, criterion, loss (whitened sum of squares) and gain on held-out curves.
+    """A candidate: its effects' slugs, criterion and loss (whitened sum of squares over all specimens).
 
-    ``held_out`` and its standard error are None where nothing was held out. ``on_bound``: names of parameters of the
-    effects that ended on a bound in any specimen, null values left out.
+    ``gains``: improvement of the criterion by specimen. ``held``: by kind of split, the gain on what was held out and
+    its standard error; for two effects, ``beyond`` has the same against the better of them alone. Empty where nothing
+    was held out. ``on_bound``: parameters of the effects that ended on a bound in any specimen, null values left out.
+    ``in_place``: part of the improvement that lies in cells beyond chance (None: not looked at).
     """
 
     effects: tuple[str, ...]
     criterion: float
     loss: float
-    held_out: float | None = None
-    held_out_error: float | None = None
+    gains: tuple[float, ...] = ()
+    held: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    beyond: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     on_bound: tuple[str, ...] = ()
+    in_place: float | None = None
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """About the bare model: the loss that a true model would have, and whether some cell of it disagrees.
+
+    ``located``: beyond chance; ``surely``: so far beyond that a lab can rely on it. ``trusted``: its fits were found
+    from more than one start; otherwise what they leave may be for want of a better fit, and says nothing.
+    """
+
+    floor: float
+    located: bool
+    surely: bool
+    trusted: bool = True
 
 
 @dataclass(frozen=True)
@@ -35,59 +60,96 @@ class Verdict:
     """``word`` is NONE, NAMED, AMBIGUOUS or OUTSIDE; ``effects`` when named, ``alike`` when ambiguous; and why."""
 
     word: str
-    effects: tuple[str, ...]
-    alike: tuple[str, ...]
-    explained: float | None
-    why: str
+    effects: tuple[str, ...] = ()
+    alike: tuple[str, ...] = ()
+    explained: float | None = None
+    why: str = ""
 
 
 def criterion(loss: float, parameters: int, points: Sequence[int]) -> float:
-    """Of a candidate with ``parameters`` more than the null model in each specimen of so many ``points``."""
+    """Of a candidate with ``parameters`` more than the bare model in each specimen of so many ``points``."""
     return loss + parameters * float(np.sum(np.log(points)))
 
 
-def verdict(null: Scored, candidates: Sequence[Scored], floor: float, located: bool, trusted: bool = True) -> Verdict:
-    """``floor``: the loss that a true model would have; ``located``: some cell of the null fit is beyond chance.
+def leading(null: Scored, candidates: Sequence[Scored], floor: float) -> Scored:
+    """The candidate to be judged: the best single effect, or a pair that takes away much of what that leaves."""
+    if not candidates:
+        return null
+    single = min((one for one in candidates if len(one.effects) == 1), key=lambda one: one.criterion, default=null)
+    best = min(candidates, key=lambda one: one.criterion)
+    left, rest = (_rest(one, floor) for one in (single, best))
+    needed = single.criterion - best.criterion >= CLEARLY and rest <= (1.0 - SECOND) * left
+    return best if needed else single
 
-    ``trusted``: the null fit was found from more than one start. Otherwise what it leaves may be for want of a better
-    fit, and says nothing.
-    """
-    ordered = sorted(candidates, key=lambda one: one.criterion)
-    close = [one for one in ordered if one.criterion - ordered[0].criterion < CLEARLY]
-    best = min(close, key=lambda one: (len(one.effects), one.criterion), default=null)
-    gain = null.criterion - best.criterion
-    if not located and gain < CLEARLY:
-        return Verdict("NONE", (), (), None, "no cell disagrees beyond chance, and no effect improves the fit clearly")
-    if not trusted and gain < CLEARLY:
-        return Verdict("AMBIGUOUS", (), (), None, "no two fits of the model as it is agree: more starts are needed")
-    explained = (null.loss - best.loss) / max(null.loss - floor, 1e-9)
-    if gain < CLEARLY:
-        return Verdict("OUTSIDE", (), (), explained, "model and data disagree, and no effect of the library helps")
-    if explained < EXPLAINED:
-        what = f"the best of the library ({' + '.join(best.effects)}) takes away {100 * explained:.0f} % of the misfit"
-        return Verdict("OUTSIDE", (), (), explained, what)
-    alike = [
-        one for one in ordered if one.criterion - best.criterion < CLEARLY and len(one.effects) == len(best.effects)
+
+def room_for_two(null: Scored, candidates: Sequence[Scored], floor: float) -> bool:
+    """Whether the best single effect leaves so much that :func:`leading` could prefer a pair."""
+    least = _rest(min((null, *candidates), key=lambda one: one.criterion), floor)
+    return (1.0 - SECOND) * least >= _rest_by_chance(floor) / 3.0
+
+
+def rivals(best: Scored, candidates: Sequence[Scored], floor: float) -> list[Scored]:
+    """Candidates with as many effects that leave not much more than ``best`` does."""
+    limit = FAR_BEHIND * _rest(best, floor)
+    return [
+        one
+        for one in candidates
+        if one is not best
+        and len(one.effects) == len(best.effects)
+        and (one.criterion - best.criterion < CLEARLY or _rest(one, floor) < limit)
     ]
-    if len(alike) > 1:
-        slugs = tuple(dict.fromkeys(slug for one in alike for slug in one.effects))
-        return Verdict("AMBIGUOUS", (), slugs, explained, f"{len(alike)} candidates fit as well as each other")
-    if best.held_out is not None and best.held_out < HELD_OUT_ERRORS * (best.held_out_error or 0.0):
-        why = f"{' + '.join(best.effects)} fits best, but does not predict what it has not seen"
-        return Verdict("AMBIGUOUS", (), best.effects, explained, why)
+
+
+def verdict(null: Scored, candidates: Sequence[Scored], about: Evidence) -> Verdict:
+    """The verdict on the bare model ``null`` and what was added to it."""
+    best = leading(null, candidates, about.floor)
+    gain = null.criterion - best.criterion
+    if gain < CLEARLY:
+        if not about.located:
+            return Verdict("NONE", why="no cell disagrees beyond chance, and no effect improves the fit clearly")
+        if not about.surely:
+            return Verdict("NONE", why="a cell disagrees hardly beyond chance, and no effect improves the fit clearly")
+        if not about.trusted:
+            return Verdict("AMBIGUOUS", why="no two fits of the model as it is agree: more starts are needed")
+        return Verdict("OUTSIDE", why="model and data disagree, and no effect of the library helps")
+    name = " + ".join(best.effects)
+    explained = (null.loss - best.loss) / max(null.loss - about.floor, 1e-9)
+    if _rest(best, about.floor) > (1.0 - EXPLAINED) * _rest(null, about.floor) + _rest_by_chance(about.floor):
+        why = f"the best of the library ({name}) takes away {100 * explained:.0f} % of the misfit"
+        return Verdict("OUTSIDE", explained=explained, why=why)
+    alike = rivals(best, candidates, about.floor)
+    if alike:
+        slugs = tuple(dict.fromkeys(slug for one in (best, *alike) for slug in one.effects))
+        why = f"{1 + len(alike)} candidates fit about as well as each other"
+        return Verdict("AMBIGUOUS", (), slugs, explained, why)
+    doubts = _doubts(best)
+    if doubts:
+        return Verdict("AMBIGUOUS", (), best.effects, explained, f"{name} fits best, but {doubts[0]}")
+    return Verdict("NAMED", best.effects, (), explained, f"it takes away {100 * min(explained, 1):.0f} % of the misfit")
+
+
+def _doubts(best: Scored) -> list[str]:
+    """Why the best candidate is not to be named after all."""
+    found = []
+    for what, held in (("the model as it is", best.held), ("one of them alone", best.beyond)):
+        better = sum(gain > HELD_OUT_ERRORS * error for gain, error in held.values())
+        if better < min(KINDS, len(held)):
+            found.append(f"does not predict what it has not seen better than {what}")
     if best.on_bound:
-        why = f"{', '.join(best.on_bound)} ended on a bound: the effect is not what the library has"
-        return Verdict("AMBIGUOUS", (), best.effects, explained, why)
-    return Verdict("NAMED", best.effects, (), explained, f"it takes away {100 * explained:.0f} % of the misfit")
+        found.append(f"{', '.join(best.on_bound)} ended on a bound: the effect is not what the library has")
+    seen = sum(gain > 0 for gain in best.gains)
+    if seen < min(2, len(best.gains)):
+        found.append(f"it shows in {seen} of {len(best.gains)} specimens")
+    if best.in_place is not None and best.in_place < PLACES:
+        found.append("it improves the fit elsewhere than where model and data disagree")
+    return found
 
 
-def held_out_gain(losses: Mapping[str, tuple[np.ndarray, np.ndarray]], block: int) -> tuple[float, float]:
-    """How much better held-out curves are predicted with an effect than without, and its standard error.
+def _rest(one: Scored, floor: float) -> float:
+    """What a candidate leaves beyond noise, and as much as noise may hide."""
+    return max(one.loss - floor, 0.0) + _rest_by_chance(floor) / 3.0
 
-    ``losses``: by curve, whitened squared errors ``[t]`` without and with. Errors that follow each other depend on
-    each other, so the standard error is that of sums over blocks of ``block`` points.
-    """
-    gains = [without - having for without, having in losses.values()]
-    total = float(sum(gain.sum() for gain in gains))
-    sums = np.concatenate([np.add.reduceat(gain, np.arange(0, gain.size, block)) for gain in gains])
-    return total, float(np.sqrt(sums.size) * sums.std(ddof=1))
+
+def _rest_by_chance(floor: float) -> float:
+    """Three standard deviations of a true model's loss."""
+    return 3.0 * float(np.sqrt(2.0 * floor))

@@ -4,27 +4,52 @@ Leaves ``discover.json`` (also as ``verdict.json``), and when an effect is named
 the effect in its model. See docs/discover.md.
 """
 
-import difflib
 from collections.abc import Sequence
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import yaml
 
 from runner.ensemble import Desk
-from tasks.discover.cells import Cell, cells, limit_by_chance, misfits
-from tasks.discover.choose import Scored, Verdict, criterion, held_out_gain, verdict
-from tasks.discover.explore import Effects, Explorer, agree, explorers, slugs, together
-from tasks.discover.fit import Candidate, Fitted, derivatives, errors
+from tasks.discover.added import add_to_study, checks
+from tasks.discover.cells import located_part, misfit_map
+from tasks.discover.choose import CLEARLY, Evidence, Scored, criterion, leading, rivals, room_for_two, verdict
+from tasks.discover.explore import Effects, Explorer, agree, each_for_all, explorers
+from tasks.discover.fit import Candidate, Fitted
+from tasks.discover.splits import gain
+from tasks.discover.told import NO_GAP, gap_of, told_candidate
 from tasks.model.effects import library
 from tasks.problems import BadInput
 from tasks.simulate import Array
 from tasks.simulate.uniaxial import Uniaxial
-from tasks.workspace import Workspace, write_json, write_text
+from tasks.workspace import Workspace, write_json
 
-RUNNERS_UP = 2  # candidates beside the best that predict held-out curves
+HEADS = 3  # single effects that pairs are made with
+PAIRS = 10  # pairs that are fitted, of those that promise most
 BLOCK = 50  # points whose errors may depend on each other
+SURELY = 0.02  # of the chance of a cell beyond chance: one that is beyond this, too, is there
+
+
+@dataclass
+class _Found:
+    """What is known of a cohort so far; fits are in the order of the specimens."""
+
+    null: list[Fitted]
+    fits: dict[Effects, list[Fitted]]
+    scored: dict[Effects, Scored]
+    floor: float
+
+    @property
+    def ordered(self) -> list[Effects]:
+        return sorted(self.scored, key=lambda effects: self.scored[effects].criterion)
+
+    @property
+    def nothing(self) -> Scored:
+        loss = sum(one.loss for one in self.null)
+        return Scored((), loss, loss)
+
+    def having(self, scored: Scored) -> Effects:
+        return next(effects for effects, one in self.scored.items() if one is scored)
 
 
 def discover(workspace: Workspace) -> dict[str, Any]:
@@ -33,258 +58,208 @@ def discover(workspace: Workspace) -> dict[str, Any]:
     Raises :class:`BadInput` when the study's model has effects already, for another simulator than the embedded one,
     and when noise cannot be told from the curves.
     """
+    settings, seed = workspace.study.discover, workspace.study.seed
+    explored = _ready(workspace)
+    bare: list[list[Fitted]] = each_for_all(
+        workspace,
+        explored,
+        "the model as it is",
+        [None],
+        lambda i, _, desk: explored[i].bare(desk, settings.starts, (seed, 9, i)),
+    )[0]
+    found = _explored(workspace, explored, [fits[0] for fits in bare])
+    trusted = all(
+        agree(sorted([*fits, null], key=lambda one: one.loss)) for fits, null in zip(bare, found.null, strict=True)
+    )
+    held = _hold_out(workspace, explored, found)
+    chance = settings.chance / len(explored)
+    before = [
+        misfit_map(one.measured, Candidate(one.model), null, chance, SURELY, (seed, 10, i))
+        for i, (one, null) in enumerate(zip(explored, found.null, strict=True))
+    ]
+    for effects in held:
+        if effects:
+            after = [
+                misfit_map(one.measured, Candidate(one.model, effects), fitted, chance, SURELY, (seed, 11, i))
+                for i, (one, fitted) in enumerate(zip(explored, found.fits[effects], strict=True))
+            ]
+            found.scored[effects] = replace(found.scored[effects], in_place=located_part(before, after))
+    about = Evidence(
+        found.floor,
+        located=any(abs(cell["z"]) > cell["limit"] for cells in before for cell in cells),
+        surely=any(abs(cell["z"]) > cell["sure"] for cells in before for cell in cells),
+        trusted=trusted,
+    )
+    decided = verdict(found.nothing, list(found.scored.values()), about)
+    best = leading(found.nothing, list(found.scored.values()), found.floor)
+    names = [one.name for one in explored]
+    result: dict[str, Any] = {
+        "verdict": decided.word,
+        "effects": list(decided.effects),
+        "set": list(decided.alike),
+        "why": decided.why,
+        "explained": decided.explained,
+        "null": {
+            "loss": found.nothing.loss,
+            "floor": found.floor,
+            "trusted": trusted,
+            "starts": {name: [one.loss for one in fits] for name, fits in zip(names, bare, strict=True)},
+        },
+        "located": about.located,
+        "surely": about.surely,
+        "noise": {one.name: {"sd_N": one.measured.noise.sd_N, "ar1": one.measured.noise.ar1} for one in explored},
+        "candidates": [
+            told_candidate(found.scored[effects], found.nothing, found.floor, effects, explored, found.fits[effects])
+            for effects in found.ordered
+        ],
+        "cells": dict(zip(names, before, strict=True)),
+        "gap": gap_of(held, found.having(best), explored, found.fits) if held else NO_GAP,
+        "next_experiment": None,
+        "model": None,
+    }
+    if decided.word == "NAMED":
+        effects = found.having(best)
+        result["after"] = {
+            one.name: misfit_map(one.measured, Candidate(one.model, effects), fitted, chance, SURELY, (seed, 11, i))
+            for i, (one, fitted) in enumerate(zip(explored, found.fits[effects], strict=True))
+        }
+        result["model"] = add_to_study(workspace, effects)
+        result["model"]["checks"] = checks(explored, effects, found.fits[effects])
+    write_json(workspace.out / "discover.json", result)
+    write_json(workspace.out / "verdict.json", result)
+    return result
+
+
+def _ready(workspace: Workspace) -> list[Explorer]:
+    """The specimens, once it is sure that a verdict on them is possible."""
     study = workspace.study
     if study.model.effects:
         raise BadInput(f"{study.path}: model.effects", "is not empty", "a model without effects to begin with")
     if not isinstance(workspace.simulator, Uniaxial):
         problem = f"is {workspace.simulator.name}, and effects are fitted with the embedded simulator"
         raise BadInput(f"{study.path}: simulator", problem, "uniaxial")
-    settings = study.discover
     explored = explorers(workspace)
     for one in explored:
         if not one.measured.noise.sd_N > 0:
-            name = one.measured.specimen.name
-            raise BadInput(workspace.cohort.folder / name, "no noise can be seen in its curves", "measured curves")
-    bare: list[list[Fitted]] = together(
+            raise BadInput(workspace.cohort.folder / one.name, "no noise can be seen in its curves", "measured curves")
+    return explored
+
+
+def _explored(workspace: Workspace, explored: Sequence[Explorer], null: list[Fitted]) -> _Found:
+    """All single effects, and the pairs of the best of them with those that promise most."""
+    points = [fitted.points for fitted in null]
+    slugs = workspace.study.discover.effects
+    chosen = [effect for slug, effect in library().items() if slugs == "all" or slug in slugs]
+    floor = float(sum(points)) - sum(Candidate(one.model).size for one in explored)
+    singles: list[Effects] = [(effect,) for effect in chosen]
+    columns = each_for_all(
         workspace,
         explored,
-        "the model as it is",
-        lambda i, desk: explored[i].bare(desk, settings.starts, (study.seed, 9, i)),
+        "one effect",
+        singles,
+        lambda i, effects, desk: explored[i].extended(desk, effects, null[i]),
     )
-    null = [fits[0] for fits in bare]
-    points = [fitted.points for fitted in null]
-    chosen = library() if settings.effects == "all" else {slug: library()[slug] for slug in settings.effects}
-    singles = [(effect,) for effect in chosen.values()]
-    fits = _fits(workspace, explored, null, singles, "one effect")
-    best = min(fits, key=lambda effects: _score(effects, fits[effects], points).criterion)
+    fits = dict(zip(singles, columns, strict=True))
     # where a fit with an effect came further, the bare model may do so, too: it must not look wrong for want of a start
-    again: list[Fitted] = together(
-        workspace, explored, "the model as it is, again", lambda i, desk: explored[i].bare_from(desk, fits[best][i].at)
-    )
-    null = [min(pair, key=lambda one: one.loss) for pair in zip(null, again, strict=True)]
-    pairs = [(best[0], other) for other in chosen.values() if other.slug != best[0].slug]
-    fits |= _fits(workspace, explored, null, pairs, "two effects", {best: fits[best]})
-    scored = {effects: _score(effects, fitted, points) for effects, fitted in fits.items()}
-    nothing = _score((), null, points)
-    shortlist = sorted(scored, key=lambda effects: scored[effects].criterion)[: 1 + RUNNERS_UP]
-    held = _held_out(workspace, explored, null, fits, shortlist)
-    for effects in shortlist:
-        scored[effects] = _with_held_out(scored[effects], held[()], held[effects])
-    before = [_map(one, Candidate(one.model), fitted, settings.chance / len(explored), (study.seed, 10, i))
-              for i, (one, fitted) in enumerate(zip(explored, null, strict=True))]  # fmt: skip
-    located = any(abs(cell["z"]) > cell["limit"] for told in before for cell in told)
-    floor = float(sum(points)) - sum(Candidate(one.model).size for one in explored)
-    trusted = all(
-        agree(sorted([*each, more], key=lambda one: one.loss)) for each, more in zip(bare, again, strict=True)
-    )
-    found = verdict(nothing, list(scored.values()), floor, located, trusted)
-    result = _told(workspace, explored, found, scored, fits, nothing, null, bare, before, held, floor)
-    if found.word == "NAMED":
-        effects = next(one for one in scored if slugs(one) == found.effects)
-        result["after"] = {
-            one.measured.specimen.name: _map(
-                one, Candidate(one.model, effects), fitted, settings.chance / len(explored), (study.seed, 11, i)
-            )
-            for i, (one, fitted) in enumerate(zip(explored, fits[effects], strict=True))
-        }
-        result["model"] = _add(workspace, effects)
-    write_json(workspace.out / "discover.json", result)
-    write_json(workspace.out / "verdict.json", result)
-    return result
-
-
-def _fits(
-    workspace: Workspace,
-    explored: Sequence[Explorer],
-    null: Sequence[Fitted],
-    candidates: Sequence[Effects],
-    title: str,
-    known: dict[Effects, list[Fitted]] | None = None,
-) -> dict[Effects, list[Fitted]]:
-    """Fits of every candidate to every specimen; pairs also begin where the first of them ended alone."""
-
-    def work(i: int, desk: Desk) -> list[Fitted]:
-        found = []
-        for effects in candidates:
-            others = None
-            if known and (single := known.get(effects[:1])):
-                alone, size = single[i].at, Candidate(explored[i].model).size
-                second = Candidate(explored[i].model, effects[1:])
-                begin = second.null() + 0.3 * (second.typical() - second.null())
-                others = np.concatenate([alone[size:], begin])
-            found.append(explored[i].having(desk, effects, null[i], others))
+    best = min(fits, key=lambda effects: sum(one.loss for one in fits[effects]))
+    again = each_for_all(
+        workspace, explored, "the model as it is, again", [best],
+        lambda i, effects, desk: explored[i].bare_from(desk, fits[effects][i].at),
+    )[0]  # fmt: skip
+    found = _Found([min(pair, key=lambda one: one.loss) for pair in zip(null, again, strict=True)], fits, {}, floor)
+    found.scored = {effects: _score(effects, fits[effects], found.null, points) for effects in singles}
+    if not room_for_two(found.nothing, list(found.scored.values()), floor):
         return found
+    heads = found.ordered[:HEADS]
+    pairs = [(*head, effect) for head in heads for effect in chosen if effect.slug != head[0].slug]
+    promises = each_for_all(
+        workspace, explored, "looking ahead to two effects", pairs,
+        lambda i, effects, desk: explored[i].promise(desk, effects, fits[effects[:1]][i]),
+    )  # fmt: skip
+    for effects in _promising(pairs, [sum(each) for each in promises]):
+        found.fits[effects] = []
+    wanted = [effects for effects in found.fits if len(effects) > 1]
+    columns = each_for_all(
+        workspace, explored, "two effects", wanted,
+        lambda i, effects, desk: explored[i].extended(desk, effects, fits[effects[:1]][i]),
+    )  # fmt: skip
+    found.fits |= dict(zip(wanted, columns, strict=True))
+    found.scored |= {effects: _score(effects, found.fits[effects], found.null, points) for effects in wanted}
+    return found
 
-    columns = together(workspace, explored, title, work)
-    return {effects: [column[k] for column in columns] for k, effects in enumerate(candidates)}
+
+def _promising(pairs: Sequence[Effects], losses: Sequence[float]) -> list[Effects]:
+    """The pairs that promise most, each in one order only."""
+    chosen: dict[frozenset[str], Effects] = {}
+    for number in np.argsort(losses, kind="stable"):
+        chosen.setdefault(frozenset(effect.slug for effect in pairs[number]), pairs[number])
+    return list(chosen.values())[:PAIRS]
 
 
-def _score(effects: Effects, fitted: Sequence[Fitted], points: Sequence[int]) -> Scored:
-    loss = sum(one.loss for one in fitted)
-    count = sum(len(effect.parameters) for effect in effects)
-    names = [parameter.name for effect in effects for parameter in effect.parameters]
-    null = [
+def _score(effects: Effects, fitted: Sequence[Fitted], null: Sequence[Fitted], points: Sequence[int]) -> Scored:
+    parameters = [parameter for effect in effects for parameter in effect.parameters]
+    idle = [
         effect.null.get(parameter.name) == parameter.minimum for effect in effects for parameter in effect.parameters
     ]
+    first = len(fitted[0].at) - len(parameters)
     on_bound = [
-        name
-        for k, name in enumerate(names)
-        if any(one.at_bound[len(one.at) - count + k] and not null[k] for one in fitted)
+        parameter.name
+        for k, parameter in enumerate(parameters)
+        if not idle[k] and any(one.at_bound[first + k] for one in fitted)
     ]
-    return Scored(slugs(effects), criterion(loss, count, points), loss, on_bound=tuple(on_bound))
-
-
-def _held_out(
-    workspace: Workspace,
-    explored: Sequence[Explorer],
-    null: Sequence[Fitted],
-    fits: dict[Effects, list[Fitted]],
-    shortlist: Sequence[Effects],
-) -> dict[Effects, dict[str, Array]]:
-    """By candidate, and for the bare model: whitened squared errors of every curve, predicted from the others."""
-
-    def work(i: int, desk: Desk) -> list[dict[str, Array]]:
-        return [
-            explored[i].held_out(desk, effects, null[i].at if effects == () else fits[effects][i].at)
-            for effects in [(), *shortlist]
-        ]
-
-    columns = together(workspace, explored, "predicting what was left out", work)
-    return {
-        effects: {
-            f"{one.measured.specimen.name} {name}": errors
-            for one, column in zip(explored, columns, strict=True)
-            for name, errors in column[k].items()
-        }
-        for k, effects in enumerate([(), *shortlist])
-    }
-
-
-def _with_held_out(scored: Scored, without: dict[str, Array], having: dict[str, Array]) -> Scored:
-    if not without:
-        return scored
-    gain, error = held_out_gain({name: (without[name], having[name]) for name in without}, BLOCK)
-    return Scored(scored.effects, scored.criterion, scored.loss, gain, error, scored.on_bound)
-
-
-def _map(
-    one: Explorer, candidate: Candidate, fitted: Fitted, chance: float, seed: tuple[int, ...]
-) -> list[dict[str, Any]]:
-    """Every cell of a specimen: how far measurement and model are apart there, in newton and in units of chance."""
-    curves = one.measured.curves
-    every: list[Cell] = []
-    inside: list[Array] = []
-    newtons: list[float] = []
-    total, first = sum(curve.force_N.size for curve in curves), 0
-    for curve in curves:
-        error = curve.force_N - candidate.forces(one.measured.specimen, curve.protocol, fitted.at[np.newaxis])[0]
-        for cell in cells(curve):
-            every.append(cell)
-            row = np.zeros(total)
-            row[first + cell.points] = 1.0
-            inside.append(row)
-            newtons.append(float(error[cell.points].mean()))
-        first += curve.force_N.size
-    which = np.array(inside)
-    white, slopes = derivatives(candidate, one.measured, fitted.at, curves, errors)
-    z = -misfits(which, white)  # measured minus simulated
-    limit = limit_by_chance(which, slopes, chance, np.random.default_rng(seed))
-    return [
-        {
-            "protocol": cell.protocol,
-            "phase": cell.phase,
-            "number": cell.number,
-            "z": z[c],
-            "mean_N": newtons[c],
-            "limit": limit,
-        }
-        for c, cell in enumerate(every)
+    gains = [
+        alone.loss - criterion(one.loss, len(parameters), [count])
+        for one, alone, count in zip(fitted, null, points, strict=True)
     ]
+    loss = sum(one.loss for one in fitted)
+    names = tuple(effect.slug for effect in effects)
+    return Scored(names, criterion(loss, len(parameters), points), loss, tuple(gains), on_bound=tuple(on_bound))
 
 
-def _told(
-    workspace: Workspace,
-    explored: Sequence[Explorer],
-    found: Verdict,
-    scored: dict[Effects, Scored],
-    fits: dict[Effects, list[Fitted]],
-    nothing: Scored,
-    null: Sequence[Fitted],
-    bare: Sequence[Sequence[Fitted]],
-    before: Sequence[list[dict[str, Any]]],
-    held: dict[Effects, dict[str, Array]],
-    floor: float,
-) -> dict[str, Any]:
-    names = [one.measured.specimen.name for one in explored]
-    ordered = sorted(scored, key=lambda effects: scored[effects].criterion)
+Held = dict[Effects, dict[str, dict[str, Array]]]
+
+
+def _hold_out(workspace: Workspace, explored: Sequence[Explorer], found: _Found) -> Held:
+    """Squared errors of what was left out, by candidate, kind of split, and curve of a specimen; scores learn of it."""
+    best = leading(found.nothing, list(found.scored.values()), found.floor)
+    if found.nothing.criterion - best.criterion < CLEARLY:
+        return {}
+    chosen = found.having(best)
+    close = rivals(best, list(found.scored.values()), found.floor)
+    wanted: list[Effects] = [(), chosen, *(found.having(one) for one in close[:1])]
+    alone = chosen[:1]
+    if len(chosen) == 2:
+        wanted.append(min((effects for effects in found.fits if effects in ((chosen[0],), (chosen[1],))),
+                          key=lambda effects: found.scored[effects].criterion))  # fmt: skip
+        alone = wanted[-1]
+    wanted = list(dict.fromkeys(wanted))
+
+    def work(i: int, effects: Effects, desk: Desk) -> dict[str, dict[str, Array]]:
+        fits = found.fits[effects] if effects else found.null
+        told = explored[i].held_out(desk, effects, fits[i].at)
+        count = sum(len(effect.parameters) for effect in effects)
+        if len(explored) > 1:
+            values = np.mean([fit.at[fit.at.size - count :] for k, fit in enumerate(fits) if k != i], axis=0)
+            told |= explored[i].of_others(desk, effects, fits[i].at, values)
+        return told
+
+    columns = each_for_all(workspace, explored, "predicting what was left out", wanted, work)
+    held: Held = {}
+    for effects, column in zip(wanted, columns, strict=True):
+        kinds = held.setdefault(effects, {})
+        for one, told in zip(explored, column, strict=True):
+            for kind, errors in told.items():
+                kinds.setdefault(kind, {}).update({f"{one.name} {name}": each for name, each in errors.items()})
+    for effects in wanted:
+        if effects:
+            found.scored[effects] = replace(found.scored[effects], held=_gains(held[()], held[effects]))
+    if len(chosen) == 2:
+        found.scored[chosen] = replace(found.scored[chosen], beyond=_gains(held[alone], held[chosen]))
+    return held
+
+
+def _gains(without: dict[str, dict[str, Array]], having: dict[str, dict[str, Array]]) -> dict[str, tuple[float, float]]:
     return {
-        "verdict": found.word,
-        "effects": list(found.effects),
-        "set": list(found.alike),
-        "why": found.why,
-        "explained": found.explained,
-        "null": {
-            "loss": nothing.loss,
-            "floor": floor,
-            "starts": {name: [one.loss for one in each] for name, each in zip(names, bare, strict=True)},
-        },
-        "noise": {
-            one.measured.specimen.name: {"sd_N": one.measured.noise.sd_N, "ar1": one.measured.noise.ar1}
-            for one in explored
-        },
-        "candidates": [
-            {
-                "effects": list(scored[effects].effects),
-                "gain": nothing.criterion - scored[effects].criterion,
-                "explained": (nothing.loss - scored[effects].loss) / max(nothing.loss - floor, 1e-9),
-                "held_out": scored[effects].held_out,
-                "held_out_error": scored[effects].held_out_error,
-                "on_bound": list(scored[effects].on_bound),
-                "parameters": _parameters(effects, explored, fits[effects]),
-            }
-            for effects in ordered
-        ],
-        "cells": dict(zip(names, before, strict=True)),
-        "gap": _gap(held, ordered[0]),
-        "next_experiment": None,
-        "model": None,
+        kind: gain({name: (without[kind][name], errors) for name, errors in curves.items()}, BLOCK)
+        for kind, curves in having.items()
     }
-
-
-def _parameters(effects: Effects, explored: Sequence[Explorer], fitted: Sequence[Fitted]) -> dict[str, Any]:
-    """Values and 90 % intervals of the effects' parameters by specimen, from the curvature at the fit."""
-    told: dict[str, Any] = {}
-    for one, each in zip(explored, fitted, strict=True):
-        candidate = Candidate(one.model, effects)
-        low, high = candidate.bounds()
-        values, spread = low + (high - low) * each.at, (high - low) * each.uncertainty
-        names = [parameter.name for effect in effects for parameter in effect.parameters]
-        first = candidate.size - len(names)
-        told[one.measured.specimen.name] = {
-            name: {"value": values[first + k], "interval": [values[first + k] - 1.645 * spread[first + k],
-                                                            values[first + k] + 1.645 * spread[first + k]]}
-            for k, name in enumerate(names)
-        }  # fmt: skip
-    return told
-
-
-def _gap(held: dict[Effects, dict[str, Array]], best: Effects) -> dict[str, Any]:
-    """Root mean square of the whitened errors on held-out curves: 1 is noise alone."""
-    if not held[()]:
-        return {"before": None, "after": None, "floor": None, "closed": None}
-    before, after = (float(np.sqrt(np.mean(np.concatenate(list(held[each].values()))))) for each in ((), best))
-    closed = (before - after) / (before - 1.0) if before > 1.0 else None
-    return {"before": before, "after": after, "floor": 1.0, "closed": closed}
-
-
-def _add(workspace: Workspace, effects: Effects) -> dict[str, str]:
-    """The study with the effects in its model, as a file beside the results, and what changed."""
-    path: Path = workspace.out / "discover" / "model.yaml"
-    old = yaml.safe_load(workspace.study.path.read_text("utf-8"))
-    new = {**old, "model": {**(old.get("model") or {}), "effects": list(slugs(effects))}}
-    new["cohort"] = str(workspace.cohort.folder.resolve())
-    before, after = (yaml.safe_dump(each, sort_keys=False, allow_unicode=True) for each in (old, new))
-    path.parent.mkdir(exist_ok=True)
-    write_text(path, after)
-    difference = difflib.unified_diff(before.splitlines(), after.splitlines(), "study", "with effects", lineterm="")
-    return {"path": str(path.relative_to(workspace.out)), "difference": "\n".join(difference)}

@@ -1,30 +1,33 @@
-"""The fits behind a discovery, specimen by specimen, on the study's cluster.
+"""The fits behind a discovery, on the study's cluster.
 
-First the bare model from several starts, then with each effect, from where the bare model ended; then pairs with the
-effect that fits best; then, without each curve in turn, the bare model and the best candidates, which then predict that
-curve. Fits are kept beside the store, so that a run that was interrupted does not fit again.
+First the bare model of every specimen from several starts; then with one effect, from there; then with two; then
+without what is held out. Fits are kept beside the store, so that a run that was interrupted does not fit again.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
 
 from runner.ensemble import Desk, Talk
-from tasks.discover.fit import Candidate, Fitted, errors, fit, gentle, starts
+from runner.progress import progress
+from tasks.discover.fit import Candidate, Fitted, errors, extended, fit, look_ahead, starts
 from tasks.discover.measured import Measured
+from tasks.discover.splits import SPECIMEN, splits
 from tasks.ledger import Ledger
-from tasks.model import Curve, Model
+from tasks.model import Model
 from tasks.model.effect import Effect
 from tasks.noise import noise_of_each
 from tasks.simulate import Array
 from tasks.workspace import Workspace, digest
 
-SHARES = (0.1, 0.6)  # of an effect's typical size, where its fits begin
 MORE = 4  # times the starts, while no two fits of the bare model agree
 ALIKE_LOSS = 2.0  # of whitened sums of squares: two fits that differ by less found the same
+LANES = 4  # fits of one specimen that may run side by side
 
 Effects = tuple[Effect, ...]
 
@@ -32,10 +35,6 @@ Effects = tuple[Effect, ...]
 def agree(fits: Sequence[Fitted]) -> bool:
     """Whether the best of fits from different starts, the best first, was found twice."""
     return len(fits) > 1 and fits[1].loss - fits[0].loss < ALIKE_LOSS
-
-
-def slugs(effects: Effects) -> tuple[str, ...]:
-    return tuple(effect.slug for effect in effects)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,28 +45,21 @@ class Explorer:
     model: Model
     folder: Path
 
-    def ledger(self, *what: Any) -> Ledger:
-        """Where fits of one kind are kept."""
-        noise = self.measured.noise
-        inputs = digest(
-            self.measured.specimen.identity(), self.model.identity(), [noise.sd_N, noise.ar1], [p.maximum for p in
-            self.model.parameters], [p.minimum for p in self.model.parameters], what,
-        )  # fmt: skip
-        name = f"{self.measured.specimen.name.replace('/', '_')}.{digest(what)[:12]}.jsonl"
-        return Ledger(self.folder / name, inputs)
+    @property
+    def name(self) -> str:
+        return self.measured.specimen.name
 
-    def _fit(
-        self,
-        ledger: Ledger,
-        number: int,
-        desk: Desk,
-        candidate: Candidate,
-        start: Array,
-        curves: Sequence[Curve] | None = None,
-    ) -> Fitted:
-        """Fit ``number`` of a ledger, known or found now on a worker."""
+    def _ledger(self, *what: Any) -> Ledger:
+        """Where what was found of one kind is kept."""
+        noise = self.measured.noise
+        bounds = [[p.minimum, p.maximum] for p in self.model.parameters]
+        inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, [noise.sd_N, noise.ar1], what)
+        return Ledger(self.folder / f"{self.name.replace('/', '_')}.{digest(what)[:12]}.jsonl", inputs)
+
+    def _fitted(self, ledger: Ledger, number: int, desk: Desk, candidate: Candidate, *arguments: Any) -> Fitted:
+        """Fit ``number`` of a ledger: known, or what ``arguments``, a function and what it takes, find on a worker."""
         if number == len(ledger):
-            found = desk.compute(fit, candidate, self.measured, start, curves)
+            found = desk.compute(*arguments)
             ledger.append(np.concatenate([[found.loss, found.points], found.at, found.uncertainty]))
         kept = ledger.kept[number]
         ends = 2 + candidate.size
@@ -76,44 +68,71 @@ class Explorer:
     def bare(self, desk: Desk, count: int, seed: tuple[int, ...]) -> list[Fitted]:
         """Fits of the model without effects, the best first, from ``count`` starts and, until two agree, some more."""
         candidate = Candidate(self.model)
-        ledger = self.ledger("bare", seed)
+        ledger = self._ledger("bare", seed)
         found: list[Fitted] = []
         for i, at in enumerate(starts(candidate, np.random.default_rng(seed), MORE * count)):
             if i >= count and agree(found):
                 break
-            found.append(self._fit(ledger, i, desk, candidate, at))
+            found.append(self._fitted(ledger, i, desk, candidate, fit, candidate, self.measured, at))
             found.sort(key=lambda one: one.loss)
         return found
 
     def bare_from(self, desk: Desk, start: Array) -> Fitted:
         """A fit of the model without effects from where a fit with some ended."""
         candidate = Candidate(self.model)
-        ledger = self.ledger("bare from", digest(start))
-        return self._fit(ledger, 0, desk, candidate, start[: candidate.size])
+        ledger = self._ledger("bare from", digest(start))
+        return self._fitted(ledger, 0, desk, candidate, fit, candidate, self.measured, start[: candidate.size])
 
-    def having(self, desk: Desk, effects: Effects, bare: Fitted, others: Array | None = None) -> Fitted:
-        """The best fit with effects, from where the bare model ended; ``others``: values to begin with as well."""
-        candidate = Candidate(self.model, effects)
-        null, typical = candidate.null(), candidate.typical()
-        begins = [np.concatenate([bare.at, null + share * (typical - null)]) for share in SHARES]
-        begins.append(np.concatenate([gentle(candidate), typical]))  # the bare model may have led astray
-        if others is not None:
-            begins.append(np.concatenate([bare.at, others]))
-        ledger = self.ledger("having", slugs(effects), digest(*begins, *candidate.bounds()))
-        found = [self._fit(ledger, i, desk, candidate, at) for i, at in enumerate(begins)]
-        return min(found, key=lambda one: one.loss)
+    def extended(self, desk: Desk, effects: Effects, base: Fitted) -> Fitted:
+        """The best fit with ``effects``, of which all but the last were fitted in ``base``."""
+        candidate, before = Candidate(self.model, effects), Candidate(self.model, effects[:-1])
+        ledger = self._ledger("extended", _forms(effects), digest(base.at, *candidate.bounds()))
+        return self._fitted(ledger, 0, desk, candidate, extended, before, base.at, effects[-1], self.measured)
 
-    def held_out(self, desk: Desk, effects: Effects, start: Array) -> dict[str, Array]:
-        """Whitened squared errors ``[t]`` of each curve, predicted by a fit to all others; none of a single curve."""
+    def promise(self, desk: Desk, effects: Effects, base: Fitted) -> float:
+        """The loss that a fit with ``effects`` may come to, seen from ``base``, which has all but the last of them."""
+        candidate, before = Candidate(self.model, effects), Candidate(self.model, effects[:-1])
+        ledger = self._ledger("promise", _forms(effects), digest(base.at, *candidate.bounds()))
+        if not len(ledger):
+            ahead = desk.compute(look_ahead, before, base.at, effects[-1], self.measured)
+            ledger.append(np.array([ahead[0]]))
+        return float(ledger.kept[0][0])
+
+    def held_out(self, desk: Desk, effects: Effects, start: Array) -> dict[str, dict[str, Array]]:
+        """By kind of split and curve: whitened squared errors ``[t]`` of what a fit of the rest predicts."""
         candidate = Candidate(self.model, effects)
-        curves = self.measured.curves
-        ledger = self.ledger("held out", slugs(effects), digest(start, *candidate.bounds()))
-        told = {}
-        for i, curve in enumerate(curves if len(curves) > 1 else ()):
-            seen = [one for one in curves if one is not curve]
-            found = self._fit(ledger, i, desk, candidate, start, seen)
-            told[curve.name] = errors(candidate, self.measured, found.at[np.newaxis], [curve])[0] ** 2
+        ledger = self._ledger("held out", _forms(effects), digest(start, *candidate.bounds()))
+        told: dict[str, dict[str, Array]] = {}
+        for i, split in enumerate(splits(self.measured)):
+            found = self._fitted(ledger, i, desk, candidate, fit, candidate, split.seen, start)
+            for curve in self.measured.curves:
+                if curve.name in split.judged:
+                    white = errors(candidate, self.measured, found.at[np.newaxis], [curve])[0]
+                    told.setdefault(split.kind, {})[curve.name] = white[split.judged[curve.name] :] ** 2
         return told
+
+    def of_others(self, desk: Desk, effects: Effects, start: Array, values: Array) -> dict[str, dict[str, Array]]:
+        """As :meth:`held_out`, when the effects have ``values`` ``[m]`` (unit cube) that this specimen did not see."""
+        candidate = Candidate(self.model, effects)
+        begin = np.concatenate([start[: start.size - values.size], values])
+        ledger = self._ledger("of others", _forms(effects), digest(begin, *candidate.bounds()))
+        how = (_fit_beside, candidate, self.measured, begin, values.size)
+        found = self._fitted(ledger, 0, desk, candidate, *how)
+        return {
+            SPECIMEN: {
+                curve.name: errors(candidate, self.measured, found.at[np.newaxis], [curve])[0] ** 2
+                for curve in self.measured.curves
+            }
+        }
+
+
+def _fit_beside(candidate: Candidate, measured: Measured, start: Array, fixed: int) -> Fitted:
+    return fit(candidate, measured, start, fixed=fixed)
+
+
+def _forms(effects: Effects) -> list[str]:
+    """Names effects in whatever form."""
+    return [f"{effect.slug}: {effect.equation}" for effect in effects]
 
 
 def explorers(workspace: Workspace) -> list[Explorer]:
@@ -124,15 +143,26 @@ def explorers(workspace: Workspace) -> list[Explorer]:
     return [Explorer(Measured(one, its), workspace.model, folder) for one, its in zip(chosen, noise, strict=True)]
 
 
-def together(
-    workspace: Workspace, explored: Sequence[Explorer], title: str, work: Callable[[int, Desk], Any]
-) -> list[Any]:
-    """Let all specimens be worked on at the same time; returns what ``work(number, desk)`` returned for each."""
-    talks = []
-    for number, one in enumerate(explored):
-        evaluation = workspace.evaluation(one.measured.specimen)
-        table, _ = workspace.plan(evaluation, np.empty((0, len(workspace.model.names))))
-        talks.append(Talk([(table, evaluation)], 0, lambda desk, number=number: work(number, desk)))  # type: ignore[misc]
-    if not workspace.quiet:
-        print(f"discover: {title}", flush=True)
-    return workspace.converse(talks, f"discover: {title}")
+def each_for_all(
+    workspace: Workspace,
+    explored: Sequence[Explorer],
+    title: str,
+    items: Sequence[Any],
+    work: Callable[[int, Any, Desk], Any],
+) -> list[list[Any]]:
+    """``work(number of specimen, item, desk)`` for every item and specimen, many at a time: ``[item][specimen]``."""
+    jobs = [(i, k) for k in range(len(items)) for i in range(len(explored))]
+    found: dict[tuple[int, int], Any] = {}
+    lanes = min(len(jobs), LANES * len(explored))
+    with progress(f"discover: {title}", len(jobs), workspace.out, of="fits", quiet=workspace.quiet) as report:
+        told = Lock()
+
+        def lane(number: int, desk: Desk) -> None:
+            for i, k in jobs[number::lanes]:
+                done = work(i, items[k], desk)
+                with told:
+                    found[i, k] = done
+                    report(len(found), 0, lanes)
+
+        workspace.converse([Talk([], 0, partial(lane, number)) for number in range(lanes)], title)
+    return [[found[i, k] for i in range(len(explored))] for k in range(len(items))]

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 
 from tasks.discover.measured import Measured
 from tasks.fits import ALIKE, FAST, SLOW
@@ -20,6 +20,8 @@ STEP = 1e-5
 FAR = 1e3  # standard deviations: where a model fails
 TOLERANCE = 1e-5
 EVALUATIONS = 60  # iterations of one fit, at most
+PARTS = (0.05, 0.2, 0.6, 1.0)  # of an effect's typical size, from which its fit may begin
+WIDTH = 12.0  # precision of what is anywhere on the unit cube
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,31 +114,89 @@ Whitened = Callable[[Candidate, Measured, Array, Sequence[Curve]], Array]
 
 
 def derivatives(
-    candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve], of: Whitened = residuals
+    candidate: Candidate,
+    measured: Measured,
+    at: Array,
+    curves: Sequence[Curve],
+    of: Whitened = residuals,
+    vary: int | None = None,
 ) -> tuple[Array, Array]:
-    """Residuals ``[t]`` at a point ``[k]`` of the unit cube, and their derivatives ``[t, k]``."""
+    """Residuals ``[t]`` at a point ``[k]`` of the unit cube, and their derivatives ``[t, k]`` by the first ``vary``."""
     steps = np.where(at + STEP <= 1.0, STEP, -STEP)
-    moved = of(candidate, measured, np.concatenate([at[np.newaxis], at + np.diag(steps)]), curves)
-    return moved[0], ((moved[1:] - moved[0]) / steps[:, np.newaxis]).T
+    moves = np.diag(steps)[: at.size if vary is None else vary]
+    moved = of(candidate, measured, np.concatenate([at[np.newaxis], at + moves]), curves)
+    return moved[0], ((moved[1:] - moved[0]) / steps[: len(moves), np.newaxis]).T
 
 
-def fit(candidate: Candidate, measured: Measured, start: Array, curves: Sequence[Curve] | None = None) -> Fitted:
-    """The nearest minimum to ``start`` ``[k]`` on the unit cube, over ``curves`` (all of the specimen's)."""
+def fit(
+    candidate: Candidate,
+    measured: Measured,
+    start: Array,
+    curves: Sequence[Curve] | None = None,
+    *,
+    fixed: int = 0,
+) -> Fitted:
+    """The nearest minimum to ``start`` ``[k]`` on the unit cube, over ``curves`` (all of the specimen's).
+
+    The last ``fixed`` of the varied values stay where they are.
+    """
     chosen = measured.curves if curves is None else curves
+    count = start.size - fixed
+    stay = start[count:]
 
     def loss(at: Array) -> Array:
-        return residuals(candidate, measured, at[np.newaxis], chosen)[0]
+        return residuals(candidate, measured, np.concatenate([at, stay])[np.newaxis], chosen)[0]
 
     def slope(at: Array) -> Array:
-        return derivatives(candidate, measured, at, chosen)[1]
+        return derivatives(candidate, measured, np.concatenate([at, stay]), chosen, vary=count)[1]
 
     found = least_squares(
-        loss, np.clip(start, 1e-6, 1 - 1e-6), jac=slope, bounds=(0.0, 1.0), ftol=TOLERANCE, xtol=1e-7, gtol=1e-7,
-        max_nfev=EVALUATIONS, x_scale=1.0,
+        loss, np.clip(start[:count], 1e-6, 1 - 1e-6), jac=slope, bounds=(0.0, 1.0), ftol=TOLERANCE, xtol=1e-7,
+        gtol=1e-7, max_nfev=EVALUATIONS, x_scale=1.0,
     )  # fmt: skip
-    curvature = found.jac.T @ found.jac + 12.0 * np.eye(start.size)
-    spread = np.sqrt(np.diag(np.linalg.inv(curvature)))
-    return Fitted(found.x, float(2.0 * found.cost), int(found.fun.size), spread)
+    spread = np.concatenate([spreads(found.jac), np.zeros(fixed)])
+    return Fitted(np.concatenate([found.x, stay]), float(2.0 * found.cost), int(found.fun.size), spread)
+
+
+def spreads(slopes: Array) -> Array:
+    """Standard deviations ``[k]`` on the unit cube, all of which is as likely before the data, of slopes ``[t, k]``."""
+    curvature = slopes.T @ slopes + WIDTH * np.eye(slopes.shape[1])
+    found: Array = np.sqrt(np.diag(np.linalg.inv(curvature)))
+    return found
+
+
+def look_ahead(
+    base: Candidate, at: Array, effect: Effect, measured: Measured, curves: Sequence[Curve] | None = None
+) -> tuple[float, Array]:
+    """How far one more effect may come, and where its fit should begin.
+
+    From the fit ``at`` ``[k]`` of ``base``, with a part of the effect's typical size, one bounded step of linear least
+    squares predicts a loss; the smallest over the parts, and the point ``[k + m]`` that it was seen from.
+    """
+    candidate, alone = Candidate(base.model, (*base.effects, effect)), Candidate(base.model, (effect,))
+    null, typical = alone.null(), alone.typical()
+    found = []
+    for part in PARTS:
+        point = np.clip(np.concatenate([at, null + part * (typical - null)]), 1e-6, 1.0 - 1e-6)
+        seen, slopes = derivatives(candidate, measured, point, measured.curves if curves is None else curves)
+        basis, upper = np.linalg.qr(slopes)
+        along = basis.T @ seen
+        step = lsq_linear(upper, -along, bounds=(-point - 1e-9, 1.0 - point + 1e-9))
+        found.append((float(seen @ seen - along @ along + 2.0 * step.cost), point))
+    return min(found, key=lambda one: one[0])
+
+
+def extended(base: Candidate, at: Array, effect: Effect, measured: Measured) -> Fitted:
+    """The best fit of ``base``, which has its fit at ``at`` ``[k]``, with one more effect.
+
+    It begins where :func:`look_ahead` says and, for the first effect, also at a gentle model with a typical effect:
+    without the effect the fit may have gone astray.
+    """
+    candidate = Candidate(base.model, (*base.effects, effect))
+    begins = [look_ahead(base, at, effect, measured)[1]]
+    if not base.effects:
+        begins.append(np.concatenate([gentle(candidate), candidate.typical()]))
+    return min((fit(candidate, measured, begin) for begin in begins), key=lambda one: one.loss)
 
 
 def gentle(candidate: Candidate) -> Array:

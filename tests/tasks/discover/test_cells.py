@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tasks.discover.cells import cells, limit_by_chance, misfits
+from tasks.discover.cells import cells, limits_by_chance, misfits
 from tasks.model import Curve
 from tasks.model.protocols import STANDARD, cyclic, two_step
 
@@ -35,7 +35,7 @@ def test_a_true_model_is_called_wrong_as_often_as_was_asked():
     inside = np.kron(np.eye(count), np.ones(size // count))
     time = np.linspace(0, 1, size)
     derivatives = np.column_stack([np.ones(size), time, time**2, np.exp(-5 * time)])
-    limit = limit_by_chance(inside, derivatives, 0.05, rng)
+    limit = limits_by_chance(inside, derivatives, [0.05], rng)[0]
     basis, _ = np.linalg.qr(derivatives)
     crossed = 0
     for _ in range(2000):
