@@ -53,7 +53,7 @@ def progress(
         if not quiet and not console.is_terminal:
             left = facts["eta_s"]
             eta = "" if left is None or left < 1 else f", {left:,.0f} s left"
-            line = f"{title}: {facts['done']:,} of {total:,} rows, {facts['rows_per_s']:,.4g} rows/s{eta}"
+            line = f"{title}: {facts['done']:,} of {total:,} {of}, {facts['rows_per_s']:,.4g} {of}/s{eta}"
             print(line, file=sys.stderr, flush=True)
 
     console = Console(stderr=True)

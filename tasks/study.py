@@ -9,10 +9,12 @@ from pydantic import AfterValidator, Field, PrivateAttr, field_validator, model_
 from runner.cluster import Address, ClusterSpec, Local, free_cores
 from tasks.model import TENDON, Model, Parameter
 from tasks.model.effect import Effect
-from tasks.model.effects import library
+from tasks.model.effects import library, named
 from tasks.problems import BadInput, shown
 from tasks.settings import FieldError, Section, by_name, read_settings
 from tasks.simulate import Simulator
+from tasks.simulate.febio import FEBio, read_template, solver_version
+from tasks.simulate.febio_effects import febio_with
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Seconds = Annotated[float, Field(gt=0, le=86_400 * 30, allow_inf_nan=False)]
@@ -341,13 +343,16 @@ class Study(Section):
 
     def effects(self) -> tuple[Effect, ...]:
         """The effects that the model has besides the baseline, as the study orders them."""
-        known = library()
-        for i, slug in enumerate(self.model.effects):
-            if slug not in known:
-                raise FieldError("model.effects", f"no effect {shown(slug)}", f"one of {', '.join(known)}")
-            if slug in self.model.effects[:i]:
+        known = named()
+        for name in self.model.effects:
+            if name not in known:
+                raise FieldError("model.effects", f"no effect {shown(name)}", f"one of {', '.join(known)}")
+        chosen = tuple(known[name] for name in self.model.effects)
+        slugs = [effect.slug for effect in chosen]
+        for i, slug in enumerate(slugs):
+            if slug in slugs[:i]:
                 raise FieldError("model.effects", f"{slug} is a duplicate", "each effect once")
-        return tuple(known[slug] for slug in self.model.effects)
+        return chosen
 
     def cluster_spec(self, workers: int | None = None) -> ClusterSpec:
         """Where evaluations run; ``workers`` overrides the number of local workers."""
@@ -364,8 +369,6 @@ class Study(Section):
         Raises :class:`BadInput` when the solver or its template cannot be found.
         """
         from tasks.simulate.effects import UniaxialWith
-        from tasks.simulate.febio import FEBio, read_template, solver_version
-        from tasks.simulate.febio_effects import febio_with
         from tasks.simulate.uniaxial import Uniaxial
 
         settings = self.simulator
@@ -380,12 +383,25 @@ class Study(Section):
                 f"{shown(settings.executable)} was not found",
                 "febio4 on the PATH, or the path of the solver",
             )
-        template = read_template(self.path.parent, settings.template)
+        found = Path(executable).resolve()
+        return febio_with(self._solver(settings, found, solver_version(found), scratch), self.effects())
+
+    def solver_with(self, effects: tuple[Effect, ...], scratch: Path) -> FEBio:
+        """FEBio with ``effects``, to render its input and, if it is on the PATH, to run it; by the study's settings.
+
+        Raises :class:`BadInput` for effects that it does not have.
+        """
+        settings = self.simulator if isinstance(self.simulator, FEBioSettings) else FEBioSettings()
+        found = shutil.which(settings.executable)
+        version = solver_version(Path(found).resolve()) if found else ""
+        return febio_with(self._solver(settings, Path(found or settings.executable), version, scratch), effects)
+
+    def _solver(self, settings: FEBioSettings, executable: Path, version: str, scratch: Path) -> FEBio:
         steps = settings.time_steps
-        solver = FEBio(
-            executable=str(Path(executable).resolve()),
-            version=solver_version(Path(executable).resolve()),
-            template=template,
+        return FEBio(
+            executable=str(executable),
+            version=version,
+            template=read_template(self.path.parent, settings.template),
             scratch=scratch,
             timeout_s=settings.timeout_s,
             max_file_bytes=settings.max_file_mb * 2**20,
@@ -394,7 +410,6 @@ class Study(Section):
             still_mm=steps.still_mm,
             keep_failed=settings.keep_failed,
         )
-        return febio_with(solver, self.effects())
 
 
 def read_study(path: Path, *, seed: int | None = None) -> Study:

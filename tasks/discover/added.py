@@ -17,8 +17,8 @@ def add_to_study(workspace: Workspace, effects: Effects) -> dict[str, Any]:
     """Write the study with the effects in its model beside the results; its path there, and what changed."""
     path: Path = workspace.out / "discover" / "model.yaml"
     old = yaml.safe_load(workspace.study.path.read_text("utf-8"))
-    slugs = [effect.slug for effect in effects]
-    new = {**old, "model": {**(old.get("model") or {}), "effects": slugs}}
+    names = [effect.name for effect in effects]
+    new = {**old, "model": {**(old.get("model") or {}), "effects": names}}
     new["cohort"] = str(workspace.cohort.folder.resolve())
     before, after = (yaml.safe_dump(each, sort_keys=False, allow_unicode=True) for each in (old, new))
     path.parent.mkdir(exist_ok=True)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 CLEARLY = 20.0  # of the criterion: 10 of twice the log likelihood are called very strong (Kass and Raftery 1995)
-EXPLAINED = 0.9  # part of the misfit beyond noise that an effect must take away to be a name
+EXPLAINED = 0.97  # part of the misfit beyond noise that an effect must take away to be a name
 FAR_BEHIND = 2.0  # how many times what the best leaves a rival must leave
 SECOND = 0.5  # part of what one effect leaves that a second must take away
 HELD_OUT_ERRORS = 2.0  # standard errors by which the prediction of what a fit has not seen must improve
@@ -113,19 +113,20 @@ def verdict(null: Scored, candidates: Sequence[Scored], about: Evidence) -> Verd
             return Verdict("AMBIGUOUS", why="no two fits of the model as it is agree: more starts are needed")
         return Verdict("OUTSIDE", why="model and data disagree, and no effect of the library helps")
     name = " + ".join(best.effects)
-    explained = (null.loss - best.loss) / max(null.loss - about.floor, 1e-9)
+    part = explained(null, best, about.floor)
+    takes = "takes away all" if part is None else f"takes away {100 * min(part, 1.0):.0f} %"
     if _rest(best, about.floor) > (1.0 - EXPLAINED) * _rest(null, about.floor) + _rest_by_chance(about.floor):
-        why = f"the best of the library ({name}) takes away {100 * explained:.0f} % of the misfit"
-        return Verdict("OUTSIDE", explained=explained, why=why)
+        why = f"the best of the library ({name}) {takes} of the misfit"
+        return Verdict("OUTSIDE", explained=part, why=why)
     alike = rivals(best, candidates, about.floor)
     if alike:
         slugs = tuple(dict.fromkeys(slug for one in (best, *alike) for slug in one.effects))
         why = f"{1 + len(alike)} candidates fit about as well as each other"
-        return Verdict("AMBIGUOUS", (), slugs, explained, why)
+        return Verdict("AMBIGUOUS", (), slugs, part, why)
     doubts = _doubts(best)
     if doubts:
-        return Verdict("AMBIGUOUS", (), best.effects, explained, f"{name} fits best, but {doubts[0]}")
-    return Verdict("NAMED", best.effects, (), explained, f"it takes away {100 * min(explained, 1):.0f} % of the misfit")
+        return Verdict("AMBIGUOUS", (), best.effects, part, f"{name} fits best, but {doubts[0]}")
+    return Verdict("NAMED", best.effects, (), part, f"it {takes} of the misfit")
 
 
 def _doubts(best: Scored) -> list[str]:
@@ -153,3 +154,9 @@ def _rest(one: Scored, floor: float) -> float:
 def _rest_by_chance(floor: float) -> float:
     """Three standard deviations of a true model's loss."""
     return 3.0 * float(np.sqrt(2.0 * floor))
+
+
+def explained(null: Scored, one: Scored, floor: float) -> float | None:
+    """Part of the misfit beyond noise that a candidate takes away; None where there is hardly any."""
+    misfit = null.loss - floor
+    return (null.loss - one.loss) / misfit if misfit > _rest_by_chance(floor) else None

@@ -16,8 +16,9 @@ from tasks.discover.cells import located_part, misfit_map
 from tasks.discover.choose import CLEARLY, Evidence, Scored, criterion, leading, rivals, room_for_two, verdict
 from tasks.discover.explore import Effects, Explorer, agree, each_for_all, explorers
 from tasks.discover.fit import Candidate, Fitted
+from tasks.discover.solver import in_febio
 from tasks.discover.splits import gain
-from tasks.discover.told import NO_GAP, gap_of, told_candidate
+from tasks.discover.told import NO_GAP, gap_of, simulated, told_candidate
 from tasks.model.effects import library
 from tasks.problems import BadInput
 from tasks.simulate import Array
@@ -77,13 +78,16 @@ def discover(workspace: Workspace) -> dict[str, Any]:
         misfit_map(one.measured, Candidate(one.model), null, chance, SURELY, (seed, 10, i))
         for i, (one, null) in enumerate(zip(explored, found.null, strict=True))
     ]
-    for effects in held:
-        if effects:
-            after = [
-                misfit_map(one.measured, Candidate(one.model, effects), fitted, chance, SURELY, (seed, 11, i))
-                for i, (one, fitted) in enumerate(zip(explored, found.fits[effects], strict=True))
-            ]
-            found.scored[effects] = replace(found.scored[effects], in_place=located_part(before, after))
+    after = {
+        effects: [
+            misfit_map(one.measured, Candidate(one.model, effects), fitted, chance, SURELY, (seed, 11, i))
+            for i, (one, fitted) in enumerate(zip(explored, found.fits[effects], strict=True))
+        ]
+        for effects in held
+        if effects
+    }
+    for effects, told in after.items():
+        found.scored[effects] = replace(found.scored[effects], in_place=located_part(before, told))
     about = Evidence(
         found.floor,
         located=any(abs(cell["z"]) > cell["limit"] for cells in before for cell in cells),
@@ -113,18 +117,21 @@ def discover(workspace: Workspace) -> dict[str, Any]:
             for effects in found.ordered
         ],
         "cells": dict(zip(names, before, strict=True)),
+        "shown": list(best.effects),
         "gap": gap_of(held, found.having(best), explored, found.fits) if held else NO_GAP,
         "next_experiment": None,
         "model": None,
     }
+    shown = found.having(best) if best.effects else ()
+    for i, one in enumerate(explored):
+        curves = simulated(one, found.null[i], shown, found.fits[shown][i] if shown else None)
+        workspace.store.write_result(f"discover/{one.name.replace('/', '_')}", curves)
+    if shown in after:
+        result["after"] = dict(zip(names, after[shown], strict=True))
     if decided.word == "NAMED":
-        effects = found.having(best)
-        result["after"] = {
-            one.name: misfit_map(one.measured, Candidate(one.model, effects), fitted, chance, SURELY, (seed, 11, i))
-            for i, (one, fitted) in enumerate(zip(explored, found.fits[effects], strict=True))
-        }
-        result["model"] = add_to_study(workspace, effects)
-        result["model"]["checks"] = checks(explored, effects, found.fits[effects])
+        result["model"] = add_to_study(workspace, shown)
+        result["model"]["checks"] = checks(explored, shown, found.fits[shown])
+        result["model"]["febio"] = in_febio(workspace, explored[0], shown, found.fits[shown][0])
     write_json(workspace.out / "discover.json", result)
     write_json(workspace.out / "verdict.json", result)
     return result
@@ -151,7 +158,7 @@ def _explored(workspace: Workspace, explored: Sequence[Explorer], null: list[Fit
     slugs = workspace.study.discover.effects
     chosen = [effect for slug, effect in library().items() if slugs == "all" or slug in slugs]
     floor = float(sum(points)) - sum(Candidate(one.model).size for one in explored)
-    singles: list[Effects] = [(effect,) for effect in chosen]
+    singles: list[Effects] = [(form,) for effect in chosen for form in (effect, *effect.other_forms)]
     columns = each_for_all(
         workspace,
         explored,
@@ -167,11 +174,11 @@ def _explored(workspace: Workspace, explored: Sequence[Explorer], null: list[Fit
         lambda i, effects, desk: explored[i].bare_from(desk, fits[effects][i].at),
     )[0]  # fmt: skip
     found = _Found([min(pair, key=lambda one: one.loss) for pair in zip(null, again, strict=True)], fits, {}, floor)
-    found.scored = {effects: _score(effects, fits[effects], found.null, points) for effects in singles}
+    found.scored = _best_forms({effects: _score(effects, fits[effects], found.null, points) for effects in singles})
     if not room_for_two(found.nothing, list(found.scored.values()), floor):
         return found
     heads = found.ordered[:HEADS]
-    pairs = [(*head, effect) for head in heads for effect in chosen if effect.slug != head[0].slug]
+    pairs = [(*head, *other) for head in heads for other in found.scored if other != head]
     promises = each_for_all(
         workspace, explored, "looking ahead to two effects", pairs,
         lambda i, effects, desk: explored[i].promise(desk, effects, fits[effects[:1]][i]),
@@ -186,6 +193,15 @@ def _explored(workspace: Workspace, explored: Sequence[Explorer], null: list[Fit
     found.fits |= dict(zip(wanted, columns, strict=True))
     found.scored |= {effects: _score(effects, found.fits[effects], found.null, points) for effects in wanted}
     return found
+
+
+def _best_forms(scored: dict[Effects, Scored]) -> dict[Effects, Scored]:
+    """Of each effect, the form that fits best."""
+    best: dict[tuple[str, ...], Effects] = {}
+    for effects, one in scored.items():
+        if one.effects not in best or one.criterion < scored[best[one.effects]].criterion:
+            best[one.effects] = effects
+    return {effects: scored[effects] for effects in best.values()}
 
 
 def _promising(pairs: Sequence[Effects], losses: Sequence[float]) -> list[Effects]:

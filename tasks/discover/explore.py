@@ -132,7 +132,7 @@ def _fit_beside(candidate: Candidate, measured: Measured, start: Array, fixed: i
 
 def _forms(effects: Effects) -> list[str]:
     """Names effects in whatever form."""
-    return [f"{effect.slug}: {effect.equation}" for effect in effects]
+    return [f"{effect.name}: {effect.equation}" for effect in effects]
 
 
 def explorers(workspace: Workspace) -> list[Explorer]:

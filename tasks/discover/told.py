@@ -4,11 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
-from tasks.discover.choose import Scored
+from tasks.discover.choose import Scored, explained
 from tasks.discover.explore import Effects, Explorer
 from tasks.discover.fit import WIDTH, Candidate, Fitted, derivatives, errors
-from tasks.discover.splits import LATER, PROTOCOL, splits
+from tasks.discover.splits import LATER, PROTOCOL, SPECIMEN, splits
 from tasks.simulate import Array
 
 NORMAL_90 = 1.645  # standard deviations to either side of a 90 % interval
@@ -27,11 +28,12 @@ def told_candidate(
     held, error = scored.held.get(PROTOCOL, scored.held.get(LATER, (None, None)))
     return {
         "effects": list(scored.effects),
+        "forms": [effect.name for effect in effects],
         "loss": scored.loss,
         "free": len(explored) * sum(len(effect.parameters) for effect in effects),
         "gain": nothing.criterion - scored.criterion,
         "gains": dict(zip([one.name for one in explored], scored.gains, strict=True)),
-        "explained": (nothing.loss - scored.loss) / max(nothing.loss - floor, 1e-9),
+        "explained": explained(nothing, scored, floor),
         "held_out": held,
         "held_out_error": error,
         "splits": {kind: {"gain": each[0], "error": each[1]} for kind, each in scored.held.items()},
@@ -67,14 +69,30 @@ def gap_of(
     explored: Sequence[Explorer],
     fits: Mapping[Effects, Sequence[Fitted]],
 ) -> dict[str, Any]:
-    """Root mean square of the whitened errors on what was held out, without and with ``effects``.
+    """The gap on what was held out, by kind of split, and in front that of the first kind there is.
+
+    An effect that comes from other specimens is judged on everything; a protocol that is left out may be the only one
+    in which the effect shows, so that nothing of it is known without.
+    """
+    gaps = {kind: _gap(held, effects, explored, fits, kind) for kind in (SPECIMEN, LATER, PROTOCOL) if kind in held[()]}
+    if not gaps:
+        return NO_GAP
+    kind = next(iter(gaps))
+    return {"split": kind, **gaps[kind], "splits": gaps}
+
+
+def _gap(
+    held: Mapping[Effects, Mapping[str, Mapping[str, Array]]],
+    effects: Effects,
+    explored: Sequence[Explorer],
+    fits: Mapping[Effects, Sequence[Fitted]],
+    kind: str,
+) -> dict[str, Any]:
+    """Root mean square of the whitened errors without and with ``effects``.
 
     ``floor`` is what the model with the effects would come to if it were true: noise, which is 1, and what the fit of
     the rest does not know of its parameters (a parametric bootstrap with refit, linearised at the fit).
     """
-    kind = next((kind for kind in (PROTOCOL, LATER) if kind in held[()]), None)
-    if kind is None:
-        return NO_GAP
     before, after = (_root_mean_square(held[each][kind].values()) for each in ((), effects))
     floor = _root_mean_square(
         [
@@ -82,9 +100,25 @@ def gap_of(
             for one, fitted in zip(explored, fits[effects], strict=True)
             for expected in _expected(one, Candidate(one.model, effects), fitted, kind)
         ]
+        or [np.ones(1)]
     )
     closed = (before - after) / (before - floor) if before > floor else None
-    return {"split": kind, "before": before, "after": after, "floor": floor, "closed": closed}
+    return {"before": before, "after": after, "floor": floor, "closed": closed}
+
+
+def simulated(one: Explorer, null: Fitted, effects: Effects, fitted: Fitted | None) -> xr.Dataset:
+    """The curves of a specimen: measured, by the model as it is and, where there are ``effects``, with them (N)."""
+    specimen, bare = one.measured.specimen, Candidate(one.model)
+    found: dict[str, Any] = {}
+    for curve in specimen.curves:
+        dimension = f"time_{curve.name}"
+        found[f"measured_{curve.name}"] = (dimension, curve.force_N)
+        found[f"bare_{curve.name}"] = (dimension, bare.forces(specimen, curve.protocol, null.at[np.newaxis])[0])
+        if fitted is not None:
+            having = Candidate(one.model, effects).forces(specimen, curve.protocol, fitted.at[np.newaxis])[0]
+            found[f"having_{curve.name}"] = (dimension, having)
+    times = {f"time_{curve.name}": curve.protocol.time_s for curve in specimen.curves}
+    return xr.Dataset(found, coords=times, attrs={"effects": [effect.slug for effect in effects]})
 
 
 def _root_mean_square(squares: Any) -> float:

@@ -107,7 +107,8 @@ class Effect:
     that belong to the machine, one value for a whole cohort; the others belong to each specimen. ``seen_by`` are
     :data:`PHASES`; ``confounded_with`` says why for each slug or parameter name. ``febio`` holds partials by
     :data:`PLACES`; where it is empty, ``no_febio`` says why. ``loaded_at_rest`` means that there may be force at zero
-    displacement, so the solver must wait for its relaxation first. ``other_forms`` are effects with the same slug.
+    displacement, so the solver must wait for its relaxation first; ``unrelaxed``, that this force comes with the first
+    step instead, and relaxes during the test. ``other_forms`` are effects with the same slug, each with its ``form``.
     """
 
     slug: str
@@ -123,6 +124,8 @@ class Effect:
     febio: Mapping[str, str] = field(default_factory=dict)
     no_febio: str = ""
     loaded_at_rest: bool = False
+    unrelaxed: bool = False
+    form: str = ""
     other_forms: tuple["Effect", ...] = ()
     material: Callable[[Bars, Values], Mapping[str, Array]] | None = None
     displacement: Hook | None = None
@@ -146,8 +149,13 @@ class Effect:
                 raise ValueError(f"effect {self.slug}: {what} has {sorted(unknown)}; possible are {list(possible)}")
         if not self.null or bool(self.febio) == bool(self.no_febio):
             raise ValueError(f"effect {self.slug}: needs null values, and either febio or no_febio")
-        if any(form.slug != self.slug for form in self.other_forms):
-            raise ValueError(f"effect {self.slug}: other forms of an effect have its slug")
+        if any(form.slug != self.slug or not form.form for form in self.other_forms):
+            raise ValueError(f"effect {self.slug}: other forms of an effect have its slug, and a form of their own")
+
+    @property
+    def name(self) -> str:
+        """How a study names it: the slug and, for other forms, which."""
+        return f"{self.slug}/{self.form}" if self.form else self.slug
 
     @property
     def names(self) -> tuple[str, ...]:

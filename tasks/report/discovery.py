@@ -1,15 +1,17 @@
-"""Figure and words of a discovery: the verdict, the candidates, and the map of cells before and after."""
+"""Figures and words of a discovery: the verdict, the candidates, curves and cells before and after."""
 
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
 from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table as Grid
 
-from tasks.report.figures import STYLE, save
+from tasks.report.figures import COLOURS, STYLE, save
 from tasks.workspace import Workspace
 
 SHOWN = 6  # candidates
@@ -17,8 +19,12 @@ FAR = 12.0  # units of chance, where colours end
 
 
 def draw(workspace: Workspace, result: dict[str, Any]) -> None:
-    """All figures of ``discover.json``."""
-    save(cell_map(result), workspace.out / "figures", "discover_cells")
+    """All figures of ``discover.json`` and its store results."""
+    folder = workspace.out / "figures"
+    save(cell_map(result), folder, "discover_cells")
+    for specimen in result["cells"]:
+        kept = workspace.store.read_result(f"discover/{specimen.replace('/', '_')}")
+        save(before_and_after(kept, result, specimen), folder, f"discover_{specimen.replace('/', '_')}")
 
 
 def tell(workspace: Workspace, result: dict[str, Any], console: Console) -> None:
@@ -26,7 +32,7 @@ def tell(workspace: Workspace, result: dict[str, Any], console: Console) -> None
     grid = Grid("candidate", "gain", "explained", "held-out gain", "on a bound", title="Candidates, the best first")
     for one in result["candidates"][:SHOWN]:
         held = "" if one["held_out"] is None else f"{one['held_out']:,.0f} ± {one['held_out_error']:,.0f}"
-        explained = f"{100 * one['explained']:.0f} %"
+        explained = "" if one["explained"] is None else f"{100 * one['explained']:.0f} %"
         grid.add_row(" + ".join(one["effects"]), f"{one['gain']:,.0f}", explained, held, " ".join(one["on_bound"]))
     console.print(grid)
     what = " + ".join(result["effects"]) or " or ".join(result["set"])
@@ -35,17 +41,75 @@ def tell(workspace: Workspace, result: dict[str, Any], console: Console) -> None
     if gap["closed"] is not None:
         console.print(
             f"held-out error in units of noise: {gap['before']:.2f} without, {gap['after']:.2f} with "
-            f"{' + '.join(result['candidates'][0]['effects'])} (noise alone: 1); gap closed: {gap['closed']:.2f}"
+            f"{' + '.join(result['shown'])} (a true model: {gap['floor']:.2f}); gap closed: {gap['closed']:.2f}"
         )
     if result["model"]:
         console.print(f"the study with it: {workspace.out / result['model']['path']}\n{result['model']['difference']}",
                       markup=False)  # fmt: skip
 
 
+def before_and_after(kept: xr.Dataset, result: dict[str, Any], specimen: str) -> Figure:
+    """A column for each protocol: forces, what the model as it is leaves, what the model with the effects leaves."""
+    protocols = list(dict.fromkeys(cell["protocol"] for cell in result["cells"][specimen]))
+    effects = " + ".join(result["shown"])
+    models = {"bare": ("the model as it is", COLOURS[1])}
+    if effects:
+        models["having"] = (f"with {effects}", COLOURS[0])
+    noise = result["noise"][specimen]["sd_N"]
+    with plt.rc_context(STYLE):
+        size = (3.6 * len(protocols), 2.4 + 1.6 * len(models))
+        ratios = [1.5] + [1.0] * len(models)
+        figure, axes = plt.subplots(
+            1 + len(models),
+            len(protocols),
+            figsize=size,
+            sharex="col",
+            sharey="row",
+            squeeze=False,
+            height_ratios=ratios,
+        )
+        for column, protocol in enumerate(protocols):
+            time = kept[f"time_{protocol}"].to_numpy()
+            measured = kept[f"measured_{protocol}"].to_numpy()
+            axes[0, column].plot(time, measured, color="0.6", lw=2.4, label="measured")
+            for row, (name, (label, colour)) in enumerate(models.items(), start=1):
+                force = kept[f"{name}_{protocol}"].to_numpy()
+                axes[0, column].plot(time, force, color=colour, lw=0.9, label=label, ls="--" if row == 1 else "-")
+                _leftover(axes[row, column], time, measured - force, colour, noise)
+            axes[0, column].set_title(protocol.replace("_", " "), loc="left", fontsize=9)
+            axes[-1, column].set_xlabel("time (s)")
+        axes[0, 0].set_ylabel("force (N)")
+        for row, (label, _) in enumerate(models.values(), start=1):
+            axes[row, 0].set_ylabel(f"measured less\n{label} (N)")
+        largest = max(float(np.abs(line.get_ydata()).max()) for a in axes[1:].flat for line in a.lines[:1])
+        for axis in axes[1:].flat:  # the same scale, so that the eye compares
+            axis.set_ylim(-1.08 * largest, 1.08 * largest)
+        axes[0, 0].legend(fontsize=8)
+        figure.suptitle(f"{specimen}: {_headline(result)}", x=0.01, ha="left")
+    return figure
+
+
+def _leftover(axis: Axes, time: Any, error: Any, colour: str, noise: float) -> None:
+    axis.plot(time, error, color=colour, lw=0.6)
+    axis.axhspan(-2 * noise, 2 * noise, color="0.85", lw=0, zorder=0)
+    axis.axhline(0.0, color="black", lw=0.5)
+
+
+def _headline(result: dict[str, Any]) -> str:
+    what = " + ".join(result["effects"]) or " or ".join(result["set"])
+    gap = result["gap"]
+    closed = ""
+    if gap["closed"] is not None:
+        closed = (
+            f"; held-out error {gap['before']:.2f} to {gap['after']:.2f} times the noise (floor {gap['floor']:.2f})"
+        )
+    return f"{result['verdict']} {what}".strip() + closed + ". Grey: twice the noise"
+
+
 def cell_map(result: dict[str, Any]) -> Figure:
-    """Rows: specimens, before and (when an effect is named) after; columns: cells; dots: beyond chance."""
+    """Rows: specimens, before and (with the best effects) after; columns: cells; dots: beyond chance."""
     rows = [(f"{name}, model as it is", cells) for name, cells in result["cells"].items()]
-    effects = " + ".join(result["effects"])
+    effects = " + ".join(result["shown"])
     rows += [(f"{name}, with {effects}", cells) for name, cells in result.get("after", {}).items()]
     labels = list(dict.fromkeys(_label(cell) for _, cells in rows for cell in cells))
     norm = TwoSlopeNorm(0.0, -FAR, FAR)
@@ -65,7 +129,8 @@ def cell_map(result: dict[str, Any]) -> Figure:
         figure.colorbar(
             image, ax=axis, label="measured above (red) or\nbelow (blue) the model", fraction=0.03, pad=0.01
         )
-        what = f"{result['verdict']} {effects or ' or '.join(result['set'])}".strip()
+        what = " + ".join(result["effects"]) or " or ".join(result["set"])
+        what = f"{result['verdict']} {what}".strip()
         figure.suptitle(f"{what}. Misfit of each cell in units of chance; dots: beyond chance", x=0.01, ha="left")
     return figure
 

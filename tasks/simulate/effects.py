@@ -13,7 +13,7 @@ import numpy as np
 from runner.store import STATUSES
 from tasks.model import Curve, Model, Protocol, Specimen, fibre
 from tasks.model.effect import Bars, Branch, Effect, Values, in_order
-from tasks.model.effects import library
+from tasks.model.effects import named
 from tasks.simulate import Array, Compared, Simulated, impossible, memory
 
 _DRIVERS = ("matrix", "fibre", "strain")
@@ -24,24 +24,24 @@ _STRETCH_STEP = 1e-7  # of the differences that give tangents: their errors slow
 
 @dataclass(frozen=True)
 class UniaxialWith:
-    """The embedded simulator for studies whose model has effects, named by their ``slugs``.
+    """The embedded simulator for studies whose model has effects, by their ``names``.
 
     Its models are those of :func:`tasks.model.effect.model_with`: the effects' parameters stand behind the baseline's.
     """
 
-    slugs: tuple[str, ...]
+    names: tuple[str, ...]
     name: str = "uniaxial"
     batch_multiple: int = 8
 
     def identity(self) -> dict[str, Any]:
-        return {"name": self.name, "version": 1, "effects": list(self.slugs)}
+        return {"name": self.name, "version": 1, "effects": list(self.names)}
 
     def simulate(
         self, model: Model, specimen: Specimen, protocol: Protocol, parameters: Array, *, stresses: bool = False
     ) -> Simulated:
         if stresses:
             raise ValueError("with effects there are no stresses of the constituents")
-        effects = tuple(library()[slug] for slug in self.slugs)
+        effects = tuple(named()[name] for name in self.names)
         own = len(model.parameters) - sum(len(effect.parameters) for effect in effects)
         bare = Model(model.parameters[:own], model.beta, model.lambda_0)
         force = simulate_with(bare, effects, specimen, protocol, parameters[:, :own], parameters[:, own:])
@@ -80,7 +80,7 @@ def simulate_with(
     named = _by_effect(effects, values)
     chosen = tuple((effect, named[effect.slug]) for effect in in_order(effects))
     with np.errstate(all="ignore"):  # rows with impossible parameters end as NaN
-        run = _Run(chosen, protocol, sudden)
+        run = _Run(chosen, protocol, sudden or any(effect.unrelaxed for effect, _ in chosen))
         bars = _bars(model, specimen, protocol, parameters, chosen)
         bars = run.balanced(bars) if any(effect.displacement for effect, _ in chosen) else run.pulled(bars)
         for effect, own in chosen:

@@ -94,11 +94,20 @@ class FEBio:
         rmse = np.sqrt(np.mean((simulated.force_N - curve.force_N) ** 2, axis=1))
         return Compared(rmse, simulated.force_N[:, keep], simulated.status, simulated.messages)
 
-    def _force(self, model: Model, specimen: Specimen, protocol: Protocol, values: Array) -> Array:
-        """Force ``[t]`` (N) for one parameter set. Raises :class:`_Failed`."""
+    def rendered(self, model: Model, specimen: Specimen, protocol: Protocol, values: Array) -> str:
+        """The solver's input for one parameter set ``[d]``."""
+        _, times, displacements, _ = self._stepped(model, protocol, values)
+        return _rendered(self.template, model, specimen, times, displacements, values)
+
+    def _stepped(self, model: Model, protocol: Protocol, values: Array) -> tuple[Array, Array, Array, int]:
+        """Rows of the protocol at which the solver stops; its times (s), displacements (mm), and the first of these."""
         rows = solver_steps(protocol, self.ramp_s, self.hold_growth, self.still_mm)
         relaxed_s = 40.0 * max(value for name, value in zip(model.names, values, strict=True) if name.startswith("tau"))
-        times, displacements, first = _steps(protocol, rows, relaxed_s, self.loaded_at_rest)
+        return rows, *_steps(protocol, rows, relaxed_s, self.loaded_at_rest)
+
+    def _force(self, model: Model, specimen: Specimen, protocol: Protocol, values: Array) -> Array:
+        """Force ``[t]`` (N) for one parameter set. Raises :class:`_Failed`."""
+        rows, times, displacements, first = self._stepped(model, protocol, values)
         scratch = external.scratch(self.scratch)
         scratch.mkdir(parents=True, exist_ok=True)
         directory = Path(tempfile.mkdtemp(prefix="attempt-", dir=scratch))

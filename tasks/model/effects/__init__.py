@@ -25,3 +25,9 @@ def library() -> dict[str, Effect]:
             raise ValueError(f"effects/{module.name}.py: there is another effect {effect.slug}")
         found[effect.slug] = effect
     return dict(sorted(found.items()))
+
+
+@cache
+def named() -> dict[str, Effect]:
+    """All effects, and their other forms, as a study names them."""
+    return {one.name: one for effect in library().values() for one in (effect, *effect.other_forms)}

@@ -1,5 +1,7 @@
 """Taut fibres: they carry load at the gauge length already."""
 
+from dataclasses import replace
+
 from tasks.model.effect import Array, Bars, Effect, Values
 from tasks.model.parameters import Parameter
 
@@ -12,7 +14,7 @@ def _fibre_stress(bars: Bars, values: Values) -> Array:
     return bars.fibre_MPa * values["preload_stretch"]
 
 
-EFFECT = Effect(
+_RELAXED = Effect(
     slug="preload",
     title="Prestretched fibres",
     description="The gauge length was measured under a preload: the fibres are stretched, and relaxed, at zero "
@@ -20,7 +22,7 @@ EFFECT = Effect(
     equation="fibre stretch = preload_stretch x stretch; S_f -> preload_stretch x S_f(fibre stretch)",
     reference="Maas et al. (2016) J Mech Behav Biomed Mater 61:499 (prestrain)",
     parameters=(
-        Parameter("preload_stretch", "1", 1.0, 1.01, 1.004, "stretch of the fibres at gauge length", floor=0.5),
+        Parameter("preload_stretch", "1", 1.0, 1.02, 1.004, "stretch of the fibres at gauge length", floor=0.5),
     ),
     null={"preload_stretch": 1.0},
     seen_by=("rest", "toe", "ramp", "valley"),
@@ -43,3 +45,15 @@ EFFECT = Effect(
     fibre_stretch=_fibre_stretch,
     fibre_stress=_fibre_stress,
 )
+
+UNRELAXED = replace(
+    _RELAXED,
+    form="unrelaxed",
+    title="Prestretched fibres, not relaxed",
+    description="The specimen was mounted under a preload right before the test: the force of the prestretched fibres "
+    "comes with the first step, and relaxes during the test.",
+    equation="as the relaxed form, but no history before the first step",
+    loaded_at_rest=False,
+    unrelaxed=True,
+)
+EFFECT = replace(_RELAXED, other_forms=(UNRELAXED,))

@@ -31,6 +31,7 @@ _CONFOUNDED = {
 
 SIMO = Effect(
     slug="softening",
+    form="simo",
     title="Softening by the largest energy (Simo)",
     description="Fibres lose stiffness with the largest elastic energy that they have held.",
     equation="S_f -> S_f (b + (1 - b)(1 - exp(-x / a)) a / x), x = largest sqrt(2 W_f) so far; "
@@ -68,8 +69,8 @@ EFFECT = Effect(
     reference="Mullins (1969) Rubber Chem Technol 42:339; Nims et al. (2016) Interface Focus 6:20150063",
     parameters=(
         Parameter("softening_loss", "1", 0.0, 0.9, 0.3, "part of the stress that can be lost", ceiling=1.0),
-        Parameter("softening_shape", "1", 1.0, 5.0, 2.0, "shape of the Weibull distribution", floor=1.0),
-        Parameter("softening_strain", "1", 0.005, 0.1, 0.03, "scale of the Weibull distribution", exclusive=True),
+        Parameter("softening_shape", "1", 0.4, 5.0, 2.0, "shape of the Weibull distribution", exclusive=True),
+        Parameter("softening_strain", "1", 0.002, 0.2, 0.03, "scale of the Weibull distribution", exclusive=True),
     ),
     null={"softening_loss": 0.0},
     seen_by=_PHASES,
