@@ -9,15 +9,19 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+import dask
 import numpy as np
 import pyabc
 from distributed import Client, LocalCluster
 
 from runner.ensemble import Desk, Talk, converse
+from runner.settings import SETTINGS
 from runner.store import Store
-from tasks.priors import Normals
+from tasks.history import IN_MEMORY, close, keep
+from tasks.priors import Alike, Normals
 from tasks.sampler import Generation, StoredModel, StoreSampler
 from tasks.stock_sampler import DirectModel, stock_sampler
+from tasks.transitions import DefensiveNormal
 from tests.benchmarks.common import median_line
 from tests.tasks.analytic import NoisyMean
 
@@ -42,9 +46,14 @@ def distance(x: dict[str, float], observed: dict[str, float]) -> float:
 def run(model: pyabc.Model, sampler: pyabc.sampler.Sampler, database: Path) -> None:
     prior = Normals(("mean",), np.zeros(1), np.ones(1), np.full(1, -1e6), np.full(1, 1e6))
     thresholds = pyabc.ListEpsilon([FIRST * 0.7**t for t in range(GENERATIONS)])  # the same for both
-    abc = pyabc.ABCSMC(model, prior, distance, population_size=POPULATION, eps=thresholds, sampler=sampler)
-    abc.new(f"sqlite:///{database}", {"y": 0.7})
-    abc.run(max_nr_populations=GENERATIONS).done()
+    abc = pyabc.ABCSMC(
+        model, prior, distance, model_prior=Alike(1), transitions=DefensiveNormal(prior), population_size=POPULATION,
+        eps=thresholds, sampler=sampler,
+    )  # fmt: skip
+    history = abc.new(IN_MEMORY, {"y": 0.7})
+    abc.run(max_nr_populations=GENERATIONS)
+    keep(history, database)
+    close(history)
 
 
 def ours(client: Client, evaluation: NoisyMean, folder: Path) -> list[Generation]:
@@ -78,6 +87,7 @@ def main() -> None:
     for number in range(ROUNDS):
         for name, kind in kinds.items():
             with (
+                dask.config.set(SETTINGS),
                 LocalCluster(n_workers=4, threads_per_worker=SLOTS // 4, dashboard_address=None) as cluster,
                 Client(cluster) as client,
                 tempfile.TemporaryDirectory() as folder,
