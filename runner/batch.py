@@ -63,12 +63,6 @@ class Batch:
         ]
 
 
-@dataclass(frozen=True)
-class Done:
-    seconds: float | None
-    failed: int
-
-
 class Carrier(WorkerPlugin):
     """Brings evaluations to every worker, also to those that join or restart later."""
 
@@ -87,36 +81,32 @@ class Carrier(WorkerPlugin):
 evaluations: dict[str, Evaluation] = {}
 
 
-def run_in_time(batch: Batch) -> Done:
+def run_in_time(batch: Batch) -> None:
     """On a worker: as below, or hand the batch back because the worker has to leave."""
     if not is_whole(batch.segment):
         drain.enter(batch.expected_s)
-    return run_batch(batch)
+        _run(batch)
 
 
-def run_batch(batch: Batch) -> Done:
-    """Evaluate a batch and put its outcome into the journal."""
-    if is_whole(batch.segment):  # a worker died after it had finished, before it could say so
-        return Done(None, 0)
-    started = time.perf_counter()
+def run_batch(batch: Batch) -> None:
+    """Evaluate a batch and put its outcome into the journal, where all that is to be known of it can be read."""
+    if not is_whole(batch.segment):  # else a worker died after it had finished, before it could say so
+        _run(batch)
+
+
+def _run(batch: Batch) -> None:
     if not batch.apart:
-        failed = _evaluate_and_write(batch, evaluations[batch.key])
-        return Done(time.perf_counter() - started, failed)
+        _evaluate_and_write(batch, evaluations[batch.key])
+        return
     death = isolation.run_apart(functools.partial(_evaluate_and_write, batch, evaluations[batch.key]))
-    if death is None and is_whole(batch.segment):
-        failed = int((Segment.read(batch.segment).status > 0).sum())
-    else:
+    if death is not None or not is_whole(batch.segment):
         _write_failure(batch, "crashed", f"its process died while it evaluated this row alone ({death})")
-        failed = batch.rows.size
-    return Done(time.perf_counter() - started, failed)
 
 
-def _evaluate_and_write(batch: Batch, evaluation: Evaluation) -> int:
-    """Returns how many rows failed."""
+def _evaluate_and_write(batch: Batch, evaluation: Evaluation) -> None:
     outcome, attempts, seconds = _undisturbed(evaluation, batch)
     segment = Segment(batch.rows, outcome.status, attempts, seconds, outcome.values, outcome.messages, _worker_name())
     segment.write(batch.segment)
-    return int((outcome.status > 0).sum())
 
 
 def _undisturbed(evaluation: Evaluation, batch: Batch) -> tuple[Outcome, Array, Array]:

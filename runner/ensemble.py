@@ -28,7 +28,7 @@ from distributed.comm.core import CommClosedError
 from threadpoolctl import threadpool_limits
 
 from runner import drain
-from runner.batch import Batch, Carrier, Done, Evaluation, evaluations, run_batch, run_in_time
+from runner.batch import Batch, Carrier, Evaluation, evaluations, run_batch, run_in_time
 from runner.cluster import ask_for, wait_for_workers
 from runner.errors import ClusterError, StoreError, WalltimeReached
 from runner.progress import Report
@@ -38,6 +38,7 @@ RECOUNT_S = 2.0
 BATCHES_PER_S = 30  # what a scheduler does with a fifth of its time
 ONE_AHEAD_S = 5.0  # a worker gets its next batch early, unless batches take longer than this
 IN_A_MESSAGE = 64  # batches: a few megabytes of parameters at the most
+AWAITED_S = 0.1  # a batch of rows that somebody waits for: one after the other in a long one, they would be heard late
 STOPPING_S = 10.0  # to close the cluster in, before the deadline of the process that leads it
 TRIES_APART = 3
 SEGMENTS_KEPT = 256  # of a table whose rows come one after the other, before they are folded into their chunk
@@ -204,7 +205,7 @@ class _Source:
     seconds_per_row: deque[float] = field(default_factory=lambda: deque(maxlen=9))
     slowest: deque[float] = field(default_factory=lambda: deque(maxlen=200))
     left_in_chunk: dict[int, int] = field(default_factory=dict)
-    finished: dict[int, list[Path]] = field(default_factory=dict)
+    finished: dict[int, dict[Path, Segment]] = field(default_factory=dict)
     waiting: set[int] = field(default_factory=set)  # rows that a desk has asked for and nobody knows yet
     heard: dict[int, Told] = field(default_factory=dict)
     known: dict[int, tuple[Array, dict[str, Array]]] = field(default_factory=dict)  # chunks read back
@@ -229,7 +230,7 @@ class _Source:
         """``left``: rows of all tables that wait."""
         size = self.largest = max(self.largest, self.multiple)
         if self.seconds_per_row:
-            seconds = max(aim_s, slots / BATCHES_PER_S)
+            seconds = min(aim_s, AWAITED_S) if self.open else max(aim_s, slots / BATCHES_PER_S)
             size = int(seconds / max(statistics.median(self.seconds_per_row), 1e-9))
             size = min(size, 8 * self.largest)  # the first batches also load code
         size = min(size, self.table.chunk_rows, math.ceil(left / slots))  # all workers end at about the same time
@@ -247,21 +248,23 @@ class _Source:
         batch.expected_s = self.expected_s(rows.size)
         return batch
 
-    def note(self, batch: Batch, done: Done) -> None:
-        """A batch is in the journal; commit its chunk once that is complete."""
-        if done.seconds is not None:
-            self.seconds_per_row.append(done.seconds / batch.rows.size)
-            self.slowest.append(done.seconds / batch.rows.size)
+    def note(self, batch: Batch) -> int:
+        """A batch is in the journal; commit its chunk once that is complete. Returns how many of its rows failed."""
+        segment = Segment.read(batch.segment, whole=self.open)
+        if math.isfinite(seconds := float(segment.wall_seconds.mean())):
+            self.seconds_per_row.append(seconds)
+            self.slowest.append(seconds)
         chunk = int(batch.rows[0]) // self.table.chunk_rows
-        self.finished.setdefault(chunk, []).append(batch.segment)
+        self.finished.setdefault(chunk, {})[batch.segment] = segment
         self.left_in_chunk[chunk] -= batch.rows.size
         if self.open:
-            self._hear_of(batch.segment)
+            self._hear_of(segment, batch.segment)
         complete = self.left_in_chunk[chunk] == 0
         if self.open:  # more rows of this chunk may come
             complete = len(self.finished[chunk]) >= SEGMENTS_KEPT
         if complete:  # each chunk is written once, or now and then
             self._fold(chunk)
+        return int((segment.status > 0).sum())
 
     def close(self) -> None:
         """Nothing more will be asked for."""
@@ -289,7 +292,7 @@ class _Source:
         if row in self.heard:
             return True
         if row in self.fresh:
-            self._hear_of(self.fresh[row], only=row)
+            self._hear_of(Segment.read(self.fresh[row], whole=True), self.fresh[row], only=row)
             return True
         if self.table.status[row] == PENDING:
             return False
@@ -308,9 +311,8 @@ class _Source:
         values = {name: self.table.read(name, rows) for name in self.table.fields}
         self.known = {chunk: (self.table.status[rows].copy(), values)}
 
-    def _hear_of(self, path: Path, only: int | None = None) -> None:
-        segment = Segment.read(path)
-        values = dict(segment.values)
+    def _hear_of(self, segment: Segment, path: Path, only: int | None = None) -> None:
+        values = segment.values
         self.waiting.difference_update(segment.rows.tolist())
         for place, row in enumerate(segment.rows.tolist()):
             self.fresh[row] = path
@@ -474,7 +476,8 @@ class _Run:
                 if not self._in_time(batch):
                     raise self._walltime()
                 try:
-                    self._note(source, batch, run_batch(batch))
+                    run_batch(batch)
+                    self._note(source, batch)
                 except OSError as error:
                     raise _named(error, batch) from error
         finally:
@@ -610,10 +613,12 @@ class _Run:
     def _collect(self, future: Any, source: _Source, batch: Batch) -> list[tuple[_Source, Batch]]:
         """Take note of a finished batch; returns what must be tried again because workers died of it, or with it."""
         try:
-            self._note(source, batch, future.result())
+            if future.status != "finished":  # to ask a worker for nothing would cost more than all else here
+                future.result()
+            self._note(source, batch)
         except KilledWorker:
             if is_whole(batch.segment):
-                self._note(source, batch, Done(None, 0))
+                self._note(source, batch)
             elif batch.apart < TRIES_APART:
                 apart = batch.rows_apart()
                 for row in apart:
@@ -633,11 +638,11 @@ class _Run:
             raise _named(error, batch) from error
         return []
 
-    def _note(self, source: _Source, batch: Batch, done: Done) -> None:
-        source.note(batch, done)
+    def _note(self, source: _Source, batch: Batch) -> None:
+        failed = source.note(batch)
         if not self.conversations:
             self.done += batch.rows.size
-            self.failed += done.failed
+            self.failed += failed
             self._tell()
         for conversation in self.conversations.values():
             if source in conversation.sources:

@@ -10,6 +10,8 @@ SETTINGS = {
     # logs of messages would keep every batch that was ever sent
     "distributed.admin.low-level-log-length": 10,
     "distributed.admin.log-length": 100,
+    # fifty times a second in each process, only to measure how late it is: four idle workers took a sixth of a core
+    "distributed.admin.tick.interval": "1 s",
     "distributed.admin.tick.limit": "60 s",
     "distributed.comm.timeouts.connect": "60 s",
     "distributed.deploy.lost-worker-timeout": "4 s",

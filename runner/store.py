@@ -126,17 +126,20 @@ class Segment:
             temporary.unlink(missing_ok=True)
 
     @staticmethod
-    def read(path: Path) -> "Segment":
-        """Read a segment; its values are read from the file when they are asked for. Raises ``StoreError``."""
+    def read(path: Path, *, whole: bool = False) -> "Segment":
+        """Read a segment, its values when they are asked for unless it is ``whole``. Raises ``StoreError``."""
         with _segment_errors(path), safe_open(path, framework="numpy") as file:
             metadata = file.metadata()
             names = [name.removeprefix("value:") for name in file.keys() if name.startswith("value:")]  # noqa: SIM118
+            values: Mapping[str, Array] = _Stored(path, tuple(names))
+            if whole:
+                values = {name: file.get_tensor(f"value:{name}") for name in names}
             return Segment(
                 file.get_tensor("rows"),
                 file.get_tensor("status"),
                 file.get_tensor("attempts"),
                 file.get_tensor("wall"),
-                _Stored(path, tuple(names)),
+                values,
                 tuple(json.loads(metadata["messages"])),
                 metadata["worker"],
             )
@@ -443,10 +446,14 @@ class Table:
         """How many rows are finished but not folded in yet."""
         return sum(int(path.stem.rpartition("-")[2]) for path in self.segments())
 
-    def fold(self, paths: Iterable[Path]) -> None:
-        """Commit segments: write the chunks that they touch, ``status`` last, then delete them."""
+    def fold(self, paths: Iterable[Path] | Mapping[Path, Segment]) -> None:
+        """Commit segments: write the chunks that they touch, ``status`` last, then delete them.
+
+        Those who have read them give them along with their paths.
+        """
         self.settle()
-        segments = [(path, Segment.read(path)) for path in paths]
+        known = paths if isinstance(paths, Mapping) else {}
+        segments = [(path, known.get(path) or Segment.read(path)) for path in paths]
         touched = sorted(
             {int(chunk) for _, segment in segments for chunk in np.unique(segment.rows // self.chunk_rows)}
         )
@@ -495,7 +502,8 @@ class Table:
         if not late.any():
             return self.read("parameters", rows)
         found = np.empty((rows.size, int(self._array("parameters").shape[1])))
-        found[late] = np.concatenate(self._unsettled)[rows[late] - self.settled]
+        self._unsettled = [np.concatenate(self._unsettled)]  # asked for by the row, noted by the batch
+        found[late] = self._unsettled[0][rows[late] - self.settled]
         found[~late] = self.read("parameters", rows[~late])
         return found
 

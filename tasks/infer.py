@@ -21,9 +21,10 @@ import xarray as xr
 from pyabc.sampler import Sampler
 
 from runner.ensemble import Desk, Talk
+from tasks.history import IN_MEMORY, close, keep
 from tasks.model import Model, Specimen
 from tasks.observations import SiteEvaluation, observed, root_mean_square
-from tasks.priors import Normals, calibrated
+from tasks.priors import Alike, Normals, calibrated
 from tasks.problems import BadInput
 from tasks.sampler import Generation, StoredModel, StoreSampler
 from tasks.simulate import Array
@@ -133,6 +134,7 @@ class _Problem:
             model,
             self.prior,
             self.distance,
+            model_prior=Alike(1),
             transitions=DefensiveNormal(self.prior),
             population_size=settings.population,
             eps=pyabc.QuantileEpsilon(
@@ -140,22 +142,22 @@ class _Problem:
             ),
             sampler=sampler,
         )
-        self.database.parent.mkdir(exist_ok=True)
-        self.database.unlink(missing_ok=True)  # of a run that was interrupted: all of it comes again
-        abc.new(f"sqlite:///{self.database}", self.data)
-        history = abc.run(
-            minimum_epsilon=settings.smallest_epsilon,
-            max_nr_populations=settings.generations,
-            min_acceptance_rate=settings.smallest_acceptance,
-        )
+        history = abc.new(IN_MEMORY, self.data)
         try:
+            abc.run(
+                minimum_epsilon=settings.smallest_epsilon,
+                max_nr_populations=settings.generations,
+                min_acceptance_rate=settings.smallest_acceptance,
+            )
             if history.n_populations == 0:
                 return None
+            self.database.parent.mkdir(exist_ok=True)
+            keep(history, self.database)
             weights = getattr(self.distance, "scale_weights", None) or {}
             told = {str(t): np.asarray(w).tolist() for t, w in weights.items() if 0 <= t <= history.max_t}
             return _particles(history, self.prior.names), told
         finally:
-            history.done()  # the connection belongs to this thread
+            close(history)
 
 
 def _row(model: Model, names: tuple[str, ...], values: Array) -> Array:

@@ -1,8 +1,9 @@
 """A sampler for pyABC whose evaluations are rows of the store.
 
-pyABC gives a sampler one function that draws a proposal, simulates it and judges it. Here it is called twice for each
-proposal, both times with the same random numbers: the first time the model stops it and says what it wants to know,
-the second time the model has the answer. In between, the runner evaluates the row like any other. What follows:
+pyABC gives a sampler one function that draws a proposal, simulates it and judges it. Here its model does not simulate
+but takes note of what it is asked, so that the function comes back at once with a particle that is not judged yet. The
+runner evaluates the row like any other, and the particle is judged when the outcome is known. One that is accepted is
+made by the same function with the same random numbers again, which then has its verdict. What follows:
 
 - A proposal's random numbers come from (run, generation, proposal), so a run does not depend on workers or crashes; one
   that starts anew asks for the same rows, finds them in the store, and goes on where it was.
@@ -12,31 +13,29 @@ the second time the model has the answer. In between, the runner evaluates the r
   ``pending``. Those that prove superfluous end while the next generation begins; nobody waits for them.
 """
 
+import math
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 import pyabc
+from pyabc.model import ModelResult
 from pyabc.sampler import Sampler
-from scipy.stats import nbinom
+from scipy.special import nbdtrik
 
 from runner.ensemble import Desk
 from tasks.simulate import Array
 
 LIKELY = 0.7  # of being enough, where fewer than ``pending`` are asked for
 FORMER = 5  # proposals that the former generation's acceptance rate counts for
+GROUPS = 8  # in which ``pending`` is asked for: most of what asking costs does not depend on how many there are
 
 _drawing = threading.Lock()  # pyABC draws from numpy's global generator
-
-
-class _Wanted(Exception):
-    def __init__(self, model: "StoredModel", parameters: Mapping[str, float]) -> None:
-        self.model = model
-        self.parameters = parameters
 
 
 class StoredModel(pyabc.Model):  # type: ignore[misc]
@@ -60,13 +59,54 @@ class StoredModel(pyabc.Model):  # type: ignore[misc]
         self.table = table
         self.row = row
         self.describe = describe
-        self.answer: dict[str, Any] | None = None
+        self._answer: dict[str, Any] | None = None
+        self._verdict: ModelResult | None = None
 
     def sample(self, pars: Mapping[str, float]) -> dict[str, Any]:
-        """The summary statistics, when they are known."""
-        if self.answer is None:
-            raise _Wanted(self, pars)
-        return self.answer
+        """The summary statistics, while they are known."""
+        assert self._answer is not None, "it is asked for what is known only"
+        return self._answer
+
+    def summary_statistics(self, t: int, pars: Mapping[str, float], *others: Any) -> ModelResult:
+        """As pyABC's; while there is no answer, the question stands in the place of summary statistics."""
+        if self._answer is not None:
+            return super().summary_statistics(t, pars, *others)
+        return ModelResult(_Wish(self, pars, partial(super().summary_statistics, t, pars, *others)))
+
+    def accept(self, t: int, pars: Mapping[str, float], *others: Any) -> ModelResult:
+        """The verdict when there is one; else it counts as rejected, so that pyABC spends no time on its weight."""
+        if self._verdict is not None:
+            return self._verdict
+        return ModelResult(_Wish(self, pars, partial(super().accept, t, pars, *others)), accepted=False)
+
+    def judge(self, wish: "_Wish", values: Mapping[str, Array]) -> ModelResult:
+        """What pyABC says to a row's outcome."""
+        self._answer = self.describe(values)
+        try:
+            return wish.judge()
+        finally:
+            self._answer = None
+
+    @contextmanager
+    def judged(self, verdict: ModelResult) -> Iterator[None]:
+        """While pyABC makes a particle of what has been accepted."""
+        self._verdict = verdict
+        try:
+            yield
+        finally:
+            self._verdict = None
+
+
+@dataclass(frozen=True)
+class _Wish:
+    """What pyABC wanted to know of a model, and its judgement once that is known."""
+
+    model: StoredModel
+    parameters: Mapping[str, float]
+    judge: Callable[[], ModelResult]
+
+    def row(self) -> Array:
+        return self.model.row(np.array([self.parameters[name] for name in self.model.names]))
 
 
 @dataclass
@@ -85,9 +125,12 @@ class Generation:
         return self.asked / self.judged - 1.0 if self.judged else 0.0
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Proposed:
-    model: StoredModel
+    """A particle that is not judged yet."""
+
+    particle: Any
+    wish: _Wish
     seed: tuple[int, ...]
 
 
@@ -124,8 +167,8 @@ class StoreSampler(Sampler):  # type: ignore[misc]
             rate = (took.accepted + FORMER * former) / (took.judged + FORMER)
             likely = _enough(n - took.accepted, round(max(rate, 0.001), 3))
             allowed = int(max(allowed, min(took.judged + min(self.pending, likely), max_eval)))
-            while len(proposed) < allowed:
-                proposed.append(self._propose(simulate_one, (*self.seed, number, len(proposed))))
+            if allowed - len(proposed) >= self.pending / GROUPS or len(proposed) == took.judged:
+                proposed += self._propose(simulate_one, number, range(len(proposed), allowed))
             for _ in range(skip):  # answers that the former generation no longer needed
                 self.desk.next()
             skip = 0
@@ -149,42 +192,52 @@ class StoreSampler(Sampler):  # type: ignore[misc]
         former = next((g for g in reversed(self.generations[:-1]) if g.accepted), None)
         return 0.5 if former is None else 0.5 * former.accepted / former.judged  # the threshold has been lowered
 
-    def _propose(self, simulate_one: Callable[[], Any], seed: tuple[int, ...]) -> _Proposed:
-        try:
-            with _seeded(seed):
-                simulate_one()
-        except _Wanted as wanted:
-            values = np.array([wanted.parameters[name] for name in wanted.model.names])
-            self.desk.ask(wanted.model.row(values)[np.newaxis], wanted.model.table)
-            return _Proposed(wanted.model, seed)
-        raise TypeError("the sampler serves models that are StoredModel only")
+    def _propose(self, simulate_one: Callable[[], Any], generation: int, numbers: range) -> list[_Proposed]:
+        """Draw proposals and ask for their rows."""
+        proposed = []
+        with _own_random_numbers() as seeded:
+            for number in numbers:
+                seed = (*self.seed, generation, number)
+                seeded(seed)
+                particle = simulate_one()
+                if not isinstance(particle.sum_stat, _Wish):
+                    raise TypeError("the sampler serves models that are StoredModel only")
+                proposed.append(_Proposed(particle, particle.sum_stat, seed))
+        for table, group in groupby(proposed, lambda one: one.wish.model.table):
+            self.desk.ask(np.array([one.wish.row() for one in group]), table)
+        return proposed
 
     def _judge(self, simulate_one: Callable[[], Any], proposed: _Proposed) -> Any:
         """The particle of a proposal, or None when its simulation failed."""
         told = self.desk.next()
         if told.status > 0:
             return None
-        proposed.model.answer = proposed.model.describe(told.values)
-        try:
-            with _seeded(proposed.seed):
-                return simulate_one()
-        finally:
-            proposed.model.answer = None
+        model, particle = proposed.wish.model, proposed.particle
+        with _own_random_numbers() as seeded:
+            seeded((*proposed.seed, 1))
+            verdict = model.judge(proposed.wish, told.values)
+            if verdict.accepted:
+                seeded(proposed.seed)
+                with model.judged(verdict):
+                    return simulate_one()
+        particle.sum_stat = verdict.sum_stat
+        if verdict.accepted is not None:  # else one to learn from, which nobody judges
+            particle.distance = verdict.distance
+        return particle
 
 
 @lru_cache(maxsize=10_000)
 def _enough(needed: int, rate: float) -> int:
     """Proposals of which ``needed`` are accepted with the probability ``LIKELY``."""
-    return needed + int(nbinom.ppf(LIKELY, needed, min(rate, 1.0)))
+    return needed + (math.ceil(nbdtrik(LIKELY, needed, rate)) if rate < 1.0 else 0)
 
 
 @contextmanager
-def _seeded(seed: tuple[int, ...]) -> Iterator[None]:
-    """Numpy's global generator with a seed of our own, to this thread only."""
+def _own_random_numbers() -> Iterator[Callable[[tuple[int, ...]], None]]:
+    """Numpy's global generator to this thread only; gives what seeds it."""
     with _drawing:
         before = np.random.get_state()
-        np.random.seed(np.random.SeedSequence(seed).generate_state(4))
         try:
-            yield
+            yield lambda seed: np.random.seed(np.random.SeedSequence(seed).generate_state(4))
         finally:
             np.random.set_state(before)

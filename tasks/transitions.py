@@ -42,6 +42,7 @@ class DefensiveNormal(Transition):  # type: ignore[misc]
         correlation = trust * covariance / np.outer(sd, sd)
         np.fill_diagonal(correlation, 1.0)
         self.lower_ = np.linalg.cholesky(WIDER * correlation * np.outer(sd, sd))
+        self.log_area_ = float(np.log(np.diag(self.lower_)).sum() + 0.5 * len(sd) * np.log(2 * np.pi))
 
     def rvs_single(self) -> Parameters:
         """One proposal, from numpy's global generator as pyABC draws."""
@@ -55,8 +56,6 @@ class DefensiveNormal(Transition):  # type: ignore[misc]
         if isinstance(x, pd.DataFrame):
             return np.array([self.pdf(row) for row in x.to_dict("records")])
         values = np.array([x[name] for name in self.prior.names], dtype=float)
-        scaled = solve_triangular(self.lower_, values - self.mean_, lower=True)
-        size = values.size
-        log_density = -0.5 * scaled @ scaled - np.log(np.diag(self.lower_)).sum() - 0.5 * size * np.log(2 * np.pi)
-        inside = float(np.exp(log_density))
-        return PRIOR_SHARE * self.prior.pdf(Parameters(dict(x))) + (1.0 - PRIOR_SHARE) * inside
+        scaled = solve_triangular(self.lower_, values - self.mean_, lower=True, check_finite=False)
+        inside = float(np.exp(-0.5 * (scaled @ scaled) - self.log_area_))
+        return PRIOR_SHARE * self.prior.pdf(x) + (1.0 - PRIOR_SHARE) * inside

@@ -112,6 +112,25 @@ def test_one_talk_can_ask_several_tables(tmp_path, client):
         assert [len(table) for table, _ in tables] == [1, 1]
 
 
+def test_slow_rows_that_somebody_waits_for_are_not_put_one_after_the_other(tmp_path, client):
+    """Six rows of 0.15 s on two workers: the first two are heard before the others are done."""
+
+    def work(desk):
+        for _ in range(2):  # the second time, it is known how long one takes
+            began = time.monotonic()
+            desk.ask(some(6, seed=len(took)))
+            took.append([])
+            for _ in range(6):
+                desk.next()
+                took[-1].append(time.monotonic() - began)
+
+    took: list[list[float]] = []
+    with Store.writing(tmp_path, "study") as store:
+        tables = [(store.table(table_spec()), Quick(seconds_per_row=0.15))]
+        converse(lambda: client, [Talk(tables, 12, work)])
+    assert took[1][0] < 0.6 * took[1][-1], took
+
+
 @pytest.mark.parametrize("here", [True, False])
 def test_an_error_of_a_talk_ends_the_run_and_the_other_talks(tmp_path, client, here):
     before = threading.active_count()

@@ -6,9 +6,10 @@ import pytest
 from scipy import stats
 
 from runner.cluster import Local, open_client
-from runner.ensemble import Talk, converse
+from runner.ensemble import Desk, Talk, converse
 from runner.store import Store
-from tasks.priors import Normals
+from tasks.history import IN_MEMORY, close, keep
+from tasks.priors import Alike, Normals
 from tasks.sampler import StoredModel, StoreSampler
 from tasks.stock_sampler import DirectModel, SimulationFailed, stock_sampler
 from tasks.transitions import DefensiveNormal
@@ -269,3 +270,49 @@ def test_a_prior_draws_what_its_density_says():
     point = pyabc.Parameter(a=0.7, b=4.5)
     assert truncated.pdf(point) == pytest.approx(expected[0].pdf(0.7) * expected[1].pdf(4.5))
     assert truncated.pdf(pyabc.Parameter(a=-0.1, b=4.5)) == 0.0
+
+
+def test_models_alike_are_what_pyabc_takes_for_them():
+    own, pyabcs = Alike(3), pyabc.RV("randint", 0, 3)
+    for model in (-1, 0, 1, 2, 3):
+        assert own.pmf(model) == pytest.approx(pyabcs.pmf(model))
+        assert own.cdf(model + 0.5) == pytest.approx(pyabcs.cdf(model + 0.5))
+    state = np.random.get_state()
+    np.random.seed(5)
+    drawn = [own.copy().rvs() for _ in range(600)]
+    np.random.set_state(state)
+    assert stats.chisquare(np.bincount(drawn, minlength=3)).pvalue > 0.01
+
+
+def test_a_history_in_memory_is_kept_in_a_file(tmp_path):
+    abc = pyabc.ABCSMC(
+        pyabc.FunctionModel(lambda pars: {"y": pars["mean"]}), prior(), distance, model_prior=Alike(1),
+        transitions=DefensiveNormal(prior()), population_size=8, eps=pyabc.ListEpsilon([1.0, 0.5]),
+        sampler=pyabc.sampler.SingleCoreSampler(),
+    )  # fmt: skip
+    history = abc.new(IN_MEMORY, {"y": 0.3})
+    abc.run(max_nr_populations=2)
+    expected = history.get_distribution(m=0, t=1)[0]["mean"].tolist()
+    for _ in range(2):  # one of an earlier run is replaced
+        keep(history, tmp_path / "site.db")
+    close(history)
+    kept = pyabc.History(f"sqlite:///{tmp_path}/site.db", create=False)
+    assert kept.get_distribution(m=0, t=1)[0]["mean"].tolist() == expected
+    kept.done()
+    assert [path.name for path in tmp_path.iterdir()] == ["site.db"]
+
+
+def test_what_is_asked_goes_out_in_groups(tmp_path, monkeypatch):
+    """An eighth of ``pending`` at least, but for the last ones of a generation."""
+    sizes, ask = [], Desk.ask
+
+    def counted(self, parameters, table=0):
+        sizes.append(len(parameters))
+        ask(self, parameters, table)
+
+    monkeypatch.setattr(Desk, "ask", counted)
+    with Store.writing(tmp_path, "study") as store:
+        (found,) = converse(lambda: None, [inference(store, [NoisyMean()], 0.7, pending=64)])
+    assert sum(sizes) == sum(g.asked for g in found["generations"])
+    assert sizes[0] == 64
+    assert np.mean(sizes) > 8
