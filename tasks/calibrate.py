@@ -26,6 +26,7 @@ from tasks.fits import (
     from_unit,
     jacobians_at,
     polished,
+    residuals_of,
     search,
     to_unit,
     uncertainty,
@@ -65,7 +66,7 @@ def calibrate(workspace: Workspace) -> dict[str, Any]:
         known = Ledger(folder / f"{name}.known.jsonl", inputs)
         if not len(known):
             known.append(np.array([len(table)]))
-        seeds = _seeds(workspace, table, int(known.kept[0][0]), settings.bayesian.seeds)
+        seeds = _seeds(workspace, evaluation, table, int(known.kept[0][0]), settings.bayesian.seeds)
         ledger = Ledger(folder / f"{name}.proposals.jsonl", digest(inputs, seeds.points, seeds.totals))
         seed = (workspace.seed, 4, number)
         work = _methods(workspace, evaluation, settings, seeds, seed, ledger)
@@ -150,17 +151,18 @@ def _methods(
     return work
 
 
-def _seeds(workspace: Workspace, table: Any, known: int, count: int) -> Search:
+def _seeds(workspace: Workspace, evaluation: SpecimenEvaluation, table: Any, known: int, count: int) -> Search:
     """Of the first ``known`` rows of a table: the best half of ``count``, and others spread evenly over the rest."""
     size = len(workspace.model.free)
     rows = np.flatnonzero(table.status[:known] == 0)
     if rows.size == 0 or count == 0:
-        return Search(np.empty((0, size)), np.empty(0))
+        return Search(np.empty((0, size)), np.empty(0), np.empty((0, 0, 0)))
     totals = table.read("objective", rows).sum(axis=1)
     chosen = informative(totals, count)
     points = to_unit(workspace.model, table.parameters(rows[chosen]))
     inside = ((points >= 0.0) & (points <= 1.0)).all(axis=1)
-    return Search(points[inside], totals[chosen][inside])
+    forces = tuple(table.read(f"force_{curve.name}", rows[chosen]) for curve in evaluation.specimen.curves)
+    return Search(points[inside], totals[chosen][inside], residuals_of(evaluation, forces)[inside])
 
 
 def _told(workspace: Workspace, evaluation: SpecimenEvaluation, fitted: _Fitted) -> dict[str, Any]:

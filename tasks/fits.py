@@ -21,6 +21,7 @@ from tasks.simulate import Array
 APART = 0.1  # starts nearer to each other than this (of the cube's diagonal) would find the same
 ALIKE = (("tau_3f", "tau_3m"), ("tau_2f", "tau_2m"))  # can stand for each other, and trap a fit where they do
 FAST, SLOW = 0.05, 0.95  # of a relaxation time's range
+WATCHED = 96  # points of a curve, at the most, whose residuals inform the Bayesian optimisation
 FIRST = 0.13  # of the evaluations, for each of several fits, before the worse half of them is given up
 
 
@@ -90,10 +91,11 @@ def search(
     objectives: list[Array] = []
     proposed = 0
 
-    def hear() -> float:
-        objectives.append(place.hear(1).objective[0])
+    def hear() -> tuple[float, Array]:
+        told = place.hear(1)
+        objectives.append(told.objective[0])
         total = float(objectives[-1].sum())
-        return total if np.isfinite(total) else np.inf
+        return total if np.isfinite(total) else np.inf, residuals_of(place.evaluation, told.forces)[0]
 
     def propose_one(number: int, surrogate: Surrogate) -> tuple[Array, Array]:
         nonlocal proposed
@@ -263,11 +265,33 @@ def weighing_of(evaluation: SpecimenEvaluation) -> Weighing:
     """How many measured points each kept point of each curve stands for."""
     counts, shares = [], []
     for curve in evaluation.specimen.curves:
-        keep = kept_points(curve.protocol, evaluation.points_per_curve)
-        edges = np.concatenate([[0], (keep[1:] + keep[:-1] + 1) // 2, [curve.force_N.size]])
         counts.append(curve.force_N.size)
-        shares.append(np.diff(edges).astype(float))
+        shares.append(_shares(kept_points(curve.protocol, evaluation.points_per_curve), curve.force_N.size))
     return Weighing(tuple(counts), tuple(shares))
+
+
+def _shares(rows: Array, count: int) -> Array:
+    """How many of ``count`` measured points are nearest to each of some ``rows`` ``[k]``."""
+    return np.diff(np.concatenate([[0], (rows[1:] + rows[:-1] + 1) // 2, [count]])).astype(float)
+
+
+def residuals_of(evaluation: SpecimenEvaluation, forces: tuple[Array, ...]) -> Array:
+    """Simulated less measured force ``[n, p, k]`` (N) at up to ``WATCHED`` of the kept points of every curve.
+
+    Each is times the root of its share of the measured points, so the norm of a curve's residuals is about its RMSE.
+    Where a curve has fewer points than others, the rest is 0. ``forces`` hold ``[n, kept]`` (N) for each curve.
+    """
+    kept = evaluation.points_per_curve
+    most = WATCHED if kept == "all" else min(kept, WATCHED)
+    curves = []
+    for curve, force in zip(evaluation.specimen.curves, forces, strict=True):
+        keep = kept_points(curve.protocol, kept)
+        watched = np.unique(np.searchsorted(keep, kept_points(curve.protocol, most)))
+        rows = keep[watched]
+        share = _shares(rows, curve.force_N.size) / curve.force_N.size
+        residuals = np.sqrt(share) * (force[:, watched] - curve.force_N[rows])
+        curves.append(np.pad(residuals, ((0, 0), (0, most - rows.size))))
+    return np.stack(curves, axis=1)
 
 
 def from_unit(model: Model, points: Array) -> Array:

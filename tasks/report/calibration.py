@@ -17,7 +17,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 from scipy.stats import qmc
 
-from tasks.bayesian import fitted, informative
+from tasks.bayesian import Process, fitted, informative
 from tasks.correlations import correlations
 from tasks.model import Parameter
 from tasks.report.figures import COLOURS, STYLE, save, symbol
@@ -205,7 +205,7 @@ def all_samples(samples: Samples) -> Figure:
 class Learned:
     """A Gaussian process of log total objective on the unit cube of ``d`` parameters, and ``background`` ``[b, d]``."""
 
-    process: Any
+    process: Process
     background: Array
 
     def along(self, columns: Sequence[int], at: Array) -> Array:
@@ -214,17 +214,20 @@ class Learned:
         for some in np.array_split(at, -(-len(at) // 50)):  # the process wants memory for all that it is asked at once
             asked = np.repeat(self.background[np.newaxis], len(some), axis=0)
             asked[:, :, columns] = some[:, np.newaxis]
-            found.append(self.process.predict(asked.reshape(-1, asked.shape[-1])).reshape(len(some), -1))
+            found.append(self.process.mean(asked.reshape(-1, asked.shape[-1])).reshape(len(some), -1))
         return np.exp(np.concatenate(found))
 
 
 def learned(samples: Samples) -> Learned:
-    """The surrogate of the Bayesian search, fitted again to what it saw: its best points and, of many, some others."""
+    """What the Bayesian search saw, its best points and, of many, some others, learned by its kernel.
+
+    The search itself learns residuals along the curves; here it is the objective, as in the paper.
+    """
     alive = np.flatnonzero(samples.alive)
     chosen = alive[informative(samples.totals[alive], LEARNED)]
     low, high = _bounds(samples.parameters)
     points = (samples.points[chosen] - low) / (high - low)
-    process, _ = fitted(points, np.log(np.maximum(samples.totals[chosen], 1e-12)), None)
+    process, _ = fitted(points, np.log(np.maximum(samples.totals[chosen, np.newaxis], 1e-12)), None)
     return Learned(
         process, qmc.LatinHypercube(len(samples.parameters), rng=np.random.default_rng(0)).random(BACKGROUND)
     )

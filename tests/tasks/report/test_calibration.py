@@ -149,7 +149,7 @@ def test_contours_lie_across_the_parameter_that_matters():
 def test_of_many_points_the_surrogate_keeps_the_best(monkeypatch):
     monkeypatch.setattr(calibration, "LEARNED", 40)
     seen = samples(("E_f", "E_m"), count=130, failed=30)
-    kept = calibration.learned(seen).process.X_train_
+    kept = calibration.learned(seen).process.regressor.X_train_
     assert len(kept) == 40
     best = (seen.points[np.argsort(seen.totals)[:20], 0] - 10.0) / 20.0
     assert np.sort(kept[:, 0])[:20] == pytest.approx(best)
