@@ -194,23 +194,37 @@ def cohort(out: Path, seed: int, per_site: int, rate: float, noise: float, ar1: 
 @click.argument("files", type=_PATH, nargs=-1, required=True)
 @click.option("--out", type=_PATH, required=True, help="Cohort folder to write.")
 @click.option("--protocol", help="Name of the protocol (default: from the export).")
+@click.option("--specimen", help="All files are protocols of one specimen of this name, each named after its file.")
 @click.option("--tare", is_flag=True, help="Subtract the first force of each test.")
-def import_(files: tuple[Path, ...], out: Path, protocol: str | None, tare: bool) -> None:
-    """Read raw exports of a testing machine (Instron-style CSV) into a cohort, each file a specimen."""
-    from tasks.bench_exports import read_exports
+@click.option("--time", type=click.Choice(["s", "ms", "min"]), help="Unit of the time, where an export names none.")
+@click.option("--stress", type=click.Choice(["Pa", "kPa", "MPa"]), help="The load is a stress of this unit.")
+@click.option("--reference", type=float, help="Length ratio at zero displacement (default: 1).")
+@click.option("--length-mm", type=float, help="Gauge length at the reference, in place of the export's.")
+@click.option("--area-mm2", type=float, help="Cross-section, in place of the export's.")
+def import_(files: tuple[Path, ...], out: Path, protocol: str | None, specimen: str | None, **options: Any) -> None:
+    """Read exported tests (CSV) into a cohort, each file a specimen.
+
+    Columns are Time, Extension (or a length ratio: Stretch, L, L/L0) and Load (or, with --stress, a stress). A length
+    ratio without a gauge length is that of a bar of 1 mm, a stress without a cross-section that of one of 1 mm2:
+    forces in N are mean stresses in MPa then.
+    """
+    from tasks.bench_exports import Reading, read_exports
     from tasks.cohort import write_cohort
     from tasks.workspace import check_folder
 
-    specimens = read_exports(files, protocol=protocol, tare=tare)
+    found = read_exports(files, protocol=protocol, specimen=specimen, reading=Reading(**options))
     check_folder(out)
-    write_cohort(out, specimens)
-    for specimen in specimens:
-        curve = specimen.curves[0]
-        print(
-            f"{specimen.name}: {curve.name}, {curve.force_N.size:,} points, "
-            f"{specimen.length_mm:g} x {specimen.width_mm:.4g} x {specimen.thickness_mm:.4g} mm, "
-            f"peak {curve.force_N.max():.4g} N"
-        )
+    write_cohort(out, list(found.specimens))
+    for one in found.specimens:
+        for curve in one.curves:
+            stretch = one.stretch(curve.protocol)
+            print(
+                f"{one.name}: {curve.name}, {curve.force_N.size:,} points, "
+                f"{one.length_mm:g} x {one.width_mm:.4g} x {one.thickness_mm:.4g} mm, "
+                f"stretch {stretch.min():.4g} to {stretch.max():.4g}, peak {curve.force_N.max():.4g} N"
+            )
+    for where, names in found.spreads.items():
+        print(f"{where}: {', '.join(names)} left out; a cohort holds curves, and noise is told from them")
 
 
 @_study_command("submit", "Submit a study to SLURM: a small job that leads, and the worker jobs that it starts.")

@@ -161,7 +161,9 @@ def fit(
 def spreads(slopes: Array) -> Array:
     """Standard deviations ``[k]`` on the unit cube, all of which is as likely before the data, of slopes ``[t, k]``."""
     curvature = slopes.T @ slopes + WIDTH * np.eye(slopes.shape[1])
-    found: Array = np.sqrt(np.diag(np.linalg.inv(curvature)))
+    found: Array = np.sqrt(
+        np.maximum(np.diag(np.linalg.inv(curvature)), 0.0)
+    )  # a failed neighbour leaves rounding only
     return found
 
 

@@ -114,7 +114,7 @@ def cell_map(result: dict[str, Any]) -> Figure:
     labels = list(dict.fromkeys(_label(cell) for _, cells in rows for cell in cells))
     norm = TwoSlopeNorm(0.0, -FAR, FAR)
     with plt.rc_context(STYLE):
-        size = (min(24.0, 2.5 + 0.16 * len(labels)), 1.9 + 0.34 * len(rows))
+        size = (min(24.0, max(7.5, 2.5 + 0.16 * len(labels))), 2.1 + 0.34 * len(rows))  # the title needs the width
         figure, axis = plt.subplots(figsize=size, layout="constrained")
         shown = np.full((len(rows), len(labels)), np.nan)
         for i, (_, cells) in enumerate(rows):
@@ -126,12 +126,11 @@ def cell_map(result: dict[str, Any]) -> Figure:
         image = axis.imshow(shown, cmap="RdBu_r", norm=norm, aspect="auto", interpolation="nearest")
         axis.set_yticks(range(len(rows)), [name for name, _ in rows])
         axis.set_xticks(range(len(labels)), labels, rotation=90, fontsize=6)
-        figure.colorbar(
-            image, ax=axis, label="measured above (red) or\nbelow (blue) the model", fraction=0.03, pad=0.01
-        )
+        figure.colorbar(image, ax=axis, fraction=0.03, pad=0.01)
         what = " + ".join(result["effects"]) or " or ".join(result["set"])
         what = f"{result['verdict']} {what}".strip()
-        figure.suptitle(f"{what}. Misfit of each cell in units of chance; dots: beyond chance", x=0.01, ha="left")
+        told = "Misfit of each cell in units of chance: measured above (red) or below (blue) the model; dots: beyond it"
+        figure.suptitle(f"{what}\n{told}", x=0.01, ha="left", fontsize="medium")
     return figure
 
 

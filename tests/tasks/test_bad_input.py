@@ -568,7 +568,7 @@ EXPORTS = {
     "Length is NaN": (EXPORT.replace('"10.0"', "nan"), "test.csv: Length: nan mm; expected above 0"),
     "unit of Length": (EXPORT.replace('"10.0",mm', '"10.0",ft'), "test.csv: Length: '10.0 ft'; expected a number and"),
     "unit of time": (EXPORT.replace("(s)", "(h)"), "test.csv: row 6, time: unit 'h'; expected one of s"),
-    "unit of load": (EXPORT.replace("(N)", "(MN)"), "test.csv: row 6, force: no unit; expected one of n"),
+    "unit of load": (EXPORT.replace("(N)", "(MN)"), "test.csv: row 6, force: unit 'MN'; expected one of n"),
     "no units": (EXPORT.replace("(s),(mm),(N)\n", ""), "test.csv: row 6, time: no unit; expected one of s"),
     "text": (EXPORT.replace('"5.0"', '"5.0 N"'), "test.csv: row 9, force: '5.0 N'; expected a finite number"),
     "NaN": (EXPORT.replace('"0.1"', '"NaN"'), "test.csv: row 9, displacement: 'NaN'; expected a finite number"),
@@ -622,6 +622,59 @@ def test_import(refused, make, more, told):
     second = make()
     first = () if second == "test.csv" else ("test.csv",)
     refused(("import", *first, second, *more, "--out", "out"), told, "; expected ")
+
+
+RATIOS = "Time,L,F,SD\n2,0.95,0.5,0.1\n2.5,1.045,4,0.2\n3,1.14,10,0.3\n4,1.14,8,0.3\n"
+KPA = ("--stress", "kPa", "--time", "s")
+NORMALISED = {
+    "no unit of time": (RATIOS, KPA[:2], "ramp.csv: row 1, time: no unit; expected one of s, sec, ms, min in brackets, "
+                        "or --time"),
+    "no unit of force": (RATIOS, KPA[2:], "ramp.csv: row 1, force: no unit; expected one of n"),
+    "two units of time": (RATIOS.replace("Time", "Time (ms)"), KPA, "row 1, time: unit 'ms', but --time says s; expec"),
+    "two units of stress": (RATIOS.replace("F", "F (MPa)"), KPA, "row 1, stress: unit 'MPa', but --stress says kPa; e"),
+    "a force for a stress": (RATIOS.replace("F", "F (N)"), KPA, "row 1, stress: unit 'N'; expected one of pa, kpa"),
+    "millipascal": (RATIOS.replace("F", "F (mPa)"), KPA, "row 1, stress: unit 'mPa'; expected one of pa, kpa"),
+    "a length for a ratio": (RATIOS.replace("L", "L (mm)"), KPA, "row 1, length ratio: unit 'mm'; expected one of 1"),
+    "no ratio": (RATIOS.replace("L", "Strain"), KPA, "ramp.csv: no row with Time, Stretch and Stress; expected"),
+    "no stress": (RATIOS.replace("F", "G"), KPA, "ramp.csv: no row with Time, Stretch and Stress; expected columns"),
+    "neither": (RATIOS.replace("F", "Stress"), KPA[2:], "ramp.csv: no row with Time, Extension and Load; expected"),
+    "a ratio of zero": (RATIOS.replace("1.045", "0"), KPA, "ramp.csv: row 3, length ratio: 0; expected a length over"),
+    "percent": (RATIOS.replace("1.14,8", "114,8"), KPA, "ramp.csv: row 5, length ratio: 114; expected a length over"),
+    "text": (RATIOS.replace("10,", "ten,"), KPA, "ramp.csv: row 4, stress: 'ten'; expected a finite number"),
+    "short row": (RATIOS.replace(",10,0.3", ""), KPA, "ramp.csv: row 4, stress: ''; expected a finite number"),
+    "time backwards": (RATIOS.replace("\n3,", "\n1,"), KPA, "ramp.csv: row 4, time: 1 s after 2.5 s; expected incr"),
+    "reference of zero": (RATIOS, (*KPA, "--reference", "0"), "--reference: 0; expected above 0 and below 10"),
+    "reference in percent": (RATIOS, (*KPA, "--reference", "95"), "--reference: 95; expected above 0 and below 10"),
+    "reference is NaN": (RATIOS, (*KPA, "--reference", "nan"), "--reference: nan; expected above 0 and below 10"),
+    "reference of an extension": (EXPORT, ("--reference", "0.95"), "ramp.csv: holds displacements, which --refe"),
+    "length": (RATIOS, (*KPA, "--length-mm", "-1"), "--length-mm: -1; expected above 0 and below 10000 mm"),
+    "area": (RATIOS, (*KPA, "--area-mm2", "inf"), "--area-mm2: inf; expected above 0 and below 1e+08 mm2"),
+    "specimen": (RATIOS, (*KPA, "--specimen", "../evil"), "--specimen: '../evil'; expected letters, digits"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("content", "options", "told"), NORMALISED.values(), ids=NORMALISED)
+def test_normalised_export(refused, content, options, told):
+    write("ramp.csv", content)
+    refused(("import", "ramp.csv", *options, "--out", "out"), told, "; expected ")
+
+
+ONE = {
+    "the same name": (("a/test.csv", '"8.0"'), (), "a/test.csv: has protocol test, as test.csv; expected each"),
+    "the same numbers": (("a/copy.csv", '"9.0"'), (), "a/copy.csv: has the numbers of test.csv; expected each"),
+    "the sum's name": (("a/total.csv", '"8.0"'), (), "a/total.csv: its name cannot be used for a protocol: 'total'"),
+    "no name": (("a/_.csv", '"8.0"'), (), "a/_.csv: its name cannot be used for a protocol: '_'; expected a letter"),
+    "one protocol": (("b.csv", '"8.0"'), ("--protocol", "p"), "--protocol: one name for 2 files of one specimen; exp"),
+    "another length": (("b.csv", '"8.0"\n'), (), "b.csv: a bar of 5 mm, 32 mm2, but 10 mm, 32 mm2 in test.csv; expect"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("second", "options", "told"), ONE.values(), ids=ONE)
+def test_files_of_one_specimen(refused, second, options, told):
+    name, force = second
+    content = EXPORT.replace('"10.0"', '"5.0"') if force.endswith("\n") else EXPORT
+    write(name, content.replace('"9.0"', force.strip()))
+    refused(("import", "test.csv", name, "--specimen", "bar", *options, "--out", "out"), told, "; expected ")
 
 
 USAGES = [

@@ -17,7 +17,7 @@ import yaml
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from tasks.bench_exports import read_export
+from tasks.bench_exports import Reading, read_export
 from tasks.cohort import write_cohort
 from tasks.measurements import COLUMNS, GEOMETRY, read_cohort
 from tasks.model import TENDON, Curve, Model, Protocol, Specimen
@@ -232,6 +232,22 @@ EXPORT_PIECES = (
     'Time|Extension|Load|Length|Diameter|Width|Hold|,|;|\n|\r|"|(s)|[mm]|(kN)|(N)|mm|in|1|2.5|-3|1e308|nan| : |\0|µm|()'
     "|(\n)|Time,Extension,Load\n(s),(mm),(N)\n|Length,10,mm\n|Diameter,5,mm\n|1,1,1\n|2,2,2\n|3,3,3\n"
 )
+
+
+RATIOS = "Time (s),L,F,SD\n2,0.95,0.5,0.1\n2.5,1.045,4,0.2\n3,1.14,10,0.3\n4,1.14,8,0.3\n"
+
+
+@quick
+@given(st.binary() | mutated(RATIOS))
+@example(RATIOS.replace("1.14", "1e-320"))
+def test_any_bytes_as_ratios(content):
+    reading = Reading(stress="kPa", time="s", reference=0.95)
+    specimen = read_or_refuse(lambda path: read_export(path, reading=reading), "test.csv", files={"test.csv": content})
+    assert_possible(specimen)
+    if specimen is not None:
+        (curve,) = specimen.curves
+        assert np.isfinite([curve.protocol.time_s, curve.protocol.displacement_mm, curve.force_N]).all()
+        assert curve.protocol.displacement_mm.min() > -specimen.length_mm
 
 
 @quick

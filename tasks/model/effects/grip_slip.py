@@ -28,6 +28,44 @@ def _steps(bars: Bars) -> Array:
     return np.diff(bars.time_s, prepend=bars.time_s[0])
 
 
+def _crept(bars: Bars, values: Values) -> Array:
+    beyond = np.maximum(bars.force_N - _held(bars, values), 0.0)
+    return bars.displacement_mm - values["slip_rate"] * np.cumsum(beyond * _steps(bars), axis=1)
+
+
+def _creeping(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
+    beyond = bars.force_N > _held(bars, values)
+    return (GivingWay(values["slip_rate"] * beyond * _steps(bars), np.ones_like(bars.force_N)),)
+
+
+def _held(bars: Bars, values: Values) -> Array:
+    """The force up to which the grips hold ``[n, 1]`` (N)."""
+    return values["slip_part"] * np.maximum(bars.force_N.max(axis=1, keepdims=True), 0.0)
+
+
+CREEP = Effect(
+    slug="grip-slip",
+    form="threshold",
+    title="Creep in the grips beyond a force",
+    description="The grips, tightened for each test, hold up to a part of its largest force; beyond it the specimen "
+    "creeps out of them, the faster the higher the force, and stays where it is when the force falls.",
+    equation="gauge displacement = grip displacement - slip_rate x integral of max(F - slip_part x largest F, 0) dt",
+    reference="Cheung and Zhang (2006) Med Eng Phys 28:379 (gripping tendons)",
+    parameters=(
+        Parameter("slip_rate", "mm/(N s)", 0.0, 1e-3, 5e-5, "speed of slip per force beyond what the grips hold"),
+        Parameter("slip_part", "1", 0.0, 1.0, 0.6, "part of the largest force up to which they hold"),
+    ),
+    null={"slip_rate": 0.0},
+    seen_by=("peak", "early hold", "unload", "valley", "later cycles"),
+    confounded_with={
+        "softening": "both lower the force once a peak is passed; slip goes on in the early hold",
+        "permanent-set": "after both the bar is longer",
+    },
+    no_febio="the template prescribes the displacement of the specimen itself; there are no grips in it",
+    displacement=_crept,
+    giving_way=_creeping,
+)
+
 EFFECT = Effect(
     slug="grip-slip",
     title="Slip in the grips",
@@ -48,6 +86,7 @@ EFFECT = Effect(
         "tau_3f": "creep in the grips relaxes the force like a slow mode",
     },
     no_febio="the template prescribes the displacement of the specimen itself; there are no grips in it",
+    other_forms=(CREEP,),
     displacement=_displacement,
     giving_way=_giving_way,
 )

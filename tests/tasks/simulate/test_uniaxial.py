@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from runner.store import STATUSES
-from tasks.model import TENDON, Curve, Model, Protocol, Specimen
+from tasks.model import TENDON, Curve, Model, Parameter, Protocol, Specimen
 from tasks.model.protocols import STANDARD, cyclic, one_step
 from tasks.simulate.uniaxial import LANES, Uniaxial
 from tests.conftest import reference, reference_parameters
@@ -21,6 +21,14 @@ def test_matches_the_real_solver(model, protocol):
     assert not simulated.status.any()
     error = np.abs(simulated.force_N - expected).max(axis=1) / np.abs(expected).max(axis=1)
     assert error.max() < 1e-6
+
+
+def test_fibres_of_no_modulus_bear_nothing():
+    model = Model().with_parameter(Parameter("E_f", "MPa", 0.0, 0.0, 0.0, "no fibres"))
+    simulated = Uniaxial().simulate(model, BAR, one_step(10.0, 10.0), model.reference[np.newaxis], stresses=True)
+    assert not simulated.status.any()
+    assert not simulated.fibre_MPa.any()
+    assert simulated.force_N.max() > 0
 
 
 def plain(model: Model, specimen: Specimen, protocol: Protocol, values: np.ndarray) -> np.ndarray:
