@@ -5,7 +5,7 @@ the effect in its model. See docs/discover.md.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,44 +13,22 @@ import numpy as np
 from runner.ensemble import Desk
 from tasks.discover.added import add_to_study, checks
 from tasks.discover.cells import located_part, misfit_map
-from tasks.discover.choose import CLEARLY, Evidence, Scored, criterion, leading, rivals, room_for_two, verdict
+from tasks.discover.choose import CLEARLY, Evidence, Scored, leading, rivals, verdict
+from tasks.discover.experiment import Experiment, Rival, next_experiment
 from tasks.discover.explore import Effects, Explorer, agree, each_for_all, explorers
 from tasks.discover.fit import Candidate, Fitted
+from tasks.discover.search import Found, search
 from tasks.discover.solver import in_febio
 from tasks.discover.splits import gain
 from tasks.discover.told import NO_GAP, gap_of, simulated, told_candidate
-from tasks.model.effects import library
 from tasks.problems import BadInput
 from tasks.simulate import Array
 from tasks.simulate.uniaxial import Uniaxial
 from tasks.workspace import Workspace, write_json
 
-HEADS = 3  # single effects that pairs are made with
-PAIRS = 10  # pairs that are fitted, of those that promise most
 BLOCK = 50  # points whose errors may depend on each other
+RIVALS, ASKED = 4, 4  # that the next experiment is sought for, and in how many specimens
 SURELY = 0.02  # of the chance of a cell beyond chance: one that is beyond this, too, is there
-
-
-@dataclass
-class _Found:
-    """What is known of a cohort so far; fits are in the order of the specimens."""
-
-    null: list[Fitted]
-    fits: dict[Effects, list[Fitted]]
-    scored: dict[Effects, Scored]
-    floor: float
-
-    @property
-    def ordered(self) -> list[Effects]:
-        return sorted(self.scored, key=lambda effects: self.scored[effects].criterion)
-
-    @property
-    def nothing(self) -> Scored:
-        loss = sum(one.loss for one in self.null)
-        return Scored((), loss, loss)
-
-    def having(self, scored: Scored) -> Effects:
-        return next(effects for effects, one in self.scored.items() if one is scored)
 
 
 def discover(workspace: Workspace) -> dict[str, Any]:
@@ -68,7 +46,7 @@ def discover(workspace: Workspace) -> dict[str, Any]:
         [None],
         lambda i, _, desk: explored[i].bare(desk, settings.starts, (seed, 9, i)),
     )[0]
-    found = _explored(workspace, explored, [fits[0] for fits in bare])
+    found = search(workspace, explored, [fits[0] for fits in bare])
     trusted = all(
         agree(sorted([*fits, null], key=lambda one: one.loss)) for fits, null in zip(bare, found.null, strict=True)
     )
@@ -128,6 +106,8 @@ def discover(workspace: Workspace) -> dict[str, Any]:
         workspace.store.write_result(f"discover/{one.name.replace('/', '_')}", curves)
     if shown in after:
         result["after"] = dict(zip(names, after[shown], strict=True))
+    if decided.word == "AMBIGUOUS" and best.effects:
+        result["next_experiment"] = _experiment(workspace, explored, found, best)
     if decided.word == "NAMED":
         result["model"] = add_to_study(workspace, shown)
         result["model"]["checks"] = checks(explored, shown, found.fits[shown])
@@ -152,90 +132,29 @@ def _ready(workspace: Workspace) -> list[Explorer]:
     return explored
 
 
-def _explored(workspace: Workspace, explored: Sequence[Explorer], null: list[Fitted]) -> _Found:
-    """All single effects, and the pairs of the best of them with those that promise most."""
-    points = [fitted.points for fitted in null]
-    slugs = workspace.study.discover.effects
-    chosen = [effect for slug, effect in library().items() if slugs == "all" or slug in slugs]
-    floor = float(sum(points)) - sum(Candidate(one.model).size for one in explored)
-    singles: list[Effects] = [(form,) for effect in chosen for form in (effect, *effect.other_forms)]
-    columns = each_for_all(
-        workspace,
-        explored,
-        "one effect",
-        singles,
-        lambda i, effects, desk: explored[i].extended(desk, effects, null[i]),
-    )
-    fits = dict(zip(singles, columns, strict=True))
-    # where a fit with an effect came further, the bare model may do so, too: it must not look wrong for want of a start
-    best = min(fits, key=lambda effects: sum(one.loss for one in fits[effects]))
-    again = each_for_all(
-        workspace, explored, "the model as it is, again", [best],
-        lambda i, effects, desk: explored[i].bare_from(desk, fits[effects][i].at),
-    )[0]  # fmt: skip
-    found = _Found([min(pair, key=lambda one: one.loss) for pair in zip(null, again, strict=True)], fits, {}, floor)
-    found.scored = _best_forms({effects: _score(effects, fits[effects], found.null, points) for effects in singles})
-    if not room_for_two(found.nothing, list(found.scored.values()), floor):
-        return found
-    heads = found.ordered[:HEADS]
-    pairs = [(*head, *other) for head in heads for other in found.scored if other != head]
-    promises = each_for_all(
-        workspace, explored, "looking ahead to two effects", pairs,
-        lambda i, effects, desk: explored[i].promise(desk, effects, fits[effects[:1]][i]),
-    )  # fmt: skip
-    for effects in _promising(pairs, [sum(each) for each in promises]):
-        found.fits[effects] = []
-    wanted = [effects for effects in found.fits if len(effects) > 1]
-    columns = each_for_all(
-        workspace, explored, "two effects", wanted,
-        lambda i, effects, desk: explored[i].extended(desk, effects, fits[effects[:1]][i]),
-    )  # fmt: skip
-    found.fits |= dict(zip(wanted, columns, strict=True))
-    found.scored |= {effects: _score(effects, found.fits[effects], found.null, points) for effects in wanted}
-    return found
+def _experiment(
+    workspace: Workspace, explored: Sequence[Explorer], found: Found, best: Scored
+) -> dict[str, object] | None:
+    """What would tell the rivals apart; where there are none, what would tell the best from the model as it is."""
+    close = rivals(best, list(found.scored.values()), found.floor)
+    several = [found.having(one) for one in (best, *close[: RIVALS - 1])]
+    told = [Rival(effects, tuple(one.at for one in found.fits[effects][:ASKED])) for effects in several]
+    if not close:
+        told.append(Rival((), tuple(one.at for one in found.null[:ASKED])))
+    measured = [one.measured for one in explored[:ASKED]]
 
+    def work(_: int, __: None, desk: Desk) -> Experiment | None:
+        answer: Experiment | None = desk.compute(next_experiment, workspace.model, told, measured)
+        return answer
 
-def _best_forms(scored: dict[Effects, Scored]) -> dict[Effects, Scored]:
-    """Of each effect, the form that fits best."""
-    best: dict[tuple[str, ...], Effects] = {}
-    for effects, one in scored.items():
-        if one.effects not in best or one.criterion < scored[best[one.effects]].criterion:
-            best[one.effects] = effects
-    return {effects: scored[effects] for effects in best.values()}
-
-
-def _promising(pairs: Sequence[Effects], losses: Sequence[float]) -> list[Effects]:
-    """The pairs that promise most, each in one order only."""
-    chosen: dict[frozenset[str], Effects] = {}
-    for number in np.argsort(losses, kind="stable"):
-        chosen.setdefault(frozenset(effect.slug for effect in pairs[number]), pairs[number])
-    return list(chosen.values())[:PAIRS]
-
-
-def _score(effects: Effects, fitted: Sequence[Fitted], null: Sequence[Fitted], points: Sequence[int]) -> Scored:
-    parameters = [parameter for effect in effects for parameter in effect.parameters]
-    idle = [
-        effect.null.get(parameter.name) == parameter.minimum for effect in effects for parameter in effect.parameters
-    ]
-    first = len(fitted[0].at) - len(parameters)
-    on_bound = [
-        parameter.name
-        for k, parameter in enumerate(parameters)
-        if not idle[k] and any(one.at_bound[first + k] for one in fitted)
-    ]
-    gains = [
-        alone.loss - criterion(one.loss, len(parameters), [count])
-        for one, alone, count in zip(fitted, null, points, strict=True)
-    ]
-    loss = sum(one.loss for one in fitted)
-    names = tuple(effect.slug for effect in effects)
-    return Scored(names, criterion(loss, len(parameters), points), loss, tuple(gains), on_bound=tuple(on_bound))
+    ((experiment,),) = each_for_all(workspace, explored[:1], "the experiment that would tell", [None], work)
+    return experiment.told() if experiment else None
 
 
 Held = dict[Effects, dict[str, dict[str, Array]]]
 
 
-def _hold_out(workspace: Workspace, explored: Sequence[Explorer], found: _Found) -> Held:
+def _hold_out(workspace: Workspace, explored: Sequence[Explorer], found: Found) -> Held:
     """Squared errors of what was left out, by candidate, kind of split, and curve of a specimen; scores learn of it."""
     best = leading(found.nothing, list(found.scored.values()), found.floor)
     if found.nothing.criterion - best.criterion < CLEARLY:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from tasks.discover.fit import Candidate, derivatives, residuals
+from tasks.discover.fit import WIDTH, Candidate, derivatives, residuals, spreads
 from tasks.discover.measured import Measured
 from tasks.model import Curve, Model, Protocol, Specimen
 from tasks.model.effect import Effect
@@ -26,7 +26,6 @@ from tasks.model.phases import phases
 from tasks.model.protocols import HOLD_S, STRAIN_RATE
 from tasks.simulate import Array
 
-PRIOR = 12.0  # precision of a parameter that is uniform over its range
 COMPRESSED = 0.01  # strain below the gauge length
 OPEN = 0.9  # of the spread before anything was measured: such a parameter was not seen
 REST_S = 600.0
@@ -296,9 +295,9 @@ def believed(candidate: Candidate, measured: Measured, at: Array) -> Array:
     began, which may be where the effect does next to nothing.
     """
     _, slopes = derivatives(candidate, measured, at, measured.curves)
-    spread = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes + PRIOR * np.eye(at.size))))
+    spread = spreads(slopes)
     own = np.arange(at.size) >= len(candidate.varied)
-    moved = np.where(own & (spread > OPEN / np.sqrt(PRIOR)), np.concatenate([at[~own], candidate.typical()]), at)
+    moved = np.where(own & (spread > OPEN / np.sqrt(WIDTH)), np.concatenate([at[~own], candidate.typical()]), at)
     before, after = np.sum(residuals(candidate, measured, np.array([at, moved]), measured.curves) ** 2, axis=1)
     return moved if after < before + 1.0 else at
 
@@ -318,7 +317,7 @@ class _Before:
     @classmethod
     def of(cls, candidate: Candidate, measured: Measured, at: Array) -> "_Before":
         error, slopes = derivatives(candidate, measured, at, measured.curves)
-        prior = np.column_stack([np.sqrt(PRIOR) * np.eye(at.size), np.zeros(at.size)])
+        prior = np.column_stack([np.sqrt(WIDTH) * np.eye(at.size), np.zeros(at.size)])
         rows = _few(np.concatenate([np.column_stack([slopes, error]), prior]))
         return cls(at, rows, _minimum(rows, at)[0])
 

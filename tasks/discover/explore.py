@@ -77,17 +77,20 @@ class Explorer:
             found.sort(key=lambda one: one.loss)
         return found
 
-    def bare_from(self, desk: Desk, start: Array) -> Fitted:
-        """A fit of the model without effects from where a fit with some ended."""
-        candidate = Candidate(self.model)
-        ledger = self._ledger("bare from", digest(start))
-        return self._fitted(ledger, 0, desk, candidate, fit, candidate, self.measured, start[: candidate.size])
-
     def extended(self, desk: Desk, effects: Effects, base: Fitted) -> Fitted:
         """The best fit with ``effects``, of which all but the last were fitted in ``base``."""
         candidate, before = Candidate(self.model, effects), Candidate(self.model, effects[:-1])
         ledger = self._ledger("extended", _forms(effects), digest(base.at, *candidate.bounds()))
         return self._fitted(ledger, 0, desk, candidate, extended, before, base.at, effects[-1], self.measured)
+
+    def refitted(self, desk: Desk, effects: Effects, before: Fitted, begins: Sequence[Array]) -> Fitted:
+        """The better of ``before`` and fits with ``effects`` from ``begins``, each ``[k]``."""
+        candidate = Candidate(self.model, effects)
+        ledger = self._ledger("refitted", _forms(effects), digest(*begins, *candidate.bounds()))
+        found = [
+            self._fitted(ledger, i, desk, candidate, fit, candidate, self.measured, at) for i, at in enumerate(begins)
+        ]
+        return min([before, *found], key=lambda one: one.loss)
 
     def promise(self, desk: Desk, effects: Effects, base: Fitted) -> float:
         """The loss that a fit with ``effects`` may come to, seen from ``base``, which has all but the last of them."""

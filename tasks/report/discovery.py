@@ -43,6 +43,12 @@ def tell(workspace: Workspace, result: dict[str, Any], console: Console) -> None
             f"held-out error in units of noise: {gap['before']:.2f} without, {gap['after']:.2f} with "
             f"{' + '.join(result['shown'])} (a true model: {gap['floor']:.2f}); gap closed: {gap['closed']:.2f}"
         )
+    experiment = result["next_experiment"]
+    if experiment:
+        console.print(
+            f"what would tell: {experiment['name']} ({experiment['words']}); then the wrong one is off by up to "
+            f"{experiment['newtons']:.1f} N, {experiment['at_s']:.0f} s into the test", markup=False
+        )  # fmt: skip
     if result["model"]:
         console.print(f"the study with it: {workspace.out / result['model']['path']}\n{result['model']['difference']}",
                       markup=False)  # fmt: skip
