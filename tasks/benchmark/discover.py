@@ -28,7 +28,7 @@ from tasks.workspace import check_folder, digest, open_workspace, read_result, w
 
 STUDY = "configs/discover.yaml"
 LOGGED = "case.json"
-CODE = ("discover", "model", "simulate")  # packages of tasks that a verdict depends on
+CODE = ("discover/*.py", "model/**/*.py", "simulate/*.py", "fits.py", "noise.py")  # what a verdict depends on
 
 Say = Callable[[str], None]
 
@@ -149,8 +149,7 @@ def _files(folder: Path) -> list[list[str]]:
 def _code() -> str:
     """Names the code behind a verdict."""
     root = Path(tasks.__file__).parent
-    modules = [*root.glob("*.py"), *(path for name in CODE for path in (root / name).rglob("*.py"))]
-    return digest(*(path.read_text("utf-8") for path in sorted(modules)))
+    return digest(*(path.read_text("utf-8") for pattern in CODE for path in sorted(root.glob(pattern))))
 
 
 def _said(out: Path, run: Run) -> str:

@@ -1,12 +1,14 @@
 """The blind benchmark: what a verdict is worth, each row of its table, and what it says of wrong input."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from rich.console import Console
 
+from tasks.benchmark import discover
 from tasks.benchmark.answers import SAME_FORM, Answer, read_answers
 from tasks.benchmark.discover import result_of
 from tasks.benchmark.score import Case, Median, Share, class_of, medians, null_rejected, outcome_of, shares
@@ -17,6 +19,7 @@ from tasks.model.effects import library
 from tasks.problems import BadInput
 from tasks.report.benchmark import markdown, tell
 from tests.conftest import SHARED
+from tests.hidden.make import Plan, write
 from tests.tasks.test_pipeline import sinew
 
 FLOOR = 1000.0
@@ -362,3 +365,49 @@ def test_the_shared_answers_can_be_read():
     answers = [one for name in ("dev-1", "dev-null") for one in read_answers(SHARED / "hidden" / name)]
     assert len(answers) == 40
     assert {one.name for one in answers if one.outside} == {"dev-1/case_05", "dev-1/case_09", "dev-1/case_22"}
+
+
+STUDY = """
+name: few
+seed: 3
+tasks: [discover]
+discover: {effects: [toe-slack], starts: 2}
+"""
+
+
+def test_cases_are_run_blind_scored_and_not_run_again(tmp_path, capsys, monkeypatch):
+    folder, out, study = tmp_path / "hidden", tmp_path / "out", tmp_path / "study.yaml"
+    write(folder, [Plan(("slack-gauss",)), Plan(())], seed=2, rate_hz=2.0)
+    for case_folder in (folder / "case_01", folder / "case_02"):
+        shutil.rmtree(case_folder / "s02")  # one specimen with two curves is enough here
+        (case_folder / "s01" / "two_step.csv").unlink()
+    study.write_text(STUDY)
+    command = ("benchmark", "discover", folder, "--out", out, "--study", study, "--workers", 1)
+    sinew(*command)
+    said = capsys.readouterr().out
+    assert "1 of 2  hidden/case_01: " in said
+    result = json.loads((out / "benchmark.json").read_text())
+    first, second = result["cases"]
+    assert (first["truth"], first["class"], first["error"]) == (["toe-slack"], "detectable", None)
+    assert (second["truth"], second["class"], second["verdict"]) == ([], "null", "NONE")
+    assert first["seconds"] > 0
+    assert result["mixed"] == 0
+    assert "| false alarm on nulls | 0 % |" in (out / "benchmark.md").read_text()
+    assert "truth" not in (out / "hidden" / "case_01" / "study.yaml").read_text()
+
+    def never(*_):
+        raise AssertionError("it was run again")
+
+    monkeypatch.setattr(discover, "_discover", never)
+    sinew(*command, "--quiet")
+    assert capsys.readouterr().out == ""
+    assert json.loads((out / "benchmark.json").read_text()) == result
+    monkeypatch.undo()
+
+    (folder / "case_02" / "s01" / "cyclic.csv").write_text("broken")
+    sinew(*command)
+    said = capsys.readouterr().out
+    assert "2 of 2  hidden/case_02: failed: BadInput: " in said
+    broken = json.loads((out / "benchmark.json").read_text())["cases"]
+    assert broken[0] == first
+    assert (broken[1]["class"], broken[1]["outcome"]) == ("failed", "failed")
