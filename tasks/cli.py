@@ -297,6 +297,39 @@ def doctor(
         raise SinewError(f"{len(bad)} of {len(findings)} checks failed: {', '.join(bad)}")
 
 
+@sinew.group("benchmark")
+def benchmark_() -> None:
+    """How often is sinew right where the answer is known?"""
+
+
+@benchmark_.command("discover")
+@click.argument("folders", metavar="FOLDER...", type=_PATH, nargs=-1, required=True)
+@click.option("--out", type=_PATH, default=Path("results/benchmark"), show_default=True, help="Result folder.")
+@click.option("--study", type=_PATH, help="Settings of every case (default: configs/discover.yaml).")
+@click.option("--workers", type=click.IntRange(1, 1024), help="Local worker processes.")
+@click.option("--only", multiple=True, metavar="CASE", help="Case to run; may be given several times.")
+@click.option("--quiet", is_flag=True, help="No progress and no table.")
+def benchmark_discover(
+    folders: tuple[Path, ...], out: Path, study: Path | None, workers: int | None, only: tuple[str, ...], quiet: bool
+) -> None:
+    """Run `sinew discover` blind on cohorts whose truth is known, and score its verdicts."""
+    from rich.console import Console
+
+    from tasks.benchmark.discover import benchmark
+    from tasks.report.benchmark import markdown, tell
+    from tasks.workspace import write_text
+
+    def say(line: str) -> None:
+        if not quiet:
+            print(line, flush=True)
+
+    result = benchmark(folders, out, study=study, workers=workers, only=only, say=say)
+    write_text(out / "benchmark.md", markdown(result))
+    tell(result, Console(quiet=quiet, highlight=False))
+    if not quiet:
+        print(f"results: {out / 'benchmark.json'}, {out / 'benchmark.md'}")
+
+
 @sinew.command()
 @click.argument("folder", type=_PATH)
 def cancel(folder: Path) -> None:

@@ -1,0 +1,130 @@
+"""What is hidden in each case of a folder: ``answers.json`` beside the case folders. For scoring only.
+
+The file is an object by case: ``truth`` (slugs of effects, or ``["OUTSIDE"]``, or nothing), ``magnitude`` (numbers by
+name), and optionally ``case`` (a label), ``noise_fraction_of_peak``, ``noise_ar1``, ``specimens`` (their true
+parameters) and ``same_form`` (true values by the names of the library's parameters).
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tasks.measurements import NAME, read_json
+from tasks.model.effects import library
+from tasks.problems import BadInput, shown
+
+ANSWERS = "answers.json"
+OUTSIDE = "OUTSIDE"
+
+#: By effect: parameter of the library -> magnitude in the answers, and its sign. Only where the hidden cohorts follow
+#: the library's own equation: with these values and the true parameters, the embedded simulator leaves their noise and
+#: nothing else. (preload: but for a start at which the fibres have not relaxed yet.) Softening, permanent set, fatigue
+#: and slip are hidden in other forms, whose numbers have no counterpart in the library.
+SAME_FORM: Mapping[str, Mapping[str, tuple[str, float]]] = {
+    "area-error": {"area_factor": ("factor", 1.0)},
+    "force-drift": {"force_offset": ("offset_N", 1.0), "force_slope": ("N_per_s", 1.0)},
+    "machine-compliance": {"compliance": ("mm_per_N", 1.0)},
+    "preload": {"preload_stretch": ("stretch", 1.0)},
+    "rate-viscosity": {"viscosity": ("mu", 1.0)},
+    "relaxation-mode": {"g_4f": ("g", 1.0), "tau_4f": ("tau", 1.0)},
+    "strain-dependent-relaxation": {"slowing_per_strain": ("k", -1.0)},
+    "time-lag": {"force_lag": ("seconds", 1.0)},
+    "toe-exponent": {"toe_exponent": ("beta", 1.0)},
+    "toe-slack": {"slack_stretch": ("stretch", 1.0)},
+}
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What is hidden in a case. ``same_form``: true values of the library's parameters, where they have one."""
+
+    folder: str
+    case: str
+    truth: tuple[str, ...]
+    label: str = ""
+    magnitude: Mapping[str, float] = field(default_factory=dict)
+    same_form: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        return f"{self.folder}/{self.case}"
+
+    @property
+    def outside(self) -> bool:
+        return self.truth == (OUTSIDE,)
+
+
+def read_answers(folder: Path) -> list[Answer]:
+    """All cases of a folder, in order of name. Raises :class:`BadInput` for the first thing that is wrong."""
+    if not folder.is_dir():
+        problem = "is a file" if folder.exists() else "is not there"
+        raise BadInput(folder, problem, f"a folder with {ANSWERS} and case folders")
+    path = folder / ANSWERS
+    if not path.is_file():
+        raise BadInput(path, "is not there", "an object with the truth of each case")
+    content = read_json(path, folder)
+    if not content:
+        raise BadInput(path, "holds no case", 'an object such as {"case_01": {"truth": ["toe-slack"], ...}}')
+    name = folder.resolve().name
+    answers = [_answer(path, name, case, told) for case, told in sorted(content.items())]
+    for answer in answers:
+        if not (folder / answer.case).is_dir():
+            raise BadInput(folder / answer.case, "is not there", f"the cohort of a case in {path}")
+    return answers
+
+
+def _answer(path: Path, folder: str, case: str, told: Any) -> Answer:
+    where = f"{path}: {shown(case)[1:-1]}"
+    if not NAME.fullmatch(case):
+        raise BadInput(where, "a name that cannot be used", "the name of a case folder")
+    if not isinstance(told, dict):
+        raise BadInput(where, f"holds {shown(told)}", "an object with truth and magnitude")
+    truth = _truth(f"{where}.truth", told)
+    magnitude = _numbers(f"{where}.magnitude", told.get("magnitude", {}))
+    label = told.get("case", "")
+    if not isinstance(label, str):
+        raise BadInput(f"{where}.case", shown(label), "a text")
+    same_form = _same_form(truth, magnitude)
+    if "same_form" in told:
+        same_form = _numbers(f"{where}.same_form", told["same_form"])
+        known = {parameter.name for effect in library().values() for parameter in effect.parameters}
+        if unknown := sorted(set(same_form) - known):
+            raise BadInput(f"{where}.same_form.{unknown[0]}", "unknown parameter", f"one of {', '.join(sorted(known))}")
+    return Answer(folder, case, truth, label, magnitude, same_form)
+
+
+def _truth(where: str, told: Mapping[str, Any]) -> tuple[str, ...]:
+    if "truth" not in told:
+        raise BadInput(where, "missing", f'a list of effects, ["{OUTSIDE}"], or []')
+    truth = told["truth"]
+    if not isinstance(truth, list) or not all(isinstance(one, str) for one in truth):
+        raise BadInput(where, shown(truth), f'a list of effects, ["{OUTSIDE}"], or []')
+    if truth == [OUTSIDE]:
+        return (OUTSIDE,)
+    for slug in truth:
+        if slug not in library():
+            raise BadInput(where, f"{shown(slug)} is no effect", f"{OUTSIDE} alone, or some of {', '.join(library())}")
+    if len(set(truth)) < len(truth):
+        raise BadInput(where, shown(truth), "each effect once")
+    return tuple(truth)
+
+
+def _numbers(where: str, told: Any) -> dict[str, float]:
+    if not isinstance(told, dict):
+        raise BadInput(where, shown(told), "an object of numbers by name")
+    for name, value in told.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise BadInput(f"{where}.{name}", shown(value), "a finite number")
+    return {name: float(value) for name, value in told.items()}
+
+
+def _same_form(truth: Iterable[str], magnitude: Mapping[str, float]) -> dict[str, float]:
+    """True values by the library's parameters, of the effects whose form is the library's."""
+    return {
+        parameter: sign * magnitude[name]
+        for slug in truth
+        for parameter, (name, sign) in SAME_FORM.get(slug, {}).items()
+        if name in magnitude
+    }

@@ -1,0 +1,214 @@
+"""Cohorts with known answers, each run blind by `sinew discover`, and scored when all of them are through.
+
+A run is told the case's folder and a study, nothing else. It leaves in ``OUT/FOLDER/CASE`` what `sinew discover`
+leaves, ``study.yaml``, and ``case.json`` with what the verdict depends on: a case with a verdict for the same inputs
+is not run again. One that fails is a line of the result.
+"""
+
+import hashlib
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+import tasks
+from runner.errors import WalltimeReached
+from tasks import pipeline
+from tasks.benchmark.answers import Answer, read_answers
+from tasks.benchmark.score import Case, Median, Share, class_of, coverage, medians, outcome_of, shares
+from tasks.benchmark.selectors import Selected, compare
+from tasks.benchmark.told import read_told
+from tasks.problems import BadInput, one_line, shown
+from tasks.resources import resource
+from tasks.study import Study, read_study
+from tasks.workspace import check_folder, digest, open_workspace, read_result, write_json, write_text
+
+STUDY = "configs/discover.yaml"
+LOGGED = "case.json"
+CODE = ("discover/*.py", "model/**/*.py", "simulate/*.py", "fits.py", "noise.py")  # what a verdict depends on
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Run:
+    """What became of a case. ``seconds``: None where a part of the work was done before."""
+
+    seconds: float | None
+    error: str | None
+    mixed: bool
+
+
+def benchmark(
+    folders: Sequence[Path],
+    out: Path,
+    *,
+    study: Path | None = None,
+    workers: int | None = None,
+    only: Sequence[str] = (),
+    say: Say = lambda line: None,
+) -> dict[str, Any]:
+    """Run all cases of ``folders`` that have no verdict yet, and score all. Returns ``benchmark.json``.
+
+    ``only``: names of cases, with or without their folder's. Raises :class:`BadInput` for folders, answers and studies
+    that cannot be used, before any case is run.
+    """
+    answers = _chosen(_answers(folders), only)
+    base = _base(study or resource(STUDY))
+    check_folder(out)
+    for folder in folders:
+        if out.resolve().is_relative_to(folder.resolve()):
+            raise BadInput(f"--out {out}", f"lies inside {folder}", "a folder beside it")
+    places = {folder.resolve().name: folder.resolve() for folder in folders}
+    runs = []
+    for number, answer in enumerate(answers, 1):
+        run = run_case(places[answer.folder] / answer.case, out / answer.folder / answer.case, base, workers)
+        runs.append(run)
+        say(f"{number} of {len(answers)}  {answer.name}: {_said(out / answer.folder / answer.case, run)}")
+    cases = [
+        Case(answer, None if run.error else read_told(out / answer.folder / answer.case / "verdict.json"), run.seconds,
+             run.error)
+        for answer, run in zip(answers, runs, strict=True)
+    ]  # fmt: skip
+    result = result_of(cases, mixed=sum(run.mixed for run in runs))
+    write_json(out / "benchmark.json", result)
+    return result
+
+
+def _answers(folders: Sequence[Path]) -> list[Answer]:
+    if not folders:
+        raise BadInput("FOLDER", "missing", "folders with answers.json and case folders")
+    names = [folder.resolve().name for folder in folders]
+    for name in names:
+        if names.count(name) > 1:
+            raise BadInput("FOLDER", f"two folders are called {shown(name)}", "folders of different names")
+    return [answer for folder in folders for answer in read_answers(folder)]
+
+
+def _chosen(answers: Sequence[Answer], only: Sequence[str]) -> list[Answer]:
+    for name in only:
+        if not any(name in (answer.case, answer.name) for answer in answers):
+            raise BadInput("--only", f"no case {shown(name)}", "names such as case_01 or FOLDER/case_01")
+    return [answer for answer in answers if not only or answer.case in only or answer.name in only]
+
+
+def _base(path: Path) -> dict[str, Any]:
+    """The settings of a study as they are written, once it is known that they are right."""
+    study = read_study(path)
+    if study.model.effects:
+        raise BadInput(f"{path}: model.effects", "is not empty", "a model without effects to begin with")
+    content: dict[str, Any] = yaml.safe_load(path.read_text("utf-8"))
+    return content
+
+
+def run_case(cohort: Path, out: Path, base: dict[str, Any], workers: int | None) -> Run:
+    """See to it that a case has a verdict, from its cohort alone."""
+    text = yaml.safe_dump({**base, "cohort": str(cohort), "tasks": ["discover"]}, sort_keys=False, allow_unicode=True)
+    inputs, code = digest(_files(cohort), text), _code()
+    before = read_result(out / LOGGED) or {}
+    codes = [one for one in before.get("codes", []) if isinstance(one, str)]
+    verdict = out / "verdict.json"
+    if before.get("inputs") == inputs and codes[-1:] == [code] and before.get("finished") and verdict.is_file():
+        return Run(before.get("seconds"), None, len(codes) > 1)
+    out.mkdir(parents=True, exist_ok=True)
+    verdict.unlink(missing_ok=True)
+    fresh = not (out / "discover").exists()
+    codes = [code] if fresh else [*dict.fromkeys(one for one in codes if one != code), code]
+    logged = {"inputs": inputs, "codes": codes, "finished": False}
+    write_json(out / LOGGED, logged)
+    write_text(out / "study.yaml", text)
+    started = time.monotonic()
+    error = _discover(read_study(out / "study.yaml"), out, workers)
+    seconds = time.monotonic() - started if fresh and error is None else None
+    write_json(out / LOGGED, {**logged, "finished": error is None, "seconds": seconds, "error": error})
+    return Run(seconds, error, len(codes) > 1)
+
+
+def _discover(study: Study, out: Path, workers: int | None) -> str | None:
+    """Run `sinew discover`. Returns why it failed, None when it did not."""
+    try:
+        pipeline.check(study, out, study.tasks)
+        with open_workspace(study, out=out, cluster=study.cluster_spec(workers), quiet=True) as workspace:
+            pipeline.run(workspace, study.tasks)
+    except WalltimeReached:
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever it is, the other cases can still be run
+        return one_line(f"{type(error).__name__}: {error}")
+    return None
+
+
+def _files(folder: Path) -> list[list[str]]:
+    """Names and hashes of all files below a folder."""
+    paths = sorted(path for path in folder.rglob("*") if path.is_file())
+    return [[str(path.relative_to(folder)), hashlib.blake2b(path.read_bytes()).hexdigest()[:32]] for path in paths]
+
+
+def _code() -> str:
+    """Names the code behind a verdict."""
+    root = Path(tasks.__file__).parent
+    return digest(*(path.read_text("utf-8") for pattern in CODE for path in sorted(root.glob(pattern))))
+
+
+def _said(out: Path, run: Run) -> str:
+    """A verdict in a few words; the truth is not known yet."""
+    if run.error:
+        return f"failed: {run.error}"
+    found = read_result(out / "verdict.json") or {}
+    what = " + ".join(found.get("effects", [])) or " or ".join(found.get("set", []))
+    seconds = "" if run.seconds is None else f" ({run.seconds:.0f} s)"
+    return f"{found.get('verdict')} {what}".strip() + seconds
+
+
+def result_of(cases: Sequence[Case], mixed: int = 0) -> dict[str, Any]:
+    """``benchmark.json``. ``mixed``: how many cases hold fits that another version of the program made."""
+    counted = shares(cases)
+    return {
+        "cases": [_case(case) for case in cases],
+        "classes": _counts([class_of(case) for case in cases]),
+        "outcomes": _counts([outcome_of(case) for case in cases]),
+        "shares": [_share(row) for row in counted],
+        "medians": [_median(row) for row in medians(cases)],
+        "selectors": [_selected(row) for row in compare(cases)],
+        "mixed": mixed,
+    }
+
+
+def _counts(words: Sequence[str]) -> dict[str, int]:
+    return {word: words.count(word) for word in dict.fromkeys(sorted(words))}
+
+
+def _case(case: Case) -> dict[str, Any]:
+    told = case.told
+    held = coverage([case])
+    return {
+        "name": case.answer.name,
+        "label": case.answer.label,
+        "truth": list(case.answer.truth),
+        "class": class_of(case),
+        "verdict": told.word if told else None,
+        "effects": list(told.effects) if told else [],
+        "set": list(told.alike) if told else [],
+        "outcome": outcome_of(case),
+        "closed": told.closed if told else None,
+        "misfit": told.null_loss - told.floor if told else None,
+        "intervals": {"hold": held.count, "of": held.of},
+        "seconds": case.seconds,
+        "error": case.error,
+    }
+
+
+def _share(row: Share) -> dict[str, Any]:
+    return {"name": row.name, "count": row.count, "of": row.of, "share": row.share, "interval": row.interval,
+            "good": "high" if row.high else "low"}  # fmt: skip
+
+
+def _median(row: Median) -> dict[str, Any]:
+    return {"name": row.name, "unit": row.unit, "median": row.median, "interval": row.interval, "range": row.range,
+            "of": len(row.values)}  # fmt: skip
+
+
+def _selected(row: Selected) -> dict[str, Any]:
+    return {"name": row.name, "right": _share(row.right), "wrong": _share(row.wrong), "alarms": _share(row.alarms)}

@@ -1,0 +1,239 @@
+"""From answers and verdicts to a table: what class a case is of, what a verdict on it is worth, and how often.
+
+Whether a case could have been solved at all is judged from the truth and the losses of all candidates, never from the
+verdict. docs/discover_benchmark.md has the same definitions in words.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import binomtest
+
+from tasks.benchmark.answers import Answer
+from tasks.benchmark.told import Option, Told
+
+CLEAR = 30.0  # of a whitened sum of squares, beyond what it is expected to be
+DEVIATIONS = 3.0  # standard deviations of that sum, on top
+APART = 2.0  # times the misfit beyond noise that the truth leaves: what its best rival must leave
+RESAMPLES = 10_000
+
+NULL, DETECTABLE, ALIKE, UNDETECTABLE = "null", "detectable", "indistinguishable", "undetectable"
+PAIR, OUTSIDE_CLASS, NOT_ASKED, FAILED = "two effects", "outside", "not a candidate", "failed"
+CLASSES = (NULL, DETECTABLE, ALIKE, UNDETECTABLE, PAIR, OUTSIDE_CLASS, NOT_ASKED, FAILED)
+
+RIGHT, WRONG, INCOMPLETE, OPEN, ASTRAY, ALARM, MISSED = (
+    *("right", "wrong name", "one of two", "open", "astray", "false alarm"),
+    "missed",
+)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case: what is hidden, what was said of it (None when it failed), and how long that took (None: unknown)."""
+
+    answer: Answer
+    told: Told | None
+    seconds: float | None = None
+    error: str | None = None
+
+
+@dataclass(frozen=True)
+class Share:
+    """``count`` of ``of``; whether that should be high or low."""
+
+    name: str
+    count: int
+    of: int
+    high: bool = True
+
+    @property
+    def share(self) -> float | None:
+        return self.count / self.of if self.of else None
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """95 % interval of the share (Clopper and Pearson 1934)."""
+        if not self.of:
+            return None
+        found = binomtest(self.count, self.of).proportion_ci(confidence_level=0.95, method="exact")
+        return float(found.low), float(found.high)
+
+
+@dataclass(frozen=True)
+class Median:
+    """The median of some values, its 95 % bootstrap interval, and their range."""
+
+    name: str
+    values: tuple[float, ...]
+    unit: str = ""
+
+    @property
+    def median(self) -> float | None:
+        return float(np.median(self.values)) if self.values else None
+
+    @property
+    def range(self) -> tuple[float, float] | None:
+        return (min(self.values), max(self.values)) if self.values else None
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        if len(self.values) < 2:
+            return None
+        drawn = np.random.default_rng(0).choice(np.array(self.values), (RESAMPLES, len(self.values)))
+        low, high = np.quantile(np.median(drawn, axis=1), [0.025, 0.975])
+        return float(low), float(high)
+
+
+def null_rejected(told: Told) -> bool:
+    """Whether the data clearly speak against the model as it is, whatever it lacks.
+
+    Its loss is far beyond that of a true model (chi-square: the standard deviation is the root of twice the degrees of
+    freedom), or some candidate gains far more than its parameters would by chance.
+    """
+    if told.null_loss - told.floor > _clear(max(told.floor, 0.0)):
+        return True
+    return any(told.null_loss - one.loss - one.free > _clear(one.free) for one in told.options)
+
+
+def _clear(freedom: float) -> float:
+    return CLEAR + DEVIATIONS * float(np.sqrt(2.0 * freedom))
+
+
+def told_apart(told: Told, slug: str) -> bool:
+    """Whether the true effect fits clearly better than each other single effect.
+
+    Both by the likelihood, and by what is left beyond noise: where the truth has another form than the library, it
+    leaves something itself, and a small difference then says little.
+    """
+    truth = next((one for one in told.options if one.effects == (slug,)), None)
+    if truth is None:
+        return False
+    left = max(truth.loss - told.floor, 0.0)
+    return all(
+        other.criterion - truth.criterion > CLEAR and other.loss - told.floor > APART * left
+        for other in told.options
+        if len(other.effects) == 1 and other.effects != truth.effects
+    )
+
+
+def class_of(case: Case) -> str:
+    """One of :data:`CLASSES`."""
+    told, answer = case.told, case.answer
+    if told is None:
+        return FAILED
+    if not answer.truth:
+        return NULL
+    if not null_rejected(told):
+        return UNDETECTABLE
+    if answer.outside:
+        return OUTSIDE_CLASS
+    if len(answer.truth) > 1:
+        return PAIR
+    if not any(one.effects == answer.truth for one in told.options):
+        return NOT_ASKED
+    return DETECTABLE if told_apart(told, answer.truth[0]) else ALIKE
+
+
+def outcome_of(case: Case) -> str:
+    """What a verdict is worth: right, wrong name, one of two, open, astray, false alarm, missed, or failed."""
+    told, answer = case.told, case.answer
+    if told is None:
+        return FAILED
+    kind, truth = class_of(case), set(answer.truth)
+    if told.word == "NAMED":
+        if not set(told.effects) <= truth:
+            return WRONG
+        return RIGHT if set(told.effects) == truth else INCOMPLETE
+    if kind == NULL:
+        return ALARM if _alarms(told) else RIGHT
+    if kind == UNDETECTABLE:
+        return ASTRAY if told.word == "OUTSIDE" and not answer.outside else RIGHT
+    if answer.outside:
+        return RIGHT if told.word == "OUTSIDE" else MISSED
+    if told.word == "NONE":
+        return MISSED
+    if told.word == "OUTSIDE" or not truth <= set(told.alike):
+        return RIGHT if kind == NOT_ASKED and told.word == "OUTSIDE" else ASTRAY
+    return RIGHT if kind == ALIKE else OPEN
+
+
+def _alarms(told: Told) -> bool:
+    """Whether a verdict says that something is missing; AMBIGUOUS without effects says only that a fit is not safe."""
+    return told.word in ("NAMED", "OUTSIDE") or (told.word == "AMBIGUOUS" and bool(told.alike))
+
+
+def shares(cases: Sequence[Case]) -> list[Share]:
+    """The rows of the table that count. A case that failed counts against what needs a verdict."""
+    by_class = {name: [case for case in cases if class_of(case) == name] for name in CLASSES}
+    failed = by_class[FAILED]
+    singles = [case for case in cases if len(case.answer.truth) == 1 and not case.answer.outside]
+    pairs = [case for case in cases if len(case.answer.truth) > 1]
+    outside = [case for case in cases if case.answer.outside]
+    nulls = [case for case in by_class[NULL] if case.told]
+    ambiguous = [case for case in [*singles, *pairs] if case.told and case.told.word == "AMBIGUOUS"]
+    detectable = [*by_class[DETECTABLE], *(case for case in singles if case in failed)]
+    found_outside = [*by_class[OUTSIDE_CLASS], *(case for case in outside if case in failed)]
+    done = [case for case in cases if case.told]
+    return [
+        _share("named correctly, clearly detectable single effects", detectable, named_right),
+        _share("wrong confident name, all but two effects", [c for c in done if c not in pairs], named_wrong, False),
+        _share("false alarm on nulls", nulls, lambda case: outcome_of(case) in (ALARM, WRONG), False),
+        _share("truth inside the set when AMBIGUOUS", ambiguous, lambda case: inside(case)),
+        _share("outside the library, called OUTSIDE", found_outside, lambda case: _word(case) == "OUTSIDE"),
+        _share("both of two effects named", pairs, named_right),
+        _share("wrong confident name, two effects", [c for c in done if c in pairs], named_wrong, False),
+        _share("named correctly, all single effects", singles, named_right),
+        _share("NONE or AMBIGUOUS where nothing can be seen", by_class[UNDETECTABLE], lambda case: _word(case)
+               in ("NONE", "AMBIGUOUS")),
+        coverage(cases),
+    ]  # fmt: skip
+
+
+def medians(cases: Sequence[Case]) -> list[Median]:
+    """The rows of the table that are medians."""
+    closed = [case.told.closed for case in cases if case.told and case.told.word == "NAMED"]
+    return [
+        Median("gap closed on held-out data when named", tuple(one for one in closed if one is not None)),
+        Median("time of a case", tuple(case.seconds for case in cases if case.seconds is not None), "s"),
+    ]
+
+
+def _share(name: str, cases: Sequence[Case], yes: Callable[[Case], bool], high: bool = True) -> Share:
+    return Share(name, sum(yes(case) for case in cases), len(cases), high)
+
+
+def _word(case: Case) -> str:
+    return case.told.word if case.told else ""
+
+
+def named_right(case: Case) -> bool:
+    """NAMED, with all of the truth and nothing else."""
+    return _word(case) == "NAMED" and outcome_of(case) == RIGHT
+
+
+def named_wrong(case: Case) -> bool:
+    """NAMED, with some effect that is not in the truth."""
+    return outcome_of(case) == WRONG
+
+
+def inside(case: Case) -> bool:
+    """Whether all of the truth is in the set of an AMBIGUOUS verdict."""
+    return case.told is not None and set(case.answer.truth) <= set(case.told.alike)
+
+
+def coverage(cases: Sequence[Case]) -> Share:
+    """How many 90 % intervals of correctly named effects hold the true value: each parameter of each specimen."""
+    held: list[bool] = []
+    for case in cases:
+        if case.told and named_right(case):
+            named = _option(case.told.options, case.told.effects)
+            intervals: Mapping[str, Mapping[str, tuple[float, float]]] = named.intervals if named else {}
+            for values in intervals.values():
+                known = [(values[name], true) for name, true in case.answer.same_form.items() if name in values]
+                held += [low <= true <= high for (low, high), true in known]
+    return Share("90 % interval holds the effect's parameter (same form)", sum(held), len(held))
+
+
+def _option(options: Sequence[Option], effects: tuple[str, ...]) -> Option | None:
+    return next((one for one in options if set(one.effects) == set(effects)), None)
