@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from runner.errors import SinewError, WalltimeReached
-from tasks.problems import BadInput, one_line
+from tasks.problems import BadInput, one_line, shown
 
 _PATH = click.Path(path_type=Path)
 
@@ -175,16 +175,21 @@ def simulate(study: Path, parameters: Path, **options: Any) -> None:
 @click.option(
     "--ar1", type=click.FloatRange(0, 0.999), default=0.3, show_default=True, help="Correlation of neighbours."
 )
-def cohort(out: Path, seed: int, per_site: int, rate: float, noise: float, ar1: float) -> None:
+@click.option("--effect", help="Hide an effect of the library in all specimens, at its typical size.")
+def cohort(out: Path, seed: int, per_site: int, rate: float, noise: float, ar1: float, effect: str | None) -> None:
     """Make a virtual cohort from the 27 published specimens; its truth is known."""
     from tasks.cohort import virtual_cohort, write_cohort
+    from tasks.model.effects import named
     from tasks.workspace import check_folder
 
     for name, value in (("--rate", rate), ("--noise", noise), ("--ar1", ar1)):
         if not math.isfinite(value):
             raise BadInput(name, str(value), "a finite number")
     check_folder(out)
-    specimens, truth = virtual_cohort(seed=seed, per_site=per_site, rate_hz=rate, noise=noise, ar1=ar1)
+    if effect is not None and effect not in named():
+        raise BadInput("--effect", f"{shown(effect)} is no effect", f"one of {', '.join(named())}")
+    hidden = () if effect is None else (named()[effect],)
+    specimens, truth = virtual_cohort(seed=seed, per_site=per_site, rate_hz=rate, noise=noise, ar1=ar1, effects=hidden)
     write_cohort(out, specimens, truth)
     curves = sum(len(specimen.curves) for specimen in specimens)
     print(f"{len(specimens)} specimens, {curves} curves, truth.json: {out}")

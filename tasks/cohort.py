@@ -12,10 +12,11 @@ import numpy as np
 import pandas as pd
 
 from tasks.model import Curve, Model, Specimen
+from tasks.model.effect import Effect
 from tasks.model.protocols import STANDARD
 from tasks.problems import BadInput
 from tasks.resources import resource
-from tasks.simulate.uniaxial import Uniaxial
+from tasks.simulate.effects import simulate_with
 
 GAUGE_MM = (10.0, 8.0, 4.0)
 GAUGE_SCATTER = 0.04
@@ -28,15 +29,23 @@ def published() -> pd.DataFrame:
 
 
 def virtual_cohort(
-    *, seed: int, per_site: int = 9, rate_hz: float = 100.0, noise: float = 0.003, ar1: float = 0.3
+    *,
+    seed: int,
+    per_site: int = 9,
+    rate_hz: float = 100.0,
+    noise: float = 0.003,
+    ar1: float = 0.3,
+    effects: tuple[Effect, ...] = (),
 ) -> tuple[list[Specimen], dict[str, Any]]:
     """Specimens with simulated measurements, and their truth.
 
     ``per_site``: how many of the nine specimens of each site; ``noise``: standard deviation as a fraction of the
-    specimen's peak force; ``ar1``: correlation of neighbouring samples. A specimen's numbers depend on the seed and on
-    its own row only, so a smaller cohort holds the same specimens as a larger one.
+    specimen's peak force; ``ar1``: correlation of neighbouring samples; ``effects``: what the specimens have beside the
+    model, at typical sizes. A specimen's numbers depend on the seed and on its own row only, so a smaller cohort holds
+    the same specimens as a larger one.
     """
     model = Model()
+    typical = np.concatenate([np.empty(0), *(effect.typical for effect in effects)])[np.newaxis]
     specimens, truth = [], {}
     for number, row in published().iterrows():
         if int(row["specimen"]) > per_site:
@@ -47,7 +56,7 @@ def virtual_cohort(
         values = np.array([[row[parameter] for parameter in model.names]], dtype=float)
         bare = Specimen(name, length, width, thickness)
         protocols = [make(length, rate_hz) for make in STANDARD]
-        forces = [Uniaxial().simulate(model, bare, protocol, values).force_N[0] for protocol in protocols]
+        forces = [simulate_with(model, effects, bare, protocol, values, typical)[0] for protocol in protocols]
         scale = noise * max(force.max() for force in forces)
         curves = tuple(
             Curve(protocol, force + scale * autoregressive(rng, force.size, ar1))
@@ -59,7 +68,10 @@ def virtual_cohort(
             "noise_sd_N": scale,
             "noise_ar1": ar1,
         }
-    return specimens, {"seed": seed, "rate_hz": rate_hz, "source": "Pekedis (2025), table 2", "specimens": truth}
+    told = {"seed": seed, "rate_hz": rate_hz, "source": "Pekedis (2025), table 2", "specimens": truth}
+    if effects:
+        told["effects"] = {one.name: dict(zip(one.names, one.typical.tolist(), strict=True)) for one in effects}
+    return specimens, told
 
 
 def autoregressive(rng: np.random.Generator, size: int, ar1: float) -> Array:

@@ -249,7 +249,7 @@ class DiscoverSettings(Section):
 
     specimens: Specimens = "all"
     effects: Literal["all"] | Annotated[list[str], Field(min_length=1)] = "all"
-    starts: Annotated[int, Field(ge=1, le=100)] = 6
+    starts: Annotated[int, Field(ge=1, le=100)] = 4
     chance: Annotated[float, Field(gt=0, lt=0.5)] = 0.05
 
     @field_validator("effects")

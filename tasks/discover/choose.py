@@ -15,7 +15,8 @@ import numpy as np
 CLEARLY = 20.0  # of the criterion: 10 of twice the log likelihood are called very strong (Kass and Raftery 1995)
 EXPLAINED = 0.97  # part of the misfit beyond noise that an effect must take away to be a name
 FAR_BEHIND = 2.0  # how many times what the best leaves a rival must leave
-SECOND = 0.5  # part of what one effect leaves that a second must take away
+SECOND = 0.8  # part of what one effect leaves that a second must take away
+FORM = 0.005  # part of the misfit that an effect may leave because nature's form of it is another
 HELD_OUT_ERRORS = 2.0  # standard errors by which the prediction of what a fit has not seen must improve
 KINDS = 2  # of splits on which it must
 PLACES = 0.5  # part of the improvement that must lie in cells which disagree
@@ -77,15 +78,20 @@ def leading(null: Scored, candidates: Sequence[Scored], floor: float) -> Scored:
         return null
     single = min((one for one in candidates if len(one.effects) == 1), key=lambda one: one.criterion, default=null)
     best = min(candidates, key=lambda one: one.criterion)
-    left, rest = (_rest(one, floor) for one in (single, best))
-    needed = single.criterion - best.criterion >= CLEARLY and rest <= (1.0 - SECOND) * left
+    much = _rest(best, floor) <= (1.0 - SECOND) * _rest(single, floor)
+    needed = single.criterion - best.criterion >= CLEARLY and much and _leaves_more_than_form(null, single, floor)
     return best if needed else single
+
+
+def _leaves_more_than_form(null: Scored, single: Scored, floor: float) -> bool:
+    return single.loss - floor > FORM * (null.loss - floor)
 
 
 def room_for_two(null: Scored, candidates: Sequence[Scored], floor: float) -> bool:
     """Whether the best single effect leaves so much that :func:`leading` could prefer a pair."""
-    least = _rest(min((null, *candidates), key=lambda one: one.criterion), floor)
-    return (1.0 - SECOND) * least >= _rest_by_chance(floor) / 3.0
+    least = min((null, *candidates), key=lambda one: one.criterion)
+    much = (1.0 - SECOND) * _rest(least, floor) >= _rest_by_chance(floor) / 3.0
+    return much and _leaves_more_than_form(null, least, floor)
 
 
 def rivals(best: Scored, candidates: Sequence[Scored], floor: float) -> list[Scored]:

@@ -13,7 +13,7 @@ HELD = {"protocol": (3000.0, 200.0), "later cycles": (900.0, 100.0), "specimen":
 NULL = Scored((), 5000.0, 5000.0)
 GOOD = Scored(("softening",), 1120.0, 1100.0, (2000.0, 1880.0), HELD, in_place=0.9)
 OTHER = Scored(("time-lag",), 3000.0, 2980.0, (1000.0, 1000.0))
-SOME = replace(GOOD, criterion=1320.0, loss=1300.0)  # explains much, leaves something
+SOME = replace(GOOD, criterion=1620.0, loss=1600.0)  # explains much, leaves something
 PAIR = Scored(("softening", "time-lag"), 1060.0, 1010.0, (2000.0, 1940.0), HELD, HELD, in_place=0.9)
 
 
@@ -28,9 +28,16 @@ def test_a_clear_effect_is_named():
 
 def test_a_pair_is_named_only_when_it_takes_away_much_of_what_one_leaves():
     assert told(SOME, PAIR) == ("NAMED", ("softening", "time-lag"))
-    little = replace(PAIR, criterion=1250.0, loss=1200.0)
+    little = replace(PAIR, criterion=1350.0, loss=1300.0)
     assert leading(NULL, (SOME, little), FLOOR) is SOME
     assert leading(NULL, (GOOD, replace(PAIR, criterion=1110.0)), FLOOR) is GOOD
+
+
+def test_a_second_effect_does_not_feed_on_the_form_of_the_first():
+    """Of a large misfit, what the right effect leaves may be for its form; a second one would take that away."""
+    null = replace(NULL, criterion=200_000.0, loss=200_000.0)
+    assert told(SOME, PAIR, null=null) == ("NAMED", ("softening",))
+    assert not room_for_two(null, (SOME,), FLOOR)
 
 
 def test_a_pair_must_predict_better_than_one_of_them_alone():
