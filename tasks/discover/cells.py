@@ -130,14 +130,21 @@ def misfit_map(
     ]
 
 
-def located_part(before: Sequence[list[dict[str, Any]]], after: Sequence[list[dict[str, Any]]]) -> float | None:
-    """Part of the improvement that lies in cells which were beyond chance before; None where none was."""
+def located_part(
+    before: Sequence[list[dict[str, Any]]], after: Sequence[list[dict[str, Any]]]
+) -> tuple[float, float] | None:
+    """Part of the improvement that lies in cells which were beyond chance before, and part of all cells that these are.
+
+    None where there was none.
+    """
     gains = [
         (b["z"] ** 2 - a["z"] ** 2, abs(b["z"]) > b["limit"])
         for old, new in zip(before, after, strict=True)
         for b, a in zip(old, new, strict=True)
     ]
-    if not any(located for _, located in gains):
+    share = sum(located for _, located in gains) / len(gains)
+    if not share:
         return None
     better = sum(gain for gain, _ in gains if gain > 0)
-    return float(sum(gain for gain, located in gains if located and gain > 0) / better) if better else 0.0
+    part = sum(gain for gain, located in gains if located and gain > 0) / better if better else 0.0
+    return float(part), float(share)

@@ -19,7 +19,8 @@ SECOND = 0.8  # part of what one effect leaves that a second must take away
 FORM = 0.005  # part of the misfit that an effect may leave because nature's form of it is another
 HELD_OUT_ERRORS = 2.0  # standard errors by which the prediction of what a fit has not seen must improve
 KINDS = 2  # of splits on which it must
-PLACES = 0.5  # part of the improvement that must lie in cells which disagree
+PLACES = 0.5  # part of the improvement that must lie in cells which disagree,
+CROWDED = 2.0  # or at least so many times the part of the cells that they are: a small misfit shows in few
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,8 @@ class Scored:
     ``gains``: improvement of the criterion by specimen. ``held``: by kind of split, the gain on what was held out and
     its standard error; for two effects, ``beyond`` has the same against the better of them alone. Empty where nothing
     was held out. ``on_bound``: parameters of the effects that ended on a bound in any specimen, null values left out.
-    ``in_place``: part of the improvement that lies in cells beyond chance (None: not looked at).
+    ``in_place``: part of the improvement that lies in cells beyond chance, and part of all cells that these are (None:
+    there are none, or nobody looked).
     """
 
     effects: tuple[str, ...]
@@ -39,7 +41,7 @@ class Scored:
     held: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     beyond: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     on_bound: tuple[str, ...] = ()
-    in_place: float | None = None
+    in_place: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -147,7 +149,7 @@ def _doubts(best: Scored) -> list[str]:
     seen = sum(gain > 0 for gain in best.gains)
     if seen < min(2, len(best.gains)):
         found.append(f"it shows in {seen} of {len(best.gains)} specimens")
-    if best.in_place is not None and best.in_place < PLACES:
+    if best.in_place is not None and best.in_place[0] < min(PLACES, CROWDED * best.in_place[1]):
         found.append("it improves the fit elsewhere than where model and data disagree")
     return found
 

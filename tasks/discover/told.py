@@ -38,7 +38,7 @@ def told_candidate(
         "held_out_error": error,
         "splits": {kind: {"gain": each[0], "error": each[1]} for kind, each in scored.held.items()},
         "beyond_one": {kind: {"gain": each[0], "error": each[1]} for kind, each in scored.beyond.items()},
-        "in_place": scored.in_place,
+        "in_place": dict(zip(("improvement", "cells"), scored.in_place, strict=True)) if scored.in_place else None,
         "on_bound": list(scored.on_bound),
         "parameters": {
             one.name: _parameters(effects, Candidate(one.model, effects), fitted)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tasks.discover.cells import cells, limits_by_chance, misfits
+from tasks.discover.cells import cells, limits_by_chance, located_part, misfits
 from tasks.model import Curve
 from tasks.model.protocols import STANDARD, cyclic, two_step
 
@@ -42,3 +42,12 @@ def test_a_true_model_is_called_wrong_as_often_as_was_asked():
         noise = rng.standard_normal(size)
         crossed += np.abs(misfits(inside, noise - basis @ (basis.T @ noise))).max() > limit
     assert crossed / 2000 == pytest.approx(0.05, abs=0.015)
+
+
+def test_an_improvement_is_where_the_misfit_was_or_elsewhere():
+    before = [[{"z": z, "limit": 3.0} for z in (10.0, 1.0, 2.0, 1.0)]]
+    there = [[{"z": z, "limit": 3.0} for z in (0.0, 1.0, 1.0, 1.0)]]
+    elsewhere = [[{"z": z, "limit": 3.0} for z in (10.0, 0.0, 0.0, 1.0)]]
+    assert located_part(before, there) == (pytest.approx(100 / 103), 0.25)
+    assert located_part(before, elsewhere) == (0.0, 0.25)
+    assert located_part(there, there) is None

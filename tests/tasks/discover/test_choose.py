@@ -11,10 +11,10 @@ FLOOR = 1000.0
 ABOUT = Evidence(FLOOR, located=True, surely=True)
 HELD = {"protocol": (3000.0, 200.0), "later cycles": (900.0, 100.0), "specimen": (2500.0, 100.0)}
 NULL = Scored((), 5000.0, 5000.0)
-GOOD = Scored(("softening",), 1120.0, 1100.0, (2000.0, 1880.0), HELD, in_place=0.9)
+GOOD = Scored(("softening",), 1120.0, 1100.0, (2000.0, 1880.0), HELD, in_place=(0.9, 0.3))
 OTHER = Scored(("time-lag",), 3000.0, 2980.0, (1000.0, 1000.0))
 SOME = replace(GOOD, criterion=1620.0, loss=1600.0)  # explains much, leaves something
-PAIR = Scored(("softening", "time-lag"), 1060.0, 1010.0, (2000.0, 1940.0), HELD, HELD, in_place=0.9)
+PAIR = Scored(("softening", "time-lag"), 1060.0, 1010.0, (2000.0, 1940.0), HELD, HELD, in_place=(0.9, 0.3))
 
 
 def told(*candidates, about=ABOUT, null=NULL):
@@ -82,11 +82,15 @@ def test_what_fits_alike_is_ambiguous():
         {"held": {"protocol": (300.0, 200.0), "later cycles": (900.0, 100.0)}},
         {"on_bound": ("softening_loss",)},
         {"gains": (3900.0, -20.0)},
-        {"in_place": 0.2},
+        {"in_place": (0.2, 0.3)},
     ],
 )
 def test_what_fails_a_check_is_not_named(change):
     assert told(replace(GOOD, **change), OTHER) == ("AMBIGUOUS", ("softening",))
+
+
+def test_a_small_misfit_shows_in_few_cells():
+    assert told(replace(GOOD, in_place=(0.2, 0.05)), OTHER) == ("NAMED", ("softening",))
 
 
 def test_two_kinds_of_splits_are_enough_and_one_where_there_is_one():
