@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import xarray as xr
 import yaml
 
 from tasks.cohort import autoregressive, virtual_cohort, write_cohort
@@ -64,7 +65,22 @@ def test_a_hidden_effect_is_named_added_and_shown(study, tmp_path, capsys):
     assert any(abs(cell["z"]) > cell["limit"] for cells in result["cells"].values() for cell in cells)
     after = [abs(cell["z"]) > cell["limit"] for cells in result["after"].values() for cell in cells]
     assert np.mean(after) < 0.05
-    assert (out / "figures" / "discover_cells.png").stat().st_size > 5000
+    for figure in ("discover_cells", "discover_distal_1", "discover_middle_1"):
+        assert (out / "figures" / f"{figure}.png").stat().st_size > 5000
+    checks, solver = result["model"]["checks"], result["model"]["febio"]
+    assert checks["at_null_N"] == 0.0
+    assert checks["not_inert"]
+    assert len(solver["inputs"]) == 2
+    assert all("prestrain" in (out / path).read_text() for path in solver["inputs"])
+    if solver["ran"]:
+        assert all(run["deviation"] < 1e-6 < 0.01 < run["change"] for run in solver["runs"].values())
+    else:
+        assert "not on the PATH" in solver["why"]
+    assert set(best["splits"]) == {"protocol", "later cycles", "specimen"}
+    assert all(split["gain"] > 2 * split["error"] for split in best["splits"].values())
+    kept = xr.open_datatree(out / "store.zarr", engine="zarr", consolidated=False)["discover/distal_1"]
+    left = {name: np.std((kept["measured_cyclic"] - kept[f"{name}_cyclic"]).to_numpy()) for name in ("bare", "having")}
+    assert left["having"] < 1.7 < 2.5 < left["bare"], "noise of 1.5 N is left"
 
     added = out / result["model"]["path"]
     assert yaml.safe_load(added.read_text())["model"] == {"effects": ["toe-slack"]}
@@ -122,3 +138,20 @@ def test_a_model_that_has_effects_already_is_one_line(study, tmp_path, capsys):
     with pytest.raises(SystemExit):
         sinew("discover", path, "--out", tmp_path / "out")
     assert "'magic' is no effect" in capsys.readouterr().err
+
+
+def test_a_cohort_with_an_effect_that_is_told_in_its_truth_only(tmp_path, capsys):
+    for name, options in (("bare", ()), ("slack", ("--effect", "toe-slack"))):
+        sinew("cohort", "--out", tmp_path / name, "--per-site", 1, "--rate", 2, *options)
+    told = [json.loads((tmp_path / name / "truth.json").read_text()) for name in ("bare", "slack")]
+    assert "effects" not in told[0]
+    assert told[1]["effects"] == {"toe-slack": {"slack_stretch": 0.99}}
+    assert told[0]["specimens"].keys() == told[1]["specimens"].keys()
+    forces = [np.loadtxt(tmp_path / name / "distal" / "1" / "one_step.csv", delimiter=",", skiprows=1)[:, 2]
+              for name in ("bare", "slack")]  # fmt: skip
+    assert forces[1].max() < 0.9 * forces[0].max()
+    with pytest.raises(SystemExit) as ended:
+        sinew("cohort", "--out", tmp_path / "magic", "--effect", "magic")
+    assert ended.value.code == 2
+    assert "--effect: 'magic' is no effect; expected one of area-error" in capsys.readouterr().err
+    assert not (tmp_path / "magic").exists()
