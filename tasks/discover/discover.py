@@ -5,7 +5,7 @@ the effect in its model. See docs/discover.md.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -14,13 +14,16 @@ from runner.ensemble import Desk
 from tasks.discover.added import add_to_study, checks
 from tasks.discover.cells import located_part, misfit_map
 from tasks.discover.choose import CLEARLY, Evidence, Scored, leading, rivals, verdict
+from tasks.discover.conflict import conflict, together
 from tasks.discover.experiment import Experiment, Rival, next_experiment
 from tasks.discover.explore import Effects, Explorer, agree, each_for_all, explorers
 from tasks.discover.fit import Candidate, Fitted
 from tasks.discover.search import Found, search
+from tasks.discover.shape import shape
 from tasks.discover.solver import in_febio
 from tasks.discover.splits import gain
 from tasks.discover.told import NO_GAP, gap_of, simulated, told_candidate
+from tasks.model.effects import library
 from tasks.problems import BadInput
 from tasks.simulate import Array
 from tasks.simulate.uniaxial import Uniaxial
@@ -51,6 +54,7 @@ def discover(workspace: Workspace) -> dict[str, Any]:
         agree(sorted([*fits, null], key=lambda one: one.loss)) for fits, null in zip(bare, found.null, strict=True)
     )
     held = _hold_out(workspace, explored, found)
+    conflicts = _conflicts(workspace, explored, found.null)
     chance = settings.chance / len(explored)
     before = [
         misfit_map(one.measured, Candidate(one.model), null, chance, SURELY, (seed, 10, i))
@@ -87,6 +91,7 @@ def discover(workspace: Workspace) -> dict[str, Any]:
             "trusted": trusted,
             "starts": {name: [one.loss for one in fits] for name, fits in zip(names, bare, strict=True)},
         },
+        "conflict": conflicts,
         "located": about.located,
         "surely": about.surely,
         "noise": {one.name: {"sd_N": one.measured.noise.sd_N, "ar1": one.measured.noise.ar1} for one in explored},
@@ -98,6 +103,7 @@ def discover(workspace: Workspace) -> dict[str, Any]:
         "shown": list(best.effects),
         "gap": gap_of(held, found.having(best), explored, found.fits) if held else NO_GAP,
         "next_experiment": None,
+        "outside": None,
         "model": None,
     }
     shown = found.having(best) if best.effects else ()
@@ -108,6 +114,10 @@ def discover(workspace: Workspace) -> dict[str, Any]:
         result["after"] = dict(zip(names, after[shown], strict=True))
     if decided.word == "AMBIGUOUS" and best.effects:
         result["next_experiment"] = _experiment(workspace, explored, found, best)
+    if decided.word == "OUTSIDE":
+        described = [one.measured for one in explored[:ASKED]]
+        ats = [one.at for one in found.null[:ASKED]]
+        result["outside"] = shape(workspace.model, described, ats, library()).told()
     if decided.word == "NAMED":
         result["model"] = add_to_study(workspace, shown)
         result["model"]["checks"] = checks(explored, shown, found.fits[shown])
@@ -130,6 +140,19 @@ def _ready(workspace: Workspace) -> list[Explorer]:
         if not one.measured.noise.sd_N > 0:
             raise BadInput(workspace.cohort.folder / one.name, "no noise can be seen in its curves", "measured curves")
     return explored
+
+
+def _conflicts(workspace: Workspace, explored: Sequence[Explorer], null: Sequence[Fitted]) -> dict[str, Any]:
+    """Whether one set of parameters can be right for all protocols, by specimen and for all of them."""
+    title = "the model as it is, for each curve alone"
+    (alone,) = each_for_all(workspace, explored, title, [None], lambda i, _, desk: explored[i].alone(desk, null[i]))
+    found = [
+        conflict(Candidate(one.model), one.measured, fitted, own)
+        for one, fitted, own in zip(explored, null, alone, strict=True)
+    ]
+    statistic, freedom, p = together(found)
+    specimens = {one.name: asdict(each) for one, each in zip(explored, found, strict=True)}
+    return {"statistic": statistic, "freedom": freedom, "p": p, "specimens": specimens}
 
 
 def _experiment(

@@ -77,6 +77,15 @@ class Explorer:
             found.sort(key=lambda one: one.loss)
         return found
 
+    def alone(self, desk: Desk, pooled: Fitted) -> list[Fitted]:
+        """Fits of the model without effects to each curve alone, from where the fit to all of them ended."""
+        candidate = Candidate(self.model)
+        ledger = self._ledger("alone", digest(pooled.at))
+        return [
+            self._fitted(ledger, i, desk, candidate, fit, candidate, self.measured, pooled.at, [curve])
+            for i, curve in enumerate(self.measured.curves)
+        ]
+
     def extended(self, desk: Desk, effects: Effects, base: Fitted) -> Fitted:
         """The best fit with ``effects``, of which all but the last were fitted in ``base``."""
         candidate, before = Candidate(self.model, effects), Candidate(self.model, effects[:-1])

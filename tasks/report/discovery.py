@@ -15,6 +15,7 @@ from tasks.report.figures import COLOURS, STYLE, save
 from tasks.workspace import Workspace
 
 SHOWN = 6  # candidates
+UNLIKELY = 0.001  # a conflict that is told
 FAR = 12.0  # units of chance, where colours end
 
 
@@ -43,6 +44,21 @@ def tell(workspace: Workspace, result: dict[str, Any], console: Console) -> None
             f"held-out error in units of noise: {gap['before']:.2f} without, {gap['after']:.2f} with "
             f"{' + '.join(result['shown'])} (a true model: {gap['floor']:.2f}); gap closed: {gap['closed']:.2f}"
         )
+    conflict = result["conflict"]
+    if conflict["p"] < UNLIKELY:
+        worst = max(result["conflict"]["specimens"].values(), key=lambda one: one["statistic"])["apart"][0]
+        console.print(
+            f"the protocols want different parameters (p {conflict['p']:.1g}): most of all {worst['parameter']}, "
+            f"{worst['values'][0]:.4g} in {worst['curves'][0]}, {worst['values'][1]:.4g} in {worst['curves'][1]}",
+            markup=False,
+        )
+    if result["outside"]:
+        outside = result["outside"]
+        nearest = outside["similar"][0]
+        console.print(f"what is left looks most like {nearest['effect']} (cosine {nearest['cosine']:.2f} of at most "
+                      f"{outside['largest_cosine']:.2f}); a description, no mechanism:", markup=False)  # fmt: skip
+        for specimen, told in zip(result["cells"], outside["corrections"], strict=False):
+            console.print(f"  {specimen}: {told['sentence']}", markup=False)
     experiment = result["next_experiment"]
     if experiment:
         console.print(
