@@ -187,9 +187,8 @@ def _hold_out(workspace: Workspace, explored: Sequence[Explorer], found: Found) 
     wanted: list[Effects] = [(), chosen, *(found.having(one) for one in close[:1])]
     alone = chosen[:1]
     if len(chosen) == 2:
-        wanted.append(min((effects for effects in found.fits if effects in ((chosen[0],), (chosen[1],))),
-                          key=lambda effects: found.scored[effects].criterion))  # fmt: skip
-        alone = wanted[-1]
+        alone = min((chosen[:1], chosen[1:]), key=lambda effects: sum(one.loss for one in found.fits[effects]))
+        wanted.append(alone)
     wanted = list(dict.fromkeys(wanted))
 
     def work(i: int, effects: Effects, desk: Desk) -> dict[str, dict[str, Array]]:
@@ -209,7 +208,7 @@ def _hold_out(workspace: Workspace, explored: Sequence[Explorer], found: Found) 
             for kind, errors in told.items():
                 kinds.setdefault(kind, {}).update({f"{one.name} {name}": each for name, each in errors.items()})
     for effects in wanted:
-        if effects:
+        if effects in found.scored:
             found.scored[effects] = replace(found.scored[effects], held=_gains(held[()], held[effects]))
     if len(chosen) == 2:
         found.scored[chosen] = replace(found.scored[chosen], beyond=_gains(held[alone], held[chosen]))

@@ -1,8 +1,7 @@
 """The candidates of a cohort: all single effects, and the pairs that promise most, each fitted to every specimen."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from tasks.workspace import Workspace
 
 HEADS = 3  # single effects that pairs are made with
 FRESH = (2, 4)  # of the starts of the bare model: they exchange relaxation times
+SMALL = 0.2  # of an effect's typical size
 PAIRS = 10  # pairs that are fitted, of those that promise most
 
 
@@ -24,8 +24,8 @@ class Found:
 
     null: list[Fitted]
     fits: dict[Effects, list[Fitted]]
-    scored: dict[Effects, Scored]
     floor: float
+    scored: dict[Effects, Scored] = field(default_factory=dict)
 
     @property
     def ordered(self) -> list[Effects]:
@@ -39,63 +39,60 @@ class Found:
     def having(self, scored: Scored) -> Effects:
         return next(effects for effects, one in self.scored.items() if one is scored)
 
+    def score(self) -> None:
+        """Score all fits against the bare model as it is fitted now."""
+        self.scored = _best_forms({effects: _score(effects, fits, self.null) for effects, fits in self.fits.items()})
+
 
 def search(workspace: Workspace, explored: Sequence[Explorer], null: list[Fitted]) -> Found:
     """Fit and score them; ``null`` are the best fits of the bare model so far, by specimen."""
-    points = [fitted.points for fitted in null]
     slugs = workspace.study.discover.effects
     chosen = [effect for slug, effect in library().items() if slugs == "all" or slug in slugs]
-    floor = float(sum(points)) - sum(Candidate(one.model).size for one in explored)
+    bare = Candidate(workspace.model)
     singles: list[Effects] = [(form,) for effect in chosen for form in (effect, *effect.other_forms)]
     columns = each_for_all(
-        workspace,
-        explored,
-        "one effect",
-        singles,
+        workspace, explored, "one effect", singles,
         lambda i, effects, desk: explored[i].extended(desk, effects, null[i]),
-    )
-    fits = dict(zip(singles, columns, strict=True))
-    # where a fit with an effect came further, the bare model may do so, too: it must not look wrong for want of a start
-    best = min(fits, key=lambda effects: sum(one.loss for one in fits[effects]))
-    bare = Candidate(workspace.model)
-    null = each_for_all(
-        workspace, explored, "the model as it is, again", [best],
-        lambda i, effects, desk: explored[i].refitted(desk, (), null[i], [fits[effects][i].at[: bare.size]]),
-    )[0]  # fmt: skip
-    found = Found(null, fits, {}, floor)
-    score = partial(_score, null=null, points=points)
-    found.scored = _best_forms({effects: score(effects, fits[effects]) for effects in singles})
+    )  # fmt: skip
+    floor = float(sum(fitted.points - bare.size for fitted in null))
+    found = Found(null, dict(zip(singles, columns, strict=True)), floor)
+    found.score()
     heads = found.ordered[:HEADS]
     elsewhere = starts(bare, np.random.default_rng((workspace.study.seed, 12)), FRESH[1])[FRESH[0] :]
 
-    def fresh(_: int, effects: Effects) -> list[Array]:
-        return [np.concatenate([at, Candidate(workspace.model, effects).typical()]) for at in elsewhere]
+    def having(effects: Effects, at: Array, part: float) -> Array:
+        candidate = Candidate(workspace.model, effects)
+        return np.concatenate([at, candidate.null() + part * (candidate.typical() - candidate.null())])
 
-    _improve(workspace, explored, found, score, heads, fresh)
-    if not room_for_two(found.nothing, list(found.scored.values()), floor):
-        return found
+    _improve(workspace, explored, found, heads, lambda _, effects: [having(effects, at, 1.0) for at in elsewhere])
+    # where a fit with an effect came further, the bare model may do so, too, and then again the others from there:
+    # nothing must look wrong, or right, for want of a start
+    _bare_again(workspace, explored, found, heads)
+    _improve(workspace, explored, found, heads, lambda i, effects: [having(effects, found.null[i].at, SMALL)])
     pairs = [(*head, *other) for head in heads for other in found.scored if other != head]
+    if not pairs or not room_for_two(found.nothing, list(found.scored.values()), floor):
+        return found
     promises = each_for_all(
         workspace, explored, "looking ahead to two effects", pairs,
-        lambda i, effects, desk: explored[i].promise(desk, effects, fits[effects[:1]][i]),
+        lambda i, effects, desk: explored[i].promise(desk, effects, found.fits[effects[:1]][i]),
     )  # fmt: skip
     wanted = _promising(pairs, [sum(each) for each in promises])
     columns = each_for_all(
         workspace, explored, "two effects", wanted,
-        lambda i, effects, desk: explored[i].extended(desk, effects, fits[effects[:1]][i]),
+        lambda i, effects, desk: explored[i].extended(desk, effects, found.fits[effects[:1]][i]),
     )  # fmt: skip
-    fits |= dict(zip(wanted, columns, strict=True))
-    found.scored |= {effects: score(effects, fits[effects]) for effects in wanted}
+    found.fits |= dict(zip(wanted, columns, strict=True))
+    found.score()
     # a pair must not be preferred because one of its effects alone was not fitted as well as it could be
-    first, second = min(wanted, key=lambda effects: found.scored[effects].criterion)
-    ends: dict[Effects, slice] = {(first,): slice(bare.size, bare.size + len(first.parameters)),
-            (second,): slice(bare.size + len(first.parameters), None)}  # fmt: skip
+    both = min(wanted, key=lambda effects: sum(one.loss for one in found.fits[effects]))
+    ends = bare.size + len(both[0].parameters)
+    own = {both[:1]: slice(bare.size, ends), both[1:]: slice(ends, None)}
 
     def apart(i: int, effects: Effects) -> list[Array]:
-        both = fits[first, second][i].at
-        return [np.concatenate([both[: bare.size], both[ends[effects]]])]
+        at = found.fits[both][i].at
+        return [np.concatenate([at[: bare.size], at[own[effects]]])]
 
-    _improve(workspace, explored, found, score, list(ends), apart)
+    _improve(workspace, explored, found, list(own), apart)
     return found
 
 
@@ -103,7 +100,6 @@ def _improve(
     workspace: Workspace,
     explored: Sequence[Explorer],
     found: Found,
-    score: Callable[[Effects, list[Fitted]], Scored],
     chosen: Sequence[Effects],
     begins: Callable[[int, Effects], list[Array]],
 ) -> None:
@@ -112,9 +108,20 @@ def _improve(
         workspace, explored, "again from elsewhere", chosen,
         lambda i, effects, desk: explored[i].refitted(desk, effects, found.fits[effects][i], begins(i, effects)),
     )  # fmt: skip
-    for effects, column in zip(chosen, columns, strict=True):
-        found.fits[effects] = column
-        found.scored[effects] = score(effects, column)
+    found.fits |= dict(zip(chosen, columns, strict=True))
+    found.score()
+
+
+def _bare_again(workspace: Workspace, explored: Sequence[Explorer], found: Found, chosen: Sequence[Effects]) -> None:
+    """Fit the bare model again, from where it ended with the chosen effects beside it."""
+    size = Candidate(workspace.model).size
+    (found.null,) = each_for_all(
+        workspace, explored, "the model as it is, again", [None],
+        lambda i, _, desk: explored[i].refitted(
+            desk, (), found.null[i], [found.fits[effects][i].at[:size] for effects in chosen]
+        ),
+    )  # fmt: skip
+    found.score()
 
 
 def _best_forms(scored: dict[Effects, Scored]) -> dict[Effects, Scored]:
@@ -134,7 +141,8 @@ def _promising(pairs: Sequence[Effects], losses: Sequence[float]) -> list[Effect
     return list(chosen.values())[:PAIRS]
 
 
-def _score(effects: Effects, fitted: Sequence[Fitted], null: Sequence[Fitted], points: Sequence[int]) -> Scored:
+def _score(effects: Effects, fitted: Sequence[Fitted], null: Sequence[Fitted]) -> Scored:
+    points = [one.points for one in null]
     parameters = [parameter for effect in effects for parameter in effect.parameters]
     idle = [
         effect.null.get(parameter.name) == parameter.minimum for effect in effects for parameter in effect.parameters
