@@ -47,7 +47,7 @@ def prepare(folder: Path, profile: str = PROFILE, seconds: float = 0.02, base_sa
 def sinew(*words: str | Path, expect: int = 0) -> str:
     """What the command prints; its errors when it is expected to fail."""
     command = [sys.executable, "-m", "tasks.cli", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=400)
     assert done.returncode == expect, done.stdout + done.stderr
     return done.stdout if expect == 0 else done.stderr
 
@@ -131,7 +131,7 @@ cluster: slurm
     local.write_text(text.replace("cluster: slurm", "cluster: {name: local, workers: 1}"))
     here = tmp_path / "here"
     sinew("run", local, "--out", here, "--quiet")
-    until(lambda: not live(), "the end of all jobs", 240)
+    until(lambda: not live(), "the end of all jobs", 400)
     assert (out / "compare.json").exists(), log_of(out)
     for name in ("sobol", "importance", "calibrate", "infer", "predict", "compare"):
         assert (out / f"{name}.json").read_bytes() == (here / f"{name}.json").read_bytes(), name
