@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import BSpline
-from scipy.optimize import minimize, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from tasks.model import Curve
 from tasks.model.phases import Phase, phases
@@ -23,7 +23,8 @@ LONG = 400  # points of a ramp for which it may have one more
 FEWEST = 12  # points of a phase that can tell
 ENOUGH = 150  # points in holds
 CORRELATIONS = (-0.5, 0.995)
-CLEARLY = 10.0  # gain in twice the log likelihood, from which on noise that grows with the force is believed
+GROWTH = (0.03, 300.0)  # of the level, up to the largest force
+CLEARLY = 10.0  # for each specimen: gain in twice the log likelihood from which on growth is believed
 
 
 @dataclass(frozen=True)
@@ -74,43 +75,48 @@ def noise_of_all(curves: Sequence[Curve], *, proportional: bool = True) -> Noise
         return Noise(float("nan"), float("nan"))
     if all(np.ptp(piece.force - piece.course) == 0.0 for piece in pieces):
         return Noise(0.0, 0.0)
-    even = minimize_scalar(lambda r: _restricted(pieces, r, 0.0)[0], bounds=CORRELATIONS, method="bounded")
-    loss, sd = _restricted(pieces, even.x, 0.0)
-    found = Noise(float(sd), float(even.x))
-    if not proportional:
-        return found
-    largest = max(float(np.abs(piece.course).max()) for piece in pieces)
-    low, high = CORRELATIONS
-    grown = min(
-        (
-            minimize(
-                lambda at: _restricted(pieces, float(np.clip(at[0], low, high)), abs(at[1]) / largest)[0],
-                [even.x, start],
-                method="Nelder-Mead",
-                options={"xatol": 1e-3, "fatol": 1e-2, "maxiter": 120},
-            )
-            for start in (0.5, 5.0)
-        ),
-        key=lambda result: result.fun,
-    )
-    if loss - grown.fun < CLEARLY:
-        return found
-    r, growth = float(np.clip(grown.x[0], low, high)), abs(float(grown.x[1])) / largest
+    r, (growth,) = _correlation_and_growth([pieces], proportional)
     _, sd = _restricted(pieces, r, growth)
-    return Noise(float(sd), r, float(sd * growth))
+    return Noise(sd, r, sd * growth)
 
 
 def noise_of_each(groups: Sequence[Sequence[Curve]]) -> list[Noise]:
-    """The noise of several specimens from one machine: a level for each, and one correlation."""
+    """The noise of several specimens from one machine: a level for each, and one correlation.
+
+    Each has its own growth with the force, where growth is clearly seen in all of them together.
+    """
     pieces = [_chosen(curves) for curves in groups]
     if any(sum(p.force.size - p.splines.shape[1] for p in each) < FEWEST for each in pieces):
         return [noise_of_all(curves, proportional=False) for curves in groups]
+    r, growths = _correlation_and_growth(pieces, proportional=True)
+    levels = [_restricted(each, r, growth)[1] for each, growth in zip(pieces, growths, strict=True)]
+    return [Noise(sd, r, sd * growth) for sd, growth in zip(levels, growths, strict=True)]
 
-    def loss(r: float) -> float:
-        return sum(_restricted(each, r, 0.0)[0] for each in pieces)
 
-    r = float(minimize_scalar(loss, bounds=CORRELATIONS, method="bounded").x)
-    return [Noise(_restricted(each, r, 0.0)[1], r) for each in pieces]
+def _correlation_and_growth(groups: Sequence[list[_Piece]], proportional: bool) -> tuple[float, list[float]]:
+    """One correlation for groups of phases, and each group's growth in levels per newton (0 where it is not seen)."""
+
+    def correlation(growths: Sequence[float]) -> float:
+        def loss(r: float) -> float:
+            return sum(_restricted(each, r, growth)[0] for each, growth in zip(groups, growths, strict=True))
+
+        return float(minimize_scalar(loss, bounds=CORRELATIONS, method="bounded").x)
+
+    none = [0.0] * len(groups)
+    r = correlation(none)
+    if not proportional:
+        return r, none
+    growths, gain = [], 0.0
+    for each in groups:
+        largest = max(float(np.abs(piece.course).max()) for piece in each) or 1.0
+
+        def loss(log: float, pieces: list[_Piece] = each, largest: float = largest) -> float:
+            return _restricted(pieces, r, float(np.exp(log)) / largest)[0]
+
+        grown = minimize_scalar(loss, bounds=(np.log(GROWTH[0]), np.log(GROWTH[1])), method="bounded")
+        growths.append(float(np.exp(grown.x)) / largest)
+        gain += _restricted(each, r, 0.0)[0] - float(grown.fun)
+    return (correlation(growths), growths) if gain > CLEARLY * len(groups) else (r, none)
 
 
 def _chosen(curves: Sequence[Curve]) -> list[_Piece]:

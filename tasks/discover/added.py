@@ -9,7 +9,8 @@ import numpy as np
 import yaml
 
 from tasks.discover.explore import Effects, Explorer
-from tasks.discover.fit import Candidate, Fitted
+from tasks.discover.fit import Fitted
+from tasks.model.effects import named
 from tasks.workspace import Workspace, write_text
 
 
@@ -17,8 +18,17 @@ def add_to_study(workspace: Workspace, effects: Effects) -> dict[str, Any]:
     """Write the study with the effects in its model beside the results; its path there, and what changed."""
     path: Path = workspace.out / "discover" / "model.yaml"
     old = yaml.safe_load(workspace.study.path.read_text("utf-8"))
-    names = [effect.name for effect in effects]
-    new = {**old, "model": {**(old.get("model") or {}), "effects": names}}
+    model = old.get("model") or {}
+    # where the cohort's size has changed the ranges of the library, the study must say so
+    written = {parameter for effect in effects for parameter in named()[effect.name].parameters}
+    ranges = {
+        one.name: {"min": one.minimum, "max": one.maximum, "reference": one.reference, "unit": one.unit}
+        for effect in effects
+        for one in effect.parameters
+        if one not in written
+    }
+    model |= {"parameters": (model.get("parameters") or {}) | ranges} if ranges else {}
+    new = {**old, "model": {**model, "effects": [effect.name for effect in effects]}}
     new["cohort"] = str(workspace.cohort.folder.resolve())
     before, after = (yaml.safe_dump(each, sort_keys=False, allow_unicode=True) for each in (old, new))
     path.parent.mkdir(exist_ok=True)
@@ -34,7 +44,7 @@ def checks(explored: Sequence[Explorer], effects: Effects, fits: Sequence[Fitted
     """
     at_null, at_fit = 0.0, 0.0
     for one, fitted in zip(explored, fits, strict=True):
-        having, bare = Candidate(one.model, effects), Candidate(one.model)
+        having, bare = one.candidate(effects), one.candidate()
         own = fitted.at[: bare.size]
         points = np.array([np.concatenate([own, having.null()]), fitted.at])
         for curve in one.measured.curves:

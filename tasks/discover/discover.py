@@ -17,16 +17,15 @@ from tasks.discover.choose import CLEARLY, Evidence, Scored, leading, rivals, ve
 from tasks.discover.conflict import conflict, together
 from tasks.discover.experiment import Experiment, Rival, next_experiment
 from tasks.discover.explore import Effects, Explorer, agree, each_for_all, explorers
-from tasks.discover.fit import Candidate, Fitted
-from tasks.discover.search import Found, search
+from tasks.discover.fit import Fitted
+from tasks.discover.search import Found, asked, search
 from tasks.discover.shape import shape
+from tasks.discover.sizes import library_for
 from tasks.discover.solver import in_febio
 from tasks.discover.splits import gain
 from tasks.discover.told import NO_GAP, gap_of, simulated, told_candidate
-from tasks.model.effects import library
 from tasks.problems import BadInput
 from tasks.simulate import Array
-from tasks.simulate.uniaxial import Uniaxial
 from tasks.workspace import Workspace, write_json
 
 BLOCK = 50  # points whose errors may depend on each other
@@ -37,7 +36,7 @@ SURELY = 0.02  # of the chance of a cell beyond chance: one that is beyond this,
 def discover(workspace: Workspace) -> dict[str, Any]:
     """The verdict on a cohort. Returns ``discover.json``.
 
-    Raises :class:`BadInput` when the study's model has effects already, for another simulator than the embedded one,
+    Raises :class:`BadInput` when the study's model has effects already, for effects that its simulator does not have,
     and when noise cannot be told from the curves.
     """
     settings, seed = workspace.study.discover, workspace.study.seed
@@ -57,12 +56,12 @@ def discover(workspace: Workspace) -> dict[str, Any]:
     conflicts = _conflicts(workspace, explored, found.null)
     chance = settings.chance / len(explored)
     before = [
-        misfit_map(one.measured, Candidate(one.model), null, chance, SURELY, (seed, 10, i))
+        misfit_map(one.measured, one.candidate(), null, chance, SURELY, (seed, 10, i))
         for i, (one, null) in enumerate(zip(explored, found.null, strict=True))
     ]
     after = {
         effects: [
-            misfit_map(one.measured, Candidate(one.model, effects), fitted, chance, SURELY, (seed, 11, i))
+            misfit_map(one.measured, one.candidate(effects), fitted, chance, SURELY, (seed, 11, i))
             for i, (one, fitted) in enumerate(zip(explored, found.fits[effects], strict=True))
         ]
         for effects in held
@@ -94,7 +93,7 @@ def discover(workspace: Workspace) -> dict[str, Any]:
         "conflict": conflicts,
         "located": about.located,
         "surely": about.surely,
-        "noise": {one.name: {"sd_N": one.measured.noise.sd_N, "ar1": one.measured.noise.ar1} for one in explored},
+        "noise": {one.name: asdict(one.measured.noise) for one in explored},
         "candidates": [
             told_candidate(found.scored[effects], found.nothing, found.floor, effects, explored, found.fits[effects])
             for effects in found.ordered
@@ -117,7 +116,8 @@ def discover(workspace: Workspace) -> dict[str, Any]:
     if decided.word == "OUTSIDE":
         described = [one.measured for one in explored[:ASKED]]
         ats = [one.at for one in found.null[:ASKED]]
-        result["outside"] = shape(workspace.model, described, ats, library()).told()
+        known = library_for([one.measured.specimen for one in explored])
+        result["outside"] = shape(workspace.model, described, ats, known).told()
     if decided.word == "NAMED":
         result["model"] = add_to_study(workspace, shown)
         result["model"]["checks"] = checks(explored, shown, found.fits[shown])
@@ -132,10 +132,11 @@ def _ready(workspace: Workspace) -> list[Explorer]:
     study = workspace.study
     if study.model.effects:
         raise BadInput(f"{study.path}: model.effects", "is not empty", "a model without effects to begin with")
-    if not isinstance(workspace.simulator, Uniaxial):
-        problem = f"is {workspace.simulator.name}, and effects are fitted with the embedded simulator"
-        raise BadInput(f"{study.path}: simulator", problem, "uniaxial")
     explored = explorers(workspace)
+    missing = [effect.slug for effect in asked(workspace, explored) if not effect.febio]
+    if missing and explored[0].solver is not None:
+        expected = "effects with a FEBio partial (docs/effects.md), or simulator: uniaxial"
+        raise BadInput(f"{study.path}: discover.effects", f"{', '.join(missing)}: not in FEBio", expected)
     for one in explored:
         if not one.measured.noise.sd_N > 0:
             raise BadInput(workspace.cohort.folder / one.name, "no noise can be seen in its curves", "measured curves")
@@ -147,7 +148,7 @@ def _conflicts(workspace: Workspace, explored: Sequence[Explorer], null: Sequenc
     title = "the model as it is, for each curve alone"
     (alone,) = each_for_all(workspace, explored, title, [None], lambda i, _, desk: explored[i].alone(desk, null[i]))
     found = [
-        conflict(Candidate(one.model), one.measured, fitted, own)
+        conflict(one.candidate(), one.measured, fitted, own)
         for one, fitted, own in zip(explored, null, alone, strict=True)
     ]
     statistic, freedom, p = together(found)

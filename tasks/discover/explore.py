@@ -5,7 +5,7 @@ without what is held out. Fits are kept beside the store, so that a run that was
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from threading import Lock
@@ -23,6 +23,7 @@ from tasks.model import Model
 from tasks.model.effect import Effect
 from tasks.noise import noise_of_each
 from tasks.simulate import Array
+from tasks.simulate.febio import FEBio
 from tasks.workspace import Workspace, digest
 
 MORE = 4  # times the starts, while no two fits of the bare model agree
@@ -39,21 +40,30 @@ def agree(fits: Sequence[Fitted]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Explorer:
-    """One specimen: its measurements, and the fits of it that are known already."""
+    """One specimen: its measurements, the model, what it is solved with (None: the embedded simulator).
+
+    ``folder`` keeps the fits that are known already.
+    """
 
     measured: Measured
     model: Model
     folder: Path
+    solver: FEBio | None = None
 
     @property
     def name(self) -> str:
         return self.measured.specimen.name
 
+    def candidate(self, effects: Effects = ()) -> Candidate:
+        """The model with ``effects``."""
+        return Candidate(self.model, effects, self.solver)
+
     def _ledger(self, *what: Any) -> Ledger:
         """Where what was found of one kind is kept."""
-        noise = self.measured.noise
         bounds = [[p.minimum, p.maximum] for p in self.model.parameters]
-        inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, [noise.sd_N, noise.ar1], what)
+        solver = self.solver.identity() if self.solver else None
+        noise = asdict(self.measured.noise)
+        inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, noise, solver, what)
         return Ledger(self.folder / f"{self.name.replace('/', '_')}.{digest(what)[:12]}.jsonl", inputs)
 
     def _fitted(self, ledger: Ledger, number: int, desk: Desk, candidate: Candidate, *arguments: Any) -> Fitted:
@@ -67,7 +77,7 @@ class Explorer:
 
     def bare(self, desk: Desk, count: int, seed: tuple[int, ...]) -> list[Fitted]:
         """Fits of the model without effects, the best first, from ``count`` starts and, until two agree, some more."""
-        candidate = Candidate(self.model)
+        candidate = self.candidate()
         ledger = self._ledger("bare", seed)
         found: list[Fitted] = []
         for i, at in enumerate(starts(candidate, np.random.default_rng(seed), MORE * count)):
@@ -79,7 +89,7 @@ class Explorer:
 
     def alone(self, desk: Desk, pooled: Fitted) -> list[Fitted]:
         """Fits of the model without effects to each curve alone, from where the fit to all of them ended."""
-        candidate = Candidate(self.model)
+        candidate = self.candidate()
         ledger = self._ledger("alone", digest(pooled.at))
         return [
             self._fitted(ledger, i, desk, candidate, fit, candidate, self.measured, pooled.at, [curve])
@@ -88,13 +98,13 @@ class Explorer:
 
     def extended(self, desk: Desk, effects: Effects, base: Fitted) -> Fitted:
         """The best fit with ``effects``, of which all but the last were fitted in ``base``."""
-        candidate, before = Candidate(self.model, effects), Candidate(self.model, effects[:-1])
+        candidate, before = self.candidate(effects), self.candidate(effects[:-1])
         ledger = self._ledger("extended", _forms(effects), digest(base.at, *candidate.bounds()))
         return self._fitted(ledger, 0, desk, candidate, extended, before, base.at, effects[-1], self.measured)
 
     def refitted(self, desk: Desk, effects: Effects, before: Fitted, begins: Sequence[Array]) -> Fitted:
         """The better of ``before`` and fits with ``effects`` from ``begins``, each ``[k]``."""
-        candidate = Candidate(self.model, effects)
+        candidate = self.candidate(effects)
         ledger = self._ledger("refitted", _forms(effects), digest(*begins, *candidate.bounds()))
         found = [
             self._fitted(ledger, i, desk, candidate, fit, candidate, self.measured, at) for i, at in enumerate(begins)
@@ -103,7 +113,7 @@ class Explorer:
 
     def promise(self, desk: Desk, effects: Effects, base: Fitted) -> float:
         """The loss that a fit with ``effects`` may come to, seen from ``base``, which has all but the last of them."""
-        candidate, before = Candidate(self.model, effects), Candidate(self.model, effects[:-1])
+        candidate, before = self.candidate(effects), self.candidate(effects[:-1])
         ledger = self._ledger("promise", _forms(effects), digest(base.at, *candidate.bounds()))
         if not len(ledger):
             ahead = desk.compute(look_ahead, before, base.at, effects[-1], self.measured)
@@ -112,7 +122,7 @@ class Explorer:
 
     def held_out(self, desk: Desk, effects: Effects, start: Array) -> dict[str, dict[str, Array]]:
         """By kind of split and curve: whitened squared errors ``[t]`` of what a fit of the rest predicts."""
-        candidate = Candidate(self.model, effects)
+        candidate = self.candidate(effects)
         ledger = self._ledger("held out", _forms(effects), digest(start, *candidate.bounds()))
         told: dict[str, dict[str, Array]] = {}
         for i, split in enumerate(splits(self.measured)):
@@ -125,7 +135,7 @@ class Explorer:
 
     def of_others(self, desk: Desk, effects: Effects, start: Array, values: Array) -> dict[str, dict[str, Array]]:
         """As :meth:`held_out`, when the effects have ``values`` ``[m]`` (unit cube) that this specimen did not see."""
-        candidate = Candidate(self.model, effects)
+        candidate = self.candidate(effects)
         begin = np.concatenate([start[: start.size - values.size], values])
         ledger = self._ledger("of others", _forms(effects), digest(begin, *candidate.bounds()))
         how = (_fit_beside, candidate, self.measured, begin, values.size)
@@ -152,7 +162,10 @@ def explorers(workspace: Workspace) -> list[Explorer]:
     chosen = workspace.specimens(workspace.study.discover.specimens, "discover.specimens")
     folder = workspace.out / "discover"
     noise = noise_of_each([one.curves for one in chosen])
-    return [Explorer(Measured(one, its), workspace.model, folder) for one, its in zip(chosen, noise, strict=True)]
+    solver = workspace.simulator if isinstance(workspace.simulator, FEBio) else None
+    return [
+        Explorer(Measured(one, its), workspace.model, folder, solver) for one, its in zip(chosen, noise, strict=True)
+    ]
 
 
 def each_for_all(

@@ -1,7 +1,7 @@
 """Fits of one specimen, with or without effects, by generalised least squares on whitened residuals."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -10,9 +10,11 @@ from scipy.optimize import least_squares, lsq_linear
 from tasks.discover.measured import Measured
 from tasks.fits import ALIKE, FAST, SLOW
 from tasks.model import Curve, Model, Protocol, Specimen
-from tasks.model.effect import Effect
+from tasks.model.effect import Effect, model_with
 from tasks.simulate import Array
 from tasks.simulate.effects import simulate_with
+from tasks.simulate.febio import FEBio
+from tasks.simulate.febio_effects import febio_with
 
 BLIND = "nu_m"  # the force does not depend on it
 TOE, GENTLE = "alpha_f", 0.05
@@ -43,10 +45,23 @@ class Fitted:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """The model with some effects: what a fit can vary is the model's free parameters and those of the effects."""
+    """The model with some effects: what a fit can vary is the model's free parameters and those of the effects.
+
+    Forces are those of the embedded simulator or, where there is one, of the ``solver``.
+    """
 
     model: Model
     effects: tuple[Effect, ...] = ()
+    solver: FEBio | None = None
+
+    @property
+    def embedded(self) -> "Candidate":
+        """The same with the embedded simulator."""
+        return replace(self, solver=None)
+
+    def having(self, *effects: Effect) -> "Candidate":
+        """The same with these effects instead."""
+        return replace(self, effects=effects)
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -71,8 +86,11 @@ class Candidate:
         return self.model.full(self.varied, values[:, :count]), values[:, count:]
 
     def forces(self, specimen: Specimen, protocol: Protocol, at: Array) -> Array:
-        """Forces ``[n, t]`` (N) along a protocol at points ``[n, k]`` of the unit cube."""
+        """Forces ``[n, t]`` (N) along a protocol at points ``[n, k]`` of the unit cube; NaN where they fail."""
         parameters, values = self.rows(at)
+        if self.solver is not None:
+            solver, model = febio_with(self.solver, self.effects), model_with(self.model, self.effects)
+            return solver.simulate(model, specimen, protocol, np.concatenate([parameters, values], axis=1)).force_N
         return simulate_with(self.model, self.effects, specimen, protocol, parameters, values)
 
     def unit(self, name: str, value: float) -> float:
@@ -121,11 +139,15 @@ def derivatives(
     of: Whitened = residuals,
     vary: int | None = None,
 ) -> tuple[Array, Array]:
-    """Residuals ``[t]`` at a point ``[k]`` of the unit cube, and their derivatives ``[t, k]`` by the first ``vary``."""
+    """Residuals ``[t]`` at a point ``[k]`` of the unit cube, and their derivatives ``[t, k]`` by the first ``vary``.
+
+    Derivatives are always the embedded simulator's.
+    """
     steps = np.where(at + STEP <= 1.0, STEP, -STEP)
     moves = np.diag(steps)[: at.size if vary is None else vary]
-    moved = of(candidate, measured, np.concatenate([at[np.newaxis], at + moves]), curves)
-    return moved[0], ((moved[1:] - moved[0]) / steps[: len(moves), np.newaxis]).T
+    moved = of(candidate.embedded, measured, np.concatenate([at[np.newaxis], at + moves]), curves)
+    slopes = ((moved[1:] - moved[0]) / steps[: len(moves), np.newaxis]).T
+    return moved[0] if candidate.solver is None else of(candidate, measured, at[np.newaxis], curves)[0], slopes
 
 
 def fit(
@@ -138,9 +160,12 @@ def fit(
 ) -> Fitted:
     """The nearest minimum to ``start`` ``[k]`` on the unit cube, over ``curves`` (all of the specimen's).
 
-    The last ``fixed`` of the varied values stay where they are.
+    The last ``fixed`` of the varied values stay where they are. A fit with a solver goes on from where that with the
+    embedded simulator ended, and takes its derivatives from there: near the minimum they need not be exact.
     """
     chosen = measured.curves if curves is None else curves
+    if candidate.solver is not None:
+        start = fit(candidate.embedded, measured, start, chosen, fixed=fixed).at
     count = start.size - fixed
     stay = start[count:]
 
@@ -148,7 +173,7 @@ def fit(
         return residuals(candidate, measured, np.concatenate([at, stay])[np.newaxis], chosen)[0]
 
     def slope(at: Array) -> Array:
-        return derivatives(candidate, measured, np.concatenate([at, stay]), chosen, vary=count)[1]
+        return derivatives(candidate.embedded, measured, np.concatenate([at, stay]), chosen, vary=count)[1]
 
     found = least_squares(
         loss, np.clip(start[:count], 1e-6, 1 - 1e-6), jac=slope, bounds=(0.0, 1.0), ftol=TOLERANCE, xtol=1e-7,
@@ -175,7 +200,7 @@ def look_ahead(
     From the fit ``at`` ``[k]`` of ``base``, with a part of the effect's typical size, one bounded step of linear least
     squares predicts a loss; the smallest over the parts, and the point ``[k + m]`` that it was seen from.
     """
-    candidate, alone = Candidate(base.model, (*base.effects, effect)), Candidate(base.model, (effect,))
+    candidate, alone = base.embedded.having(*base.effects, effect), base.having(effect)
     null, typical = alone.null(), alone.typical()
     found = []
     for part in PARTS:
@@ -194,7 +219,7 @@ def extended(base: Candidate, at: Array, effect: Effect, measured: Measured) -> 
     It begins where :func:`look_ahead` says and, for the first effect, also at a gentle model with a typical effect:
     without the effect the fit may have gone astray.
     """
-    candidate = Candidate(base.model, (*base.effects, effect))
+    candidate = base.having(*base.effects, effect)
     begins = [look_ahead(base, at, effect, measured)[1]]
     if not base.effects:
         begins.append(np.concatenate([gentle(candidate), candidate.typical()]))

@@ -1,7 +1,8 @@
 """What a fit compares a model with: measured curves, whitened by their noise, at as few points as carry what they say.
 
 Measured points are many and their noise is correlated, so errors are whitened first: with the noise's standard
-deviation s and correlation r, (e_t - r e_{t-1}) / (s sqrt(1 - r^2)). Late in a hold a model cannot change from point to
+deviation s and correlation r, (e_t - r e_{t-1}) / (s sqrt(1 - r^2)); between points that are farther apart than usual,
+r is raised to the ratio. Late in a hold a model cannot change from point to
 point, so whitened errors are taken together there, and the model is asked at the ends of each group only; in between it
 is interpolated. What is left has unit variance if the model is true: its sum of squares is twice the negative log
 likelihood, up to a constant, and has about as many degrees of freedom as there are groups less parameters.
@@ -87,10 +88,11 @@ def thinned(curve: Curve, noise: Noise) -> Thinned:
 
 def _whitening(curve: Curve, noise: Noise) -> csr_matrix:
     """Makes whitened errors ``[t]`` of errors ``[t]`` (N)."""
-    scale = np.full(curve.force_N.size, 1.0 / np.sqrt(1.0 - noise.ar1**2))
-    scale[0] = 1.0
+    steps = np.diff(curve.protocol.time_s)
+    ar1 = np.sign(noise.ar1) * np.abs(noise.ar1) ** (steps / np.median(steps))  # points far apart are less alike
+    scale = np.concatenate([[1.0], 1.0 / np.sqrt(1.0 - ar1**2)])
     each = 1.0 / noise.sd_at(curve.force_N)
-    return csr_matrix(diags_array([scale * each, -noise.ar1 * scale[1:] * each[:-1]], offsets=[0, -1]))
+    return csr_matrix(diags_array([scale * each, -ar1 * scale[1:] * each[:-1]], offsets=[0, -1]))
 
 
 def groups(protocol: Protocol) -> Array:

@@ -8,8 +8,10 @@ import numpy as np
 from tasks.discover.choose import Scored, criterion, room_for_two
 from tasks.discover.explore import Effects, Explorer, each_for_all
 from tasks.discover.fit import Candidate, Fitted, starts
-from tasks.model.effects import library
+from tasks.discover.sizes import library_for
+from tasks.model.effect import Effect
 from tasks.simulate import Array
+from tasks.simulate.febio_effects import fit_together
 from tasks.workspace import Workspace
 
 HEADS = 3  # single effects that pairs are made with
@@ -44,12 +46,18 @@ class Found:
         self.scored = _best_forms({effects: _score(effects, fits, self.null) for effects, fits in self.fits.items()})
 
 
+def asked(workspace: Workspace, explored: Sequence[Explorer]) -> list[Effect]:
+    """The effects that the study asks for, with ranges for specimens of this size."""
+    slugs = workspace.study.discover.effects
+    known = library_for([one.measured.specimen for one in explored])
+    return [effect for slug, effect in known.items() if slugs == "all" or slug in slugs]
+
+
 def search(workspace: Workspace, explored: Sequence[Explorer], null: list[Fitted]) -> Found:
     """Fit and score them; ``null`` are the best fits of the bare model so far, by specimen."""
-    slugs = workspace.study.discover.effects
-    chosen = [effect for slug, effect in library().items() if slugs == "all" or slug in slugs]
     bare = Candidate(workspace.model)
-    singles: list[Effects] = [(form,) for effect in chosen for form in (effect, *effect.other_forms)]
+    forms: list[Effects] = [(form,) for effect in asked(workspace, explored) for form in (effect, *effect.other_forms)]
+    singles = [form for form in forms if _possible(form, explored)]
     columns = each_for_all(
         workspace, explored, "one effect", singles,
         lambda i, effects, desk: explored[i].extended(desk, effects, null[i]),
@@ -69,7 +77,8 @@ def search(workspace: Workspace, explored: Sequence[Explorer], null: list[Fitted
     # nothing must look wrong, or right, for want of a start
     _bare_again(workspace, explored, found, heads)
     _improve(workspace, explored, found, heads, lambda i, effects: [having(effects, found.null[i].at, SMALL)])
-    pairs = [(*head, *other) for head in heads for other in found.scored if other != head]
+    both = [(*head, *other) for head in heads for other in found.scored if other != head]
+    pairs = [each for each in both if _possible(each, explored)]
     if not pairs or not room_for_two(found.nothing, list(found.scored.values()), floor):
         return found
     promises = each_for_all(
@@ -84,16 +93,21 @@ def search(workspace: Workspace, explored: Sequence[Explorer], null: list[Fitted
     found.fits |= dict(zip(wanted, columns, strict=True))
     found.score()
     # a pair must not be preferred because one of its effects alone was not fitted as well as it could be
-    both = min(wanted, key=lambda effects: sum(one.loss for one in found.fits[effects]))
-    ends = bare.size + len(both[0].parameters)
-    own = {both[:1]: slice(bare.size, ends), both[1:]: slice(ends, None)}
+    pair = min(wanted, key=lambda effects: sum(one.loss for one in found.fits[effects]))
+    ends = bare.size + len(pair[0].parameters)
+    own = {pair[:1]: slice(bare.size, ends), pair[1:]: slice(ends, None)}
 
     def apart(i: int, effects: Effects) -> list[Array]:
-        at = found.fits[both][i].at
+        at = found.fits[pair][i].at
         return [np.concatenate([at[: bare.size], at[own[effects]]])]
 
     _improve(workspace, explored, found, list(own), apart)
     return found
+
+
+def _possible(effects: Effects, explored: Sequence[Explorer]) -> bool:
+    """Whether what solves the model can have these effects in it, all at once."""
+    return explored[0].solver is None or (all(effect.febio for effect in effects) and fit_together(effects))
 
 
 def _improve(

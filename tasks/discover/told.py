@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from scipy.stats import chi2
 
 from tasks.discover.choose import Scored, explained
 from tasks.discover.explore import Effects, Explorer
@@ -25,6 +26,7 @@ def told_candidate(
     fits: Sequence[Fitted],
 ) -> dict[str, Any]:
     """One candidate: how much it gains, explains and predicts, and its parameters by specimen."""
+    candidates = [one.candidate(effects) for one in explored]
     held, error = scored.held.get(PROTOCOL, scored.held.get(LATER, (None, None)))
     return {
         "effects": list(scored.effects),
@@ -41,10 +43,38 @@ def told_candidate(
         "in_place": dict(zip(("improvement", "cells"), scored.in_place, strict=True)) if scored.in_place else None,
         "on_bound": list(scored.on_bound),
         "parameters": {
-            one.name: _parameters(effects, Candidate(one.model, effects), fitted)
-            for one, fitted in zip(explored, fits, strict=True)
+            one.name: _parameters(effects, candidate, fitted)
+            for one, candidate, fitted in zip(explored, candidates, fits, strict=True)
         },
+        "shared": _shared(effects, candidates[0], fits),
     }
+
+
+def _shared(effects: Effects, candidate: Candidate, fits: Sequence[Fitted]) -> dict[str, Any]:
+    """What belongs to the machine, as one value for all specimens, and how likely it is that there is one (chi-square).
+
+    It is told, and does not decide: where nature's form of an effect is another, values differ by more than noise.
+    """
+    if len(fits) < 2:
+        return {}
+    low, high = candidate.bounds()
+    parameters = [(effect, parameter) for effect in effects for parameter in effect.parameters]
+    first = candidate.size - len(parameters)
+    found = {}
+    for k, (effect, parameter) in enumerate(parameters, first):
+        if parameter.name in effect.shared:
+            values = np.array([low[k] + (high[k] - low[k]) * fitted.at[k] for fitted in fits])
+            weights = np.array([((high[k] - low[k]) * fitted.uncertainty[k]) ** -2.0 for fitted in fits])
+            mean = float(weights @ values / weights.sum())
+            p = float(chi2.sf(float(weights @ (values - mean) ** 2), len(fits) - 1))
+            half = NORMAL_90 / float(np.sqrt(weights.sum()))
+            found[parameter.name] = {
+                "value": mean,
+                "unit": parameter.unit,
+                "interval": [mean - half, mean + half],
+                "p": p,
+            }
+    return found
 
 
 def _parameters(effects: Effects, candidate: Candidate, fitted: Fitted) -> dict[str, Any]:
@@ -98,7 +128,7 @@ def _gap(
         [
             expected
             for one, fitted in zip(explored, fits[effects], strict=True)
-            for expected in _expected(one, Candidate(one.model, effects), fitted, kind)
+            for expected in _expected(one, one.candidate(effects), fitted, kind)
         ]
         or [np.ones(1)]
     )
@@ -108,14 +138,14 @@ def _gap(
 
 def simulated(one: Explorer, null: Fitted, effects: Effects, fitted: Fitted | None) -> xr.Dataset:
     """The curves of a specimen: measured, by the model as it is and, where there are ``effects``, with them (N)."""
-    specimen, bare = one.measured.specimen, Candidate(one.model)
+    specimen, bare = one.measured.specimen, one.candidate()
     found: dict[str, Any] = {}
     for curve in specimen.curves:
         dimension = f"time_{curve.name}"
         found[f"measured_{curve.name}"] = (dimension, curve.force_N)
         found[f"bare_{curve.name}"] = (dimension, bare.forces(specimen, curve.protocol, null.at[np.newaxis])[0])
         if fitted is not None:
-            having = Candidate(one.model, effects).forces(specimen, curve.protocol, fitted.at[np.newaxis])[0]
+            having = one.candidate(effects).forces(specimen, curve.protocol, fitted.at[np.newaxis])[0]
             found[f"having_{curve.name}"] = (dimension, having)
     times = {f"time_{curve.name}": curve.protocol.time_s for curve in specimen.curves}
     return xr.Dataset(found, coords=times, attrs={"effects": [effect.slug for effect in effects]})

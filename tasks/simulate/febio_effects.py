@@ -50,6 +50,15 @@ def template_with(template: str, effects: tuple[Effect, ...]) -> str:
     return template
 
 
+def fit_together(effects: tuple[Effect, ...]) -> bool:
+    """Whether one input can have all of these effects, each of which has a partial."""
+    try:
+        _check(effects)
+    except BadInput:
+        return False
+    return True
+
+
 def _check(effects: tuple[Effect, ...]) -> None:
     taken: dict[str, str] = {}
     for effect in effects:

@@ -5,7 +5,7 @@ import pytest
 
 from tasks.cohort import virtual_cohort
 from tasks.model import Curve, Protocol
-from tasks.noise import noise_of, noise_of_all
+from tasks.noise import noise_of, noise_of_all, noise_of_each
 
 
 def noisy(moved: np.ndarray, signal: np.ndarray, sd: float, ar1: float, seed: int) -> Curve:
@@ -49,6 +49,24 @@ def test_noise_that_grows_with_the_force_is_told_apart():
         found = noise_of_all([Curve(Protocol("pull", t, moved), signal + noise)])
         assert found.proportional == pytest.approx(proportional, abs=0.002)
         assert found.sd_at(np.array([200.0]))[0] == pytest.approx(np.hypot(additive, proportional * 200), rel=0.1)
+
+
+@pytest.mark.parametrize("proportional", [0.0, 0.01])
+def test_specimens_of_one_machine_have_levels_and_growth_of_their_own(proportional):
+    t = np.arange(3000) / 10
+    moved = np.interp(t, [0, 5, 150, 160], [0, 1, 1, 3])
+    rng = np.random.default_rng(4)
+    groups = []
+    for level in (1.0, 2.0):
+        signal = 100 * level * moved * np.exp(-t / 500)
+        noise = level * np.hypot(0.2, proportional * signal / level) * rng.standard_normal(t.size)
+        groups.append([Curve(Protocol("pull", t, moved), signal + noise)])
+    found = noise_of_each(groups)
+    assert [noise.ar1 for noise in found] == pytest.approx([0.0, 0.0], abs=0.06)
+    for noise, level in zip(found, (1.0, 2.0), strict=True):
+        forces = level * np.array([80.0, 250.0])
+        assert noise.sd_at(forces) == pytest.approx(np.hypot(0.2 * level, proportional * forces), rel=0.1)
+        assert (noise.proportional > 0.0) == (proportional > 0.0)
 
 
 def test_a_virtual_specimen_has_the_noise_that_was_put_on():

@@ -120,11 +120,29 @@ def test_cohorts_that_others_made(tmp_path, case, effects):
 
 
 @pytest.mark.febio
-def test_another_simulator_is_one_line(study, tmp_path, capsys):
+def test_the_real_solver_names_a_hidden_effect(study, tmp_path):
+    path, out = study(0.99), tmp_path / "out"
+    text = STUDY.replace("[force-drift, time-lag, toe-slack], starts: 3", "[softening, toe-slack], starts: 1")
+    path.write_text(
+        text.replace("tasks:", "simulator: febio\ntasks:").replace("starts: 1", "starts: 1, specimens: [distal/1]")
+    )
+    sinew("discover", path, "--out", out, "--quiet")
+    result = json.loads((out / "verdict.json").read_text())
+    assert (result["verdict"], result["effects"]) == ("NAMED", ["toe-slack"])
+    assert result["model"]["checks"]["at_null_N"] < 1e-3, "an effect at its null value changes nothing in the solver"
+    (run, *_) = result["model"]["febio"]["runs"].values()
+    assert run["deviation"] < 1e-5
+    first = (out / "verdict.json").read_bytes()
+    sinew("discover", path, "--out", out, "--quiet")
+    assert (out / "verdict.json").read_bytes() == first, "its fits are kept"
+
+
+@pytest.mark.febio
+def test_effects_that_the_real_solver_does_not_have_are_one_line(study, tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:
         sinew("discover", study(None), "--out", tmp_path / "out", "--simulator", "febio")
     assert ended.value.code == 2
-    assert "effects are fitted with the embedded simulator; expected uniaxial" in capsys.readouterr().err
+    assert "discover.effects: force-drift, time-lag: not in FEBio; expected" in capsys.readouterr().err
 
 
 def test_a_model_that_has_effects_already_is_one_line(study, tmp_path, capsys):
