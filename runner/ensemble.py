@@ -233,6 +233,7 @@ class _Source:
             seconds = min(aim_s, AWAITED_S) if self.open else max(aim_s, slots / BATCHES_PER_S)
             size = int(seconds / max(statistics.median(self.seconds_per_row), 1e-9))
             size = min(size, 8 * self.largest)  # the first batches also load code
+            size = max(size, len(self.waiting) // (2 * slots))  # in a long queue, rows of a batch are heard no later
         size = min(size, self.table.chunk_rows, math.ceil(left / slots))  # all workers end at about the same time
         size = max(self.multiple, -(-size // self.multiple) * self.multiple)
         self.largest = max(self.largest, size)

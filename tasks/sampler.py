@@ -10,7 +10,8 @@ made by the same function with the same random numbers again, which then has its
 - Proposals are judged in the order in which they were drawn, so fast simulations are not preferred.
 - A failed row is a rejected proposal.
 - How many are asked for ahead follows from what has been judged, too: as many as are likely to be needed, at most
-  ``pending``. Those that prove superfluous end while the next generation begins; nobody waits for them.
+  ``pending``, and more while many more will surely be needed, so that workers get several at a time. Those that prove
+  superfluous end while the next generation begins; nobody waits for them.
 """
 
 import math
@@ -33,6 +34,8 @@ from tasks.simulate import Array
 
 LIKELY = 0.7  # of being enough, where fewer than ``pending`` are asked for
 FORMER = 5  # proposals that the former generation's acceptance rate counts for
+# more than ``pending``: parts of what is likely to be needed and of what has been judged, times ``pending`` at the most
+SURE, SAFE, DEEP = 2, 2, 8
 GROUPS = 8  # in which ``pending`` is asked for: most of what asking costs does not depend on how many there are
 
 _drawing = threading.Lock()  # pyABC draws from numpy's global generator
@@ -166,8 +169,10 @@ class StoreSampler(Sampler):  # type: ignore[misc]
         while took.accepted < n and took.judged < max_eval:
             rate = (took.accepted + FORMER * former) / (took.judged + FORMER)
             likely = _enough(n - took.accepted, round(max(rate, 0.001), 3))
-            allowed = int(max(allowed, min(took.judged + min(self.pending, likely), max_eval)))
-            if allowed - len(proposed) >= self.pending / GROUPS or len(proposed) == took.judged:
+            more = min(likely // SURE, self.pending + took.judged // SAFE, DEEP * self.pending)
+            ahead = max(self.pending, more)
+            allowed = int(max(allowed, min(took.judged + min(ahead, likely), max_eval)))
+            if allowed - len(proposed) >= ahead / GROUPS or len(proposed) == took.judged:
                 proposed += self._propose(simulate_one, number, range(len(proposed), allowed))
             for _ in range(skip):  # answers that the former generation no longer needed
                 self.desk.next()
