@@ -102,7 +102,7 @@ def number(value: Any, digits: int = 3) -> str:
 
 def percent(part: Any, digits: int = 0) -> str:
     """A part of one as percent."""
-    return "–" if part is None or not math.isfinite(part) else f"{100 * part:.{digits}f} %"
+    return "–" if part is None or not math.isfinite(part) else f"{round(100 * part, digits) + 0.0:.{digits}f} %"
 
 
 def listed(names: Sequence[str], most: int = 4) -> str:

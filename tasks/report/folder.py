@@ -79,7 +79,8 @@ class Found:
     def measured(self) -> dict[str, dict[str, MeasuredCurve]]:
         """Measured curves by specimen and protocol, from the evaluations, else from what a discovery looked at."""
         found = {name: dict(_curves(tables[0])) for name, tables in self.tables.items()}
-        for name in self.results.get("discover", {}).get("cells", {}):
+        cells = self.results.get("discover", {}).get("cells")
+        for name in cells if isinstance(cells, dict) else ():
             if name not in found and self.store is not None:
                 kept = self.store.read_result(f"discover/{name.replace('/', '_')}")
                 found[name] = {}

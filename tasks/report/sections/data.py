@@ -75,17 +75,15 @@ def _draw(sources: plots.Sources, protocols: list[str]) -> list[Plot]:
 
 def _table(found: Found) -> Table:
     rows = []
-    calibrated = found.results.get("calibrate", {}).get("specimens", {})
     for name, every in found.measured.items():
         bar = _geometry(found, name)
         sizes = [number(bar.get(f"{side}_mm"), 4) for side in ("length", "width", "thickness")]
         peak = max(float(np.max(np.abs(curve.force_N))) for curve in every.values())
         lasts = max(float(curve.time_s[-1] - curve.time_s[0]) for curve in every.values())
         points = sum(curve.total for curve in every.values())
-        noise = number(calibrated.get(name, {}).get("noise_N"))
-        rows.append([name, ", ".join(every), *sizes, number(lasts), f"{points:,}", number(peak), noise])
+        rows.append([name, ", ".join(every), *sizes, number(lasts), f"{points:,}", number(peak)])
     header = ["specimen", "protocols", "length (mm)", "width (mm)", "thickness (mm)", "longest (s)", "points kept",
-              "largest force (N)", "noise (N)"]  # fmt: skip
+              "largest force (N)"]  # fmt: skip
     return Table("Specimens", header, rows, words=(1,), open=len(rows) <= 6)
 
 

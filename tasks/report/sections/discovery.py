@@ -61,12 +61,16 @@ def _verdict(result: dict[str, Any], what: str) -> Facts:
         rows.append(("held-out error, in units of noise", f"{having}; {ends}"))
     if conflict["p"] is not None and conflict["p"] < UNLIKELY:
         worst = max(conflict["specimens"].values(), key=lambda one: one["statistic"])["apart"][0]
-        rows.append(("conflict of protocols", f"p {conflict['p']:.1g}: most of all {worst['parameter']}, "
+        rows.append(("conflict of protocols", f"{_small(conflict['p'])}: most of all {worst['parameter']}, "
                      f"{number(worst['values'][0])} in {worst['curves'][0]}, {number(worst['values'][1])} in "
                      f"{worst['curves'][1]}"))  # fmt: skip
     noise = [f"{name} {number(told['sd_N'])} N" for name, told in result["noise"].items()]
     rows.append(("noise (standard deviation)", ", ".join(noise)))
     return Facts(rows)
+
+
+def _small(p: float) -> str:
+    return f"p {p:.1g}" if p > 0.0 else "p below 1e-300"
 
 
 def _curves(found: Found, result: dict[str, Any]) -> Plots:

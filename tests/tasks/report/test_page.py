@@ -241,11 +241,11 @@ def test_a_damaged_result_is_one_clear_line(run_folder, capsys, task, content, w
 
 def test_values_of_a_wrong_kind_are_one_line(run_folder):
     edit(run_folder / "sobol.json", lambda sobol: sobol.update(names=5, ST="much"))
-    edit(run_folder / "discover.json", lambda found: found["gap"].update(before=[1, 2]))
+    edit(run_folder / "discover.json", lambda found: found.update(cells=7))
     edit(run_folder / "calibrate.json", lambda found: found["specimens"].update({"distal/1": None}))
     trouble = build(run_folder).trouble
     assert sorted(line.split(": ")[0].rpartition("/")[2] for line in trouble) == [
-        "calibrate.json", "discover.json", "sobol.json", "store.zarr",
+        "calibrate.json", "discover.json", "sobol.json",
     ]  # fmt: skip
     assert all("\n" not in line for line in trouble)
 
