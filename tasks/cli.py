@@ -365,6 +365,19 @@ def status(folder: Path, as_json: bool, rows: bool) -> None:
 
 @sinew.command()
 @click.argument("folder", type=_PATH)
+def report(folder: Path) -> None:
+    """Write report.html: one page with the results of a folder, whatever state it is in."""
+    from tasks.report.page import build
+
+    built = build(folder)
+    print(built.path)
+    if built.trouble:
+        more = f" (and {len(built.trouble) - 1} more on the page)" if len(built.trouble) > 1 else ""
+        raise SinewError(f"{built.trouble[0]}{more}")
+
+
+@sinew.command()
+@click.argument("folder", type=_PATH)
 def repair(folder: Path) -> None:
     """Make rows in damaged chunks pending, so that the next run computes them again; all others stay."""
     from tasks.pipeline import repair as repair_store

@@ -1,6 +1,7 @@
 """Run a study's tasks in order, draw their figures, and tell a person what came out."""
 
 import logging
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,14 +13,17 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table as Grid
 
+from runner.errors import WalltimeReached
 from runner.store import Store, open_store
+from tasks import provenance
 from tasks.calibrate import calibrate, fitted_curves
 from tasks.discover.discover import discover
 from tasks.importance import importance
 from tasks.infer import infer
 from tasks.predict import predict
-from tasks.problems import BadInput
-from tasks.report import calibration, discovery, figures, posterior, prediction, site_figures
+from tasks.problems import BadInput, one_line
+from tasks.report import calibration, discovery, figures, posterior, prediction, site_figures, tables
+from tasks.report.figures import FORMATS
 from tasks.sensitivity import base_samples, sobol
 from tasks.sites import compare
 from tasks.study import NEEDS, Study
@@ -53,31 +57,64 @@ def check(study: Study, out: Path, tasks: Sequence[str], *, extend: bool = False
 def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str, dict[str, Any]]:
     """Run tasks, draw figures, print a summary; what is done already is not done again. Returns results by task."""
     console = Console(quiet=workspace.quiet, highlight=False)
+    log.info("run started", extra={"tasks": list(tasks), **provenance.facts(workspace)})
     results = {}
     for name in tasks:
-        task = _TASKS[name]
-        started = time.monotonic()
-        log.info("task started", extra={"task": name})
-        if name == "sobol" and not options.get("extend"):
-            _say_size(workspace, console)
-        simulations = workspace.simulations
-        results[name] = task.work(workspace, **options)
-        seconds = time.monotonic() - started
-        _draw(workspace, name, results[name])
-        new = workspace.simulations - simulations
-        log.info("task finished", extra={"task": name, "seconds": round(seconds, 3), "new_simulations": new})
-        task.tell(workspace, results[name], console)
-        console.print(f"{name}: {new:,} new evaluations in {seconds:.1f} s\n")
+        try:
+            results[name] = _run_one(workspace, name, console, **options)
+        except WalltimeReached:  # there is no time left for a page
+            raise
+        except Exception as error:
+            log.error("task failed", extra={"task": name, "reason": one_line(f"{type(error).__name__}: {error}")})
+            report(workspace.out, console)
+            raise
+    where = report(workspace.out, console)
+    page = "" if where is None else f"{where.name} to read, "
     console.print(
-        f"results: {workspace.out}  (figures in {workspace.out / 'figures'}, arrays in store.zarr)", markup=False
+        f"results: {workspace.out}  ({page}figures in {workspace.out / 'figures'}, arrays in store.zarr)", markup=False
     )
     return results
+
+
+def _run_one(workspace: Workspace, name: str, console: Console, **options: Any) -> dict[str, Any]:
+    task = _TASKS[name]
+    started = time.monotonic()
+    log.info("task started", extra={"task": name})
+    if name == "sobol" and not options.get("extend"):
+        _say_size(workspace, console)
+    simulations = workspace.simulations
+    result = task.work(workspace, **options)
+    seconds = time.monotonic() - started
+    _draw(workspace, name, result)
+    new = workspace.simulations - simulations
+    log.info("task finished", extra={"task": name, "seconds": round(seconds, 3), "new_simulations": new})
+    task.tell(workspace, result, console)
+    console.print(f"{name}: {new:,} new evaluations in {seconds:.1f} s\n")
+    return result
+
+
+def report(folder: Path, console: Console) -> Path | None:
+    """Build the page of a result folder; what goes wrong is told in one line and ends nothing."""
+    from tasks.report.page import build  # Bokeh is slow to import, and only this needs it
+
+    try:
+        built = build(folder)
+    except Exception as error:  # noqa: BLE001 - a run with results must not fail for its page
+        why = one_line(str(error) or type(error).__name__)
+        log.error("report failed", extra={"reason": why})
+        print(
+            f"sinew: the report of {folder} was not built ({why}); `sinew report {folder}` tries again", file=sys.stderr
+        )
+        return None
+    for line in built.trouble:
+        console.print(f"report: {line}", markup=False, soft_wrap=True)
+    return built.path
 
 
 def _draw(workspace: Workspace, name: str, result: dict[str, Any]) -> None:
     """The figures of a task, whose names begin with its own, unless they are there and show this very result."""
     folder = workspace.out / "figures"
-    shown = digest(version("sinew"), (workspace.out / f"{name}.json").read_text("utf-8"))
+    shown = digest(version("sinew"), FORMATS, (workspace.out / f"{name}.json").read_text("utf-8"))
     drawn = read_result(folder / DRAWN) or {}
 
     def there() -> dict[str, Any]:
@@ -109,11 +146,13 @@ def _say_size(workspace: Workspace, console: Console) -> None:
 
 def _draw_sobol(workspace: Workspace, result: dict[str, Any]) -> None:
     folder = workspace.out / "figures"
-    figures.save(figures.sobol_indices(result), folder, "sobol")
-    figures.save(figures.sobol_convergence(result), folder, "sobol_convergence")
+    figures.save(figures.sobol_indices(result), folder, "sobol", tables.sobol(result))
+    shown = tables.sobol_convergence(result)
+    figures.save(figures.sobol_convergence(result), folder, "sobol_convergence", shown)
     for name in result["tables"].values():
         dataset = workspace.store.read_result(f"sobol_time/{name}")
-        figures.save(figures.sobol_along_time(dataset, result["names"]), folder, f"sobol_time_{name}")
+        figure = figures.sobol_along_time(dataset, result["names"])
+        figures.save(figure, folder, f"sobol_time_{name}", tables.sobol_along_time(dataset))
 
 
 def _tell_sobol(workspace: Workspace, result: dict[str, Any], console: Console) -> None:
@@ -146,7 +185,8 @@ def _with_interval(values: dict[str, Any], key: str, j: int) -> str:
 
 
 def _draw_importance(workspace: Workspace, result: dict[str, Any]) -> None:
-    figures.save(figures.forest_importance(result), workspace.out / "figures", "importance")
+    folder = workspace.out / "figures"
+    figures.save(figures.forest_importance(result), folder, "importance", tables.importance(result))
 
 
 def _tell_importance(workspace: Workspace, result: dict[str, Any], console: Console) -> None:
@@ -163,13 +203,15 @@ def _tell_importance(workspace: Workspace, result: dict[str, Any], console: Cons
 
 def _draw_calibrate(workspace: Workspace, result: dict[str, Any]) -> None:
     folder = workspace.out / "figures"
-    figures.save(figures.calibration_convergence(result), folder, "calibrate_convergence")
+    shown = tables.calibration_convergence(result)
+    figures.save(figures.calibration_convergence(result), folder, "calibrate_convergence", shown)
     for specimen in workspace.cohort.specimens:
         told = result["specimens"].get(specimen.name)
         if told is not None:
             forces = fitted_curves(workspace, specimen, told["parameters"])
             figure = figures.fitted_curves(specimen, forces, told["rmse_N"])
-            figures.save(figure, folder, f"calibrate_{specimen.name.replace('/', '_')}")
+            shown = tables.fitted_curves(specimen, forces)
+            figures.save(figure, folder, f"calibrate_{specimen.name.replace('/', '_')}", shown)
     calibration.draw(workspace, result)
 
 
@@ -177,8 +219,9 @@ def _draw_infer(workspace: Workspace, result: dict[str, Any]) -> None:
     folder = workspace.out / "figures"
     for site in result["sites"]:
         particles = workspace.store.read_result(f"infer/{site}")
+        shown = tables.posterior(particles, result, site)
         for name, figure in posterior.figures_of(particles, result, site).items():
-            figures.save(figure, folder, f"infer_{site}_{name}")
+            figures.save(figure, folder, f"infer_{site}_{name}", shown[name])
 
 
 def _tell_infer(workspace: Workspace, result: dict[str, Any], console: Console) -> None:

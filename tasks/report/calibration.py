@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
@@ -20,6 +21,7 @@ from scipy.stats import qmc
 from tasks.bayesian import Process, fitted, informative
 from tasks.correlations import correlations
 from tasks.model import Parameter
+from tasks.report import tables
 from tasks.report.figures import COLOURS, STYLE, save, symbol
 from tasks.simulate import Array
 from tasks.workspace import Workspace
@@ -67,12 +69,14 @@ def draw(workspace: Workspace, result: dict[str, Any]) -> list[Path]:
     """Write all figures that ``calibrate.json`` and the store have something for; returns their paths."""
     folder = workspace.out / "figures"
     name = typical(result)
-    paths = save(convergence(name, result["specimens"][name]), folder, "calibrate_typical_convergence")
+    told = result["specimens"][name]
+    shown = tables.convergence(name, told)
+    paths = save(convergence(name, told), folder, "calibrate_typical_convergence", shown)
     if {"bayesian", "hybrid"} & set(result["methods"]):
         paths += _draw_search(samples_of(workspace, result, name), folder)
     found = result.get("correlations") or correlations(result["specimens"], workspace.model.free)
     if found.get("pairs"):
-        paths += save(correlation_matrix(found), folder, "calibrate_correlations")
+        paths += save(correlation_matrix(found), folder, "calibrate_correlations", tables.correlations(found))
     return paths
 
 
@@ -80,11 +84,14 @@ def _draw_search(samples: Samples, folder: Path) -> list[Path]:
     if samples.alive.sum() < 2:  # there is nothing to learn from
         return []
     surrogate = learned(samples)
-    paths = save(influences(samples, surrogate), folder, "calibrate_surrogate_all")
+    paths = save(influences(samples, surrogate), folder, "calibrate_surrogate_all", influence_table(samples, surrogate))
     if len(samples.parameters) > 1:
-        paths += save(all_samples(samples), folder, "calibrate_samples_all")
-        paths += save(paired_samples(samples), folder, "calibrate_samples")
-        paths += save(paired_influences(samples, surrogate), folder, "calibrate_surrogate")
+        names = [parameter.name for parameter in samples.parameters]
+        sampled = tables.samples(names, samples.points, samples.totals, samples.calibrated)
+        paths += save(all_samples(samples), folder, "calibrate_samples_all", sampled)
+        paths += save(paired_samples(samples), folder, "calibrate_samples", sampled)
+        paired = pair_table(samples, surrogate)
+        paths += save(paired_influences(samples, surrogate), folder, "calibrate_surrogate", paired)
     return paths
 
 
@@ -241,9 +248,8 @@ def paired_influences(samples: Samples, surrogate: Learned) -> Figure:
     panels = pairs([parameter.name for parameter in samples.parameters])
     low, high = _bounds(samples.parameters)
     line = np.linspace(0.0, 1.0, GRID)
-    grid = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     columns = [(samples.column(across), samples.column(up)) for across, up in panels]
-    levels = [_geometric_mean(surrogate.along(pair, grid)).reshape(GRID, GRID) for pair in columns]
+    levels = [_over_pair(surrogate, pair) for pair in columns]
     edges = np.geomspace(*_apart(min(each.min() for each in levels), max(each.max() for each in levels)), 16)
     with plt.rc_context(STYLE):
         figure, axes = _grid(len(panels))
@@ -256,6 +262,40 @@ def paired_influences(samples: Samples, surrogate: Learned) -> Figure:
             _name_axes(axis, samples.parameters[x], samples.parameters[y])
         _finish(figure, axes, samples, drawn, "partial dependence (N)")
     return figure
+
+
+def _over_pair(surrogate: Learned, pair: tuple[int, int]) -> Array:
+    """Partial dependence ``[GRID, GRID]`` (N) on two parameters, the first along the columns."""
+    line = np.linspace(0.0, 1.0, GRID)
+    grid = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    return _geometric_mean(surrogate.along(pair, grid)).reshape(GRID, GRID)
+
+
+def pair_table(samples: Samples, surrogate: Learned) -> pd.DataFrame:
+    """What :func:`paired_influences` shows: a row for each point of the grid of each pair."""
+    low, high = _bounds(samples.parameters)
+    line = np.linspace(0.0, 1.0, GRID)
+    parts = []
+    for across, up in pairs([parameter.name for parameter in samples.parameters]):
+        x, y = samples.column(across), samples.column(up)
+        values = {"across": across, "up": up, "across_value": np.tile(low[x] + (high[x] - low[x]) * line, GRID)}
+        values["up_value"] = np.repeat(low[y] + (high[y] - low[y]) * line, GRID)
+        parts.append(pd.DataFrame(values | {"partial_dependence_N": _over_pair(surrogate, (x, y)).ravel()}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def influence_table(samples: Samples, surrogate: Learned) -> pd.DataFrame:
+    """What :func:`influences` shows: a row for each point along each parameter."""
+    low, high = _bounds(samples.parameters)
+    line = np.linspace(0.0, 1.0, FINE)
+    parts = []
+    for k, parameter in enumerate(samples.parameters):
+        found = surrogate.along([k], line[:, np.newaxis])
+        below, above = np.quantile(found, (0.1, 0.9), axis=1)
+        values = {"parameter": parameter.name, "value": low[k] + (high[k] - low[k]) * line}
+        values |= {"partial_dependence_N": _geometric_mean(found), "quantile_10_N": below, "quantile_90_N": above}
+        parts.append(pd.DataFrame(values))
+    return pd.concat(parts, ignore_index=True)
 
 
 def influences(samples: Samples, surrogate: Learned) -> Figure:

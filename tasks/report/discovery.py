@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table as Grid
 
+from tasks.report import tables
 from tasks.report.figures import COLOURS, STYLE, save
 from tasks.workspace import Workspace
 
@@ -22,10 +23,11 @@ FAR = 12.0  # units of chance, where colours end
 def draw(workspace: Workspace, result: dict[str, Any]) -> None:
     """All figures of ``discover.json`` and its store results."""
     folder = workspace.out / "figures"
-    save(cell_map(result), folder, "discover_cells")
+    save(cell_map(result), folder, "discover_cells", tables.cells(result))
     for specimen in result["cells"]:
         kept = workspace.store.read_result(f"discover/{specimen.replace('/', '_')}")
-        save(before_and_after(kept, result, specimen), folder, f"discover_{specimen.replace('/', '_')}")
+        figure = before_and_after(kept, result, specimen)
+        save(figure, folder, f"discover_{specimen.replace('/', '_')}", tables.curves(kept))
 
 
 def tell(workspace: Workspace, result: dict[str, Any], console: Console) -> None:

@@ -5,6 +5,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+import pandas as pd
 import xarray as xr
 from cycler import cycler
 
@@ -12,9 +13,12 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
+from tasks.evaluate import kept_points
 from tasks.model import Specimen
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
+DRAWN = 2000  # points of a measured curve, at the most: more than a figure has pixels
+FORMATS = ("png", "pdf", "csv")  # of every figure
 _LABELS = {"E": "E", "alpha": r"\alpha", "g": "g", "tau": r"\tau", "nu": r"\nu"}
 STYLE: Any = {
     "font.size": 9,
@@ -32,14 +36,18 @@ def symbol(name: str) -> str:
     return rf"${_LABELS[stem]}_{{{index}}}$" if stem in _LABELS and index else name
 
 
-def save(figure: Figure, folder: Path, name: str) -> list[Path]:
-    """Write ``FOLDER/NAME.png`` and ``.pdf``; equal figures give equal bytes."""
+def save(figure: Figure, folder: Path, name: str, shown: pd.DataFrame) -> list[Path]:
+    """Write ``FOLDER/NAME.png``, ``.pdf`` and, with the numbers that are ``shown``, ``.csv``.
+
+    Equal figures give equal bytes.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / f"{name}.png", folder / f"{name}.pdf"]
-    figure.savefig(paths[0], dpi=150, metadata={"Software": None})
-    figure.savefig(paths[1], metadata={"CreationDate": None, "Producer": None})
+    png, pdf, csv = (folder / f"{name}.{kind}" for kind in FORMATS)
+    figure.savefig(png, dpi=150, metadata={"Software": None})
+    figure.savefig(pdf, metadata={"CreationDate": None, "Producer": None})
     plt.close(figure)
-    return paths
+    shown.to_csv(csv, index=False, lineterminator="\n", float_format="%.8g")
+    return [png, pdf, csv]
 
 
 def sobol_indices(result: dict[str, Any]) -> Figure:
@@ -209,10 +217,12 @@ def fitted_curves(specimen: Specimen, forces: dict[str, Any], rmse_N: dict[str, 
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(2, len(specimen.curves), figsize=(3.2 * len(specimen.curves), 5.0), squeeze=False)
         for column, curve in enumerate(specimen.curves):
-            history = curve.protocol
+            history, keep = curve.protocol, kept_points(curve.protocol, DRAWN)
             for axis, across in zip(axes[:, column], (history.time_s, history.displacement_mm), strict=True):
-                axis.plot(across, curve.force_N, color="0.6", lw=1.6, label="measured", rasterized=True)
-                axis.plot(across, forces[curve.name], color=COLOURS[1], lw=0.7, label="model", rasterized=True)
+                axis.plot(across[keep], curve.force_N[keep], color="0.6", lw=1.6, label="measured", rasterized=True)
+                axis.plot(
+                    across[keep], forces[curve.name][keep], color=COLOURS[1], lw=0.7, label="model", rasterized=True
+                )
             axes[0, column].set_title(f"{curve.name.replace('_', ' ')}: RMSE {rmse_N[curve.name]:.3g} N", fontsize=9)
             axes[0, column].set_xlabel("time (s)")
             axes[1, column].set_xlabel("displacement (mm)")

@@ -42,21 +42,17 @@ def thresholds(told: dict[str, Any], site: str) -> Figure:
 def marginals(particles: xr.Dataset, result: dict[str, Any], site: str) -> Figure:
     """Density of each parameter in the last generation over the prior's, with mean and HDI."""
     names, units = result["names"], result["units"]
-    values, weight = particles["parameters"].values[-1], particles["weight"].values[-1]
     columns = 4
     rows = -(-len(names) // columns)
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(rows, columns, figsize=(9, 1.75 * rows + 0.4), squeeze=False)
         for axis in axes.ravel()[len(names) :]:
             axis.set_axis_off()
-        for j, (axis, name, unit) in enumerate(zip(axes.ravel(), names, units, strict=False)):
+        for axis, name, unit in zip(axes.ravel(), names, units, strict=False):
             found = result["sites"][site]["parameters"][name]
-            span = values[:, j].min(), values[:, j].max()
-            wide = found["prior_mean"] - 2 * found["prior_sd"], found["prior_mean"] + 2 * found["prior_sd"]
-            grid = np.linspace(min(span[0], max(wide[0], 0.0)), max(span[1], wide[1]), 200)
-            prior = np.exp(-0.5 * ((grid - found["prior_mean"]) / found["prior_sd"]) ** 2)
-            axis.plot(grid, prior / np.trapezoid(prior, grid), color="0.6", label="prior")
-            axis.plot(grid, _density(values[:, j], weight, grid), color=COLOURS[0], label="posterior")
+            grid, prior, posterior = curves_of(particles, result, site, name)
+            axis.plot(grid, prior, color="0.6", label="prior")
+            axis.plot(grid, posterior, color=COLOURS[0], label="posterior")
             axis.axvspan(*found["hdi"], color=COLOURS[0], alpha=0.12, lw=0)
             axis.axvline(found["mean"], color=COLOURS[0], lw=0.8, ls="--")
             axis.set_title(symbol(name) + ("" if unit == "1" else f" ({unit})"), fontsize=9)
@@ -65,6 +61,16 @@ def marginals(particles: xr.Dataset, result: dict[str, Any], site: str) -> Figur
         percent = round(100 * result["interval"])
         figure.suptitle(f"{site}: dashed, mean; shaded, {percent} % HDI", x=0.01, ha="left", fontsize=10)
     return figure
+
+
+def curves_of(particles: xr.Dataset, result: dict[str, Any], site: str, name: str) -> tuple[Array, Array, Array]:
+    """Values of a parameter, and the densities of its prior and of its posterior there, each ``[200]``."""
+    values = particles["parameters"].values[-1][:, result["names"].index(name)]
+    found = result["sites"][site]["parameters"][name]
+    wide = found["prior_mean"] - 2 * found["prior_sd"], found["prior_mean"] + 2 * found["prior_sd"]
+    grid = np.linspace(min(values.min(), max(wide[0], 0.0)), max(values.max(), wide[1]), 200)
+    prior = np.exp(-0.5 * ((grid - found["prior_mean"]) / found["prior_sd"]) ** 2)
+    return grid, prior / np.trapezoid(prior, grid), density(values, particles["weight"].values[-1], grid)
 
 
 def joint(particles: xr.Dataset, names: list[str], site: str) -> Figure:
@@ -95,8 +101,8 @@ def joint(particles: xr.Dataset, names: list[str], site: str) -> Figure:
         axis.scatter(across, up, s=sizes, color=COLOURS[0], lw=0, alpha=0.7)
         grid = np.linspace(0.0, 1.0, 60)
         for k in range(count):
-            density = _density(inside[:, k], weight, grid)
-            axis.plot(k + grid, k + 0.95 - 0.85 * density / (density.max() or 1.0), color=COLOURS[1], lw=1)
+            height = density(inside[:, k], weight, grid)
+            axis.plot(k + grid, k + 0.95 - 0.85 * height / (height.max() or 1.0), color=COLOURS[1], lw=1)
         axis.set_xticks(np.arange(count) + 0.5, [symbol(name) for name in names])
         axis.set_yticks(np.arange(count) + 0.5, [symbol(name) for name in names])
         axis.hlines(np.arange(count + 1), 0, count, color="0.85", lw=0.5)
@@ -109,8 +115,9 @@ def joint(particles: xr.Dataset, names: list[str], site: str) -> Figure:
     return figure
 
 
-def _density(values: Array, weight: Array, grid: Array) -> Array:
+def density(values: Array, weight: Array, grid: Array) -> Array:
+    """Kernel density ``[g]`` of weighted ``values`` ``[n]`` on ``grid``; zeros where all values are the same."""
     if np.ptp(values) == 0.0:
         return np.zeros(grid.size)
-    density: Array = gaussian_kde(values, weights=weight)(grid)
-    return density
+    found: Array = gaussian_kde(values, weights=weight)(grid)
+    return found

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table as Grid
 
+from tasks.report import tables
 from tasks.report.figures import COLOURS, STYLE, save
 from tasks.workspace import Workspace
 
@@ -25,10 +26,12 @@ def draw(workspace: Workspace, result: dict[str, Any]) -> None:
     folder = workspace.out / "figures"
     for site, told in result["sites"].items():
         dataset = workspace.store.read_result(f"predict/{site}")
-        save(site_bands(dataset, told, site), folder, f"predict_{site}")
-        save(each_specimen(dataset, told, site), folder, f"predict_{site}_specimens")
+        shown = tables.prediction(dataset)
+        save(site_bands(dataset, told, site), folder, f"predict_{site}", shown)
+        save(each_specimen(dataset, told, site), folder, f"predict_{site}_specimens", shown)
         if told["stresses_of"] is not None:
-            save(stress_bands(dataset, told, site), folder, f"predict_{site}_stresses")
+            stresses = tables.prediction(dataset, "stress_")
+            save(stress_bands(dataset, told, site), folder, f"predict_{site}_stresses", stresses)
 
 
 def tell(workspace: Workspace, result: dict[str, Any], console: Console) -> None:

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table as Grid
 
+from tasks.report import tables
 from tasks.report.figures import COLOURS, STYLE, save, symbol
 from tasks.sites import FEW
 from tasks.workspace import Workspace
@@ -16,7 +17,7 @@ _LINES = ("-", "--", "-.", ":")
 
 def draw(workspace: Workspace, result: dict[str, Any]) -> None:
     """The figure of ``compare.json``."""
-    save(separation(result), workspace.out / "figures", "compare")
+    save(separation(result), workspace.out / "figures", "compare", tables.separation(result))
 
 
 def tell(workspace: Workspace, result: dict[str, Any], console: Console) -> None:

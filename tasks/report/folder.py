@@ -1,0 +1,240 @@
+"""What a result folder holds, in whatever state it is: results, log, evaluations, measured curves."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runner.errors import StoreError
+from runner.store import Store, Table, open_store
+from tasks.evaluate import kept_points
+from tasks.model import Protocol
+from tasks.problems import BadInput, one_line, shown
+from tasks.simulate import Array
+from tasks.status import read_status
+
+TASKS = ("sobol", "importance", "calibrate", "infer", "predict", "compare", "discover")
+POINTS = 500  # of a curve, at the most: more than a plot of a page's width can show
+MAX_JSON_BYTES = 64 * 2**20
+
+
+@dataclass(frozen=True)
+class State:
+    """What became of a task: ``word`` is done, damaged, failed, running, stopped or "not run"; ``why``, where known."""
+
+    word: str
+    why: str = ""
+    seconds: float | None = None
+    evaluations: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredCurve:
+    """A measured curve at points that represent it, each array ``[p]``; ``total`` points were measured or stored."""
+
+    time_s: Array
+    displacement_mm: Array | None
+    force_N: Array
+    total: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """A result folder as it is. ``trouble`` holds a line for each thing in it that cannot be read."""
+
+    folder: Path
+    results: dict[str, dict[str, Any]]
+    states: dict[str, State]
+    events: list[dict[str, Any]]
+    store: Store | None
+    status: dict[str, Any] | None
+    trouble: list[str] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """The study's name, else the folder's."""
+        return self.store.study if self.store is not None else self.folder.resolve().name
+
+    @property
+    def runs(self) -> list[dict[str, Any]]:
+        """What the log says of each run: versions, machine, seed, data."""
+        return [event for event in self.events if event["message"] == "run started"]
+
+    @cached_property
+    def tables(self) -> dict[str, list[Table]]:
+        """Tables of evaluations of one specimen, by its name; the one with the most points of its curves first."""
+        found: dict[str, list[Table]] = {}
+        for table in self.store.tables() if self.store is not None else []:
+            if "objective" in table.fields:  # those of a site have none
+                found.setdefault(table.title.rpartition(" ")[0], []).append(table)
+        for tables in found.values():
+            tables.sort(key=_points, reverse=True)
+        return dict(sorted(found.items()))
+
+    @cached_property
+    def measured(self) -> dict[str, dict[str, MeasuredCurve]]:
+        """Measured curves by specimen and protocol, from the evaluations, else from what a discovery looked at."""
+        found = {name: dict(_curves(tables[0])) for name, tables in self.tables.items()}
+        cells = self.results.get("discover", {}).get("cells")
+        for name in cells if isinstance(cells, dict) else ():
+            if name not in found and self.store is not None:
+                kept = self.store.read_result(f"discover/{name.replace('/', '_')}")
+                found[name] = {}
+                for key in sorted(str(key) for key in kept if str(key).startswith("measured_")):
+                    protocol = key.removeprefix("measured_")
+                    time, force = kept[f"time_{protocol}"].to_numpy(), kept[key].to_numpy()
+                    keep = spread(time, POINTS)
+                    found[name][protocol] = MeasuredCurve(time[keep], None, force[keep], time.size)
+        return dict(sorted(found.items()))
+
+    @property
+    def study(self) -> str:
+        """The study file, as a person would name it in a command."""
+        return str(self.runs[-1].get("study_file", "STUDY")) if self.runs else "STUDY"
+
+    def missing(self, task: str) -> str:
+        """Why a task has no result, and what to run."""
+        state, command = self.states[task], f"`sinew {task} {self.study}`"
+        told = {
+            "not run": f"Not run yet: {command}.",
+            "running": "Running now: its section fills when it ends.",
+            "stopped": f"Stopped before its end; {command} goes on, finished rows are kept.",
+            "failed": f"Failed: {state.why}. Then {command} goes on, finished rows are kept.",
+        }
+        return told.get(state.word, f"{state.why[:1].upper()}{state.why[1:]}.")
+
+
+def read_folder(folder: Path) -> Found:
+    """Read a result folder, finished or not. Raises :class:`BadInput` when it is none at all."""
+    if not folder.is_dir():
+        problem = "is a file" if folder.exists() else "is not there"
+        raise BadInput(folder, problem, "a result folder, as given to --out")
+    trouble: list[str] = []
+    events = _read_log(folder / "log.jsonl", trouble)
+    results = {}
+    for task in TASKS:
+        try:
+            found = _read_result(folder / f"{task}.json")
+        except BadInput as error:
+            trouble.append(str(error))
+        else:
+            if found is not None:
+                results[task] = found
+    store, status = None, None
+    try:
+        store = open_store(folder)
+        status = read_status(folder)
+    except StoreError as error:
+        trouble.append(str(error))
+    if not results and not events and store is None:
+        raise BadInput(folder, "holds no store.zarr, log.jsonl or result", "a result folder, as given to --out")
+    alive = bool(status and status["now"] and status["now"]["alive"])
+    states = {task: _state(task, folder, results, events, alive=alive) for task in TASKS}
+    return Found(folder, results, states, events, store, status, trouble)
+
+
+def spread(time: Array, count: int) -> Array:
+    """Positions ``[count]`` or fewer that represent a history, half even, half along the logarithm of time."""
+    if time.size <= count:
+        return np.arange(time.size)
+    even = np.linspace(0, time.size - 1, count // 2)
+    log = np.geomspace(1, time.size, count - count // 2) - 1
+    return np.unique(np.concatenate([even, log]).astype(int))
+
+
+def _points(table: Table) -> int:
+    return sum(array.shape[0] for name, array in table.group.arrays() if name.startswith("measured_"))
+
+
+def _curves(table: Table) -> Iterator[tuple[str, MeasuredCurve]]:
+    names = [str(name) for name in np.asarray(table.group["protocol"][:])]  # type: ignore[index]
+    for name in names:
+        time, moved, force = columns_of(table, name)
+        keep = kept_points(Protocol(name, time, moved), POINTS)
+        yield name, MeasuredCurve(time[keep], moved[keep], force[keep], time.size)
+
+
+def columns_of(table: Table, protocol: str) -> tuple[Array, Array, Array]:
+    """Times (s), displacements (mm) and measured forces (N) ``[t]`` that a table holds of a protocol."""
+    time, moved, force = (
+        np.asarray(table.group[f"{kind}_{protocol}"][:])  # type: ignore[index]
+        for kind in ("time", "displacement", "measured")
+    )
+    return time, moved, force
+
+
+def _read_result(path: Path) -> dict[str, Any] | None:
+    """``TASK.json``, or None when it is not there. Raises :class:`BadInput` when it is damaged."""
+    again = f"what `sinew {path.stem}` writes; run it again"
+    try:
+        if path.stat().st_size > MAX_JSON_BYTES:
+            raise BadInput(path, f"larger than {MAX_JSON_BYTES // 2**20} MB", again)
+        content = json.loads(path.read_text("utf-8"))
+    except FileNotFoundError:
+        return None
+    except json.JSONDecodeError as error:
+        raise BadInput(f"{path}: line {error.lineno}", f"damaged, no JSON ({error.msg})", again) from None
+    except UnicodeDecodeError:
+        raise BadInput(path, "damaged, no UTF-8 text", again) from None
+    except RecursionError:
+        raise BadInput(path, "damaged, nested without end", again) from None
+    except OSError as error:
+        raise BadInput(path, error.strerror or "cannot be read", again) from None
+    if not isinstance(content, dict):
+        raise BadInput(path, f"holds {shown(content)}", again)
+    return content
+
+
+def _read_log(path: Path, trouble: list[str]) -> list[dict[str, Any]]:
+    """Events of ``log.jsonl``; the last line may be cut short, where a run was killed."""
+    try:
+        lines = path.read_bytes().split(b"\n")
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        trouble.append(f"{path}: {error.strerror or 'cannot be read'}")
+        return []
+    events, bad = [], 0
+    for line in lines[:-1]:
+        try:
+            event = json.loads(line)
+        except (ValueError, RecursionError):
+            event = None
+        if isinstance(event, dict) and isinstance(event.get("message"), str):
+            events.append(event)
+        else:
+            bad += 1
+    if bad:
+        trouble.append(f"{path}: {bad} of {len(lines) - 1} lines cannot be read; what they told is missing here")
+    return events
+
+
+def _state(task: str, folder: Path, results: dict[str, Any], events: list[dict[str, Any]], *, alive: bool) -> State:
+    last, done = None, None
+    for event in events:
+        if event.get("task") == task:
+            last = event
+            done = event if event["message"] == "task finished" else done
+    seconds, new = (done.get("seconds"), done.get("new_simulations")) if done else (None, None)
+    how = (
+        float(seconds) if isinstance(seconds, int | float) else None,
+        int(new) if isinstance(new, int | float) else None,
+    )
+    if task in results:
+        again = last is not None and last["message"] == "task failed"
+        return State("done", f"a later run failed: {_why(last)}" if again else "", *how)
+    if (folder / f"{task}.json").exists():
+        return State("damaged", f"{task}.json cannot be read; run `sinew {task}` again", *how)
+    if last is None or last["message"] == "task finished":
+        return State("not run")
+    if last["message"] == "task failed":
+        return State("failed", _why(last))
+    return State("running", "its rows are being evaluated") if alive else State("stopped", "ended before its result")
+
+
+def _why(event: dict[str, Any] | None) -> str:
+    return one_line(str((event or {}).get("reason", "no reason is known")))

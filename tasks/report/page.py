@@ -1,0 +1,156 @@
+"""``report.html``: one page of a result folder, finished or not, that needs no network and no other file."""
+
+import base64
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from bokeh.resources import INLINE
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from runner.errors import SinewError
+from tasks.problems import one_line
+from tasks.report.blocks import Facts, Section, number
+from tasks.report.figures import FORMATS
+from tasks.report.folder import Found, read_folder
+from tasks.report.sections import (
+    calibration,
+    data,
+    discovery,
+    failures,
+    importance,
+    posterior,
+    prediction,
+    provenance,
+    sensitivity,
+    sites,
+)
+from tasks.resources import resource
+from tasks.workspace import write_text
+
+NAME = "report.html"
+#: A section of the page: its name, what builds it, and the task whose figures belong to it.
+SECTIONS: tuple[tuple[str, Callable[[Found], Section], str], ...] = (
+    ("data", data.section, ""),
+    ("calibration", calibration.section, "calibrate"),
+    ("sensitivity", sensitivity.section, "sobol"),
+    ("importance", importance.section, "importance"),
+    ("posterior", posterior.section, "infer"),
+    ("prediction", prediction.section, "predict"),
+    ("sites", sites.section, "compare"),
+    ("discovery", discovery.section, "discover"),
+    ("failures", failures.section, ""),
+    ("provenance", provenance.section, ""),
+)
+
+
+@dataclass(frozen=True)
+class Built:
+    """A page that was written, and a line for each thing that it could not show."""
+
+    path: Path
+    trouble: tuple[str, ...]
+
+
+def build(folder: Path) -> Built:
+    """Write ``FOLDER/report.html``. Raises :class:`tasks.problems.BadInput` when the folder is no result folder."""
+    found = read_folder(folder)
+    sections = []
+    for name, make, task in SECTIONS:
+        try:
+            sections.append(make(found))
+        except (SinewError, ArithmeticError, AttributeError, LookupError, OSError, TypeError, ValueError) as error:
+            # a file that is JSON, but not what the task writes, can be wrong in any way
+            line = _cannot_be_shown(found, name, task, error)
+            found.trouble.append(line)
+            sections.append(Section(name, name.capitalize(), "", missing=line))
+    write_text(folder / NAME, _page(found, sections))
+    return Built(folder / NAME, tuple(found.trouble))
+
+
+def _cannot_be_shown(found: Found, name: str, task: str, error: Exception) -> str:
+    if isinstance(error, SinewError):
+        return str(error)
+    file = found.folder / (f"{task}.json" if task else "store.zarr")
+    what = f"{type(error).__name__}: {error}"
+    return one_line(f"{file}: the section '{name}' cannot be shown ({what}); run `sinew {task or 'run'}` again")
+
+
+def _page(found: Found, sections: list[Section]) -> str:
+    loader = FileSystemLoader(resource("templates/report.html.j2").parent)
+    environment = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["json"] = _json
+    scripts = [*INLINE.js_raw[:1], resource("templates/report.js").read_text("utf-8")]
+    style = resource("templates/report.css").read_text("utf-8")
+    return environment.get_template("report.html.j2").render(
+        title=found.name,
+        states=found.states,
+        key=_key(found),
+        trouble=found.trouble,
+        sections=sections,
+        figures={name: _figures(found.folder, task) for name, _, task in SECTIONS if task},
+        version=_version(found),
+        policy=_policy(scripts),
+        scripts=[_inside_script(script) for script in scripts],
+        style=Markup(style),  # noqa: S704 - a file of this package
+    )
+
+
+def _key(found: Found) -> Facts:
+    """The few numbers that say how large this was."""
+    tables = found.status["tables"] if found.status else []
+    failed = sum(sum(table["failed"].values()) for table in tables)
+    rows = [
+        ("specimens", f"{len(found.measured):,}" if found.store is not None else "–"),
+        ("evaluations", f"{sum(table['done'] for table in tables):,}"),
+        ("failed", f"{failed:,}"),
+        ("core-hours", number(found.status["core_hours"]["evaluations"], 2) if found.status else "–"),
+    ]
+    return Facts(rows)
+
+
+def _version(found: Found) -> str:
+    return str(found.runs[-1].get("version", "")) if found.runs else ""
+
+
+def _figures(folder: Path, task: str) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Figures of a task that are there: a name, and links to its formats relative to the page."""
+    names = sorted({path.stem for path in (folder / "figures").glob(f"{task}*") if path.suffix[1:] in FORMATS})
+    there = {name: [kind for kind in FORMATS if (folder / "figures" / f"{name}.{kind}").is_file()] for name in names}
+    return [(name, [(kind, f"figures/{quote(name)}.{kind}") for kind in kinds]) for name, kinds in there.items()]
+
+
+def _json(value: Any) -> Markup:
+    """JSON that may stand in a script element: nothing in it can end the element or begin a comment."""
+    text = json.dumps(value, separators=(",", ":"), default=dict).replace("NaN", "null")
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return Markup(text)  # noqa: S704 - cannot end the element, see above
+
+
+def _inside_script(script: str) -> Markup:
+    """A script of this package or of Bokeh as content of a script element."""
+    if "</script" in script.lower() or "<!--" in script:
+        raise ValueError("a script that would end its element")
+    return Markup(script)  # noqa: S704 - checked above
+
+
+def _policy(scripts: list[str]) -> str:
+    """A Content-Security-Policy: these very scripts may run, nothing may be loaded from anywhere."""
+    hashes = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
+    rules = {
+        "default-src": "'none'",
+        "script-src": " ".join(f"'sha256-{each}'" for each in hashes),
+        "style-src": "'unsafe-inline'",  # Bokeh styles its plots by elements that it makes
+        "img-src": "data:",
+        "base-uri": "'none'",
+        "form-action": "'none'",
+    }
+    return "; ".join(f"{name} {value}" for name, value in rules.items())

@@ -1,0 +1,98 @@
+"""Data: the specimens, their curves, and what is known of both."""
+
+import json
+from typing import Any
+
+import numpy as np
+
+from tasks.report import plots
+from tasks.report.blocks import Block, Plot, Section, Table, number, plural
+from tasks.report.folder import POINTS, Found, MeasuredCurve
+
+
+def section(found: Found) -> Section:
+    """All measured curves that the folder holds."""
+    title, question = "Data", "What was measured?"
+    measured = found.measured
+    if not measured:
+        return Section("data", title, question, missing=f"No curves are kept here yet: `sinew run {found.study}`.")
+    curves = [(name, protocol, curve) for name, every in measured.items() for protocol, curve in every.items()]
+    sites = sorted({name.rpartition("/")[0] for name in measured} - {""})
+    protocols = list(dict.fromkeys(protocol for _, protocol, _ in curves))
+    largest = max(curve.total for *_, curve in curves)
+    blocks: list[Block] = [
+        plots.picked(
+            "data-curves",
+            f"Measured curves, each at up to {plural(min(largest, POINTS), 'point')} that represent it.",
+            "Specimen",
+            {name: _sources(every, protocols) for name, every in measured.items()},
+            lambda sources: _draw(sources, protocols),
+        ),
+        _table(found),
+    ]
+    of = f" of {plural(len(sites), 'site')}" if sites else ""
+    return Section(
+        "data",
+        title,
+        question,
+        blocks,
+        found=f"{plural(len(measured), 'specimen')}{of}, {plural(len(curves), 'curve')} ({', '.join(protocols)})",
+    )
+
+
+def _sources(every: dict[str, MeasuredCurve], protocols: list[str]) -> dict[str, dict[str, Any]]:
+    empty = np.zeros(0)
+    told = {}
+    for protocol in protocols:
+        curve = every.get(protocol)
+        moved = empty if curve is None else curve.displacement_mm
+        time, force = (empty, empty) if curve is None else (curve.time_s, curve.force_N)
+        told[protocol] = {
+            "time": time,
+            "displacement": np.full(time.size, np.nan) if moved is None else moved,
+            "force": force,
+        }
+    return told
+
+
+def _draw(sources: plots.Sources, protocols: list[str]) -> list[Plot]:
+    drawn: list[Plot] = []
+    for across, words in (("time", "time (s)"), ("displacement", "displacement (mm)")):
+        plot = plots.figure(words, "force (N)", height=320)
+        entries = []
+        for number_, protocol in enumerate(protocols):
+            style = {"color": plots.colour(number_), "line_dash": plots.dash(number_), "line_width": 1.6}
+            line = plot.line(across, "force", source=sources[protocol], **style)
+            rows = [(protocol, ""), ("time", "@time{0.00} s"), ("displacement", "@displacement{0.0000} mm"),
+                    ("force", "@force{0.0} N")]  # fmt: skip
+            plots.hover(plot, line, [(name, value or "") for name, value in rows])
+            entries.append((protocol.replace("_", " "), [line]))
+        plots.legend(plot, entries)
+        label = f"Measured force of the picked specimen over {across}, a line for each protocol"
+        drawn.append(plots.plot(f"data-{across}", plot, label))
+    return drawn
+
+
+def _table(found: Found) -> Table:
+    rows = []
+    for name, every in found.measured.items():
+        bar = _geometry(found, name)
+        sizes = [number(bar.get(f"{side}_mm"), 4) for side in ("length", "width", "thickness")]
+        peak = max(float(np.max(np.abs(curve.force_N))) for curve in every.values())
+        lasts = max(float(curve.time_s[-1] - curve.time_s[0]) for curve in every.values())
+        points = sum(curve.total for curve in every.values())
+        rows.append([name, ", ".join(every), *sizes, number(lasts), f"{points:,}", number(peak)])
+    header = ["specimen", "protocols", "length (mm)", "width (mm)", "thickness (mm)", "longest (s)", "points kept",
+              "largest force (N)"]  # fmt: skip
+    return Table("Specimens", header, rows, words=(1,), open=len(rows) <= 6)
+
+
+def _geometry(found: Found, name: str) -> dict[str, Any]:
+    """Sizes of a specimen, as its evaluations or the log tell."""
+    if name in found.tables:
+        return dict(json.loads(str(found.tables[name][0].group.attrs["identity"]))["specimen"])
+    for run in reversed(found.runs):
+        told = run.get("specimens")
+        if isinstance(told, dict) and isinstance(told.get(name), dict):
+            return dict(told[name])
+    return {}

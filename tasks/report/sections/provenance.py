@@ -1,0 +1,116 @@
+"""Provenance: which program, data and machine these results come from, what they cost, and how to make them again."""
+
+import json
+import shlex
+from typing import Any
+
+from tasks.report.blocks import Block, Code, Facts, Section, Table, Words, duration, number
+from tasks.report.folder import Found
+
+
+def section(found: Found) -> Section:
+    """What the log, the store and the scheduler's table tell."""
+    title, question = "Provenance", "Which program, data and machine, at what cost, and how to make it again?"
+    blocks: list[Block] = []
+    if found.runs:
+        run = found.runs[-1]
+        blocks.append(Facts([*_program(run), *_costs(found)]))
+        blocks.append(_again(found, run))
+        if isinstance(run.get("study_text"), str):
+            blocks.append(Code(f"The study, {run.get('study_file', '')}", run["study_text"], open=False))
+        packages = run.get("packages")
+        if isinstance(packages, dict):
+            rows = [[str(name), str(version)] for name, version in packages.items()]
+            blocks.append(Table("Versions of packages", ["package", "version"], rows, words=(1,), open=False))
+        if len(found.runs) > 1:
+            rows = [[str(each.get("asctime", "")), _words(each.get("tasks")), str(each.get("version", "")),
+                     str(each.get("machine", ""))] for each in found.runs]  # fmt: skip
+            blocks.append(Table("All runs", ["began", "tasks", "sinew", "machine"], rows, words=(1, 2, 3), open=False))
+    else:
+        blocks.append(Words("The log does not say who ran this: it is missing, or of an older version.", "note"))
+        blocks.append(Facts(_costs(found)))
+    rows = [
+        [task, state.word, duration(state.seconds), number(state.evaluations), str(_inputs(found, task))]
+        for task, state in found.states.items()
+        if state.word != "not run"
+    ]
+    if rows:
+        header = ["task", "state", "time of the last run", "new evaluations", "hash of its inputs"]
+        blocks.append(Table("Tasks", header, rows, words=(1, 4)))
+    hashes = _hashes(found)
+    if hashes:
+        header = ["specimen", "simulator", "evaluations", "curves"]
+        blocks.append(Table("Hashes of data and evaluations", header, hashes, words=(1, 2, 3), open=False))
+    return Section("provenance", title, question, blocks)
+
+
+def _program(run: dict[str, Any]) -> list[tuple[str, str]]:
+    names = {
+        "version": "sinew",
+        "code": "hash of the program",
+        "python": "Python",
+        "machine": "machine",
+        "system": "system",
+        "processor": "processor",
+        "cores": "cores",
+        "memory_GB": "memory (GB)",
+        "seed": "seed",
+        "simulator": "simulator",
+        "cluster": "cluster",
+        "slurm_job": "SLURM job",
+        "cohort": "cohort",
+        "cohort_hash": "hash of the cohort",
+        "study_hash": "hash of the study file",
+        "asctime": "last run began",
+    }
+    return [(label, str(run[name])) for name, label in names.items() if run.get(name) not in (None, "")]
+
+
+def _costs(found: Found) -> list[tuple[str, str]]:
+    if found.status is None:
+        return []
+    cost = found.status["core_hours"]
+    rows = sum(table["rows"] for table in found.status["tables"])
+    done = sum(table["done"] for table in found.status["tables"])
+    told = [
+        ("evaluations", f"{done:,} of {rows:,} planned"),
+        ("core-hours in evaluations", number(cost["evaluations"])),
+    ]
+    if found.status["jobs"]:
+        told.append(("core-hours of SLURM jobs", number(cost["jobs"])))
+        told.append(("SLURM jobs", ", ".join(f"{job['job']} ({job['state']})" for job in found.status["jobs"][-12:])))
+    return told
+
+
+def _again(found: Found, run: dict[str, Any]) -> Code:
+    """Commands that make the same numbers again: seed and study decide them, not the number of workers."""
+    study = shlex.quote(str(run.get("study_file", "study.yaml")))
+    options = {"--data": run.get("cohort"), "--seed": run.get("seed"), "--simulator": run.get("simulator")}
+    given = " ".join(f"{name} {shlex.quote(str(value))}" for name, value in options.items() if value is not None)
+    asked = dict.fromkeys(tuple(map(str, each["tasks"])) for each in found.runs if isinstance(each.get("tasks"), list))
+    commands = [tasks[0] if len(tasks) == 1 else "run" for tasks in asked]
+    lines = [f"pip install sinew=={run.get('version', '')}"]
+    lines += [f"sinew {command} {study} {given} --out AGAIN" for command in dict.fromkeys(commands)]
+    name = shlex.quote(found.folder.resolve().name)
+    lines += [f"cmp AGAIN/{task}.json {name}/{task}.json" for task in found.results]
+    return Code("How to make it again", "\n".join(lines))
+
+
+def _inputs(found: Found, task: str) -> str:
+    return str(found.results.get(task, {}).get("inputs", "–"))
+
+
+def _hashes(found: Found) -> list[list[str]]:
+    rows = []
+    for name, tables in found.tables.items():
+        for table in tables:
+            identity = json.loads(str(table.group.attrs["identity"]))
+            simulator = identity["simulator"]
+            engine = f"{simulator.get('name', '')} {simulator.get('version', '')}".strip()
+            curves = ", ".join(f"{protocol} {digest}" for protocol, digest in identity["specimen"]["curves"].items())
+            rows.append([name, engine, table.key, curves])
+    return rows
+
+
+def _words(names: Any) -> str:
+    return ", ".join(map(str, names)) if isinstance(names, list) else ""

@@ -1,0 +1,59 @@
+"use strict";
+// Draws the plots that the page carries as JSON, exchanges what a picked one shows, and prepares them for print.
+(async () => {
+  const read = (id) => JSON.parse(document.getElementById(id).textContent);
+  const column = (values) =>
+    values.some((value) => typeof value === "string") ? values : Float64Array.from(values, (value) => value ?? NaN);
+  const columns = (found) => Object.fromEntries(Object.entries(found).map(([name, values]) => [name, column(values)]));
+  const touch = matchMedia("(pointer: coarse)").matches;
+  const views = new Map();
+
+  // a finger that moves over a plot scrolls the page
+  function letScroll(part) {
+    if (part === null || typeof part !== "object") return;
+    if (part.name === "Toolbar") part.attributes.active_drag = null;
+    Object.values(part).forEach(letScroll);
+  }
+
+  async function draw(place) {
+    const item = read(`${place.id}-item`);
+    if (touch) letScroll(item);
+    const view = (await Bokeh.embed.embed_item(item, place.id)).roots[0];
+    views.set(place.id, view);
+  }
+
+  function pick(select) {
+    const group = document.getElementById(select.dataset.pick);
+    const { data, told } = read(`${group.id}-data`);
+    group.querySelector(".told").textContent = told[select.value] ?? "";
+    for (const place of group.querySelectorAll(".plot")) {
+      const parts = views.get(place.id).model.document;
+      for (const [name, found] of Object.entries(data[select.value])) {
+        const source = parts.get_model_by_name(name);
+        if (source !== null) source.data = { ...source.data, ...columns(found) };
+      }
+    }
+  }
+
+  // a canvas keeps the width of the screen; on paper, a drawing takes its place that fits any width
+  function toPaper() {
+    for (const [id, view] of views) {
+      const place = document.getElementById(id);
+      place.querySelector(".paper")?.remove();
+      const svg = view.export("svg", false).ctx.get_svg();
+      svg.setAttribute("viewBox", `0 0 ${svg.getAttribute("width")} ${svg.getAttribute("height")}`);
+      svg.classList.add("paper");
+      place.append(svg);
+    }
+  }
+
+  function toScreen() {
+    for (const drawing of document.querySelectorAll(".paper")) drawing.remove();
+  }
+
+  for (const place of document.querySelectorAll(".plot")) await draw(place);
+  for (const select of document.querySelectorAll("[data-pick]")) select.addEventListener("change", () => pick(select));
+  addEventListener("beforeprint", toPaper);
+  addEventListener("afterprint", toScreen);
+  document.body.dataset.drawn = views.size;
+})();
