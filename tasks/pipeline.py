@@ -54,9 +54,13 @@ def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str,
     """Run tasks, draw figures, print a summary; what is done already is not done again. Returns results by task."""
     console = Console(quiet=workspace.quiet, highlight=False)
     results = {}
+    states = dict.fromkeys(tasks, "waiting")
     for name in tasks:
         task = _TASKS[name]
         started = time.monotonic()
+        states[name] = "running"
+        workspace.board.put(tasks=dict(states), task=name)
+        workspace.event("task started", task=name)
         log.info("task started", extra={"task": name})
         if name == "sobol" and not options.get("extend"):
             _say_size(workspace, console)
@@ -65,7 +69,11 @@ def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str,
         seconds = time.monotonic() - started
         _draw(workspace, name, results[name])
         new = workspace.simulations - simulations
-        log.info("task finished", extra={"task": name, "seconds": round(seconds, 3), "new_simulations": new})
+        states[name] = "finished"
+        workspace.board.put(tasks=dict(states))
+        told = {"task": name, "seconds": round(seconds, 3), "new_simulations": new}
+        workspace.event("task finished", **told, result=str(workspace.out / f"{name}.json"))
+        log.info("task finished", extra=told)
         task.tell(workspace, results[name], console)
         console.print(f"{name}: {new:,} new evaluations in {seconds:.1f} s\n")
     console.print(
