@@ -204,9 +204,9 @@ def _first_problem(
     else:
         problem, expected = shown(first["input"]), _expected(first, field)
     if first["type"] == "extra_forbidden":
-        problem += _meant(location[-1], section.model_fields)
+        expected += _meant(location[-1], section.model_fields)
     elif first["type"] == "literal_error":
-        problem += _meant(first["input"], re.findall(r"'([^']*)'", first.get("ctx", {}).get("expected", "")))
+        expected += _meant(first["input"], re.findall(r"'([^']*)'", first.get("ctx", {}).get("expected", "")))
     line = next((lines[field[:n]] for n in range(len(field), -1, -1) if field[:n] in lines), 1)
     return BadInput(f"{path}: line {line}, {'.'.join(field) or what}", problem, expected)
 
