@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
-from distributed import Client
 from distributed.security import Security
 
 from runner.errors import ClusterError
@@ -61,11 +60,3 @@ def check_interface(name: str | None) -> None:
     known = sorted(psutil.net_if_addrs())
     if name is not None and name not in known:
         raise ClusterError(f"network interface '{name}' is not on {socket.gethostname()}; it has {', '.join(known)}")
-
-
-def dashboard(client: Client) -> str | None:
-    """How to reach the dashboard, which listens on its own machine only; None when there is none."""
-    port = client.scheduler_info().get("services", {}).get("dashboard")
-    if port is None:
-        return None
-    return f"ssh -N -L 8787:127.0.0.1:{port} {socket.gethostname()}, then http://127.0.0.1:8787/status"

@@ -126,7 +126,7 @@ def _methods(
     ledger: Ledger,
 ) -> Callable[[Desk], _Fitted | None]:
     def work(desk: Desk) -> _Fitted | None:
-        place = Place(desk, workspace.model, evaluation)
+        place = Place(desk, workspace.model, evaluation, _best_so_far(workspace, evaluation.specimen))
         found: dict[str, Found | None] = {}
         seen = None
         if {"bayesian", "hybrid"} & set(settings.methods):
@@ -149,6 +149,20 @@ def _methods(
         return _Fitted(methods, seen, jacobians_at(place, best.at))
 
     return work
+
+
+def _best_so_far(workspace: Workspace, specimen: Specimen) -> Callable[[float], None]:
+    """Tells those who look on of the best total (N) that a specimen has come to."""
+    heard, best = 0, np.inf
+
+    def hear(total: float) -> None:
+        nonlocal heard, best
+        heard, best = heard + 1, min(best, total) if np.isfinite(total) else best
+        words = f"best {best:.4g} N after {heard:,}" if np.isfinite(best) else f"all of {heard:,} failed"
+        value = best if np.isfinite(best) else None
+        workspace.note("calibrate", specimen.name, words, value=value, unit="N", evaluations=heard)
+
+    return hear
 
 
 def _seeds(workspace: Workspace, evaluation: SpecimenEvaluation, table: Any, known: int, count: int) -> Search:

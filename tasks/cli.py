@@ -13,6 +13,17 @@ import click
 
 from runner.errors import SinewError, WalltimeReached
 from tasks.problems import BadInput, one_line, shown
+from tasks.terminal import (
+    COMPLETION,
+    PROGRAM,
+    SHELLS,
+    Commands,
+    command_line,
+    completion_script,
+    examples,
+    say,
+    say_next,
+)
 
 _PATH = click.Path(path_type=Path)
 
@@ -21,11 +32,15 @@ def main() -> None:
     """Entry point: one clear line and exit code 2 for whatever the user can mend, 130 for Ctrl-C."""
     logging.getLogger("sinew").addHandler(logging.NullHandler())
     try:
-        sinew.main(standalone_mode=False)
+        sinew.main(standalone_mode=False, prog_name=PROGRAM, complete_var=COMPLETION)
     except click.exceptions.Abort:
         _fail("interrupted; run the same command again to go on, finished rows are kept", 130)
     except KeyboardInterrupt:
         _fail("interrupted; run the same command again to go on, finished rows are kept", 130)
+    except click.UsageError as error:
+        words = " ".join(error.format_message().split()).rstrip(".")
+        more = f"`{error.ctx.command_path if error.ctx else PROGRAM} --help` says more"
+        _fail(f"{words}{' ' if words.endswith('?') else '; '}{more}", 2)
     except click.ClickException as error:
         _fail(" ".join(error.format_message().split()), 2)
     except WalltimeReached as error:
@@ -41,16 +56,23 @@ def _fail(message: str, code: int) -> None:
     sys.exit(code)
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]}, no_args_is_help=False)
+@click.group(
+    cls=Commands,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    invoke_without_command=True,
+    epilog=examples(
+        "sinew init bench/*.csv --out study --length-mm 20 --width-mm 5 --thickness-mm 1.5",
+        "sinew run study/study.yaml --out results/study",
+        "sinew watch results/study",
+        "sinew run --help                # every command has examples",
+    ),
+)
 @click.version_option(package_name="sinew")
-def sinew() -> None:
-    r"""Finite-element ensembles of soft tissue: resumable, from a laptop to a cluster.
-
-    \b
-    sinew cohort --out data/virtual --per-site 1
-    sinew run configs/demo.yaml
-    sinew status results/demo
-    """
+@click.pass_context
+def sinew(context: click.Context) -> None:
+    """Finite-element ensembles of soft tissue: resumable, from a laptop to a cluster."""
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
 
 
 def _study_command(name: str, help: str) -> Callable[[Callable[..., None]], click.Command]:
@@ -66,7 +88,8 @@ def _study_command(name: str, help: str) -> Callable[[Callable[..., None]], clic
             click.option("--profile", type=_PATH, help="A cluster's profile: work on SLURM, from inside its job."),
             click.option("--simulator", type=click.Choice(["uniaxial", "febio"]), help="In place of the study's."),
             click.option("--retry-failed", is_flag=True, help="Evaluate failed rows again."),
-            click.option("--quiet", is_flag=True, help="No progress and no summary."),
+            click.option("--quiet", is_flag=True, help="Nothing but errors and the last line."),
+            click.option("--json", "as_json", is_flag=True, help="For scripts: a JSON object in each line."),
         ]
         for option in reversed(options):
             function = option(function)
@@ -110,21 +133,26 @@ def _open(
         yield workspace
 
 
-@_study_command("run", "Run all tasks of a study, in order.")
-def run(study: Path, **options: Any) -> None:
+def _run(study: Path, tasks: Sequence[str] | None, *, extend: bool = False, **options: Any) -> None:
+    """Run tasks of a study (None: the study's), and say where to look."""
     from tasks import pipeline
 
-    with _open(study, None, **options) as workspace:
-        pipeline.run(workspace, workspace.study.tasks)
+    with _open(study, tasks, extend=extend, **options) as workspace:
+        pipeline.run(
+            workspace, workspace.study.tasks if tasks is None else tasks, **({"extend": True} if extend else {})
+        )
+    say_next(command_line("report", workspace.out), as_json=options["as_json"])
+
+
+@_study_command("run", "Run all tasks of a study, in order.")
+def run(study: Path, **options: Any) -> None:
+    _run(study, None, **options)
 
 
 @_study_command("sobol", "Sobol indices with confidence intervals.")
 @click.option("--extend", is_flag=True, help="Double the base samples of the last result; pays for new rows only.")
 def sobol(study: Path, extend: bool, **options: Any) -> None:
-    from tasks import pipeline
-
-    with _open(study, ["sobol"], extend=extend, **options) as workspace:
-        pipeline.run(workspace, ["sobol"], extend=extend)
+    _run(study, ["sobol"], extend=extend, **options)
 
 
 def _task_command(task: str, words: str) -> None:
@@ -132,10 +160,7 @@ def _task_command(task: str, words: str) -> None:
 
     @_study_command(task, words)
     def command(study: Path, **options: Any) -> None:
-        from tasks import pipeline
-
-        with _open(study, [task], **options) as workspace:
-            pipeline.run(workspace, [task])
+        _run(study, [task], **options)
 
 
 _task_command("importance", "Random forest importance from the rows of the Sobol study.")
@@ -155,6 +180,7 @@ def simulate(study: Path, parameters: Path, **options: Any) -> None:
     rows = read_parameters(parameters, read_study(study).tendon())
     with _open(study, [], **options) as workspace:
         result = simulate_rows(workspace, rows)
+        workspace.event("simulated", **{name: result[name] for name in ("rows", "failed", "files")})
         if not workspace.quiet:
             print(
                 f"{result['rows']} rows along {len(result['files'])} curves, {result['failed']} failed: {workspace.out}"
@@ -162,6 +188,62 @@ def simulate(study: Path, parameters: Path, **options: Any) -> None:
             for failure in result["failures"][:5]:
                 reason = f"{failure['status']}: {one_line(failure['message'])}"
                 print(f"  row {failure['row']}, {failure['specimen']}: {reason}")
+    if result["failed"]:
+        say_next(command_line("status", workspace.out), as_json=options["as_json"])
+    else:
+        say_next(f"the forces are in {workspace.out}", as_json=options["as_json"])
+
+
+@sinew.command()
+@click.argument("files", type=_PATH, nargs=-1)
+@click.option("--out", type=_PATH, required=True, help="Folder to write: study.yaml and cohort/.")
+@click.option("--length-mm", type=float, help="Gauge length, where files do not say.")
+@click.option("--width-mm", type=float, help="Width, where files do not say.")
+@click.option("--thickness-mm", type=float, help="Thickness, where files do not say.")
+@click.option("--time-unit", metavar="UNIT", help="Of times without a unit: s, ms, min, ...")
+@click.option("--displacement-unit", metavar="UNIT", help="Of displacements (mm, um, m, ...) or strains (%, 1).")
+@click.option("--force-unit", metavar="UNIT", help="Of forces (N, mN, kN, kgf, ...) or stresses (kPa, MPa, ...).")
+@click.option("--time-column", metavar="NAME", help="Name or number (from 1) of a column.")
+@click.option("--displacement-column", metavar="NAME", help="The same; displacement, length, strain or stretch.")
+@click.option("--force-column", metavar="NAME", help="The same; force or stress.")
+@click.option("--json", "as_json", is_flag=True, help="What was made, as a JSON object.")
+def init(
+    files: tuple[Path, ...],
+    out: Path,
+    length_mm: float | None,
+    width_mm: float | None,
+    thickness_mm: float | None,
+    as_json: bool,
+    **hints: str | None,
+) -> None:
+    """Make a study of your own files: a cohort and a study.yaml.
+
+    FILES are tables of tests (CSV, TSV, text, exports of testing machines), folders of them, or a cohort that is in
+    the layout already. Columns, separators and names are guessed, and said; units are read from the files or given,
+    never guessed. On a terminal it asks for what no file tells.
+    """
+    from tasks.guess import Hints
+    from tasks.init import Sizes, summary
+    from tasks.init import init as make
+
+    asks = sys.stdin.isatty() and sys.stdout.isatty() and not as_json
+    sizes = Sizes(length_mm, width_mm, thickness_mm)
+    made = make(files, out, hints=Hints(**hints), sizes=sizes, ask=_ask if asks else None)
+    if as_json:
+        print(json.dumps(summary(made)))
+        return
+    for line in made.told:
+        print(line)
+    for path in made.missing:
+        print(f"fill in: {path}")
+    print(f"study: {made.study}")
+    run_it = command_line("run", made.study)
+    say_next(f"fill in what is marked null there, then {run_it}" if made.missing else run_it)
+
+
+def _ask(question: str, choices: Sequence[str]) -> str:
+    kind = click.Choice(list(choices)) if choices else None
+    return str(click.prompt(question, type=kind, default=None if choices else "", show_default=False))
 
 
 @sinew.command()
@@ -193,6 +275,7 @@ def cohort(out: Path, seed: int, per_site: int, rate: float, noise: float, ar1: 
     write_cohort(out, specimens, truth)
     curves = sum(len(specimen.curves) for specimen in specimens)
     print(f"{len(specimens)} specimens, {curves} curves, truth.json: {out}")
+    say_next(command_line("init", out, "--out", f"{out.name}-study"))
 
 
 @sinew.command("import")
@@ -230,11 +313,12 @@ def import_(files: tuple[Path, ...], out: Path, protocol: str | None, specimen: 
             )
     for where, names in found.spreads.items():
         print(f"{where}: {', '.join(names)} left out; a cohort holds curves, and noise is told from them")
+    say_next(command_line("init", out, "--out", f"{out.name}-study"))
 
 
-@_study_command("submit", "Submit a study to SLURM: a small job that leads, and the worker jobs that it starts.")
+@_study_command("submit", "Submit a study to SLURM: a job that leads, and its worker jobs.")
 @click.option("--dry-run", is_flag=True, help="Print the job scripts, submit nothing.")
-def submit(study: Path, dry_run: bool, profile: Path | None, out: Path | None, **options: Any) -> None:
+def submit(study: Path, dry_run: bool, profile: Path | None, out: Path | None, as_json: bool, **options: Any) -> None:
     from tasks import pipeline, submission
     from tasks.profile import read_profile
     from tasks.study import read_study
@@ -252,9 +336,12 @@ def submit(study: Path, dry_run: bool, profile: Path | None, out: Path | None, *
             print(f"# ---- each worker job; the scheduler's address and the certificate are made up\n{scripts.worker}")
         return
     job = submission.submit(read, chosen, out, scripts)
-    if not options["quiet"]:
-        print(f"job {job} leads '{read.name}'; its output: {submission.jobs_folder(out)}")
+    if as_json or not options["quiet"]:
+        words = f"job {job} leads '{read.name}'; its output: {submission.jobs_folder(out)}"
+        say(as_json, words, event="submitted", job=job, folder=str(out))
+    if not (as_json or options["quiet"]):
         print(f"follow it by `sinew status {out}`, end it by `sinew cancel {out}`")
+    say_next(command_line("watch", out), as_json=as_json)
 
 
 def _arguments(options: dict[str, Any]) -> list[str]:
@@ -281,6 +368,7 @@ def doctor(
     workers: int | None,
     seed: int | None,
     quiet: bool,
+    as_json: bool,
     retry_failed: bool,
 ) -> None:
     from tasks.doctor import Finding, examine
@@ -293,13 +381,16 @@ def doctor(
     cluster = read.cluster_spec(workers) if chosen is None else chosen.one_job(read.name, out.absolute())
 
     def tell(finding: Finding) -> None:
-        if not (quiet and finding.good):
-            print(f"{'ok  ' if finding.good else 'BAD '} {finding.name}: {finding.words}", flush=True)
+        if as_json or not (quiet and finding.good):
+            words = f"{'ok  ' if finding.good else 'BAD '} {finding.name}: {finding.words}"
+            say(as_json, words, event="checked", name=finding.name, good=finding.good, words=finding.words)
 
     findings = examine(read, chosen, cluster, out, tell, data=data, simulator=simulator, wait_s=wait)
     bad = [finding.name for finding in findings if not finding.good]
     if bad:
         raise SinewError(f"{len(bad)} of {len(findings)} checks failed: {', '.join(bad)}")
+    how = ("run", study) if profile is None else ("submit", study, "--profile", profile)
+    say_next(command_line(*how, "--out", out), as_json=as_json)
 
 
 @sinew.group("benchmark")
@@ -333,6 +424,7 @@ def benchmark_discover(
     tell(result, Console(quiet=quiet, highlight=False))
     if not quiet:
         print(f"results: {out / 'benchmark.json'}, {out / 'benchmark.md'}")
+    say_next(f"read {out / 'benchmark.md'}")
 
 
 @sinew.command()
@@ -360,7 +452,49 @@ def status(folder: Path, as_json: bool, rows: bool) -> None:
             print(line)
         return
     found = read_status(folder)
-    print(json.dumps(found, indent=1)) if as_json else print_status(found)
+    if as_json:
+        print(json.dumps(found, indent=1))
+        return
+    print_status(found)
+    alive = found["now"] is not None and found["now"]["alive"]
+    say_next(command_line("watch" if alive else "report", folder))
+
+
+@sinew.command()
+@click.argument("folder", type=_PATH)
+@click.option("--once", is_flag=True, help="Show one picture and leave.")
+@click.option("--json", "as_json", is_flag=True, help="A JSON object in a line for every change.")
+@click.option(
+    "--every", type=click.FloatRange(0.1, 3600), default=1.0, show_default=True, help="Look that often (seconds)."
+)
+def watch(folder: Path, once: bool, as_json: bool, every: float) -> None:
+    """A live view of a result folder, wherever its run is.
+
+    Shows tasks, progress and time left, the best fit or threshold so far, workers and jobs, and the last failures.
+    It reads files only and never writes. It waits for a folder that is not there yet, and leaves when the run is over;
+    q or Ctrl-C leaves sooner, and whatever runs goes on.
+    """
+    from tasks.watch import watch as watch_folder
+
+    try:
+        found = watch_folder(folder, form="json" if as_json else "picture", once=once, every_s=every)
+    except KeyboardInterrupt:
+        found = None
+    if as_json:
+        return
+    if found is not None and found["state"] == "finished":
+        say_next(command_line("report", folder))
+    elif found is not None and found["state"] in ("failed", "interrupted"):
+        say_next(command_line("status", folder))
+    else:
+        say_next(command_line("watch", folder))
+
+
+@sinew.command()
+@click.argument("shell", type=click.Choice(SHELLS))
+def completion(shell: str) -> None:
+    """Print what makes a shell complete commands, options and files."""
+    print(completion_script(sinew, shell))
 
 
 @sinew.command()
@@ -379,10 +513,11 @@ def report(folder: Path) -> None:
 @sinew.command()
 @click.argument("folder", type=_PATH)
 def repair(folder: Path) -> None:
-    """Make rows in damaged chunks pending, so that the next run computes them again; all others stay."""
+    """Make rows in damaged chunks pending; the next run computes them again, all others stay."""
     from tasks.pipeline import repair as repair_store
 
     print(f"{repair_store(folder)} rows are pending now: {folder}")
+    say_next("run the same study again; it computes these rows and no other")
 
 
 if __name__ == "__main__":

@@ -73,7 +73,7 @@ def read_table(path: Path, *, time: str | None = None, stress: str | None = None
     Raises :class:`BadInput` naming the file and, where there is one, row and column.
     """
     check_text(path, MAX_EXPORT_BYTES)
-    text = _decoded(path)
+    text = decoded(path)
     delimiter = ";" if text.count(";") > text.count(",") else ","
     try:
         rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter))
@@ -95,10 +95,10 @@ def read_table(path: Path, *, time: str | None = None, stress: str | None = None
     if len(numbers) < 3:
         raise BadInput(path, f"{len(numbers)} rows of numbers", "at least 3")
     spreads = tuple(cell.strip() for cell, title in zip(rows[at], _titles(rows[at]), strict=True) if title in SPREADS)
-    return Table(numbers, columns[1][0], load, first + 1, _block(rows[:at]), spreads)
+    return Table(numbers, columns[1][0], load, first + 1, block_of(rows[:at]), spreads)
 
 
-def _decoded(path: Path) -> str:
+def decoded(path: Path) -> str:
     content = path.read_bytes()
     for encoding in ("utf-8-sig", "cp1252"):
         try:
@@ -173,6 +173,6 @@ def _numbers(path: Path, rows: Rows, first: int, columns: Sequence[tuple[Quantit
     return table
 
 
-def _block(rows: Rows) -> dict[str, list[str]]:
+def block_of(rows: Rows) -> dict[str, list[str]]:
     """The header block: 'Specimen properties : Length,"14.33",mm' becomes length: ["14.33", "mm"]."""
     return {row[0].rpartition(":")[2].strip().lower(): [cell.strip() for cell in row[1:]] for row in rows if row}

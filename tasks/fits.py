@@ -3,7 +3,7 @@
 Points are on the unit cube of the model's free parameters: 0 is the lower bound of a parameter, 1 the upper.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import product
 
@@ -50,11 +50,12 @@ class Found:
 
 @dataclass(frozen=True)
 class Place:
-    """Where the fits of one specimen ask."""
+    """Where the fits of one specimen ask. ``tell`` hears the total objective (N, NaN: failed) of each row."""
 
     desk: Desk
     model: Model
     evaluation: SpecimenEvaluation
+    tell: Callable[[float], None] = lambda total: None
 
     @property
     def size(self) -> int:
@@ -65,7 +66,10 @@ class Place:
 
     def hear(self, count: int) -> Seen:
         """What became of the next ``count`` points."""
-        told = [self.desk.next() for _ in range(count)]
+        told = []
+        for _ in range(count):
+            told.append(self.desk.next())
+            self.tell(float(told[-1].values["objective"].sum()))
         names = [curve.name for curve in self.evaluation.specimen.curves]
         return Seen(
             np.array([one.values["objective"] for one in told]),

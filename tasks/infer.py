@@ -120,11 +120,24 @@ class _Problem:
 
     def __init__(self, workspace: Workspace, site: str, evaluation: SiteEvaluation, prior: Normals) -> None:
         self.study = workspace.study
+        self.note = partial(workspace.note, "infer", site)
         self.evaluation = evaluation
         self.prior = prior
         self.row = partial(_row, workspace.model, prior.names)
         self.distance, self.describe, self.data = _distance(self.study.infer, evaluation)
         self.database = workspace.out / "infer" / f"{site}.db"
+
+    def _tell(self, threshold: Callable[[int], float], t: int, took: Generation) -> None:
+        """Tell those who look on which generation this is, and its threshold."""
+        if t < 0:
+            self.note(f"learning the distance: {took.judged:,} draws")
+            return
+        settings, epsilon = self.study.infer, float(threshold(t))
+        self.note(
+            f"generation {t + 1} of at most {settings.generations}, threshold {epsilon:.4g}: "
+            f"{took.accepted} of {settings.population} accepted, {took.judged:,} judged",
+            generation=int(t) + 1, value=epsilon, accepted=took.accepted, judged=took.judged,
+        )  # fmt: skip
 
     def run(self, model: pyabc.Model, sampler: Sampler) -> tuple[xr.Dataset, dict[str, list[float]]] | None:
         """The particles of all generations, and the weights of the distance; None when not even the first is full."""
@@ -142,6 +155,8 @@ class _Problem:
             ),
             sampler=sampler,
         )
+        if isinstance(sampler, StoreSampler):
+            sampler.tell = partial(self._tell, abc.eps)
         history = abc.new(IN_MEMORY, self.data)
         try:
             abc.run(

@@ -226,6 +226,8 @@ def _size(path: Path, content: dict[str, Any], key: str) -> float:
     if key not in content:
         raise BadInput(f"{path}: {key}", "missing", "a length in mm")
     value = content[key]
+    if value is None:
+        raise BadInput(f"{path}: {key}", "is not filled in", "a length in mm, such as 10.0")
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e4:
         raise BadInput(f"{path}: {key}", shown(value), "a length in mm, above 0 and below 10000")
     return float(value)

@@ -59,7 +59,10 @@ def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str,
     console = Console(quiet=workspace.quiet, highlight=False)
     log.info("run started", extra={"tasks": list(tasks), **provenance.facts(workspace)})
     results = {}
+    states = dict.fromkeys(tasks, "waiting")
     for name in tasks:
+        states[name] = "running"
+        workspace.board.put(tasks=dict(states), task=name)
         try:
             results[name] = _run_one(workspace, name, console, **options)
         except WalltimeReached:  # there is no time left for a page
@@ -68,6 +71,8 @@ def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str,
             log.error("task failed", extra={"task": name, "reason": one_line(f"{type(error).__name__}: {error}")})
             report(workspace.out, console)
             raise
+        states[name] = "finished"
+        workspace.board.put(tasks=dict(states))
     where = report(workspace.out, console)
     page = "" if where is None else f"{where.name} to read, "
     console.print(
@@ -79,6 +84,7 @@ def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str,
 def _run_one(workspace: Workspace, name: str, console: Console, **options: Any) -> dict[str, Any]:
     task = _TASKS[name]
     started = time.monotonic()
+    workspace.event("task started", task=name)
     log.info("task started", extra={"task": name})
     if name == "sobol" and not options.get("extend"):
         _say_size(workspace, console)
@@ -87,7 +93,9 @@ def _run_one(workspace: Workspace, name: str, console: Console, **options: Any) 
     seconds = time.monotonic() - started
     _draw(workspace, name, result)
     new = workspace.simulations - simulations
-    log.info("task finished", extra={"task": name, "seconds": round(seconds, 3), "new_simulations": new})
+    told = {"task": name, "seconds": round(seconds, 3), "new_simulations": new}
+    workspace.event("task finished", **told, result=str(workspace.out / f"{name}.json"))
+    log.info("task finished", extra=told)
     task.tell(workspace, result, console)
     console.print(f"{name}: {new:,} new evaluations in {seconds:.1f} s\n")
     return result

@@ -146,6 +146,7 @@ class StoreSampler(Sampler):  # type: ignore[misc]
         self.seed = tuple(seed)
         self.pending = pending
         self.generations: list[Generation] = []
+        self.tell: Callable[[int, Generation], None] = lambda t, took: None  # hears of each proposal that is judged
         self._superfluous = 0
 
     def sample_until_n_accepted(
@@ -181,10 +182,11 @@ class StoreSampler(Sampler):  # type: ignore[misc]
             took.judged += 1
             if particle is None:
                 took.failed += 1
-                continue
-            sample.append(particle)
-            took.accepted += bool(particle.accepted)
-            took.closest = min(took.closest, float(particle.distance))
+            else:
+                sample.append(particle)
+                took.accepted += bool(particle.accepted)
+                took.closest = min(took.closest, float(particle.distance))
+            self.tell(t, took)
         took.asked = len(proposed)
         self._superfluous = skip + took.asked - took.judged
         self.nr_evaluations_ = took.judged

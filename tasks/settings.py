@@ -2,7 +2,8 @@
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from difflib import get_close_matches
 from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin
@@ -202,8 +203,18 @@ def _first_problem(
         problem, expected = "missing", "a value"
     else:
         problem, expected = shown(first["input"]), _expected(first, field)
+    if first["type"] == "extra_forbidden":
+        expected += _meant(location[-1], section.model_fields)
+    elif first["type"] == "literal_error":
+        expected += _meant(first["input"], re.findall(r"'([^']*)'", first.get("ctx", {}).get("expected", "")))
     line = next((lines[field[:n]] for n in range(len(field), -1, -1) if field[:n] in lines), 1)
     return BadInput(f"{path}: line {line}, {'.'.join(field) or what}", problem, expected)
+
+
+def _meant(word: object, known: Iterable[str]) -> str:
+    """What somebody who misspelled a word may have meant."""
+    near = get_close_matches(word, list(known), n=1) if isinstance(word, str) else []
+    return f" (did you mean '{near[0]}'?)" if near else ""
 
 
 def _expected(problem: Any, field: tuple[str, ...]) -> str:

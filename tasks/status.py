@@ -12,7 +12,7 @@ from rich.table import Table as Grid
 
 from runner import slurm
 from runner.errors import StoreError
-from runner.progress import PROGRESS, read_progress
+from runner.progress import PROGRESS, RUNNING, is_here, read_progress
 from runner.store import PENDING, STATUSES, Array, Segment, Table, open_store
 from tasks.problems import one_line
 
@@ -52,7 +52,7 @@ def read_status(folder: Path) -> dict[str, Any]:
         "folder": str(folder),
         "study": "waiting" if store is None else store.study,
         "tables": tables,
-        "now": _sign_of_life(folder, now),
+        "now": sign_of_life(folder, now),
         "jobs": [
             {
                 "job": record.job,
@@ -114,12 +114,15 @@ def rows_as_csv(folder: Path) -> Iterator[str]:
             yield f"{title},{row},{status},{told.attempts[i]},{told.seconds[i]:.6g},{node},{process},{job}"
 
 
-def _sign_of_life(folder: Path, now: float) -> dict[str, Any] | None:
+def sign_of_life(folder: Path, now: float) -> dict[str, Any] | None:
     facts = read_progress(folder)
     if facts is None:
         return None
     age = now - facts["time"]
-    return {**facts, "age_s": round(age, 1), "alive": age < SILENT_S and facts["done"] < facts["total"]}
+    alive = age < SILENT_S and facts.get("state", RUNNING) == RUNNING and is_here(facts.get("process")) is not False
+    if "state" not in facts:  # told by an older version, which did not say how it ended
+        alive = alive and facts["done"] < facts["total"]
+    return {**facts, "age_s": round(age, 1), "alive": alive}
 
 
 def print_status(found: dict[str, Any]) -> None:
@@ -147,12 +150,12 @@ def _now(told: dict[str, Any] | None) -> str:
         return "nothing runs"
     line = one_line(f"{told['title']}: {told['done']:,} of {told['total']:,} rows")
     if not told["alive"]:
-        return f"nothing runs; last sign of life {_duration(told['age_s'])} ago ({line})"
-    left = f", {_duration(told['eta_s'])} left" if told.get("eta_s") is not None else ""
+        return f"nothing runs; last sign of life {duration(told['age_s'])} ago ({line})"
+    left = f", {duration(told['eta_s'])} left" if told.get("eta_s") is not None else ""
     return f"{line}, {told.get('running', 0):,} running, {told.get('rows_per_s', 0):.4g} rows/s{left}"
 
 
-def _duration(seconds: float) -> str:
+def duration(seconds: float) -> str:
     for size, unit in ((86_400, "d"), (3600, "h"), (60, "min")):
         if seconds >= 2 * size:
             return f"{seconds / size:.1f} {unit}"

@@ -15,13 +15,12 @@ from tasks.settings import FieldError, Section, by_name, read_settings
 from tasks.simulate import Simulator
 from tasks.simulate.febio import FEBio, read_template, solver_version
 from tasks.simulate.febio_effects import febio_with
+from tasks.task import Task
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Seconds = Annotated[float, Field(gt=0, le=86_400 * 30, allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 
-
-Task = Literal["sobol", "importance", "calibrate", "infer", "predict", "compare", "discover"]
 
 #: Whose results a task takes up.
 NEEDS = {"importance": "sobol", "infer": "calibrate", "predict": "infer", "compare": "infer"}

@@ -6,7 +6,7 @@ import logging
 import os
 import shutil
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,9 +18,9 @@ from pythonjsonlogger.json import JsonFormatter
 
 from runner.batch import Evaluation
 from runner.cluster import ClusterSpec, Local, open_client
+from runner.dashboard import dashboard, way_to
 from runner.ensemble import Policy, Talk, converse, evaluate
-from runner.network import dashboard
-from runner.progress import progress
+from runner.progress import Board, Report, Show, open_board, progress
 from runner.store import Store, Table, TableSpec
 from tasks.evaluate import SpecimenEvaluation
 from tasks.measurements import Cohort, read_cohort
@@ -49,7 +49,8 @@ class Workspace:
     store: Store
     out: Path
     cluster: ClusterSpec
-    quiet: bool = False
+    board: Board
+    show: Show = "words"
     retry_failed: bool = False
     simulations: int = 0
     _stack: ExitStack = field(default_factory=ExitStack, repr=False)
@@ -59,15 +60,32 @@ class Workspace:
     def seed(self) -> int:
         return self.study.seed
 
+    @property
+    def quiet(self) -> bool:
+        """Whether tables and other words for a person are left out."""
+        return self.show != "words"
+
     def client(self) -> Client:
         """A client of the study's cluster, started when it is first needed."""
         if self._client is None:
             self._client = self._stack.enter_context(open_client(self.cluster))
-            how = dashboard(self._client)
+            at = dashboard(self._client)
+            how = way_to(at)
             log.info("cluster", extra={"scheduler": self._client.scheduler_info()["address"], "dashboard": how})
+            self.board.put(dashboard=at)
             if not self.quiet and not isinstance(self.cluster, Local):
                 print(f"dashboard: {how}", flush=True)
         return self._client
+
+    def progress(
+        self, title: str, total: int, *, of: str = "rows", done: int = 0, brief: bool = False
+    ) -> AbstractContextManager[Report]:
+        """Show how something that is counted comes along, see :func:`runner.progress.progress`."""
+        return progress(title, total, self.board, of=of, done=done, show="nothing" if brief else self.show)
+
+    def note(self, part: str, name: str, words: str, **numbers: float | int | str | None) -> None:
+        """Tell those who look on how far a part of the work has come; it costs next to nothing."""
+        self.board.note(part, name, words, **numbers)
 
     def specimens(self, names: Sequence[str] | str, where: str) -> tuple[Specimen, ...]:
         """The specimens that a task's settings name."""
@@ -110,7 +128,7 @@ class Workspace:
         self.simulations += pending
         policy = Policy(multiple=self.simulator.batch_multiple, retries=self.study.retries)
         client = (lambda: None) if here else self.client
-        with progress(title, asked, self.out, done=asked - pending, quiet=self.quiet or brief) as report:
+        with self.progress(title, asked, done=asked - pending, brief=brief) as report:
             evaluate(client, table, evaluation, rows, report, policy)
 
     def converse(self, talks: Sequence[Talk], title: str) -> list[Any]:
@@ -119,11 +137,16 @@ class Workspace:
         before = sum(table.finished() for table in tables)
         policy = Policy(multiple=self.simulator.batch_multiple, retries=self.study.retries)
         rows = sum(talk.rows for talk in talks)
-        with progress(title, rows, self.out, quiet=self.quiet) if rows else nullcontext() as report:
+        with self.progress(title, rows) if rows else nullcontext() as report:
             try:
                 return converse(self.client, talks, report, policy)
             finally:
                 self.simulations += sum(table.finished() for table in tables) - before
+
+    def event(self, event: str, **facts: Any) -> None:
+        """A JSON line for a program that looks on."""
+        if self.show == "json":
+            print(json.dumps({"event": event, **facts}), flush=True)
 
 
 @contextmanager
@@ -135,12 +158,13 @@ def open_workspace(
     cluster: ClusterSpec,
     simulator: str | None = None,
     quiet: bool = False,
+    as_json: bool = False,
     retry_failed: bool = False,
 ) -> Iterator[Workspace]:
     """Read what a study needs, check all of it, and only then open (or create) its result folder.
 
-    ``data`` replaces the study's cohort. Raises :class:`BadInput` and
-    :class:`runner.errors.StoreError`.
+    ``data`` replaces the study's cohort. ``quiet``: nothing is shown; ``as_json``: JSON lines are. Raises
+    :class:`BadInput` and :class:`runner.errors.StoreError`.
     """
     cohort = check_cohort(study, data, out)
     chosen = study.simulator_object(simulator, attempts_folder(out))
@@ -150,7 +174,11 @@ def open_workspace(
         for abandoned in (out / "attempts").glob("attempt-*"):  # their workers were killed
             shutil.rmtree(abandoned, ignore_errors=True)
         model = study.tendon()
-        yield Workspace(study, cohort, model, chosen, store, out, cluster, quiet, retry_failed, _stack=stack)
+        board = stack.enter_context(open_board(out))
+        if isinstance(cluster, Local):
+            board.put(workers=cluster.workers)
+        show: Show = "json" if as_json else "nothing" if quiet else "words"
+        yield Workspace(study, cohort, model, chosen, store, out, cluster, board, show, retry_failed, _stack=stack)
 
 
 def check_cohort(study: Study, data: Path | None, out: Path) -> Cohort:

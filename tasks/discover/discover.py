@@ -18,7 +18,7 @@ from tasks.discover.conflict import conflict, together
 from tasks.discover.experiment import Experiment, Rival, next_experiment
 from tasks.discover.explore import Effects, Explorer, agree, each_for_all, explorers
 from tasks.discover.fit import Fitted
-from tasks.discover.search import Found, asked, search
+from tasks.discover.search import Found, asked, note_fit, search
 from tasks.discover.shape import shape
 from tasks.discover.sizes import library_for
 from tasks.discover.solver import in_febio
@@ -41,13 +41,13 @@ def discover(workspace: Workspace) -> dict[str, Any]:
     """
     settings, seed = workspace.study.discover, workspace.study.seed
     explored = _ready(workspace)
-    bare: list[list[Fitted]] = each_for_all(
-        workspace,
-        explored,
-        "the model as it is",
-        [None],
-        lambda i, _, desk: explored[i].bare(desk, settings.starts, (seed, 9, i)),
-    )[0]
+
+    def without_effects(i: int, _: None, desk: Desk) -> list[Fitted]:
+        fits = explored[i].bare(desk, settings.starts, (seed, 9, i))
+        note_fit(workspace, explored[i].name, (), fits[0])
+        return fits
+
+    bare: list[list[Fitted]] = each_for_all(workspace, explored, "the model as it is", [None], without_effects)[0]
     found = search(workspace, explored, [fits[0] for fits in bare])
     trusted = all(
         agree(sorted([*fits, null], key=lambda one: one.loss)) for fits, null in zip(bare, found.null, strict=True)

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from runner.ensemble import Desk, Talk
-from runner.progress import progress
 from tasks.discover.fit import Candidate, Fitted, errors, extended, fit, look_ahead, starts
 from tasks.discover.measured import Measured
 from tasks.discover.splits import SPECIMEN, splits
@@ -179,7 +178,7 @@ def each_for_all(
     jobs = [(i, k) for k in range(len(items)) for i in range(len(explored))]
     found: dict[tuple[int, int], Any] = {}
     lanes = min(len(jobs), LANES * len(explored))
-    with progress(f"discover: {title}", len(jobs), workspace.out, of="fits", quiet=workspace.quiet) as report:
+    with workspace.progress(f"discover: {title}", len(jobs), of="fits") as report:
         told = Lock()
 
         def lane(number: int, desk: Desk) -> None:

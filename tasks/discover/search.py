@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from runner.ensemble import Desk
 from tasks.discover.choose import Scored, criterion, room_for_two
 from tasks.discover.explore import Effects, Explorer, each_for_all
 from tasks.discover.fit import Candidate, Fitted, starts
@@ -58,13 +59,20 @@ def search(workspace: Workspace, explored: Sequence[Explorer], null: list[Fitted
     bare = Candidate(workspace.model)
     forms: list[Effects] = [(form,) for effect in asked(workspace, explored) for form in (effect, *effect.other_forms)]
     singles = [form for form in forms if _possible(form, explored)]
-    columns = each_for_all(
-        workspace, explored, "one effect", singles,
-        lambda i, effects, desk: explored[i].extended(desk, effects, null[i]),
-    )  # fmt: skip
+    best = list(null)
+
+    def with_one(i: int, effects: Effects, desk: Desk) -> Fitted:
+        fitted = explored[i].extended(desk, effects, null[i])
+        if fitted.loss < best[i].loss:
+            best[i] = fitted
+            note_fit(workspace, explored[i].name, effects, fitted)
+        return fitted
+
+    columns = each_for_all(workspace, explored, "one effect", singles, with_one)
     floor = float(sum(fitted.points - bare.size for fitted in null))
     found = Found(null, dict(zip(singles, columns, strict=True)), floor)
     found.score()
+    _note_best(workspace, found)
     heads = found.ordered[:HEADS]
     elsewhere = starts(bare, np.random.default_rng((workspace.study.seed, 12)), FRESH[1])[FRESH[0] :]
 
@@ -92,6 +100,7 @@ def search(workspace: Workspace, explored: Sequence[Explorer], null: list[Fitted
     )  # fmt: skip
     found.fits |= dict(zip(wanted, columns, strict=True))
     found.score()
+    _note_best(workspace, found)
     # a pair must not be preferred because one of its effects alone was not fitted as well as it could be
     pair = min(wanted, key=lambda effects: sum(one.loss for one in found.fits[effects]))
     ends = bare.size + len(pair[0].parameters)
@@ -124,6 +133,7 @@ def _improve(
     )  # fmt: skip
     found.fits |= dict(zip(chosen, columns, strict=True))
     found.score()
+    _note_best(workspace, found)
 
 
 def _bare_again(workspace: Workspace, explored: Sequence[Explorer], found: Found, chosen: Sequence[Effects]) -> None:
@@ -136,6 +146,22 @@ def _bare_again(workspace: Workspace, explored: Sequence[Explorer], found: Found
         ),
     )  # fmt: skip
     found.score()
+
+
+def note_fit(workspace: Workspace, specimen: str, effects: Effects, fitted: Fitted) -> None:
+    """Tell those who look on of the best fit to a specimen so far; a true model's loss is about its points."""
+    having = " + ".join(effect.name for effect in effects) or "the model as it is"
+    words = f"loss {fitted.loss:,.0f} with {having}; {fitted.points:,} points"
+    workspace.note("discover", specimen, words, value=fitted.loss, points=fitted.points)
+
+
+def _note_best(workspace: Workspace, found: Found) -> None:
+    """Tell those who look on which candidate is the best of a cohort so far."""
+    effects = found.ordered[0]
+    best, nothing = found.scored[effects], found.nothing
+    words = " + ".join(effect.name for effect in effects)
+    words += f": loss {best.loss:,.0f}, {nothing.loss:,.0f} without; a true model's is about {found.floor:,.0f}"
+    workspace.note("discover", "all specimens", words, value=best.loss, without=nothing.loss, floor=found.floor)
 
 
 def _best_forms(scored: dict[Effects, Scored]) -> dict[Effects, Scored]:

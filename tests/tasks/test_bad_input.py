@@ -440,7 +440,7 @@ SPECIMENS = {
     "text": ({"length_mm": "10"}, f"{JSON}: length_mm: '10'; expected a length in mm"),
     "with its unit": ({"length_mm": "10 mm"}, f"{JSON}: length_mm: '10 mm'; expected a length in mm"),
     "truth": ({"length_mm": True}, f"{JSON}: length_mm: True; expected a length in mm"),
-    "null": ({"length_mm": None}, f"{JSON}: length_mm: None; expected a length in mm"),
+    "null": ({"length_mm": None}, f"{JSON}: length_mm: is not filled in; expected a length in mm"),
     "NaN": ({"length_mm": float("nan")}, f"{JSON}: length_mm: nan; expected a length in mm"),
     "infinite": ({"length_mm": float("inf")}, f"{JSON}: length_mm: inf; expected a length in mm"),
     "huge": ({"length_mm": 1e9}, f"{JSON}: length_mm: 1000000000.0; expected a length in mm, above 0 and below 10000"),
