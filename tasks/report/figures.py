@@ -1,5 +1,6 @@
 """Figures of the sensitivity tasks, in the colours of Okabe and Ito (2008) that colour-blind readers tell apart."""
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,8 @@ import numpy as np
 import xarray as xr
 from cycler import cycler
 
-matplotlib.use("Agg")
+if "inline" not in os.environ.get("MPLBACKEND", ""):  # a notebook shows figures by its own, which draws as Agg does
+    matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
