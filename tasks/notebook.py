@@ -19,12 +19,14 @@ def run(
     simulator: str | None = None,
     retry_failed: bool = False,
     extend: bool = False,
+    figures: bool = False,
     quiet: bool = True,
 ) -> Results:
     """Run tasks of a study, all that it names unless you name some; what is done already is not done again.
 
     ``out`` is the result folder (``results/NAME`` if you say nothing), ``data`` a cohort in place of the study's;
-    ``extend`` doubles the base samples of the last Sobol study. Says nothing unless ``quiet`` is False: look at the
+    ``extend`` doubles the base samples of the last Sobol study; ``figures`` draws all figures into the folder, as the
+    command does (each result's ``plot`` draws one at a time). Says nothing unless ``quiet`` is False: look at the
     results that it returns. A script that is not a notebook calls it under ``if __name__ == "__main__":``, because
     worker processes import the script.
 
@@ -46,5 +48,5 @@ def run(
         quiet=quiet,
         retry_failed=retry_failed,
     ) as workspace:
-        pipeline.run(workspace, chosen, **options)
+        pipeline.run(workspace, chosen, figures=figures, **options)
     return Results(folder)

@@ -50,7 +50,9 @@ def check(study: Study, out: Path, tasks: Sequence[str], *, extend: bool = False
             raise BadInput(out / f"{before}.json", "is not there", f"`sinew {before}` on this study first")
 
 
-def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str, dict[str, Any]]:
+def run(
+    workspace: Workspace, tasks: Sequence[str], *, figures: bool = True, **options: Any
+) -> dict[str, dict[str, Any]]:
     """Run tasks, draw figures, print a summary; what is done already is not done again. Returns results by task."""
     console = Console(quiet=workspace.quiet, highlight=False)
     results = {}
@@ -63,7 +65,8 @@ def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str,
         simulations = workspace.simulations
         results[name] = task.work(workspace, **options)
         seconds = time.monotonic() - started
-        _draw(workspace, name, results[name])
+        if figures:
+            _draw(workspace, name, results[name])
         new = workspace.simulations - simulations
         log.info("task finished", extra={"task": name, "seconds": round(seconds, 3), "new_simulations": new})
         task.tell(workspace, results[name], console)

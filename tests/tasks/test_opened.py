@@ -49,7 +49,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (here / "study.yaml").write_text(STUDY)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Workspace, "client", lambda self: None)
-        patch.setattr("tasks.pipeline._draw", lambda *_: None)
         tasks.run(tasks.read_study(here / "study.yaml"), *TASKS, out=here / "out")
     return here / "out"
 
@@ -169,7 +168,9 @@ def test_run_refuses_what_the_command_refuses(folder, tmp_path):
 def test_running_again_evaluates_nothing(folder, monkeypatch):
     monkeypatch.setattr(Workspace, "client", lambda self: pytest.fail("a cluster was started"))
     before = (folder / "sobol.json").read_bytes()
-    again = tasks.run(tasks.read_study(folder.parent / "study.yaml"), "sobol", "importance", out=str(folder))
+    again = tasks.run(
+        tasks.read_study(folder.parent / "study.yaml"), "sobol", "importance", out=str(folder), figures=True
+    )
     assert again == tasks.results(folder)
     assert before == (folder / "sobol.json").read_bytes()
     assert {"sobol.png", "importance.png"} <= {path.name for path in again.figures}
