@@ -34,7 +34,7 @@ check: $(READY)
 
 # the site in docs/_build/html; runs the notebooks, and fails for a cell that fails, a link that leads nowhere, a warning
 docs: $(READY)
-	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -j 2 -b html docs docs/_build/html
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs docs/_build/html
 	@echo "open docs/_build/html/index.html"
 
 benchmarks: $(READY)

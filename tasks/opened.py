@@ -213,6 +213,12 @@ class Results:
         if told is None:
             problem = "is not JSON" if path.exists() else "is not there"
             raise BadInput(path, problem, f"a finished `sinew {task}` in this folder")
+        try:
+            headline(task, told)
+            TABLES[task](told)
+        except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+            problem = f"lacks or garbles something ({type(error).__name__}: {error})"
+            raise BadInput(path, problem, f"what this version's `sinew {task}` writes") from None
         return TaskResult(task, self.folder, told)
 
     def _as_table(self, task: str) -> Callable[[], pd.DataFrame]:

@@ -105,7 +105,7 @@ model:
 tasks: [sobol, importance, calibrate, infer, predict, compare, discover]
 sobol: {{base_samples: 4, resamples: 20}}
 importance: {{trees: 10, repeats: 2}}
-calibrate: {{evaluations: 12, starts: 1, methods: [least_squares]}}
+calibrate: {{evaluations: 14, methods: [bayesian]}}
 infer: {{population: 6, generations: 1, epsilon: 9.0}}
 predict: {{draws: 4}}
 compare: {{permutations: 20, repeats: 1}}
@@ -211,7 +211,7 @@ def _ended(folder: Path, arguments: list[str], what: str) -> None:
         "PYTHONPATH": str(ROOT),
         "MPLBACKEND": "agg",
     }
-    done = subprocess.run(arguments, cwd=folder, env=environment, capture_output=True, text=True, timeout=250)
+    done = subprocess.run(arguments, cwd=folder, env=environment, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, f"{what}\n{done.stdout}\n{done.stderr}"
 
 
@@ -220,6 +220,7 @@ def _ended(folder: Path, arguments: list[str], what: str) -> None:
 WITH_COMMANDS = [page for page in PAGES if any(block.language in ("sh", "python") for block in blocks(page))]
 
 
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: page.stem)
 def test_what_a_page_says_runs(page, tmp_path):
     work = [

@@ -141,6 +141,8 @@ def test_an_unfinished_folder_opens(tmp_path):
     write_json(tmp_path / "importance.json", {"names": ["E_f"]})
     partial = tasks.results(tmp_path)
     assert partial.finished == ("importance",)
+    with pytest.raises(SinewError, match=r"importance\.json: lacks or garbles something .*r2_on_unseen"):
+        partial.importance  # noqa: B018
     with pytest.raises(SinewError, match=r"sobol\.json: is not there; expected a finished `sinew sobol`"):
         partial.sobol  # noqa: B018
 
