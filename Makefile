@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test check benchmarks lock clean
+.PHONY: setup demo test check docs benchmarks lock clean
 
 setup: $(READY)
 
@@ -32,6 +32,11 @@ check: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# the site in docs/_build/html; runs the notebooks, and fails for a cell that fails, a link that leads nowhere, a warning
+docs: $(READY)
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs docs/_build/html
+	@echo "open docs/_build/html/index.html"
+
 benchmarks: $(READY)
 	$(BIN)/python -m tests.benchmarks
 
@@ -40,4 +45,4 @@ lock:
 	  --no-emit-index-url --custom-compile-command "make lock" -o requirements.lock --upgrade
 
 clean:
-	rm -rf $(VENV) results .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) results docs/_build .pytest_cache .mypy_cache .ruff_cache .hypothesis

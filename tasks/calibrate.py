@@ -84,6 +84,7 @@ def calibrate(workspace: Workspace) -> dict[str, Any]:
         "names": list(workspace.model.names),
         "units": [parameter.unit for parameter in workspace.model.parameters],
         "free": [parameter.name for parameter in workspace.model.free],
+        "bounds": [[parameter.minimum, parameter.maximum] for parameter in workspace.model.free],
         "methods": list(settings.methods),
         "evaluations": settings.evaluations,
         "bayesian_evaluations": settings.bayesian.evaluations,

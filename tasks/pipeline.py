@@ -54,7 +54,9 @@ def check(study: Study, out: Path, tasks: Sequence[str], *, extend: bool = False
             raise BadInput(out / f"{before}.json", "is not there", f"`sinew {before}` on this study first")
 
 
-def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str, dict[str, Any]]:
+def run(
+    workspace: Workspace, tasks: Sequence[str], *, figures: bool = True, **options: Any
+) -> dict[str, dict[str, Any]]:
     """Run tasks, draw figures, print a summary; what is done already is not done again. Returns results by task."""
     console = Console(quiet=workspace.quiet, highlight=False)
     log.info("run started", extra={"tasks": list(tasks), **provenance.facts(workspace)})
@@ -64,7 +66,7 @@ def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str,
         states[name] = "running"
         workspace.board.put(tasks=dict(states), task=name)
         try:
-            results[name] = _run_one(workspace, name, console, **options)
+            results[name] = _run_one(workspace, name, console, figures=figures, **options)
         except WalltimeReached:  # there is no time left for a page
             raise
         except Exception as error:
@@ -73,7 +75,7 @@ def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str,
             raise
         states[name] = "finished"
         workspace.board.put(tasks=dict(states))
-    where = report(workspace.out, console)
+    where = report(workspace.out, console) if figures else None
     page = "" if where is None else f"{where.name} to read, "
     console.print(
         f"results: {workspace.out}  ({page}figures in {workspace.out / 'figures'}, arrays in store.zarr)", markup=False
@@ -81,7 +83,7 @@ def run(workspace: Workspace, tasks: Sequence[str], **options: Any) -> dict[str,
     return results
 
 
-def _run_one(workspace: Workspace, name: str, console: Console, **options: Any) -> dict[str, Any]:
+def _run_one(workspace: Workspace, name: str, console: Console, *, figures: bool, **options: Any) -> dict[str, Any]:
     task = _TASKS[name]
     started = time.monotonic()
     workspace.event("task started", task=name)
@@ -91,7 +93,8 @@ def _run_one(workspace: Workspace, name: str, console: Console, **options: Any) 
     simulations = workspace.simulations
     result = task.work(workspace, **options)
     seconds = time.monotonic() - started
-    _draw(workspace, name, result)
+    if figures:
+        _draw(workspace, name, result)
     new = workspace.simulations - simulations
     told = {"task": name, "seconds": round(seconds, 3), "new_simulations": new}
     workspace.event("task finished", **told, result=str(workspace.out / f"{name}.json"))

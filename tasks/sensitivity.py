@@ -89,10 +89,12 @@ def sobol(workspace: Workspace, *, extend: bool = False) -> dict[str, Any]:
     design = replace(design, rows=design.rows[:0])  # they are in the store now; a large design need not stay in memory
     for evaluation, (table, at) in zip(evaluations, evaluated, strict=True):
         workspace.evaluate(evaluation, table, at, f"sobol {evaluation.specimen.name}")
+    bounds = [[parameter.minimum, parameter.maximum] for parameter in workspace.model.free]
     inputs = digest(
         settings.model_dump(),
         workspace.seed,
         drawn,
+        bounds,
         [table.key for table, _ in evaluated],
         *(table.status[at] for table, at in evaluated),
     )
@@ -110,6 +112,8 @@ def sobol(workspace: Workspace, *, extend: bool = False) -> dict[str, Any]:
     outputs = objectives_by_output(specimens, by_specimen)
     result: dict[str, Any] = {
         "names": list(design.names),
+        "bounds": bounds,
+        "seed": workspace.seed,
         **_analyse(design, outputs["total"], whole, settings.resamples, settings.confidence, workspace.seed),
         "rows": rows,
         "failed": int((~ok).sum()),

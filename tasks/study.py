@@ -411,11 +411,12 @@ class Study(Section):
         )
 
 
-def read_study(path: Path, *, seed: int | None = None) -> Study:
+def read_study(path: str | Path, *, seed: int | None = None) -> Study:
     """Read and validate a study file; ``seed`` replaces the study's.
 
     Raises :class:`BadInput` for the first thing that is wrong.
     """
+    path = Path(path)
     study = read_settings(path, Study, "study", {} if seed is None else {"seed": seed})
     study._path = path
     return study

@@ -1,5 +1,6 @@
 """Figures of the sensitivity tasks, in the colours of Okabe and Ito (2008) that colour-blind readers tell apart."""
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,8 @@ import pandas as pd
 import xarray as xr
 from cycler import cycler
 
-matplotlib.use("Agg")
+if "inline" not in os.environ.get("MPLBACKEND", ""):  # a notebook shows figures by its own, which draws as Agg does
+    matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 

@@ -1,0 +1,74 @@
+"""How the site is built from the pages of this folder: ``make docs``. Nothing is fetched, not even by a reader."""
+
+import os
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+os.environ["PYTHONPATH"] = str(ROOT)  # notebooks run what this checkout holds, whatever is installed
+
+project = "sinew"
+author = "the authors of sinew"
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.viewcode",
+    "sphinx_click",
+    "sphinx_copybutton",
+]
+exclude_patterns = ["_build", "**/.ipynb_checkpoints"]
+suppress_warnings = ["toc.empty_glob"]  # pages that the table of contents has a place for, and that are not there yet
+
+html_theme = "furo"
+html_title = "sinew"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_show_sphinx = False
+html_copy_source = False
+html_theme_options = {
+    "light_css_variables": {"color-brand-primary": "#0072B2", "color-brand-content": "#0072B2"},
+    "dark_css_variables": {"color-brand-primary": "#56B4E9", "color-brand-content": "#56B4E9"},
+}
+
+myst_heading_anchors = 3
+myst_enable_extensions = ["colon_fence"]
+nb_execution_mode = os.environ.get("SINEW_DOCS_NOTEBOOKS", "force")  # "off": text only, for a quick look
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600  # of a cell; a busy machine is slow, it is not wrong
+nb_merge_streams = True
+nb_ipywidgets_js: dict[str, Any] = {}  # nothing of ours needs them, and they come from elsewhere
+
+autodoc_typehints = "description"
+autodoc_member_order = "bysource"
+autosummary_generate = False
+nitpicky = True
+nitpick_ignore_regex = [
+    (
+        r"py:.*",
+        r"(collections\.abc|np|numpy|pd|pandas|xr|xarray|matplotlib|arviz|pyabc|SALib|skopt|pydantic|annotated_types)\..*",
+    ),
+    (r"py:.*", r"(pathlib\.|collections\.|typing\.)?(Path|Callable|Literal|Any|Sequence|Mapping|DataFrame|DataTree)"),
+    (r"py:.*", r"BadInput|PHASES|PLACES"),  # named without their module in docstrings
+    (r"py:.*", r"(runner|tasks)\..*"),  # parts of the code that the reference leaves out
+]
+
+
+def setup(app: Any) -> None:
+    """Refuse a site that would fetch something."""
+    app.connect("build-finished", _check_offline)
+
+
+def _check_offline(app: Any, failure: Exception | None) -> None:
+    if failure is not None or app.builder.format != "html":
+        return
+    fetched = re.compile(
+        r"""<(?:script|img|iframe|link(?=[^>]*stylesheet))[^>]*(?:src|href)=["'](?:https?:)?//[^"']+"""
+    )
+    for page in sorted(Path(app.outdir).rglob("*.html")):
+        if found := fetched.search(page.read_text("utf-8")):
+            raise RuntimeError(f"{page}: fetches {found.group(0)}; expected a site that needs no network")

@@ -1,0 +1,323 @@
+"""What the pages say works: every command of README.md and docs/*.md is run, or listed below with the reason why not.
+
+Commands stand in blocks marked ``sh``, Python in blocks marked ``python``. They run in order, in one folder for each
+page, with what the page asks for in an invisible comment: ``<!-- commands: study, exports -->``. A command that takes
+long, or needs what a test machine does not have, is listed in ``NOT_RUN``; its arguments are still checked against the
+command line. In the texts, every option must be one that some command has.
+"""
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+
+from tasks import cli
+from tasks.cohort import virtual_cohort, write_cohort
+from tasks.model import Model
+from tasks.model.effects import library
+from tasks.study import read_study
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+LANGUAGES = {"sh", "python", "yaml", "text", "{toctree}", "{eval-rst}"}
+SHARED = "/shared/me"  # what slurm.md calls a folder that all nodes see
+
+NEEDS_SLURM = "needs a SLURM cluster; tests/tasks/test_submission.py and test_doctor.py run it on one"
+LONG = "takes minutes to hours"
+NOT_RUN = {
+    "make demo": "sets up its own environment and takes minutes; CI runs it by itself",
+    "make test": "these are the tests; CI runs it by itself",
+    "make setup": LONG,
+    "git clone <where you got sinew> sinew && cd sinew": "the reader fills in the place",
+    'export PATH="$PWD/.venv/bin:$PATH"': "changes the reader's shell only",
+    "sinew simulate study.yaml --parameters rows.csv --out forces --simulator febio": "needs febio4",
+    "sinew benchmark discover HIDDEN --out scores": "fits the whole library to each case: hours",
+    "sinew doctor study.yaml --profile my-site.yaml": NEEDS_SLURM,
+    "sinew submit study.yaml --profile my-site.yaml": NEEDS_SLURM,
+    "sinew doctor study.yaml --profile my-site.yaml --out /shared/me/study1": NEEDS_SLURM,
+    "sinew submit study.yaml --profile my-site.yaml --out /shared/me/study1": NEEDS_SLURM,
+    "sinew cancel /shared/me/study1": NEEDS_SLURM,
+    "sinew cohort --out results/tendon-cohort --seed 2503": "27 specimens at 100 Hz: 200 MB",
+    "sinew run configs/tendon.yaml": "takes a quarter of an hour",
+    "sinew discover configs/rattail.yaml": LONG,
+    "sinew discover configs/titin.yaml": LONG,
+    "sinew discover configs/titin_fibres.yaml": LONG,
+}
+
+
+@dataclass(frozen=True)
+class Block:
+    page: str
+    line: int
+    language: str
+    text: str
+
+
+def blocks(page: Path) -> Iterator[Block]:
+    """The fenced blocks of a page, those inside of comments left out."""
+    language, opened, lines = None, 0, []
+    for number, line in enumerate(page.read_text("utf-8").splitlines(), start=1):
+        if language is None and line.startswith("```"):
+            language, opened, lines = line[3:].strip(), number, []
+        elif language is not None and line.startswith("```"):
+            yield Block(page.name, opened, language, "\n".join(lines))
+            language = None
+        elif language is not None:
+            lines.append(line)
+    assert language is None, f"{page.name}: line {opened}: the block does not end"
+
+
+def commands(page: Path) -> list[str]:
+    """The commands of a page, in order; a line that ends in a backslash goes on."""
+    found = []
+    for block in blocks(page):
+        if block.language == "sh":
+            found += [line for line in block.text.replace("\\\n", " ").splitlines() if line.split("#")[0].strip()]
+    return found
+
+
+def bare(command: str) -> str:
+    """A command without the remark behind it."""
+    return re.sub(r"\s+#.*$", "", command).strip()
+
+
+# ---- what pages ask for
+
+FREE = ("E_f", "E_m", "g_3f")
+FIXED = "".join(f"    {p.name}: {{fixed: {p.reference}}}\n" for p in Model().parameters if p.name not in FREE)
+STUDY = f"""
+name: demo
+seed: 11
+cohort: cohort
+cluster: {{name: local, workers: 1}}
+model:
+  parameters:
+{FIXED}
+tasks: [sobol, importance, calibrate, infer, predict, compare, discover]
+sobol: {{base_samples: 4, resamples: 20}}
+importance: {{trees: 10, repeats: 2}}
+calibrate: {{evaluations: 14, methods: [bayesian]}}
+infer: {{population: 6, generations: 1, epsilon: 9.0}}
+predict: {{draws: 4}}
+compare: {{permutations: 20, repeats: 1}}
+discover: {{effects: [toe-slack], starts: 1}}
+"""
+
+
+def study(folder: Path) -> None:
+    (folder / "study.yaml").write_text(STUDY)
+    (folder / "rows.csv").write_text("E_f\n200\n")
+
+
+def cohort(folder: Path) -> None:
+    specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=2.0)
+    write_cohort(folder / "cohort", specimens[:2], truth)
+
+
+def exports(folder: Path) -> None:
+    """Two tests as a machine writes them, of two tendons."""
+    (folder / "bench").mkdir()
+    for number in (1, 2):
+        _export(folder / "bench" / f"tail{number}.csv", stiffness=100.0 * number)
+
+
+def _export(path: Path, stiffness: float) -> None:
+    time_s = np.linspace(0.0, 30.0, 61)
+    extension = 0.5 * np.minimum(time_s / 6.0, 1.0)
+    load = stiffness * extension * (0.7 + 0.3 * np.exp(-np.maximum(time_s - 6.0, 0.0) / 8.0))
+    load += 0.002 * stiffness * np.sin(1e4 * time_s)
+    lines = ["Length,14.2,mm", "Diameter,0.4,mm", "Time (s),Extension (mm),Load (N)"]
+    lines += [f"{t:.3f},{u:.6f},{f:.6f}" for t, u, f in zip(time_s, extension, load, strict=True)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def hidden(folder: Path) -> None:
+    (folder / "HIDDEN").mkdir()
+    (folder / "HIDDEN" / "answers.json").write_text(json.dumps({"case_01": {"truth": []}}))
+
+
+def real_exports(folder: Path) -> None:
+    """Files with the columns of the measurements that real_data.md speaks of, which are not part of the project."""
+    (folder / "RATTAIL").mkdir()
+    (folder / "TITIN").mkdir()
+    for number in (1, 2, 3):
+        _export(folder / "RATTAIL" / f"fascicle{number}.csv", stiffness=4.0 * number)
+    for rate in ("1s", "100s"):
+        rows = [f"{t},{0.95 + 0.2 * min(t / 5, 1)},{10 * min(t / 5, 1)},0.1" for t in range(20)]
+        (folder / "TITIN" / f"AvgRelaxed_{rate}.csv").write_text("\n".join(["Time,L,F,SD", *rows]) + "\n")
+
+
+def configs(folder: Path) -> None:
+    (folder / "configs").mkdir()
+    for path in (ROOT / "configs").glob("*.yaml"):
+        (folder / "configs" / path.name).write_bytes(path.read_bytes())
+
+
+def slurm(folder: Path) -> None:
+    """The profiles of a checkout, where a reader stands after the first steps."""
+    (folder / "slurm").mkdir()
+    for name in ("generic.yaml", "site-template.yaml"):
+        (folder / "slurm" / name).write_bytes((ROOT / "slurm" / name).read_bytes())
+
+
+def demo(folder: Path) -> None:
+    """A finished study in ``results/demo``."""
+    study(folder)
+    cohort(folder)
+    run(folder, "sinew run study.yaml --out results/demo --quiet")
+
+
+def shared(folder: Path) -> None:
+    """A folder that all nodes see, with results of a study that came some way."""
+    (folder / "shared").mkdir()
+    run(folder, f"sinew sobol study.yaml --out {SHARED}/study1 --quiet")
+
+
+FIXTURES = {
+    "study": study, "cohort": cohort, "exports": exports, "hidden": hidden, "real exports": real_exports,
+    "configs": configs, "slurm": slurm, "demo": demo, "shared": shared,
+}  # fmt: skip
+
+
+def prepared(page: Path, folder: Path) -> None:
+    asked = re.search(r"<!-- commands: (.*?) -->", page.read_text("utf-8"))
+    (folder / "bin").mkdir()
+    command = folder / "bin" / "sinew"
+    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m tasks.cli "$@"\n')
+    command.chmod(0o755)
+    for name in asked.group(1).split(", ") if asked else ():
+        assert name in FIXTURES, f"{page.name}: there is no fixture {name!r}; expected some of {', '.join(FIXTURES)}"
+        FIXTURES[name](folder)
+
+
+def run(folder: Path, command: str) -> None:
+    """Run a command in a shell, in the page's folder."""
+    _ended(folder, ["bash", "-euc", command.replace(SHARED, str(folder / "shared"))], command)
+
+
+def _ended(folder: Path, arguments: list[str], what: str) -> None:
+    environment = {
+        **os.environ,
+        "PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": str(ROOT),
+        "MPLBACKEND": "agg",
+    }
+    done = subprocess.run(arguments, cwd=folder, env=environment, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, f"{what}\n{done.stdout}\n{done.stderr}"
+
+
+# ---- the tests
+
+WITH_COMMANDS = [page for page in PAGES if any(block.language in ("sh", "python") for block in blocks(page))]
+
+
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: page.stem)
+def test_what_a_page_says_runs(page, tmp_path):
+    work = [
+        block for block in blocks(page) if block.language in ("sh", "python") and "EFFECT = Effect(" not in block.text
+    ]
+    todo = [command for command in commands(page) if bare(command) not in NOT_RUN]
+    if not todo and all(block.language == "sh" for block in work):
+        return  # all of them are listed
+    prepared(page, tmp_path)
+    for block in work:
+        if block.language == "python":
+            _ended(tmp_path, [sys.executable, "-c", block.text], f"{page.name}: line {block.line}")
+            continue
+        for line in block.text.replace("\\\n", " ").splitlines():
+            if line.split("#")[0].strip() and bare(line) not in NOT_RUN:
+                run(tmp_path, line)
+
+
+def test_a_page_without_what_it_needs_fails(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("```sh\nsinew status nowhere\n```\n")
+    (tmp_path / "here").mkdir()
+    with pytest.raises(AssertionError, match="holds no store"):
+        test_what_a_page_says_runs(page, tmp_path / "here")
+
+
+def test_every_command_that_is_not_run_is_in_the_pages():
+    there = {bare(command) for page in PAGES for command in commands(page)}
+    assert set(NOT_RUN) <= there, f"no page says {sorted(set(NOT_RUN) - there)}: take it off the list"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_block_says_what_it_is(page):
+    for block in blocks(page):
+        assert block.language in LANGUAGES, (
+            f"{block.page}: line {block.line}: a block of {block.language or 'nothing'}; "
+            f"expected one of {', '.join(sorted(LANGUAGES))} (commands: sh)"
+        )
+
+
+@pytest.mark.parametrize(
+    "command",
+    sorted({bare(c) for page in PAGES for c in commands(page) if bare(c).startswith("sinew ")}),
+)
+def test_the_command_line_has_what_pages_use(command):
+    parsed = cli.sinew
+    words = shlex.split(command)[1:]
+    while isinstance(parsed, click.Group):
+        assert words[0] in parsed.commands, f"there is no command {words[0]}"
+        parsed = parsed.commands[words.pop(0)]
+    parsed.make_context(parsed.name, words).close()
+
+
+def options(group: click.Group) -> set[str]:
+    """All options of a command and of those below it."""
+    found = {"--help", "--version"}
+    for one in group.commands.values():
+        found |= options(one) if isinstance(one, click.Group) else set()
+        found |= {name for parameter in one.params for name in (*parameter.opts, *parameter.secondary_opts)}
+    return found
+
+
+FOREIGN = {"--form", "--cases", "--lifetime"}  # of `python -m tests.hidden`, and of Dask
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_options_in_the_texts_exist(page):
+    text = re.sub(r"<!--.*?-->", "", page.read_text("utf-8"), flags=re.DOTALL)
+    used = {
+        option for span in re.findall(r"`([^`\n]+)`", text) for option in re.findall(r"(?<!\S)--[a-z][a-z0-9-]*", span)
+    }
+    assert used <= options(cli.sinew) | FOREIGN, f"{page.name}: {sorted(used - options(cli.sinew) - FOREIGN)}"
+
+
+def test_links_between_pages_lead_somewhere():
+    for page in PAGES:
+        for target in re.findall(r"\]\((?!https?://)([^)#\s]+)", page.read_text("utf-8")):
+            assert (page.parent / target).exists(), f"{page.name}: {target} is not there"
+
+
+def test_the_example_of_an_effect_is_the_one_that_the_notebook_runs():
+    (example,) = (b.text for b in blocks(ROOT / "docs" / "effects.md") if "EFFECT = Effect(" in b.text)
+    assert example in _source(ROOT / "docs" / "tutorials" / "own_effect.ipynb")
+    assert "crimp-friction" not in library()
+
+
+def test_the_example_of_a_study_is_valid(tmp_path):
+    first, *_ = (block.text for block in blocks(ROOT / "docs" / "study-file.md") if block.language == "yaml")
+    (tmp_path / "study.yaml").write_text(first)
+    assert read_study(tmp_path / "study.yaml").name == "demo"
+
+
+def _source(path: Path) -> str:
+    return "\n".join("".join(cell["source"]) for cell in json.loads(path.read_text("utf-8"))["cells"])
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "docs" / "tutorials").glob("*.ipynb")), ids=lambda path: path.stem)
+def test_notebooks_are_kept_without_outputs(path):
+    for cell in json.loads(path.read_text("utf-8"))["cells"]:
+        assert not cell.get("outputs") and cell.get("execution_count") is None, f"{path.name}: strip its outputs"
