@@ -37,6 +37,7 @@ EXAMPLES: Mapping[str, Sequence[str]] = {
     "discover": ("sinew discover study.yaml --data data/tails",),
     "simulate": ("sinew simulate study.yaml --parameters rows.csv --out forces",),
     "watch": ("sinew watch results/demo", "sinew watch results/demo --json | jq .state"),
+    "report": ("sinew report results/demo",),
     "status": ("sinew status results/demo", "sinew status results/demo --rows > rows.csv"),
     "doctor": ("sinew doctor study.yaml --profile my-site.yaml",),
     "submit": ("sinew submit study.yaml --profile my-site.yaml --dry-run",),

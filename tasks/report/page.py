@@ -129,7 +129,8 @@ def _figures(folder: Path, task: str) -> list[tuple[str, list[tuple[str, str]]]]
 
 def _json(value: Any) -> Markup:
     """JSON that may stand in a script element: nothing in it can end the element or begin a comment."""
-    text = json.dumps(value, separators=(",", ":"), default=dict).replace("NaN", "null")
+    finite = json.loads(json.dumps(value, default=dict), parse_constant=lambda _: None)  # browsers know no NaN
+    text = json.dumps(finite, separators=(",", ":"))
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")
     return Markup(text)  # noqa: S704 - cannot end the element, see above

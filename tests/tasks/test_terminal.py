@@ -18,7 +18,6 @@ from tasks.terminal import EXAMPLES, GROUPS, SHELLS, completion_script
 from tasks.workspace import Workspace
 
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
-ELSEWHERE = {"report"}  # whoever brings the command brings its tests
 
 
 def sinew(*words: object, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -59,7 +58,7 @@ def test_every_command_is_in_a_group_and_has_examples_that_click_understands(her
     code, said, _ = here("--help")
     grouped = [name for group in GROUPS.values() for name in group]
     assert code == 0
-    assert set(cli.sinew.commands) == set(grouped) - (ELSEWHERE - set(cli.sinew.commands))
+    assert set(cli.sinew.commands) == set(grouped)
     assert [title for title in GROUPS if f"\n{title}:\n" in said] == list(GROUPS)
     for name, command in cli.sinew.commands.items():
         if isinstance(command, click.Group):
@@ -159,4 +158,4 @@ def test_what_is_looked_at_next(here, study):
         .startswith("next: ")
     )
     named = {word for line in (here("repair", out)[1],) for word in re.findall(r"sinew (\w+)", line)}
-    assert named <= set(cli.sinew.commands) | ELSEWHERE
+    assert named <= set(cli.sinew.commands)
