@@ -13,7 +13,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table as Grid
 
-from runner.errors import WalltimeReached
+from runner.errors import SinewError, WalltimeReached
 from runner.store import Store, open_store
 from tasks import provenance
 from tasks.calibrate import calibrate, fitted_curves
@@ -70,7 +70,8 @@ def run(
         except WalltimeReached:  # there is no time left for a page
             raise
         except Exception as error:
-            log.error("task failed", extra={"task": name, "reason": one_line(f"{type(error).__name__}: {error}")})
+            why = str(error) if isinstance(error, SinewError) else f"{type(error).__name__}: {error}"
+            log.error("task failed", extra={"task": name, "reason": one_line(why)})
             report(workspace.out, console)
             raise
         states[name] = "finished"

@@ -90,7 +90,7 @@ def test_a_run_leaves_results_arrays_figures_and_a_log(study, tmp_path, capsys):
 
     figures = {path.name for path in (out / "figures").iterdir()}
     assert {"sobol.png", "sobol.pdf", "sobol_convergence.png", "importance.pdf"} <= figures
-    drawn = {name.rpartition(".")[0] for name in figures} - {""}
+    drawn = {name.removesuffix(".png") for name in figures if name.endswith(".png")}
     assert {f"{name}.{kind}" for name in drawn for kind in ("png", "pdf", "csv")} == figures - {".drawn.json"}
     shown = pd.read_csv(out / "figures" / "sobol.csv").set_index(["objective", "parameter"])
     assert shown.loc[("total", "E_f"), "ST"] == pytest.approx(sobol["ST"][names.index("E_f")], rel=1e-6)
