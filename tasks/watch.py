@@ -44,7 +44,7 @@ _MARKS = {
     FINISHED: "[green]done[/]",
     RUNNING: "[cyan]running[/]",
     FAILED: "[red]failed[/]",
-    INTERRUPTED: "[yellow]cut[/]",
+    INTERRUPTED: "[yellow]interrupted[/]",
 }
 
 

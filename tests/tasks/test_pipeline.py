@@ -186,6 +186,7 @@ def test_failed_rows_are_told_and_left_out(study, tmp_path, in_this_process, mon
 
 def test_status_speaks_json(study, tmp_path, in_this_process, capsys):
     sinew("sobol", study, "--out", tmp_path / "out", "--quiet")
+    capsys.readouterr()
     sinew("status", tmp_path / "out", "--json")
     found = json.loads(capsys.readouterr().out)
     assert [table["done"] for table in found["tables"]] == [576, 576]
