@@ -21,7 +21,7 @@ extensions = [
     "sphinx_copybutton",
 ]
 exclude_patterns = ["_build", "**/.ipynb_checkpoints"]
-suppress_warnings = ["toc.empty_glob"]  # pages that the table of contents has a place for, and that are not there yet
+PLACES = ("tutorials/own_template", "terminal", "report", "own_model")  # in the table of contents, once they are there
 
 html_theme = "furo"
 html_title = "sinew"
@@ -59,8 +59,15 @@ nitpick_ignore_regex = [
 
 
 def setup(app: Any) -> None:
-    """Refuse a site that would fetch something."""
+    """What this site has of its own: places for pages that are not there yet; it refuses to fetch anything."""
+    app.connect("source-read", _drop_places)
     app.connect("build-finished", _check_offline)
+
+
+def _drop_places(app: Any, name: str, source: list[str]) -> None:
+    if name == "index":
+        missing = {place for place in PLACES if place not in app.env.found_docs}
+        source[0] = "\n".join(line for line in source[0].splitlines() if line not in missing)
 
 
 def _check_offline(app: Any, failure: Exception | None) -> None:
