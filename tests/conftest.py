@@ -53,6 +53,13 @@ def _must_run(report: pytest.TestReport) -> bool:
     return os.environ.get("CI") == "true" and not allowed
 
 
+@pytest.fixture(autouse=True)
+def _no_page(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Building a page takes seconds: runs within this process build one only where it is what a test is about."""
+    if not request.node.get_closest_marker("page"):
+        monkeypatch.setattr("tasks.pipeline.report", lambda folder, console: None)
+
+
 def load_testbed() -> ModuleType:
     """The module that starts a SLURM on this machine."""
     path = Path(__file__).parents[1] / "slurm" / "testbed" / "testbed.py"

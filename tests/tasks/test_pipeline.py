@@ -53,6 +53,7 @@ def new_simulations(out: Path) -> list[int]:
     return [line["new_simulations"] for line in lines if line["message"] == "task finished"]
 
 
+@pytest.mark.page
 def test_a_run_leaves_results_arrays_figures_and_a_log(study, tmp_path, capsys):
     out = tmp_path / "out"
     sinew("run", study, "--out", out, "--workers", 2)

@@ -22,6 +22,7 @@ from tasks.report import page, plots
 from tasks.report.page import build
 from tests.tasks.report.conftest import edit
 
+pytestmark = pytest.mark.page
 SECTIONS = ("data", "calibration", "sensitivity", "importance", "posterior", "prediction", "sites", "discovery",
             "failures", "provenance")  # fmt: skip
 TASKS = ("sobol", "importance", "calibrate", "infer", "predict", "compare", "discover")
