@@ -72,7 +72,7 @@ def run(
         except Exception as error:
             why = str(error) if isinstance(error, SinewError) else f"{type(error).__name__}: {error}"
             log.error("task failed", extra={"task": name, "reason": one_line(why)})
-            report(workspace.out, console)
+            report(workspace.out, console, beside=True)
             raise
         states[name] = "finished"
         workspace.board.put(tasks=dict(states))
@@ -105,8 +105,11 @@ def _run_one(workspace: Workspace, name: str, console: Console, *, figures: bool
     return result
 
 
-def report(folder: Path, console: Console) -> Path | None:
-    """Build the page of a result folder; what goes wrong is told in one line and ends nothing."""
+def report(folder: Path, console: Console, *, beside: bool = False) -> Path | None:
+    """Build the page of a result folder; what goes wrong is told in one line and ends nothing.
+
+    ``beside``: an error of its own will be told, to which this would add nothing.
+    """
     from tasks.report.page import build  # Bokeh is slow to import, and only this needs it
 
     try:
@@ -114,9 +117,9 @@ def report(folder: Path, console: Console) -> Path | None:
     except Exception as error:  # noqa: BLE001 - a run with results must not fail for its page
         why = one_line(str(error) or type(error).__name__)
         log.error("report failed", extra={"reason": why})
-        print(
-            f"sinew: the report of {folder} was not built ({why}); `sinew report {folder}` tries again", file=sys.stderr
-        )
+        if not beside:
+            again = f"`sinew report {folder}` tries again"
+            print(f"sinew: the report of {folder} was not built ({why}); {again}", file=sys.stderr)
         return None
     for line in built.trouble:
         console.print(f"report: {line}", markup=False, soft_wrap=True)

@@ -57,7 +57,7 @@ def _must_run(report: pytest.TestReport) -> bool:
 def _no_page(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Building a page takes seconds: runs within this process build one only where it is what a test is about."""
     if not request.node.get_closest_marker("page"):
-        monkeypatch.setattr("tasks.pipeline.report", lambda folder, console: None)
+        monkeypatch.setattr("tasks.pipeline.report", lambda folder, console, **_: None)
 
 
 def load_testbed() -> ModuleType:

@@ -40,6 +40,7 @@ NOT_RUN = {
     "git clone <where you got sinew> sinew && cd sinew": "the reader fills in the place",
     'export PATH="$PWD/.venv/bin:$PATH"': "changes the reader's shell only",
     "sinew simulate study.yaml --parameters rows.csv --out forces --simulator febio": "needs febio4",
+    "sinew compare study.yaml": "the tests of README.md are of one site; tests/tasks/test_infer.py compares sites",
     "sinew benchmark discover HIDDEN --out scores": "fits the whole library to each case: hours",
     "sinew doctor study.yaml --profile my-site.yaml": NEEDS_SLURM,
     "sinew submit study.yaml --profile my-site.yaml": NEEDS_SLURM,
@@ -123,6 +124,13 @@ def study(folder: Path) -> None:
     (folder / "rows.csv").write_text("E_f\n200\n")
 
 
+def one_site(folder: Path) -> None:
+    """A study of the tests that ``sinew import`` takes in: without sites to compare."""
+    study(folder)
+    text = STUDY.replace("cohort: cohort", "cohort: data/tails").replace("compare, ", "")
+    (folder / "study.yaml").write_text(text)
+
+
 def cohort(folder: Path) -> None:
     specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=2.0)
     write_cohort(folder / "cohort", specimens[:2], truth)
@@ -156,8 +164,8 @@ def real_exports(folder: Path) -> None:
     (folder / "TITIN").mkdir()
     for number in (1, 2, 3):
         _export(folder / "RATTAIL" / f"fascicle{number}.csv", stiffness=4.0 * number)
-    for rate in ("1s", "100s"):
-        rows = [f"{t},{0.95 + 0.2 * min(t / 5, 1)},{10 * min(t / 5, 1)},0.1" for t in range(20)]
+    for rate, ramp in (("1s", 4), ("100s", 8)):
+        rows = [f"{t},{0.95 + 0.2 * min(t / ramp, 1)},{10 * min(t / ramp, 1)},0.1" for t in range(20)]
         (folder / "TITIN" / f"AvgRelaxed_{rate}.csv").write_text("\n".join(["Time,L,F,SD", *rows]) + "\n")
 
 
@@ -178,7 +186,7 @@ def demo(folder: Path) -> None:
     """A finished study in ``results/demo``."""
     study(folder)
     cohort(folder)
-    run(folder, "sinew run study.yaml --out results/demo --quiet")
+    run(folder, "sinew sobol study.yaml --out results/demo --quiet")
 
 
 def shared(folder: Path) -> None:
@@ -188,8 +196,8 @@ def shared(folder: Path) -> None:
 
 
 FIXTURES = {
-    "study": study, "cohort": cohort, "exports": exports, "hidden": hidden, "real exports": real_exports,
-    "configs": configs, "slurm": slurm, "demo": demo, "shared": shared,
+    "study": study, "one site": one_site, "cohort": cohort, "exports": exports, "hidden": hidden,
+    "real exports": real_exports, "configs": configs, "slurm": slurm, "demo": demo, "shared": shared,
 }  # fmt: skip
 
 

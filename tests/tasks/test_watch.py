@@ -119,7 +119,7 @@ def test_a_study_that_waits_in_slurms_queue(tmp_path):
     jobs.write_text(json.dumps(event) + "\n")
     found = seen(tmp_path)
     assert (found["state"], found["jobs"]) == ("queued", {"running": 0, "waiting": 1, "all": 1})
-    assert "waits in SLURM's queue" in drawn(found)
+    assert "waits in SLURM's queue" in " ".join(drawn(found).split())
 
 
 ODD = [None, True, -1, 1e300, "x", [[]], {"a": 1}, "\x1b[2J", {"calibrate": {"a\x1b": {"words": "\x1b[2J"}}}]

@@ -400,7 +400,7 @@ def test_cases_are_run_blind_scored_and_not_run_again(tmp_path, capsys, monkeypa
 
     monkeypatch.setattr(discover, "_discover", never)
     sinew(*command, "--quiet")
-    assert capsys.readouterr().out == ""
+    assert capsys.readouterr().out == f"next: read {out / 'benchmark.md'}\n"
     assert json.loads((out / "benchmark.json").read_text()) == result
     monkeypatch.undo()
 

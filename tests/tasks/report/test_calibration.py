@@ -10,6 +10,7 @@ from matplotlib import pyplot as plt
 from tasks.model import Model, Parameter
 from tasks.report import calibration
 from tasks.report.calibration import Samples, pairs
+from tasks.report.figures import FORMATS
 
 SOME = ("E_f", "tau_1f", "E_m", "bulk")
 
@@ -253,9 +254,10 @@ def test_all_figures_of_a_study_are_written(tmp_path, names, expected):
     specimens = cohort(names) if len(names) > 1 else {"one": told(12.0, None, None, names)}
     workspace, result = study(tmp_path, names, specimens)
     paths = calibration.draw(workspace, result)
-    assert {path.name for path in paths} == {f"calibrate_{name}.{end}" for name in expected for end in ("png", "pdf")}
+    assert {path.name for path in paths} == {f"calibrate_{name}.{end}" for name in expected for end in FORMATS}
     assert set(paths) == set((tmp_path / "figures").iterdir())
-    assert min(path.stat().st_size for path in paths) > 3000
+    assert min(path.stat().st_size for path in paths if path.suffix != ".csv") > 3000
+    assert all(len(path.read_text().splitlines()) > 1 for path in paths if path.suffix == ".csv")
 
 
 def test_without_a_bayesian_search_there_is_its_convergence_only(tmp_path):

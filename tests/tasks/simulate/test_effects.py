@@ -98,10 +98,14 @@ def several_effects(draw: st.DrawFn) -> tuple[tuple[Effect, ...], np.ndarray, np
 
 @settings(max_examples=120, deadline=None)
 @given(several_effects(), st.sampled_from([PULLED_AND_PUSHED, cyclic(10.0, 2.0)]))
-def test_forces_are_finite_within_all_bounds(drawn, protocol):
+def test_forces_are_finite_within_all_bounds_or_a_row_fails(drawn, protocol):
     effects, values, rows = drawn
     force = simulate_with(Model(), effects, BAR, protocol, rows, values)
-    assert np.isfinite(force).all()
+    finite = np.isfinite(force)
+    if "grip-slip/threshold" in [effect.name for effect in effects]:  # fast creep may find no balance: the row fails
+        assert (finite.all(axis=1) | ~finite.any(axis=1)).all()
+    else:
+        assert finite.all()
     backwards = np.split(values, np.cumsum([len(effect.parameters) for effect in effects])[:-1], axis=1)[::-1]
     again = simulate_with(Model(), effects[::-1], BAR, protocol, rows, np.concatenate(backwards, axis=1))
     assert again.tobytes() == force.tobytes()  # the order in which effects are given does not matter
