@@ -282,7 +282,7 @@ class _Keeper:
             if job.refusal is not None or (found is None and old) or (found is not None and not found.live):
                 gone.append(name)
                 self._count(job, found)
-        wanted = self._wanted_jobs()
+        wanted = self._wanted_jobs() if self.cluster.failure is None else 0
         if gone or wanted != len(jobs):
             self._replace(gone, wanted)
 
