@@ -61,7 +61,13 @@ nitpick_ignore_regex = [
 def setup(app: Any) -> None:
     """What this site has of its own: places for pages that are not there yet; it refuses to fetch anything."""
     app.connect("source-read", _drop_places)
+    app.connect("sphinx-click-process-epilog", _plain)
     app.connect("build-finished", _check_offline)
+
+
+def _plain(app: Any, command: Any, lines: list[str]) -> None:
+    """Examples of commands are no markup: a star in them is a star."""
+    lines[:] = [line.replace("*", r"\*") for line in lines]
 
 
 def _drop_places(app: Any, name: str, source: list[str]) -> None:
