@@ -385,10 +385,13 @@ class _Run:
 
     def work(self) -> None:
         self.done = self.total - self.left if not self.conversations else 0
-        if self.client is None:
-            self._work_here()
-        else:
-            self._work_on(self.client)
+        try:
+            if self.client is None:
+                self._work_here()
+            else:
+                self._work_on(self.client)
+        except WalltimeReached:  # a deadline's alarm comes anywhere, and does not know whether workers came in time
+            raise self._walltime() from None
 
     # ---- talks
 
@@ -489,8 +492,8 @@ class _Run:
 
     def _work_on(self, client: Client) -> None:
         carrier = Carrier(self.name, {source.key: source.evaluation for source in self.sources})
-        ask_for(client, self._wanted(0))
         self.had_workers = False  # their jobs may wait in the queue for longer than this process may
+        ask_for(client, self._wanted(0))
         wait_for_workers(client, functools.partial(self._check, client))
         self.had_workers, self.came = True, time.monotonic()
         _register(client, drain.Leave())

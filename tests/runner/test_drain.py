@@ -8,7 +8,7 @@ import pytest
 from distributed import Client, Nanny, Scheduler
 from distributed.deploy.spec import SpecCluster
 
-from runner import drain
+from runner import drain, ensemble
 from runner.ensemble import Policy, evaluate
 from runner.errors import ClusterError, WalltimeReached
 from runner.store import PENDING, Store
@@ -83,6 +83,22 @@ def test_the_process_that_leads_stops_in_time_and_goes_on_later(tmp_path, monkey
         evaluate(lambda: client, table, Quick(notes, seconds_per_row=0.01), rows)
         assert not table.status.any()
     assert len(evaluated(notes)) == len(set(evaluated(notes))) == 40
+
+
+def test_a_deadline_whose_alarm_comes_while_workers_are_still_met_blames_nobody(tmp_path, monkeypatch):
+    """As on a busy machine, where the first messages to workers take longer than the loop would."""
+
+    def interrupted(client, plugin):
+        raise WalltimeReached("the alarm")
+
+    monkeypatch.setenv(drain.WALLTIME, "60")
+    monkeypatch.setattr(ensemble, "_register", interrupted)
+    with workers_with(None) as client, Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        rows = table.plan(some(3))
+        with pytest.raises(WalltimeReached, match="0 of 3 rows are finished and kept") as reached:
+            evaluate(lambda: client, table, Quick(), rows, None, Policy())
+    assert not reached.value.worked
 
 
 def test_without_a_walltime_nothing_ends():
