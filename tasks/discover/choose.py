@@ -8,7 +8,7 @@ leave rivals far behind, predict what was held out, recur in other specimens, an
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,7 +16,8 @@ CLEARLY = 20.0  # of the criterion: 10 of twice the log likelihood are called ve
 EXPLAINED = 0.97  # part of the misfit beyond noise that an effect must take away to be a name
 FAR_BEHIND = 2.0  # how many times what the best leaves a rival must leave
 SECOND = 0.8  # part of what one effect leaves that a second must take away
-FORM = 0.005  # part of the misfit that an effect may leave because nature's form of it is another
+FORM = 0.005  # part of the misfit that an effect may leave because nature's form of it is another,
+BEYOND = 3.0  # and how many times what chance leaves: below one of both, a second effect is not looked for
 HELD_OUT_ERRORS = 2.0  # standard errors by which the prediction of what a fit has not seen must improve
 KINDS = 2  # of splits on which it must
 PLACES = 0.5  # part of the improvement that must lie in cells which disagree,
@@ -60,13 +61,17 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Verdict:
-    """``word`` is NONE, NAMED, AMBIGUOUS or OUTSIDE; ``effects`` when named, ``alike`` when ambiguous; and why."""
+    """``word`` is NONE, NAMED, AMBIGUOUS or OUTSIDE; ``effects`` when named, ``alike`` when ambiguous; and why.
+
+    ``judged``: the effects of the candidate that it is about.
+    """
 
     word: str
     effects: tuple[str, ...] = ()
     alike: tuple[str, ...] = ()
     explained: float | None = None
     why: str = ""
+    judged: tuple[str, ...] = ()
 
 
 def criterion(loss: float, parameters: int, points: Sequence[int]) -> float:
@@ -74,26 +79,35 @@ def criterion(loss: float, parameters: int, points: Sequence[int]) -> float:
     return loss + parameters * float(np.sum(np.log(points)))
 
 
+def single(null: Scored, candidates: Sequence[Scored]) -> Scored:
+    """The best candidate with one effect."""
+    return min((one for one in candidates if len(one.effects) == 1), key=lambda one: one.criterion, default=null)
+
+
 def leading(null: Scored, candidates: Sequence[Scored], floor: float) -> Scored:
-    """The candidate to be judged: the best single effect, or a pair that takes away much of what that leaves."""
-    if not candidates:
-        return null
-    single = min((one for one in candidates if len(one.effects) == 1), key=lambda one: one.criterion, default=null)
-    best = min(candidates, key=lambda one: one.criterion)
-    much = _rest(best, floor) <= (1.0 - SECOND) * _rest(single, floor)
-    needed = single.criterion - best.criterion >= CLEARLY and much and _leaves_more_than_form(null, single, floor)
-    return best if needed else single
+    """The candidate to be judged first: the best single effect, or a pair that takes away much of what that leaves."""
+    alone = single(null, candidates)
+    best = min(candidates, key=lambda one: one.criterion, default=null)
+    much = _rest(best, floor) <= (1.0 - SECOND) * _rest(alone, floor)
+    if alone.criterion - best.criterion < CLEARLY or not much:
+        return alone
+    noise_alone = best.loss - floor <= _rest_by_chance(floor) and _far_beyond_chance(alone, floor)
+    return best if noise_alone or _leaves_more_than_form(null, alone, floor) else alone
 
 
-def _leaves_more_than_form(null: Scored, single: Scored, floor: float) -> bool:
-    return single.loss - floor > FORM * (null.loss - floor)
+def _leaves_more_than_form(null: Scored, alone: Scored, floor: float) -> bool:
+    return alone.loss - floor > FORM * (null.loss - floor)
+
+
+def _far_beyond_chance(alone: Scored, floor: float) -> bool:
+    return alone.loss - floor > BEYOND * _rest_by_chance(floor)
 
 
 def room_for_two(null: Scored, candidates: Sequence[Scored], floor: float) -> bool:
     """Whether the best single effect leaves so much that :func:`leading` could prefer a pair."""
     least = min((null, *candidates), key=lambda one: one.criterion)
     much = (1.0 - SECOND) * _rest(least, floor) >= _rest_by_chance(floor) / 3.0
-    return much and _leaves_more_than_form(null, least, floor)
+    return much and (_leaves_more_than_form(null, least, floor) or _far_beyond_chance(least, floor))
 
 
 def rivals(best: Scored, candidates: Sequence[Scored], floor: float) -> list[Scored]:
@@ -109,8 +123,18 @@ def rivals(best: Scored, candidates: Sequence[Scored], floor: float) -> list[Sco
 
 
 def verdict(null: Scored, candidates: Sequence[Scored], about: Evidence) -> Verdict:
-    """The verdict on the bare model ``null`` and what was added to it."""
-    best = leading(null, candidates, about.floor)
+    """The verdict on the bare model ``null`` and what was added to it.
+
+    Where the best single effect leaves no more than its form may, a pair is named or nothing is said of it.
+    """
+    best, alone = leading(null, candidates, about.floor), single(null, candidates)
+    found = _judged(null, best, candidates, about)
+    if found.word != "NAMED" and best is not alone and not _leaves_more_than_form(null, alone, about.floor):
+        found, best = _judged(null, alone, candidates, about), alone
+    return replace(found, judged=best.effects)
+
+
+def _judged(null: Scored, best: Scored, candidates: Sequence[Scored], about: Evidence) -> Verdict:
     gain = null.criterion - best.criterion
     if gain < CLEARLY:
         if not about.located:

@@ -13,7 +13,7 @@ import numpy as np
 from runner.ensemble import Desk
 from tasks.discover.added import add_to_study, checks
 from tasks.discover.cells import located_part, misfit_map
-from tasks.discover.choose import CLEARLY, Evidence, Scored, leading, rivals, verdict
+from tasks.discover.choose import CLEARLY, Evidence, Scored, leading, rivals, single, verdict
 from tasks.discover.conflict import conflict, together
 from tasks.discover.experiment import Experiment, Rival, next_experiment
 from tasks.discover.explore import Effects, Explorer, agree, each_for_all, explorers
@@ -52,6 +52,7 @@ def discover(workspace: Workspace) -> dict[str, Any]:
     trusted = all(
         agree(sorted([*fits, null], key=lambda one: one.loss)) for fits, null in zip(bare, found.null, strict=True)
     )
+    ends = _profiled(workspace, explored, found)
     held = _hold_out(workspace, explored, found)
     conflicts = _conflicts(workspace, explored, found.null)
     chance = settings.chance / len(explored)
@@ -76,7 +77,7 @@ def discover(workspace: Workspace) -> dict[str, Any]:
         trusted=trusted,
     )
     decided = verdict(found.nothing, list(found.scored.values()), about)
-    best = leading(found.nothing, list(found.scored.values()), found.floor)
+    best = next((one for one in found.scored.values() if one.effects == decided.judged), found.nothing)
     names = [one.name for one in explored]
     result: dict[str, Any] = {
         "verdict": decided.word,
@@ -95,7 +96,15 @@ def discover(workspace: Workspace) -> dict[str, Any]:
         "surely": about.surely,
         "noise": {one.name: asdict(one.measured.noise) for one in explored},
         "candidates": [
-            told_candidate(found.scored[effects], found.nothing, found.floor, effects, explored, found.fits[effects])
+            told_candidate(
+                found.scored[effects],
+                found.nothing,
+                found.floor,
+                effects,
+                explored,
+                found.fits[effects],
+                ends.get(effects),
+            )
             for effects in found.ordered
         ],
         "cells": dict(zip(names, before, strict=True)),
@@ -175,17 +184,39 @@ def _experiment(
     return experiment.told() if experiment else None
 
 
+def _to_judge(found: Found) -> list[Effects]:
+    """Whom the verdict may be about, the first first: a pair, or one alone; nobody where nothing helps clearly."""
+    candidates = list(found.scored.values())
+    best, alone = leading(found.nothing, candidates, found.floor), single(found.nothing, candidates)
+    helps = found.nothing.criterion - best.criterion >= CLEARLY
+    return list(dict.fromkeys(found.having(one) for one in (best, alone))) if helps else []
+
+
+def _profiled(workspace: Workspace, explored: Sequence[Explorer], found: Found) -> dict[Effects, list[Array]]:
+    """Ends ``[m, 2]`` of 90 % intervals, by candidate and specimen; fits that prove not to be the best are replaced."""
+    chosen = _to_judge(found)
+    if explored[0].solver is not None:  # with it a profile would take hours; curvature has to do
+        return {}
+    columns = each_for_all(
+        workspace, explored, "intervals", chosen,
+        lambda i, effects, desk: explored[i].profiled(desk, effects, found.fits[effects][i]),
+    )  # fmt: skip
+    found.fits |= {effects: [one.fitted for one in column] for effects, column in zip(chosen, columns, strict=True)}
+    found.score()
+    return {effects: [one.ends for one in column] for effects, column in zip(chosen, columns, strict=True)}
+
+
 Held = dict[Effects, dict[str, dict[str, Array]]]
 
 
 def _hold_out(workspace: Workspace, explored: Sequence[Explorer], found: Found) -> Held:
     """Squared errors of what was left out, by candidate, kind of split, and curve of a specimen; scores learn of it."""
-    best = leading(found.nothing, list(found.scored.values()), found.floor)
-    if found.nothing.criterion - best.criterion < CLEARLY:
+    judged = _to_judge(found)
+    if not judged:
         return {}
-    chosen = found.having(best)
+    chosen, best = judged[0], found.scored[judged[0]]
     close = rivals(best, list(found.scored.values()), found.floor)
-    wanted: list[Effects] = [(), chosen, *(found.having(one) for one in close[:1])]
+    wanted: list[Effects] = [(), *judged, *(found.having(one) for one in close[:1])]
     alone = chosen[:1]
     if len(chosen) == 2:
         alone = min((chosen[:1], chosen[1:]), key=lambda effects: sum(one.loss for one in found.fits[effects]))

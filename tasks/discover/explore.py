@@ -15,6 +15,7 @@ import numpy as np
 
 from runner.ensemble import Desk, Talk
 from tasks.discover.fit import Candidate, Fitted, errors, extended, fit, look_ahead, starts
+from tasks.discover.intervals import Profiled, profiled
 from tasks.discover.measured import Measured
 from tasks.discover.splits import SPECIMEN, splits
 from tasks.ledger import Ledger
@@ -22,6 +23,7 @@ from tasks.model import Model
 from tasks.model.effect import Effect
 from tasks.noise import noise_of_each
 from tasks.simulate import Array
+from tasks.simulate.effects import VERSION
 from tasks.simulate.febio import FEBio
 from tasks.workspace import Workspace, digest
 
@@ -62,7 +64,7 @@ class Explorer:
         bounds = [[p.minimum, p.maximum] for p in self.model.parameters]
         solver = self.solver.identity() if self.solver else None
         noise = asdict(self.measured.noise)
-        inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, noise, solver, what)
+        inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, noise, solver, VERSION, what)
         return Ledger(self.folder / f"{self.name.replace('/', '_')}.{digest(what)[:12]}.jsonl", inputs)
 
     def _fitted(self, ledger: Ledger, number: int, desk: Desk, candidate: Candidate, *arguments: Any) -> Fitted:
@@ -110,6 +112,19 @@ class Explorer:
         ]
         return min([before, *found], key=lambda one: one.loss)
 
+    def profiled(self, desk: Desk, effects: Effects, fitted: Fitted) -> Profiled:
+        """The fit with ``effects``, or a better one, and 90 % intervals of the effects' parameters."""
+        candidate = self.candidate(effects)
+        ledger = self._ledger("profiled", _forms(effects), digest(fitted.at, *candidate.bounds()))
+        if not len(ledger):
+            found = desk.compute(profiled, candidate, self.measured, fitted)
+            own = found.fitted
+            ledger.append(np.concatenate([[own.loss, own.points], own.at, own.uncertainty, found.ends.ravel()]))
+        kept = ledger.kept[0]
+        ends = 2 + 2 * candidate.size
+        own = Fitted(kept[2 : 2 + candidate.size], float(kept[0]), int(kept[1]), kept[2 + candidate.size : ends])
+        return Profiled(own, kept[ends:].reshape(-1, 2))
+
     def promise(self, desk: Desk, effects: Effects, base: Fitted) -> float:
         """The loss that a fit with ``effects`` may come to, seen from ``base``, which has all but the last of them."""
         candidate, before = self.candidate(effects), self.candidate(effects[:-1])
@@ -147,8 +162,9 @@ class Explorer:
         }
 
 
-def _fit_beside(candidate: Candidate, measured: Measured, start: Array, fixed: int) -> Fitted:
-    return fit(candidate, measured, start, fixed=fixed)
+def _fit_beside(candidate: Candidate, measured: Measured, start: Array, last: int) -> Fitted:
+    """With the ``last`` values fixed."""
+    return fit(candidate, measured, start, fixed=range(start.size - last, start.size))
 
 
 def _forms(effects: Effects) -> list[str]:

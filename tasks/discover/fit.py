@@ -137,16 +137,16 @@ def derivatives(
     at: Array,
     curves: Sequence[Curve],
     of: Whitened = residuals,
-    vary: int | None = None,
+    fixed: Sequence[int] = (),
 ) -> tuple[Array, Array]:
-    """Residuals ``[t]`` at a point ``[k]`` of the unit cube, and their derivatives ``[t, k]`` by the first ``vary``.
+    """Residuals ``[t]`` at a point ``[k]`` of the unit cube, and their derivatives ``[t, v]`` by what is not fixed.
 
     Derivatives are always the embedded simulator's.
     """
-    steps = np.where(at + STEP <= 1.0, STEP, -STEP)
-    moves = np.diag(steps)[: at.size if vary is None else vary]
+    steps = np.delete(np.where(at + STEP <= 1.0, STEP, -STEP), fixed)
+    moves = np.delete(np.eye(at.size), fixed, axis=0) * steps[:, np.newaxis]
     moved = of(candidate.embedded, measured, np.concatenate([at[np.newaxis], at + moves]), curves)
-    slopes = ((moved[1:] - moved[0]) / steps[: len(moves), np.newaxis]).T
+    slopes = ((moved[1:] - moved[0]) / steps[:, np.newaxis]).T
     return moved[0] if candidate.solver is None else of(candidate, measured, at[np.newaxis], curves)[0], slopes
 
 
@@ -156,31 +156,36 @@ def fit(
     start: Array,
     curves: Sequence[Curve] | None = None,
     *,
-    fixed: int = 0,
+    fixed: Sequence[int] = (),
 ) -> Fitted:
     """The nearest minimum to ``start`` ``[k]`` on the unit cube, over ``curves`` (all of the specimen's).
 
-    The last ``fixed`` of the varied values stay where they are. A fit with a solver goes on from where that with the
-    embedded simulator ended, and takes its derivatives from there: near the minimum they need not be exact.
+    What is ``fixed``, by number, stays where it is. A fit with a solver goes on from where that with the embedded
+    simulator ended, and takes its derivatives from there: near the minimum they need not be exact.
     """
     chosen = measured.curves if curves is None else curves
     if candidate.solver is not None:
         start = fit(candidate.embedded, measured, start, chosen, fixed=fixed).at
-    count = start.size - fixed
-    stay = start[count:]
+    free = np.delete(np.arange(start.size), fixed)
+
+    def whole(at: Array) -> Array:
+        every = start.copy()
+        every[free] = at
+        return every
 
     def loss(at: Array) -> Array:
-        return residuals(candidate, measured, np.concatenate([at, stay])[np.newaxis], chosen)[0]
+        return residuals(candidate, measured, whole(at)[np.newaxis], chosen)[0]
 
     def slope(at: Array) -> Array:
-        return derivatives(candidate.embedded, measured, np.concatenate([at, stay]), chosen, vary=count)[1]
+        return derivatives(candidate.embedded, measured, whole(at), chosen, fixed=fixed)[1]
 
     found = least_squares(
-        loss, np.clip(start[:count], 1e-6, 1 - 1e-6), jac=slope, bounds=(0.0, 1.0), ftol=TOLERANCE, xtol=1e-7,
+        loss, np.clip(start[free], 1e-6, 1 - 1e-6), jac=slope, bounds=(0.0, 1.0), ftol=TOLERANCE, xtol=1e-7,
         gtol=1e-7, max_nfev=EVALUATIONS, x_scale=1.0,
     )  # fmt: skip
-    spread = np.concatenate([spreads(found.jac), np.zeros(fixed)])
-    return Fitted(np.concatenate([found.x, stay]), float(2.0 * found.cost), int(found.fun.size), spread)
+    spread = np.zeros(start.size)
+    spread[free] = spreads(found.jac)
+    return Fitted(whole(found.x), float(2.0 * found.cost), int(found.fun.size), spread)
 
 
 def spreads(slopes: Array) -> Array:

@@ -1,6 +1,7 @@
 """What ``discover.json`` says of candidates and of the gap between model and measurements."""
 
 from collections.abc import Mapping, Sequence
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -24,8 +25,12 @@ def told_candidate(
     effects: Effects,
     explored: Sequence[Explorer],
     fits: Sequence[Fitted],
+    ends: Sequence[Array] | None = None,
 ) -> dict[str, Any]:
-    """One candidate: how much it gains, explains and predicts, and its parameters by specimen."""
+    """One candidate: how much it gains, explains and predicts, and its parameters by specimen.
+
+    ``ends`` ``[m, 2]`` of each specimen, on the unit cube: those of 90 % intervals by profile likelihood.
+    """
     candidates = [one.candidate(effects) for one in explored]
     held, error = scored.held.get(PROTOCOL, scored.held.get(LATER, (None, None)))
     return {
@@ -43,8 +48,10 @@ def told_candidate(
         "in_place": dict(zip(("improvement", "cells"), scored.in_place, strict=True)) if scored.in_place else None,
         "on_bound": list(scored.on_bound),
         "parameters": {
-            one.name: _parameters(effects, candidate, fitted)
-            for one, candidate, fitted in zip(explored, candidates, fits, strict=True)
+            one.name: _parameters(effects, candidate, fitted, each)
+            for one, candidate, fitted, each in zip(
+                explored, candidates, fits, ends or repeat(None, len(fits)), strict=True
+            )
         },
         "shared": _shared(effects, candidates[0], fits),
     }
@@ -77,19 +84,18 @@ def _shared(effects: Effects, candidate: Candidate, fits: Sequence[Fitted]) -> d
     return found
 
 
-def _parameters(effects: Effects, candidate: Candidate, fitted: Fitted) -> dict[str, Any]:
-    """Values and 90 % intervals of the effects' parameters, from the curvature at the fit."""
+def _parameters(effects: Effects, candidate: Candidate, fitted: Fitted, ends: Array | None) -> dict[str, Any]:
+    """Values and 90 % intervals of the effects' parameters: by profile, or else from the curvature at the fit."""
     low, high = candidate.bounds()
-    values, spread = low + (high - low) * fitted.at, NORMAL_90 * (high - low) * fitted.uncertainty
     parameters = [parameter for effect in effects for parameter in effect.parameters]
-    first = candidate.size - len(parameters)
+    own = slice(candidate.size - len(parameters), None)
+    if ends is None:
+        ends = fitted.at[own, np.newaxis] + NORMAL_90 * fitted.uncertainty[own, np.newaxis] * np.array([-1.0, 1.0])
+    values = low[own] + (high - low)[own] * fitted.at[own]
+    intervals = low[own, np.newaxis] + (high - low)[own, np.newaxis] * ends
     return {
-        parameter.name: {
-            "value": values[first + k],
-            "unit": parameter.unit,
-            "interval": [values[first + k] - spread[first + k], values[first + k] + spread[first + k]],
-        }
-        for k, parameter in enumerate(parameters)
+        parameter.name: {"value": value, "unit": parameter.unit, "interval": interval.tolist()}
+        for parameter, value, interval in zip(parameters, values.tolist(), intervals, strict=True)
     }
 
 

@@ -16,6 +16,7 @@ from tasks.model.effect import Bars, Branch, Effect, Values, in_order
 from tasks.model.effects import named
 from tasks.simulate import Array, Compared, Simulated, impossible, memory
 
+VERSION = 2  # of the forces that are computed here
 _DRIVERS = ("matrix", "fibre", "strain")
 BALANCE = 1e-10  # of the largest displacement: what may be left between grips, machine and gauge length
 ITERATIONS = 60
@@ -34,7 +35,7 @@ class UniaxialWith:
     batch_multiple: int = 8
 
     def identity(self) -> dict[str, Any]:
-        return {"name": self.name, "version": 1, "effects": list(self.names)}
+        return {"name": self.name, "version": VERSION, "effects": list(self.names)}
 
     def simulate(
         self, model: Model, specimen: Specimen, protocol: Protocol, parameters: Array, *, stresses: bool = False

@@ -1,13 +1,16 @@
 """The memory of viscous branches along a history, for any number of branches: the recursion of Puso and Weiss (1998).
 
 Each branch keeps H <- H exp(-dt/tau) + dS viscosity (1 - exp(-dt/tau)) / dt with S what drives it; viscosity is
-strength times tau, and tau = 0 is a bare dashpot with a backward difference.
+strength times tau, and tau = 0 is a bare dashpot with a backward difference. Where times change during a step, it is
+taken in parts.
 """
 
 import math
 
 import numba
 import numpy as np
+
+PARTS = 8  # of a step during which times change
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -34,15 +37,16 @@ def stress(  # type: ignore[no-untyped-def]
     h, decay, gain = np.zeros(count), np.zeros(count), np.zeros(count)
     for row in range(total.shape[0]):
         h[:] = 0.0
-        last_step, last_factor = -1, 1.0
+        last_step, last_former, last_factor = -1, 1.0, 1.0
         total[row, 0] = 0.0 if sudden else drivers[0, row, 0] + drivers[1, row, 0]
         for t in range(1, total.shape[1]):
+            former = slowing[row, t - 1] if slowed > 0 else 1.0
             factor = slowing[row, t] if slowed > 0 else 1.0
-            if step_of[t] != last_step or factor != last_factor:
-                last_step, last_factor = step_of[t], factor
+            if step_of[t] != last_step or former != last_former or factor != last_factor:
+                last_step, last_former, last_factor = step_of[t], former, factor
                 for k in range(count):
-                    own = factor if k < slowed else 1.0
-                    decay[k], gain[k] = _coefficients(steps[last_step], own, viscosity[row, k], times[row, k])
+                    first, last = (former, factor) if k < slowed else (1.0, 1.0)
+                    decay[k], gain[k] = _coefficients(steps[last_step], first, last, viscosity[row, k], times[row, k])
             summed = drivers[0, row, t] + drivers[1, row, t]
             for k in range(count):
                 before = 0.0 if sudden and t == 1 else drivers[driver[k], row, t - 1]
@@ -82,15 +86,16 @@ def correction(  # type: ignore[no-untyped-def]
     for row in range(result.shape[0]):
         h[:], decay[:], gain[:] = 0.0, 0.0, 0.0
         slipped[:] = 0.0
-        last_step, last_factor = -1, 1.0
+        last_step, last_former, last_factor = -1, 1.0, 1.0
         before = 0.0
         for t in range(result.shape[1]):
+            former = slowing[row, t - 1] if slowed > 0 and t > 0 else 1.0
             factor = slowing[row, t] if slowed > 0 else 1.0
-            if t > 0 and (step_of[t] != last_step or factor != last_factor):
-                last_step, last_factor = step_of[t], factor
+            if t > 0 and (step_of[t] != last_step or former != last_former or factor != last_factor):
+                last_step, last_former, last_factor = step_of[t], former, factor
                 for k in range(count):
-                    own = factor if k < slowed else 1.0
-                    decay[k], gain[k] = _coefficients(steps[last_step], own, viscosity[row, k], times[row, k])
+                    first, last = (former, factor) if k < slowed else (1.0, 1.0)
+                    decay[k], gain[k] = _coefficients(steps[last_step], first, last, viscosity[row, k], times[row, k])
             stiffness = tangents[0, row, t] + tangents[1, row, t]
             history = 0.0
             for k in range(count):
@@ -120,7 +125,15 @@ def correction(  # type: ignore[no-untyped-def]
             result[row, t] = moved
 
 
-@numba.njit(nogil=True, inline="always", error_model="numpy")
-def _coefficients(step, factor, viscosity, time):  # type: ignore[no-untyped-def]
-    ratio = step / (time * factor)
-    return math.exp(-ratio), -viscosity * factor * math.expm1(-ratio) / step
+@numba.njit(nogil=True, error_model="numpy")
+def _coefficients(step, first, last, viscosity, time):  # type: ignore[no-untyped-def]
+    """Decay and gain of a step during which the factor on a branch's time goes from ``first`` to ``last``."""
+    parts = 1 if first == last else PARTS
+    decay, gain = 1.0, 0.0
+    for part in range(parts):
+        factor = last if parts == 1 else first * (last / first) ** ((part + 0.5) / parts)
+        ratio = step / parts / (time * factor)
+        kept = math.exp(-ratio)
+        decay *= kept
+        gain = gain * kept - viscosity * factor * math.expm1(-ratio) / step
+    return decay, gain

@@ -36,8 +36,22 @@ def test_a_pair_is_named_only_when_it_takes_away_much_of_what_one_leaves():
 def test_a_second_effect_does_not_feed_on_the_form_of_the_first():
     """Of a large misfit, what the right effect leaves may be for its form; a second one would take that away."""
     null = replace(NULL, criterion=200_000.0, loss=200_000.0)
-    assert told(SOME, PAIR, null=null) == ("NAMED", ("softening",))
-    assert not room_for_two(null, (SOME,), FLOOR)
+    little = replace(SOME, criterion=1370.0, loss=1350.0)
+    assert told(little, PAIR, null=null) == ("NAMED", ("softening",))
+    assert not room_for_two(null, (little,), FLOOR)
+
+
+def test_what_is_far_beyond_chance_and_goes_to_noise_with_a_second_effect_has_two():
+    """Unless that cannot be named, for then it may still be the form of the first."""
+    null = replace(NULL, criterion=200_000.0, loss=200_000.0)
+    assert room_for_two(null, (SOME,), FLOOR)
+    assert told(SOME, PAIR, null=null) == ("NAMED", ("softening", "time-lag"))
+    unsure = replace(PAIR, beyond={"protocol": (100.0, 200.0), "specimen": (50.0, 100.0)})
+    above_noise = replace(PAIR, criterion=1200.0, loss=1140.0)
+    rival = replace(PAIR, effects=("softening", "force-drift"), criterion=1070.0, loss=1020.0)
+    for pairs in ((unsure,), (above_noise,), (PAIR, rival)):
+        assert told(SOME, *pairs, null=null) == ("NAMED", ("softening",))
+        assert verdict(null, (SOME, *pairs), ABOUT).judged == ("softening",)
 
 
 def test_a_pair_must_predict_better_than_one_of_them_alone():

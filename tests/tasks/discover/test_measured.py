@@ -90,7 +90,7 @@ def test_a_fit_finds_an_effect_and_says_how_well():
     assert abs(value - 0.991) < 4 * spread < 0.004
     freedom = found.points - candidate.size
     assert found.loss == pytest.approx(freedom, abs=5 * np.sqrt(2 * freedom))
-    held = fit(candidate, one, np.concatenate([found.at[:-1], [0.2]]), fixed=1)
+    held = fit(candidate, one, np.concatenate([found.at[:-1], [0.2]]), fixed=[found.at.size - 1])
     assert held.at[-1] == 0.2
     assert held.uncertainty[-1] == 0.0
     assert held.loss > found.loss + 10

@@ -186,7 +186,8 @@ def test_fluid_flow_is_a_matrix_mode_of_its_strength_and_time():
 
 def test_times_that_depend_on_strain_are_scaled_times_in_a_hold():
     """A jump to one strain: every time is scaled by the same factor."""
-    protocol = Protocol("jump", np.linspace(0.0, 50.0, 501), np.where(np.linspace(0.0, 50.0, 501) > 0, 0.3, 0.0))
+    time = np.concatenate([[0.0, 1e-9], np.linspace(0.1, 50.0, 500)])
+    protocol = Protocol("jump", time, np.where(time > 0, 0.3, 0.0))
     model = Model()
     rows = reference_parameters(model)[:4]
     force = simulate((LIBRARY["strain-dependent-relaxation"],), protocol, np.array([30.0]), rows)
@@ -194,7 +195,19 @@ def test_times_that_depend_on_strain_are_scaled_times_in_a_hold():
     scaled[:, [i for i, name in enumerate(model.names) if name.startswith("tau")]] *= np.exp(
         30.0 * 0.5 * (1.03**2 - 1.0)
     )
-    assert error(force, simulate((), protocol, np.zeros(0), scaled)).max() < 1e-12
+    assert error(force, simulate((), protocol, np.zeros(0), scaled)).max() < 1e-7
+
+
+def test_times_that_change_during_a_step_do_not_depend_on_the_sampling():
+    """Samples of 0.1 s in a ramp of 0.6 s, against steps a hundred times as fine."""
+    time = np.concatenate([np.linspace(0.0, 0.6, 7), np.linspace(0.7, 5.0, 44)])
+    protocol = Protocol("ramp", time, 0.5 * np.minimum(time / 0.6, 1.0))
+    fine = np.interp(np.arange(50 * 100 + 1) / 100, np.arange(time.size), time)
+    finely = Protocol("ramp", fine, 0.5 * np.minimum(fine / 0.6, 1.0))
+    effect = (LIBRARY["strain-dependent-relaxation"],)
+    for factor in (-30.0, 30.0):
+        coarse, exact = (simulate(effect, each, np.array([factor])) for each in (protocol, finely))
+        assert error(coarse, exact[:, ::100]).max() < 1e-3
 
 
 # ---- the real solver
