@@ -112,6 +112,7 @@ def _local(spec: Local) -> Iterator[Client]:
             security=Security.temporary() if spec.tls else None,
             dashboard_address=DASHBOARD,
             silence_logs=logging.ERROR,
+            preload="runner.interrupts",
         )
     except (OSError, RuntimeError) as error:
         raise ClusterError(f"cluster: {spec.workers} local workers could not be started ({error})") from error

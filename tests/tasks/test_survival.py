@@ -255,3 +255,26 @@ def test_all_tasks_killed_at_any_moment_end_with_the_same_bytes(tmp_path):
     finish(start_all(study, cut), study)
     assert results(cut) == results(calm)
     assert contents(cut / "store.zarr") == contents(calm / "store.zarr")
+
+
+def test_an_interrupt_from_the_terminal_is_one_line_and_nothing_is_left(tmp_path):
+    """Ctrl-C reaches the command and all of its workers at once; finished rows are there when it goes on."""
+    study, cohort, notes = prepare(tmp_path)
+    out, errors = tmp_path / "out", tmp_path / "errors"
+    command = [sys.executable, "-m", "tasks.cli", "sobol", str(study), "--data", str(cohort), "--out", str(out)]
+    with open(errors, "wb") as file:
+        process = subprocess.Popen(command, stdout=file, stderr=file, start_new_session=True)
+    deadline = time.monotonic() + 120
+    while not committed(out):
+        assert process.poll() is None, errors.read_text()
+        assert time.monotonic() < deadline, "no row is finished"
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.wait(60) == 130
+    assert not in_group(process.pid)
+    said = errors.read_text()
+    assert "sinew: interrupted; run the same command again to go on" in said
+    assert "Traceback" not in said
+    rows = committed(out)
+    finish(start(study, cohort, out, workers=2), study)
+    assert rows < committed(out)
