@@ -1,4 +1,4 @@
-"""Loaded first by workers on this machine: a terminal sends Ctrl-C to them too, and who leads them sees to their end."""
+"""Loaded first by workers on this machine: a terminal sends Ctrl-C to them, too, but who leads them ends them."""
 
 import logging
 import signal

@@ -2,24 +2,29 @@
 
 A parameter is moved away from its best value while all others are fitted again, until the loss has risen by what chance
 alone would raise it to in one case of ten (Venzon and Moolgavkar 1988). Near a straight valley that is what the
-curvature says; a mode slower than the holds, whose strength and time make up for each other, has a bent one.
+curvature says; a mode slower than the holds, whose strength and time make up for each other, has a bent one. And there
+may be several valleys that are about as deep, as when matrix and fibres exchange their relaxation: an interval reaches
+from the first to the last of them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.stats import chi2
 
-from tasks.discover.fit import WIDTH, Candidate, Fitted, derivatives, fit
+from tasks.discover.fit import WIDTH, Candidate, Fitted, derivatives, fit, starts
 from tasks.discover.measured import Measured
 from tasks.simulate import Array
 
-ROOT = float(norm.ppf(0.95))  # of the rise of the loss at the ends of a 90 % interval
-NEAR = 0.05  # of that, by which an end may miss it
+RISE = float(chi2.ppf(0.9, 1))  # of the loss, at the ends of a 90 % interval
+NEAR = 0.05  # of the way there, by which an end may miss it
 TRIES = 8  # fits for an end, at most
 LOWER = 0.05  # of the loss: a better fit than the best so far
 AGAIN = 4  # times that walks begin anew from a better fit
 EDGE = 1e-6  # of the unit cube, within which a fit stays
+STARTS = 10  # of the bare model, from which other valleys are looked for
+SEED = 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,57 +40,81 @@ class Profiled:
 
 def profiled(candidate: Candidate, measured: Measured, fitted: Fitted) -> Profiled:
     """Intervals around a fit to all curves of a specimen."""
-    first = len(candidate.varied)
-    for last in [False] * AGAIN + [True]:
-        ends, better = [], None
-        for number in range(first, candidate.size):
-            for direction in (-1.0, 1.0):
-                end, met = _walk(candidate, measured, fitted, number, direction)
-                ends.append(end)
-                better = met if better is None or (met is not None and met.loss < better.loss) else better
-        if better is None or last:
+    bare = starts(candidate.having(), np.random.default_rng(SEED), STARTS)
+    others = [fit(candidate, measured, np.concatenate([at, candidate.typical()])) for at in bare]
+    valleys = sorted([fitted, *others], key=lambda one: one.loss)
+    numbers = range(len(candidate.varied), candidate.size)
+    for _ in range(AGAIN):
+        met: list[Fitted] = []
+        ends = [
+            [_end(candidate, measured, valleys, number, direction, met) for direction in (-1.0, 1.0)]
+            for number in numbers
+        ]
+        if not met:
             break
-        refined = fit(candidate, measured, better.at)
-        fitted = refined if refined.loss < better.loss else better
-    return Profiled(fitted, np.array(ends).reshape(-1, 2))
+        lowest = min(met, key=lambda one: one.loss)
+        valleys = sorted([fit(candidate, measured, lowest.at), lowest, *valleys], key=lambda one: one.loss)
+    return Profiled(valleys[0], np.array(ends).reshape(-1, 2))
+
+
+def _end(
+    candidate: Candidate,
+    measured: Measured,
+    valleys: Sequence[Fitted],
+    number: int,
+    direction: float,
+    met: list[Fitted],
+) -> float:
+    """The end of an interval on one side, from the deepest valley or the outermost that is deep enough."""
+    best = valleys[0]
+    deep = [one for one in valleys if one.loss - best.loss < RISE]
+    outermost = max(deep, key=lambda one: direction * one.at[number])
+    begins = [best] if outermost is best else [best, outermost]
+    return max(
+        (_walk(candidate, measured, best.loss, one, number, direction, met) for one in begins),
+        key=lambda end: direction * end,
+    )
 
 
 def _walk(
-    candidate: Candidate, measured: Measured, best: Fitted, number: int, direction: float
-) -> tuple[float, Fitted | None]:
-    """The end of an interval on one side, and a better fit than ``best`` where one was met."""
-    _, slopes = derivatives(candidate, measured, best.at, measured.curves)
-    covariance = np.linalg.inv(slopes.T @ slopes + WIDTH * np.eye(best.at.size))
+    candidate: Candidate,
+    measured: Measured,
+    lowest: float,
+    begin: Fitted,
+    number: int,
+    direction: float,
+    met: list[Fitted],
+) -> float:
+    """Where the loss has risen enough above the ``lowest``; fits that are better than that are ``met``."""
+    _, slopes = derivatives(candidate, measured, begin.at, measured.curves)
+    covariance = np.linalg.inv(slopes.T @ slopes + WIDTH * np.eye(begin.at.size))
     along = covariance[number] / covariance[number, number]
-    begin = float(best.at[number])
-    room = (1.0 - EDGE - begin) if direction > 0 else (begin - EDGE)
-    near, far = (0.0, 0.0, best.at), None  # distance, root of the rise, and where: before the end, and behind it
-    distance = ROOT * float(np.sqrt(covariance[number, number]))
-    better = None
+    first = float(begin.at[number])
+    room = max((1.0 - EDGE - first) if direction > 0 else (first - EDGE), 0.0)
+    wanted = float(np.sqrt(RISE - (begin.loss - lowest)))  # roots of rises are about proportional to the distance
+    near, far = (0.0, 0.0, begin.at), None  # distance, root, and where: before the end, and behind it
+    distance = wanted * float(np.sqrt(covariance[number, number]))
     for _ in range(TRIES):
         distance = min(distance, room)
-        if distance <= 0.0:
-            break
-        value = begin + direction * distance
+        value = first + direction * distance
         start = np.clip(near[2] + along * (value - near[2][number]), EDGE, 1.0 - EDGE)
         start[number] = value
         found = fit(candidate, measured, start, fixed=[number])
-        rise = found.loss - best.loss
-        if rise < -LOWER and (better is None or found.loss < better.loss):
-            better = found
-        root = float(np.sqrt(max(rise, 0.0)))
-        if root < ROOT:
+        if found.loss < lowest - LOWER:
+            met.append(found)
+        root = float(np.sqrt(max(found.loss - begin.loss, 0.0)))
+        if root < wanted:
             near = (distance, root, found.at)
         else:
             far = (distance, root)
-        if abs(root - ROOT) < NEAR * ROOT or (far is None and distance >= room):
-            return begin + direction * distance, better
-        distance = _next(near, far)
-    return begin + direction * _next(near, far), better
+        if abs(root - wanted) < NEAR * wanted or (far is None and distance >= room):
+            return value
+        distance = _next(near, far, wanted)
+    return first + direction * _next(near, far, wanted)
 
 
-def _next(near: tuple[float, float, Array], far: tuple[float, float] | None) -> float:
-    """Where the root of the rise may be as wanted: it is about proportional to the distance."""
+def _next(near: tuple[float, float, Array], far: tuple[float, float] | None, wanted: float) -> float:
+    """Where the root of the rise may be as ``wanted``."""
     if far is None:
-        return near[0] * min(ROOT / max(near[1], 0.3), 4.0)
-    return near[0] + (far[0] - near[0]) * (ROOT - near[1]) / (far[1] - near[1])
+        return near[0] * min(wanted / max(near[1], 0.3 * wanted), 4.0)
+    return near[0] + (far[0] - near[0]) * (wanted - near[1]) / (far[1] - near[1])

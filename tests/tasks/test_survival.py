@@ -259,7 +259,7 @@ def test_all_tasks_killed_at_any_moment_end_with_the_same_bytes(tmp_path):
 
 def test_an_interrupt_from_the_terminal_is_one_line_and_nothing_is_left(tmp_path):
     """Ctrl-C reaches the command and all of its workers at once; finished rows are there when it goes on."""
-    study, cohort, notes = prepare(tmp_path)
+    study, cohort, _ = prepare(tmp_path)
     out, errors = tmp_path / "out", tmp_path / "errors"
     command = [sys.executable, "-m", "tasks.cli", "sobol", str(study), "--data", str(cohort), "--out", str(out)]
     with open(errors, "wb") as file:
