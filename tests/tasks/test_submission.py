@@ -175,6 +175,14 @@ def test_one_study_while_it_runs(tmp_path, slurm_cluster):
     assert status["now"]["running"] > 0
     assert status["now"]["rows_per_s"] > 0
     assert "running" in sinew("status", out)
+    seen = json.loads(sinew("watch", out, "--once", "--json"))
+    assert seen["state"] == "running"
+    assert seen["rows"][0]["done"] >= status["tables"][0]["done"]
+    assert seen["jobs"]["running"] > 1
+    assert seen["dashboard"].startswith("http://127.0.0.1:"), "the scheduler is on this machine"
+    looked = sinew("watch", out, "--once")
+    for word in ("sobol", "rows/s", "job"):
+        assert word in looked
     assert "127.0.0.1" in log_of(out), "how to reach the dashboard"
     assert "ssh -N -L" in log_of(out)
 
@@ -184,6 +192,7 @@ def test_one_study_while_it_runs(tmp_path, slurm_cluster):
     assert done >= status["tables"][0]["done"]
     until(lambda: not survival.leftovers(tmp_path / "solver"), "the end of all solvers", 10)
     assert not folder.exists()
+    assert json.loads(sinew("watch", out, "--once", "--json"))["state"] == "interrupted"
     before = len((tmp_path / "notes").read_text().splitlines())
     solver = tmp_path / "solver"
     solver.write_text(solver.read_text().replace("time.sleep(2.0)", "time.sleep(0.05)"))
