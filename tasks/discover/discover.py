@@ -18,6 +18,7 @@ from tasks.discover.conflict import conflict, together
 from tasks.discover.experiment import Experiment, Rival, next_experiment
 from tasks.discover.explore import Effects, Explorer, agree, each_for_all, explorers
 from tasks.discover.fit import Fitted
+from tasks.discover.intervals import Profiled
 from tasks.discover.search import Found, asked, note_fit, search
 from tasks.discover.shape import shape
 from tasks.discover.sizes import library_for
@@ -52,7 +53,6 @@ def discover(workspace: Workspace) -> dict[str, Any]:
     trusted = all(
         agree(sorted([*fits, null], key=lambda one: one.loss)) for fits, null in zip(bare, found.null, strict=True)
     )
-    ends = _profiled(workspace, explored, found)
     held = _hold_out(workspace, explored, found)
     conflicts = _conflicts(workspace, explored, found.null)
     chance = settings.chance / len(explored)
@@ -78,6 +78,7 @@ def discover(workspace: Workspace) -> dict[str, Any]:
     )
     decided = verdict(found.nothing, list(found.scored.values()), about)
     best = next((one for one in found.scored.values() if one.effects == decided.judged), found.nothing)
+    ends = _profiled(workspace, explored, found, best) if decided.word in ("NAMED", "AMBIGUOUS") else {}
     names = [one.name for one in explored]
     result: dict[str, Any] = {
         "verdict": decided.word,
@@ -192,18 +193,18 @@ def _to_judge(found: Found) -> list[Effects]:
     return list(dict.fromkeys(found.having(one) for one in (best, alone))) if helps else []
 
 
-def _profiled(workspace: Workspace, explored: Sequence[Explorer], found: Found) -> dict[Effects, list[Array]]:
-    """Ends ``[m, 2]`` of 90 % intervals, by candidate and specimen; fits that prove not to be the best are replaced."""
-    chosen = _to_judge(found)
-    if explored[0].solver is not None:  # with it a profile would take hours; curvature has to do
+def _profiled(
+    workspace: Workspace, explored: Sequence[Explorer], found: Found, best: Scored
+) -> dict[Effects, list[Profiled]]:
+    """Intervals of the candidate that the verdict is about, by specimen."""
+    if not best.effects or explored[0].solver is not None:  # with the solver it would take hours; curvature has to do
         return {}
-    columns = each_for_all(
-        workspace, explored, "intervals", chosen,
+    effects = found.having(best)
+    (column,) = each_for_all(
+        workspace, explored, "intervals", [effects],
         lambda i, effects, desk: explored[i].profiled(desk, effects, found.fits[effects][i]),
     )  # fmt: skip
-    found.fits |= {effects: [one.fitted for one in column] for effects, column in zip(chosen, columns, strict=True)}
-    found.score()
-    return {effects: [one.ends for one in column] for effects, column in zip(chosen, columns, strict=True)}
+    return {effects: column}
 
 
 Held = dict[Effects, dict[str, dict[str, Array]]]

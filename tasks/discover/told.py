@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from tasks.discover.choose import Scored, explained
 from tasks.discover.explore import Effects, Explorer
 from tasks.discover.fit import WIDTH, Candidate, Fitted, derivatives, errors
+from tasks.discover.intervals import Profiled
 from tasks.discover.splits import LATER, PROTOCOL, SPECIMEN, splits
 from tasks.simulate import Array
 
@@ -25,11 +26,11 @@ def told_candidate(
     effects: Effects,
     explored: Sequence[Explorer],
     fits: Sequence[Fitted],
-    ends: Sequence[Array] | None = None,
+    profiled: Sequence[Profiled] | None = None,
 ) -> dict[str, Any]:
     """One candidate: how much it gains, explains and predicts, and its parameters by specimen.
 
-    ``ends`` ``[m, 2]`` of each specimen, on the unit cube: those of 90 % intervals by profile likelihood.
+    ``profiled``: for each specimen, where intervals by profile likelihood are known.
     """
     candidates = [one.candidate(effects) for one in explored]
     held, error = scored.held.get(PROTOCOL, scored.held.get(LATER, (None, None)))
@@ -50,7 +51,7 @@ def told_candidate(
         "parameters": {
             one.name: _parameters(effects, candidate, fitted, each)
             for one, candidate, fitted, each in zip(
-                explored, candidates, fits, ends or repeat(None, len(fits)), strict=True
+                explored, candidates, fits, profiled or repeat(None, len(fits)), strict=True
             )
         },
         "shared": _shared(effects, candidates[0], fits),
@@ -84,12 +85,14 @@ def _shared(effects: Effects, candidate: Candidate, fits: Sequence[Fitted]) -> d
     return found
 
 
-def _parameters(effects: Effects, candidate: Candidate, fitted: Fitted, ends: Array | None) -> dict[str, Any]:
+def _parameters(effects: Effects, candidate: Candidate, fitted: Fitted, profiled: Profiled | None) -> dict[str, Any]:
     """Values and 90 % intervals of the effects' parameters: by profile, or else from the curvature at the fit."""
     low, high = candidate.bounds()
     parameters = [parameter for effect in effects for parameter in effect.parameters]
     own = slice(candidate.size - len(parameters), None)
-    if ends is None:
+    if profiled is not None:
+        fitted, ends = profiled.fitted, profiled.ends
+    else:
         ends = fitted.at[own, np.newaxis] + NORMAL_90 * fitted.uncertainty[own, np.newaxis] * np.array([-1.0, 1.0])
     values = low[own] + (high - low)[own] * fitted.at[own]
     intervals = low[own, np.newaxis] + (high - low)[own, np.newaxis] * ends
