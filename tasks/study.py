@@ -13,7 +13,8 @@ from tasks.model.effects import library, named
 from tasks.problems import BadInput, shown
 from tasks.settings import FieldError, Section, by_name, read_settings
 from tasks.simulate import Simulator
-from tasks.simulate.febio import FEBio, read_template, solver_version
+from tasks.simulate.attempt import solver_version
+from tasks.simulate.febio import FEBio, read_template
 from tasks.simulate.febio_effects import febio_with
 from tasks.task import Task
 

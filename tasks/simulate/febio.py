@@ -4,40 +4,32 @@ FEBio 4 is run once for each parameter set and protocol, in a directory and a pr
 Jinja2 template, rendered in a sandbox. The model is half of the specimen's width, so force = 2 x summed reactions.
 """
 
-import errno
 import hashlib
-import json
-import os
 import re
-import shutil
-import tempfile
 from dataclasses import dataclass
 from functools import lru_cache
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import defusedxml.ElementTree
 import jinja2
 import numpy as np
-import pandas as pd
 from defusedxml import DefusedXmlException
 from jinja2.sandbox import SandboxedEnvironment
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from runner import external
 from runner.store import STATUSES
 from tasks.model import Curve, Model, Protocol, Specimen
 from tasks.problems import BadInput, shown
 from tasks.resources import resource
 from tasks.simulate import Array, Compared, Simulated, impossible
+from tasks.simulate.attempt import INPUT, Failed, attempt, read_records
 
-INPUT, LOG, REACTIONS = "model.feb", "model.log", "reaction.txt"
+REACTIONS = "reaction.txt"
 DEFAULT_TEMPLATE = "tendon.feb.j2"
 MAX_TEMPLATE_BYTES = 64 * 2**20
 HALF = 2.0
 SHORTEST_HOLD_S = 1.0
-_ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
 @dataclass(frozen=True)
@@ -82,9 +74,9 @@ class FEBio:
         for row, values in enumerate(parameters):
             try:
                 if row in wrong:
-                    raise _Failed("bad_input", wrong[row])
+                    raise Failed("bad_input", wrong[row])
                 force[row] = self._force(model, specimen, protocol, values)
-            except _Failed as failed:
+            except Failed as failed:
                 status[row] = STATUSES.index(failed.status)
                 messages[row] = failed.words
         return Simulated(force, status, tuple(messages))
@@ -103,69 +95,22 @@ class FEBio:
         """Rows of the protocol at which the solver stops; its times (s), displacements (mm), and the first of these."""
         rows = solver_steps(protocol, self.ramp_s, self.hold_growth, self.still_mm)
         relaxed_s = 40.0 * max(value for name, value in zip(model.names, values, strict=True) if name.startswith("tau"))
-        return rows, *_steps(protocol, rows, relaxed_s, self.loaded_at_rest)
+        return rows, *from_rest(protocol, rows, relaxed_s, loaded_at_rest=self.loaded_at_rest)
 
     def _force(self, model: Model, specimen: Specimen, protocol: Protocol, values: Array) -> Array:
-        """Force ``[t]`` (N) for one parameter set. Raises :class:`_Failed`."""
+        """Force ``[t]`` (N) for one parameter set. Raises :class:`Failed`."""
         rows, times, displacements, first = self._stepped(model, protocol, values)
-        scratch = external.scratch(self.scratch)
-        scratch.mkdir(parents=True, exist_ok=True)
-        directory = Path(tempfile.mkdtemp(prefix="attempt-", dir=scratch))
-        try:
+
+        def prepare(directory: Path) -> None:
             text = _rendered(self.template, model, specimen, times, displacements, values)
             (directory / INPUT).write_text(text, "utf-8")
-            finished = external.run(
-                [self.executable, "-i", INPUT, "-o", LOG, "-silent"],
-                directory,
-                timeout_s=self.timeout_s,
-                environment=_ENVIRONMENT,
-                max_file_bytes=self.max_file_bytes,
-            )
-            if finished.returncode == 1 and not (directory / LOG).exists():  # refused: with -silent it does not say why
-                finished = external.run(
-                    [self.executable, "-i", INPUT, "-o", LOG],
-                    directory,
-                    timeout_s=self.timeout_s,
-                    environment=_ENVIRONMENT,
-                    max_file_bytes=self.max_file_bytes,
-                )
-            _check_end(finished, directory, self.timeout_s)
-            reactions = read_reactions(directory / REACTIONS, times[1:], self.max_file_bytes)
-        except _Failed as failed:
-            if _is_full(scratch):
-                shutil.rmtree(directory, ignore_errors=True)
-                raise _no_space(scratch) from None
-            self._keep(directory, failed, model, values)
-            raise
-        except OSError:
-            full = _is_full(scratch)
-            shutil.rmtree(directory, ignore_errors=True)
-            if full:
-                raise _no_space(scratch) from None
-            raise
-        shutil.rmtree(directory, ignore_errors=True)
+
+        def read(directory: Path) -> Array:
+            return read_reactions(directory / REACTIONS, times[1:], self.max_file_bytes)
+
+        reactions = attempt(self, prepare, read, dict(zip(model.names, values.tolist(), strict=True)))
         at_steps = HALF * np.concatenate([[0.0], reactions])[first:]
-        return _at_every_row(protocol, rows, at_steps, self.still_mm)
-
-    def _keep(self, directory: Path, failed: "_Failed", model: Model, values: Array) -> None:
-        """Keep a failed attempt for a person to look at, with its parameters, unless there are many already."""
-        self.scratch.mkdir(parents=True, exist_ok=True)
-        if sum(1 for _ in self.scratch.glob("failed-*")) >= self.keep_failed:
-            shutil.rmtree(directory, ignore_errors=True)
-            return
-        parameters = dict(zip(model.names, values.tolist(), strict=True))
-        told = {"status": failed.status, "message": failed.words, "parameters": parameters}
-        (directory / "failure.json").write_text(json.dumps(told, indent=1) + "\n", "utf-8")
-        shutil.move(directory, self.scratch / directory.name.replace("attempt-", f"failed-{failed.status}-"))
-
-
-class _Failed(Exception):
-    """A run that gave no curve: ``status`` from :data:`runner.store.STATUSES`, and the solver's ``words``."""
-
-    def __init__(self, status: str, words: str) -> None:
-        super().__init__(status, words)
-        self.status = status
-        self.words = " ".join(words.split())[:500]
+        return at_every_row(protocol, rows, at_steps, self.still_mm)
 
 
 # ---- input
@@ -220,9 +165,9 @@ def _rendered(
         if _SUSPECT.search(text):  # parsing every input would cost as much as a short run
             _check_xml(Path(INPUT), text)
     except BadInput as error:
-        raise _Failed("bad_input", str(error)) from None
+        raise Failed("bad_input", str(error)) from None
     except _CANNOT as error:
-        raise _Failed("bad_input", f"the template cannot be rendered ({error})") from None
+        raise Failed("bad_input", f"the template cannot be rendered ({error})") from None
     return text
 
 
@@ -242,7 +187,7 @@ _CANNOT = (
 
 def render(template: str, model: Model, specimen: Specimen, times: Array, displacements: Array, values: Array) -> str:
     """The solver's input for one parameter set; numbers read back to the same bits."""
-    displacement_points, step_points = _points(times.tobytes(), displacements.tobytes())
+    displacement_points, step_points = load_points(times.tobytes(), displacements.tobytes())
     return _compiled(template).render(
         parameters=dict(zip(model.names, values.tolist(), strict=True)),
         constants={"beta": model.beta, "lambda_0": model.lambda_0},
@@ -274,7 +219,7 @@ def _full(value: Any) -> str:
 
 
 @lru_cache(maxsize=32)
-def _points(times: bytes, displacements: bytes) -> tuple[str, str]:
+def load_points(times: bytes, displacements: bytes) -> tuple[str, str]:
     """Load curve points of the displacement, and of the must points where the solver has to stop."""
     at = np.frombuffer(times).tolist()
     moved = "".join(f"<pt>{t!r},{u!r}</pt>\n" for t, u in zip(at, np.frombuffer(displacements).tolist(), strict=True))
@@ -352,7 +297,7 @@ def _segments(protocol: Protocol, still_mm: float) -> list[tuple[int, int, bool]
     return segments
 
 
-def _steps(protocol: Protocol, rows: Array, relaxed_s: float, loaded_at_rest: bool) -> tuple[Array, Array, int]:
+def from_rest(protocol: Protocol, rows: Array, relaxed_s: float, *, loaded_at_rest: bool) -> tuple[Array, Array, int]:
     """The solver's times (s, from 0) and displacements (mm), and which of them is the protocol's first row.
 
     A protocol that starts displaced, or a bar that is loaded without, starts at rest: the solver goes there in 1 s and
@@ -367,7 +312,7 @@ def _steps(protocol: Protocol, rows: Array, relaxed_s: float, loaded_at_rest: bo
     return times, np.concatenate([[0.0, displacements[0]], displacements]), 2
 
 
-def _at_every_row(protocol: Protocol, rows: Array, force: Array, still_mm: float) -> Array:
+def at_every_row(protocol: Protocol, rows: Array, force: Array, still_mm: float) -> Array:
     """Force at every row from the force at the solver's ``rows``: splines in holds, monotone cubics in motion."""
     if rows.size == protocol.time_s.size:
         return force
@@ -385,101 +330,17 @@ def _at_every_row(protocol: Protocol, rows: Array, force: Array, still_mm: float
 
 
 def read_reactions(path: Path, times: Array, max_bytes: int) -> Array:
-    """Summed reactions ``[t]`` (N) at ``times`` ``[t]`` (s). Raises :class:`_Failed` unless every number is there."""
-    try:
-        if path.stat().st_size > max_bytes:
-            raise _Failed("bad_output", f"{path.name} has {path.stat().st_size:,} bytes")
-        text = path.read_text("ascii")
-    except FileNotFoundError:
-        raise _Failed("bad_output", f"the solver wrote no {path.name}") from None
-    except UnicodeDecodeError:
-        raise _Failed("bad_output", f"{path.name} is not text") from None
-    if text and not text.endswith("\n"):
-        raise _Failed("bad_output", f"{path.name} ends in the middle of a line")
-    # whole-text operations: a loop over the lines of a long run takes as long as some solver runs
-    records = [record.count("\n") for record in text.split("*Step")[1:]]
-    try:
-        found = np.array(_STAMP.findall(text), dtype=np.float64)
-        values = pd.read_csv(StringIO(text), comment="*", header=None, dtype=np.float64).to_numpy()[:, -1]
-    except pd.errors.EmptyDataError:
-        values = np.zeros(0)
-    except ValueError as error:
-        raise _Failed("bad_output", f"{path.name} holds something else than numbers ({error})") from None
-    even = len(records) == found.size and len(set(records)) == 1
+    """Summed reactions ``[t]`` (N) at ``times`` ``[t]`` (s). Raises :class:`Failed` unless every number is there."""
+    found, table, even = read_records(path, max_bytes)
+    values = table[:, -1]
     if found.size != times.size or not values.size or not even:
-        raise _Failed("bad_output", f"{path.name} holds {found.size} of {times.size} steps and {values.size} reactions")
+        raise Failed("bad_output", f"{path.name} holds {found.size} of {times.size} steps and {values.size} reactions")
     late = np.flatnonzero(~(np.abs(found - times) <= 1e-7 * max(1.0, times[-1])))
     if late.size:
         i = int(late[0])
-        raise _Failed("bad_output", f"{path.name}: step {i + 1} is at {found[i]:g} s, not at {times[i]:g} s")
+        raise Failed("bad_output", f"{path.name}: step {i + 1} is at {found[i]:g} s, not at {times[i]:g} s")
     with np.errstate(over="ignore", invalid="ignore"):
         total = values.reshape(found.size, -1).sum(axis=1)
     if not np.isfinite(total).all():
-        raise _Failed("bad_output", f"{path.name} holds a reaction that is not finite")
+        raise Failed("bad_output", f"{path.name} holds a reaction that is not finite")
     return total
-
-
-_STAMP = re.compile(r"^\*Time\s*=\s*(\S+)$", re.MULTILINE)
-_BOX = re.compile(r"^ \* {10,}ERROR {10,}\*\n((?: \* .*\*\n)+)", re.MULTILINE)
-_MEMORY = re.compile(r"bad_alloc|memory allocation fail|out of memory|cannot allocate memory", re.IGNORECASE)
-
-
-def _check_end(finished: external.Finished, directory: Path, timeout_s: float) -> None:
-    """Say how a run failed. Raises :class:`_Failed` unless the solver ended normally."""
-    log = external.tail(directory / LOG, 20_000)
-    words = _last_words(log, finished.output)
-    if finished.timed_out:
-        raise _Failed("timeout", f"no end after {timeout_s:g} s. {words}")
-    if _MEMORY.search(log) or _MEMORY.search(finished.output):
-        raise _Failed("out_of_memory", words)
-    if finished.killed_by == "SIGXFSZ":
-        raise _Failed("bad_output", "the solver wrote a file larger than max_file_mb")
-    if finished.killed_by is not None:
-        raise _Failed("crashed", f"ended by {finished.killed_by}. {words}")
-    if "E R R O R   T E R M I N A T I O N" in log:
-        if re.search(r"negative jacobian", words, re.IGNORECASE):
-            raise _Failed("negative_jacobian", words)
-        stepped = re.search(r"===== beginning time step|Retrying time step|AUTO STEPPER|Nonlinear solution", log)
-        raise _Failed("diverged" if stepped else "bad_input", words)
-    if finished.returncode == 1 and not (directory / LOG).exists():
-        raise _Failed("bad_input", words or "the solver could not read its input")
-    if finished.returncode != 0:
-        refused = re.search(r"initializ|FATAL ERROR|Failed reading|failed to read|parse|syntax", words, re.IGNORECASE)
-        raise _Failed("bad_input" if refused else "crashed", f"exit code {finished.returncode}. {words}")
-    if "N O R M A L   T E R M I N A T I O N" not in log:
-        raise _Failed("crashed", f"ended without NORMAL TERMINATION. {words}")
-
-
-def _last_words(log: str, output: str) -> str:
-    """The solver's own account of what went wrong: its last error boxes, or else the last lines that it wrote."""
-    boxes = [" ".join(line.strip(" *") for line in box.splitlines()) for box in _BOX.findall(f"{log}\n{output}")]
-    if boxes:
-        return "; ".join(dict.fromkeys(" ".join(box.split()) for box in boxes[-3:]))
-    lines = [line.strip() for line in f"{log}\n{output}".splitlines() if line.strip(" *=-\t")]
-    return "; ".join(line for line in lines[-3:] if not line.startswith("Reading configuration"))
-
-
-def _is_full(scratch: Path) -> bool:
-    """A full disk is nobody's row: stop the run instead of failing rows by the thousand."""
-    return shutil.disk_usage(scratch).free < 2**20
-
-
-def _no_space(scratch: Path) -> OSError:
-    return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(scratch))
-
-
-def solver_version(executable: Path) -> str:
-    """What ``febio4 -info`` calls its version, or a hash of the program when it does not say.
-
-    The version is part of every result's identity: results of another solver are never taken for this one's.
-    """
-    with tempfile.TemporaryDirectory() as directory:
-        try:
-            finished = external.run([str(executable), "-info"], Path(directory), timeout_s=20)
-        except OSError as error:
-            raise BadInput(executable, f"cannot be run ({error.strerror})", "a solver program") from None
-    said = re.search(r"version\s*=?\s*(\d+\.\d+[\w.]*)", finished.output)
-    if said:
-        return said.group(1)
-    with open(executable, "rb") as file:
-        return f"unknown-{hashlib.file_digest(file, 'blake2b').hexdigest()[:16]}"

@@ -11,7 +11,8 @@ import numpy as np
 from runner.cluster import Local, open_client
 from runner.ensemble import evaluate
 from runner.store import Store
-from tasks.simulate.febio import FEBio, read_template, solver_version
+from tasks.simulate.attempt import solver_version
+from tasks.simulate.febio import FEBio, read_template
 from tests.benchmarks.common import evaluation, rows
 
 ROWS = 150

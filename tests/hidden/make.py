@@ -16,7 +16,8 @@ from tasks.model.effect import Effect, model_with
 from tasks.model.effects import library
 from tasks.model.protocols import STANDARD
 from tasks.resources import resource
-from tasks.simulate.febio import FEBio, solver_version
+from tasks.simulate.attempt import solver_version
+from tasks.simulate.febio import FEBio
 from tasks.simulate.febio_effects import febio_with
 from tests.hidden.bar import BARE, both, pull
 from tests.hidden.forms import FORMS, OUTSIDE, PAIRS, Form, Hidden, Random

@@ -22,8 +22,9 @@ from runner.store import STATUSES
 from tasks.model import Curve, Model, Protocol, Specimen
 from tasks.model.protocols import STANDARD, one_step, two_step
 from tasks.problems import BadInput
-from tasks.simulate import febio
-from tasks.simulate.febio import FEBio, read_template, render, solver_steps, solver_version
+from tasks.simulate import attempt, febio
+from tasks.simulate.attempt import solver_version
+from tasks.simulate.febio import FEBio, read_template, render, solver_steps
 from tasks.simulate.uniaxial import Uniaxial
 from tests.conftest import reference, reference_parameters
 
@@ -341,7 +342,7 @@ def test_a_long_message_is_cut(tmp_path, model):
 
 def full_disk(monkeypatch) -> None:
     nothing = shutil.disk_usage(Path.cwd())._replace(free=0)
-    monkeypatch.setattr(febio.shutil, "disk_usage", lambda path: nothing)
+    monkeypatch.setattr(attempt.shutil, "disk_usage", lambda path: nothing)
 
 
 @pytest.mark.parametrize("name", ["half the reactions", "diverged", "end without a word", "SIGSEGV"])
@@ -728,7 +729,7 @@ def test_a_relaxation_is_reproduced_between_the_solvers_steps(terms, rest, make,
     force = u * (rest + 0.01 + sum(strength * np.exp(-since / tau) for strength, tau in terms))
     rows = solver_steps(history, 0.0, 0.02, 0.0)
     assert rows.size < u.size
-    full = febio._at_every_row(history, rows, force[rows], 0.0)
+    full = febio.at_every_row(history, rows, force[rows], 0.0)
     assert full[rows].tobytes() == force[rows].tobytes()
     assert np.abs(full - force).max() <= 1e-6 * force.max()
 
@@ -738,7 +739,7 @@ def test_a_relaxation_is_reproduced_between_the_solvers_steps(terms, rest, make,
 def test_between_steps_the_force_keeps_what_the_solver_said(history, ramp_s, growth, seed):
     rows = solver_steps(history, ramp_s, growth, 0.0)
     force = np.random.default_rng(seed).normal(size=rows.size)
-    full = febio._at_every_row(history, rows, force, 0.0)
+    full = febio.at_every_row(history, rows, force, 0.0)
     assert full.shape == history.time_s.shape
     assert np.isfinite(full).all()
     assert full[rows].tobytes() == force.tobytes()

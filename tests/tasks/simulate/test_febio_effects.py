@@ -11,8 +11,9 @@ from tasks.model import Model, Protocol, Specimen
 from tasks.model.effect import model_with
 from tasks.model.effects import library
 from tasks.problems import BadInput
+from tasks.simulate.attempt import solver_version
 from tasks.simulate.effects import simulate_with
-from tasks.simulate.febio import FEBio, read_template, solver_version
+from tasks.simulate.febio import FEBio, read_template
 from tasks.simulate.febio_effects import febio_with, template_with
 from tasks.simulate.uniaxial import Uniaxial
 

@@ -1,0 +1,205 @@
+"""One run of the solver for one row: a directory of its own, its end judged, failures kept for a person to look at."""
+
+import errno
+import hashlib
+import json
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping
+from io import StringIO
+from pathlib import Path
+from typing import Protocol as Interface
+from typing import TypeVar
+
+import numpy as np
+import pandas as pd
+
+from runner import external
+from tasks.problems import BadInput
+from tasks.simulate import Array
+
+INPUT, LOG = "model.feb", "model.log"
+_ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+
+
+class Solver(Interface):
+    """A solver program and how its runs are limited; ``scratch`` holds the attempts, at most ``keep_failed`` failed."""
+
+    @property
+    def executable(self) -> str: ...
+
+    @property
+    def scratch(self) -> Path: ...
+
+    @property
+    def timeout_s(self) -> float: ...
+
+    @property
+    def max_file_bytes(self) -> int: ...
+
+    @property
+    def keep_failed(self) -> int: ...
+
+
+class Failed(Exception):
+    """A run that gave no curve: ``status`` from :data:`runner.store.STATUSES`, and the solver's ``words``."""
+
+    def __init__(self, status: str, words: str) -> None:
+        super().__init__(status, words)
+        self.status = status
+        self.words = " ".join(words.split())[:500]
+
+
+T = TypeVar("T")
+
+
+def attempt(
+    solver: Solver, prepare: Callable[[Path], None], read: Callable[[Path], T], parameters: Mapping[str, float]
+) -> T:
+    """Run the solver in a directory of its own, on the input that ``prepare`` writes there; returns what ``read`` says.
+
+    ``parameters`` are told beside a failed attempt that is kept. Raises :class:`Failed`, and ``OSError`` for a full
+    disk.
+    """
+    scratch = external.scratch(solver.scratch)
+    scratch.mkdir(parents=True, exist_ok=True)
+    directory = Path(tempfile.mkdtemp(prefix="attempt-", dir=scratch))
+    try:
+        prepare(directory)
+        finished = _run(solver, directory, "-silent")
+        if finished.returncode == 1 and not (directory / LOG).exists():  # refused: with -silent it does not say why
+            finished = _run(solver, directory)
+        _check_end(finished, directory, solver.timeout_s)
+        found = read(directory)
+    except Failed as failed:
+        if _is_full(scratch):
+            shutil.rmtree(directory, ignore_errors=True)
+            raise _no_space(scratch) from None
+        _keep(solver, directory, failed, parameters)
+        raise
+    except OSError:
+        full = _is_full(scratch)
+        shutil.rmtree(directory, ignore_errors=True)
+        if full:
+            raise _no_space(scratch) from None
+        raise
+    shutil.rmtree(directory, ignore_errors=True)
+    return found
+
+
+def _run(solver: Solver, directory: Path, *options: str) -> external.Finished:
+    return external.run(
+        [solver.executable, "-i", INPUT, "-o", LOG, *options],
+        directory,
+        timeout_s=solver.timeout_s,
+        environment=_ENVIRONMENT,
+        max_file_bytes=solver.max_file_bytes,
+    )
+
+
+def _keep(solver: Solver, directory: Path, failed: Failed, parameters: Mapping[str, float]) -> None:
+    """Keep a failed attempt for a person to look at, with its parameters, unless there are many already."""
+    solver.scratch.mkdir(parents=True, exist_ok=True)
+    if sum(1 for _ in solver.scratch.glob("failed-*")) >= solver.keep_failed:
+        shutil.rmtree(directory, ignore_errors=True)
+        return
+    told = {"status": failed.status, "message": failed.words, "parameters": dict(parameters)}
+    (directory / "failure.json").write_text(json.dumps(told, indent=1) + "\n", "utf-8")
+    shutil.move(directory, solver.scratch / directory.name.replace("attempt-", f"failed-{failed.status}-"))
+
+
+# ---- output
+
+
+def read_records(path: Path, max_bytes: int) -> tuple[Array, Array, bool]:
+    """What the solver logged: times ``[t]`` (s), all lines of numbers ``[lines, columns]``, and whether every step has
+    equally many. Raises :class:`Failed`.
+    """
+    try:
+        if path.stat().st_size > max_bytes:
+            raise Failed("bad_output", f"{path.name} has {path.stat().st_size:,} bytes")
+        text = path.read_text("ascii")
+    except FileNotFoundError:
+        raise Failed("bad_output", f"the solver wrote no {path.name}") from None
+    except UnicodeDecodeError:
+        raise Failed("bad_output", f"{path.name} is not text") from None
+    if text and not text.endswith("\n"):
+        raise Failed("bad_output", f"{path.name} ends in the middle of a line")
+    # whole-text operations: a loop over the lines of a long run takes as long as some solver runs
+    records = [record.count("\n") for record in text.split("*Step")[1:]]
+    try:
+        found = np.array(_STAMP.findall(text), dtype=np.float64)
+        table = pd.read_csv(StringIO(text), comment="*", header=None, dtype=np.float64).to_numpy()
+    except pd.errors.EmptyDataError:
+        table = np.zeros((0, 1))
+    except ValueError as error:
+        raise Failed("bad_output", f"{path.name} holds something else than numbers ({error})") from None
+    return found, table, len(records) == found.size and len(set(records)) == 1
+
+
+_STAMP = re.compile(r"^\*Time\s*=\s*(\S+)$", re.MULTILINE)
+_BOX = re.compile(r"^ \* {10,}ERROR {10,}\*\n((?: \* .*\*\n)+)", re.MULTILINE)
+_MEMORY = re.compile(r"bad_alloc|memory allocation fail|out of memory|cannot allocate memory", re.IGNORECASE)
+
+
+def _check_end(finished: external.Finished, directory: Path, timeout_s: float) -> None:
+    """Say how a run failed. Raises :class:`Failed` unless the solver ended normally."""
+    log = external.tail(directory / LOG, 20_000)
+    words = _last_words(log, finished.output)
+    if finished.timed_out:
+        raise Failed("timeout", f"no end after {timeout_s:g} s. {words}")
+    if _MEMORY.search(log) or _MEMORY.search(finished.output):
+        raise Failed("out_of_memory", words)
+    if finished.killed_by == "SIGXFSZ":
+        raise Failed("bad_output", "the solver wrote a file larger than max_file_mb")
+    if finished.killed_by is not None:
+        raise Failed("crashed", f"ended by {finished.killed_by}. {words}")
+    if "E R R O R   T E R M I N A T I O N" in log:
+        if re.search(r"negative jacobian", words, re.IGNORECASE):
+            raise Failed("negative_jacobian", words)
+        stepped = re.search(r"===== beginning time step|Retrying time step|AUTO STEPPER|Nonlinear solution", log)
+        raise Failed("diverged" if stepped else "bad_input", words)
+    if finished.returncode == 1 and not (directory / LOG).exists():
+        raise Failed("bad_input", words or "the solver could not read its input")
+    if finished.returncode != 0:
+        refused = re.search(r"initializ|FATAL ERROR|Failed reading|failed to read|parse|syntax", words, re.IGNORECASE)
+        raise Failed("bad_input" if refused else "crashed", f"exit code {finished.returncode}. {words}")
+    if "N O R M A L   T E R M I N A T I O N" not in log:
+        raise Failed("crashed", f"ended without NORMAL TERMINATION. {words}")
+
+
+def _last_words(log: str, output: str) -> str:
+    """The solver's own account of what went wrong: its last error boxes, or else the last lines that it wrote."""
+    boxes = [" ".join(line.strip(" *") for line in box.splitlines()) for box in _BOX.findall(f"{log}\n{output}")]
+    if boxes:
+        return "; ".join(dict.fromkeys(" ".join(box.split()) for box in boxes[-3:]))
+    lines = [line.strip() for line in f"{log}\n{output}".splitlines() if line.strip(" *=-\t")]
+    return "; ".join(line for line in lines[-3:] if not line.startswith("Reading configuration"))
+
+
+def _is_full(scratch: Path) -> bool:
+    """A full disk is nobody's row: stop the run instead of failing rows by the thousand."""
+    return shutil.disk_usage(scratch).free < 2**20
+
+
+def _no_space(scratch: Path) -> OSError:
+    return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(scratch))
+
+
+def solver_version(executable: Path) -> str:
+    """What ``febio4 -info`` calls its version, or a hash of the program when it does not say.
+
+    The version is part of every result's identity: results of another solver are never taken for this one's.
+    """
+    with tempfile.TemporaryDirectory() as directory:
+        try:
+            finished = external.run([str(executable), "-info"], Path(directory), timeout_s=20)
+        except OSError as error:
+            raise BadInput(executable, f"cannot be run ({error.strerror})", "a solver program") from None
+    said = re.search(r"version\s*=?\s*(\d+\.\d+[\w.]*)", finished.output)
+    if said:
+        return said.group(1)
+    with open(executable, "rb") as file:
+        return f"unknown-{hashlib.file_digest(file, 'blake2b').hexdigest()[:16]}"
