@@ -119,7 +119,7 @@ def _open(
 
     read = read_study(study, seed=seed)
     out = out or Path("results") / read.name
-    pipeline.check(read, out, read.tasks if tasks is None else tasks, extend=extend)
+    pipeline.check(read, out, read.tasks if tasks is None else tasks, data=options.get("data"), extend=extend)
     if profile is None:
         with open_workspace(read, out=out, cluster=read.cluster_spec(workers), **options) as workspace:
             yield workspace
@@ -327,7 +327,7 @@ def submit(study: Path, dry_run: bool, profile: Path | None, out: Path | None, a
         raise BadInput("--profile", "missing", "the profile of a cluster, such as slurm/generic.yaml")
     read, chosen = read_study(study, seed=options["seed"]), read_profile(profile)
     out = out or Path("results") / read.name
-    pipeline.check(read, out, read.tasks)
+    pipeline.check(read, out, read.tasks, data=options["data"])
     submission.check(read, chosen, out, data=options["data"], simulator=options["simulator"])
     scripts = submission.job_scripts(read, chosen, out, _arguments(options))
     if dry_run:

@@ -29,7 +29,7 @@ from tasks.model import Specimen
 from tasks.problems import one_line
 from tasks.profile import Profile
 from tasks.sensitivity import base_samples
-from tasks.study import FEBioSettings, Study
+from tasks.study import Study, UniaxialSettings
 from tasks.submission import check_scripts, job_scripts
 from tasks.workspace import attempts_folder, check_cohort
 
@@ -263,7 +263,7 @@ def _tell_canary(
     rows = _size(study, specimens)[0]
     slots = cluster.maximum * cluster.cores if isinstance(cluster, Jobs) else getattr(cluster, "workers", 1)
     hours = rows * seconds / 3600
-    if isinstance(study.simulator, FEBioSettings):
+    if not isinstance(study.simulator, UniaxialSettings):
         words = f"{rows:,} rows, about {hours:.3g} core-hours, {hours / slots:.3g} h on {slots} workers"
         note("size", True, words)
 

@@ -9,7 +9,7 @@ import numpy as np
 from runner.batch import Outcome
 from runner.store import STATUSES, Coordinate, Field, TableSpec
 from tasks.model import Model, Protocol, Specimen
-from tasks.simulate import Array, Simulator
+from tasks.simulate import Array, Simulator, gives_force, outputs_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,6 +17,8 @@ class SpecimenEvaluation:
     """The objective of Pekedis (2025), f(x), curve by curve: RMSE in newton, and points of the simulated forces.
 
     A parameter set that fails on one curve is a failed row: an objective over the other curves is another objective.
+    There is no objective where nothing was measured. Of a simulator's other outputs there are points of their course,
+    ``OUTPUT_PROTOCOL``, and one number by protocol, ``summary_OUTPUT``.
     """
 
     model: Model
@@ -28,23 +30,47 @@ class SpecimenEvaluation:
         count = len(parameters)
         status = np.zeros(count, dtype=np.int8)
         messages = [""] * count
-        objective = np.empty((count, len(self.specimen.curves)))
-        values: dict[str, Array] = {"objective": objective}
+        curves = len(self.specimen.curves)
+        objective = np.empty((count, curves))
+        values: dict[str, Array] = {"objective": objective} if self.scored else {}
+        values |= {f"summary_{output.name}": np.empty((count, curves)) for output in outputs_of(self.simulator)}
         for column, curve in enumerate(self.specimen.curves):
             keep = kept_points(curve.protocol, self.points_per_curve)
             compared = self.simulator.compare(self.model, self.specimen, curve, parameters, keep)
             objective[:, column] = compared.rmse_N
-            values[f"force_{curve.name}"] = compared.force_N
+            values |= {self._field(name, curve.name): course for name, course in compared.outputs.items()}
+            for name, summary in compared.summaries.items():
+                values[f"summary_{name}"][:, column] = summary
+            if gives_force(self.simulator):
+                values[f"force_{curve.name}"] = compared.force_N
             for row in np.flatnonzero((compared.status > 0) & (status == 0)):
                 status[row] = compared.status[row]
                 messages[row] = f"{curve.name}: {compared.messages[row]}"
         return Outcome(values, status, tuple(messages) if status.any() else ())
 
+    @property
+    def scored(self) -> bool:
+        """Whether there are measured forces, and simulated ones to compare with them."""
+        return self.specimen.measured and gives_force(self.simulator)
+
+    def _field(self, output: str, protocol: str) -> str:
+        """What the store calls the course of an output; that of the force is called the same for every simulator."""
+        return f"force_{protocol}" if output == getattr(self.simulator, "force", None) else f"{output}_{protocol}"
+
+    def courses(self, protocol: str) -> dict[str, str]:
+        """Fields of the store that hold points along a protocol, and what each is of (``force``, or an output)."""
+        found = {f"force_{protocol}": "force"} if gives_force(self.simulator) else {}
+        return {self._field(output.name, protocol): output.name for output in outputs_of(self.simulator)} | found
+
     def table(self) -> TableSpec:
         """The store's table for this evaluation."""
         names = [curve.name for curve in self.specimen.curves]
         coordinates = [Coordinate("protocol", "protocol", np.array(names, dtype=object))]
-        fields = [Field("objective", ("protocol",), "N", "root mean square error of the force")]
+        fields = [Field("objective", ("protocol",), "N", "root mean square error of the force")] if self.scored else []
+        outputs = outputs_of(self.simulator)
+        for output in outputs:
+            words = f"{output.summary} of {output.name} over the protocol"
+            fields.append(Field(f"summary_{output.name}", ("protocol",), output.unit, words))
         for curve in self.specimen.curves:
             keep = kept_points(curve.protocol, self.points_per_curve)
             dim = f"time_{curve.name}"
@@ -52,9 +78,14 @@ class SpecimenEvaluation:
             coordinates += [
                 Coordinate(dim, dim, history.time_s[keep], "s"),
                 Coordinate(f"displacement_{curve.name}", dim, history.displacement_mm[keep], "mm"),
-                Coordinate(f"measured_{curve.name}", dim, curve.force_N[keep], "N"),
             ]
-            fields.append(Field(f"force_{curve.name}", (dim,), "N", f"simulated force, {curve.name}"))
+            if curve.measured:
+                coordinates.append(Coordinate(f"measured_{curve.name}", dim, curve.force_N[keep], "N"))
+            if gives_force(self.simulator):
+                fields.append(Field(f"force_{curve.name}", (dim,), "N", f"simulated force, {curve.name}"))
+            named = [(self._field(output.name, curve.name), output) for output in outputs]
+            others = [(name, output) for name, output in named if name != f"force_{curve.name}"]
+            fields += [Field(name, (dim,), one.unit, f"{one.name}, {curve.name}") for name, one in others]
         return TableSpec(
             title=f"{self.specimen.name} {self.simulator.name}",
             identity=self.identity(),

@@ -16,8 +16,8 @@ from runner.cluster import free_cores
 from runner.store import Table
 from tasks.model import Specimen
 from tasks.problems import BadInput
-from tasks.sensitivity import Design, objectives_by_output, saltelli
-from tasks.simulate import Array
+from tasks.sensitivity import Design, objectives_by_output, quantity, saltelli
+from tasks.simulate import Array, outputs_of
 from tasks.workspace import Workspace, digest, read_result, write_json
 
 TEST_SHARE = 0.25
@@ -29,11 +29,13 @@ def importance(workspace: Workspace) -> dict[str, Any]:
     design, specimens, evaluated = _sobol_rows(workspace)
     status = np.stack([table.status[rows] for table, rows in evaluated])
     ok = (status == 0).all(axis=0)
-    inputs = digest(settings.model_dump(), workspace.seed, [table.key for table, _ in evaluated], ok, design.rows)
+    inputs = digest(settings.model_dump(), workspace.seed, [table.key for table, _ in evaluated], ok, design.rows,
+                    workspace.study.sobol.output)  # fmt: skip
     previous = read_result(workspace.out / "importance.json")
     if previous is not None and previous.get("inputs") == inputs and "importance" in workspace.store.root:
         return previous
-    outputs = objectives_by_output(specimens, [table.read("objective", rows) for table, rows in evaluated])
+    studied, words = quantity(workspace.evaluation(specimens[0]), workspace.study.sobol.output)
+    outputs = objectives_by_output(specimens, [table.read(studied, rows) for table, rows in evaluated])
     features = design.rows[:, [workspace.model.names.index(name) for name in design.names]]
     rng = np.random.default_rng([workspace.seed, 2])
     blocks = rng.permutation(design.base_samples)[: max(8, settings.max_rows // design.block)]
@@ -43,6 +45,7 @@ def importance(workspace: Workspace) -> dict[str, Any]:
     result = {
         "names": list(design.names),
         **found["total"],
+        "objective": words,
         "protocols": {name: values for name, values in found.items() if name != "total"},
         "rows_grown": int(ok.reshape(design.base_samples, -1)[grown].sum()),
         "rows_tested": int(ok.reshape(design.base_samples, -1)[tested].sum()),
@@ -50,6 +53,10 @@ def importance(workspace: Workspace) -> dict[str, Any]:
         "new_simulations": 0,
         "inputs": inputs,
     }
+    for output in outputs_of(workspace.simulator):
+        sums = [table.read(f"summary_{output.name}", rows).sum(axis=1) for table, rows in evaluated]
+        values = _forest(workspace, design, features, np.mean(sums, axis=0), ok, grown, tested)
+        found[output.name] = result.setdefault("outputs", {})[output.name] = values
     keys = ("impurity_percent", "impurity_sd", "permutation", "permutation_sd")
     dims = ("output", "parameter")
     dataset = xr.Dataset(

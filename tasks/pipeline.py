@@ -25,6 +25,7 @@ from tasks.problems import BadInput, one_line
 from tasks.report import calibration, discovery, figures, posterior, prediction, site_figures, tables
 from tasks.report.figures import FORMATS
 from tasks.sensitivity import base_samples, sobol
+from tasks.simulate import gives_force
 from tasks.sites import compare
 from tasks.study import NEEDS, Study
 from tasks.workspace import Workspace, check_folder, digest, read_result, write_json
@@ -41,8 +42,18 @@ class _Task:
     tell: Callable[[Workspace, dict[str, Any], Console], None]
 
 
-def check(study: Study, out: Path, tasks: Sequence[str], *, extend: bool = False) -> None:
+def check(study: Study, out: Path, tasks: Sequence[str], *, data: Path | None = None, extend: bool = False) -> None:
     """Refuse what cannot work before anything is written. Raises :class:`BadInput`."""
+    for task in tasks:
+        if task == "discover" and study.templated:
+            problem = "discover names effects of sinew's own tissue, which a template is not"
+            raise BadInput(f"{study.path}: tasks", problem, "simulator: uniaxial or febio")
+        if task in ("calibrate", "infer", "predict", "compare") and study.templated:
+            if study.protocols is not None and data is None:
+                raise BadInput(f"{study.path}: cohort", f"missing, and {task} needs measured curves", "a cohort folder")
+            if study.force is None:
+                expected = "the name of the output that is compared with measured forces"
+                raise BadInput(f"{study.path}: simulator.force", f"missing, and {task} needs it", expected)
     check_folder(out)
     finished = read_result(out / "sobol.json") is not None
     if "sobol" in tasks and len(study.tendon().free) < 2:
@@ -166,8 +177,14 @@ def _draw_sobol(workspace: Workspace, result: dict[str, Any]) -> None:
     figures.save(figures.sobol_convergence(result), folder, "sobol_convergence", shown)
     for name in result["tables"].values():
         dataset = workspace.store.read_result(f"sobol_time/{name}")
-        figure = figures.sobol_along_time(dataset, result["names"])
-        figures.save(figure, folder, f"sobol_time_{name}", tables.sobol_along_time(dataset))
+        if gives_force(workspace.simulator):
+            figure = figures.sobol_along_time(dataset, result["names"])
+            figures.save(figure, folder, f"sobol_time_{name}", tables.sobol_along_time(dataset))
+        for output in result.get("outputs", {}):
+            if output != workspace.study.force:
+                figure = figures.sobol_along_time(dataset, result["names"], output)
+                shown = tables.sobol_along_time(dataset, output)
+                figures.save(figure, folder, f"sobol_time_{name}_{output}", shown)
 
 
 def _tell_sobol(workspace: Workspace, result: dict[str, Any], console: Console) -> None:
@@ -179,6 +196,8 @@ def _tell_sobol(workspace: Workspace, result: dict[str, Any], console: Console) 
         grid.add_row(result["names"][j], *cells)
     console.print(grid)
     console.print(f"{round(100 * result['confidence'])} % intervals; columns of protocols show ST")
+    if "outputs" in result:
+        _tell_outputs(result, console)
     if result["failed"]:
         failures = result["failures"]
         reported = {key: np.array(result[key], dtype=float) for key in ("S1", "ST")}
@@ -194,6 +213,15 @@ def _tell_sobol(workspace: Workspace, result: dict[str, Any], console: Console) 
         )
 
 
+def _tell_outputs(result: dict[str, Any], console: Console) -> None:
+    outputs = result["outputs"]
+    heads = [f"{name} ({told['summary']}, {told['unit']})" for name, told in outputs.items()]
+    grid = Grid("parameter", *heads, title="Total order Sobol indices of each output, summed over the protocols")
+    for j, name in enumerate(result["names"]):
+        grid.add_row(name, *(_with_interval(told, "ST", j) for told in outputs.values()))
+    console.print(grid)
+
+
 def _with_interval(values: dict[str, Any], key: str, j: int) -> str:
     value, conf = values[key][j], values[f"{key}_conf"][j]
     return "does not vary" if value is None or not np.isfinite(value) else f"{value:.3f} ± {conf:.3f}"
@@ -205,7 +233,7 @@ def _draw_importance(workspace: Workspace, result: dict[str, Any]) -> None:
 
 
 def _tell_importance(workspace: Workspace, result: dict[str, Any], console: Console) -> None:
-    grid = Grid("parameter", "impurity (%)", "permutation", title="Random forest importance, total objective")
+    grid = Grid("parameter", "impurity (%)", "permutation", title=f"Random forest importance, {result['objective']}")
     for j in np.argsort(-np.array(result["permutation"])):
         grid.add_row(
             result["names"][j],

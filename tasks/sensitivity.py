@@ -1,7 +1,7 @@
 """Variance-based sensitivity: Sobol indices by a Saltelli design (SALib), in total, by protocol and along time.
 
-Stores: ``sobol`` (indices of the objectives, and how they converged) and ``sobol_time/SPECIMEN`` (indices of the force
-at each kept point). Leaves ``sobol.json``.
+Stores: ``sobol`` (indices of the objectives, and how they converged) and ``sobol_time/SPECIMEN`` (indices of the force,
+and of a template's other outputs, at each kept point). Leaves ``sobol.json``.
 
 Failed rows. A Saltelli design comes in blocks of one base sample each. A block with a failed row is left out of every
 estimate, and the result says how far the indices move when the failed rows are given the smallest, the mean and the
@@ -19,9 +19,10 @@ import xarray as xr
 from scipy.stats import norm
 
 from runner.ensemble import failures
+from tasks.evaluate import SpecimenEvaluation
 from tasks.model import Model, Specimen
 from tasks.problems import BadInput
-from tasks.simulate import Array
+from tasks.simulate import Array, outputs_of
 from tasks.workspace import Workspace, digest, read_result, write_json
 
 log = logging.getLogger("sinew")
@@ -108,7 +109,8 @@ def sobol(workspace: Workspace, *, extend: bool = False) -> dict[str, Any]:
             workspace.out, f"{int((~ok).sum())} of {rows} rows failed and no two base samples are whole",
             "a model that can be evaluated within its bounds (see `sinew status`)",
         )  # fmt: skip
-    by_specimen = [table.read("objective", at) for table, at in evaluated]
+    studied, words = quantity(evaluations[0], settings.output)
+    by_specimen = [table.read(studied, at) for table, at in evaluated]
     outputs = objectives_by_output(specimens, by_specimen)
     result: dict[str, Any] = {
         "names": list(design.names),
@@ -121,7 +123,7 @@ def sobol(workspace: Workspace, *, extend: bool = False) -> dict[str, Any]:
         "base_samples_used": int(whole.sum()),
         "points_asked": settings.points,
         "confidence": settings.confidence,
-        "objective": "sum over protocols of the RMSE in N" + (", mean of the specimens" if len(specimens) > 1 else ""),
+        "objective": words + (", mean of the specimens" if len(specimens) > 1 else ""),
         "evaluations": rows * len(specimens),
     }
     analyses = {"total": {key: result[key] for key in KEYS}}
@@ -133,6 +135,14 @@ def sobol(workspace: Workspace, *, extend: bool = False) -> dict[str, Any]:
     result["specimens"] = {}
     boot = _resampling(int(whole.sum()), settings.resamples, workspace.seed)
     z = float(norm.ppf(0.5 + settings.confidence / 2))
+    for output in outputs_of(workspace.simulator):
+        summaries = [table.read(f"summary_{output.name}", at) for table, at in evaluated]
+        by_name = {}
+        for name, values in objectives_by_output(specimens, summaries).items():
+            found = indices(_split(values[:, np.newaxis], design, whole), boot, z)
+            by_name[name] = analyses[f"{output.name} {name}"] = {key: found[key][:, 0] for key in KEYS}
+        told = {"summary": output.summary, "unit": output.unit, **by_name.pop("total"), "protocols": by_name}
+        result.setdefault("outputs", {})[output.name] = told
     for specimen, values, (table, at) in zip(specimens, by_specimen, evaluated, strict=True):
         columns = np.column_stack([values.sum(axis=1), values])
         found = indices(_split(columns, design, whole), boot, z)
@@ -151,13 +161,26 @@ def sobol(workspace: Workspace, *, extend: bool = False) -> dict[str, Any]:
         **_failure_range(design, outputs["total"], ok),
     }
     result["convergence"] = _convergence(design, outputs["total"], whole, settings.resamples, z, workspace.seed)
-    for specimen, (table, at) in zip(specimens, evaluated, strict=True):
-        _store_time_resolved(workspace, design, specimen, table, at, whole, boot, z)
+    for evaluation, (table, at) in zip(evaluations, evaluated, strict=True):
+        _store_time_resolved(workspace, design, evaluation, table, at, whole, boot, z)
     result["tables"] = {specimen.name: table.name for specimen, (table, _) in zip(specimens, evaluated, strict=True)}
     result["inputs"] = inputs
     _store(workspace, design, analyses, result["convergence"], inputs)
     write_json(workspace.out / "sobol.json", result)
     return result
+
+
+def quantity(evaluation: SpecimenEvaluation, output: str | None) -> tuple[str, str]:
+    """Of which field of the store a study asks, ``[n, protocols]``, and what its sum over the protocols is, in words.
+
+    That is the objective where there is one, or else the summary of an output: the named or the first one.
+    """
+    if output is None and evaluation.scored:
+        return "objective", "sum over protocols of the RMSE in N"
+    outputs = outputs_of(evaluation.simulator)
+    chosen = next(each for each in outputs if output in (None, each.name))
+    words = {"max": "largest", "min": "smallest", "mean": "mean", "last": "last"}[chosen.summary]
+    return f"summary_{chosen.name}", f"sum over protocols of the {words} {chosen.name} in {chosen.unit}"
 
 
 def indices(blocks: Array, weights: Array, z: float) -> dict[str, Array]:
@@ -300,30 +323,37 @@ def _store(
 
 
 def _store_time_resolved(
-    workspace: Workspace, design: Design, specimen: Specimen, table: Any, at: Array, whole: Array, boot: Array, z: float
+    workspace: Workspace,
+    design: Design,
+    evaluation: SpecimenEvaluation,
+    table: Any,
+    at: Array,
+    whole: Array,
+    boot: Array,
+    z: float,
 ) -> None:
-    """Indices of the force at each kept point, a few points at a time so that memory stays flat."""
+    """Indices of the force, and of other outputs, at each kept point, a few points at a time: memory stays flat."""
     variables: dict[str, Any] = {}
     coordinates: dict[str, Any] = {"parameter": np.array(design.names, dtype=str)}
     dataset = table.dataset()
     per_pass = max(1, 2**26 // (8 * max(1, at.size)))
-    for curve in specimen.curves:
+    for curve in evaluation.specimen.curves:
         dim = f"time_{curve.name}"
         points = dataset.sizes[dim]
-        parts = []
-        for start in range(0, points, per_pass):
-            columns = table.read(f"force_{curve.name}", at, slice(start, start + per_pass))
-            parts.append(indices(_split(columns, design, whole), boot, z))
-        for key in KEYS:
-            variables[f"{key}_{curve.name}"] = (
-                ("parameter", dim),
-                np.concatenate([part[key] for part in parts], axis=1),
-            )
+        for field, name in evaluation.courses(curve.name).items():
+            parts = []
+            for start in range(0, points, per_pass):
+                columns = table.read(field, at, slice(start, start + per_pass))
+                parts.append(indices(_split(columns, design, whole), boot, z))
+            of = curve.name if field == f"force_{curve.name}" else f"{name}_{curve.name}"
+            for key in KEYS:
+                both = np.concatenate([part[key] for part in parts], axis=1)
+                variables[f"{key}_{of}"] = (("parameter", dim), both)
         for name in (dim, f"displacement_{curve.name}", f"measured_{curve.name}"):
-            coordinates[name] = (dim, dataset[name].to_numpy(), {"units": dataset[name].attrs["units"]})
-    workspace.store.write_result(
-        f"sobol_time/{table.name}", xr.Dataset(variables, coordinates, {"specimen": specimen.name})
-    )
+            if name in dataset:
+                coordinates[name] = (dim, dataset[name].to_numpy(), {"units": dataset[name].attrs["units"]})
+    specimen = evaluation.specimen.name
+    workspace.store.write_result(f"sobol_time/{table.name}", xr.Dataset(variables, coordinates, {"specimen": specimen}))
 
 
 def _named(evaluated: list[Any], specimens: tuple[Specimen, ...]) -> list[Any]:

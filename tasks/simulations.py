@@ -47,7 +47,8 @@ def simulate_rows(workspace: Workspace, parameters: Array) -> dict[str, Any]:
     """Write ``OUT/SPECIMEN.PROTOCOL.csv`` with ``time_s,displacement_mm,row_0,row_1,...`` (N, 17 digits).
 
     A row that failed has empty cells; ``simulate.json`` says why. The curves are in the store too, at every measured
-    point. Returns what ``simulate.json`` holds.
+    point. Each of a template's outputs has a file, too: ``OUT/SPECIMEN.PROTOCOL.OUTPUT.csv``. Returns what
+    ``simulate.json`` holds.
     """
     failed: list[dict[str, Any]] = []
     files = []
@@ -62,10 +63,11 @@ def simulate_rows(workspace: Workspace, parameters: Array) -> dict[str, Any]:
             entry = {"specimen": specimen.name, "row": int(number), "status": status, "message": str(messages[number])}
             failed.append(entry)
         for curve in specimen.curves:
-            forces = table.read(f"force_{curve.name}", rows)
-            path = workspace.out / f"{specimen.name}.{curve.name}.csv"
-            _write_curves(path, curve, forces)
-            files.append(str(path.relative_to(workspace.out)))
+            for field, name in evaluation.courses(curve.name).items():
+                ending = "" if name == "force" else f".{name}"
+                path = workspace.out / f"{specimen.name}.{curve.name}{ending}.csv"
+                _write_curves(path, curve, table.read(field, rows))
+                files.append(str(path.relative_to(workspace.out)))
     result = {
         "rows": len(parameters),
         "failed": len({entry["row"] for entry in failed}),
@@ -77,9 +79,9 @@ def simulate_rows(workspace: Workspace, parameters: Array) -> dict[str, Any]:
     return result
 
 
-def _write_curves(path: Path, curve: Curve, forces: Array) -> None:
+def _write_curves(path: Path, curve: Curve, courses: Array) -> None:
     columns = {"time_s": curve.protocol.time_s, "displacement_mm": curve.protocol.displacement_mm}
-    columns |= {f"row_{row}": force for row, force in enumerate(forces)}
+    columns |= {f"row_{row}": course for row, course in enumerate(courses)}
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.partial")
     pd.DataFrame(columns).to_csv(partial, index=False, float_format="%.17g")

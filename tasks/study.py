@@ -1,27 +1,58 @@
 """The study file: one YAML file, validated into frozen objects. Every mistake names the file, line and field."""
 
+import re
 import shutil
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import AfterValidator, Field, PrivateAttr, field_validator, model_validator
 
 from runner.cluster import Address, ClusterSpec, Local, free_cores
-from tasks.model import TENDON, Model, Parameter
+from tasks.measurements import NAME, Cohort, read_cohort
+from tasks.model import TENDON, Curve, Model, Parameter, Protocol, Specimen
 from tasks.model.effect import Effect
 from tasks.model.effects import library, named
+from tasks.model.parameters import own_parameter
 from tasks.problems import BadInput, shown
 from tasks.settings import FieldError, Section, by_name, read_settings
-from tasks.simulate import Simulator
+from tasks.simulate import Simulator, Summary
 from tasks.simulate.attempt import solver_version
 from tasks.simulate.febio import FEBio, read_template
 from tasks.simulate.febio_effects import febio_with
+from tasks.simulate.rendering import CONSTANTS, FUNCTIONS
+from tasks.simulate.template import HISTORY, Logged, Reduce, Template, check_template, read_files
 from tasks.task import Task
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Seconds = Annotated[float, Field(gt=0, le=86_400 * 30, allow_inf_nan=False)]
+Executable = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f-][^\x00-\x1f]*$")]
+Unit = Annotated[str, Field(min_length=1, max_length=24, pattern=r"^[^\x00-\x1f]*$")]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 
+
+IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+_WORDS = (
+    *(
+        "specimen",
+        "range",
+        "namespace",
+        "loop",
+        "self",
+        "super",
+        "caller",
+        "varargs",
+        "kwargs",
+        "true",
+        "false",
+        "none",
+    ),
+    *("True", "False", "None", "and", "or", "not", "if", "else", "elif", "in", "is", "for", "import", "include"),
+)
 
 #: Whose results a task takes up.
 NEEDS = {"importance": "sobol", "infer": "calibrate", "predict": "infer", "compare": "infer"}
@@ -71,6 +102,8 @@ class ParameterSettings(Section):
             # a range may touch the edge of what is possible, its inside is what is studied
             if not parameter.possible(value) and (low == high or value < parameter.floor or value >= parameter.ceiling):
                 raise FieldError(field, f"{value:g}", parameter.limits)
+        if parameter.own:
+            return own_parameter(parameter.name, parameter.unit, low, high, reference)
         return Parameter(
             parameter.name,
             parameter.unit,
@@ -82,6 +115,16 @@ class ParameterSettings(Section):
             parameter.ceiling,
             parameter.exclusive,
         )
+
+    def own(self, name: str) -> Parameter:
+        """A parameter of a template, which has no published range. Raises :class:`FieldError`."""
+        if self.fixed is None:
+            for field, value in (("min", self.min), ("max", self.max)):
+                if value is None:
+                    raise FieldError(field, "missing", "min and max (or fixed), as nothing is known of this parameter")
+        low, high = (self.fixed, self.fixed) if self.fixed is not None else (self.min, self.max)
+        assert low is not None and high is not None
+        return self.apply(Parameter(name, self.unit or "1", low, high, (low + high) / 2, "", low, np.inf, own=True))
 
 
 class ModelSettings(Section):
@@ -114,12 +157,128 @@ class FEBioSettings(Section):
     """The real solver: ``executable`` by name or path, ``template`` beside the study file (default: the tendon)."""
 
     name: Literal["febio"] = "febio"
-    executable: Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f-][^\x00-\x1f]*$")] = "febio4"
+    executable: Executable = "febio4"
     template: str | None = None
     timeout_s: Seconds = 600.0
     max_file_mb: Annotated[int, Field(gt=0, le=1_000_000)] = 4096
     time_steps: TimeSteps = TimeSteps()
     keep_failed: Annotated[int, Field(ge=0, le=10_000)] = 20
+
+
+class OutputSettings(Section):
+    """A quantity of the solver's log file: ``item`` of ``data``, of a ``set`` or some ``ids``, made one number.
+
+    ``reduce`` says how; that is times ``scale``, in ``unit``. ``at_rest`` is its value before the first step, of which
+    FEBio logs nothing. ``summary`` makes one number of its course, for the tasks that need one.
+    """
+
+    data: Literal["node_data", "element_data", "rigid_body_data"]
+    item: Annotated[str, Field(max_length=64, pattern=r"^[A-Za-z][A-Za-z0-9_ .\[\]()^*/+-]*$")]
+    set: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    ids: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1, max_length=100_000)] | None = None
+    reduce: Reduce = "single"
+    scale: Finite = 1.0
+    unit: Unit = "1"
+    at_rest: Finite = 0.0
+    summary: Summary = "max"
+
+    @model_validator(mode="after")
+    def _one_choice(self) -> Self:
+        if (self.set is None) == (self.ids is None):
+            raise FieldError("ids", "beside set" if self.ids else "missing", "either ids or the name of a set")
+        if self.ids is not None and len(set(self.ids)) < len(self.ids):
+            raise FieldError("ids", "one of them is given twice", "each id once")
+        return self
+
+    def logged(self, name: str) -> Logged:
+        return Logged(
+            name,
+            self.unit,
+            self.summary,
+            self.data,
+            self.item,
+            tuple(self.ids or ()),
+            self.set,
+            self.reduce,
+            self.scale,
+            self.at_rest,
+        )
+
+
+class TemplateSettings(Section):
+    """The real solver on an input of one's own: the template ``file``, and what to read of the solver's log.
+
+    ``force`` names the output that is compared with measured forces. ``settle_s``: how long the solver waits at the
+    first displacement of a protocol that does not start at rest.
+    """
+
+    name: Literal["template"] = "template"
+    file: Annotated[str, Field(min_length=1)]
+    outputs: Annotated[dict[str, OutputSettings], Field(min_length=1, max_length=100)]
+    force: str | None = None
+    executable: Executable = "febio4"
+    timeout_s: Seconds = 600.0
+    max_file_mb: Annotated[int, Field(gt=0, le=1_000_000)] = 1024
+    time_steps: TimeSteps = TimeSteps()
+    settle_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    keep_failed: Annotated[int, Field(ge=0, le=10_000)] = 20
+
+    @model_validator(mode="after")
+    def _names(self) -> Self:
+        for name in self.outputs:
+            if not IDENTIFIER.fullmatch(name) or name in (
+                "objective",
+                "measured",
+                "displacement",
+                "time",
+                "wall",
+                "summary",
+            ):
+                raise FieldError(
+                    f"outputs.{name}", "cannot be a name", "letters, digits and '_', no word of the store's"
+                )
+            if name == "force" and self.force != "force":
+                raise FieldError(f"outputs.{name}", "is not said to be the force", "force: force, or another name")
+        if self.force is not None:
+            if self.force not in self.outputs:
+                raise FieldError("force", shown(self.force), f"one of the outputs {', '.join(self.outputs)}")
+            if self.outputs[self.force].unit != "N":
+                problem = f"the force is in {self.outputs[self.force].unit!r}"
+                raise FieldError(
+                    f"outputs.{self.force}.unit", problem, "'N', with a scale if the model has other units"
+                )
+        return self
+
+
+class HistorySettings(Section):
+    """A displacement history by its corners, at ``points`` times evenly spread, and at the corners themselves."""
+
+    time_s: Annotated[list[Finite], Field(min_length=2, max_length=10_000)]
+    displacement_mm: Annotated[list[Finite], Field(min_length=2, max_length=10_000)]
+    points: Annotated[int, Field(ge=3, le=1_000_000)] = 101
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if len(self.time_s) != len(self.displacement_mm):
+            problem = f"{len(self.displacement_mm)} numbers beside {len(self.time_s)} of time_s"
+            raise FieldError("displacement_mm", problem, "one displacement for each time")
+        if any(later <= earlier for earlier, later in pairwise(self.time_s)):
+            raise FieldError("time_s", "times do not increase", "increasing times")
+        return self
+
+    def curve(self, name: str) -> Curve:
+        """Along it, nothing was measured."""
+        times = np.union1d(np.linspace(self.time_s[0], self.time_s[-1], self.points), self.time_s)
+        moved = np.interp(times, self.time_s, self.displacement_mm)
+        return Curve(Protocol(name, times, moved), np.full(times.size, np.nan))
+
+
+class SpecimenSettings(Section):
+    """The size of the specimen of a study without measured curves."""
+
+    length_mm: Positive
+    width_mm: Positive
+    thickness_mm: Positive
 
 
 class LocalSettings(Section):
@@ -143,7 +302,10 @@ class SobolSettings(Section):
     """A Saltelli design of ``base_samples`` x (free parameters + 2) rows, or of at least ``points`` rows.
 
     ``specimens``: which to study, ``all`` or names. ``resamples``: bootstrap resamples behind the intervals.
+    ``output``: of which of a template's outputs the indices are (left out: of the objective where there is one).
     """
+
+    output: str | None = None
 
     points: Annotated[int, Field(ge=1, le=10**8)] | None = None
     base_samples: Annotated[int, Field(ge=2, le=2**26)] | None = None
@@ -271,9 +433,13 @@ class Study(Section):
 
     name: Name
     cohort: str | None = None
+    protocols: dict[str, HistorySettings] | None = None
+    specimen: SpecimenSettings | None = None
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     model: ModelSettings = ModelSettings()
-    simulator: UniaxialSettings | FEBioSettings = Field(default=UniaxialSettings(), discriminator="name")
+    simulator: UniaxialSettings | FEBioSettings | TemplateSettings = Field(
+        default=UniaxialSettings(), discriminator="name"
+    )
     cluster: LocalSettings | AddressSettings | SlurmSettings = Field(default=LocalSettings(), discriminator="name")
     store: StoreSettings = StoreSettings()
     retries: Annotated[int, Field(ge=0, le=20)] = 1
@@ -311,9 +477,39 @@ class Study(Section):
         self.tendon()
         return self
 
+    @model_validator(mode="after")
+    def _own_protocols(self) -> Self:
+        if self.protocols is not None:
+            if not isinstance(self.simulator, TemplateSettings):
+                raise FieldError("protocols", "with the tissue model", "a cohort; only templates can do without one")
+            if self.cohort is not None:
+                raise FieldError("protocols", "given beside cohort", "one of the two")
+            for name in self.protocols:
+                if not NAME.fullmatch(name):
+                    raise FieldError(f"protocols.{name}", "cannot be a name", "letters, digits, '_', '-' and '.'")
+            if not self.protocols:
+                raise FieldError("protocols", "none", "at least one")
+        if self.specimen is not None and self.protocols is None:
+            raise FieldError("specimen", "given without protocols", "the size in each specimen.json of the cohort")
+        outputs = self.simulator.outputs if isinstance(self.simulator, TemplateSettings) else {}
+        if self.sobol.output is not None and self.sobol.output not in outputs:
+            known = f"one of {', '.join(outputs)}" if outputs else "nothing; only templates have outputs"
+            raise FieldError("sobol.output", f"no output {shown(self.sobol.output)}", known)
+        return self
+
     @property
     def path(self) -> Path:
         return self._path
+
+    @property
+    def templated(self) -> bool:
+        """Whether the model is a user's own template instead of the tissue."""
+        return isinstance(self.simulator, TemplateSettings)
+
+    @property
+    def force(self) -> str | None:
+        """The output of a template that is the force."""
+        return self.simulator.force if isinstance(self.simulator, TemplateSettings) else None
 
     @property
     def cohort_path(self) -> Path:
@@ -322,8 +518,34 @@ class Study(Section):
             raise BadInput(f"{self.path}: cohort", "missing", "a cohort folder, here or by --data")
         return self.path.parent / self.cohort
 
+    def cohort_of(self, data: Path | None = None) -> Cohort:
+        """The specimens: those in ``data`` or else in the study's cohort, or one that is pulled by its protocols."""
+        if data is not None or self.protocols is None:
+            cohort = read_cohort(data or self.cohort_path)
+        else:
+            one = self.specimen
+            size = (one.length_mm, one.width_mm, one.thickness_mm) if one is not None else (np.nan,) * 3
+            curves = tuple(history.curve(name) for name, history in self.protocols.items())
+            cohort = Cohort(self.path, (Specimen(self.name, *size, curves),))
+        if isinstance(self.simulator, TemplateSettings):
+            self._check_names(self.simulator.outputs, cohort)
+        return cohort
+
+    def _check_names(self, outputs: Iterable[str], cohort: Cohort) -> None:
+        """Raises :class:`BadInput` when two arrays of the store would have one name."""
+        for specimen in cohort.specimens:
+            names = [f"summary_{name}" for name in outputs]
+            for kind in ("time", "displacement", "measured", *outputs):
+                names += [f"{kind}_{curve.name}" for curve in specimen.curves]
+            for name in names:
+                if names.count(name) > 1:
+                    problem = f"two things are called {name} in the store"
+                    raise BadInput(f"{self.path}: simulator.outputs", problem, "other names of outputs or protocols")
+
     def tendon(self) -> Model:
-        """The model with this study's bounds."""
+        """The model with this study's bounds: the tissue, or the parameters of a template."""
+        if isinstance(self.simulator, TemplateSettings):
+            return self._own_model()
         added = [parameter for effect in self.effects() for parameter in effect.parameters]
         known = {parameter.name: parameter for parameter in (*TENDON, *added)}
         for name in self.model.parameters:
@@ -339,6 +561,29 @@ class Study(Section):
         model = Model(tuple(parameters), self.model.beta, self.model.lambda_0)
         if not model.free:
             raise FieldError("model.parameters", "every parameter is fixed", "at least one with min and max")
+        return model
+
+    def _own_model(self) -> Model:
+        for field in ("beta", "lambda_0", "effects"):
+            if field in self.model.model_fields_set:
+                raise FieldError(
+                    f"model.{field}", "with a template", "it in the template: it is no part of sinew's tissue"
+                )
+        taken = {*HISTORY, *FUNCTIONS, *CONSTANTS, *_WORDS}
+        parameters = []
+        for name, settings in self.model.parameters.items():
+            if not IDENTIFIER.fullmatch(name) or name in taken:
+                problem = "is taken" if name in taken else "cannot be a name"
+                raise FieldError(
+                    f"model.parameters.{name}", problem, "letters, digits and '_', beginning with a letter"
+                )
+            try:
+                parameters.append(settings.own(name))
+            except FieldError as error:
+                raise FieldError(f"model.parameters.{name}.{error.field}", error.problem, error.expected) from None
+        model = Model(tuple(parameters), law="template")
+        if not model.free:
+            raise FieldError("model.parameters", "no parameter with min and max", "at least one")
         return model
 
     def effects(self) -> tuple[Effect, ...]:
@@ -372,19 +617,52 @@ class Study(Section):
         from tasks.simulate.uniaxial import Uniaxial
 
         settings = self.simulator
+        if isinstance(settings, TemplateSettings):
+            if name not in (None, "template"):
+                raise BadInput("--simulator", f"{name} cannot run a study with a template", "no --simulator")
+            template = self.template(settings, scratch)
+            found = self._found(settings.executable)
+            return replace(template, executable=str(found), version=solver_version(found))
         if name is not None and name != settings.name:
             settings = UniaxialSettings() if name == "uniaxial" else FEBioSettings()
         if isinstance(settings, UniaxialSettings):
             return UniaxialWith(tuple(self.model.effects)) if self.model.effects else Uniaxial()
-        executable = shutil.which(settings.executable)
-        if executable is None:
+        found = self._found(settings.executable)
+        return febio_with(self._solver(settings, found, solver_version(found), scratch), self.effects())
+
+    def template(self, settings: TemplateSettings, scratch: Path) -> Template:
+        """The study's own template, read and checked; no solver is needed. Raises :class:`BadInput`."""
+        main, files = read_files(self.path.parent, settings.file)
+        steps = settings.time_steps
+        template = Template(
+            executable="",
+            version="",
+            files=files,
+            main=main,
+            outputs=tuple(output.logged(name) for name, output in settings.outputs.items()),
+            scratch=scratch,
+            force=settings.force,
+            timeout_s=settings.timeout_s,
+            max_file_bytes=settings.max_file_mb * 2**20,
+            ramp_s=steps.ramp_s,
+            hold_growth=steps.hold_growth,
+            still_mm=steps.still_mm,
+            settle_s=settings.settle_s,
+            keep_failed=settings.keep_failed,
+        )
+        sized = self.protocols is None or self.specimen is not None
+        check_template(self.path, template, self.tendon(), sized=sized, moved=settings.force is not None)
+        return template
+
+    def _found(self, executable: str) -> Path:
+        found = shutil.which(executable)
+        if found is None:
             raise SolverMissing(
                 f"{self.path}: simulator.executable",
-                f"{shown(settings.executable)} was not found",
+                f"{shown(executable)} was not found",
                 "febio4 on the PATH, or the path of the solver",
             )
-        found = Path(executable).resolve()
-        return febio_with(self._solver(settings, found, solver_version(found), scratch), self.effects())
+        return Path(found).resolve()
 
     def solver_with(self, effects: tuple[Effect, ...], scratch: Path) -> FEBio:
         """FEBio with ``effects``, to render its input and, if it is on the PATH, to run it; by the study's settings.

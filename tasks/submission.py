@@ -106,7 +106,8 @@ def check(study: Study, profile: Profile, out: Path, *, data: Path | None, simul
     except SolverMissing:
         if not profile.shell_lines():  # else they may well bring the solver, on the node
             raise
-        read_template(study.path.parent, getattr(study.simulator, "template", None))
+        if not study.templated:  # whose template is checked before the solver is looked for
+            read_template(study.path.parent, getattr(study.simulator, "template", None))
 
 
 def submit(study: Study, profile: Profile, out: Path, scripts: Scripts) -> str:

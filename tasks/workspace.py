@@ -23,7 +23,7 @@ from runner.ensemble import Policy, Talk, converse, evaluate
 from runner.progress import Board, Report, Show, open_board, progress
 from runner.store import Store, Table, TableSpec
 from tasks.evaluate import SpecimenEvaluation
-from tasks.measurements import Cohort, read_cohort
+from tasks.measurements import Cohort
 from tasks.model import Model, Specimen
 from tasks.problems import BadInput
 from tasks.simulate import Array, Simulator
@@ -186,7 +186,7 @@ def check_cohort(study: Study, data: Path | None, out: Path) -> Cohort:
 
     Raises :class:`BadInput`.
     """
-    cohort = read_cohort(data or study.cohort_path)
+    cohort = study.cohort_of(data)
     for task in ("sobol", "calibrate", "infer", "discover"):
         names = getattr(study, task).specimens
         if names != "all":

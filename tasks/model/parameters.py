@@ -13,7 +13,8 @@ class Parameter:
     """One parameter: ``minimum`` and ``maximum`` bound its study, ``reference`` is used where nothing else is given.
 
     A fixed parameter has equal bounds. ``floor`` and ``ceiling`` bound what is physically possible; a floor that is
-    ``exclusive`` is not possible itself (a relaxation time of 0 s).
+    ``exclusive`` is not possible itself (a relaxation time of 0 s). Of a parameter of a user's ``own`` only the range
+    is known, so that is taken for what is possible.
     """
 
     name: str
@@ -25,6 +26,7 @@ class Parameter:
     floor: float = 0.0
     ceiling: float = np.inf
     exclusive: bool = False
+    own: bool = False
 
     @property
     def fixed(self) -> bool:
@@ -33,6 +35,8 @@ class Parameter:
     @property
     def limits(self) -> str:
         """What values are possible, in words."""
+        if self.own:
+            return f"from {self.minimum:g} to {self.maximum:g}, the range in the study"
         above = f"{'above' if self.exclusive else 'at least'} {self.floor:g}"
         below = "" if self.ceiling == np.inf else f" and below {self.ceiling:g}"
         return f"{above}{below}{'' if self.unit == '1' else f' {self.unit}'}"
@@ -67,16 +71,24 @@ TENDON: tuple[Parameter, ...] = (
 )
 
 
+def own_parameter(name: str, unit: str, minimum: float, maximum: float, reference: float) -> Parameter:
+    """A parameter of a user's own template."""
+    above = float(np.nextafter(maximum, np.inf))
+    return Parameter(name, unit, minimum, maximum, reference, "", minimum, above, own=True)
+
+
 @dataclass(frozen=True)
 class Model:
     """The tissue: its parameters in order, and constants that a study does not vary.
 
-    ``beta`` is the power in the fibres' exponent, ``lambda_0`` the stretch at which they become linear.
+    ``beta`` is the power in the fibres' exponent, ``lambda_0`` the stretch at which they become linear. A ``law``
+    other than ``tendon`` is that of a user's own template, which has neither.
     """
 
     parameters: tuple[Parameter, ...] = TENDON
     beta: float = 2.0
     lambda_0: float = 1.01
+    law: str = "tendon"
     names: tuple[str, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -102,6 +114,8 @@ class Model:
 
     def identity(self) -> dict[str, Any]:
         """What an evaluation depends on besides its parameters."""
+        if self.law != "tendon":
+            return {"law": self.law, "parameters": list(self.names)}
         return {"law": "tendon", "beta": self.beta, "lambda_0": self.lambda_0, "parameters": list(self.names)}
 
     def with_parameter(self, parameter: Parameter) -> "Model":

@@ -37,10 +37,14 @@ class Protocol:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A protocol and the force ``force_N`` ``[t]`` (N) that was measured along it."""
+    """A protocol and the force ``force_N`` ``[t]`` (N) that was measured along it; NaN where nothing was measured."""
 
     protocol: Protocol
     force_N: Array
+
+    @cached_property
+    def measured(self) -> bool:
+        return not bool(np.isnan(self.force_N).all())
 
     @property
     def name(self) -> str:
@@ -59,7 +63,8 @@ class Curve:
 class Specimen:
     """A bar of gauge ``length_mm`` x ``width_mm`` x ``thickness_mm`` and its measured curves.
 
-    ``name`` is its folder below the cohort, with the site in front where there is one (``distal/3``).
+    ``name`` is its folder below the cohort, with the site in front where there is one (``distal/3``). Sizes are NaN
+    where nothing is known of them: the specimen of a template that has its own.
     """
 
     name: str
@@ -74,6 +79,10 @@ class Specimen:
         return self.name.rpartition("/")[0] or None
 
     @property
+    def measured(self) -> bool:
+        return all(curve.measured for curve in self.curves)
+
+    @property
     def area_mm2(self) -> float:
         return self.width_mm * self.thickness_mm
 
@@ -83,9 +92,8 @@ class Specimen:
 
     def identity(self) -> dict[str, Any]:
         """What an evaluation depends on: geometry and the numbers of every curve."""
+        size = {"length_mm": self.length_mm, "width_mm": self.width_mm, "thickness_mm": self.thickness_mm}
         return {
-            "length_mm": self.length_mm,
-            "width_mm": self.width_mm,
-            "thickness_mm": self.thickness_mm,
+            **{name: value if np.isfinite(value) else None for name, value in size.items()},
             "curves": {curve.name: curve.digest for curve in self.curves},
         }

@@ -54,7 +54,7 @@ def save(figure: Figure, folder: Path, name: str, shown: pd.DataFrame) -> list[P
 
 def sobol_indices(result: dict[str, Any]) -> Figure:
     """First and total order indices with intervals: the total objective above, each protocol below."""
-    panels = {"total objective": result, **result["protocols"]}
+    panels = {_total(result): result, **result["protocols"]}
     with plt.rc_context(STYLE):
         height = 2.1 * len(panels) + 0.4
         figure, axes = plt.subplots(len(panels), 1, figsize=(7.5, height), sharex=True, squeeze=False)
@@ -78,12 +78,16 @@ def sobol_indices(result: dict[str, Any]) -> Figure:
     return figure
 
 
-def sobol_along_time(dataset: xr.Dataset, names: list[str], *, shown: int = 6) -> Figure:
-    """Total order indices of the force along each protocol, for the parameters that matter most anywhere."""
+def sobol_along_time(dataset: xr.Dataset, names: list[str], output: str | None = None, *, shown: int = 6) -> Figure:
+    """Total order indices of the force, or of an ``output``, along each protocol, for those that matter most anywhere.
+
+    Below is what was measured, or the displacement where nothing was.
+    """
+    prefix = "" if output is None else f"{output}_"
     protocols = sorted(str(name).removeprefix("time_") for name in dataset.dims if str(name).startswith("time_"))
     strongest = np.zeros(len(names))
     for protocol in protocols:
-        strongest = np.fmax(strongest, np.nanmax(dataset[f"ST_{protocol}"].to_numpy(), axis=1))
+        strongest = np.fmax(strongest, np.nan_to_num(dataset[f"ST_{prefix}{protocol}"].to_numpy()).max(axis=1))
     chosen = np.argsort(-strongest)[:shown]
     styles = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
     with plt.rc_context(STYLE):
@@ -99,8 +103,8 @@ def sobol_along_time(dataset: xr.Dataset, names: list[str], *, shown: int = 6) -
             time = dataset[f"time_{protocol}"].to_numpy()
             above, below = axes[:, column]
             for rank, j in enumerate(chosen):
-                index = dataset[f"ST_{protocol}"].to_numpy()[j]
-                conf = dataset[f"ST_conf_{protocol}"].to_numpy()[j]
+                index = dataset[f"ST_{prefix}{protocol}"].to_numpy()[j]
+                conf = dataset[f"ST_conf_{prefix}{protocol}"].to_numpy()[j]
                 above.plot(
                     time,
                     index,
@@ -114,10 +118,11 @@ def sobol_along_time(dataset: xr.Dataset, names: list[str], *, shown: int = 6) -
                 )
             above.set_title(protocol.replace("_", " "), loc="left", fontsize=9)
             above.set_ylim(-0.02, None)
-            below.plot(time, dataset[f"measured_{protocol}"], color="black", lw=0.9)
+            measured = output is None and f"measured_{protocol}" in dataset
+            below.plot(time, dataset[f"{'measured' if measured else 'displacement'}_{protocol}"], color="black", lw=0.9)
             below.set_xlabel("time (s)")
-        axes[0, 0].set_ylabel("total order index of the force")
-        axes[1, 0].set_ylabel("measured (N)")
+        axes[0, 0].set_ylabel(f"total order index of {'the force' if output is None else output.replace('_', ' ')}")
+        axes[1, 0].set_ylabel("measured (N)" if measured else "moved (mm)")
         handles, labels = axes[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=len(chosen))
         figure.supxlabel(f"specimen {dataset.attrs['specimen']}", fontsize=8, x=0.99, ha="right")
@@ -149,14 +154,14 @@ def sobol_convergence(result: dict[str, Any], *, shown: int = 6) -> Figure:
         axis.set_xticks(sizes, [f"{size:,}" for size in sizes], rotation=30)
         axis.minorticks_off()
         axis.set_xlabel("base samples")
-        axis.set_ylabel("total order index, total objective")
+        axis.set_ylabel(f"total order index, {_total(result)}")
         axis.legend(ncols=3)
     return figure
 
 
 def forest_importance(result: dict[str, Any]) -> Figure:
     """Impurity (percent) and permutation importance for the total objective and each protocol."""
-    panels = {"total objective": result, **result["protocols"]}
+    panels = {_total(result): result, **result["protocols"]}
     at = np.arange(len(result["names"]))
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(1, 2, figsize=(8, 5.2), sharey=True)
@@ -181,6 +186,11 @@ def forest_importance(result: dict[str, Any]) -> Figure:
         axes[0].invert_yaxis()
         axes[1].legend(loc="lower right", fontsize=8)
     return figure
+
+
+def _total(result: dict[str, Any]) -> str:
+    """What the indices of all protocols together are of."""
+    return "total objective" if "RMSE" in result.get("objective", "RMSE") else result["objective"]
 
 
 def _numbers(values: Any) -> np.ndarray:
