@@ -36,6 +36,7 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 
 
 IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+_OF_THE_STORE = ("objective", "measured", "displacement", "time", "wall", "summary")
 _WORDS = (
     *(
         "specimen",
@@ -225,20 +226,6 @@ class TemplateSettings(Section):
 
     @model_validator(mode="after")
     def _names(self) -> Self:
-        for name in self.outputs:
-            if not IDENTIFIER.fullmatch(name) or name in (
-                "objective",
-                "measured",
-                "displacement",
-                "time",
-                "wall",
-                "summary",
-            ):
-                raise FieldError(
-                    f"outputs.{name}", "cannot be a name", "letters, digits and '_', no word of the store's"
-                )
-            if name == "force" and self.force != "force":
-                raise FieldError(f"outputs.{name}", "is not said to be the force", "force: force, or another name")
         if self.force is not None:
             if self.force not in self.outputs:
                 raise FieldError("force", shown(self.force), f"one of the outputs {', '.join(self.outputs)}")
@@ -247,6 +234,13 @@ class TemplateSettings(Section):
                 raise FieldError(
                     f"outputs.{self.force}.unit", problem, "'N', with a scale if the model has other units"
                 )
+        for name in self.outputs:
+            if not IDENTIFIER.fullmatch(name) or name in _OF_THE_STORE:
+                raise FieldError(
+                    f"outputs.{name}", "cannot be a name", "letters, digits and '_', no word of the store's"
+                )
+            if name == "force" and self.force != "force":
+                raise FieldError(f"outputs.{name}", "is not said to be the force", "force: force, or another name")
         return self
 
 

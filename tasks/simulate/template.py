@@ -321,7 +321,7 @@ def check_template(study: Path, template: Template, model: Model, *, sized: bool
     size = (10.0, 8.0, 4.0) if sized else (np.nan,) * 3
     times = np.array([0.0, 1.0, 2.0])
     named = variables(Specimen("check", *size), "check", times, 0.1 * times)
-    middle = named | dict(zip(model.names, model.reference.tolist(), strict=True))
+    middle = dict(zip(model.names, model.reference.tolist(), strict=True)) | named
     renders = [middle]
     renders += [middle | {p.name: value} for p in model.free for value in (p.minimum, p.maximum)]
     job = {"files": dict(template.files), "main": template.main, "renders": renders, "known": list(middle)}

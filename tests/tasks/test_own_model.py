@@ -1,5 +1,6 @@
 """Whole studies with a user's own template, from the study file to what is in the store."""
 
+import copy
 import json
 import os
 import shutil
@@ -51,7 +52,7 @@ def settings(tmp_path) -> dict:
 
 
 def written(folder: Path, settings: dict) -> Path:
-    (folder / "study.yaml").write_text(yaml.safe_dump(settings))
+    (folder / "study.yaml").write_text(yaml.safe_dump(settings, sort_keys=False))
     return folder / "study.yaml"
 
 
@@ -73,7 +74,8 @@ def test_sobol_and_importance_of_any_output(tmp_path, settings, capsys):
     sinew("run", study, "--out", tmp_path / "out", "--workers", "2")
     told = capsys.readouterr().out
     assert "24 new evaluations" in told
-    assert "narrowing (max, mm)" in told
+    assert "Total order Sobol indices of each output" in told
+    assert "narrowing" in told
     result = json.loads((tmp_path / "out" / "sobol.json").read_text())
     assert result["objective"] == "sum over protocols of the largest force in N"
     assert result["names"] == NAMES
@@ -117,6 +119,22 @@ def test_calibration_finds_the_parameters_again(tmp_path, settings):
     (table,) = (each for each in store.tables() if len(each) > 5)
     assert "objective" in table.fields
     assert "gauge_stress_relaxation" in table.fields
+
+
+def test_inference_and_prediction_work_on_the_force(tmp_path, settings):
+    settings["calibrate"] = {"methods": ["least_squares"], "evaluations": 12, "starts": 1}
+    settings["infer"] = {"population": 4, "generations": 1, "epsilon": 3.0, "pending": 4}
+    settings["predict"] = {"draws": 2}
+    settings["tasks"] = ["calibrate", "infer", "predict"]
+    sited = with_cohort(tmp_path, settings)
+    (tmp_path / "cohort" / "here").mkdir()
+    shutil.move(tmp_path / "cohort" / "made", tmp_path / "cohort" / "here" / "made")
+    sinew("run", written(tmp_path, sited), "--out", tmp_path / "out", "--workers", "2", "--quiet")
+    posterior = json.loads((tmp_path / "out" / "infer.json").read_text())["sites"]["here"]["parameters"]
+    ranges = settings["model"]["parameters"]
+    assert list(posterior) == NAMES
+    assert all(ranges[name]["min"] <= told["mean"] <= ranges[name]["max"] for name, told in posterior.items())
+    assert (tmp_path / "out" / "predict.json").is_file()
 
 
 def test_a_killed_study_goes_on_where_it_was(tmp_path, settings):
@@ -218,7 +236,7 @@ WRONG = {
     "calibrate nothing": ("tasks", ["calibrate"], "missing, and calibrate needs measured curves"),
     "two of a name": (
         "simulator.outputs",
-        {name: {"data": "node_data", "item": "Rz", "ids": [1]} for name in ("gap", "gap_a")},
+        {name: {"data": "node_data", "item": "Rz", "ids": [n]} for n, name in enumerate(("gap", "gap_a"), 1)},
         "two things are called gap_a_b in the store",
     ),
 }  # fmt: skip
@@ -231,7 +249,7 @@ def test_what_is_wrong_is_told_in_one_line_before_anything_is_written(tmp_path, 
         settings["simulator"]["outputs"]["narrowing"]["unit"] = "N"
     if name == "two of a name":
         history = settings["protocols"].pop("relaxation")
-        settings["protocols"] |= {"b": history, "a_b": history}
+        settings["protocols"] |= {"b": history, "a_b": copy.deepcopy(history)}
         del settings["simulator"]["force"]
     study = written(tmp_path, changed(settings, field, value))
     sinew("run", study, "--out", tmp_path / "out", "--quiet", expect=2)
@@ -283,9 +301,9 @@ def test_the_tutorial(tmp_path):
 @pytest.mark.febio
 def test_the_real_solver_finds_its_own_parameters_again(tmp_path, settings):
     settings["simulator"]["executable"] = "febio4"
-    settings["calibrate"] = {"methods": ["least_squares"], "evaluations": 60, "starts": 1}
+    settings["calibrate"] = {"methods": ["least_squares"], "evaluations": 160, "starts": 1}
     study = written(tmp_path, with_cohort(tmp_path, settings))
     sinew("calibrate", study, "--out", tmp_path / "out", "--workers", "2", "--quiet")
     found = json.loads((tmp_path / "out" / "calibrate.json").read_text())["specimens"]["made"]
     for name, value in zip(NAMES, TRUTH, strict=True):
-        assert found["parameters"][name] == pytest.approx(value, rel=0.02), name
+        assert found["parameters"][name] == pytest.approx(value, rel=0.01), name
