@@ -29,7 +29,8 @@ from tasks.model import Specimen
 from tasks.problems import one_line
 from tasks.profile import Profile
 from tasks.sensitivity import base_samples
-from tasks.study import Study, UniaxialSettings
+from tasks.simulator_settings import UniaxialSettings
+from tasks.study import Study
 from tasks.submission import check_scripts, job_scripts
 from tasks.workspace import attempts_folder, check_cohort
 

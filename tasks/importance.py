@@ -46,6 +46,7 @@ def importance(workspace: Workspace) -> dict[str, Any]:
         "names": list(design.names),
         **found["total"],
         "objective": words,
+        "field": studied,
         "protocols": {name: values for name, values in found.items() if name != "total"},
         "rows_grown": int(ok.reshape(design.base_samples, -1)[grown].sum()),
         "rows_tested": int(ok.reshape(design.base_samples, -1)[tested].sum()),

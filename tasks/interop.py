@@ -13,6 +13,7 @@ import pandas as pd
 
 from runner.store import STATUSES, Table, open_store
 from tasks.problems import BadInput, shown
+from tasks.report.frames import by_output
 from tasks.simulate import Array
 
 Told = dict[str, Any]
@@ -30,9 +31,10 @@ def salib_result(told: Told, where: Path, output: str = "total") -> Any:
     from SALib.analyze import sobol
     from SALib.util import ResultDict
 
-    values = told if output == "total" else told["protocols"].get(output)
-    if values is None:
-        raise BadInput(f"{where}: output", shown(output), f"one of total, {', '.join(told['protocols'])}")
+    outputs = by_output(told)
+    if output not in outputs:
+        raise BadInput(f"{where}: output", shown(output), f"one of {', '.join(outputs)}")
+    values = outputs[output]
     keys = ("S1", "S1_conf", "ST", "ST_conf", "S2", "S2_conf")
     found = ResultDict({key: np.array(values[key], dtype=float) for key in keys if key in values})
     found.problem = salib_problem(told, where)
@@ -41,7 +43,9 @@ def salib_result(told: Told, where: Path, output: str = "total") -> Any:
 
 
 def salib_samples(told: Told, folder: Path, specimen: str) -> tuple[Array, Array]:
-    """SALib's sample ``X`` ``[n, d]`` and output ``Y`` ``[n]`` (N, the objective of one specimen), in its own order.
+    """SALib's sample ``X`` ``[n, d]`` and output ``Y`` ``[n]`` of one specimen, in its own order.
+
+    The output is what the study was of: the objective (N), or one of a template's outputs in its unit.
 
     ``SALib.analyze.sobol.analyze(problem, Y, calc_second_order=...)`` takes them. A row that failed is NaN, which SALib
     turns into indices of zero: leave its whole base sample out first.
@@ -62,7 +66,7 @@ def salib_samples(told: Told, folder: Path, specimen: str) -> tuple[Array, Array
     rows = table.find(full)
     if (rows < 0).any():
         raise BadInput(where, f"rows of {specimen} are not in the store", "`sinew sobol` on this study once more")
-    return drawn, table.read("objective", rows).sum(axis=1)
+    return drawn, table.read(told.get("field", "objective"), rows).sum(axis=1)
 
 
 def abc_history(folder: Path, site: str) -> Any:
@@ -110,13 +114,18 @@ def skopt_result(told: Told, folder: Path, specimen: str, *, surrogate: bool = F
 
 
 def samples(folder: Path, name: str) -> pd.DataFrame:
-    """All evaluations of a table of the store: parameters, objective of each protocol (N), what became of the row."""
+    """All evaluations of a table of the store: parameters, objective of each protocol (N), what became of the row.
+
+    Of a template's outputs there is one number for each protocol, in the output's unit.
+    """
     table = _table(folder, name)
     rows = np.arange(len(table))
     columns = dict(zip(_parameters(table), table.parameters(rows).T, strict=True))
+    protocols = [str(name) for name in table.dataset()["protocol"].to_numpy()] if "protocol" in table.group else []
+    for field in (name for name in table.fields if name.startswith("summary_")):
+        columns |= {f"{field}_{protocol}": table.read(field, rows)[:, i] for i, protocol in enumerate(protocols)}
     if "objective" in table.fields:
         objective = table.read("objective", rows)
-        protocols = map(str, table.dataset()["protocol"].to_numpy())
         columns |= {f"rmse_{protocol}_N": objective[:, i] for i, protocol in enumerate(protocols)}
         columns["total_N"] = objective.sum(axis=1)
     words = ("pending", *STATUSES)

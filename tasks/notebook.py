@@ -39,10 +39,11 @@ def run(
     folder = Path("results") / study.name if out is None else Path(out)
     chosen = list(names) or list(study.tasks)
     options = {"extend": True} if extend else {}
-    pipeline.check(study, folder, chosen, extend=extend)
+    cohort = None if data is None else Path(data)
+    pipeline.check(study, folder, chosen, data=cohort, extend=extend)
     with open_workspace(
         study,
-        data=None if data is None else Path(data),
+        data=cohort,
         out=folder,
         cluster=study.cluster_spec(workers),
         simulator=simulator,

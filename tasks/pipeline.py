@@ -24,8 +24,8 @@ from tasks.predict import predict
 from tasks.problems import BadInput, one_line
 from tasks.report import calibration, discovery, figures, posterior, prediction, site_figures, tables
 from tasks.report.figures import FORMATS
+from tasks.report.frames import courses
 from tasks.sensitivity import base_samples, sobol
-from tasks.simulate import gives_force
 from tasks.sites import compare
 from tasks.study import NEEDS, Study
 from tasks.workspace import Workspace, check_folder, digest, read_result, write_json
@@ -175,16 +175,12 @@ def _draw_sobol(workspace: Workspace, result: dict[str, Any]) -> None:
     figures.save(figures.sobol_indices(result), folder, "sobol", tables.sobol(result))
     shown = tables.sobol_convergence(result)
     figures.save(figures.sobol_convergence(result), folder, "sobol_convergence", shown)
-    for name in result["tables"].values():
+    for specimen, output in courses(result).values():
+        name = result["tables"][specimen]
         dataset = workspace.store.read_result(f"sobol_time/{name}")
-        if gives_force(workspace.simulator):
-            figure = figures.sobol_along_time(dataset, result["names"])
-            figures.save(figure, folder, f"sobol_time_{name}", tables.sobol_along_time(dataset))
-        for output in result.get("outputs", {}):
-            if output != workspace.study.force:
-                figure = figures.sobol_along_time(dataset, result["names"], output)
-                shown = tables.sobol_along_time(dataset, output)
-                figures.save(figure, folder, f"sobol_time_{name}_{output}", shown)
+        figure = figures.sobol_along_time(dataset, result["names"], output)
+        ending = "" if output is None else f"_{output}"
+        figures.save(figure, folder, f"sobol_time_{name}{ending}", tables.sobol_along_time(dataset, output))
 
 
 def _tell_sobol(workspace: Workspace, result: dict[str, Any], console: Console) -> None:

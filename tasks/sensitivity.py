@@ -124,6 +124,7 @@ def sobol(workspace: Workspace, *, extend: bool = False) -> dict[str, Any]:
         "points_asked": settings.points,
         "confidence": settings.confidence,
         "objective": words + (", mean of the specimens" if len(specimens) > 1 else ""),
+        "field": studied,
         "evaluations": rows * len(specimens),
     }
     analyses = {"total": {key: result[key] for key in KEYS}}
@@ -141,8 +142,8 @@ def sobol(workspace: Workspace, *, extend: bool = False) -> dict[str, Any]:
         for name, values in objectives_by_output(specimens, summaries).items():
             found = indices(_split(values[:, np.newaxis], design, whole), boot, z)
             by_name[name] = analyses[f"{output.name} {name}"] = {key: found[key][:, 0] for key in KEYS}
-        told = {"summary": output.summary, "unit": output.unit, **by_name.pop("total"), "protocols": by_name}
-        result.setdefault("outputs", {})[output.name] = told
+        told = {"summary": output.summary, "unit": output.unit, "is_force": output.name == workspace.study.force}
+        result.setdefault("outputs", {})[output.name] = told | by_name.pop("total") | {"protocols": by_name}
     for specimen, values, (table, at) in zip(specimens, by_specimen, evaluated, strict=True):
         columns = np.column_stack([values.sum(axis=1), values])
         found = indices(_split(columns, design, whole), boot, z)
@@ -179,8 +180,11 @@ def quantity(evaluation: SpecimenEvaluation, output: str | None) -> tuple[str, s
         return "objective", "sum over protocols of the RMSE in N"
     outputs = outputs_of(evaluation.simulator)
     chosen = next(each for each in outputs if output in (None, each.name))
-    words = {"max": "largest", "min": "smallest", "mean": "mean", "last": "last"}[chosen.summary]
-    return f"summary_{chosen.name}", f"sum over protocols of the {words} {chosen.name} in {chosen.unit}"
+    summary = {"max": "largest", "min": "smallest", "mean": "mean", "last": "last"}[chosen.summary]
+    unit = "" if chosen.unit == "1" else f" in {chosen.unit}"
+    words = f"{summary} {chosen.name.replace('_', ' ')}{unit}"
+    several = len(evaluation.specimen.curves) > 1
+    return f"summary_{chosen.name}", f"sum over protocols of the {words}" if several else words
 
 
 def indices(blocks: Array, weights: Array, z: float) -> dict[str, Array]:

@@ -1,7 +1,7 @@
 """The study file: one YAML file, validated into frozen objects. Every mistake names the file, line and field."""
 
-import re
 import shutil
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise
@@ -19,41 +19,16 @@ from tasks.model.effects import library, named
 from tasks.model.parameters import own_parameter
 from tasks.problems import BadInput, shown
 from tasks.settings import FieldError, Section, by_name, read_settings
-from tasks.simulate import Simulator, Summary
+from tasks.simulate import Simulator
 from tasks.simulate.attempt import solver_version
 from tasks.simulate.febio import FEBio, read_template
 from tasks.simulate.febio_effects import febio_with
-from tasks.simulate.rendering import CONSTANTS, FUNCTIONS
-from tasks.simulate.template import HISTORY, Logged, Reduce, Template, check_template, read_files
+from tasks.simulate.template import TAKEN, Template, check_template, read_files
+from tasks.simulator_settings import IDENTIFIER, FEBioSettings, Finite, TemplateSettings, UniaxialSettings
 from tasks.task import Task
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Seconds = Annotated[float, Field(gt=0, le=86_400 * 30, allow_inf_nan=False)]
-Executable = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f-][^\x00-\x1f]*$")]
-Unit = Annotated[str, Field(min_length=1, max_length=24, pattern=r"^[^\x00-\x1f]*$")]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
-
-
-IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
-_OF_THE_STORE = ("objective", "measured", "displacement", "time", "wall", "summary")
-_WORDS = (
-    *(
-        "specimen",
-        "range",
-        "namespace",
-        "loop",
-        "self",
-        "super",
-        "caller",
-        "varargs",
-        "kwargs",
-        "true",
-        "false",
-        "none",
-    ),
-    *("True", "False", "None", "and", "or", "not", "if", "else", "elif", "in", "is", "for", "import", "include"),
-)
 
 #: Whose results a task takes up.
 NEEDS = {"importance": "sobol", "infer": "calibrate", "predict": "infer", "compare": "infer"}
@@ -103,29 +78,15 @@ class ParameterSettings(Section):
             # a range may touch the edge of what is possible, its inside is what is studied
             if not parameter.possible(value) and (low == high or value < parameter.floor or value >= parameter.ceiling):
                 raise FieldError(field, f"{value:g}", parameter.limits)
-        if parameter.own:
-            return own_parameter(parameter.name, parameter.unit, low, high, reference)
-        return Parameter(
-            parameter.name,
-            parameter.unit,
-            low,
-            high,
-            reference,
-            parameter.description,
-            parameter.floor,
-            parameter.ceiling,
-            parameter.exclusive,
-        )
+        return replace(parameter, minimum=low, maximum=high, reference=reference)
 
     def own(self, name: str) -> Parameter:
         """A parameter of a template, which has no published range. Raises :class:`FieldError`."""
-        if self.fixed is None:
-            for field, value in (("min", self.min), ("max", self.max)):
-                if value is None:
-                    raise FieldError(field, "missing", "min and max (or fixed), as nothing is known of this parameter")
-        low, high = (self.fixed, self.fixed) if self.fixed is not None else (self.min, self.max)
-        assert low is not None and high is not None
-        return self.apply(Parameter(name, self.unit or "1", low, high, (low + high) / 2, "", low, np.inf, own=True))
+        low, high = (self.min, self.max) if self.fixed is None else (self.fixed, self.fixed)
+        if low is None or high is None:
+            field = "min" if low is None else "max"
+            raise FieldError(field, "missing", "min and max (or fixed), as nothing is known of this parameter")
+        return self.apply(own_parameter(name, self.unit or "1", low, high))
 
 
 class ModelSettings(Section):
@@ -135,113 +96,6 @@ class ModelSettings(Section):
     beta: Annotated[float, Field(ge=2, le=10, allow_inf_nan=False)] = 2.0
     lambda_0: Annotated[float, Field(gt=1, le=2, allow_inf_nan=False)] = 1.01
     effects: list[str] = Field(default_factory=list)
-
-
-class UniaxialSettings(Section):
-    name: Literal["uniaxial"] = "uniaxial"
-
-
-class TimeSteps(Section):
-    """Where the solver steps. All steps end at measured rows; between them the force is interpolated.
-
-    ``ramp_s``: longest step while the displacement moves (0: every row). ``hold_growth``: in a hold, a step may grow to
-    this fraction of the time since the hold began (0: every row). ``still_mm``: how far the displacement may stray
-    from a constant for a stretch of time to count as a hold.
-    """
-
-    ramp_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
-    hold_growth: Annotated[float, Field(ge=0, le=0.5, allow_inf_nan=False)] = 0.02
-    still_mm: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
-
-
-class FEBioSettings(Section):
-    """The real solver: ``executable`` by name or path, ``template`` beside the study file (default: the tendon)."""
-
-    name: Literal["febio"] = "febio"
-    executable: Executable = "febio4"
-    template: str | None = None
-    timeout_s: Seconds = 600.0
-    max_file_mb: Annotated[int, Field(gt=0, le=1_000_000)] = 4096
-    time_steps: TimeSteps = TimeSteps()
-    keep_failed: Annotated[int, Field(ge=0, le=10_000)] = 20
-
-
-class OutputSettings(Section):
-    """A quantity of the solver's log file: ``item`` of ``data``, of a ``set`` or some ``ids``, made one number.
-
-    ``reduce`` says how; that is times ``scale``, in ``unit``. ``at_rest`` is its value before the first step, of which
-    FEBio logs nothing. ``summary`` makes one number of its course, for the tasks that need one.
-    """
-
-    data: Literal["node_data", "element_data", "rigid_body_data"]
-    item: Annotated[str, Field(max_length=64, pattern=r"^[A-Za-z][A-Za-z0-9_ .\[\]()^*/+-]*$")]
-    set: Annotated[str, Field(min_length=1, max_length=200)] | None = None
-    ids: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1, max_length=100_000)] | None = None
-    reduce: Reduce = "single"
-    scale: Finite = 1.0
-    unit: Unit = "1"
-    at_rest: Finite = 0.0
-    summary: Summary = "max"
-
-    @model_validator(mode="after")
-    def _one_choice(self) -> Self:
-        if (self.set is None) == (self.ids is None):
-            raise FieldError("ids", "beside set" if self.ids else "missing", "either ids or the name of a set")
-        if self.ids is not None and len(set(self.ids)) < len(self.ids):
-            raise FieldError("ids", "one of them is given twice", "each id once")
-        return self
-
-    def logged(self, name: str) -> Logged:
-        return Logged(
-            name,
-            self.unit,
-            self.summary,
-            self.data,
-            self.item,
-            tuple(self.ids or ()),
-            self.set,
-            self.reduce,
-            self.scale,
-            self.at_rest,
-        )
-
-
-class TemplateSettings(Section):
-    """The real solver on an input of one's own: the template ``file``, and what to read of the solver's log.
-
-    ``force`` names the output that is compared with measured forces. ``settle_s``: how long the solver waits at the
-    first displacement of a protocol that does not start at rest.
-    """
-
-    name: Literal["template"] = "template"
-    file: Annotated[str, Field(min_length=1)]
-    outputs: Annotated[dict[str, OutputSettings], Field(min_length=1, max_length=100)]
-    force: str | None = None
-    executable: Executable = "febio4"
-    timeout_s: Seconds = 600.0
-    max_file_mb: Annotated[int, Field(gt=0, le=1_000_000)] = 1024
-    time_steps: TimeSteps = TimeSteps()
-    settle_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
-    keep_failed: Annotated[int, Field(ge=0, le=10_000)] = 20
-
-    @model_validator(mode="after")
-    def _names(self) -> Self:
-        if self.force is not None:
-            if self.force not in self.outputs:
-                raise FieldError("force", shown(self.force), f"one of the outputs {', '.join(self.outputs)}")
-            if self.outputs[self.force].unit != "N":
-                problem = f"the force is in {self.outputs[self.force].unit!r}"
-                raise FieldError(
-                    f"outputs.{self.force}.unit", problem, "'N', with a scale if the model has other units"
-                )
-        for name in self.outputs:
-            if not IDENTIFIER.fullmatch(name) or name in _OF_THE_STORE:
-                raise FieldError(
-                    f"outputs.{name}", "cannot be a name", "letters, digits and '_', no word of the store's"
-                )
-            if name == "force" and self.force != "force":
-                raise FieldError(f"outputs.{name}", "is not said to be the force", "force: force, or another name")
-        return self
 
 
 class HistorySettings(Section):
@@ -299,11 +153,10 @@ class SobolSettings(Section):
     ``output``: of which of a template's outputs the indices are (left out: of the objective where there is one).
     """
 
-    output: str | None = None
-
     points: Annotated[int, Field(ge=1, le=10**8)] | None = None
     base_samples: Annotated[int, Field(ge=2, le=2**26)] | None = None
     specimens: Specimens = "all"
+    output: str | None = None
     second_order: bool = False
     resamples: Annotated[int, Field(ge=10, le=100_000)] = 200
     confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
@@ -526,15 +379,15 @@ class Study(Section):
         return cohort
 
     def _check_names(self, outputs: Iterable[str], cohort: Cohort) -> None:
-        """Raises :class:`BadInput` when two arrays of the store would have one name."""
+        """Raises :class:`BadInput` when two arrays of the store, or two lines of a table, would have one name."""
         for specimen in cohort.specimens:
-            names = [f"summary_{name}" for name in outputs]
-            for kind in ("time", "displacement", "measured", *outputs):
-                names += [f"{kind}_{curve.name}" for curve in specimen.curves]
-            for name in names:
-                if names.count(name) > 1:
-                    problem = f"two things are called {name} in the store"
-                    raise BadInput(f"{self.path}: simulator.outputs", problem, "other names of outputs or protocols")
+            protocols = [curve.name for curve in specimen.curves]
+            names = ["total", *outputs, *protocols, *(f"summary_{name}" for name in outputs)]
+            for kind in ("time", "displacement", "measured", "conf", *outputs, *(f"conf_{name}" for name in outputs)):
+                names += [f"{kind}_{protocol}" for protocol in protocols]
+            if twice := [name for name, count in Counter(names).items() if count > 1]:
+                problem = f"two things are called {twice[0]} in the store"
+                raise BadInput(f"{self.path}: simulator.outputs", problem, "other names of outputs or protocols")
 
     def tendon(self) -> Model:
         """The model with this study's bounds: the tissue, or the parameters of a template."""
@@ -560,17 +413,14 @@ class Study(Section):
     def _own_model(self) -> Model:
         for field in ("beta", "lambda_0", "effects"):
             if field in self.model.model_fields_set:
-                raise FieldError(
-                    f"model.{field}", "with a template", "it in the template: it is no part of sinew's tissue"
-                )
-        taken = {*HISTORY, *FUNCTIONS, *CONSTANTS, *_WORDS}
+                expected = "it in the template: it is a part of sinew's own tissue"
+                raise FieldError(f"model.{field}", "with a template", expected)
         parameters = []
         for name, settings in self.model.parameters.items():
-            if not IDENTIFIER.fullmatch(name) or name in taken:
-                problem = "is taken" if name in taken else "cannot be a name"
-                raise FieldError(
-                    f"model.parameters.{name}", problem, "letters, digits and '_', beginning with a letter"
-                )
+            if not IDENTIFIER.fullmatch(name) or name in TAKEN:
+                problem = "is taken by the template language" if name in TAKEN else "cannot be a name"
+                expected = "another name: letters, digits and '_', beginning with a letter"
+                raise FieldError(f"model.parameters.{name}", problem, expected)
             try:
                 parameters.append(settings.own(name))
             except FieldError as error:

@@ -71,10 +71,11 @@ TENDON: tuple[Parameter, ...] = (
 )
 
 
-def own_parameter(name: str, unit: str, minimum: float, maximum: float, reference: float) -> Parameter:
-    """A parameter of a user's own template."""
+def own_parameter(name: str, unit: str, minimum: float, maximum: float, reference: float | None = None) -> Parameter:
+    """A parameter of a user's own template; its ``reference`` is the middle of its range if you say nothing."""
     above = float(np.nextafter(maximum, np.inf))
-    return Parameter(name, unit, minimum, maximum, reference, "", minimum, above, own=True)
+    middle = (minimum + maximum) / 2 if reference is None else reference
+    return Parameter(name, unit, minimum, maximum, middle, "", minimum, above, own=True)
 
 
 @dataclass(frozen=True)

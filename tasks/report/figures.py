@@ -34,8 +34,10 @@ STYLE: Any = {
 
 def symbol(name: str) -> str:
     """``tau_1f`` as a formula."""
-    stem, _, index = name.partition("_")
-    return rf"${_LABELS[stem]}_{{{index}}}$" if stem in _LABELS and index else name
+    stem, line, index = name.partition("_")
+    if stem not in _LABELS or (line and not index.isalnum()):
+        return name
+    return rf"${_LABELS[stem]}_{{{index}}}$" if line else f"${_LABELS[stem]}$"
 
 
 def save(figure: Figure, folder: Path, name: str, shown: pd.DataFrame) -> list[Path]:
@@ -54,12 +56,12 @@ def save(figure: Figure, folder: Path, name: str, shown: pd.DataFrame) -> list[P
 
 def sobol_indices(result: dict[str, Any]) -> Figure:
     """First and total order indices with intervals: the total objective above, each protocol below."""
-    panels = {_total(result): result, **result["protocols"]}
+    shown = panels(result)
     with plt.rc_context(STYLE):
-        height = 2.1 * len(panels) + 0.4
-        figure, axes = plt.subplots(len(panels), 1, figsize=(7.5, height), sharex=True, squeeze=False)
+        height = 2.1 * len(shown) + 0.4
+        figure, axes = plt.subplots(len(shown), 1, figsize=(7.5, height), sharex=True, squeeze=False)
         at = np.arange(len(result["names"]))
-        for axis, (title, values) in zip(axes[:, 0], panels.items(), strict=True):
+        for axis, (title, values) in zip(axes[:, 0], shown.items(), strict=True):
             for key, label, shift, colour in (("S1", "first order", -0.2, 0), ("ST", "total order", 0.2, 1)):
                 heights = _numbers(values[key])
                 errors = _numbers(values[f"{key}_conf"])
@@ -118,11 +120,11 @@ def sobol_along_time(dataset: xr.Dataset, names: list[str], output: str | None =
                 )
             above.set_title(protocol.replace("_", " "), loc="left", fontsize=9)
             above.set_ylim(-0.02, None)
-            measured = output is None and f"measured_{protocol}" in dataset
-            below.plot(time, dataset[f"{'measured' if measured else 'displacement'}_{protocol}"], color="black", lw=0.9)
+            kind, unit = beside(dataset, protocol, output)
+            below.plot(time, dataset[f"{kind}_{protocol}"], color="black", lw=0.9)
             below.set_xlabel("time (s)")
         axes[0, 0].set_ylabel(f"total order index of {'the force' if output is None else output.replace('_', ' ')}")
-        axes[1, 0].set_ylabel("measured (N)" if measured else "moved (mm)")
+        axes[1, 0].set_ylabel(f"{'measured' if kind == 'measured' else 'moved'} ({unit})")
         handles, labels = axes[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=len(chosen))
         figure.supxlabel(f"specimen {dataset.attrs['specimen']}", fontsize=8, x=0.99, ha="right")
@@ -161,16 +163,16 @@ def sobol_convergence(result: dict[str, Any], *, shown: int = 6) -> Figure:
 
 def forest_importance(result: dict[str, Any]) -> Figure:
     """Impurity (percent) and permutation importance for the total objective and each protocol."""
-    panels = {_total(result): result, **result["protocols"]}
+    shown = panels(result)
     at = np.arange(len(result["names"]))
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(1, 2, figsize=(8, 5.2), sharey=True)
-        width = 0.8 / len(panels)
+        width = 0.8 / len(shown)
         for axis, key, spread, label in (
             (axes[0], "impurity_percent", "impurity_sd", "impurity importance (%)"),
             (axes[1], "permutation", "permutation_sd", "permutation importance (loss of $R^2$)"),
         ):
-            for k, (title, values) in enumerate(panels.items()):
+            for k, (title, values) in enumerate(shown.items()):
                 place = at - 0.4 + width * (k + 0.5)
                 axis.barh(
                     place,
@@ -188,9 +190,30 @@ def forest_importance(result: dict[str, Any]) -> Figure:
     return figure
 
 
+def panels(result: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """What a person is shown of a sensitivity study: all together, each protocol, each of a template's outputs."""
+    shown = {_total(result): result, **result["protocols"], **result.get("outputs", {})}
+    if _scored(result):
+        return shown
+    same = {result["field"].removeprefix("summary_")}  # what all together are of; with one protocol that is the same
+    same |= set(result["protocols"]) if len(result["protocols"]) == 1 else set()
+    return {name: values for name, values in shown.items() if name not in same}
+
+
+def _scored(result: dict[str, Any]) -> bool:
+    """Whether it is about how far the model is from measured forces, not about an output."""
+    return bool(result.get("field", "objective") == "objective")
+
+
 def _total(result: dict[str, Any]) -> str:
     """What the indices of all protocols together are of."""
-    return "total objective" if "RMSE" in result.get("objective", "RMSE") else result["objective"]
+    return "total objective" if _scored(result) else str(result["objective"])
+
+
+def beside(dataset: xr.Dataset, protocol: str, output: str | None) -> tuple[str, str]:
+    """What is shown beside indices along time, and its unit: the measured force, else how far the specimen is moved."""
+    measured = output is None and f"measured_{protocol}" in dataset
+    return ("measured", "N") if measured else ("displacement", "mm")
 
 
 def _numbers(values: Any) -> np.ndarray:

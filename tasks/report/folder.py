@@ -34,7 +34,10 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredCurve:
-    """A measured curve at points that represent it, each array ``[p]``; ``total`` points were measured or stored."""
+    """A curve at points that represent it, each array ``[p]``; ``total`` points were measured or stored.
+
+    ``force_N`` is NaN where nothing was measured, but the specimen was pulled.
+    """
 
     time_s: Array
     displacement_mm: Array | None
@@ -69,7 +72,7 @@ class Found:
         """Tables of evaluations of one specimen, by its name; the one with the most points of its curves first."""
         found: dict[str, list[Table]] = {}
         for table in self.store.tables() if self.store is not None else []:
-            if "objective" in table.fields:  # those of a site have none
+            if "protocol" in table.group:  # those of a site have none
                 found.setdefault(table.title.rpartition(" ")[0], []).append(table)
         for tables in found.values():
             tables.sort(key=_points, reverse=True)
@@ -92,6 +95,11 @@ class Found:
         return dict(sorted(found.items()))
 
     @property
+    def forces(self) -> bool:
+        """Whether any force was measured."""
+        return any(np.isfinite(curve.force_N).any() for every in self.measured.values() for curve in every.values())
+
+    @property
     def study(self) -> str:
         """The study file, as a person would name it in a command."""
         return str(self.runs[-1].get("study_file", "STUDY")) if self.runs else "STUDY"
@@ -100,12 +108,20 @@ class Found:
         """Why a task has no result, and what to run."""
         state, command = self.states[task], f"`sinew {task} {self.study}`"
         told = {
-            "not run": f"Not run yet: {command}.",
+            "not run": self._not_run(task, command),
             "running": "Running now: its section fills when it ends.",
             "stopped": f"Stopped before its end; {command} goes on, finished rows are kept.",
             "failed": f"Failed: {state.why}. Then {command} goes on, finished rows are kept.",
         }
         return told.get(state.word, f"{state.why[:1].upper()}{state.why[1:]}.")
+
+    def _not_run(self, task: str, command: str) -> str:
+        if self.runs and self.runs[-1].get("simulator") == "template":
+            if task == "discover":
+                return "Not for a template: what this names are effects of sinew's own tissue."
+            if task in ("calibrate", "infer", "predict", "compare") and not self.forces:
+                return f"Not run: it needs measured curves ({command[:-1]} --data COHORT`)."
+        return f"Not run yet: {command}."
 
 
 def read_folder(folder: Path) -> Found:
@@ -147,7 +163,7 @@ def spread(time: Array, count: int) -> Array:
 
 
 def _points(table: Table) -> int:
-    return sum(array.shape[0] for name, array in table.group.arrays() if name.startswith("measured_"))
+    return sum(array.shape[0] for name, array in table.group.arrays() if name.startswith("displacement_"))
 
 
 def _curves(table: Table) -> Iterator[tuple[str, MeasuredCurve]]:
@@ -159,12 +175,14 @@ def _curves(table: Table) -> Iterator[tuple[str, MeasuredCurve]]:
 
 
 def columns_of(table: Table, protocol: str) -> tuple[Array, Array, Array]:
-    """Times (s), displacements (mm) and measured forces (N) ``[t]`` that a table holds of a protocol."""
-    time, moved, force = (
-        np.asarray(table.group[f"{kind}_{protocol}"][:])  # type: ignore[index]
-        for kind in ("time", "displacement", "measured")
-    )
-    return time, moved, force
+    """Times (s), displacements (mm) and measured forces (N, NaN: none) ``[t]`` that a table holds of a protocol."""
+
+    def column(kind: str) -> Array:
+        return np.asarray(table.group[f"{kind}_{protocol}"][:])  # type: ignore[index]
+
+    time = column("time")
+    force = column("measured") if f"measured_{protocol}" in table.group else np.full(time.size, np.nan)
+    return time, column("displacement"), force
 
 
 def _read_result(path: Path) -> dict[str, Any] | None:

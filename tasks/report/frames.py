@@ -8,16 +8,32 @@ import pandas as pd
 Told = dict[str, Any]
 
 
+def by_output(told: Told) -> dict[str, Told]:
+    """What a sensitivity study tells of: all together (``total``), each protocol, each of a template's outputs."""
+    return {"total": told, **told["protocols"], **told.get("outputs", {})}
+
+
+def courses(told: Told) -> dict[str, tuple[str, str | None]]:
+    """What there are Sobol indices of along time, by a name: a specimen, and an output (None: the force)."""
+    outputs = {None if one["is_force"] else name: name for name, one in told.get("outputs", {}).items()} or {None: ""}
+    found = {}
+    for specimen in told["tables"]:
+        for output, name in outputs.items():
+            both = f"{specimen}: {name}" if len(told["tables"]) > 1 else name
+            found[both if name else specimen] = (specimen, output)
+    return found
+
+
 def sobol(told: Told) -> pd.DataFrame:
-    """Indices and intervals by output (``total`` and each protocol) and parameter."""
-    outputs = {"total": told, **told["protocols"]}
-    return _by_output(told["names"], outputs, ("S1", "S1_conf", "ST", "ST_conf"))
+    """Indices and intervals by output (``total``, each protocol, each of a template's outputs) and parameter."""
+    return _by_output(told["names"], by_output(told), ("S1", "S1_conf", "ST", "ST_conf"))
 
 
 def importance(told: Told) -> pd.DataFrame:
     """Importance by output and parameter: impurity in percent, permutation as a loss of R2."""
-    outputs = {"total": told, **told["protocols"]}
-    return _by_output(told["names"], outputs, ("impurity_percent", "impurity_sd", "permutation", "permutation_sd"))
+    return _by_output(
+        told["names"], by_output(told), ("impurity_percent", "impurity_sd", "permutation", "permutation_sd")
+    )
 
 
 def calibrate(told: Told) -> pd.DataFrame:

@@ -8,7 +8,8 @@ import xarray as xr
 
 from tasks.evaluate import kept_points
 from tasks.model import Specimen
-from tasks.report.figures import DRAWN
+from tasks.report.figures import DRAWN, beside
+from tasks.report.frames import by_output
 from tasks.report.posterior import curves_of
 from tasks.simulate import Array
 
@@ -26,7 +27,7 @@ def importance(result: dict[str, Any]) -> pd.DataFrame:
 
 def _by_objective(result: dict[str, Any], keys: tuple[str, ...]) -> pd.DataFrame:
     parts = []
-    for name, values in {"total": result, **result["protocols"]}.items():
+    for name, values in by_output(result).items():
         columns = {key: np.array(values[key], dtype=float) for key in keys}
         parts.append(pd.DataFrame({"objective": name, "parameter": result["names"], **columns}))
     return pd.concat(parts, ignore_index=True)
@@ -42,15 +43,17 @@ def sobol_convergence(result: dict[str, Any]) -> pd.DataFrame:
     )
 
 
-def sobol_along_time(dataset: xr.Dataset) -> pd.DataFrame:
-    """Indices of the force at each kept moment of each protocol."""
+def sobol_along_time(dataset: xr.Dataset, output: str | None = None) -> pd.DataFrame:
+    """Indices of the force, or of an output, at each kept moment of each protocol."""
+    prefix = "" if output is None else f"{output}_"
     parts = []
     for dim in sorted(str(name) for name in dataset.dims if str(name).startswith("time_")):
         protocol = dim.removeprefix("time_")
-        time, measured = dataset[dim].to_numpy(), dataset[f"measured_{protocol}"].to_numpy()
+        kind, unit = beside(dataset, protocol, output)
+        history = {"time_s": dataset[dim].to_numpy(), f"{kind}_{unit}": dataset[f"{kind}_{protocol}"].to_numpy()}
         for j, name in enumerate(map(str, dataset["parameter"].to_numpy())):
-            columns = {"protocol": protocol, "parameter": name, "time_s": time, "measured_N": measured}
-            columns |= {key: dataset[f"{key}_{protocol}"].to_numpy()[j] for key in ("ST", "ST_conf")}
+            columns = {"protocol": protocol, "parameter": name, **history}
+            columns |= {key: dataset[f"{key}_{prefix}{protocol}"].to_numpy()[j] for key in ("ST", "ST_conf")}
             parts.append(pd.DataFrame(columns))
     return pd.concat(parts, ignore_index=True)
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from runner.store import open_store
 from tasks.problems import BadInput, shown
 from tasks.report import calibration, discovery, figures, posterior, prediction, site_figures
+from tasks.report.frames import courses
 
 Told = dict[str, Any]
 
@@ -86,10 +87,8 @@ VIEWS: dict[str, dict[str, View]] = {
         "indices": View(lambda told, folder, _: figures.sobol_indices(told)),
         "convergence": View(lambda told, folder, _: figures.sobol_convergence(told)),
         "time": View(
-            lambda told, folder, specimen: figures.sobol_along_time(
-                _kept(folder, f"sobol_time/{told['tables'][specimen]}"), told["names"]
-            ),
-            lambda told: list(told["tables"]),
+            lambda told, folder, course: _along_time(told, folder, *courses(told)[course]),
+            lambda told: list(courses(told)),
         ),
     },
     "importance": {"importance": View(lambda told, folder, _: figures.forest_importance(told))},
@@ -118,6 +117,11 @@ VIEWS: dict[str, dict[str, View]] = {
         ),
     },
 }
+
+
+def _along_time(told: Told, folder: Path, specimen: str, output: str | None) -> Figure:
+    kept = _kept(folder, f"sobol_time/{told['tables'][specimen]}")
+    return figures.sobol_along_time(kept, told["names"], output)
 
 
 def _correlations(told: Told, folder: Path) -> Figure:

@@ -29,10 +29,13 @@ from tasks.simulate.febio import MAX_TEMPLATE_BYTES, at_every_row, from_rest, lo
 
 MAX_FILES = 100
 RENDER_S = 300.0  # of the clock; rendering.SECONDS are of a processor
-HISTORY = (
+TAKEN = {
     *("displacement_points", "step_points", "first_step_s", "end_s", "steps", "time_s", "displacement_mm", "protocol"),
-)
-"""What a template can use besides the parameters and ``specimen``."""
+    *("specimen", "range", "namespace", "loop", "self", "super", "caller", "varargs", "kwargs"),
+    *("true", "false", "none", "True", "False", "None", "and", "or", "not", "if", "else", "elif", "in", "is", "for"),
+    *("import", "include", *rendering.FUNCTIONS, *rendering.CONSTANTS),
+}
+"""Names that a parameter of a template cannot have."""
 
 Reduce = Literal["single", "sum", "mean", "max", "min"]
 _REDUCE: dict[str, Callable[..., Array]] = {

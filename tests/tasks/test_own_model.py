@@ -2,12 +2,8 @@
 
 import copy
 import json
-import os
 import shutil
-import signal
-import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +12,13 @@ import pytest
 import xarray as xr
 import yaml
 
-from runner.store import STATUSES, open_store
+import tasks
+from runner.store import STATUSES
 from tasks import cli
+from tasks.report.figures import FORMATS
+from tasks.report.page import build
 from tasks.resources import resource
 from tests.tasks.simulate.test_template import stand_in
-from tests.tasks.test_survival import committed
 
 NAMES = ["E_matrix", "nu", "g_1", "tau_1"]
 TRUTH = (20.0, 0.3, 0.8, 8.0)
@@ -77,7 +75,7 @@ def test_sobol_and_importance_of_any_output(tmp_path, settings, capsys):
     assert "Total order Sobol indices of each output" in told
     assert "narrowing" in told
     result = json.loads((tmp_path / "out" / "sobol.json").read_text())
-    assert result["objective"] == "sum over protocols of the largest force in N"
+    assert result["objective"] == "largest force in N"
     assert result["names"] == NAMES
     assert result["failed"] == 0
     assert set(result["outputs"]) == {"force", "gauge_stress", "shoulder_stress", "narrowing"}
@@ -87,8 +85,8 @@ def test_sobol_and_importance_of_any_output(tmp_path, settings, capsys):
     forest = json.loads((tmp_path / "out" / "importance.json").read_text())
     assert NAMES[np.argmax(forest["outputs"]["narrowing"]["impurity_percent"])] == "nu"
 
-    store = xr.open_datatree(tmp_path / "out" / "store.zarr", engine="zarr")
-    (table,) = store["evaluations"].children.values()
+    results = tasks.results(tmp_path / "out")
+    (table,) = results.xarray()["evaluations"].children.values()
     assert table["gauge_stress_relaxation"].dims == ("row", "time_relaxation")
     assert table["gauge_stress_relaxation"].attrs["units"] == "MPa"
     assert table["summary_narrowing"].dims == ("row", "protocol")
@@ -97,8 +95,24 @@ def test_sobol_and_importance_of_any_output(tmp_path, settings, capsys):
     assert np.allclose(table["summary_force"].squeeze(), table["force_relaxation"].max("time_relaxation"))
     along = xr.open_zarr(tmp_path / "out" / "store.zarr", group=f"sobol_time/{table.name}", consolidated=False)
     assert along["ST_narrowing_relaxation"].dims == ("parameter", "time_relaxation")
-    figures = {path.name for path in (tmp_path / "out" / "figures").glob("*.png")}
-    assert {f"sobol_time_{table.name}.png", f"sobol_time_{table.name}_narrowing.png"} <= figures
+    figures = {path.name for path in (tmp_path / "out" / "figures").glob("*")}
+    drawn = {f"sobol_time_{table.name}{ending}" for ending in ("", "_gauge_stress", "_shoulder_stress", "_narrowing")}
+    assert {f"{name}.{kind}" for name in ("sobol", "importance", *drawn) for kind in FORMATS} <= figures
+    shown = pd.read_csv(tmp_path / "out" / "figures" / f"sobol_time_{table.name}_narrowing.csv")
+    assert shown.columns.to_list() == ["protocol", "parameter", "time_s", "displacement_mm", "ST", "ST_conf"]
+
+    assert results.sobol.table.loc["narrowing", "ST"].idxmax() == "nu"
+    assert set(results.sobol.plots["time"]) == set(result["outputs"])
+    results.sobol.plot("time", "narrowing")
+    _, values = results.salib_samples("dogbone")
+    assert values == pytest.approx(table["summary_force"].to_numpy()[:, 0])
+    assert results.salib_result("narrowing")["ST"] == pytest.approx(result["outputs"]["narrowing"]["ST"])
+    assert "summary_narrowing_relaxation" in results.samples(table.name)
+    built = build(tmp_path / "out")
+    assert built.trouble == ()
+    assert all(words in built.path.read_text() for words in ("Nothing was measured", "narrowing", "it needs measured"))
+    sinew("watch", tmp_path / "out", "--once")
+    assert "dogbone" in capsys.readouterr().out
 
     settings["sobol"]["output"] = "narrowing"
     sinew("run", written(tmp_path, settings), "--out", tmp_path / "out", "--workers", "2")
@@ -107,22 +121,9 @@ def test_sobol_and_importance_of_any_output(tmp_path, settings, capsys):
     assert other["ST"] == pytest.approx(result["outputs"]["narrowing"]["ST"])
 
 
-def test_calibration_finds_the_parameters_again(tmp_path, settings):
-    settings["calibrate"] = {"methods": ["least_squares"], "evaluations": 60, "starts": 2}
+def test_from_a_curve_to_its_parameters_and_predictions(tmp_path, settings):
     settings["model"]["parameters"]["nu"] = {"fixed": 0.3}  # of a bar in tension it hardly matters to the force
-    study = written(tmp_path, with_cohort(tmp_path, settings))
-    sinew("calibrate", study, "--out", tmp_path / "out", "--workers", "2", "--quiet")
-    found = json.loads((tmp_path / "out" / "calibrate.json").read_text())["specimens"]["made"]
-    for name, value in zip(NAMES, TRUTH, strict=True):
-        assert found["parameters"][name] == pytest.approx(value, rel=1e-3), name
-    store = open_store(tmp_path / "out")
-    (table,) = (each for each in store.tables() if len(each) > 5)
-    assert "objective" in table.fields
-    assert "gauge_stress_relaxation" in table.fields
-
-
-def test_inference_and_prediction_work_on_the_force(tmp_path, settings):
-    settings["calibrate"] = {"methods": ["least_squares"], "evaluations": 12, "starts": 1}
+    settings["calibrate"] = {"methods": ["least_squares"], "evaluations": 32, "starts": 1}
     settings["infer"] = {"population": 4, "generations": 1, "epsilon": 3.0, "pending": 4}
     settings["predict"] = {"draws": 2}
     settings["tasks"] = ["calibrate", "infer", "predict"]
@@ -130,43 +131,20 @@ def test_inference_and_prediction_work_on_the_force(tmp_path, settings):
     (tmp_path / "cohort" / "here").mkdir()
     shutil.move(tmp_path / "cohort" / "made", tmp_path / "cohort" / "here" / "made")
     sinew("run", written(tmp_path, sited), "--out", tmp_path / "out", "--workers", "2", "--quiet")
-    posterior = json.loads((tmp_path / "out" / "infer.json").read_text())["sites"]["here"]["parameters"]
-    ranges = settings["model"]["parameters"]
-    assert list(posterior) == NAMES
-    assert all(ranges[name]["min"] <= told["mean"] <= ranges[name]["max"] for name, told in posterior.items())
-    assert (tmp_path / "out" / "predict.json").is_file()
-
-
-def test_a_killed_study_goes_on_where_it_was(tmp_path, settings):
-    """Killed in the middle: the rows that counted are not solved again, and the results are those of a calm run."""
-    notes = tmp_path / "notes"
-    program = Path(settings["simulator"]["executable"])
-    text = program.read_text()
-    solve = '        solve(Path(), given["-i"])\n'
-    assert solve in text
-    program.write_text(text.replace(solve, f"{solve}        open({str(notes)!r}, 'a').write('solved\\n')\n"))
-    study = written(tmp_path, settings)
-    command = [sys.executable, "-m", "tasks.cli", "sobol", str(study), "--quiet", "--workers", "2", "--out"]
-    process = subprocess.Popen([*command, str(tmp_path / "killed")])
-    deadline = time.monotonic() + 200
-    while not notes.exists() or len(notes.read_text().splitlines()) < 6:
-        assert process.poll() is None, "it ended before it could be killed"
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    time.sleep(2.0)  # what it had started is ended by its guards
-    before, counted = len(notes.read_text().splitlines()), len(committed(tmp_path / "killed"))
-    subprocess.run([*command, str(tmp_path / "killed")], check=True)
-    assert len(notes.read_text().splitlines()) == before + 24 - counted
-    subprocess.run([*command, str(tmp_path / "calm")], check=True)
-    one, other = (open_store(tmp_path / name).tables()[0] for name in ("killed", "calm"))
-    rows = np.arange(24)
-    assert one.status.tolist() == other.status.tolist() == [0] * 24
-    for field in one.fields:
-        assert one.read(field, rows).tobytes() == other.read(field, rows).tobytes()
-    results = [json.loads((tmp_path / name / "sobol.json").read_text()) for name in ("killed", "calm")]
-    assert results[0] == results[1]
+    results = tasks.results(tmp_path / "out")
+    assert results.calibrate.table.loc["here/made", NAMES].astype(float).to_list() == pytest.approx(TRUTH, rel=1e-3)
+    free = [name for name in NAMES if name != "nu"]
+    posterior = results.infer.table.loc["here"]
+    assert posterior.index.to_list() == free
+    for name in free:
+        low, high = (settings["model"]["parameters"][name][end] for end in ("min", "max"))
+        assert low <= posterior["mean"][name] <= high
+    assert results.predict.table["all"].between(0, 1).all()
+    table = max(results.xarray()["evaluations"].children.values(), key=lambda each: each.sizes["row"])
+    assert {"objective", "gauge_stress_relaxation", "summary_narrowing"} <= set(table.data_vars)
+    built = build(tmp_path / "out")
+    assert built.trouble == ()
+    assert "Not for a template" in built.path.read_text()
 
 
 def test_failures_are_rows_with_reasons(tmp_path, settings):
@@ -232,6 +210,10 @@ WRONG = {
     "both": ("cohort", "cohort", "protocols: given beside cohort"),
     "nothing to follow": ("protocols", None, "given without protocols"),
     "unknown sobol output": ("sobol.output", "stretch", "sobol.output: no output 'stretch'; expected one of force"),
+    "output like a protocol": (
+        "simulator.outputs.relaxation",
+        {"data": "node_data", "item": "uz", "ids": [1]}, "two things are called relaxation"
+    ),
     "discover": ("tasks", ["discover"], "discover names effects of sinew's own tissue"),
     "calibrate nothing": ("tasks", ["calibrate"], "missing, and calibrate needs measured curves"),
     "two of a name": (
@@ -270,32 +252,6 @@ def test_measured_curves_need_a_force(tmp_path, settings, capsys):
     study = written(tmp_path, settings)
     sinew("calibrate", study, "--out", tmp_path / "out", "--data", tmp_path / "cohort", expect=2)
     assert "simulator.force: missing, and calibrate needs it" in capsys.readouterr().err
-
-
-def test_the_doctor_tries_one_evaluation(tmp_path, settings, capsys):
-    sinew("doctor", written(tmp_path, settings), "--out", tmp_path / "out", "--workers", "1")
-    said = capsys.readouterr().out
-    assert "ok   canary: dogbone: ok in " in said
-    assert "version 1.0.analytic_bar" in said
-
-
-def test_the_tutorial(tmp_path):
-    """Its cells, one after the other, in a process and a folder of their own; without febio4 it says so and goes on."""
-    path = Path(__file__).parents[2] / "docs" / "tutorials" / "own_template.ipynb"
-    notebook = json.loads(path.read_text())
-    cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
-    assert all(cell.get("outputs", []) == [] for cell in notebook["cells"])
-    (tmp_path / "cells.py").write_text("\n\n".join(["import matplotlib\nmatplotlib.use('Agg')", *cells]))
-    done = subprocess.run(
-        [sys.executable, "cells.py"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])},
-    )
-    assert done.returncode == 0, done.stderr
-    assert ("analytic bar" in done.stdout) == (shutil.which("febio4") is None)
 
 
 @pytest.mark.febio

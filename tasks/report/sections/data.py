@@ -1,4 +1,4 @@
-"""Data: the specimens, their curves, and what is known of both."""
+"""Data: the specimens, their curves, and what is known of both; without measured forces, how far they are pulled."""
 
 import json
 from typing import Any
@@ -20,23 +20,26 @@ def section(found: Found) -> Section:
     sites = sorted({name.rpartition("/")[0] for name in measured} - {""})
     protocols = list(dict.fromkeys(protocol for _, protocol, _ in curves))
     largest = max(curve.total for *_, curve in curves)
+    what = "Measured curves" if found.forces else "Nothing was measured: displacements that the study asks for"
     blocks: list[Block] = [
         plots.picked(
             "data-curves",
-            f"Measured curves, each at up to {plural(min(largest, POINTS), 'point')} that represent it.",
+            f"{what}, each at up to {plural(min(largest, POINTS), 'point')} that represent it.",
             "Specimen",
             {name: _sources(every, protocols) for name, every in measured.items()},
-            lambda sources: _draw(sources, protocols),
+            lambda sources: _draw(sources, protocols, forces=found.forces),
         ),
         _table(found),
     ]
+    kind = "curve" if found.forces else "protocol"
     of = f" of {plural(len(sites), 'site')}" if sites else ""
     return Section(
         "data",
         title,
         question,
         blocks,
-        found=f"{plural(len(measured), 'specimen')}{of}, {plural(len(curves), 'curve')} ({', '.join(protocols)})",
+        found=f"{plural(len(measured), 'specimen')}{of}, {plural(len(curves), kind)} ({', '.join(protocols)})"
+        + ("" if found.forces else "; nothing was measured"),
     )
 
 
@@ -55,21 +58,22 @@ def _sources(every: dict[str, MeasuredCurve], protocols: list[str]) -> dict[str,
     return told
 
 
-def _draw(sources: plots.Sources, protocols: list[str]) -> list[Plot]:
+def _draw(sources: plots.Sources, protocols: list[str], *, forces: bool) -> list[Plot]:
+    words = {"time": "time (s)", "displacement": "displacement (mm)", "force": "force (N)"}
+    told = [("time", "@time{0.00} s"), ("displacement", "@displacement{0.0000} mm"), ("force", "@force{0.0} N")]
     drawn: list[Plot] = []
-    for across, words in (("time", "time (s)"), ("displacement", "displacement (mm)")):
-        plot = plots.figure(words, "force (N)", height=320)
+    for across, up in (("time", "force"), ("displacement", "force")) if forces else (("time", "displacement"),):
+        plot = plots.figure(words[across], words[up], height=320)
         entries = []
         for number_, protocol in enumerate(protocols):
             style = {"color": plots.colour(number_), "line_dash": plots.dash(number_), "line_width": 1.6}
-            line = plot.line(across, "force", source=sources[protocol], **style)
-            rows = [(protocol, ""), ("time", "@time{0.00} s"), ("displacement", "@displacement{0.0000} mm"),
-                    ("force", "@force{0.0} N")]  # fmt: skip
-            plots.hover(plot, line, [(name, value or "") for name, value in rows])
+            line = plot.line(across, up, source=sources[protocol], **style)
+            plots.hover(plot, line, [(protocol, ""), *(told if forces else told[:2])])
             entries.append((protocol.replace("_", " "), [line]))
         plots.legend(plot, entries)
-        label = f"Measured force of the picked specimen over {across}, a line for each protocol"
-        drawn.append(plots.plot(f"data-{across}", plot, label))
+        what = "Measured force" if forces else "Displacement"
+        label = f"{what} of the picked specimen over {across}, a line for each protocol"
+        drawn.append(plots.plot(f"data-{across}", plot, label, wide=not forces))
     return drawn
 
 

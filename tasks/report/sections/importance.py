@@ -6,7 +6,7 @@ import numpy as np
 
 from tasks.report import plots
 from tasks.report.blocks import Block, Plot, Section
-from tasks.report.figures import COLOURS
+from tasks.report.figures import COLOURS, panels
 from tasks.report.folder import Found
 
 
@@ -28,7 +28,7 @@ def section(found: Found) -> Section:
 
 def _importances(result: dict[str, Any]) -> Block:
     names = result["names"]
-    panels = {"total objective": result, **result["protocols"]}
+    shown = panels(result)
 
     def columns(values: dict[str, Any]) -> dict[str, Any]:
         told: dict[str, Any] = {"parameter": names}
@@ -52,7 +52,7 @@ def _importances(result: dict[str, Any]) -> Block:
             drawn.append(plots.plot(f"importance-{key}", plot, f"{label} of the picked objective by parameter"))
         return drawn
 
-    told = {name: f"R² on unseen rows: {values['r2_on_unseen']:.3f}" for name, values in panels.items()}
+    told = {name: f"R² on unseen rows: {values['r2_on_unseen']:.3f}" for name, values in shown.items()}
     caption = "Importance of each parameter; lines: one standard deviation over permutations and trees."
-    data = {name: columns(values) for name, values in panels.items()}
+    data = {name: columns(values) for name, values in shown.items()}
     return plots.picked("importance-objectives", caption, "Objective", data, draw, told)

@@ -7,8 +7,9 @@ from bokeh.transform import dodge
 
 from tasks.report import plots
 from tasks.report.blocks import Block, Plot, Plots, Section, Words, listed, percent, plural
-from tasks.report.figures import COLOURS
+from tasks.report.figures import COLOURS, panels
 from tasks.report.folder import Found
+from tasks.report.frames import courses
 
 SHOWN = 6  # lines in a plot along time
 
@@ -19,6 +20,8 @@ def section(found: Found) -> Section:
     result = found.results.get("sobol")
     if result is None:
         return Section("sensitivity", title, question, missing=found.missing("sobol"))
+    if result.get("outputs"):
+        question = "Which parameters decide each output, alone and together?"
     level = percent(result["confidence"])
     blocks: list[Block] = [_indices(result, level)]
     blocks += [block for block in (_along_time(found, result, level), _convergence(result, level)) if block]
@@ -43,7 +46,7 @@ def section(found: Found) -> Section:
 
 def _indices(result: dict[str, Any], level: str) -> Block:
     names = result["names"]
-    panels = {"total objective": result, **result["protocols"], **result["specimens"]}
+    shown = panels(result) | (result["specimens"] if len(result["specimens"]) > 1 else {})
 
     def columns(values: dict[str, Any]) -> dict[str, Any]:
         told: dict[str, Any] = {"parameter": names}
@@ -75,7 +78,7 @@ def _indices(result: dict[str, Any], level: str) -> Block:
         ]
 
     caption = f"Sobol indices of the {result['objective']}; lines: {level} intervals. {result['rows']:,} rows."
-    data = {name: columns(values) for name, values in panels.items()}
+    data = {name: columns(values) for name, values in shown.items()}
     return plots.picked("sensitivity-objectives", caption, "Objective", data, draw)
 
 
@@ -88,24 +91,28 @@ def _along_time(found: Found, result: dict[str, Any], level: str) -> Block | Non
         dict.fromkeys(str(dim).removeprefix("time_") for each in kept.values() for dim in sorted(map(str, each.dims))
                       if str(dim).startswith("time_"))
     )  # fmt: skip
+    outputs = bool(result.get("outputs"))
+    of, beside, unit = ("the picked output", "displacement", "mm") if outputs else ("the force", "measured", "N")
+    digits = "0.000" if outputs else "0.0"
+    shown = courses(result)
     strongest = np.zeros(len(names))
-    for dataset in kept.values():
+    for specimen, output in shown.values():
         for protocol in protocols:
-            if f"ST_{protocol}" in dataset:
-                index = np.nan_to_num(dataset[f"ST_{protocol}"].to_numpy())
+            if (key := _key(protocol, output)) in kept[specimen]:
+                index = np.nan_to_num(kept[specimen][key].to_numpy())
                 strongest = np.maximum(strongest, index.max(axis=1))
     chosen = [int(j) for j in np.argsort(-strongest)[:SHOWN]]
 
-    def columns(dataset: Any) -> dict[str, Any]:
+    def columns(dataset: Any, output: str | None) -> dict[str, Any]:
         told: dict[str, Any] = {}
         for protocol in protocols:
-            if f"ST_{protocol}" not in dataset:
-                told[protocol] = {"time": [], "measured": []} | {f"{kind}{j}": [] for j in chosen for kind in "vlh"}
+            if _key(protocol, output) not in dataset:
+                told[protocol] = {"time": [], beside: []} | {f"{kind}{j}": [] for j in chosen for kind in "vlh"}
                 continue
-            index, conf = (dataset[f"{key}_{protocol}"].to_numpy() for key in ("ST", "ST_conf"))
+            index, conf = (dataset[_key(protocol, output, key)].to_numpy() for key in ("ST", "ST_conf"))
             told[protocol] = {
                 "time": dataset[f"time_{protocol}"].to_numpy(),
-                "measured": dataset[f"measured_{protocol}"].to_numpy(),
+                beside: dataset[f"{beside}_{protocol}"].to_numpy(),
                 **{f"v{j}": index[j] for j in chosen},
                 **{f"l{j}": index[j] - conf[j] for j in chosen},
                 **{f"h{j}": index[j] + conf[j] for j in chosen},
@@ -115,7 +122,8 @@ def _along_time(found: Found, result: dict[str, Any], level: str) -> Block | Non
     def draw(sources: plots.Sources) -> list[Plot]:
         drawn: list[Plot] = []
         for protocol in protocols:
-            plot = plots.figure(f"time (s), {protocol.replace('_', ' ')}", "total order index of the force", height=330)
+            across = f"time (s), {protocol.replace('_', ' ')}"
+            plot = plots.figure(across, "total order index" + ("" if outputs else " of the force"), height=330)
             entries = []
             for rank, j in enumerate(chosen):
                 colour = plots.colour(rank)
@@ -123,20 +131,23 @@ def _along_time(found: Found, result: dict[str, Any], level: str) -> Block | Non
                 style = {"color": colour, "line_dash": plots.dash(rank), "line_width": 1.6}
                 line = plot.line("time", f"v{j}", source=sources[protocol], **style)
                 rows = [("parameter", names[j]), ("time", "@time{0.0} s"), ("index", f"@v{j}{{0.000}}"),
-                        ("measured", "@measured{0.0} N")]  # fmt: skip
+                        (beside, f"@{beside}{{{digits}}} {unit}")]  # fmt: skip
                 plots.hover(plot, line, rows)
                 entries.append((names[j], [line, band]))
             plots.legend(plot, entries)
             plot.y_range.start = -0.05
-            label = f"{protocol}: which parameters decide the force, along time"
+            label = f"{protocol}: which parameters decide {of}, along time"
             drawn.append(plots.plot(f"sensitivity-time-{len(drawn)}", plot, label))
         return drawn
 
-    caption = (
-        f"Total order indices of the force along each protocol, the {len(chosen)} largest; bands: {level} intervals."
-    )
-    data = {name: columns(dataset) for name, dataset in kept.items()}
-    return plots.picked("sensitivity-times", caption, "Specimen", data, draw)
+    caption = f"Total order indices of {of} along each protocol, the {len(chosen)} largest; bands: {level} intervals."
+    data = {name: columns(kept[specimen], output) for name, (specimen, output) in shown.items()}
+    return plots.picked("sensitivity-times", caption, "Output" if outputs else "Specimen", data, draw)
+
+
+def _key(protocol: str, output: str | None, key: str = "ST") -> str:
+    """What the store calls the indices of the force, or of an output, along a protocol."""
+    return f"{key}_{protocol}" if output is None else f"{key}_{output}_{protocol}"
 
 
 def _convergence(result: dict[str, Any], level: str) -> Block | None:

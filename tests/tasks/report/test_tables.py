@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib import pyplot as plt
+from matplotlib.mathtext import MathTextParser
 
 from runner.store import open_store
 from tasks.report import discovery, figures, tables
@@ -98,3 +99,19 @@ def test_separation_has_its_three_panels(whole_run):
     assert set(table["panel"]) == {"roc", "density", "loading"}
     loadings = table[table["panel"] == "loading"].set_index("series")["x"]
     assert loadings.to_dict() == pytest.approx(told["component"]["loadings"])
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("tau_1f", r"$\tau_{1f}$"),
+        ("nu", r"$\nu$"),
+        ("E_matrix", "$E_{matrix}$"),
+        ("E_1_2", "E_1_2"),
+        ("g_", "g_"),
+        ("k", "k"),
+    ],
+)
+def test_names_of_parameters_are_formulas_where_they_can_be(name, shown):
+    assert figures.symbol(name) == shown
+    MathTextParser("path").parse(figures.symbol(name))
