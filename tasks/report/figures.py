@@ -231,7 +231,7 @@ def calibration_convergence(result: dict[str, Any]) -> Figure:
             ends = []
             for told in result["specimens"].values():
                 found = told["methods"].get(method)
-                if found is None or not told["noise_N"]:
+                if found is None or not (told["noise_N"] or 0.0) > 0.0:  # None or NaN: nothing is known of it
                     continue
                 used, totals = np.array(found["trace"], dtype=float).T
                 above = np.maximum(100 * (totals / told["noise_N"] - 1.0), 0.1)

@@ -115,3 +115,11 @@ def test_separation_has_its_three_panels(whole_run):
 def test_names_of_parameters_are_formulas_where_they_can_be(name, shown):
     assert figures.symbol(name) == shown
     MathTextParser("path").parse(figures.symbol(name))
+
+
+@pytest.mark.parametrize("noise", [None, float("nan"), 0.5])
+def test_fits_are_drawn_whether_or_not_the_noise_is_known(tmp_path, noise):
+    told = {"noise_N": noise, "methods": {"least_squares": {"trace": [[1, 2.0], [5, 1.0]]}}}
+    found = {"methods": ["least_squares"], "specimens": {"short": told}}
+    figures.save(figures.calibration_convergence(found), tmp_path, "fits", tables.calibration_convergence(found))
+    assert (tmp_path / "fits.png").is_file()
