@@ -21,7 +21,6 @@ extensions = [
     "sphinx_copybutton",
 ]
 exclude_patterns = ["_build", "**/.ipynb_checkpoints"]
-PLACES = ("tutorials/own_template", "terminal", "report", "own_model")  # in the table of contents, once they are there
 
 html_theme = "furo"
 html_title = "sinew"
@@ -60,8 +59,7 @@ nitpick_ignore_regex = [
 
 
 def setup(app: Any) -> None:
-    """What this site has of its own: places for pages that are not there yet; it refuses to fetch anything."""
-    app.connect("source-read", _drop_places)
+    """What this site has of its own: it refuses to fetch anything."""
     app.connect("sphinx-click-process-epilog", _plain)
     app.connect("build-finished", _check_offline)
 
@@ -69,12 +67,6 @@ def setup(app: Any) -> None:
 def _plain(app: Any, command: Any, lines: list[str]) -> None:
     """Examples of commands are no markup: a star in them is a star."""
     lines[:] = [line.replace("*", r"\*") for line in lines]
-
-
-def _drop_places(app: Any, name: str, source: list[str]) -> None:
-    if name == "index":
-        missing = {place for place in PLACES if place not in app.env.found_docs}
-        source[0] = "\n".join(line for line in source[0].splitlines() if line not in missing)
 
 
 def _check_offline(app: Any, failure: Exception | None) -> None:

@@ -10,6 +10,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -175,6 +176,21 @@ def configs(folder: Path) -> None:
         (folder / "configs" / path.name).write_bytes(path.read_bytes())
 
 
+def dogbone(folder: Path) -> None:
+    """The dog-bone with fewer rows; what is called febio4 here is the stand-in of the notebook."""
+    (folder / "configs").mkdir()
+    shutil.copytree(ROOT / "configs" / "dogbone", folder / "configs" / "dogbone")
+    text = (ROOT / "configs" / "dogbone.yaml").read_text()
+    for said, small in (("base_samples: 32", "base_samples: 4"), ("points: 131", "points: 14"),
+                        ("evaluations: 120", "evaluations: 10")):  # fmt: skip
+        assert said in text
+        text = text.replace(said, small)
+    (folder / "configs" / "dogbone.yaml").write_text(text)
+    program = (ROOT / "configs" / "dogbone" / "analytic_bar.py").read_text()
+    (folder / "bin" / "febio4").write_text(program.replace("/usr/bin/env python3", f"{sys.executable} -I", 1))
+    (folder / "bin" / "febio4").chmod(0o755)
+
+
 def slurm(folder: Path) -> None:
     """The profiles of a checkout, where a reader stands after the first steps."""
     (folder / "slurm").mkdir()
@@ -197,7 +213,8 @@ def shared(folder: Path) -> None:
 
 FIXTURES = {
     "study": study, "one site": one_site, "cohort": cohort, "exports": exports, "hidden": hidden,
-    "real exports": real_exports, "configs": configs, "slurm": slurm, "demo": demo, "shared": shared,
+    "real exports": real_exports, "configs": configs, "dogbone": dogbone, "slurm": slurm, "demo": demo,
+    "shared": shared,
 }  # fmt: skip
 
 
