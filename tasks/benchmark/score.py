@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import binomtest
 
 from tasks.benchmark.answers import Answer
 from tasks.benchmark.told import Option, Told
+from tasks.discover.confidence import MEANING, clopper_pearson
 
 CLEAR = 30.0  # of a whitened sum of squares, beyond what it is expected to be
 DEVIATIONS = 3.0  # standard deviations of that sum, on top
@@ -56,8 +56,7 @@ class Share:
         """95 % interval of the share (Clopper and Pearson 1934)."""
         if not self.of:
             return None
-        found = binomtest(self.count, self.of).proportion_ci(confidence_level=0.95, method="exact")
-        return float(found.low), float(found.high)
+        return clopper_pearson(self.count, self.of)
 
 
 @dataclass(frozen=True)
@@ -187,7 +186,20 @@ def shares(cases: Sequence[Case]) -> list[Share]:
         _share("NONE or AMBIGUOUS where nothing can be seen", by_class[UNDETECTABLE], lambda case: _word(case)
                in ("NONE", "AMBIGUOUS")),
         coverage(cases),
+        *by_word(cases).values(),
     ]  # fmt: skip
+
+
+def by_word(cases: Sequence[Case]) -> dict[str, Share]:
+    """How often verdicts of each word were true: what :mod:`tasks.discover.confidence` keeps a record of."""
+    said = {word: [case for case in cases if _word(case) == word] for word in MEANING}
+    true: dict[str, Callable[[Case], bool]] = {
+        "NAMED": lambda case: not named_wrong(case),
+        "AMBIGUOUS": lambda case: bool(case.answer.truth) and inside(case),
+        "OUTSIDE": lambda case: case.answer.outside or class_of(case) == NOT_ASKED,
+        "NONE": lambda case: outcome_of(case) == RIGHT,
+    }
+    return {word: _share(f"{word}: {MEANING[word]}", said[word], true[word]) for word in MEANING}
 
 
 def medians(cases: Sequence[Case]) -> list[Median]:

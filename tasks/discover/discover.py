@@ -14,6 +14,7 @@ from runner.ensemble import Desk
 from tasks.discover.added import add_to_study, checks
 from tasks.discover.cells import located_part, misfit_map
 from tasks.discover.choose import CLEARLY, Evidence, Scored, leading, rivals, single, verdict
+from tasks.discover.confidence import confidence
 from tasks.discover.conflict import conflict, together
 from tasks.discover.experiment import Experiment, Rival, next_experiment
 from tasks.discover.explore import Effects, Explorer, agree, each_for_all, explorers
@@ -85,6 +86,7 @@ def discover(workspace: Workspace) -> dict[str, Any]:
         "effects": list(decided.effects),
         "set": list(decided.alike),
         "why": decided.why,
+        "confidence": confidence(decided.word),
         "explained": decided.explained,
         "null": {
             "loss": found.nothing.loss,

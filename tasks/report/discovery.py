@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table as Grid
 
+from tasks.discover.confidence import in_words
 from tasks.report import tables
 from tasks.report.figures import COLOURS, STYLE, save
 from tasks.workspace import Workspace
@@ -40,6 +41,8 @@ def tell(workspace: Workspace, result: dict[str, Any], console: Console) -> None
     console.print(grid)
     what = " + ".join(result["effects"]) or " or ".join(result["set"])
     console.print(f"[bold]{result['verdict']}[/bold] {what}: {result['why']}")
+    if told := result.get("confidence"):
+        console.print(in_words(told))
     gap = result["gap"]
     if gap["closed"] is not None:
         console.print(

@@ -6,6 +6,7 @@ import numpy as np
 from bokeh.models import LinearColorMapper
 from bokeh.models.annotations import ColorBar
 
+from tasks.discover.confidence import in_words
 from tasks.report import plots
 from tasks.report.blocks import Block, Code, Facts, Plot, Plots, Section, Table, Words, number, percent
 from tasks.report.discovery import FAR, UNLIKELY
@@ -55,6 +56,8 @@ def _verdict(result: dict[str, Any], what: str) -> Facts:
     rows = [("verdict", f"{result['verdict']}{f': {what}' if what else ''}"), ("because", str(result["why"]))]
     if result["verdict"] in MEANING:
         rows.append(("that means", MEANING[result["verdict"]]))
+    if told := result.get("confidence"):
+        rows.append(("how far to trust it", in_words(told)))
     if gap["closed"] is not None:
         having = f"{gap['before']:.2f} as it is, {gap['after']:.2f} with {' + '.join(result['shown'])}"
         ends = f"a true model: {gap['floor']:.2f}; gap closed: {gap['closed']:.2f}"

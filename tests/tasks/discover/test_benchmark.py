@@ -11,10 +11,11 @@ from rich.console import Console
 from tasks.benchmark import discover
 from tasks.benchmark.answers import SAME_FORM, Answer, read_answers
 from tasks.benchmark.discover import result_of
-from tasks.benchmark.score import Case, Median, Share, class_of, medians, null_rejected, outcome_of, shares
+from tasks.benchmark.score import Case, Median, Share, by_word, class_of, medians, null_rejected, outcome_of, shares
 from tasks.benchmark.selectors import SELECTORS, compare, selected
 from tasks.benchmark.told import Option, Told, told
 from tasks.cohort import virtual_cohort, write_cohort
+from tasks.discover.confidence import RECORD, confidence, in_words
 from tasks.model.effects import library
 from tasks.problems import BadInput
 from tasks.report.benchmark import markdown, tell
@@ -162,6 +163,10 @@ def test_each_row_of_the_table_counts_what_it_says():
         "named correctly, all single effects": (1, 6),
         "NONE or AMBIGUOUS where nothing can be seen": (2, 2),
         "90 % interval holds the effect's parameter (same form)": (0, 0),
+        "NAMED: every name was true": (2, 5),
+        "AMBIGUOUS: something was there, and all of it in the set": (2, 3),
+        "OUTSIDE: the library did not have what was there": (1, 1),
+        "NONE: there was nothing, or nothing that could be seen": (4, 5),
     }
     closed, seconds = medians(CASES)
     assert (closed.median, closed.values) == (0.7, (0.9, 0.5))
@@ -216,6 +221,33 @@ def test_selectors_are_compared_on_the_same_cases():
     assert (bic.right.count, bic.right.of) == (3, 3)
     assert (bic.alarms.count, bic.alarms.of) == (3, 3), "the made-up nulls have candidates that fit far better"
     assert told["smallest training error, one or two effects"].right.count == 0
+
+
+def test_how_often_each_word_was_true():
+    said = [
+        named(SLACK, SLACK),
+        named((SLACK, LAG), SLACK, options=PAIRED),
+        named((), SLACK),
+        case((), "NONE"),
+        case(SLACK, "NONE"),
+        case("OUTSIDE", "OUTSIDE"),
+        case(SLACK, "OUTSIDE"),
+        case(SOFT, "OUTSIDE"),
+        case((), "AMBIGUOUS", alike=(SLACK,)),
+        case(SLACK, "AMBIGUOUS", alike=(SLACK, LAG), options=BLURRED),
+        FAILED,
+    ]
+    counted = {word: (row.count, row.of) for word, row in by_word(said).items()}
+    assert counted == {"NAMED": (2, 3), "NONE": (1, 2), "OUTSIDE": (2, 3), "AMBIGUOUS": (1, 2)}
+
+
+def test_a_verdict_is_worth_what_others_of_its_word_were():
+    told = confidence("OUTSIDE")
+    true, of = RECORD["OUTSIDE"]
+    assert told["share"] == true / of
+    assert told["interval"] == list(Share("", true, of).interval)
+    assert told["interval"][0] < told["share"] < told["interval"][1]
+    assert f"{true} of {of} such verdicts were true" in in_words(told)
 
 
 def test_the_table_is_told_and_written(capsys):

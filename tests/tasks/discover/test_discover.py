@@ -53,9 +53,12 @@ def study(tmp_path):
 def test_a_hidden_effect_is_named_added_and_shown(study, tmp_path, capsys):
     path, out = study(0.99), tmp_path / "out"
     sinew("discover", path, "--out", out, "--workers", 2)
-    assert "NAMED toe-slack" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "NAMED toe-slack" in said
+    assert "such verdicts were true in the blind benchmark" in " ".join(said.split())
     result = json.loads((out / "verdict.json").read_text())
     assert (result["verdict"], result["effects"], result["set"]) == ("NAMED", ["toe-slack"], [])
+    assert result["confidence"]["interval"][0] > 0.5
     best = result["candidates"][0]
     assert best["effects"] == ["toe-slack"]
     for told in best["parameters"].values():
