@@ -35,6 +35,7 @@ from tasks.status import duration, read_status, sign_of_life
 from tasks.task import Task
 
 LOOK_EVERY_S, SHARE = 2.0, 10  # the thread that looks rows up rests for SHARE times as long as that took
+ENDS_S = 10.0  # for that thread, at the end
 LINE_EVERY_S = 10.0
 NOTES_SHOWN, FAILURES_SHOWN, FINISHED_SHOWN = 12, 3, 8
 LOG_TAIL_BYTES = 2**18
@@ -87,6 +88,7 @@ class Rows:
             yield
         finally:
             self._wake.set()
+            thread.join(ENDS_S)  # what the interpreter ends in the middle of a look shows as an error
 
 
 def look(folder: Path, rows: Rows) -> dict[str, Any]:
