@@ -6,7 +6,6 @@ has work while one of them thinks.
 """
 
 import contextvars
-import errno
 import functools
 import math
 import queue
@@ -30,7 +29,7 @@ from threadpoolctl import threadpool_limits
 from runner import drain
 from runner.batch import Batch, Carrier, Evaluation, evaluations, run_batch, run_in_time
 from runner.cluster import ask_for, wait_for_workers
-from runner.errors import ClusterError, StoreError, WalltimeReached
+from runner.errors import ClusterError, StoreError, WalltimeReached, of_the_system
 from runner.progress import Report
 from runner.store import PENDING, STATUSES, Array, Segment, Table, is_whole
 
@@ -670,12 +669,7 @@ def _hand_back(future: Any, message: _Message) -> None:
 
 def _named(error: OSError, batch: Batch) -> StoreError:
     """What the disk did to a batch, in words for a person."""
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return StoreError(
-            f"{error.filename or batch.segment.parent}: no space left on the disk; free some and run the same command "
-            "again, nothing is lost"
-        )
-    return StoreError(f"{error.filename or batch.segment.parent}: {error.strerror or error}")
+    return StoreError(f"{error.filename or batch.segment.parent}: {of_the_system(error)}")
 
 
 def _register(client: Client, plugin: Any) -> None:

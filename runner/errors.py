@@ -1,5 +1,7 @@
 """Errors a person can act on. The command prints each as one line and exits with code 2."""
 
+import errno
+
 
 class SinewError(Exception):
     """What went wrong, where, and what to do, in one line."""
@@ -19,3 +21,10 @@ class WalltimeReached(SinewError):
     def __init__(self, words: str, *, worked: bool = True) -> None:
         super().__init__(words)
         self.worked = worked
+
+
+def of_the_system(error: OSError) -> str:
+    """What the system says, and where the disk is full what to do about it."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return "no space left on the disk; free some and run the same command again, nothing is lost"
+    return error.strerror or str(error)

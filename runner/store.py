@@ -33,7 +33,7 @@ import zarr
 from safetensors import SafetensorError, safe_open
 from zarr.codecs import BloscCodec, Crc32cCodec
 
-from runner.errors import StoreError
+from runner.errors import StoreError, of_the_system
 
 FORMAT = 1
 CHUNK_ROWS = 2048
@@ -748,11 +748,7 @@ def _errors_named(path: Path) -> Iterator[None]:
     except StoreError:
         raise
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise StoreError(
-                f"{path}: no space left on the disk; free some and run the same command again, nothing is lost"
-            ) from error
-        raise StoreError(f"{path}: {error.strerror or error}") from error
+        raise StoreError(f"{path}: {of_the_system(error)}") from error
     except (ValueError, RuntimeError, KeyError, json.JSONDecodeError) as error:
         raise StoreError(
             f"{path}: damaged ({str(error).splitlines()[0][:120]}); `sinew repair {_result_folder(path)}` makes its "

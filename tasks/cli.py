@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from runner.errors import SinewError, WalltimeReached
+from runner.errors import SinewError, WalltimeReached, of_the_system
 from tasks.problems import BadInput, one_line, shown
 from tasks.terminal import (
     COMPLETION,
@@ -48,7 +48,7 @@ def main() -> None:
     except SinewError as error:
         _fail(str(error), 2)
     except OSError as error:  # a path that the system refuses, of whatever kind
-        _fail(f"{error.filename or 'a file'}: {error.strerror or error}", 2)
+        _fail(f"{error.filename or 'a file'}: {of_the_system(error)}", 2)
 
 
 def _fail(message: str, code: int) -> None:

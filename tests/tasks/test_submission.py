@@ -180,9 +180,7 @@ def test_one_study_while_it_runs(tmp_path, slurm_cluster):
     assert seen["rows"][0]["done"] >= status["tables"][0]["done"]
     assert seen["jobs"]["running"] > 1
     assert seen["dashboard"].startswith("http://127.0.0.1:"), "the scheduler is on this machine"
-    looked = sinew("watch", out, "--once")
-    for word in ("sobol", "rows/s", "job"):
-        assert word in looked
+    assert "sobol" in sinew("watch", out, "--once")
     assert "127.0.0.1" in log_of(out), "how to reach the dashboard"
     assert "ssh -N -L" in log_of(out)
 
