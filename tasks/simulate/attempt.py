@@ -17,8 +17,10 @@ import numpy as np
 import pandas as pd
 
 from runner import external
+from runner.store import STATUSES
+from tasks.model import Model
 from tasks.problems import BadInput
-from tasks.simulate import Array
+from tasks.simulate import Array, impossible
 
 INPUT, LOG = "model.feb", "model.log"
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
@@ -53,6 +55,27 @@ class Failed(Exception):
 
 
 T = TypeVar("T")
+
+
+def row_by_row(
+    model: Model, parameters: Array, solve: Callable[[Array], Array], found: Array
+) -> tuple[Array, tuple[str, ...]]:
+    """Write what ``solve`` makes of each parameter set ``[d]`` into ``found`` ``[n, ...]``; rows that fail stay as is.
+
+    Returns status ``[n]`` and messages.
+    """
+    status = np.zeros(len(parameters), dtype=np.int8)
+    messages = [""] * len(parameters)
+    wrong = impossible(model, parameters)
+    for row, values in enumerate(parameters):
+        try:
+            if row in wrong:
+                raise Failed("bad_input", wrong[row])
+            found[row] = solve(values)
+        except Failed as failed:
+            status[row] = STATUSES.index(failed.status)
+            messages[row] = failed.words
+    return status, tuple(messages)
 
 
 def attempt(

@@ -7,7 +7,7 @@ Jinja2 template, rendered in a sandbox. The model is half of the specimen's widt
 import hashlib
 import re
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,11 @@ from defusedxml import DefusedXmlException
 from jinja2.sandbox import SandboxedEnvironment
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from runner.store import STATUSES
 from tasks.model import Curve, Model, Protocol, Specimen
 from tasks.problems import BadInput, shown
 from tasks.resources import resource
-from tasks.simulate import Array, Compared, Simulated, impossible
-from tasks.simulate.attempt import INPUT, Failed, attempt, read_records
+from tasks.simulate import Array, Compared, Simulated
+from tasks.simulate.attempt import INPUT, Failed, attempt, read_records, row_by_row
 
 REACTIONS = "reaction.txt"
 DEFAULT_TEMPLATE = "tendon.feb.j2"
@@ -68,18 +67,8 @@ class FEBio:
         if stresses:
             raise BadInput("simulator", "febio reports no constituent stresses", "simulator: uniaxial for stresses")
         force = np.full((len(parameters), protocol.time_s.size), np.nan)
-        status = np.zeros(len(parameters), dtype=np.int8)
-        messages = [""] * len(parameters)
-        wrong = impossible(model, parameters)
-        for row, values in enumerate(parameters):
-            try:
-                if row in wrong:
-                    raise Failed("bad_input", wrong[row])
-                force[row] = self._force(model, specimen, protocol, values)
-            except Failed as failed:
-                status[row] = STATUSES.index(failed.status)
-                messages[row] = failed.words
-        return Simulated(force, status, tuple(messages))
+        solve = partial(self._force, model, specimen, protocol)
+        return Simulated(force, *row_by_row(model, parameters, solve, force))
 
     def compare(self, model: Model, specimen: Specimen, curve: Curve, parameters: Array, keep: Array) -> Compared:
         simulated = self.simulate(model, specimen, curve.protocol, parameters)

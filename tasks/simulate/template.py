@@ -10,6 +10,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,11 +21,10 @@ from jinja2.sandbox import SandboxedEnvironment
 from scipy.interpolate import PchipInterpolator
 
 from runner import external
-from runner.store import STATUSES
 from tasks.model import Curve, Model, Protocol, Specimen
 from tasks.problems import BadInput, shown
-from tasks.simulate import Array, Compared, Output, Simulated, impossible, rendering
-from tasks.simulate.attempt import INPUT, Failed, attempt, read_records
+from tasks.simulate import Array, Compared, Output, Simulated, rendering
+from tasks.simulate.attempt import INPUT, Failed, attempt, read_records, row_by_row
 from tasks.simulate.febio import MAX_TEMPLATE_BYTES, at_every_row, from_rest, load_points, solver_steps
 
 MAX_FILES = 100
@@ -145,18 +145,7 @@ class Template:
     ) -> tuple[Array, Array, tuple[str, ...]]:
         """All outputs ``[n, outputs, t]``, NaN for rows that failed; status ``[n]``; messages."""
         found = np.full((len(parameters), len(self.outputs), protocol.time_s.size), np.nan)
-        status = np.zeros(len(parameters), dtype=np.int8)
-        messages = [""] * len(parameters)
-        wrong = impossible(model, parameters)
-        for row, values in enumerate(parameters):
-            try:
-                if row in wrong:
-                    raise Failed("bad_input", wrong[row])
-                found[row] = self._solved(model, specimen, protocol, values)
-            except Failed as failed:
-                status[row] = STATUSES.index(failed.status)
-                messages[row] = failed.words
-        return found, status, tuple(messages)
+        return found, *row_by_row(model, parameters, partial(self._solved, model, specimen, protocol), found)
 
     def _stepped(self, protocol: Protocol) -> tuple[Array, Array, int, Array]:
         """The solver's times (s), displacements (mm), which of them is the protocol's first row, and its rows."""
