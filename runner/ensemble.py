@@ -35,6 +35,7 @@ from runner.store import PENDING, STATUSES, Array, Segment, Table, is_whole
 
 RECOUNT_S = 2.0
 BATCHES_PER_S = 30  # what a scheduler does with a fifth of its time
+AWAITED_PER_S = 120  # of batches of rows that somebody waits for, at the most; else batches get longer
 ONE_AHEAD_S = 5.0  # a worker gets its next batch early, unless batches take longer than this
 IN_A_MESSAGE = 64  # batches: a few megabytes of parameters at the most
 AWAITED_S = 0.1  # a batch of rows that somebody waits for: one after the other in a long one, they would be heard late
@@ -225,15 +226,18 @@ class _Source:
     def expected_s(self, rows: int) -> float:
         return drain.SAFETY * max(self.slowest) * rows if self.slowest else 0.0
 
-    def batch_size(self, slots: int, aim_s: float, left: int) -> int:
-        """``left``: rows of all tables that wait."""
+    def batch_size(self, slots: int, aim_s: float, left: int, running: int) -> int:
+        """``left``, ``running``: rows of all tables that wait, and that workers have."""
         size = self.largest = max(self.largest, self.multiple)
         if self.seconds_per_row:
-            seconds = min(aim_s, AWAITED_S) if self.open else max(aim_s, slots / BATCHES_PER_S)
-            size = int(seconds / max(statistics.median(self.seconds_per_row), 1e-9))
+            each = max(statistics.median(self.seconds_per_row), 1e-9)
+            least, most = (min(aim_s, AWAITED_S), AWAITED_PER_S) if self.open else (aim_s, BATCHES_PER_S)
+            size = int(max(least, slots / most) / each)
             size = min(size, 8 * self.largest)  # the first batches also load code
-            size = max(size, len(self.waiting) // (2 * slots))  # in a long queue, rows of a batch are heard no later
-        size = min(size, self.table.chunk_rows, math.ceil(left / slots))  # all workers end at about the same time
+            queued = len(self.waiting) // (2 * slots)  # in a long queue, rows of a batch are heard no later
+            size = max(size, min(queued, int(aim_s / each)))  # but may be lost together
+        fair = math.ceil((left + running) / (2 * slots)) if self.open else math.ceil(left / slots)
+        size = min(size, self.table.chunk_rows, fair)  # all workers end at about the same time
         size = max(self.multiple, -(-size // self.multiple) * self.multiple)
         self.largest = max(self.largest, size)
         return size
@@ -475,7 +479,7 @@ class _Run:
                 self._listen(None, wait=not self.left)
                 if not self.left:
                     continue
-                source, batch = self._next_batch(1)
+                source, batch = self._next_batch(1, 0)
                 if not self._in_time(batch):
                     raise self._walltime()
                 try:
@@ -527,11 +531,13 @@ class _Run:
                 if time.monotonic() - counted > RECOUNT_S:  # workers come and go
                     slots, counted = max(1, sum(client.nthreads().values())), time.monotonic()
                 batches = []
+                under_way = sum(batch.rows.size for _, batch in running.values()) if self.conversations else 0
                 while not ending and len(running) + len(batches) < slots * self._ahead() and self.left:
-                    source, batch = self._next_batch(slots)
+                    source, batch = self._next_batch(slots, under_way)
                     if ending := not self._in_time(batch):
                         break
                     batches.append((source, batch))
+                    under_way += batch.rows.size
                 if batches:
                     submit(batches)
                 while not completed.has_ready() and (running or computing or (self._talking and not ending)):
@@ -605,13 +611,14 @@ class _Run:
             worked=self.had_workers and time.monotonic() - self.came > drain.walltime_s() / 4,
         )
 
-    def _next_batch(self, slots: int) -> tuple[_Source, Batch]:
+    def _next_batch(self, slots: int, running: int) -> tuple[_Source, Batch]:
         """From the tables in turn."""
         while not self.sources[self.turn % len(self.sources)].left:
             self.turn += 1
         source = self.sources[self.turn % len(self.sources)]
         self.turn += 1
-        return source, source.take(source.batch_size(slots, self.policy.batch_s, self.left), self.policy.retries)
+        size = source.batch_size(slots, self.policy.batch_s, self.left, running)
+        return source, source.take(size, self.policy.retries)
 
     def _collect(self, future: Any, source: _Source, batch: Batch) -> list[tuple[_Source, Batch]]:
         """Take note of a finished batch; returns what must be tried again because workers died of it, or with it."""

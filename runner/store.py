@@ -220,9 +220,11 @@ class Store:
 
     def _table_groups(self) -> list[zarr.Group]:
         """Whole tables; one without its ``complete`` mark was being created when its process died."""
-        group = self.root.get("evaluations")
-        children = sorted(group.groups()) if isinstance(group, zarr.Group) else []
-        return [child for _, child in children if child.attrs.get("complete")]
+        folder = self.path / "evaluations"
+        # not as Zarr lists them, which warns of what another process is about to write
+        names = sorted(child.name for child in folder.iterdir() if child.is_dir()) if folder.is_dir() else []
+        children = [self.root.get(f"evaluations/{name}") for name in names]
+        return [child for child in children if isinstance(child, zarr.Group) and child.attrs.get("complete")]
 
     def tables(self) -> list["Table"]:
         """All tables, in order of their names."""

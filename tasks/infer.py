@@ -303,7 +303,7 @@ def _told(workspace: Workspace, members: tuple[Specimen, ...], prior: Normals, f
     mean = weight @ found.particles["parameters"].values[-1]
     sd = np.sqrt(weight @ (found.particles["parameters"].values[-1] - mean) ** 2)
     hdi = np.array([arviz.hdi(sample[:, j], hdi_prob=INTERVAL) for j in range(len(prior.names))])
-    generations = found.generations[-found.particles.sizes["generation"] :]
+    whole = range(found.particles.sizes["generation"])  # what was drawn to learn from, or given up, has no particles
     return {
         "specimens": [specimen.name for specimen in members],
         "parameters": {
@@ -321,7 +321,9 @@ def _told(workspace: Workspace, members: tuple[Specimen, ...], prior: Normals, f
         "distance": {"smallest": found.particles["distance"].values[-1].min()},
         "distance_weights": found.weights,
         "generations": [
-            {"judged": g.judged, "accepted": g.accepted, "failed": g.failed, "asked": g.asked} for g in generations
+            {"judged": g.judged, "accepted": g.accepted, "failed": g.failed, "asked": g.asked}
+            for g in found.generations
+            if g.t in whole
         ],
     }
 

@@ -1,17 +1,19 @@
 """A sampler for pyABC whose evaluations are rows of the store.
 
-pyABC gives a sampler one function that draws a proposal, simulates it and judges it. Here its model does not simulate
-but takes note of what it is asked, so that the function comes back at once with a particle that is not judged yet. The
-runner evaluates the row like any other, and the particle is judged when the outcome is known. One that is accepted is
-made by the same function with the same random numbers again, which then has its verdict. What follows:
+pyABC gives a sampler one function that draws a proposal, simulates it and judges it. Here it draws only, and its model
+does not simulate but takes note of what it is asked. The runner evaluates the row like any other, and pyABC judges the
+proposal when the outcome is known, as it does with those that its own sampler for Redis simulates ahead. What follows:
 
 - A proposal's random numbers come from (run, generation, proposal), so a run does not depend on workers or crashes; one
   that starts anew asks for the same rows, finds them in the store, and goes on where it was.
 - Proposals are judged in the order in which they were drawn, so fast simulations are not preferred.
 - A failed row is a rejected proposal.
-- How many are asked for ahead follows from what has been judged, too: as many as are likely to be needed, at most
-  ``pending``, and more while many more will surely be needed, so that workers get several at a time. Those that prove
-  superfluous end while the next generation begins; nobody waits for them.
+- How many are asked for ahead follows from what has been judged, too: ``pending`` of them, fewer when a generation as a
+  whole is likely to need fewer, or the last one does, and more while many more will surely be needed, so that workers
+  get several at a time.
+- Those that a generation did not need are the first ones of the next, so that workers go on while it is prepared and no
+  evaluation is lost. They keep the weight that they were drawn with, prior over proposal density, which holds for any
+  threshold: a generation is a sample from several proposal densities (Alamoudi et al. 2024, PLoS ONE 19, e0294015).
 """
 
 import math
@@ -25,6 +27,7 @@ from typing import Any
 
 import numpy as np
 import pyabc
+from pyabc.inference_util import evaluate_preliminary_particle
 from pyabc.model import ModelResult
 from pyabc.sampler import Sampler
 from scipy.special import nbdtrik
@@ -62,78 +65,47 @@ class StoredModel(pyabc.Model):  # type: ignore[misc]
         self.table = table
         self.row = row
         self.describe = describe
-        self._answer: dict[str, Any] | None = None
-        self._verdict: ModelResult | None = None
 
-    def sample(self, pars: Mapping[str, float]) -> dict[str, Any]:
-        """The summary statistics, while they are known."""
-        assert self._answer is not None, "it is asked for what is known only"
-        return self._answer
-
-    def summary_statistics(self, t: int, pars: Mapping[str, float], *others: Any) -> ModelResult:
-        """As pyABC's; while there is no answer, the question stands in the place of summary statistics."""
-        if self._answer is not None:
-            return super().summary_statistics(t, pars, *others)
-        return ModelResult(_Wish(self, pars, partial(super().summary_statistics, t, pars, *others)))
-
-    def accept(self, t: int, pars: Mapping[str, float], *others: Any) -> ModelResult:
-        """The verdict when there is one; else it counts as rejected, so that pyABC spends no time on its weight."""
-        if self._verdict is not None:
-            return self._verdict
-        return ModelResult(_Wish(self, pars, partial(super().accept, t, pars, *others)), accepted=False)
-
-    def judge(self, wish: "_Wish", values: Mapping[str, Array]) -> ModelResult:
-        """What pyABC says to a row's outcome."""
-        self._answer = self.describe(values)
-        try:
-            return wish.judge()
-        finally:
-            self._answer = None
-
-    @contextmanager
-    def judged(self, verdict: ModelResult) -> Iterator[None]:
-        """While pyABC makes a particle of what has been accepted."""
-        self._verdict = verdict
-        try:
-            yield
-        finally:
-            self._verdict = None
+    def summary_statistics(self, t: int, pars: Mapping[str, float], calculator: Callable[[Any], Any]) -> ModelResult:
+        """The question, in the place of summary statistics that nobody knows yet."""
+        return ModelResult(sum_stat=_Wish(self, pars, calculator))
 
 
 @dataclass(frozen=True)
 class _Wish:
-    """What pyABC wanted to know of a model, and its judgement once that is known."""
+    """What pyABC wanted to know of a model."""
 
     model: StoredModel
     parameters: Mapping[str, float]
-    judge: Callable[[], ModelResult]
+    calculator: Callable[[Any], Any]  # of summary statistics
 
     def row(self) -> Array:
         return self.model.row(np.array([self.parameters[name] for name in self.model.names]))
 
+    def answer(self, values: Mapping[str, Array]) -> Any:
+        return self.calculator(self.model.describe(values))
+
 
 @dataclass
 class Generation:
-    """What a generation took: proposals judged, of which accepted and failed, and how many were asked for."""
+    """What generation ``t`` took: proposals judged, of which accepted and failed, and those asked for meanwhile.
 
+    As pyABC counts: from 0, and what was drawn before to learn from is -1.
+    """
+
+    t: int
     judged: int = 0
     accepted: int = 0
     failed: int = 0
     asked: int = 0
     closest: float = np.inf
 
-    @property
-    def surplus(self) -> float:
-        """Evaluations that proved superfluous, as a part of those that were needed."""
-        return self.asked / self.judged - 1.0 if self.judged else 0.0
-
 
 @dataclass(frozen=True)
 class _Proposed:
-    """A particle that is not judged yet."""
+    """A particle that is not judged yet, and what its random numbers come from."""
 
     particle: Any
-    wish: _Wish
     seed: tuple[int, ...]
 
 
@@ -147,12 +119,12 @@ class StoreSampler(Sampler):  # type: ignore[misc]
         self.pending = pending
         self.generations: list[Generation] = []
         self.tell: Callable[[int, Generation], None] = lambda t, took: None  # hears of each proposal that is judged
-        self._superfluous = 0
+        self._left: list[_Proposed] = []  # asked for, and not judged
 
     def sample_until_n_accepted(
         self,
         n: int,
-        simulate_one: Callable[[], Any],
+        simulate_one: Callable[..., Any],
         t: int,
         *,
         max_eval: float = np.inf,
@@ -160,25 +132,28 @@ class StoreSampler(Sampler):  # type: ignore[misc]
         ana_vars: Any = None,
     ) -> Any:
         """A sample with ``n`` accepted particles; ``ok`` is False when ``max_eval`` proposals did not yield them."""
-        skip, self._superfluous = self._superfluous, 0
         sample = self._create_empty_sample()
-        number, took = len(self.generations), Generation()
+        number, took = len(self.generations), Generation(t)
         self.generations.append(took)
         former = self._rate_before(all_accepted)
-        proposed: list[_Proposed] = []
-        allowed = 0
+        if all_accepted:
+            draw, judge = simulate_one, _as_it_is
+        else:
+            draw = partial(simulate_one, evaluate=False)
+            judge = partial(evaluate_preliminary_particle, t=t, ana_vars=ana_vars)
+        last = all_accepted or t >= ana_vars.max_t or ana_vars.eps(t) <= ana_vars.min_eps
+        least = 0 if last else min(self.pending, _enough(n, max(former, 0.001)))
+        proposed, first = self._left, len(self._left)
+        allowed = first
         while took.accepted < n and took.judged < max_eval:
             rate = (took.accepted + FORMER * former) / (took.judged + FORMER)
             likely = _enough(n - took.accepted, round(max(rate, 0.001), 3))
             more = min(likely // SURE, self.pending + took.judged // SAFE, DEEP * self.pending)
             ahead = max(self.pending, more)
-            allowed = int(max(allowed, min(took.judged + min(ahead, likely), max_eval)))
+            allowed = max(allowed, math.ceil(min(took.judged + min(ahead, max(likely, least)), max_eval)))
             if allowed - len(proposed) >= ahead / GROUPS or len(proposed) == took.judged:
-                proposed += self._propose(simulate_one, number, range(len(proposed), allowed))
-            for _ in range(skip):  # answers that the former generation no longer needed
-                self.desk.next()
-            skip = 0
-            particle = self._judge(simulate_one, proposed[took.judged])
+                proposed += self._propose(draw, number, range(len(proposed), allowed))
+            particle = self._judge(judge, proposed[took.judged])
             took.judged += 1
             if particle is None:
                 took.failed += 1
@@ -187,8 +162,8 @@ class StoreSampler(Sampler):  # type: ignore[misc]
                 took.accepted += bool(particle.accepted)
                 took.closest = min(took.closest, float(particle.distance))
             self.tell(t, took)
-        took.asked = len(proposed)
-        self._superfluous = skip + took.asked - took.judged
+        took.asked = len(proposed) - first
+        self._left = proposed[took.judged :]
         self.nr_evaluations_ = took.judged
         sample.ok = took.accepted == n
         return sample
@@ -199,38 +174,39 @@ class StoreSampler(Sampler):  # type: ignore[misc]
         former = next((g for g in reversed(self.generations[:-1]) if g.accepted), None)
         return 0.5 if former is None else 0.5 * former.accepted / former.judged  # the threshold has been lowered
 
-    def _propose(self, simulate_one: Callable[[], Any], generation: int, numbers: range) -> list[_Proposed]:
+    def _propose(self, draw: Callable[[], Any], generation: int, numbers: range) -> list[_Proposed]:
         """Draw proposals and ask for their rows."""
         proposed = []
         with _own_random_numbers() as seeded:
             for number in numbers:
                 seed = (*self.seed, generation, number)
                 seeded(seed)
-                particle = simulate_one()
+                particle = draw()
                 if not isinstance(particle.sum_stat, _Wish):
                     raise TypeError("the sampler serves models that are StoredModel only")
-                proposed.append(_Proposed(particle, particle.sum_stat, seed))
-        for table, group in groupby(proposed, lambda one: one.wish.model.table):
-            self.desk.ask(np.array([one.wish.row() for one in group]), table)
+                particle.preliminary = True  # even one to learn from: what is left of these is for the first generation
+                proposed.append(_Proposed(particle, seed))
+        wishes = [one.particle.sum_stat for one in proposed]
+        for table, group in groupby(wishes, lambda wish: wish.model.table):
+            self.desk.ask(np.array([wish.row() for wish in group]), table)
         return proposed
 
-    def _judge(self, simulate_one: Callable[[], Any], proposed: _Proposed) -> Any:
+    def _judge(self, judge: Callable[[Any], Any], proposed: _Proposed) -> Any:
         """The particle of a proposal, or None when its simulation failed."""
         told = self.desk.next()
         if told.status > 0:
             return None
-        model, particle = proposed.wish.model, proposed.particle
+        particle = proposed.particle
         with _own_random_numbers() as seeded:
             seeded((*proposed.seed, 1))
-            verdict = model.judge(proposed.wish, told.values)
-            if verdict.accepted:
-                seeded(proposed.seed)
-                with model.judged(verdict):
-                    return simulate_one()
-        particle.sum_stat = verdict.sum_stat
-        if verdict.accepted is not None:  # else one to learn from, which nobody judges
-            particle.distance = verdict.distance
-        return particle
+            particle.sum_stat = particle.sum_stat.answer(told.values)
+            return judge(particle)
+
+
+def _as_it_is(particle: Any) -> Any:
+    """One to learn from, which nobody judges."""
+    particle.preliminary = False
+    return particle
 
 
 @lru_cache(maxsize=10_000)
@@ -243,8 +219,9 @@ def _enough(needed: int, rate: float) -> int:
 def _own_random_numbers() -> Iterator[Callable[[tuple[int, ...]], None]]:
     """Numpy's global generator to this thread only; gives what seeds it."""
     with _drawing:
-        before = np.random.get_state()
+        before = np.random.get_bit_generator()  # type: ignore[attr-defined] # numpy documents both, and types neither
+        use = np.random.set_bit_generator  # type: ignore[attr-defined]
         try:
-            yield lambda seed: np.random.seed(np.random.SeedSequence(seed).generate_state(4))
+            yield lambda seed: use(np.random.PCG64(seed))
         finally:
-            np.random.set_state(before)
+            use(before)

@@ -59,10 +59,10 @@ class StockSampler(DaskDistributedSampler):  # type: ignore[misc]
         self.generations: list[Generation] = []
         self.sample_factory.record_rejected()  # to tell which were superfluous
 
-    def sample_until_n_accepted(self, n: int, *arguments: Any, **options: Any) -> Any:
+    def sample_until_n_accepted(self, n: int, simulate_one: Any, t: int, **options: Any) -> Any:
         """As pyABC's."""
-        sample = super().sample_until_n_accepted(n, *arguments, **options)
-        self.generations.append(Generation(len(sample.all_particles), n, 0, self.nr_evaluations_))
+        sample = super().sample_until_n_accepted(n, simulate_one, t, **options)
+        self.generations.append(Generation(t, len(sample.all_particles), n, 0, self.nr_evaluations_))
         return sample
 
 

@@ -1,14 +1,19 @@
 """Talks that share a cluster: heard in the order of asking, the same bytes every time, errors that come through."""
 
+import statistics
 import threading
 import time
+from dataclasses import dataclass, replace
 
+import dask
 import numpy as np
 import pytest
+from distributed import Client, LocalCluster
 
 from runner.cluster import Local, open_client
 from runner.ensemble import Policy, Talk, converse, evaluate
 from runner.errors import WalltimeReached
+from runner.settings import SETTINGS
 from runner.store import Store
 from tests.runner.evaluations import Quick, table_spec
 from tests.runner.test_store import contents, some
@@ -26,6 +31,18 @@ def double(number: float) -> float:
 
 def wrong(number: float) -> float:
     raise ArithmeticError(f"no double of {number}")
+
+
+@dataclass(frozen=True)
+class Together:
+    """As Quick, but the objective is how many rows came together."""
+
+    seconds_per_row: float
+
+    def __call__(self, parameters):
+        outcome = Quick(seconds_per_row=self.seconds_per_row)(parameters)
+        together = np.full((len(parameters), 1), float(len(parameters)))
+        return replace(outcome, values={**outcome.values, "objective": together})
 
 
 def walk(start: float, steps: int, ahead: int = 1):
@@ -129,6 +146,44 @@ def test_slow_rows_that_somebody_waits_for_are_not_put_one_after_the_other(tmp_p
         tables = [(store.table(table_spec()), Quick(seconds_per_row=0.15))]
         converse(lambda: client, [Talk(tables, 12, work)])
     assert took[1][0] < 0.6 * took[1][-1], took
+
+
+def test_slow_rows_are_single_however_many_wait(tmp_path, client):
+    """What a batch has finished is kept when all of it is."""
+
+    def work(desk):
+        return [float(told.values["objective"][0]) for seed in range(2) for told in desk.all_of(some(10, seed=seed))]
+
+    with Store.writing(tmp_path, "study") as store:
+        (found,) = converse(lambda: client, [Talk([(store.table(table_spec()), Together(0.55))], 20, work)])
+    assert found == [1.0] * 20
+
+
+@pytest.mark.parametrize(("a_slot", "together"), [(2, 1), (4, 2)])
+def test_short_rows_for_many_slots_go_out_together_when_enough_are_asked_for(tmp_path, a_slot, together):
+    """A scheduler would not keep up with 32 slots that get one row of 0.1 s at a time."""
+    slots, rows = 32, 512
+
+    def work(desk):
+        points, heard = some(rows), []
+        desk.ask(points[: a_slot * slots])
+        for row in range(a_slot * slots, rows, 8):
+            heard += [desk.next() for _ in range(8)]
+            desk.ask(points[row : row + 8])
+        heard += [desk.next() for _ in range(a_slot * slots)]
+        return [float(told.values["objective"][0]) for told in heard]
+
+    with (
+        dask.config.set(SETTINGS),
+        LocalCluster(n_workers=1, threads_per_worker=slots, dashboard_address=None) as cluster,
+        Client(cluster) as client,
+        Store.writing(tmp_path, "study") as store,
+    ):
+        client.wait_for_workers(1)
+        table = store.table(table_spec())
+        (found,) = converse(lambda: client, [Talk([(table, Together(0.1))], rows, work)])
+    assert statistics.median(found[rows // 2 :]) == together
+    assert max(found) <= 2 * together
 
 
 @pytest.mark.parametrize("here", [True, False])

@@ -38,8 +38,8 @@ def evaluated(notes) -> list[str]:
 
 def test_planned_ends_cost_no_row_and_repeat_none(tmp_path):
     notes = tmp_path / "notes"
-    parameters = some(90)
-    with workers_with(13.0, 18.0, None) as client, Store.writing(tmp_path, "study") as store:
+    parameters = some(160)
+    with workers_with(20.0, 26.0, None) as client, Store.writing(tmp_path, "study") as store:
         table = store.table(table_spec())
         rows = table.plan(parameters)
         seen = []

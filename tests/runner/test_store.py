@@ -328,6 +328,18 @@ def test_dying_while_a_table_is_created_or_planned_leaves_a_usable_store(tmp_pat
     assert contents(tmp_path / "a" / "store.zarr") == contents(tmp_path / "b" / "store.zarr")
 
 
+def test_who_looks_while_another_writes_sees_whole_tables(tmp_path):
+    """Zarr writes a file under another name first, and makes folders before what is in them."""
+    with Store.writing(tmp_path, "study") as store:
+        fill(store.table(table_spec()), some(3))
+    tables = tmp_path / "store.zarr" / "evaluations"
+    (tables / "zarr.0123.partial").write_text("{")
+    (tables / "begun").mkdir()
+    (tables / "begun" / "zarr.4567.partial").write_text("{")
+    (table,) = open_store(tmp_path).tables()
+    assert len(table) == 3
+
+
 def test_a_missing_chunk_file_is_named_and_repaired(tmp_path):
     with Store.writing(tmp_path, "study") as store:
         table = store.table(table_spec())

@@ -40,8 +40,13 @@ def history_of(store, seed):
     return path
 
 
-def inference(store, evaluations, observed, *, seed=1, generations=4, population=60, pending=16):
-    """A talk that runs pyABC with one model for each evaluation."""
+def inference(
+    store, evaluations, observed, *, seed=1, generations=4, population=60, pending=16, first=2.0, least=0.005
+):
+    """A talk that runs pyABC with one model for each evaluation.
+
+    ``first`` threshold; ``least`` rate of acceptance, which ends the run.
+    """
     tables = [(store.table(evaluation.table()), evaluation) for evaluation in evaluations]
 
     def work(desk):
@@ -53,10 +58,10 @@ def inference(store, evaluations, observed, *, seed=1, generations=4, population
         priors = [prior() for _ in models]
         abc = pyabc.ABCSMC(
             models, priors, distance, transitions=[DefensiveNormal(p) for p in priors], population_size=population,
-            eps=pyabc.QuantileEpsilon(initial_epsilon=2.0, alpha=0.5), sampler=sampler,
+            eps=pyabc.QuantileEpsilon(initial_epsilon=first, alpha=0.5), sampler=sampler,
         )  # fmt: skip
         abc.new(f"sqlite:///{history_of(store, seed)}", {"y": observed})
-        history = abc.run(max_nr_populations=generations, min_acceptance_rate=0.005)
+        history = abc.run(max_nr_populations=generations, min_acceptance_rate=least)
         frames = {m: history.get_distribution(m=m, t=history.max_t) for m in history.alive_models(history.max_t)}
         told = {
             "frames": {m: (frame["mean"].to_numpy(), w) for m, (frame, w) in frames.items()},
@@ -152,15 +157,95 @@ def test_a_run_that_dies_in_mid_generation_goes_on_there(tmp_path, client, monke
     assert contents(tmp_path / "cut") == contents(whole)
 
 
-def test_superfluous_rows_are_few_and_bounded(tmp_path):
+def test_what_a_generation_did_not_need_is_the_first_of_the_next(tmp_path):
+    """Workers have something to do between two generations; only the last one leaves what nobody needs."""
     with Store.writing(tmp_path, "study") as store:
         (found,) = converse(lambda: None, [inference(store, [NoisyMean()], 0.7, generations=6, pending=64)])
-        asked = sum(g.asked for g in found["generations"])
-        judged = sum(g.judged for g in found["generations"])
-        assert asked - judged <= 64 * len(found["generations"])
-        assert asked <= 1.15 * judged
-        assert len(store.table(NoisyMean().table())) == asked
+        asked = np.cumsum([g.asked for g in found["generations"]])
+        judged = np.cumsum([g.judged for g in found["generations"]])
+        left = asked - judged
+        assert (left[:-1] >= 16).all()
+        assert (left <= 64).all()
+        assert asked[-1] <= 1.05 * judged[-1]
+        assert len(store.table(NoisyMean().table())) == asked[-1]
     assert all(g.accepted == 60 for g in found["generations"])
+
+
+class Wandering(pyabc.transition.Transition):
+    """Proposes around the next of its centres in each generation, whatever the particles were."""
+
+    CENTRES = (np.nan, 1.0, -1.0, 2.0)
+
+    def __init__(self):
+        self.generation = 0
+
+    def fit(self, X, w):
+        self.generation += 1
+
+    def rvs_single(self):
+        return pyabc.Parameter(mean=float(np.random.normal(self.CENTRES[self.generation], 1.5)))
+
+    def pdf(self, x):
+        return self.density(x["mean"], self.generation)
+
+    @classmethod
+    def density(cls, value, generation):
+        return float(stats.norm.pdf(value, cls.CENTRES[generation], 1.5))
+
+
+def test_a_proposal_keeps_the_weight_of_the_density_it_was_drawn_from(tmp_path, monkeypatch):
+    judged, judge = [], StoreSampler._judge
+
+    def noted(self, how, proposed):
+        particle = judge(self, how, proposed)
+        if particle.accepted:  # pyABC changes weights afterwards: their sum is 1
+            judged.append((len(self.generations) - 1, proposed.seed[-2], particle.parameter["mean"], particle.weight))
+        return particle
+
+    def work(desk):
+        abc = pyabc.ABCSMC(
+            StoredModel("m", ["mean"], describe=described), prior(), distance, transitions=Wandering(),
+            population_size=20, eps=pyabc.ListEpsilon([2.0, 1.5, 1.2, 1.0]), sampler=StoreSampler(desk, (1, 1), 32),
+        )  # fmt: skip
+        history = abc.new(IN_MEMORY, {"y": 0.3})
+        abc.run(max_nr_populations=4)
+        close(history)
+
+    monkeypatch.setattr(StoreSampler, "_judge", noted)
+    evaluation = NoisyMean()
+    with Store.writing(tmp_path, "study") as store:
+        converse(lambda: None, [Talk([(store.table(evaluation.table()), evaluation)], 1000, work)])
+    assert len(judged) == 80
+    assert sum(drawn < generation for generation, drawn, _, _ in judged) >= 10
+    for _, drawn, value, weight in judged:
+        of_prior = stats.norm.pdf(value)
+        assert weight == pytest.approx(of_prior / Wandering.density(value, drawn) if drawn else 1.0)
+
+
+def test_draws_to_learn_from_may_fail(tmp_path):
+    """More of them are asked for than there are particles, and the first generation goes on with what is left."""
+    with Store.writing(tmp_path, "study") as store:
+        (found,) = converse(
+            lambda: None, [inference(store, [NoisyMean(failing=0.2)], 0.7, generations=2, first="from_sample")]
+        )
+    learned, *generations = found["generations"]
+    assert (learned.t, [g.t for g in generations]) == (-1, [0, 1])
+    assert learned.failed > 0
+    assert learned.accepted == 60
+    assert all(g.accepted == 60 for g in generations)
+
+
+def test_a_limit_need_not_be_a_whole_number(tmp_path):
+    """Of 20 / 0.15 = 133.3 proposals too few are accepted."""
+    with Store.writing(tmp_path, "study") as store:
+        (found,) = converse(
+            lambda: None, [inference(store, [NoisyMean()], 0.7, generations=9, population=20, least=0.15)]
+        )
+    *whole, last = found["generations"]
+    assert all(g.accepted == 20 for g in whole)
+    assert whole
+    assert last.accepted < 20
+    assert last.judged == 134
 
 
 def test_a_threshold_out_of_reach_ends_the_run(tmp_path):
@@ -225,16 +310,16 @@ def test_simulation_based_calibration(tmp_path, failing):
 
 
 def test_model_selection_finds_the_probabilities(tmp_path):
-    """Two slopes, equal prior probabilities: the posterior ones follow from the two marginal likelihoods."""
+    """Two slopes, equal prior probabilities: the posterior ones follow from how likely each is within the threshold."""
     y = 1.5
     with Store.writing(tmp_path, "study") as store:
         evaluations = [NoisyMean(slope=1.0), NoisyMean(slope=0.0)]
         (found,) = converse(
             lambda: None, [inference(store, evaluations, y, generations=4, population=200, pending=100)]
         )
-    likelihoods = [stats.norm.pdf(y, 0, np.hypot(slope, SD)) for slope in (1.0, 0.0)]
-    exact = likelihoods[0] / sum(likelihoods)
-    assert found["models"].get(0, 0.0) == pytest.approx(exact, abs=0.1)
+    ends = np.array([y - found["epsilon"], y + found["epsilon"]])
+    within = [np.diff(stats.norm.cdf(ends, 0, np.hypot(slope, SD)))[0] for slope in (1.0, 0.0)]
+    assert found["models"].get(0, 0.0) == pytest.approx(within[0] / sum(within), abs=0.07)
 
 
 def test_the_mixture_bounds_the_weights():
