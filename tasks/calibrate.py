@@ -8,7 +8,8 @@ is being thought of, it evaluates the others'.
 
 import csv
 import io
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,7 +35,7 @@ from tasks.fits import (
 )
 from tasks.ledger import Ledger
 from tasks.model import Specimen
-from tasks.noise import noise_of
+from tasks.noise import Noise, noise_of
 from tasks.problems import BadInput
 from tasks.simulate import Array
 from tasks.study import CalibrateSettings
@@ -43,6 +44,7 @@ from tasks.workspace import Workspace, digest, read_result, write_json, write_te
 ON_BOUND = 1e-3
 DETERMINED = 0.25  # of a parameter's range; a uniform distribution over it has a standard deviation of 0.29
 CONFOUNDED = 0.95
+FOLLOWED = 0.8  # a fit that leaves less than this part of the noise shows that its estimate was wrong
 
 
 def calibrate(workspace: Workspace) -> dict[str, Any]:
@@ -187,7 +189,7 @@ def _told(workspace: Workspace, evaluation: SpecimenEvaluation, fitted: _Fitted)
     noise = [noise_of(curve, evaluation.specimen.curves) for curve in evaluation.specimen.curves]
     inflation = [each.inflation for each in noise]
     sd, correlation = uncertainty(fitted.jacobians, best.objective, weighing_of(evaluation), inflation)
-    floor = float(sum(each.sd_N for each in noise))
+    floor = _floor(noise, best.total)
     pairs = [
         {"parameters": [free[i], free[j]], "correlation": correlation[i, j]}
         for i in range(len(free))
@@ -225,9 +227,31 @@ def _told(workspace: Workspace, evaluation: SpecimenEvaluation, fitted: _Fitted)
     }
 
 
-def _above(total: float | None, floor: float) -> float | None:
+def often_on_bound(result: dict[str, Any]) -> str:
+    """A sentence on the parameters that ended on a bound in half of the specimens or more, empty where none did.
+
+    Where the curves do not determine a parameter, it says nothing that it ended there.
+    """
+    specimens = result["specimens"].values()
+    counts = Counter(name for told in specimens for name in told["on_bound"] if name in told["determined"])
+    names = [name for name in result["free"] if 2 * counts[name] >= len(specimens)]
+    if not names:
+        return ""
+    return (
+        f"On an end of their range in half of the specimens or more: {', '.join(names)}. Widen it (model.parameters "
+        "in the study file) where it is a guess; where it is certain, the model lacks something."
+    )
+
+
+def _floor(noise: Sequence[Noise], total: float) -> float | None:
+    """The objective (N) that noise alone would leave; None where the curves do not tell their noise."""
+    floor = float(sum(each.sd_N for each in noise))
+    return floor if total >= FOLLOWED * floor else None  # what a model follows is no noise; not so where it is NaN
+
+
+def _above(total: float | None, floor: float | None) -> float | None:
     """How far above the noise of the curves, as a part of it."""
-    return total / floor - 1.0 if total is not None and floor > 0 else None
+    return total / floor - 1.0 if total is not None and floor else None
 
 
 def _keep_points(workspace: Workspace, evaluation: SpecimenEvaluation, fitted: _Fitted) -> None:

@@ -60,9 +60,13 @@ class _Piece:
 
 
 def noise_of(curve: Curve, beside: Sequence[Curve] = ()) -> Noise:
-    """Noise of one curve, the same at every force; where it has too few points to tell, that of those ``beside`` it."""
-    found = noise_of_all([curve], proportional=False)
-    return found if np.isfinite(found.sd_N) or not beside else noise_of_all(beside, proportional=False)
+    """Noise of one curve, the same at every force.
+
+    Where it has fewer than ``ENOUGH`` points in holds, the noise that the curves ``beside`` it (those of its specimen,
+    itself among them) have in common: cycles of few points each are no smooth course, and look like noise.
+    """
+    alone = not beside or _points_in_holds(_pieces(curve)) >= ENOUGH
+    return noise_of_all([curve] if alone else beside, proportional=False)
 
 
 def noise_of_all(curves: Sequence[Curve], *, proportional: bool = True) -> Noise:
@@ -121,8 +125,11 @@ def _correlation_and_growth(groups: Sequence[list[_Piece]], proportional: bool) 
 
 def _chosen(curves: Sequence[Curve]) -> list[_Piece]:
     pieces = [piece for curve in curves for piece in _pieces(curve)]
-    holds = [piece for piece in pieces if piece.hold]
-    return holds if sum(piece.force.size for piece in holds) >= ENOUGH else pieces
+    return [piece for piece in pieces if piece.hold] if _points_in_holds(pieces) >= ENOUGH else pieces
+
+
+def _points_in_holds(pieces: Sequence[_Piece]) -> int:
+    return sum(piece.force.size for piece in pieces if piece.hold)
 
 
 def _restricted(pieces: Sequence[_Piece], r: float, growth: float) -> tuple[float, float]:

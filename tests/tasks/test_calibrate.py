@@ -3,10 +3,13 @@
 import csv
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 
+from tasks.calibrate import often_on_bound
 from tasks.cohort import virtual_cohort, write_cohort
+from tasks.noise import noise_of
 from tests.runner.test_store import contents
 from tests.tasks.test_pipeline import new_simulations, sinew
 
@@ -72,6 +75,34 @@ def test_specimens_are_calibrated_down_to_their_noise(study, tmp_path, capsys):
     sinew("calibrate", study, "--out", out, "--quiet")
     assert new_simulations(out)[-1] == 0
     assert json.loads((out / "calibrate.json").read_text())["specimens"] == result["specimens"]
+
+
+@pytest.mark.page
+def test_noise_that_the_model_follows_is_told_as_unknown(study, tmp_path, capsys):
+    """Cycles alone, of few points each: their sharp toe looks like noise to who has no model."""
+    specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=4.0)
+    cycles = tuple(curve for curve in specimens[0].curves if curve.name == "cyclic")
+    shutil.rmtree(tmp_path / "cohort")
+    write_cohort(tmp_path / "cohort", [replace(specimens[0], curves=cycles)], truth)
+    study.write_text(
+        STUDY.replace("[bayesian, hybrid, least_squares]", "[least_squares]").replace("starts: 2", "starts: 1")
+    )
+    sinew("run", study, "--out", tmp_path / "out", "--workers", 1)
+    (found,) = json.loads((tmp_path / "out" / "calibrate.json").read_text())["specimens"].values()
+    assert found["total_N"] < 0.3 * noise_of(*cycles).sd_N
+    assert found["noise_N"] is None
+    assert found["above_noise"] is None
+    assert found["methods"]["least_squares"]["above_noise"] is None
+    assert "unknown" in capsys.readouterr().out
+    assert "do not tell their noise" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_what_is_often_on_a_bound_is_told_with_what_to_do():
+    told = [(["E_f", "nu_m"], ["E_f"]), (["E_f", "g_1f"], ["E_f", "g_1f"]), ([], ["E_f", "g_1f"])]
+    specimens = {str(i): {"on_bound": ends, "determined": known} for i, (ends, known) in enumerate(told)}
+    said = often_on_bound({"specimens": specimens, "free": ["E_f", "g_1f", "nu_m"]})
+    assert "specimens or more: E_f. Widen it (model.parameters" in said
+    assert often_on_bound({"specimens": {"2": specimens["2"]}, "free": ["E_f"]}) == ""
 
 
 def test_the_store_does_not_depend_on_the_number_of_workers(study, tmp_path):

@@ -39,6 +39,16 @@ def test_a_slow_rate_does_not_take_ramps_for_noise(rate_hz):
     assert np.mean([noise.ar1 for noise in found]) == pytest.approx(0.3, abs=0.1)
 
 
+def test_cycles_of_few_points_take_the_noise_of_the_holds_beside_them():
+    specimens, truth = virtual_cohort(seed=5, per_site=1, rate_hz=2.0)
+    for specimen in specimens:
+        for curve in specimen.curves:
+            made = truth["specimens"][specimen.name]["noise_sd_N"]
+            assert noise_of(curve, specimen.curves).sd_N == pytest.approx(made, rel=0.2), curve.name
+    cycles = next(curve for curve in specimen.curves if curve.name == "cyclic")
+    assert noise_of(cycles).sd_N > 10.0 * made, "alone, their toe is taken for noise"
+
+
 def test_noise_that_grows_with_the_force_is_told_apart():
     t = np.arange(4000) / 10
     moved = np.interp(t, [0, 5, 200, 210], [0, 1, 1, 3])
