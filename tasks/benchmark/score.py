@@ -116,6 +116,12 @@ def told_apart(told: Told, slug: str) -> bool:
     )
 
 
+def second_seen(told: Told) -> bool:
+    """Whether the data clearly speak against every single effect, as they must where two can be told from one."""
+    alone = min((one.loss for one in told.options if len(one.effects) == 1), default=told.null_loss)
+    return alone - told.floor > _clear(max(told.floor, 0.0))
+
+
 def class_of(case: Case) -> str:
     """One of :data:`CLASSES`."""
     told, answer = case.told, case.answer
@@ -181,6 +187,8 @@ def shares(cases: Sequence[Case]) -> list[Share]:
         _share("truth inside the set when AMBIGUOUS", ambiguous, lambda case: inside(case)),
         _share("outside the library, called OUTSIDE", found_outside, lambda case: _word(case) == "OUTSIDE"),
         _share("both of two effects named", pairs, named_right),
+        _share("both of two effects named, where one alone is rejected",
+               [case for case in by_class[PAIR] if case.told and second_seen(case.told)], named_right),
         _share("wrong confident name, two effects", [c for c in done if c in pairs], named_wrong, False),
         _share("named correctly, all single effects", singles, named_right),
         _share("NONE or AMBIGUOUS where nothing can be seen", by_class[UNDETECTABLE], lambda case: _word(case)

@@ -148,7 +148,7 @@ def _judged(null: Scored, best: Scored, candidates: Sequence[Scored], about: Evi
     part = explained(null, best, about.floor)
     takes = "takes away all" if part is None else f"takes away {100 * min(part, 1.0):.0f} %"
     if _rest(best, about.floor) > (1.0 - EXPLAINED) * _rest(null, about.floor) + _rest_by_chance(about.floor):
-        why = f"the best of the library ({name}) {takes} of the misfit"
+        why = f"the best of the library ({name}) {takes} of the misfit, and a name takes {100 * EXPLAINED:.0f} %"
         return Verdict("OUTSIDE", explained=part, why=why)
     alike = rivals(best, candidates, about.floor)
     if alike:

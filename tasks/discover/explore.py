@@ -5,7 +5,7 @@ without what is held out. Fits are kept beside the store, so that a run that was
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import partial
 from pathlib import Path
 from threading import Lock
@@ -63,18 +63,16 @@ class Explorer:
         """Where what was found of one kind is kept."""
         bounds = [[p.minimum, p.maximum] for p in self.model.parameters]
         solver = self.solver.identity() if self.solver else None
-        noise = asdict(self.measured.noise)
-        inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, noise, solver, VERSION, what)
+        how = [asdict(self.measured.noise), solver, VERSION, [each.name for each in fields(Fitted)]]
+        inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, *how, what)
         return Ledger(self.folder / f"{self.name.replace('/', '_')}.{digest(what)[:12]}.jsonl", inputs)
 
-    def _fitted(self, ledger: Ledger, number: int, desk: Desk, candidate: Candidate, *arguments: Any) -> Fitted:
+    def _fitted(self, ledger: Ledger, number: int, desk: Desk, *arguments: Any) -> Fitted:
         """Fit ``number`` of a ledger: known, or what ``arguments``, a function and what it takes, find on a worker."""
         if number == len(ledger):
             found = desk.compute(*arguments)
-            ledger.append(np.concatenate([[found.loss, found.points], found.at, found.uncertainty]))
-        kept = ledger.kept[number]
-        ends = 2 + candidate.size
-        return Fitted(kept[2:ends], float(kept[0]), int(kept[1]), kept[ends:])
+            ledger.append(found.numbers())
+        return Fitted.of(ledger.kept[number])
 
     def bare(self, desk: Desk, count: int, seed: tuple[int, ...]) -> list[Fitted]:
         """Fits of the model without effects, the best first, from ``count`` starts and, until two agree, some more."""
@@ -84,7 +82,7 @@ class Explorer:
         for i, at in enumerate(starts(candidate, np.random.default_rng(seed), MORE * count)):
             if i >= count and agree(found):
                 break
-            found.append(self._fitted(ledger, i, desk, candidate, fit, candidate, self.measured, at))
+            found.append(self._fitted(ledger, i, desk, fit, candidate, self.measured, at))
             found.sort(key=lambda one: one.loss)
         return found
 
@@ -93,7 +91,7 @@ class Explorer:
         candidate = self.candidate()
         ledger = self._ledger("alone", digest(pooled.at))
         return [
-            self._fitted(ledger, i, desk, candidate, fit, candidate, self.measured, pooled.at, [curve])
+            self._fitted(ledger, i, desk, fit, candidate, self.measured, pooled.at, [curve])
             for i, curve in enumerate(self.measured.curves)
         ]
 
@@ -101,15 +99,13 @@ class Explorer:
         """The best fit with ``effects``, of which all but the last were fitted in ``base``."""
         candidate, before = self.candidate(effects), self.candidate(effects[:-1])
         ledger = self._ledger("extended", _forms(effects), digest(base.at, *candidate.bounds()))
-        return self._fitted(ledger, 0, desk, candidate, extended, before, base.at, effects[-1], self.measured)
+        return self._fitted(ledger, 0, desk, extended, before, base.at, effects[-1], self.measured)
 
     def refitted(self, desk: Desk, effects: Effects, before: Fitted, begins: Sequence[Array]) -> Fitted:
         """The better of ``before`` and fits with ``effects`` from ``begins``, each ``[k]``."""
         candidate = self.candidate(effects)
         ledger = self._ledger("refitted", _forms(effects), digest(*begins, *candidate.bounds()))
-        found = [
-            self._fitted(ledger, i, desk, candidate, fit, candidate, self.measured, at) for i, at in enumerate(begins)
-        ]
+        found = [self._fitted(ledger, i, desk, fit, candidate, self.measured, at) for i, at in enumerate(begins)]
         return min([before, *found], key=lambda one: one.loss)
 
     def profiled(self, desk: Desk, effects: Effects, fitted: Fitted) -> Profiled:
@@ -118,12 +114,10 @@ class Explorer:
         ledger = self._ledger("profiled", _forms(effects), digest(fitted.at, *candidate.bounds()))
         if not len(ledger):
             found = desk.compute(profiled, candidate, self.measured, fitted)
-            own = found.fitted
-            ledger.append(np.concatenate([[own.loss, own.points], own.at, own.uncertainty, found.ends.ravel()]))
+            ledger.append(np.concatenate([found.ends.ravel(), found.fitted.numbers()]))
         kept = ledger.kept[0]
-        ends = 2 + 2 * candidate.size
-        own = Fitted(kept[2 : 2 + candidate.size], float(kept[0]), int(kept[1]), kept[2 + candidate.size : ends])
-        return Profiled(own, kept[ends:].reshape(-1, 2))
+        ends = 2 * (candidate.size - len(candidate.varied))
+        return Profiled(Fitted.of(kept[ends:]), kept[:ends].reshape(-1, 2))
 
     def promise(self, desk: Desk, effects: Effects, base: Fitted) -> float:
         """The loss that a fit with ``effects`` may come to, seen from ``base``, which has all but the last of them."""
@@ -140,7 +134,7 @@ class Explorer:
         ledger = self._ledger("held out", _forms(effects), digest(start, *candidate.bounds()))
         told: dict[str, dict[str, Array]] = {}
         for i, split in enumerate(splits(self.measured)):
-            found = self._fitted(ledger, i, desk, candidate, fit, candidate, split.seen, start)
+            found = self._fitted(ledger, i, desk, fit, candidate, split.seen, start)
             for curve in self.measured.curves:
                 if curve.name in split.judged:
                     white = errors(candidate, self.measured, found.at[np.newaxis], [curve])[0]
@@ -153,7 +147,7 @@ class Explorer:
         begin = np.concatenate([start[: start.size - values.size], values])
         ledger = self._ledger("of others", _forms(effects), digest(begin, *candidate.bounds()))
         how = (_fit_beside, candidate, self.measured, begin, values.size)
-        found = self._fitted(ledger, 0, desk, candidate, *how)
+        found = self._fitted(ledger, 0, desk, *how)
         return {
             SPECIMEN: {
                 curve.name: errors(candidate, self.measured, found.at[np.newaxis], [curve])[0] ** 2

@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
+from scipy.stats import chi2
 
 from tasks.discover.measured import Measured
 from tasks.fits import ALIKE, FAST, SLOW
@@ -24,23 +25,42 @@ TOLERANCE = 1e-5
 EVALUATIONS = 60  # iterations of one fit, at most
 PARTS = (0.05, 0.2, 0.6, 1.0)  # of an effect's typical size, from which its fit may begin
 WIDTH = 12.0  # precision of what is anywhere on the unit cube
+RISE = float(chi2.ppf(0.9, 1))  # of the loss, by chance alone in one case of ten
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
     """Where a fit ended: ``at`` ``[k]`` on the unit cube, ``loss`` (whitened sum of squares), ``points`` it is over.
 
-    ``uncertainty`` ``[k]``: standard deviations on the unit cube, from the curvature; ``at_bound`` ``[k]``.
+    ``uncertainty`` ``[k]``: standard deviations on the unit cube, from the curvature; ``pull`` ``[k]``: by how much the
+    loss would fall if a parameter were free to leave its range, 0 within it.
     """
 
     at: Array
     loss: float
     points: int
     uncertainty: Array = field(default_factory=lambda: np.empty(0))
+    pull: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def at_bound(self) -> Array:
-        return (self.at < 1e-3) | (self.at > 1.0 - 1e-3)
+        """Which parameters ``[k]`` are on a bound."""
+        return on_bound(self.at)
+
+    @property
+    def pressed(self) -> Array:
+        """Which parameters ``[k]`` are on a bound because of the data, not for want of anything that says where."""
+        return self.at_bound & (self.pull > RISE)
+
+    def numbers(self) -> Array:
+        """All of it in a row ``[2 + 3 k]``."""
+        return np.concatenate([[self.loss, self.points], self.at, self.uncertainty, self.pull])
+
+    @classmethod
+    def of(cls, numbers: Array) -> "Fitted":
+        """What ``numbers`` were made from."""
+        at, uncertainty, pull = np.split(numbers[2:], 3)
+        return cls(at, float(numbers[0]), int(numbers[1]), uncertainty, pull)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,17 +203,41 @@ def fit(
         loss, np.clip(start[free], 1e-6, 1 - 1e-6), jac=slope, bounds=(0.0, 1.0), ftol=TOLERANCE, xtol=1e-7,
         gtol=1e-7, max_nfev=EVALUATIONS, x_scale=1.0,
     )  # fmt: skip
-    spread = np.zeros(start.size)
+    spread, pull = np.zeros((2, start.size))
     spread[free] = spreads(found.jac)
-    return Fitted(whole(found.x), float(2.0 * found.cost), int(found.fun.size), spread)
+    pull[free] = _pulls(found.x, found.grad, found.jac)
+    return Fitted(whole(found.x), float(2.0 * found.cost), int(found.fun.size), spread, pull)
+
+
+def on_bound(at: Array) -> Array:
+    """Which coordinates of a point of the unit cube are on a bound of it."""
+    found: Array = (at < 1e-3) | (at > 1.0 - 1e-3)
+    return found
 
 
 def spreads(slopes: Array) -> Array:
     """Standard deviations ``[k]`` on the unit cube, all of which is as likely before the data, of slopes ``[t, k]``."""
-    curvature = slopes.T @ slopes + WIDTH * np.eye(slopes.shape[1])
     found: Array = np.sqrt(
-        np.maximum(np.diag(np.linalg.inv(curvature)), 0.0)
+        np.maximum(np.diag(np.linalg.inv(_curvature(slopes))), 0.0)
     )  # a failed neighbour leaves rounding only
+    return found
+
+
+def _curvature(slopes: Array) -> Array:
+    found: Array = slopes.T @ slopes + WIDTH * np.eye(slopes.shape[1])
+    return found
+
+
+def _pulls(at: Array, gradient: Array, slopes: Array) -> Array:
+    """By how much the loss would fall if one of the parameters on a bound, and those on none, were free to move."""
+    found = np.zeros(at.size)
+    on = on_bound(at)
+    outward = np.where(at < 0.5, gradient, -gradient)
+    for number in np.flatnonzero(on & (outward > 0.0)):
+        moving = ~on
+        moving[number] = True
+        variance = np.linalg.inv(_curvature(slopes[:, moving]))[moving[:number].sum(), moving[:number].sum()]
+        found[number] = outward[number] ** 2 * variance
     return found
 
 

@@ -11,13 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
-from tasks.discover.fit import WIDTH, Candidate, Fitted, derivatives, fit, starts
+from tasks.discover.fit import RISE, WIDTH, Candidate, Fitted, derivatives, fit, starts
 from tasks.discover.measured import Measured
 from tasks.simulate import Array
 
-RISE = float(chi2.ppf(0.9, 1))  # of the loss, at the ends of a 90 % interval
 NEAR = 0.05  # of the way there, by which an end may miss it
 TRIES = 8  # fits for an end, at most
 LOWER = 0.05  # of the loss: a better fit than the best so far

@@ -191,7 +191,7 @@ def _score(effects: Effects, fitted: Sequence[Fitted], null: Sequence[Fitted]) -
     on_bound = [
         parameter.name
         for k, parameter in enumerate(parameters)
-        if not idle[k] and any(one.at_bound[first + k] for one in fitted)
+        if not idle[k] and any(one.pressed[first + k] for one in fitted)
     ]
     gains = [
         alone.loss - criterion(one.loss, len(parameters), [count])

@@ -1,12 +1,12 @@
 """Fits with another solver than the embedded simulator follow that solver's forces."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tasks.discover.fit import Candidate, fit
+from tasks.discover.fit import Candidate, Fitted, fit, gentle
 from tasks.discover.measured import Measured
 from tasks.model import Curve, Model, Specimen
 from tasks.model.protocols import cyclic, one_step
@@ -61,3 +61,31 @@ def test_what_a_solver_cannot_run_is_far_away_and_never_not_a_number(measured):
     found = fit(Candidate(Model(), solver=Broken("none", "none", "", Path())), measured, np.full(15, 0.5))
     assert np.isfinite(found.at).all()
     assert found.loss > 1e6
+
+
+@pytest.mark.parametrize(("below", "pressed"), [(-2.0, False), (0.5, False), (4.0, True)])
+@pytest.mark.parametrize("name", ["E_f", "E_m", "g_2f", "tau_2f"])
+def test_a_bound_counts_where_the_data_press_a_parameter_against_it(measured, name, below, pressed):
+    wide = Candidate(Model())
+    free = fit(wide, measured, gentle(wide))
+    number = wide.varied.index(name)
+    low, high = (bound[number] for bound in wide.bounds())
+    top = low + (high - low) * (free.at[number] - below * free.uncertainty[number])
+
+    own = [replace(each, maximum=top) if each.name == name else each for each in Model().parameters]
+    tight = Candidate(replace(Model(), parameters=tuple(own)))
+    found = fit(tight, measured, free.at)
+
+    assert found.pressed[number] == pressed
+    assert found.at_bound[number] or not pressed
+    rise = found.loss - free.loss
+    assert found.pull[number] > rise / 2 if pressed else rise < 0.5
+
+
+def test_a_fit_is_the_same_after_it_was_kept_as_numbers(measured):
+    wide = Candidate(Model())
+    found = fit(wide, measured, gentle(wide))
+    again = Fitted.of(found.numbers())
+    assert (again.loss, again.points) == (found.loss, found.points)
+    for kept, made in ((again.at, found.at), (again.uncertainty, found.uncertainty), (again.pull, found.pull)):
+        np.testing.assert_array_equal(kept, made)
