@@ -29,6 +29,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if "slurm_cluster" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.slurm)
+            item.add_marker(pytest.mark.timeout(1200))  # a slow machine takes a walltime, and SLURM, more often
         if item.get_closest_marker("febio") and shutil.which("febio4") is None:
             item.add_marker(pytest.mark.skip(reason="febio4 is not on the PATH"))
         if item.get_closest_marker("shared") and not SHARED.is_dir():

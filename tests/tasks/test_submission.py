@@ -59,8 +59,8 @@ def submit(study: Path, *words: str | Path) -> Path:
     return out
 
 
-def until(condition, what: str, seconds: float = 90.0):
-    """Wait until a condition holds; returns what it gave."""
+def until(condition, what: str, seconds: float = 300.0):
+    """Wait until a condition holds; returns what it gave. The limit is for what hangs, not for what is slow."""
     end = time.monotonic() + seconds
     while not (found := condition()):
         assert time.monotonic() < end, f"{what} did not happen within {seconds} s"
@@ -76,8 +76,8 @@ def log_of(out: Path) -> str:
     return "\n".join(path.read_text(errors="replace") for path in sorted((out / "jobs").glob("*.log")))
 
 
-def finish(out: Path, seconds: float = 120.0) -> None:
-    until(lambda: not live(), "the end of all jobs", seconds)
+def finish(out: Path) -> None:
+    until(lambda: not live(), "the end of all jobs", 600)
     assert (out / "sobol.json").exists(), log_of(out)
 
 
@@ -131,7 +131,7 @@ cluster: slurm
     local.write_text(text.replace("cluster: slurm", "cluster: {name: local, workers: 1}"))
     here = tmp_path / "here"
     sinew("run", local, "--out", here, "--quiet")
-    until(lambda: not live(), "the end of all jobs", 400)
+    until(lambda: not live(), "the end of all jobs", 600)
     assert (out / "compare.json").exists(), log_of(out)
     for name in ("sobol", "importance", "calibrate", "infer", "predict", "compare"):
         assert (out / f"{name}.json").read_bytes() == (here / f"{name}.json").read_bytes(), name
@@ -185,7 +185,7 @@ def test_one_study_while_it_runs(tmp_path, slurm_cluster):
     assert "ssh -N -L" in log_of(out)
 
     assert f"job {leader.job}" in sinew("cancel", out)
-    until(lambda: not live(), "the end of all jobs", 30)
+    until(lambda: not live(), "the end of all jobs", 120)
     done = json.loads(sinew("status", out, "--json"))["tables"][0]["done"]
     assert done >= status["tables"][0]["done"]
     until(lambda: not survival.leftovers(tmp_path / "solver"), "the end of all solvers", 10)
