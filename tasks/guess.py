@@ -11,13 +11,13 @@ import math
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tasks.export_tables import MAX_EXPORT_BYTES, MM, block_of, decoded
+from tasks.export_tables import MAX_EXPORT_BYTES, MM, decoded
 from tasks.measurements import HUGE, check_text
 from tasks.problems import BadInput, shown
 
@@ -120,8 +120,8 @@ class Column:
 class Guess:
     """``numbers`` ``[t, 3]``: time (s), motion (mm, or 1 for strain and stretch) and load (N, or MPa for stress).
 
-    ``first`` is the row of the file that the numbers begin in; ``block``: the cells behind each name of the header
-    block, lower case; ``left_out``: titles of columns that were not taken.
+    ``first`` is the row of the file that the numbers begin in; ``header``: the rows above the titles of columns, as
+    text; ``left_out``: titles of columns that were not taken.
     """
 
     numbers: Array
@@ -129,7 +129,7 @@ class Guess:
     separator: str
     decimal: str
     first: int
-    block: Mapping[str, list[str]] = field(default_factory=dict)
+    header: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
 
 
@@ -168,8 +168,8 @@ def guess(path: Path, hints: Hints) -> Guess:
     if len(numbers) < 3:
         raise BadInput(path, f"{len(numbers)} rows of numbers", "at least 3")
     left_out = tuple(name.strip() for i, name in enumerate(names) if i not in places and name.strip())
-    header = [_cells(line, separator) for line in above]
-    return Guess(numbers, columns, separator, decimal, first + 1, block_of(header), left_out)
+    header = tuple(" ".join(" ".join(_cells(line, separator)).split()) for line in above)
+    return Guess(numbers, columns, separator, decimal, first + 1, header, left_out)
 
 
 # ---- text

@@ -35,6 +35,22 @@ UNSURE = "unsure: a number may be a specimen's or a trial's; rename to SPECIMEN_
 TABLES = {".csv", ".txt", ".tsv", ".dat", ".asc"}
 MOST_FILES, DEEPEST = 10_000, 4
 SIZES = ("length", "width", "thickness")
+WORDS = {
+    "length": ("length", "länge", "laenge", "messlänge", "longueur"),
+    "width": ("width", "breite", "largeur"),
+    "thickness": ("thickness", "dicke", "épaisseur", "epaisseur"),
+    "diameter": ("diameter", "durchmesser", "diamètre", "diametre"),
+}
+LONGEST_SIZE = 200  # characters of a line that tells a size
+_UNIT = "|".join(re.escape(unit) for unit in sorted(MM, key=len, reverse=True))
+#: 'Specimen properties : Length 14.33 mm', 'Gauge length (mm) 10,13', 'width_mm: 8.3', with single spaces.
+_SIZE = re.compile(
+    r"(?:.*: ?)?(?:(?:gauge|gage|specimen|sample|initial)[ _])*"
+    rf"(?P<what>{'|'.join(word for words in WORDS.values() for word in words)})"
+    rf"(?:[ _/]* ?[(\[]?(?P<unit>{_UNIT})[)\]]?)? ?[:=]? ?"
+    rf"(?P<value>[0-9]+(?:[.,][0-9]+)?)(?: ?[(\[]?(?P<behind>{_UNIT})[)\]]?)?",
+    re.IGNORECASE,
+)
 #: Words of file names that name a protocol, so that what is left names the specimen.
 PROTOCOLS = (
     "one_step", "two_step", "onestep", "twostep", "step", "steps", "stress_relaxation", "relaxation", "relax",
@@ -268,7 +284,7 @@ def _asked_sizes(tests: Sequence[_Test], sizes: Sizes, ask: Ask | None) -> Sizes
         return sizes
     answers = {}
     for name in SIZES:
-        if getattr(sizes, f"{name}_mm") is None and any(_in_block(test, name) is None for test in tests):
+        if getattr(sizes, f"{name}_mm") is None and any(_in_header(test, name) is None for test in tests):
             said = ask(f"{name} of the specimens in mm? (empty: fill it in later)", ())
             try:
                 answers[f"{name}_mm"] = float(said.replace(",", ".")) if said.strip() else None
@@ -277,19 +293,18 @@ def _asked_sizes(tests: Sequence[_Test], sizes: Sizes, ask: Ask | None) -> Sizes
     return Sizes(**({f"{name}_mm": getattr(sizes, f"{name}_mm") for name in SIZES} | answers))
 
 
-def _in_block(test: _Test, name: str) -> float | None:
-    """A size (mm) that a file's header block tells with its unit; the side of a square for a diameter."""
-    block = test.guess.block
-    for key in (name, f"gauge {name}", f"specimen {name}", *(["diameter"] if name != "length" else [])):
-        cells = [re.fullmatch(r"[(\[]?(.*?)[)\]]?", cell)[1] for cell in block.get(key, [])]  # type: ignore[index]
-        if len(cells) < 2 or cells[1].lower() not in MM:
+def _in_header(test: _Test, name: str) -> float | None:
+    """A size (mm) that a line above a file's table tells with its unit; the side of a square for a diameter."""
+    for line in test.guess.header:
+        found = _SIZE.fullmatch(line) if len(line) < LONGEST_SIZE else None
+        unit = found and (found["unit"] or found["behind"])
+        if not found or not unit:
             continue
-        try:
-            value = float(cells[0].replace(",", ".")) * MM[cells[1].lower()]
-        except ValueError:
-            continue
-        if 0 < value < LONGEST:
-            return round(value * math.sqrt(math.pi) / 2, 9) if key == "diameter" else value
+        value = float(found["value"].replace(",", ".")) * MM[unit.lower()]
+        if found["what"].lower() in WORDS[name] and 0 < value < LONGEST:
+            return value
+        if found["what"].lower() in WORDS["diameter"] and name != "length" and 0 < value < LONGEST:
+            return round(value * math.sqrt(math.pi) / 2, 9)
     return None
 
 
@@ -311,7 +326,7 @@ def _specimens(tests: Sequence[_Test], sizes: Sizes) -> list[_Found]:
 def _specimen(name: str, tests: Sequence[_Test], given: Sizes) -> _Found:
     known = {}
     for size in SIZES:
-        values = {value for test in tests if (value := _in_block(test, size)) is not None}
+        values = {value for test in tests if (value := _in_header(test, size)) is not None}
         if len(values) > 1 and getattr(given, f"{size}_mm") is None:
             problem = (
                 f"{size}s of {' and '.join(f'{value:g}' for value in sorted(values))} mm in files of specimen {name}"

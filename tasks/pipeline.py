@@ -16,7 +16,7 @@ from rich.table import Table as Grid
 from runner.errors import SinewError, WalltimeReached
 from runner.store import Store, open_store
 from tasks import provenance
-from tasks.calibrate import calibrate, fitted_curves
+from tasks.calibrate import calibrate, fitted_curves, often_on_bound
 from tasks.discover.discover import discover
 from tasks.importance import importance
 from tasks.infer import infer
@@ -284,7 +284,9 @@ def _tell_infer(workspace: Workspace, result: dict[str, Any], console: Console) 
 
 
 def _tell_calibrate(workspace: Workspace, result: dict[str, Any], console: Console) -> None:
-    grid = Grid("specimen", "RMSE (N)", "noise (N)", "above", "on a bound", "not determined", title="Calibration")
+    grid = Grid(
+        "specimen", "RMSEs together (N)", "noise (N)", "above", "on a bound", "not determined", title="Calibration"
+    )
     for name, told in result["specimens"].items():
         above = "" if told["above_noise"] is None else f"{100 * told['above_noise']:+.1f} %"
         noise = "unknown" if told["noise_N"] is None else f"{told['noise_N']:.4g}"
@@ -292,7 +294,9 @@ def _tell_calibrate(workspace: Workspace, result: dict[str, Any], console: Conso
         cells = (f"{told['total_N']:.4g}", noise, above, " ".join(told["on_bound"]), " ".join(free))
         grid.add_row(name, *cells)
     console.print(grid)
-    console.print("above: how far the fit stopped above the noise of the curves themselves")
+    console.print("RMSEs and noise are sums over protocols; above: how far a fit stopped above the noise of its curves")
+    if told := often_on_bound(result):
+        console.print(told, markup=False)
 
 
 _TASKS = {

@@ -277,7 +277,7 @@ def next_curve(curves: Array, noise: float, probability: float) -> Band:
 def noise_of_others(specimens: Sequence[Specimen], specimen: Specimen, protocol: str) -> float:
     """Standard deviation (N) of the noise of the other specimens' curves of a protocol; 0 where none can tell."""
     sd = [
-        noise_of(curve).sd_N
+        noise_of(curve, other.curves).sd_N
         for other in specimens
         if other.name != specimen.name
         for curve in other.curves

@@ -39,7 +39,7 @@ def facts(workspace: Workspace) -> dict[str, Any]:
         "study_file": str(study.path),
         "study_hash": digest(text),
         "study_text": text,
-        "cohort": str(workspace.cohort.folder),
+        "cohort": "" if workspace.cohort.folder == study.path else str(workspace.cohort.folder),
         "cohort_hash": digest(specimens),
         "specimens": specimens,
     }

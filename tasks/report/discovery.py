@@ -53,7 +53,7 @@ def tell(workspace: Workspace, result: dict[str, Any], console: Console) -> None
     if conflict["p"] < UNLIKELY:
         worst = max(result["conflict"]["specimens"].values(), key=lambda one: one["statistic"])["apart"][0]
         console.print(
-            f"the protocols want different parameters (p {conflict['p']:.1g}): most of all {worst['parameter']}, "
+            f"the protocols want different parameters ({unlikely(conflict['p'])}): most of all {worst['parameter']}, "
             f"{worst['values'][0]:.4g} in {worst['curves'][0]}, {worst['values'][1]:.4g} in {worst['curves'][1]}",
             markup=False,
         )
@@ -73,6 +73,11 @@ def tell(workspace: Workspace, result: dict[str, Any], console: Console) -> None
     if result["model"]:
         console.print(f"the study with it: {workspace.out / result['model']['path']}\n{result['model']['difference']}",
                       markup=False)  # fmt: skip
+
+
+def unlikely(p: float) -> str:
+    """A probability that may be too small for a number of the machine."""
+    return f"p {p:.1g}" if p > 0.0 else "p below 1e-300"
 
 
 def before_and_after(kept: xr.Dataset, result: dict[str, Any], specimen: str) -> Figure:

@@ -121,6 +121,8 @@ class Found:
                 return "Not for a template: what this names are effects of sinew's own tissue."
             if task in ("calibrate", "infer", "predict", "compare") and not self.forces:
                 return f"Not run: it needs measured curves ({command[:-1]} --data COHORT`)."
+        if task == "compare" and len({name.rpartition("/")[0] for name in self.measured}) == 1:
+            return "Not run: it needs two sites, that is specimens in folders COHORT/SITE/SPECIMEN of two sites."
         return f"Not run yet: {command}."
 
 
@@ -170,7 +172,9 @@ def _curves(table: Table) -> Iterator[tuple[str, MeasuredCurve]]:
     names = [str(name) for name in np.asarray(table.group["protocol"][:])]  # type: ignore[index]
     for name in names:
         time, moved, force = columns_of(table, name)
-        keep = kept_points(Protocol(name, time, moved), POINTS)
+        keep = kept_points(Protocol(name, time, moved), POINTS - 1)
+        if np.isfinite(force).any():
+            keep = np.union1d(keep, np.nanargmax(np.abs(force)))  # a peak between two of them would look lower
         yield name, MeasuredCurve(time[keep], moved[keep], force[keep], time.size)
 
 

@@ -2,6 +2,7 @@
 
 import json
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -165,6 +166,37 @@ def test_a_header_block_tells_sizes(tmp_path):
     assert specimen.length_mm == 12
     assert specimen.area_mm2 == pytest.approx(np.pi)
     assert not made.missing
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        "Gauge length (mm),12\nWidth (mm),8.5\nThickness (mm),4\n",
+        "Operator: mk\nlength_mm: 12\nwidth_mm: 8.5\nthickness_mm: 4\n",
+        "Sample length = 1.2 cm\nBreite [mm],8.5\nDicke,4,mm\n",
+        "Initial gauge length / mm,12\nSpecimen width,8.5,(mm)\nThickness: 4000 um\n",
+    ],
+)
+def test_lines_above_the_table_tell_sizes(tmp_path, lines):
+    table(tmp_path / "tail.csv", lines + "Time (s),Extension (mm),Load (N)")
+    made = init([tmp_path / "tail.csv"], tmp_path / "out")
+    (specimen,) = read_cohort(tmp_path / "out" / "cohort").specimens
+    sizes = (specimen.length_mm, specimen.width_mm, specimen.thickness_mm)
+    assert sizes == pytest.approx((12, 8.5, 4))
+    assert not made.missing
+
+
+@pytest.mark.parametrize("line", ["Length,12", "Length at break (mm),12", "Length (mm),about 12", "Length (N),12"])
+def test_a_size_without_a_clear_unit_and_number_is_not_known(tmp_path, line):
+    table(tmp_path / "tail.csv", f"{line}\nTime (s),Extension (mm),Load (N)")
+    assert init([tmp_path / "tail.csv"], tmp_path / "out", sizes=Sizes(None, 8.5, 4)).missing
+
+
+def test_a_long_line_costs_no_time(tmp_path):
+    table(tmp_path / "tail.csv", "length" + " :" * 40_000 + "\nTime (s),Extension (mm),Load (N)")
+    started = time.perf_counter()
+    assert init([tmp_path / "tail.csv"], tmp_path / "out", sizes=Sizes(None, 8.5, 4)).missing
+    assert time.perf_counter() - started < 20
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,10 @@
 """Whole studies with a user's own template, from the study file to what is in the store."""
 
 import copy
+import html
 import json
+import re
+import shlex
 import shutil
 import sys
 from pathlib import Path
@@ -111,6 +114,10 @@ def test_sobol_and_importance_of_any_output(tmp_path, settings, capsys):
     built = build(tmp_path / "out")
     assert built.trouble == ()
     assert all(words in built.path.read_text() for words in ("Nothing was measured", "narrowing", "it needs measured"))
+    again = re.search("sinew (run .*)AGAIN", html.unescape(built.path.read_text()))
+    sinew(*shlex.split(again[1]), tmp_path / "again")
+    assert (tmp_path / "again" / "sobol.json").read_bytes() == (tmp_path / "out" / "sobol.json").read_bytes()
+    capsys.readouterr()
     sinew("watch", tmp_path / "out", "--once")
     assert "dogbone" in capsys.readouterr().out
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from tasks.calibrate import often_on_bound
 from tasks.evaluate import kept_points
 from tasks.model import Protocol
 from tasks.report import plots
@@ -35,6 +36,8 @@ def section(found: Found) -> Section:
         )
     else:
         blocks.append(Words("The curves of the fitted model are not in the store: they are drawn in figures/.", "note"))
+    if told := often_on_bound(result):
+        blocks.append(Words(told, "note"))
     blocks += [_parameters(result), _search(result), _table(result)]
     above = [told["above_noise"] for told in specimens.values() if told["above_noise"] is not None]
     bounds = sorted({name for told in specimens.values() for name in told["on_bound"]})
@@ -43,6 +46,8 @@ def section(found: Found) -> Section:
     ends = f"median objective {number(float(np.median(totals)))} N"
     if above:
         ends += f", {100 * float(np.median(above)):+.1f} % from the noise of the curves (median)"
+    if len(above) < len(specimens):
+        ends += f"; the curves of {plural(len(specimens) - len(above), 'specimen')} do not tell their noise"
     return Section(
         "calibration",
         title,
@@ -188,6 +193,6 @@ def _table(result: dict[str, Any]) -> Table:
                      ", ".join(told["on_bound"]) or "–", ", ".join(free) or "–",
                      *(number(told["parameters"][each], 4) for each in result["names"])])  # fmt: skip
     units = ["" if unit == "1" else f" ({unit})" for unit in result["units"]]
-    header = ["specimen", "objective (N)", "noise (N)", "from the noise", "on a bound", "not determined",
+    header = ["specimen", "RMSEs together (N)", "noise together (N)", "from the noise", "on a bound", "not determined",
               *(f"{name}{unit}" for name, unit in zip(result["names"], units, strict=True))]  # fmt: skip
     return Table("Fits of all specimens", header, rows, words=(4, 5), open=len(rows) <= 3)

@@ -9,7 +9,7 @@ from bokeh.models.annotations import ColorBar
 from tasks.discover.confidence import in_words
 from tasks.report import plots
 from tasks.report.blocks import Block, Code, Facts, Plot, Plots, Section, Table, Words, number, percent
-from tasks.report.discovery import FAR, UNLIKELY
+from tasks.report.discovery import FAR, UNLIKELY, unlikely
 from tasks.report.figures import COLOURS
 from tasks.report.folder import Found, spread
 
@@ -64,16 +64,12 @@ def _verdict(result: dict[str, Any], what: str) -> Facts:
         rows.append(("held-out error, in units of noise", f"{having}; {ends}"))
     if conflict["p"] is not None and conflict["p"] < UNLIKELY:
         worst = max(conflict["specimens"].values(), key=lambda one: one["statistic"])["apart"][0]
-        rows.append(("conflict of protocols", f"{_small(conflict['p'])}: most of all {worst['parameter']}, "
+        rows.append(("conflict of protocols", f"{unlikely(conflict['p'])}: most of all {worst['parameter']}, "
                      f"{number(worst['values'][0])} in {worst['curves'][0]}, {number(worst['values'][1])} in "
                      f"{worst['curves'][1]}"))  # fmt: skip
     noise = [f"{name} {number(told['sd_N'])} N" for name, told in result["noise"].items()]
     rows.append(("noise (standard deviation)", ", ".join(noise)))
     return Facts(rows)
-
-
-def _small(p: float) -> str:
-    return f"p {p:.1g}" if p > 0.0 else "p below 1e-300"
 
 
 def _curves(found: Found, result: dict[str, Any]) -> Plots:
@@ -183,7 +179,8 @@ def _candidates(result: dict[str, Any]) -> Table:
 
 def _others(result: dict[str, Any]) -> list[Block]:
     blocks: list[Block] = []
-    if result["candidates"] and result["shown"]:
+    judged = next((one for one in result["candidates"] if one["effects"] == result["shown"]), None)
+    if judged is not None:
         rows = [
             [
                 specimen,
@@ -192,11 +189,13 @@ def _others(result: dict[str, Any]) -> list[Block]:
                 told["unit"],
                 *(number(end, 4) for end in told["interval"] or (None,) * 2),
             ]
-            for specimen, every in result["candidates"][0]["parameters"].items()
+            for specimen, every in judged["parameters"].items()
             for name, told in every.items()
         ]
         header = ["specimen", "parameter", "value", "unit", "from", "to"]
-        caption = f"Parameters of {' + '.join(result['candidates'][0]['effects'])}, with 90 % intervals"
+        caption = f"Parameters of {' + '.join(judged['effects'])}, with 90 % intervals"
+        if judged["on_bound"]:
+            caption += f"; {' '.join(judged['on_bound'])} ended on a bound, where an interval is open"
         blocks.append(Table(caption, header, rows, words=(1, 3), open=len(rows) <= 8))
     if result["outside"]:
         outside = result["outside"]

@@ -45,7 +45,10 @@ def section(found: Found) -> Section:
         f"the priors (median); last thresholds: {ends}",
         sure="effective sample size " + ", ".join(f"{site} {size:.0f}" for site, size in sizes.items())
         + f" of {result['population']}",
-        failed=f"{failed:,} proposals failed" if failed else "",
+        failed=", ".join(
+            ([f"worth few particles: {', '.join(few)}"] if few else [])
+            + ([f"{failed:,} proposals failed"] if failed else [])
+        ),
     )  # fmt: skip
 
 

@@ -25,12 +25,12 @@ def section(found: Found) -> Section:
     for site, told in result["sites"].items():
         blocks += [Words(f"{site}: {why}", "note") for why in (told["no_new"], told["no_stresses"]) if why]
     inside = {band: told["all"] for band, told in result["coverage"].items() if told["all"] is not None}
-    best = "new" if "new" in inside else "hdi"
-    points = plural(int(result["coverage"][best].get("points") or 0), "point")
+    points = plural(max(int(result["coverage"][band].get("points") or 0) for band in BANDS), "point")
     return Section(
         "prediction", title, question, blocks,
-        found=f"{percent(inside.get(best))} of the measured points lie in the band of {BANDS[best]}",
-        sure=f"{percent(result['probability'])} would be right; {points}",
+        found="measured points inside: "
+        + ", ".join(f"{percent(inside[band])} in the band of {BANDS[band]}" for band in BANDS if band in inside),
+        sure=f"{percent(result['probability'])} would be right for a new measurement; {points}",
         failed=f"{result['failed']:,} of {result['rows']:,} simulations failed" if result["failed"] else "",
     )  # fmt: skip
 

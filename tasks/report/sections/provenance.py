@@ -85,13 +85,15 @@ def _costs(found: Found) -> list[tuple[str, str]]:
 def _again(found: Found, run: dict[str, Any]) -> Code:
     """Commands that make the same numbers again: seed and study decide them, not the number of workers."""
     study = shlex.quote(str(run.get("study_file", "study.yaml")))
-    options = {"--data": run.get("cohort"), "--seed": run.get("seed"), "--simulator": run.get("simulator")}
+    simulator = run.get("simulator") if run.get("simulator") != "template" else None  # only a study can ask for one
+    options = {"--data": run.get("cohort") or None, "--seed": run.get("seed"), "--simulator": simulator}
     given = " ".join(f"{name} {shlex.quote(str(value))}" for name, value in options.items() if value is not None)
     asked = dict.fromkeys(tuple(map(str, each["tasks"])) for each in found.runs if isinstance(each.get("tasks"), list))
     commands = [tasks[0] if len(tasks) == 1 else "run" for tasks in asked]
     lines = [f"pip install sinew=={run.get('version', '')}"]
     lines += [f"sinew {command} {study} {given} --out AGAIN" for command in dict.fromkeys(commands)]
     name = shlex.quote(found.folder.resolve().name)
+    lines += [f"# compare with {name}, the folder of this page"] if found.results else []
     lines += [f"cmp AGAIN/{task}.json {name}/{task}.json" for task in found.results]
     return Code("How to make it again", "\n".join(lines))
 
