@@ -37,6 +37,8 @@ RECOUNT_S = 2.0
 BATCHES_PER_S = 30  # what a scheduler does with a fifth of its time
 AWAITED_PER_S = 120  # of batches of rows that somebody waits for, at the most; else batches get longer
 ONE_AHEAD_S = 5.0  # a worker gets its next batch early, unless batches take longer than this
+ASK_AGAIN_S = 1.0
+LOST = (OSError, ValueError)  # a message to a process that dies: a handshake over TLS tells it as the second
 IN_A_MESSAGE = 64  # batches: a few megabytes of parameters at the most
 AWAITED_S = 0.1  # a batch of rows that somebody waits for: one after the other in a long one, they would be heard late
 STOPPING_S = 10.0  # to close the cluster in, before the deadline of the process that leads it
@@ -559,7 +561,7 @@ class _Run:
                         _hand_back(future, computing.pop(future))
                     future.release()
         finally:
-            with suppress(OSError, ValueError, CommClosedError, CancelledError):  # the cluster itself may be gone
+            with suppress(*LOST, CancelledError):  # the cluster itself may be gone
                 client.cancel([*running, *computing])
                 client.unsubscribe_topic(drain.TOO_SHORT)
                 with dask.config.set({"distributed.comm.timeouts.connect": "5 s"}):  # a worker may have just died
@@ -685,10 +687,11 @@ def _register(client: Client, plugin: Any) -> None:
         try:
             client.register_plugin(plugin, name=plugin.name)
             return
-        except OSError as error:
+        except LOST as error:
             if attempt == 4:
-                raise ClusterError("the cluster's workers do not answer; run the same command again") from error
-            time.sleep(1.0)
+                words = f"the cluster's workers do not answer ({error}); run the same command again"
+                raise ClusterError(words) from error
+            time.sleep(ASK_AGAIN_S)
 
 
 def failures(table: Table, rows: Iterable[int]) -> dict[str, int]:

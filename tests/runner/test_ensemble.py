@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from distributed import Client
 
+from runner import ensemble
 from runner.cluster import Address, Local, open_client
 from runner.ensemble import Policy, evaluate, failures
 from runner.errors import ClusterError, StoreError
@@ -84,6 +86,29 @@ def test_a_row_that_kills_its_worker_is_found_and_its_neighbours_are_not_blamed(
         assert "its process died while it evaluated this row alone (SIGKILL)" in str(
             table.read("message", rows[[11]])[0]
         )
+
+
+@pytest.mark.parametrize(("failures_first", "goes_on"), [(2, True), (9, False)])
+def test_a_worker_that_dies_while_it_is_met_is_asked_again(tmp_path, client, monkeypatch, failures_first, goes_on):
+    """A handshake over TLS that its other end leaves is a ValueError, where other lost messages are an OSError."""
+    errors: list[Exception] = [ValueError("not idle"), OSError("closed")] * 5
+    met = Client.register_plugin
+
+    def meet(self, plugin, name=None):
+        if len(errors) > 10 - failures_first:
+            raise errors.pop()
+        return met(self, plugin, name=name)
+
+    monkeypatch.setattr(Client, "register_plugin", meet)
+    monkeypatch.setattr(ensemble, "ASK_AGAIN_S", 0.0)
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        if goes_on:
+            run(lambda: client, table, Quick(), some(20))
+            assert not table.status.any()
+        else:
+            with pytest.raises(ClusterError, match=r"do not answer \(closed\); run the same command again"):
+                run(lambda: client, table, Quick(), some(20))
 
 
 def test_a_full_disk_stops_the_run_and_fails_no_row(tmp_path, client):
