@@ -151,8 +151,9 @@ def progress(
 
     def update(finished: int, failed: int, running: int) -> None:
         rate = (finished - done) / max(time.monotonic() - started, 1e-9)
-        left = (total - finished) / rate if rate > 0 else None
-        facts.update(done=finished, failed=failed, running=running, rows_per_s=round(rate, 3))
+        expected = max(total, finished)  # where nobody knows how many it takes, there may be more
+        left = (expected - finished) / rate if rate > 0 else None
+        facts.update(done=finished, total=expected, failed=failed, running=running, rows_per_s=round(rate, 3))
         facts["eta_s"] = None if left is None else round(left, 1)
 
     def note() -> None:
@@ -162,7 +163,7 @@ def progress(
         elif show == "words" and not bars_shown:
             left = facts["eta_s"]
             eta = "" if left is None or left < 1 else f", {left:,.0f} s left"
-            line = f"{title}: {facts['done']:,} of {total:,} {of}, {facts['rows_per_s']:,.4g} {of}/s{eta}"
+            line = f"{title}: {facts['done']:,} of {facts['total']:,} {of}, {facts['rows_per_s']:,.4g} {of}/s{eta}"
             print(f"{line}; {board.latest}" if board.latest else line, file=sys.stderr, flush=True)
 
     console = Console(stderr=True)
@@ -182,7 +183,7 @@ def progress(
             nonlocal shown
             now = time.monotonic()
             update(finished, failed, running)
-            bars.update(bar, completed=finished, note=f"[red]{failed} failed" if failed else "")
+            bars.update(bar, total=facts["total"], completed=finished, note=f"[red]{failed} failed" if failed else "")
             board.put(**facts)
             if now - shown >= SHOW_EVERY_S:
                 shown = now

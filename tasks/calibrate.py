@@ -85,6 +85,7 @@ def calibrate(workspace: Workspace) -> dict[str, Any]:
     result = {
         "names": list(workspace.model.names),
         "units": [parameter.unit for parameter in workspace.model.parameters],
+        "meanings": [parameter.description for parameter in workspace.model.parameters],
         "free": [parameter.name for parameter in workspace.model.free],
         "bounds": [[parameter.minimum, parameter.maximum] for parameter in workspace.model.free],
         "methods": list(settings.methods),

@@ -3,6 +3,7 @@
 import json
 import logging
 import math
+import shlex
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import contextmanager
@@ -141,7 +142,15 @@ def _run(study: Path, tasks: Sequence[str] | None, *, extend: bool = False, **op
         pipeline.run(
             workspace, workspace.study.tasks if tasks is None else tasks, **({"extend": True} if extend else {})
         )
-    say_next(command_line("report", workspace.out), as_json=options["as_json"])
+    say_next(_to_see(workspace.out), as_json=options["as_json"])
+
+
+def _to_see(folder: Path) -> str:
+    """What shows the results of a folder: its page, or the command that builds it."""
+    from tasks.status import current_page
+
+    page = current_page(folder)
+    return command_line("report", folder) if page is None else one_line(shlex.join(["open", str(page)]))
 
 
 @_study_command("run", "Run all tasks of a study, in order.")
@@ -457,7 +466,7 @@ def status(folder: Path, as_json: bool, rows: bool) -> None:
         return
     print_status(found)
     alive = found["now"] is not None and found["now"]["alive"]
-    say_next(command_line("watch" if alive else "report", folder))
+    say_next(command_line("watch", folder) if alive else _to_see(folder))
 
 
 @sinew.command()
@@ -483,7 +492,7 @@ def watch(folder: Path, once: bool, as_json: bool, every: float) -> None:
     if as_json:
         return
     if found is not None and found["state"] == "finished":
-        say_next(command_line("report", folder))
+        say_next(_to_see(folder))
     elif found is not None and found["state"] in ("failed", "interrupted"):
         say_next(command_line("status", folder))
     else:

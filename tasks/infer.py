@@ -61,6 +61,7 @@ def infer(workspace: Workspace) -> dict[str, Any]:
         "sampler": settings.sampler,
         "names": [parameter.name for parameter in workspace.model.free],
         "units": [parameter.unit for parameter in workspace.model.free],
+        "meanings": [parameter.description for parameter in workspace.model.free],
         "population": settings.population,
         "interval": INTERVAL,
         "sites": {site: _told(workspace, sites[site], priors[site], found) for site, found in done.items()},

@@ -13,7 +13,7 @@ import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import jinja2
 import numpy as np
@@ -28,7 +28,7 @@ from tasks.model import TENDON, Curve, Protocol, Specimen
 from tasks.problems import BadInput, one_line, shown
 from tasks.resources import resource
 from tasks.study import read_study
-from tasks.task import Task
+from tasks.task import TASKS
 from tasks.workspace import check_folder, write_text
 
 UNSURE = "unsure: a number may be a specimen's or a trial's; rename to SPECIMEN_PROTOCOL if it is wrong"
@@ -175,6 +175,8 @@ def _tables(files: Sequence[Path]) -> Iterator[Path]:
         raise BadInput("init", "no files", "exported tests (CSV), or folders of them")
     seen: set[Path] = set()
     for path in files:
+        if not path.exists():
+            raise BadInput(path, "is not there", "exported tests (CSV), or a folder of them")
         found = (
             list(_walk(path, lambda one: one.suffix.lower() in TABLES and one.is_file())) if path.is_dir() else [path]
         )
@@ -326,12 +328,14 @@ def _specimens(tests: Sequence[_Test], sizes: Sizes) -> list[_Found]:
 def _specimen(name: str, tests: Sequence[_Test], given: Sizes) -> _Found:
     known = {}
     for size in SIZES:
-        values = {value for test in tests if (value := _in_header(test, size)) is not None}
+        values: dict[float, Path] = {}
+        for test in tests:
+            if (value := _in_header(test, size)) is not None:
+                values.setdefault(value, test.path)
         if len(values) > 1 and getattr(given, f"{size}_mm") is None:
-            problem = (
-                f"{size}s of {' and '.join(f'{value:g}' for value in sorted(values))} mm in files of specimen {name}"
-            )
-            raise BadInput(tests[0].path, problem, f"files of one specimen, or --{size}-mm")
+            (first, one), (second, other), *_ = values.items()
+            problem = f"a {size} of {second:g} mm, but {first:g} mm in {one}, of the same specimen {name}"
+            raise BadInput(other, problem, f"files of one specimen, or --{size}-mm")
         known[size] = getattr(given, f"{size}_mm") or next(iter(values), None)
     notes: list[str] = []
     if known["length"] is None and all(test.guess.columns[1].kind is LENGTH for test in tests):
@@ -401,7 +405,7 @@ def _leave_open(path: Path, missing: Sequence[str]) -> None:
 def _write_study(out: Path, cohort: str, specimens: Sequence[Specimen]) -> Path:
     study = out / "study.yaml"
     several = len({one.site for one in specimens if one.site}) > 1
-    tasks = [task for task in get_args(Task) if several or task != "compare"]
+    tasks = [task for task in TASKS if several or task != "compare"]
     cyclic = sorted({c.name for one in specimens for c in one.curves if c.name.startswith("cyc")})
     environment = SandboxedEnvironment(
         undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True, keep_trailing_newline=True

@@ -1,13 +1,12 @@
 """What the commands over a study do, as one function: for notebooks and scripts."""
 
 from pathlib import Path
-from typing import get_args
 
 from tasks import pipeline
 from tasks.opened import Results
 from tasks.problems import BadInput, shown
 from tasks.study import Study
-from tasks.task import Task
+from tasks.task import TASKS
 from tasks.workspace import open_workspace
 
 
@@ -33,9 +32,9 @@ def run(
 
     Raises :class:`tasks.BadInput` and other :class:`runner.errors.SinewError`, one line each, as the command prints.
     """
-    unknown = [name for name in names if name not in get_args(Task)]
+    unknown = [name for name in names if name not in TASKS]
     if unknown:
-        raise BadInput("task", shown(unknown[0]), f"some of {', '.join(get_args(Task))}")
+        raise BadInput("task", shown(unknown[0]), f"some of {', '.join(TASKS)}")
     folder = Path("results") / study.name if out is None else Path(out)
     chosen = list(names) or list(study.tasks)
     options = {"extend": True} if extend else {}

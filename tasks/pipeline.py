@@ -23,6 +23,7 @@ from tasks.infer import infer
 from tasks.predict import predict
 from tasks.problems import BadInput, one_line
 from tasks.report import calibration, discovery, figures, posterior, prediction, site_figures, tables
+from tasks.report.blocks import beyond, listed
 from tasks.report.figures import FORMATS
 from tasks.report.frames import courses
 from tasks.sensitivity import base_samples, sobol
@@ -288,10 +289,15 @@ def _tell_calibrate(workspace: Workspace, result: dict[str, Any], console: Conso
         "specimen", "RMSEs together (N)", "noise (N)", "above", "on a bound", "not determined", title="Calibration"
     )
     for name, told in result["specimens"].items():
-        above = "" if told["above_noise"] is None else f"{100 * told['above_noise']:+.1f} %"
         noise = "unknown" if told["noise_N"] is None else f"{told['noise_N']:.4g}"
         free = [parameter for parameter in result["free"] if parameter not in told["determined"]]
-        cells = (f"{told['total_N']:.4g}", noise, above, " ".join(told["on_bound"]), " ".join(free))
+        cells = (
+            f"{told['total_N']:.4g}",
+            noise,
+            beyond(told["above_noise"]),
+            listed(told["on_bound"], 3),
+            listed(free, 3),
+        )
         grid.add_row(name, *cells)
     console.print(grid)
     console.print("RMSEs and noise are sums over protocols; above: how far a fit stopped above the noise of its curves")

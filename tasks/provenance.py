@@ -24,7 +24,7 @@ def facts(workspace: Workspace) -> dict[str, Any]:
     workers = f", {cluster.workers} workers" if isinstance(cluster, Local) else ""
     return {
         "version": version("sinew"),
-        "code": _code(),
+        "code": code(),
         "python": platform.python_version(),
         "packages": packages(),
         "machine": platform.node(),
@@ -57,7 +57,7 @@ def packages() -> dict[str, str]:
     return dict(sorted(found.items(), key=lambda each: each[0].lower()))
 
 
-def _code() -> str:
+def code() -> str:
     """Names the program's own files, which may differ between two checkouts of one version."""
     folders = [Path(str(package.__file__)).parent for package in (runner, tasks)]
     files = sorted(path for folder in folders for path in folder.rglob("*.py"))

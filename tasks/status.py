@@ -12,10 +12,12 @@ from rich.table import Table as Grid
 
 from runner import slurm
 from runner.errors import StoreError
-from runner.progress import PROGRESS, RUNNING, is_here, read_progress
+from runner.progress import RUNNING, is_here, read_progress
 from runner.store import PENDING, STATUSES, Array, Segment, Table, open_store
 from tasks.problems import one_line
+from tasks.task import TASKS
 
+PAGE = "report.html"
 SILENT_S = 60.0  # who works tells of it every few seconds
 JOBS_SHOWN = 12
 FAILURES_SHOWN = 5
@@ -71,8 +73,21 @@ def read_status(folder: Path) -> dict[str, Any]:
             "evaluations": sum(table["core_hours"] for table in tables),
             "jobs": sum(record.core_hours(now) for record in jobs.values()),
         },
-        "results": sorted(path.stem for path in folder.glob("*.json") if path.name != PROGRESS),
+        "results": [path.stem for path in _results(folder)],
     }
+
+
+def _results(folder: Path) -> list[Path]:
+    """The files of finished tasks."""
+    files = (folder / f"{task}.json" for task in (*TASKS, "simulate"))
+    return [file for file in files if file.is_file()]
+
+
+def current_page(folder: Path) -> Path | None:
+    """The page of a result folder, if it is there and was built from the results that are there now."""
+    page = folder / PAGE
+    newest = max((file.stat().st_mtime_ns for file in _results(folder)), default=0)
+    return page if page.is_file() and page.stat().st_mtime_ns >= newest else None
 
 
 class _Told:

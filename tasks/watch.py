@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -32,7 +32,7 @@ from runner.errors import SinewError
 from runner.progress import FAILED, FINISHED, INTERRUPTED, RUNNING
 from tasks.problems import BadInput, one_line
 from tasks.status import duration, read_status, sign_of_life
-from tasks.task import Task
+from tasks.task import TASKS
 
 LOOK_EVERY_S, SHARE = 2.0, 10  # the thread that looks rows up rests for SHARE times as long as that took
 ENDS_S = 10.0  # for that thread, at the end
@@ -152,9 +152,9 @@ def _told_tasks(folder: Path) -> dict[str, Any]:
             with suppress(ValueError, RecursionError):  # the first line is cut, the last may be
                 event = json.loads(line)
                 task = str(event.get("task")) if isinstance(event, dict) else ""
-                if task in get_args(Task) and event.get("message") == "task started":
+                if task in TASKS and event.get("message") == "task started":
                     tasks[task] = {"state": INTERRUPTED}
-                elif task in get_args(Task) and event.get("message") == "task finished":
+                elif task in TASKS and event.get("message") == "task finished":
                     seconds = event.get("seconds")
                     usable = isinstance(seconds, int | float) and 0 <= seconds < 1e9
                     tasks[task] = {"state": FINISHED} | ({"seconds": seconds} if usable else {})
@@ -164,8 +164,8 @@ def _told_tasks(folder: Path) -> dict[str, Any]:
 def _tasks(folder: Path, now: dict[str, Any] | None, told: dict[str, Any], state: str) -> list[dict[str, Any]]:
     """The tasks of this folder: those of the last command in its order, after those that were done before."""
     states = (now or {}).get("tasks") or {}
-    wanted = [task for task in states if task in get_args(Task)]
-    before = [task for task in get_args(Task) if task not in wanted]
+    wanted = [task for task in states if task in TASKS]
+    before = [task for task in TASKS if task not in wanted]
     before = [task for task in before if task in told or (folder / f"{task}.json").is_file()]
     ended = {RUNNING: RUNNING, QUEUED: "waiting"}.get(state, state)
     found = []

@@ -27,8 +27,9 @@ from tasks.discover.solver import in_febio
 from tasks.discover.splits import gain
 from tasks.discover.told import NO_GAP, gap_of, simulated, told_candidate
 from tasks.problems import BadInput
+from tasks.provenance import code
 from tasks.simulate import Array
-from tasks.workspace import Workspace, write_json
+from tasks.workspace import Workspace, attempts_folder, digest, read_result, write_json
 
 BLOCK = 50  # points whose errors may depend on each other
 RIVALS, ASKED = 4, 4  # that the next experiment is sought for, and in how many specimens
@@ -43,6 +44,11 @@ def discover(workspace: Workspace) -> dict[str, Any]:
     """
     settings, seed = workspace.study.discover, workspace.study.seed
     explored = _ready(workspace)
+    inputs = _inputs(workspace)
+    files = [workspace.out / name for name in ("discover.json", "verdict.json")]
+    kept = [read_result(file) for file in files]
+    if kept[0] is not None and kept[0] == kept[1] and kept[0].get("inputs") == inputs:
+        return kept[0]
 
     def without_effects(i: int, _: None, desk: Desk) -> list[Fitted]:
         fits = explored[i].bare(desk, settings.starts, (seed, 9, i))
@@ -116,6 +122,7 @@ def discover(workspace: Workspace) -> dict[str, Any]:
         "next_experiment": None,
         "outside": None,
         "model": None,
+        "inputs": inputs,
     }
     shown = found.having(best) if best.effects else ()
     for i, one in enumerate(explored):
@@ -134,9 +141,17 @@ def discover(workspace: Workspace) -> dict[str, Any]:
         result["model"] = add_to_study(workspace, shown)
         result["model"]["checks"] = checks(explored, shown, found.fits[shown])
         result["model"]["febio"] = in_febio(workspace, explored[0], shown, found.fits[shown][0])
-    write_json(workspace.out / "discover.json", result)
-    write_json(workspace.out / "verdict.json", result)
+    for file in files:
+        write_json(file, result)
     return result
+
+
+def _inputs(workspace: Workspace) -> str:
+    """Names all that a verdict depends on: also the rules by which it is given, and the solver that checks it."""
+    study = workspace.study
+    solver = study.solver_with((), attempts_folder(workspace.out)).identity()
+    specimens = [specimen.identity() for specimen in workspace.cohort.specimens]
+    return digest(study.path.read_text("utf-8"), study.seed, specimens, solver, code())
 
 
 def _ready(workspace: Workspace) -> list[Explorer]:

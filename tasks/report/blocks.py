@@ -105,6 +105,18 @@ def percent(part: Any, digits: int = 0) -> str:
     return "–" if part is None or not math.isfinite(part) else f"{round(100 * part, digits) + 0.0:.{digits}f} %"
 
 
+def beyond(part: Any) -> str:
+    """How far above a reference something is, from the part of it by which it is."""
+    if part is None:
+        return "–"
+    return f"{100 * part:+.1f} %" if part < 1.0 else f"{1.0 + part:.3g} times it"
+
+
+def meanings(result: Mapping[str, Any]) -> list[str]:
+    """What the parameters of a result are; empty where nobody said."""
+    return list(result.get("meanings") or [""] * len(result["names"]))
+
+
 def listed(names: Sequence[str], most: int = 4) -> str:
     """Names in a sentence; of many, the first."""
     if len(names) > most:

@@ -16,8 +16,8 @@ from tasks.model import Protocol
 from tasks.problems import BadInput, one_line, shown
 from tasks.simulate import Array
 from tasks.status import read_status
+from tasks.task import TASKS
 
-TASKS = ("sobol", "importance", "calibrate", "infer", "predict", "compare", "discover")
 POINTS = 500  # of a curve, at the most: more than a plot of a page's width can show
 MAX_JSON_BYTES = 64 * 2**20
 
@@ -172,7 +172,7 @@ def _curves(table: Table) -> Iterator[tuple[str, MeasuredCurve]]:
     names = [str(name) for name in np.asarray(table.group["protocol"][:])]  # type: ignore[index]
     for name in names:
         time, moved, force = columns_of(table, name)
-        keep = kept_points(Protocol(name, time, moved), POINTS - 1)
+        keep = np.union1d(kept_points(Protocol(name, time, moved), POINTS - 2), np.argmax(moved))
         if np.isfinite(force).any():
             keep = np.union1d(keep, np.nanargmax(np.abs(force)))  # a peak between two of them would look lower
         yield name, MeasuredCurve(time[keep], moved[keep], force[keep], time.size)

@@ -31,9 +31,9 @@ from tasks.report.sections import (
     sites,
 )
 from tasks.resources import resource
+from tasks.status import PAGE
 from tasks.workspace import write_text
 
-NAME = "report.html"
 #: A section of the page: its name, what builds it, and the task whose figures belong to it.
 SECTIONS: tuple[tuple[str, Callable[[Found], Section], str], ...] = (
     ("data", data.section, ""),
@@ -69,8 +69,8 @@ def build(folder: Path) -> Built:
             line = _cannot_be_shown(found, name, task, error)
             found.trouble.append(line)
             sections.append(Section(name, name.capitalize(), "", missing=line))
-    write_text(folder / NAME, _page(found, sections))
-    return Built(folder / NAME, tuple(found.trouble))
+    write_text(folder / PAGE, _page(found, sections))
+    return Built(folder / PAGE, tuple(found.trouble))
 
 
 def _cannot_be_shown(found: Found, name: str, task: str, error: Exception) -> str:

@@ -36,6 +36,17 @@ def test_the_file_says_what_runs_and_how_far_it_is(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["progress.json"]
 
 
+def test_more_rows_than_were_expected_are_no_part_of_fewer(tmp_path, capsys):
+    with open_board(tmp_path) as board, progress("infer", 4, board) as report:
+        for done, total in ((3, 4), (7, 7)):
+            report(done, 0, 1)
+            board.write()
+            told = read_progress(tmp_path)
+            assert told is not None
+            assert (told["done"], told["total"], told["eta_s"] >= 0.0) == (done, total, True)
+    assert "infer: 7 of 7 rows" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("error", "state", "words"),
     [

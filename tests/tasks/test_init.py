@@ -186,6 +186,15 @@ def test_lines_above_the_table_tell_sizes(tmp_path, lines):
     assert not made.missing
 
 
+def test_sizes_that_disagree_are_told_with_both_files(tmp_path, capsys):
+    first = table(tmp_path / "A_relax.csv", "Width (mm),8.5\nTime (s),Extension (mm),Load (N)")
+    other = table(tmp_path / "A_cyclic.csv", "Width (mm),9\nTime (s),Extension (mm),Load (N)")
+    told = refused(capsys, "init", first, other, "--out", tmp_path / "out")
+    expected = f"{other}: a width of 9 mm, but 8.5 mm in {first}, of the same specimen A"
+    assert expected in told
+    assert "--width-mm" in told
+
+
 @pytest.mark.parametrize("line", ["Length,12", "Length at break (mm),12", "Length (mm),about 12", "Length (N),12"])
 def test_a_size_without_a_clear_unit_and_number_is_not_known(tmp_path, line):
     table(tmp_path / "tail.csv", f"{line}\nTime (s),Extension (mm),Load (N)")

@@ -146,12 +146,19 @@ def test_nothing_moves_a_cursor_that_is_not_there(here, study):
     assert said.splitlines()[-1] == f"next: sinew report {study.parent / 'out'}"
 
 
+@pytest.mark.page
 def test_what_is_looked_at_next(here, study):
     out = study.parent / "out"
-    here("sobol", study, "--out", out, "--quiet")
+    assert here("sobol", study, "--out", out, "--quiet")[1] == f"next: open {out}/report.html\n"
+    looks = [("status", out), ("watch", out), ("watch", out, "--once")]
+    for look in looks:
+        assert here(*look)[1].splitlines()[-1] == f"next: open {out}/report.html"
+    page = (out / "report.html").stat().st_mtime_ns
+    os.utime(out / "sobol.json", ns=(page + 1, page + 1))
+    for look in looks:
+        assert here(*look)[1].splitlines()[-1] == f"next: sinew report {out}", "the page is older than a result"
+    (out / "report.html").unlink()
     assert here("status", out)[1].splitlines()[-1] == f"next: sinew report {out}"
-    assert here("watch", out)[1].splitlines()[-1] == f"next: sinew report {out}"
-    assert here("watch", out, "--once")[1].splitlines()[-1] == f"next: sinew report {out}"
     assert (
         here("cohort", "--out", study.parent / "more", "--per-site", 1, "--rate", 1)[1]
         .splitlines()[-1]

@@ -8,9 +8,11 @@ from tasks.calibrate import often_on_bound
 from tasks.evaluate import kept_points
 from tasks.model import Protocol
 from tasks.report import plots
-from tasks.report.blocks import Block, Plot, Section, Table, Words, listed, number, plural
+from tasks.report.blocks import Block, Plot, Section, Table, Words, beyond, listed, meanings, number, plural
 from tasks.report.figures import COLOURS
 from tasks.report.folder import POINTS, Found, columns_of
+
+FEW = 3  # specimens whose parameters stand side by side in a table
 
 
 def section(found: Found) -> Section:
@@ -38,14 +40,18 @@ def section(found: Found) -> Section:
         blocks.append(Words("The curves of the fitted model are not in the store: they are drawn in figures/.", "note"))
     if told := often_on_bound(result):
         blocks.append(Words(told, "note"))
-    blocks += [_parameters(result), _search(result), _table(result)]
+    if len(specimens) <= FEW:
+        blocks.append(_values(result))
+    if len(specimens) > 1:
+        blocks.append(_parameters(result))
+    blocks += [_search(result), _table(result)]
     above = [told["above_noise"] for told in specimens.values() if told["above_noise"] is not None]
     bounds = sorted({name for told in specimens.values() for name in told["on_bound"]})
     free = [name for name in result["free"] if any(name not in told["determined"] for told in specimens.values())]
     totals = [told["total_N"] for told in specimens.values()]
     ends = f"median objective {number(float(np.median(totals)))} N"
     if above:
-        ends += f", {100 * float(np.median(above)):+.1f} % from the noise of the curves (median)"
+        ends += f", above the noise of the curves: {beyond(float(np.median(above)))} (median)"
     if len(above) < len(specimens):
         ends += f"; the curves of {plural(len(specimens) - len(above), 'specimen')} do not tell their noise"
     return Section(
@@ -112,6 +118,30 @@ def _in_words(told: dict[str, Any]) -> str:
     return "; ".join(parts)
 
 
+def _values(result: dict[str, Any]) -> Table:
+    """Every parameter of a few specimens."""
+    width = {name: high - low for name, (low, high) in zip(result["free"], result["bounds"], strict=True)}
+    rows = []
+    for name, unit, meaning in zip(result["names"], result["units"], meanings(result), strict=True):
+        cells = []
+        for told in result["specimens"].values():
+            value = number(told["parameters"][name], 4)
+            if name not in width:
+                value += " (fixed)"
+            elif name not in told["determined"]:
+                value += " (not determined)"
+            elif name in told["on_bound"]:
+                value += " (on a bound)"
+            else:
+                value += f" ± {number(told['sd_of_range'][name] * width[name], 2)}"
+            cells.append(value)
+        rows.append([name, "" if unit == "1" else unit, meaning, *cells])
+    header = ["parameter", "unit", "what it is", *result["specimens"]]
+    return Table(
+        "Calibrated parameters ± standard deviation, from the curvature at the fit", header, rows, words=(1, 2)
+    )
+
+
 def _parameters(result: dict[str, Any]) -> Block:
     """A parameter of all specimens; those that are not determined are open."""
     specimens = result["specimens"]
@@ -149,7 +179,11 @@ def _parameters(result: dict[str, Any]) -> Block:
         plots.legend(plot, entries)
         return [plots.plot("calibration-values", plot, "The picked parameter of every specimen", wide=True)]
 
-    told = {name: f"{name}{'' if units[name] == '1' else f' ({units[name]})'}" for name in result["free"]}
+    what = dict(zip(result["names"], meanings(result), strict=True))
+    told = {
+        name: f"{name}{'' if units[name] == '1' else f' ({units[name]})'}{what[name] and ': '}{what[name]}"
+        for name in result["free"]
+    }
     data = {name: values(name) for name in result["free"]}
     return plots.picked(
         "calibration-parameters", "Calibrated parameters of all specimens.", "Parameter", data, draw, told
@@ -187,12 +221,11 @@ def _search(result: dict[str, Any]) -> Block:
 def _table(result: dict[str, Any]) -> Table:
     rows = []
     for name, told in result["specimens"].items():
-        above = "–" if told["above_noise"] is None else f"{100 * told['above_noise']:+.1f} %"
         free = [parameter for parameter in result["free"] if parameter not in told["determined"]]
-        rows.append([name, number(told["total_N"], 4), number(told["noise_N"], 4), above,
+        rows.append([name, number(told["total_N"], 4), number(told["noise_N"], 4), beyond(told["above_noise"]),
                      ", ".join(told["on_bound"]) or "–", ", ".join(free) or "–",
                      *(number(told["parameters"][each], 4) for each in result["names"])])  # fmt: skip
     units = ["" if unit == "1" else f" ({unit})" for unit in result["units"]]
-    header = ["specimen", "RMSEs together (N)", "noise together (N)", "from the noise", "on a bound", "not determined",
+    header = ["specimen", "RMSEs together (N)", "noise together (N)", "above the noise", "on a bound", "not determined",
               *(f"{name}{unit}" for name, unit in zip(result["names"], units, strict=True))]  # fmt: skip
     return Table("Fits of all specimens", header, rows, words=(4, 5), open=len(rows) <= 3)

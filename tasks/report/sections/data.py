@@ -85,9 +85,13 @@ def _table(found: Found) -> Table:
         peak = max(float(np.max(np.abs(curve.force_N))) for curve in every.values())
         lasts = max(float(curve.time_s[-1] - curve.time_s[0]) for curve in every.values())
         points = sum(curve.total for curve in every.values())
-        rows.append([name, ", ".join(every), *sizes, number(lasts), f"{points:,}", number(peak)])
+        area, length = bar.get("width_mm", np.nan) * bar.get("thickness_mm", np.nan), bar.get("length_mm", np.nan)
+        pulled = [curve.displacement_mm for curve in every.values() if curve.displacement_mm is not None]
+        farthest = max((float(np.max(moved)) for moved in pulled), default=np.nan)
+        rows.append([name, ", ".join(every), *sizes, number(lasts), f"{points:,}", number(peak), number(peak / area),
+                     number(100.0 * farthest / length)])  # fmt: skip
     header = ["specimen", "protocols", "length (mm)", "width (mm)", "thickness (mm)", "longest (s)", "points kept",
-              "largest force (N)"]  # fmt: skip
+              "largest force (N)", "largest nominal stress (MPa)", "largest strain (%)"]  # fmt: skip
     return Table("Specimens", header, rows, words=(1,), open=len(rows) <= 6)
 
 

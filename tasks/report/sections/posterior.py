@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from tasks.report import plots
-from tasks.report.blocks import Block, Plot, Plots, Section, Table, Words, number, percent, plural
+from tasks.report.blocks import Block, Plot, Plots, Section, Table, Words, meanings, number, percent, plural
 from tasks.report.folder import Found
 from tasks.report.posterior import density
 from tasks.sites import FEW
@@ -113,14 +113,15 @@ def _marginals(result: dict[str, Any], particles: dict[str, xr.Dataset]) -> Bloc
 def _table(result: dict[str, Any]) -> Table:
     sites, level = result["sites"], percent(result["interval"])
     rows = []
-    for name, unit in zip(result["names"], result["units"], strict=True):
+    for name, unit, meaning in zip(result["names"], result["units"], meanings(result), strict=True):
         cells = []
         for told in sites.values():
             found = told["parameters"][name]
             low, high = found["hdi"]
             cells.append(f"{number(found['mean'], 4)} ± {number(found['sd'])} ({number(low, 4)} to {number(high, 4)})")
-        rows.append([name, "" if unit == "1" else unit, *cells])
-    return Table(f"Mean ± standard deviation ({level} HDI)", ["parameter", "unit", *sites], rows, words=(1,))
+        rows.append([name, "" if unit == "1" else unit, meaning, *cells])
+    header = ["parameter", "unit", "what it is", *sites]
+    return Table(f"Mean ± standard deviation ({level} HDI)", header, rows, words=(1, 2))
 
 
 def _thresholds(result: dict[str, Any]) -> Block:

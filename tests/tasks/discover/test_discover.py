@@ -99,6 +99,15 @@ def test_a_hidden_effect_is_named_added_and_shown(study, tmp_path, capsys):
     sinew("discover", path, "--out", out, "--quiet")
     assert new_simulations(out)[-1] == 0
     assert (out / "verdict.json").read_bytes() == first, "its fits are kept"
+    fitted = sorted((out / "discover").glob("*.jsonl"))
+    for ledger in fitted:
+        ledger.unlink()
+    sinew("discover", path, "--out", out, "--quiet")
+    assert fitted
+    assert not any(ledger.exists() for ledger in fitted), "a verdict that is there is not made again"
+    path.write_text(STUDY.replace("starts: 3", "starts: 2"))
+    sinew("discover", path, "--out", out, "--quiet")
+    assert json.loads((out / "verdict.json").read_text())["inputs"] != result["inputs"]
 
 
 def test_where_nothing_is_hidden_nothing_is_named(study, tmp_path):

@@ -8,6 +8,7 @@ import sys
 import time
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,8 @@ from rich.console import Console
 from runner.store import Store
 from tasks import cli, pipeline
 from tasks.problems import BadInput
-from tasks.report import page, plots
+from tasks.report import folder, page, plots
+from tasks.report.blocks import number, percent
 from tasks.report.page import build
 from tests.tasks.report.conftest import edit
 
@@ -128,6 +130,81 @@ def test_curves_and_numbers_are_those_of_the_store(whole_run):
             columns = {key: np.array(values) for key, values in shown[name][protocol].items()}
             np.testing.assert_allclose(columns["left"], columns["measured"] - columns["model"], atol=0.2)
             assert np.sqrt(np.mean(columns["left"] ** 2)) == pytest.approx(rmse, rel=1e-3), "all points are drawn"
+
+
+def test_what_parameters_are_stands_beside_their_values(whole_run):
+    sections, fits = read(whole_run).sections, json.loads((whole_run / "calibrate.json").read_text())
+    for section in ("calibration", "posterior"):
+        assert "fibre modulus in the linear region" in sections[section]
+    told = fits["specimens"]["distal/1"]
+    width = dict(zip(fits["free"], fits["bounds"], strict=True))["E_f"]
+    sd = told["sd_of_range"]["E_f"] * (width[1] - width[0])
+    value = number(told["parameters"]["E_f"], 4)
+    ends = " (on a bound)" if "E_f" in told["on_bound"] else f" ± {number(sd, 2)}"
+    assert value + (ends if "E_f" in told["determined"] else " (not determined)") in sections["calibration"]
+
+
+def test_a_thinned_curve_keeps_its_largest_force_and_displacement():
+    time = np.linspace(0.0, 100.0, 5001)
+    moved, force = np.sin(0.31 * time), np.cos(0.17 * time)
+    moved[1234], force[4321] = 1.5, -7.0
+    columns = {"time_pull": time, "displacement_pull": moved, "measured_pull": force, "protocol": np.array(["pull"])}
+    ((name, curve),) = folder._curves(SimpleNamespace(group=columns))
+    assert (name, curve.total, curve.time_s.size <= folder.POINTS) == ("pull", 5001, True)
+    assert (curve.displacement_mm.max(), curve.force_N.min()) == (1.5, -7.0)
+
+
+def test_the_largest_stress_and_strain_of_each_specimen(whole_run):
+    told = " ".join(read(whole_run).sections["data"].split())
+    described = json.loads((whole_run.parent / "cohort" / "distal" / "1" / "specimen.json").read_text())
+    curves = [
+        np.loadtxt(path, delimiter=",", skiprows=1)
+        for path in (whole_run.parent / "cohort" / "distal" / "1").glob("*.csv")
+    ]
+    peak = max(np.abs(curve[:, 2]).max() for curve in curves)
+    stress = peak / (described["width_mm"] * described["thickness_mm"])
+    strain = 100 * max(curve[:, 1].max() for curve in curves) / described["length_mm"]
+    assert f"{number(peak)}{number(stress)}{number(strain)}" in told, "cells beside each other"
+
+
+def test_the_summary_tells_of_few_particles_and_of_all_bands(run_folder):
+    keep_only(run_folder, "infer", "predict")
+    edit(run_folder / "infer.json", lambda told: told["sites"]["distal"].update(effective_sample_size=3.0))
+    edit(run_folder / "infer.json", lambda told: told["sites"]["middle"].update(effective_sample_size=500.0))
+    build(run_folder)
+    sections = read(run_folder).sections
+    assert "worth few particles: distal" in sections["summary"]
+    assert "distal: the particles are worth fewer than 10 of equal weight" in sections["posterior"]
+    coverage = json.loads((run_folder / "predict.json").read_text())["coverage"]
+    shown = [percent(told["all"]) for told in coverage.values() if told["all"] is not None]
+    assert len(shown) >= 2
+    assert all(f"{part} in the band of" in sections["summary"] for part in shown)
+
+
+def test_parameters_of_an_effect_are_those_of_the_candidate_that_was_judged(run_folder):
+    keep_only(run_folder, "discover")
+    found = json.loads((run_folder / "discover.json").read_text())
+    judged = found["candidates"][-1]
+    edit(run_folder / "discover.json", lambda told: told.update(shown=judged["effects"]))
+    build(run_folder)
+    told = " ".join(read(run_folder).sections["discovery"].split())
+    assert f"Parameters of {' + '.join(judged['effects'])}, with 90 % intervals" in told
+    for every in judged["parameters"].values():
+        for name, parameter in every.items():
+            assert name + number(parameter["value"], 4) + parameter["unit"] in told, "cells beside each other"
+
+
+@pytest.mark.parametrize(
+    ("names", "words"), [(("a/1", "a/2"), "it needs two sites"), (("a/1", "b/1"), "Not run yet: `sinew compare")]
+)
+def test_one_site_is_told_why_there_is_nothing_to_compare(run_folder, names, words):
+    (run_folder / "compare.json").unlink()
+    log = run_folder / "log.jsonl"
+    lines = [line for line in log.read_text().splitlines() if json.loads(line).get("task") != "compare"]
+    log.write_text("\n".join(lines) + "\n")
+    found = folder.read_folder(run_folder)
+    vars(found)["measured"] = {name: {} for name in names}
+    assert words in found.missing("compare")
 
 
 def test_equal_folders_give_equal_bytes(whole_run):
