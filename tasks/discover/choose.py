@@ -30,9 +30,9 @@ class Scored:
 
     ``gains``: improvement of the criterion by specimen. ``held``: by kind of split, the gain on what was held out and
     its standard error; for two effects, ``beyond`` has the same against the better of them alone. Empty where nothing
-    was held out. ``on_bound``: parameters of the effects that ended on a bound in any specimen, null values left out.
-    ``in_place``: part of the improvement that lies in cells beyond chance, and part of all cells that these are (None:
-    there are none, or nobody looked).
+    was held out. ``on_bound``: parameters of the effects that ended on a bound in any specimen; null values and limits
+    of a law are none. ``in_place``: part of the improvement that lies in cells beyond chance, and part of all cells
+    that these are (None: there are none, or nobody looked).
     """
 
     effects: tuple[str, ...]

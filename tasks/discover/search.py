@@ -11,6 +11,7 @@ from tasks.discover.explore import Effects, Explorer, each_for_all
 from tasks.discover.fit import Candidate, Fitted, starts
 from tasks.discover.sizes import library_for
 from tasks.model.effect import Effect
+from tasks.model.parameters import Parameter
 from tasks.simulate import Array
 from tasks.simulate.febio_effects import fit_together
 from tasks.workspace import Workspace
@@ -181,6 +182,11 @@ def _promising(pairs: Sequence[Effects], losses: Sequence[float]) -> list[Effect
     return list(chosen.values())[:PAIRS]
 
 
+def _at_limit(parameter: Parameter, at: float) -> bool:
+    """Whether a parameter is at an end beyond which there is nothing: a limit of the law, and no guess of a range."""
+    return parameter.minimum == parameter.floor and at < 0.5
+
+
 def _score(effects: Effects, fitted: Sequence[Fitted], null: Sequence[Fitted]) -> Scored:
     points = [one.points for one in null]
     parameters = [parameter for effect in effects for parameter in effect.parameters]
@@ -191,7 +197,7 @@ def _score(effects: Effects, fitted: Sequence[Fitted], null: Sequence[Fitted]) -
     on_bound = [
         parameter.name
         for k, parameter in enumerate(parameters)
-        if not idle[k] and any(one.pressed[first + k] for one in fitted)
+        if not idle[k] and any(one.pressed[first + k] and not _at_limit(parameter, one.at[first + k]) for one in fitted)
     ]
     gains = [
         alone.loss - criterion(one.loss, len(parameters), [count])

@@ -1,0 +1,36 @@
+"""What a candidate's score takes note of."""
+
+import numpy as np
+import pytest
+
+from tasks.discover.fit import Fitted
+from tasks.discover.search import _score
+from tasks.model.effects import library
+
+PRESSED = 100.0  # the loss would fall by so much beyond a bound
+
+
+def fitted(effect, **ends: float) -> Fitted:
+    """A fit of two parameters of the tissue and those of an effect, in the middle of their ranges but for ``ends``."""
+    at = np.array([0.5, 0.5, *(ends.get(parameter.name, 0.5) for parameter in effect.parameters)])
+    pull = np.where((at == 0.0) | (at == 1.0), PRESSED, 0.0)
+    return Fitted(at, 90.0, 100, np.full(at.size, 0.1), pull)
+
+
+@pytest.mark.parametrize(
+    ("slug", "ends", "expected"),
+    [
+        ("permanent-set", {"yield_stress": 1.0}, ("yield_stress",)),
+        ("permanent-set", {"yield_spread": 1.0}, ("yield_spread",)),
+        ("permanent-set", {"yield_spread": 0.0}, ()),  # all bonds yield at once: a limit of the law
+        ("permanent-set", {"yielding_part": 0.0}, ()),  # its null
+        ("toe-slack", {"slack_stretch": 0.0}, ("slack_stretch",)),
+        ("softening", {"softening_shape": 0.0, "softening_strain": 1.0}, ("softening_shape", "softening_strain")),
+    ],
+)
+def test_a_bound_counts_unless_it_is_a_null_or_a_limit_of_the_law(slug, ends, expected):
+    effect = library()[slug]
+    null = Fitted(np.full(2, 0.5), 200.0, 100, np.full(2, 0.1), np.zeros(2))
+    one = fitted(effect)
+    assert _score((effect,), [one, one], [null, null]).on_bound == ()
+    assert _score((effect,), [one, fitted(effect, **ends)], [null, null]).on_bound == expected
