@@ -3,7 +3,6 @@
 import json
 import logging
 import math
-import shlex
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import contextmanager
@@ -150,7 +149,7 @@ def _to_see(folder: Path) -> str:
     from tasks.status import current_page
 
     page = current_page(folder)
-    return command_line("report", folder) if page is None else one_line(shlex.join(["open", str(page)]))
+    return command_line("report", folder) if page is None else one_line(f"open {page} in a browser")
 
 
 @_study_command("run", "Run all tasks of a study, in order.")

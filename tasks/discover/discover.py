@@ -6,6 +6,7 @@ the effect in its model. See docs/discover.md.
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -46,9 +47,8 @@ def discover(workspace: Workspace) -> dict[str, Any]:
     explored = _ready(workspace)
     inputs = _inputs(workspace)
     files = [workspace.out / name for name in ("discover.json", "verdict.json")]
-    kept = [read_result(file) for file in files]
-    if kept[0] is not None and kept[0] == kept[1] and kept[0].get("inputs") == inputs:
-        return kept[0]
+    if (kept := _kept(workspace, files, inputs)) is not None:
+        return kept
 
     def without_effects(i: int, _: None, desk: Desk) -> list[Fitted]:
         fits = explored[i].bare(desk, settings.starts, (seed, 9, i))
@@ -127,7 +127,7 @@ def discover(workspace: Workspace) -> dict[str, Any]:
     shown = found.having(best) if best.effects else ()
     for i, one in enumerate(explored):
         curves = simulated(one, found.null[i], shown, found.fits[shown][i] if shown else None)
-        workspace.store.write_result(f"discover/{one.name.replace('/', '_')}", curves)
+        workspace.store.write_result(_curves_name(one.name), curves)
     if shown in after:
         result["after"] = dict(zip(names, after[shown], strict=True))
     if decided.word == "AMBIGUOUS" and best.effects:
@@ -150,8 +150,23 @@ def _inputs(workspace: Workspace) -> str:
     """Names all that a verdict depends on: also the rules by which it is given, and the solver that checks it."""
     study = workspace.study
     solver = study.solver_with((), attempts_folder(workspace.out)).identity()
-    specimens = [specimen.identity() for specimen in workspace.cohort.specimens]
-    return digest(study.path.read_text("utf-8"), study.seed, specimens, solver, code())
+    specimens = {specimen.name: specimen.identity() for specimen in workspace.cohort.specimens}
+    told = (study.path.read_text("utf-8"), study.seed, str(workspace.cohort.folder.resolve()), specimens)
+    return digest(*told, workspace.simulator.identity(), solver, code())
+
+
+def _kept(workspace: Workspace, files: Sequence[Path], inputs: str) -> dict[str, Any] | None:
+    """The verdict on the same inputs, if all that goes with it is there and nothing is to be tried again."""
+    found, again = (read_result(file) for file in files)
+    if workspace.retry_failed or found is None or found != again or found.get("inputs") != inputs:
+        return None
+    there = all(_curves_name(name) in workspace.store.root for name in found["cells"])
+    written = [found["model"]["path"], *found["model"]["febio"]["inputs"]] if found["model"] else []
+    return found if there and all((workspace.out / path).is_file() for path in written) else None
+
+
+def _curves_name(specimen: str) -> str:
+    return f"discover/{specimen.replace('/', '_')}"
 
 
 def _ready(workspace: Workspace) -> list[Explorer]:

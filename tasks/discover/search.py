@@ -182,22 +182,20 @@ def _promising(pairs: Sequence[Effects], losses: Sequence[float]) -> list[Effect
     return list(chosen.values())[:PAIRS]
 
 
-def _at_limit(parameter: Parameter, at: float) -> bool:
-    """Whether a parameter is at an end beyond which there is nothing: a limit of the law, and no guess of a range."""
-    return parameter.minimum == parameter.floor and at < 0.5
+def _at_limit(effect: Effect, parameter: Parameter, at: float) -> bool:
+    """Whether the end of a range that a parameter is on is its null, or a limit of the law: beyond these is nothing."""
+    end = parameter.minimum if at < 0.5 else parameter.maximum
+    return end in (effect.null.get(parameter.name), parameter.floor)
 
 
 def _score(effects: Effects, fitted: Sequence[Fitted], null: Sequence[Fitted]) -> Scored:
     points = [one.points for one in null]
-    parameters = [parameter for effect in effects for parameter in effect.parameters]
-    idle = [
-        effect.null.get(parameter.name) == parameter.minimum for effect in effects for parameter in effect.parameters
-    ]
+    parameters = [(effect, parameter) for effect in effects for parameter in effect.parameters]
     first = len(fitted[0].at) - len(parameters)
     on_bound = [
         parameter.name
-        for k, parameter in enumerate(parameters)
-        if not idle[k] and any(one.pressed[first + k] and not _at_limit(parameter, one.at[first + k]) for one in fitted)
+        for k, (effect, parameter) in enumerate(parameters, first)
+        if any(one.pressed[k] and not _at_limit(effect, parameter, one.at[k]) for one in fitted)
     ]
     gains = [
         alone.loss - criterion(one.loss, len(parameters), [count])

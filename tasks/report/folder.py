@@ -90,7 +90,7 @@ class Found:
                 for key in sorted(str(key) for key in kept if str(key).startswith("measured_")):
                     protocol = key.removeprefix("measured_")
                     time, force = kept[f"time_{protocol}"].to_numpy(), kept[key].to_numpy()
-                    keep = spread(time, POINTS)
+                    keep = np.union1d(spread(time, POINTS - 1), np.argmax(np.abs(force)))
                     found[name][protocol] = MeasuredCurve(time[keep], None, force[keep], time.size)
         return dict(sorted(found.items()))
 
@@ -172,7 +172,7 @@ def _curves(table: Table) -> Iterator[tuple[str, MeasuredCurve]]:
     names = [str(name) for name in np.asarray(table.group["protocol"][:])]  # type: ignore[index]
     for name in names:
         time, moved, force = columns_of(table, name)
-        keep = np.union1d(kept_points(Protocol(name, time, moved), POINTS - 2), np.argmax(moved))
+        keep = np.union1d(kept_points(Protocol(name, time, moved), POINTS - 2), np.argmax(np.abs(moved)))
         if np.isfinite(force).any():
             keep = np.union1d(keep, np.nanargmax(np.abs(force)))  # a peak between two of them would look lower
         yield name, MeasuredCurve(time[keep], moved[keep], force[keep], time.size)

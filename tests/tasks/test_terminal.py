@@ -149,10 +149,10 @@ def test_nothing_moves_a_cursor_that_is_not_there(here, study):
 @pytest.mark.page
 def test_what_is_looked_at_next(here, study):
     out = study.parent / "out"
-    assert here("sobol", study, "--out", out, "--quiet")[1] == f"next: open {out}/report.html\n"
+    assert here("sobol", study, "--out", out, "--quiet")[1] == f"next: open {out}/report.html in a browser\n"
     looks = [("status", out), ("watch", out), ("watch", out, "--once")]
     for look in looks:
-        assert here(*look)[1].splitlines()[-1] == f"next: open {out}/report.html"
+        assert here(*look)[1].splitlines()[-1] == f"next: open {out}/report.html in a browser"
     page = (out / "report.html").stat().st_mtime_ns
     os.utime(out / "sobol.json", ns=(page + 1, page + 1))
     for look in looks:

@@ -51,7 +51,7 @@ EFFECT = Effect(
         Parameter("yielding_part", "1", 0.0, 0.95, 0.85, "part of the bonds that can yield", ceiling=1.0),
         Parameter("yield_stress", "MPa", 0.1, 2.0, 0.7, "stress at which the first bonds yield"),
         # the least is a limit of the law: all bonds yield at one stress, Prager's plasticity with linear hardening
-        Parameter("yield_spread", "MPa", 0.001, 1.5, 0.4, "rise of the stress until all have yielded", floor=0.001),
+        Parameter("yield_spread", "MPa", 0.0, 1.5, 0.4, "rise of the stress until all have yielded"),
     ),
     null={"yielding_part": 0.0},
     seen_by=("ramp", "peak", "unload", "valley", "later cycles"),

@@ -81,15 +81,15 @@ def _table(found: Found) -> Table:
     rows = []
     for name, every in found.measured.items():
         bar = _geometry(found, name)
-        sizes = [number(bar.get(f"{side}_mm"), 4) for side in ("length", "width", "thickness")]
+        sizes = [bar.get(f"{side}_mm") or np.nan for side in ("length", "width", "thickness")]
         peak = max(float(np.max(np.abs(curve.force_N))) for curve in every.values())
         lasts = max(float(curve.time_s[-1] - curve.time_s[0]) for curve in every.values())
         points = sum(curve.total for curve in every.values())
-        area, length = bar.get("width_mm", np.nan) * bar.get("thickness_mm", np.nan), bar.get("length_mm", np.nan)
         pulled = [curve.displacement_mm for curve in every.values() if curve.displacement_mm is not None]
-        farthest = max((float(np.max(moved)) for moved in pulled), default=np.nan)
-        rows.append([name, ", ".join(every), *sizes, number(lasts), f"{points:,}", number(peak), number(peak / area),
-                     number(100.0 * farthest / length)])  # fmt: skip
+        farthest = max((float(np.max(np.abs(moved))) for moved in pulled), default=np.nan)
+        stress, strain = peak / (sizes[1] * sizes[2]), 100.0 * farthest / sizes[0]
+        rows.append([name, ", ".join(every), *(number(size, 4) for size in sizes), number(lasts), f"{points:,}",
+                     number(peak), number(stress), number(strain)])  # fmt: skip
     header = ["specimen", "protocols", "length (mm)", "width (mm)", "thickness (mm)", "longest (s)", "points kept",
               "largest force (N)", "largest nominal stress (MPa)", "largest strain (%)"]  # fmt: skip
     return Table("Specimens", header, rows, words=(1,), open=len(rows) <= 6)

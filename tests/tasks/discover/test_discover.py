@@ -1,17 +1,23 @@
 """`sinew discover` from end to end: a hidden effect is named and added, and where nothing is hidden, nothing is."""
 
 import json
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
 import yaml
 
+from runner.cluster import Local
 from tasks.cohort import autoregressive, virtual_cohort, write_cohort
+from tasks.discover.discover import _inputs, _kept
 from tasks.model import Curve, Model, Specimen
 from tasks.model.effects import library
 from tasks.model.protocols import cyclic, one_step
 from tasks.simulate.effects import simulate_with
+from tasks.study import read_study
+from tasks.workspace import open_workspace
 from tests.conftest import SHARED
 from tests.tasks.test_pipeline import new_simulations, sinew
 
@@ -108,6 +114,43 @@ def test_a_hidden_effect_is_named_added_and_shown(study, tmp_path, capsys):
     path.write_text(STUDY.replace("starts: 3", "starts: 2"))
     sinew("discover", path, "--out", out, "--quiet")
     assert json.loads((out / "verdict.json").read_text())["inputs"] != result["inputs"]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "kept"),
+    [
+        (lambda out, work: None, True),
+        (lambda out, work: (out / "model.yaml").unlink(), False),
+        (lambda out, work: (out / "one.feb").unlink(), False),
+        (lambda out, work: (out / "verdict.json").unlink(), False),
+        (lambda out, work: (out / "verdict.json").write_text('{"inputs": "former"}'), False),
+        (lambda out, work: work.store.root.clear(), False),
+        (lambda out, work: setattr(work, "retry_failed", True), False),
+    ],
+)
+def test_a_verdict_is_kept_with_all_that_goes_with_it(tmp_path, spoil, kept):
+    found = {"inputs": "these", "cells": {"a/1": []}, "model": {"path": "model.yaml", "febio": {"inputs": ["one.feb"]}}}
+    files = [tmp_path / name for name in ("discover.json", "verdict.json")]
+    for file in (*files, tmp_path / "model.yaml", tmp_path / "one.feb"):
+        file.write_text(json.dumps(found))
+    work = SimpleNamespace(out=tmp_path, retry_failed=False, store=SimpleNamespace(root={"discover/a_1": None}))
+    spoil(tmp_path, work)
+    assert (_kept(work, files, "these") == found) is kept
+    assert _kept(work, files, "others") is None
+
+
+def test_another_simulator_name_or_place_is_another_verdict(study, tmp_path):
+    path = study(None)
+    with open_workspace(read_study(path), out=tmp_path / "out", cluster=Local(1), quiet=True) as workspace:
+        first = _inputs(workspace)
+        assert _inputs(workspace) == first
+        (one, *others) = workspace.cohort.specimens
+        other = SimpleNamespace(identity=lambda: {"name": "another"})
+        renamed = replace(workspace.cohort, specimens=(replace(one, name="distal/7"), *others))
+        moved = replace(workspace.cohort, folder=tmp_path)
+        changed = [replace(workspace, simulator=other), replace(workspace, cohort=renamed)]
+        changed.append(replace(workspace, cohort=moved))
+        assert len({first, *map(_inputs, changed)}) == 4
 
 
 def test_where_nothing_is_hidden_nothing_is_named(study, tmp_path):

@@ -5,6 +5,7 @@ import pytest
 
 from tasks.discover.fit import Fitted
 from tasks.discover.search import _score
+from tasks.discover.sizes import Size, sized
 from tasks.model.effects import library
 
 PRESSED = 100.0  # the loss would fall by so much beyond a bound
@@ -24,12 +25,15 @@ def fitted(effect, **ends: float) -> Fitted:
         ("permanent-set", {"yield_spread": 1.0}, ("yield_spread",)),
         ("permanent-set", {"yield_spread": 0.0}, ()),  # all bonds yield at once: a limit of the law
         ("permanent-set", {"yielding_part": 0.0}, ()),  # its null
+        ("permanent-set", {"yielding_part": 1.0}, ("yielding_part",)),
+        ("toe-slack", {"slack_stretch": 1.0}, ()),  # its null
         ("toe-slack", {"slack_stretch": 0.0}, ("slack_stretch",)),
         ("softening", {"softening_shape": 0.0, "softening_strain": 1.0}, ("softening_shape", "softening_strain")),
     ],
 )
-def test_a_bound_counts_unless_it_is_a_null_or_a_limit_of_the_law(slug, ends, expected):
-    effect = library()[slug]
+@pytest.mark.parametrize("stress", [1.0, 0.1, 10.0])
+def test_a_bound_counts_unless_it_is_a_null_or_a_limit_of_the_law(slug, ends, expected, stress):
+    effect = sized(library()[slug], Size(stress=stress))
     null = Fitted(np.full(2, 0.5), 200.0, 100, np.full(2, 0.1), np.zeros(2))
     one = fitted(effect)
     assert _score((effect,), [one, one], [null, null]).on_bound == ()

@@ -1,5 +1,6 @@
 """The library of effects as data: complete, consistent, found by itself, and described in the docs."""
 
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -127,4 +128,9 @@ def test_the_docs_name_every_effect_place_and_phase():
     text = DOCS.read_text()
     for word in (*library(), *PLACES, *PHASES, *(name for effect in FORMS for name in effect.names)):
         assert word in text, word
+    for effect in library().values():
+        (row,) = (line for line in text.splitlines() if line.startswith(f"| `{effect.slug}` |"))
+        for one in effect.parameters:
+            ranged = f"({one.unit}): {one.minimum:g} to {one.maximum:g}, {one.reference:g}"
+            assert re.search(rf"`{one.name}`\*? {re.escape(ranged)}", row), f"{one.name} {ranged}"
     assert isinstance(library()["preload"], Effect)

@@ -22,6 +22,7 @@ from tasks.problems import BadInput
 from tasks.report import folder, page, plots
 from tasks.report.blocks import number, percent
 from tasks.report.page import build
+from tasks.report.sections import data
 from tests.tasks.report.conftest import edit
 
 pytestmark = pytest.mark.page
@@ -165,6 +166,14 @@ def test_the_largest_stress_and_strain_of_each_specimen(whole_run):
     stress = peak / (described["width_mm"] * described["thickness_mm"])
     strain = 100 * max(curve[:, 1].max() for curve in curves) / described["length_mm"]
     assert f"{number(peak)}{number(stress)}{number(strain)}" in told, "cells beside each other"
+
+
+def test_a_specimen_without_sizes_has_no_stress(whole_run, monkeypatch):
+    monkeypatch.setattr(data, "_geometry", lambda *_: {"length_mm": 10.0, "width_mm": None, "thickness_mm": None})
+    found = data.section(folder.read_folder(whole_run))
+    (table,) = (block for block in found.blocks if block.kind == "table")
+    assert all((row[2], row[3], row[4], row[-2]) == ("10", "–", "–", "–") for row in table.rows)
+    assert all(row[-1] != "–" for row in table.rows)
 
 
 def test_the_summary_tells_of_few_particles_and_of_all_bands(run_folder):
