@@ -172,7 +172,7 @@ def _curves(table: Table) -> Iterator[tuple[str, MeasuredCurve]]:
     names = [str(name) for name in np.asarray(table.group["protocol"][:])]  # type: ignore[index]
     for name in names:
         time, moved, force = columns_of(table, name)
-        keep = np.union1d(kept_points(Protocol(name, time, moved), POINTS - 2), np.argmax(np.abs(moved)))
+        keep = kept_points(Protocol(name, time, moved), POINTS - 1)
         if np.isfinite(force).any():
             keep = np.union1d(keep, np.nanargmax(np.abs(force)))  # a peak between two of them would look lower
         yield name, MeasuredCurve(time[keep], moved[keep], force[keep], time.size)
