@@ -90,8 +90,8 @@ def _table(found: Found) -> Table:
         stress, strain = peak / (sizes[1] * sizes[2]), 100.0 * farthest / sizes[0]
         rows.append([name, ", ".join(every), *(number(size, 4) for size in sizes), number(lasts), f"{points:,}",
                      number(peak), number(stress), number(strain)])  # fmt: skip
-    header = ["specimen", "protocols", "length (mm)", "width (mm)", "thickness (mm)", "longest (s)", "points kept",
-              "largest force (N)", "largest nominal stress (MPa)", "largest strain (%)"]  # fmt: skip
+    header = ["specimen", "protocols", "length (mm)", "width (mm)", "thickness (mm)", "time (s)", "points",
+              "peak force (N)", "peak stress (MPa)", "peak strain (%)"]  # fmt: skip
     return Table("Specimens", header, rows, words=(1,), open=len(rows) <= 6)
 
 
