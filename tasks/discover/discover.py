@@ -44,11 +44,11 @@ def discover(workspace: Workspace) -> dict[str, Any]:
     and when noise cannot be told from the curves.
     """
     settings, seed = workspace.study.discover, workspace.study.seed
-    explored = _ready(workspace)
     inputs = _inputs(workspace)
     files = [workspace.out / name for name in ("discover.json", "verdict.json")]
     if (kept := _kept(workspace, files, inputs)) is not None:
         return kept
+    explored = _ready(workspace)
 
     def without_effects(i: int, _: None, desk: Desk) -> list[Fitted]:
         fits = explored[i].bare(desk, settings.starts, (seed, 9, i))
