@@ -34,7 +34,7 @@ from tasks.fits import (
     weighing_of,
 )
 from tasks.ledger import Ledger
-from tasks.model import Specimen
+from tasks.model import Specimen, file_name
 from tasks.noise import Noise, noise_of
 from tasks.problems import BadInput
 from tasks.simulate import Array
@@ -64,7 +64,7 @@ def calibrate(workspace: Workspace) -> dict[str, Any]:
     for number, evaluation in enumerate(evaluations):
         table, _ = workspace.plan(evaluation, np.empty((0, len(workspace.model.names))))
         folder = workspace.out / "calibrate"
-        name = evaluation.specimen.name.replace("/", "_")
+        name = file_name(evaluation.specimen.name)
         known = Ledger(folder / f"{name}.known.jsonl", inputs)
         if not len(known):
             known.append(np.array([len(table)]))
@@ -264,7 +264,7 @@ def _keep_points(workspace: Workspace, evaluation: SpecimenEvaluation, fitted: _
             },
             coords={"parameter": list(workspace.model.names)},
         )
-        workspace.store.write_result(f"calibrate/{evaluation.specimen.name.replace('/', '_')}", dataset)
+        workspace.store.write_result(f"calibrate/{file_name(evaluation.specimen.name)}", dataset)
 
 
 def _as_csv(result: dict[str, Any]) -> str:

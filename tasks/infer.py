@@ -74,7 +74,7 @@ def infer(workspace: Workspace) -> dict[str, Any]:
 
 def site_of(specimen: Specimen) -> str:
     """What a specimen's site is called in results."""
-    return (specimen.site or "all").replace("/", "_")
+    return specimen.site or "all"
 
 
 def by_site(specimens: tuple[Specimen, ...]) -> dict[str, tuple[Specimen, ...]]:

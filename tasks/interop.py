@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from runner.store import STATUSES, Table, open_store
+from tasks.model import file_name
 from tasks.problems import BadInput, shown
 from tasks.report.frames import by_output
 from tasks.simulate import Array
@@ -101,7 +102,7 @@ def skopt_result(told: Told, folder: Path, specimen: str, *, surrogate: bool = F
         raise BadInput(where, "holds no bounds", "`sinew calibrate` by this version, with another --out")
     if not {"bayesian", "hybrid"} & set(told["methods"]):
         raise BadInput(where, "holds no Bayesian search", "a study with calibrate.methods: [bayesian]")
-    seen = open_store(folder).read_result(f"calibrate/{specimen.replace('/', '_')}")
+    seen = open_store(folder).read_result(f"calibrate/{file_name(specimen)}")
     alive = np.isfinite(seen["total"].to_numpy())
     points = seen["parameters"].sel(parameter=told["free"]).to_numpy()[alive]
     totals = seen["total"].to_numpy()[alive]

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tasks.model import Curve, Protocol, Specimen
+from tasks.model import Curve, Protocol, Specimen, file_name
 from tasks.problems import BadInput, shown
 
 COLUMNS = ("time_s", "displacement_mm", "force_N")
@@ -289,6 +289,7 @@ def check_text(path: Path, max_bytes: int) -> None:
 def refuse_duplicates(specimens: Sequence[Specimen], places: Mapping[str, Path]) -> None:
     """Refuse specimens of one name, or of the same numbers; ``places`` says where each one is."""
     names: dict[str, str] = {}
+    files: dict[str, str] = {}
     digests: dict[tuple[str, ...], str] = {}
     for specimen in specimens:
         if names.get(specimen.name.casefold()) == specimen.name:
@@ -296,6 +297,10 @@ def refuse_duplicates(specimens: Sequence[Specimen], places: Mapping[str, Path])
         other = names.setdefault(specimen.name.casefold(), specimen.name)
         if other != specimen.name:
             raise BadInput(places[specimen.name], f"a duplicate of specimen {other} but for upper case", "unique names")
+        other = files.setdefault(file_name(specimen.name), specimen.name)
+        if other != specimen.name:
+            problem = f"would be called {file_name(specimen.name)} in results, as {other} is"
+            raise BadInput(places[specimen.name], problem, "names that differ in more than / and _")
         digest = tuple(curve.digest for curve in specimen.curves)
         other = digests.setdefault(digest, specimen.name)
         if other != specimen.name:

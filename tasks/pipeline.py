@@ -20,6 +20,7 @@ from tasks.calibrate import calibrate, fitted_curves, often_on_bound
 from tasks.discover.discover import discover
 from tasks.importance import importance
 from tasks.infer import infer
+from tasks.model import file_name
 from tasks.predict import predict
 from tasks.problems import BadInput, one_line
 from tasks.report import calibration, discovery, figures, posterior, prediction, site_figures, tables
@@ -251,7 +252,7 @@ def _draw_calibrate(workspace: Workspace, result: dict[str, Any]) -> None:
             forces = fitted_curves(workspace, specimen, told["parameters"])
             figure = figures.fitted_curves(specimen, forces, told["rmse_N"])
             shown = tables.fitted_curves(specimen, forces)
-            figures.save(figure, folder, f"calibrate_{specimen.name.replace('/', '_')}", shown)
+            figures.save(figure, folder, f"calibrate_{file_name(specimen.name)}", shown)
     calibration.draw(workspace, result)
 
 

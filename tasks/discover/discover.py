@@ -27,6 +27,7 @@ from tasks.discover.sizes import library_for
 from tasks.discover.solver import in_febio
 from tasks.discover.splits import gain
 from tasks.discover.told import NO_GAP, gap_of, simulated, told_candidate
+from tasks.model import file_name
 from tasks.problems import BadInput
 from tasks.provenance import code
 from tasks.simulate import Array
@@ -166,7 +167,7 @@ def _kept(workspace: Workspace, files: Sequence[Path], inputs: str) -> dict[str,
 
 
 def _curves_name(specimen: str) -> str:
-    return f"discover/{specimen.replace('/', '_')}"
+    return f"discover/{file_name(specimen)}"
 
 
 def _ready(workspace: Workspace) -> list[Explorer]:

@@ -19,7 +19,7 @@ from tasks.discover.intervals import Profiled, profiled
 from tasks.discover.measured import Measured
 from tasks.discover.splits import SPECIMEN, splits
 from tasks.ledger import Ledger
-from tasks.model import Model
+from tasks.model import Model, file_name
 from tasks.model.effect import Effect
 from tasks.noise import noise_of_each
 from tasks.simulate import Array
@@ -65,7 +65,7 @@ class Explorer:
         solver = self.solver.identity() if self.solver else None
         how = [asdict(self.measured.noise), solver, VERSION, [each.name for each in fields(Fitted)]]
         inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, *how, what)
-        return Ledger(self.folder / f"{self.name.replace('/', '_')}.{digest(what)[:12]}.jsonl", inputs)
+        return Ledger(self.folder / f"{file_name(self.name)}.{digest(what)[:12]}.jsonl", inputs)
 
     def _fitted(self, ledger: Ledger, number: int, desk: Desk, *arguments: Any) -> Fitted:
         """Fit ``number`` of a ledger: known, or what ``arguments``, a function and what it takes, find on a worker."""

@@ -12,7 +12,7 @@ import numpy as np
 from runner.ensemble import Desk
 from tasks.discover.explore import Effects, Explorer, each_for_all
 from tasks.discover.fit import Candidate, Fitted
-from tasks.model import Curve
+from tasks.model import Curve, file_name
 from tasks.model.effect import model_with
 from tasks.simulate import Array
 from tasks.workspace import Workspace, attempts_folder, write_text
@@ -36,7 +36,7 @@ def in_febio(workspace: Workspace, one: Explorer, effects: Effects, fitted: Fitt
     folder.mkdir(parents=True, exist_ok=True)
     inputs = []
     for curve in specimen.curves:
-        path = folder / f"{specimen.name.replace('/', '_')}.{curve.name}.feb"
+        path = folder / f"{file_name(specimen.name)}.{curve.name}.feb"
         write_text(path, solver.rendered(model, specimen, curve.protocol, rows[0]))
         inputs.append(str(path.relative_to(workspace.out)))
     if shutil.which(solver.executable) is None:

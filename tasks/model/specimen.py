@@ -59,6 +59,11 @@ class Curve:
         return hashed.hexdigest()
 
 
+def file_name(name: str) -> str:
+    """The ``name`` of a specimen in names of files and results: ``distal/3`` is ``distal_3`` there."""
+    return name.replace("/", "_")
+
+
 @dataclass(frozen=True, eq=False)
 class Specimen:
     """A bar of gauge ``length_mm`` x ``width_mm`` x ``thickness_mm`` and its measured curves.

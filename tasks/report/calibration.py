@@ -20,7 +20,7 @@ from scipy.stats import qmc
 
 from tasks.bayesian import Process, fitted, informative
 from tasks.correlations import correlations
-from tasks.model import Parameter
+from tasks.model import Parameter, file_name
 from tasks.report import tables
 from tasks.report.figures import COLOURS, STYLE, save, symbol
 from tasks.simulate import Array
@@ -104,7 +104,7 @@ def typical(result: dict[str, Any]) -> str:
 
 def samples_of(workspace: Workspace, result: dict[str, Any], specimen: str) -> Samples:
     """What the store holds of a specimen's search. Raises :class:`runner.errors.StoreError` when that is nothing."""
-    kept = workspace.store.read_result(f"calibrate/{specimen.replace('/', '_')}")
+    kept = workspace.store.read_result(f"calibrate/{file_name(specimen)}")
     free = workspace.model.free
     names = [parameter.name for parameter in free]
     told = result["specimens"][specimen]

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table as Grid
 
 from tasks.discover.confidence import in_words
+from tasks.model import file_name
 from tasks.report import tables
 from tasks.report.figures import COLOURS, STYLE, save
 from tasks.workspace import Workspace
@@ -26,9 +27,9 @@ def draw(workspace: Workspace, result: dict[str, Any]) -> None:
     folder = workspace.out / "figures"
     save(cell_map(result), folder, "discover_cells", tables.cells(result))
     for specimen in result["cells"]:
-        kept = workspace.store.read_result(f"discover/{specimen.replace('/', '_')}")
+        kept = workspace.store.read_result(f"discover/{file_name(specimen)}")
         figure = before_and_after(kept, result, specimen)
-        save(figure, folder, f"discover_{specimen.replace('/', '_')}", tables.curves(kept))
+        save(figure, folder, f"discover_{file_name(specimen)}", tables.curves(kept))
 
 
 def tell(workspace: Workspace, result: dict[str, Any], console: Console) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from runner.errors import StoreError
 from runner.store import Store, Table, open_store
 from tasks.evaluate import kept_points
-from tasks.model import Protocol
+from tasks.model import Protocol, file_name
 from tasks.problems import BadInput, one_line, shown
 from tasks.simulate import Array
 from tasks.status import read_status
@@ -85,7 +85,7 @@ class Found:
         cells = self.results.get("discover", {}).get("cells")
         for name in cells if isinstance(cells, dict) else ():
             if name not in found and self.store is not None:
-                kept = self.store.read_result(f"discover/{name.replace('/', '_')}")
+                kept = self.store.read_result(f"discover/{file_name(name)}")
                 found[name] = {}
                 for key in sorted(str(key) for key in kept if str(key).startswith("measured_")):
                     protocol = key.removeprefix("measured_")

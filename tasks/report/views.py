@@ -10,6 +10,7 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from runner.store import open_store
+from tasks.model import file_name
 from tasks.problems import BadInput, shown
 from tasks.report import calibration, discovery, figures, posterior, prediction, site_figures
 from tasks.report.frames import courses
@@ -53,10 +54,6 @@ def view(task: str, told: Told, folder: Path, name: str | None, of: str | None) 
 
 def _kept(folder: Path, name: str) -> xr.Dataset:
     return open_store(folder).read_result(name)
-
-
-def _slug(name: str) -> str:
-    return name.replace("/", "_")
 
 
 def _of_sites(told: Told) -> list[str]:
@@ -111,7 +108,7 @@ VIEWS: dict[str, dict[str, View]] = {
         "cells": View(lambda told, folder, _: discovery.cell_map(told)),
         "curves": View(
             lambda told, folder, specimen: discovery.before_and_after(
-                _kept(folder, f"discover/{_slug(specimen)}"), told, specimen
+                _kept(folder, f"discover/{file_name(specimen)}"), told, specimen
             ),
             lambda told: list(told["cells"]),
         ),

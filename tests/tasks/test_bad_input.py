@@ -87,6 +87,11 @@ def write_specimen(folder: str, force: str = "8") -> None:
     write(f"{folder}/pull.csv", curve(*ROWS, f"4,0.2,{force}"))
 
 
+def _slashed(*names: str) -> None:
+    for number, name in enumerate(names):
+        write_specimen(f"cohort/{name}", str(6 + number))
+
+
 def curve(*rows: str, header: str = HEADER) -> str:
     return "\n".join([header, *rows, ""])
 
@@ -502,6 +507,7 @@ COHORTS = {
     "pickle at the top": (lambda: write("cohort/all.pickle", b""), "cohort/all.pickle: pickled and binary data"),
     "same numbers": (lambda: _same_again("s03"), "cohort/s03: a duplicate of specimen s01: its curves are the same"),
     "same but for case": (lambda: write_specimen("cohort/S01", "6"), "cohort/s01: a duplicate of specimen S01 but for"),
+    "same but for a slash": (lambda: _slashed("a/1", "a_1"), "cohort/a_1: would be called a_1 in results, as a/1 is"),
     "blank in a name": (lambda: write_specimen("cohort/my bar", "6"), "cohort/my bar: a name that"),
     "line break in a name": (lambda: write_specimen("cohort/my\nbar", "6"), "cohort/my\\nbar: a name that"),
     "escape in a name": (lambda: write_specimen("cohort/\x1b[31m", "6"), "cohort/\\x1b[31m: a name that"),

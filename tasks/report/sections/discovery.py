@@ -7,6 +7,7 @@ from bokeh.models import LinearColorMapper
 from bokeh.models.annotations import ColorBar
 
 from tasks.discover.confidence import in_words
+from tasks.model import file_name
 from tasks.report import plots
 from tasks.report.blocks import Block, Code, Facts, Plot, Plots, Section, Table, Words, number, percent
 from tasks.report.discovery import FAR, UNLIKELY, unlikely
@@ -79,7 +80,7 @@ def _curves(found: Found, result: dict[str, Any]) -> Plots:
     data: dict[str, dict[str, Any]] = {}
     protocols = list(dict.fromkeys(cell["protocol"] for cells in result["cells"].values() for cell in cells))
     for name in result["cells"]:
-        kept = found.store.read_result(f"discover/{name.replace('/', '_')}")
+        kept = found.store.read_result(f"discover/{file_name(name)}")
         data[name] = {}
         for protocol in protocols:
             columns = {key: np.zeros(0) for key in ("time", "measured", *models, *(f"left_{key}" for key in models))}
