@@ -6,7 +6,8 @@ The embedded simulator takes bars through these stages, and an effect may change
 2. ``displacement``  displacement of the gauge length, from that of the grips and from the force; ``giving_way`` tells
    how it depends on the force, so that both are found together
 3. ``fibre_stretch`` stretch of the fibres, from that of the bar
-4. ``matrix_stress``, ``fibre_stress``  elastic second Piola-Kirchhoff stress of each constituent
+4. ``fibre_law``     the fibres' law, from the baseline's;  ``matrix_stress``, ``fibre_stress``  elastic second
+   Piola-Kirchhoff stress of each constituent
 5. ``branches``      further viscous branches;  ``slowing``  factor on the baseline's relaxation times
 6. ``reading``       what the load cell reports of the force
 
@@ -47,7 +48,8 @@ class Bars:
 
     ``time_s`` ``[t]``; ``material`` by name ``[n, 1]`` (MPa, s, mm2 or none); ``displacement_mm`` of the gauge length,
     ``stretch`` of bar and fibres, elastic stresses (MPa) and force (N) ``[n, t]``. What a later stage gives is zero
-    before it, except that ``displacement`` is told the force of the iteration before.
+    before it, except that ``displacement`` is told the force of the iteration before, and ``rigid_N`` ``[n, t]``: the
+    force (N) if nothing gave way between grips and gauge length.
     """
 
     time_s: Array
@@ -59,6 +61,7 @@ class Bars:
     matrix_MPa: Array
     fibre_MPa: Array
     force_N: Array
+    rigid_N: Array
 
     @property
     def strain(self) -> Array:
@@ -97,6 +100,8 @@ class GivingWay:
 
 
 Hook = Callable[[Bars, Values], Array]
+Law = Callable[[Array], Array]
+"""Second Piola-Kirchhoff stress of the fibres ``[n, t]`` (MPa) at their stretch ``[n, t]``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +136,7 @@ class Effect:
     displacement: Hook | None = None
     giving_way: Callable[[Bars, Values], tuple[GivingWay, ...]] | None = None
     fibre_stretch: Hook | None = None
+    fibre_law: Callable[[Law, Values], Law] | None = None
     matrix_stress: Hook | None = None
     fibre_stress: Hook | None = None
     branches: Callable[[Bars, Values], tuple[Branch, ...]] | None = None

@@ -6,17 +6,18 @@ depends on the force, both are found together by Newton's method on the whole cu
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from runner.store import STATUSES
 from tasks.model import Curve, Model, Protocol, Specimen, fibre
-from tasks.model.effect import Bars, Branch, Effect, Values, in_order
+from tasks.model.effect import Bars, Branch, Effect, Law, Values, in_order
 from tasks.model.effects import named
 from tasks.simulate import Array, Compared, Simulated, impossible, memory
 
-VERSION = 2  # of the forces that are computed here
+VERSION = 3  # of the forces that are computed here
 _DRIVERS = ("matrix", "fibre", "strain")
 BALANCE = 1e-10  # of the largest displacement: what may be left between grips, machine and gauge length
 ITERATIONS = 60
@@ -128,6 +129,7 @@ def _bars(
         matrix_MPa=nothing,
         fibre_MPa=nothing,
         force_N=nothing,
+        rigid_N=nothing,
     )
     for effect, own in chosen:
         if effect.material:
@@ -161,18 +163,17 @@ class _Run:
 
     def balanced(self, bars: Bars) -> Bars:
         """The bars with the displacement that is left for the gauge length under the force that it causes."""
-        grips = bars
-        bars = replace(grips, displacement_mm=self._left(grips, grips.force_N))
+        bars = self.pulled(bars)
+        grips = replace(bars, rigid_N=bars.force_N)
         largest = max(float(np.abs(grips.displacement_mm).max()), np.finfo(float).tiny)
         for _ in range(ITERATIONS):
-            bars = self.pulled(bars)
             residual = self._left(grips, bars.force_N) - bars.displacement_mm
             worst = np.abs(residual).max(axis=1)
             if not (worst > BALANCE * largest).any():  # rows that are NaN stay so
                 return bars
             residual[worst <= BALANCE * largest] = 0.0  # so that a row does not depend on its neighbours
             moved = bars.displacement_mm + self._correction(grips, bars, residual)
-            bars = replace(bars, displacement_mm=moved)
+            bars = self.pulled(replace(bars, displacement_mm=moved))
         bars.force_N[worst > BALANCE * largest] = np.nan
         return bars
 
@@ -190,11 +191,11 @@ class _Run:
         for effect, own in self.chosen:
             if effect.fibre_stretch:
                 bars = replace(bars, fibre_stretch=effect.fibre_stretch(bars, own))
-        bars = replace(
-            bars,
-            matrix_MPa=bars.material["E_m"] * bars.strain,
-            fibre_MPa=fibre.stress(bars.fibre_stretch, bars.material),
-        )
+        law: Law = partial(fibre.stress, material=bars.material)
+        for effect, own in self.chosen:
+            if effect.fibre_law:
+                law = effect.fibre_law(law, own)
+        bars = replace(bars, matrix_MPa=bars.material["E_m"] * bars.strain, fibre_MPa=law(bars.fibre_stretch))
         for effect, own in self.chosen:
             if effect.matrix_stress:
                 bars = replace(bars, matrix_MPa=effect.matrix_stress(bars, own))

@@ -164,14 +164,14 @@ def _slip_stick(rng: Random, size: float) -> Hidden:
     return Hidden(Physics(lost=lost), {"mm": jump, "N": between})
 
 
-def _drift_exponential(rng: Random, size: float) -> Hidden:
+def _drift_logarithm(rng: Random, size: float) -> Hidden:
     offset, change = size * rng.uniform(-4.0, 4.0), size * rng.uniform(8.0, 18.0) * rng.choice([-1.0, 1.0])
-    time = rng.uniform(40.0, 200.0)
+    time, whole = rng.uniform(5.0, 40.0), 400.0
 
     def reading(time_s: Array, displacement_mm: Array, force_N: Array) -> Array:
-        return force_N + offset - change * np.expm1(-time_s / time)
+        return force_N + offset + change * np.log1p(time_s / time) / np.log1p(whole / time)
 
-    return Hidden(Physics(reading=reading), {"offset_N_at_first": offset, "change_N": change, "s": time})
+    return Hidden(Physics(reading=reading), {"offset_N_at_first": offset, "N_in_400_s": change, "s": time})
 
 
 def _drift_linear(rng: Random, size: float) -> Hidden:
@@ -184,16 +184,23 @@ def _drift_linear(rng: Random, size: float) -> Hidden:
     return Hidden(Physics(reading=reading), magnitude, {"force_offset": offset, "force_slope": slope})
 
 
-def _lag_filter(rng: Random, size: float) -> Hidden:
-    time = size * rng.uniform(0.25, 0.6)
+def _lag_two_filters(rng: Random, size: float) -> Hidden:
+    times = size * rng.uniform(0.1, 0.4, 2)
 
     def reading(time_s: Array, displacement_mm: Array, force_N: Array) -> Array:
-        ratio = (time_s[1] - time_s[0]) / time
-        kept, mean = np.exp(-ratio), -np.expm1(-ratio) / ratio
-        above = force_N - force_N[0]  # a first-order filter, exact for a force that is linear between samples
-        return np.asarray(force_N[0] + lfilter([1.0 - mean, mean - kept], [1.0, -kept], above))
+        for time in times:
+            force_N = _filtered(time_s, force_N, time)
+        return force_N
 
-    return Hidden(Physics(reading=reading), {"s": time})
+    return Hidden(Physics(reading=reading), {"s_1": float(times[0]), "s_2": float(times[1])})
+
+
+def _filtered(time_s: Array, force_N: Array, time: float) -> Array:
+    """A filter of the first order, exact for a force that is linear between samples."""
+    ratio = (time_s[1] - time_s[0]) / time
+    kept, mean = np.exp(-ratio), -np.expm1(-ratio) / ratio
+    above = force_N - force_N[0]
+    return np.asarray(force_N[0] + lfilter([1.0 - mean, mean - kept], [1.0, -kept], above))
 
 
 def _area(rng: Random, size: float) -> Hidden:
@@ -297,9 +304,9 @@ FORMS = {
     "compliance-stiffening": Form("machine-compliance", _compliance_stiffening),
     "compliance-linear": Form("machine-compliance", _compliance_linear),
     "slip-stick": Form("grip-slip", _slip_stick),
-    "drift-exponential": Form("force-drift", _drift_exponential),
+    "drift-logarithm": Form("force-drift", _drift_logarithm),
     "drift-linear": Form("force-drift", _drift_linear),
-    "lag-filter": Form("time-lag", _lag_filter),
+    "lag-two-filters": Form("time-lag", _lag_two_filters),
     "area": Form("area-error", _area),
     "fatigue-cycles": Form("cyclic-fatigue", _fatigue_cycles),
     "fluid-two": Form("fluid-flow", _fluid_two),
@@ -315,10 +322,10 @@ OUTSIDE = {
 }
 PAIRS = (
     ("slack-gauss", "softening-logistic"),
-    ("softening-stress", "lag-filter"),
+    ("softening-stress", "lag-two-filters"),
     ("slack-gauss", "drift-linear"),
     ("toe-fung", "compliance-linear"),
-    ("dashpot-thinning", "drift-exponential"),
+    ("dashpot-thinning", "drift-logarithm"),
     ("preload-shift", "set-hardening"),
     ("fatigue-cycles", "compliance-stiffening"),
 )

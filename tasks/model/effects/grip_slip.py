@@ -40,20 +40,22 @@ def _creeping(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
 
 def _held(bars: Bars, values: Values) -> Array:
     """The force up to which the grips hold ``[n, 1]`` (N)."""
-    return values["slip_part"] * np.maximum(bars.force_N.max(axis=1, keepdims=True), 0.0)
+    return values["slip_part"] * np.maximum(bars.rigid_N.max(axis=1, keepdims=True), 0.0)
 
 
 CREEP = Effect(
     slug="grip-slip",
     form="threshold",
     title="Creep in the grips beyond a force",
-    description="The grips, tightened for each test, hold up to a part of its largest force; beyond it the specimen "
-    "creeps out of them, the faster the higher the force, and stays where it is when the force falls.",
-    equation="gauge displacement = grip displacement - slip_rate x integral of max(F - slip_part x largest F, 0) dt",
+    description="The grips are tightened for each test, and hold up to a part of the largest force that it would take "
+    "to pull the specimen without slip; beyond it the specimen creeps out of them, the faster the higher the force, "
+    "and stays where it is when the force falls.",
+    equation="gauge displacement = grip displacement - slip_rate x integral of max(F - slip_part x F_hold, 0) dt, "
+    "F_hold = largest force without slip",
     reference="Cheung and Zhang (2006) Med Eng Phys 28:379 (gripping tendons)",
     parameters=(
         Parameter("slip_rate", "mm/(N s)", 0.0, 1e-3, 5e-5, "speed of slip per force beyond what the grips hold"),
-        Parameter("slip_part", "1", 0.0, 1.0, 0.6, "part of the largest force up to which they hold"),
+        Parameter("slip_part", "1", 0.0, 1.0, 0.6, "part of that force up to which they hold"),
     ),
     null={"slip_rate": 0.0},
     seen_by=("peak", "early hold", "unload", "valley", "later cycles"),

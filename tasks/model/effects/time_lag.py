@@ -1,5 +1,6 @@
 """A force that is recorded late."""
 
+import numba
 import numpy as np
 
 from tasks.model.effect import Array, Bars, Effect, Values
@@ -11,6 +12,49 @@ def _reading(bars: Bars, values: Values) -> Array:
     return np.array([np.interp(at, bars.time_s, force) for at, force in zip(late, bars.force_N, strict=True)])
 
 
+def _filtered(bars: Bars, values: Values) -> Array:
+    ratio = np.diff(bars.time_s) / values["filter_time"]
+    kept = np.exp(-ratio)
+    mean = -np.expm1(-ratio) / ratio
+    reading = np.array(bars.force_N)
+    _follow(kept, mean - kept, 1.0 - mean, np.ascontiguousarray(bars.force_N), reading)
+    return reading
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _follow(kept, former, latter, force, reading):  # type: ignore[no-untyped-def]
+    """Write the readings ``[n, t]`` behind ``force`` ``[n, t]``, which is linear between points: exact."""
+    for row in range(force.shape[0]):
+        for t in range(1, force.shape[1]):
+            before = former[row, t - 1] * force[row, t - 1] + latter[row, t - 1] * force[row, t]
+            reading[row, t] = kept[row, t - 1] * reading[row, t - 1] + before
+
+
+_CONFOUNDED = {
+    "tau_1f": "a fast mode also shifts the force in time; it shifts it ahead",
+    "rate-viscosity": "both turn their sign at a reversal",
+    "toe-slack": "in one loading ramp, a lag is a longer toe; unloading tells them apart",
+}
+_SEEN = ("toe", "ramp", "peak", "early hold", "unload", "valley")
+_NO_INSTRUMENT = "it is in the instrument, not in the specimen"
+
+FILTER = Effect(
+    slug="time-lag",
+    form="filter",
+    title="Filter of the force",
+    description="A low-pass filter of the amplifier lies between load cell and recorder, of the first order: the force "
+    "comes late, and its peaks are lower and rounder.",
+    equation="filter_time d(reading)/dt + reading = force; at the first point they are the same",
+    reference="Oppenheim and Schafer, Discrete-Time Signal Processing (first-order filters)",
+    parameters=(Parameter("filter_time", "s", 0.0, 1.0, 0.2, "time constant of the filter"),),
+    null={"filter_time": 0.0},
+    seen_by=_SEEN,
+    confounded_with=_CONFOUNDED,
+    shared=("filter_time",),
+    no_febio=_NO_INSTRUMENT,
+    reading=_filtered,
+)
+
 EFFECT = Effect(
     slug="time-lag",
     title="Lag of the force",
@@ -20,13 +64,10 @@ EFFECT = Effect(
     reference="Oppenheim and Schafer, Discrete-Time Signal Processing (delay of filters)",
     parameters=(Parameter("force_lag", "s", 0.0, 1.0, 0.2, "time by which the force is late"),),
     null={"force_lag": 0.0},
-    seen_by=("toe", "ramp", "peak", "early hold", "unload", "valley"),
-    confounded_with={
-        "tau_1f": "a fast mode also shifts the force in time; it shifts it ahead",
-        "rate-viscosity": "both turn their sign at a reversal",
-        "toe-slack": "in one loading ramp, a lag is a longer toe; unloading tells them apart",
-    },
+    seen_by=_SEEN,
+    confounded_with=_CONFOUNDED,
     shared=("force_lag",),
-    no_febio="it is in the instrument, not in the specimen",
+    no_febio=_NO_INSTRUMENT,
+    other_forms=(FILTER,),
     reading=_reading,
 )

@@ -1,7 +1,13 @@
 """Slack fibres: they begin to carry load only when the bar is stretched beyond its gauge length."""
 
-from tasks.model.effect import Array, Bars, Effect, Values
+from dataclasses import replace
+
+import numpy as np
+
+from tasks.model.effect import Array, Bars, Effect, Law, Values
 from tasks.model.parameters import Parameter
+
+FAMILIES = 12  # of fibres, by their slack
 
 
 def _fibre_stretch(bars: Bars, values: Values) -> Array:
@@ -12,7 +18,23 @@ def _fibre_stress(bars: Bars, values: Values) -> Array:
     return bars.fibre_MPa * values["slack_stretch"]
 
 
-EFFECT = Effect(
+def _recruited(law: Law, values: Values) -> Law:
+    nodes, weights = np.polynomial.legendre.leggauss(FAMILIES)
+    mean = values["slack_stretch"]
+    each = [1.0 - (1.0 - mean) * (1.0 + values["slack_spread"] * node) for node in nodes]
+
+    def together(stretch: Array) -> Array:
+        # what is told is stretched by the mean already, and its stress will be multiplied by it
+        own = [own / mean for own in each]
+        found = np.zeros_like(stretch)
+        for weight, one in zip(weights, own, strict=True):
+            found += 0.5 * weight * one * law(one * stretch)
+        return found
+
+    return together
+
+
+_TOGETHER = Effect(
     slug="toe-slack",
     title="Slack fibres",
     description="At the gauge length as measured the fibres are still crimped or slack; they are taut only at a "
@@ -42,3 +64,22 @@ EFFECT = Effect(
     fibre_stretch=_fibre_stretch,
     fibre_stress=_fibre_stress,
 )
+
+SPREAD = replace(
+    _TOGETHER,
+    form="spread",
+    title="Slack fibres, one after the other",
+    description="Crimped fibres are of different lengths, so they become taut one after the other: the toe is long and "
+    "round.",
+    equation="S_f -> mean of s S_f(s x stretch) over s from slack_stretch + slack_spread (1 - slack_stretch) to "
+    "slack_stretch - slack_spread (1 - slack_stretch), all as frequent",
+    reference="Kastelic et al. (1980) J Biomech 13:887; Hurschler et al. (1997) J Biomech Eng 119:392",
+    parameters=(
+        *_TOGETHER.parameters,
+        Parameter("slack_spread", "1", 0.0, 1.0, 0.5, "half of the range of slack, in parts of the mean"),
+    ),
+    febio={},
+    no_febio="fibres with prestretches of their own are as many materials, which the template does not have",
+    fibre_law=_recruited,
+)
+EFFECT = replace(_TOGETHER, other_forms=(SPREAD,))

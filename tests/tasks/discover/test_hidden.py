@@ -140,7 +140,7 @@ def test_the_command_writes_what_was_asked(tmp_path):
 
 @pytest.mark.febio
 def test_the_solver_can_make_the_truth(tmp_path):
-    write(tmp_path / "a", [Plan(("slack-gauss",)), Plan(("lag-filter",))], seed=3, rate_hz=1.0, simulator="febio")
+    write(tmp_path / "a", [Plan(("slack-gauss",)), Plan(("lag-two-filters",))], seed=3, rate_hz=1.0, simulator="febio")
     slack, nothing = read_answers(tmp_path / "a")
     assert (slack.truth, nothing.truth) == (("toe-slack",), ())
     told = json.loads((tmp_path / "a" / "answers.json").read_text())["case_01"]

@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import lsim
 
 from tasks.model import Model, Protocol, Specimen
 from tasks.model.effect import Effect
 from tasks.model.effects import library
+from tasks.model.effects.force_drift import SETTLING
+from tasks.model.effects.grip_slip import CREEP
+from tasks.model.effects.machine_compliance import CLOSING
 from tasks.model.effects.softening import SIMO
+from tasks.model.effects.time_lag import FILTER
+from tasks.model.effects.toe_slack import SPREAD
 from tasks.model.protocols import STANDARD, cyclic, one_step, two_step
 from tasks.simulate.effects import simulate_with
 from tasks.simulate.uniaxial import Uniaxial
@@ -138,6 +144,17 @@ def test_what_the_machine_takes_is_compliance_times_force(compliance, protocol):
 
 
 @pytest.mark.parametrize("protocol", HISTORIES, ids=lambda protocol: protocol.name)
+def test_contacts_that_close_take_most_at_small_forces(protocol):
+    at_rest, closing = 3e-4, 200.0
+    force = simulate((CLOSING,), protocol, np.array([at_rest, closing]))
+    taken = at_rest * closing * np.sign(force) * (1.0 - np.exp(-np.abs(force) / closing))
+    for row, lost, values in zip(force, taken, reference_parameters(Model()), strict=False):
+        left = Protocol("left", protocol.time_s, protocol.displacement_mm - lost)
+        alone = Uniaxial().simulate(Model(), BAR, left, values[np.newaxis]).force_N
+        assert error(alone, row[np.newaxis]).max() < 1e-8
+
+
+@pytest.mark.parametrize("protocol", HISTORIES, ids=lambda protocol: protocol.name)
 def test_slip_is_lost_for_good_and_in_balance_with_the_force(protocol):
     per_force, per_impulse = 1e-4, 1e-6
     force = simulate((LIBRARY["grip-slip"],), protocol, np.array([per_force, per_impulse]))
@@ -145,6 +162,19 @@ def test_slip_is_lost_for_good_and_in_balance_with_the_force(protocol):
     slip = per_force * np.maximum.accumulate(pull, axis=1)
     slip += per_impulse * np.cumsum(pull * np.diff(protocol.time_s, prepend=0.0), axis=1)
     assert (np.diff(slip, axis=1) >= 0.0).all()
+    for row, values in enumerate(reference_parameters(Model())[:4]):
+        left = Protocol("left", protocol.time_s, protocol.displacement_mm - slip[row])
+        alone = Uniaxial().simulate(Model(), BAR, left, values[np.newaxis]).force_N
+        assert error(alone, force[[row]]).max() < 1e-8
+
+
+@pytest.mark.parametrize("protocol", HISTORIES, ids=lambda protocol: protocol.name)
+def test_grips_hold_up_to_a_part_of_the_force_without_slip(protocol):
+    rate, part = 1e-4, 0.7
+    force = simulate((CREEP,), protocol, np.array([rate, part]))
+    held = part * baseline(protocol).max(axis=1, keepdims=True)
+    slip = rate * np.cumsum(np.maximum(force - held, 0.0) * np.diff(protocol.time_s, prepend=0.0), axis=1)
+    assert (slip[:, -1] > 0.01).any()
     for row, values in enumerate(reference_parameters(Model())[:4]):
         left = Protocol("left", protocol.time_s, protocol.displacement_mm - slip[row])
         alone = Uniaxial().simulate(Model(), BAR, left, values[np.newaxis]).force_N
@@ -160,6 +190,35 @@ def test_area_drift_and_lag_act_on_the_reading():
     assert np.allclose(force, expected - 7.0 + 0.03 * protocol.time_s, rtol=1e-12)
     force = simulate((LIBRARY["time-lag"],), protocol, np.array([0.6]))
     assert np.allclose(force[:, 3:], expected[:, :-3], rtol=1e-9, atol=1e-9)
+    force = simulate((SETTLING,), protocol, np.array([-7.0, 20.0, 40.0]))
+    assert np.allclose(force, expected - 7.0 + 20.0 * (1.0 - np.exp(-protocol.time_s / 40.0)), rtol=1e-12)
+
+
+def test_a_filter_is_of_the_first_order():
+    protocol = cyclic(10.0, 5.0)
+    expected = baseline(protocol)
+    force = simulate((FILTER,), protocol, np.array([0.4]))
+    for row, unfiltered in zip(force, expected, strict=True):
+        _, filtered, _ = lsim(([1.0], [0.4, 1.0]), unfiltered, protocol.time_s)
+        assert np.abs(row - filtered).max() < 1e-9 * np.abs(expected).max()
+    uneven = Protocol("thinned", np.delete(protocol.time_s, 7), np.delete(protocol.displacement_mm, 7))
+    thinned = simulate((FILTER,), uneven, np.array([0.4]))
+    assert error(thinned, np.delete(force, 7, axis=1)).max() < 2e-3
+
+
+# ---- fibres
+
+
+def test_fibres_that_are_recruited_one_after_the_other_are_the_mean_of_slack_ones():
+    """Stresses add up, and the memory is linear in them, so the force is the mean of bars of one slack each."""
+    protocol = cyclic(10.0, 5.0)
+    rows = reference_parameters(Model())[:4]
+    force = simulate((SPREAD,), protocol, np.array([0.99, 0.6]), rows)
+    slack = 1.0 - 0.01 * (1.0 + 0.6 * (2.0 * (np.arange(400) + 0.5) / 400 - 1.0))
+    alone = [simulate((LIBRARY["toe-slack"],), protocol, np.array([each]), rows) for each in slack]
+    assert error(force, np.mean(alone, axis=0)).max() < 1e-3
+    one = simulate((SPREAD,), protocol, np.array([0.99, 0.0]), rows)
+    assert error(one, simulate((LIBRARY["toe-slack"],), protocol, np.array([0.99]), rows)).max() < 1e-12
 
 
 # ---- branches
