@@ -15,7 +15,8 @@ import numpy as np
 CLEARLY = 20.0  # of the criterion: 10 of twice the log likelihood are called very strong (Kass and Raftery 1995)
 EXPLAINED = 0.97  # part of the misfit beyond noise that an effect must take away to be a name
 FAR_BEHIND = 2.0  # how many times what the best leaves a rival must leave
-SECOND = 0.8  # part of what one effect leaves that a second must take away
+SECOND = 0.8  # part of what one effect leaves that a second must take away,
+LONELY = 0.5, 3.0  # or a smaller part, if that is so many times what any other second effect takes away
 FORM = 0.005  # part of the misfit that an effect may leave because nature's form of it is another,
 BEYOND = 3.0  # and how many times what chance leaves: below one of both, a second effect is not looked for
 HELD_OUT_ERRORS = 2.0  # standard errors by which the prediction of what a fit has not seen must improve
@@ -86,13 +87,36 @@ def single(null: Scored, candidates: Sequence[Scored]) -> Scored:
 
 def leading(null: Scored, candidates: Sequence[Scored], floor: float) -> Scored:
     """The candidate to be judged first: the best single effect, or a pair that takes away much of what that leaves."""
+    floor = realised(candidates, floor)
     alone = single(null, candidates)
     best = min(candidates, key=lambda one: one.criterion, default=null)
-    much = _rest(best, floor) <= (1.0 - SECOND) * _rest(alone, floor)
+    much = _takes(alone, best, floor) >= SECOND or _lonely(alone, best, candidates, floor)
     if alone.criterion - best.criterion < CLEARLY or not much:
         return alone
     noise_alone = best.loss - floor <= _rest_by_chance(floor) and _far_beyond_chance(alone, floor)
     return best if noise_alone or _leaves_more_than_form(null, alone, floor) else alone
+
+
+def realised(candidates: Sequence[Scored], floor: float) -> float:
+    """What noise leaves of these data: a true model's loss or, where a single effect came below that, the smallest.
+
+    The noise is the same for all candidates. Where it happens to be small, a misfit that is well beyond it would not
+    show beside the noise of other data.
+    """
+    return min([floor, *(one.loss for one in candidates if len(one.effects) == 1)])
+
+
+def _takes(alone: Scored, pair: Scored, floor: float) -> float:
+    """Part of what one effect leaves that a pair takes away."""
+    return 1.0 - _rest(pair, floor) / _rest(alone, floor)
+
+
+def _lonely(alone: Scored, best: Scored, candidates: Sequence[Scored], floor: float) -> bool:
+    """Whether no other pair does nearly what the best does: the form of the first would not care which."""
+    least, times = LONELY
+    takes = _takes(alone, best, floor)
+    others = [_takes(alone, one, floor) for one in candidates if len(one.effects) == 2 and one is not best]
+    return takes >= max([least, *(times * other for other in others)])
 
 
 def _leaves_more_than_form(null: Scored, alone: Scored, floor: float) -> bool:
@@ -105,6 +129,7 @@ def _far_beyond_chance(alone: Scored, floor: float) -> bool:
 
 def room_for_two(null: Scored, candidates: Sequence[Scored], floor: float) -> bool:
     """Whether the best single effect leaves so much that :func:`leading` could prefer a pair."""
+    floor = realised(candidates, floor)
     least = min((null, *candidates), key=lambda one: one.criterion)
     much = (1.0 - SECOND) * _rest(least, floor) >= _rest_by_chance(floor) / 3.0
     return much and (_leaves_more_than_form(null, least, floor) or _far_beyond_chance(least, floor))
@@ -112,6 +137,7 @@ def room_for_two(null: Scored, candidates: Sequence[Scored], floor: float) -> bo
 
 def rivals(best: Scored, candidates: Sequence[Scored], floor: float) -> list[Scored]:
     """Candidates with as many effects that leave not much more than ``best`` does."""
+    floor = realised(candidates, floor)
     limit = FAR_BEHIND * _rest(best, floor)
     return [
         one
@@ -125,13 +151,18 @@ def rivals(best: Scored, candidates: Sequence[Scored], floor: float) -> list[Sco
 def verdict(null: Scored, candidates: Sequence[Scored], about: Evidence) -> Verdict:
     """The verdict on the bare model ``null`` and what was added to it.
 
-    Where the best single effect leaves no more than its form may, a pair is named or nothing is said of it.
+    Where what the best single effect leaves may be for its form, a pair is named or nothing is said of it.
     """
+    about = replace(about, floor=realised(candidates, about.floor))
     best, alone = leading(null, candidates, about.floor), single(null, candidates)
     found = _judged(null, best, candidates, about)
-    if found.word != "NAMED" and best is not alone and not _leaves_more_than_form(null, alone, about.floor):
+    if found.word != "NAMED" and best is not alone and _may_be_form(null, alone, best, about.floor):
         found, best = _judged(null, alone, candidates, about), alone
     return replace(found, judged=best.effects)
+
+
+def _may_be_form(null: Scored, alone: Scored, best: Scored, floor: float) -> bool:
+    return not _leaves_more_than_form(null, alone, floor) or _takes(alone, best, floor) < SECOND
 
 
 def _judged(null: Scored, best: Scored, candidates: Sequence[Scored], about: Evidence) -> Verdict:

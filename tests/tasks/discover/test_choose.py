@@ -54,6 +54,31 @@ def test_what_is_far_beyond_chance_and_goes_to_noise_with_a_second_effect_has_tw
         assert verdict(null, (SOME, *pairs), ABOUT).judged == ("softening",)
 
 
+def test_a_second_effect_that_takes_half_must_have_no_rival():
+    """Elsewhere what the first leaves is for its form: then other second effects take away nearly as much of it."""
+    null = replace(NULL, criterion=8000.0, loss=8000.0)
+    half = replace(PAIR, criterion=1270.0, loss=1220.0)
+    another = replace(half, effects=("softening", "force-drift"), criterion=1560.0, loss=1510.0)
+    assert told(SOME, half, null=null) == ("NAMED", ("softening", "time-lag"))
+    assert told(SOME, half, another, null=null) == ("NAMED", ("softening", "time-lag"))
+    alike = replace(another, criterion=1490.0, loss=1440.0)
+    assert leading(null, (SOME, half, alike), FLOOR) is SOME
+    less = replace(PAIR, criterion=1380.0, loss=1330.0)
+    assert leading(null, (SOME, less), FLOOR) is SOME
+    unsure = replace(half, beyond={"protocol": (100.0, 200.0), "specimen": (50.0, 100.0)})
+    assert verdict(null, (SOME, unsure), ABOUT).judged == ("softening",), "it may still be the form of the first"
+
+
+def test_noise_that_happens_to_be_small_hides_no_effect():
+    """A loss of 1,000 is to be expected; here the best candidate shows that the noise is 850 of it."""
+    null = replace(NULL, criterion=1050.0, loss=1050.0)
+    best, rival = replace(GOOD, criterion=870.0, loss=850.0), replace(OTHER, criterion=1000.0, loss=980.0)
+    assert told(best, rival, null=null) == ("NAMED", ("softening",))
+    close = replace(rival, criterion=900.0, loss=880.0)
+    assert told(best, close, null=null) == ("AMBIGUOUS", ("softening", "time-lag"))
+    assert not room_for_two(null, (best, rival), FLOOR)
+
+
 def test_a_pair_must_predict_better_than_one_of_them_alone():
     unsure = replace(PAIR, beyond={"protocol": (100.0, 200.0), "specimen": (50.0, 100.0)})
     assert told(SOME, unsure) == ("AMBIGUOUS", ("softening", "time-lag"))
