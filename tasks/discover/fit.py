@@ -216,15 +216,20 @@ def on_bound(at: Array) -> Array:
 
 
 def spreads(slopes: Array) -> Array:
-    """Standard deviations ``[k]`` on the unit cube, all of which is as likely before the data, of slopes ``[t, k]``."""
-    found: Array = np.sqrt(
-        np.maximum(np.diag(np.linalg.inv(_curvature(slopes))), 0.0)
-    )  # a failed neighbour leaves rounding only
+    """Standard deviations ``[k]`` on the unit cube of slopes ``[t, k]``."""
+    found: Array = np.sqrt(np.diag(covariance(slopes)))
     return found
 
 
-def _curvature(slopes: Array) -> Array:
-    found: Array = slopes.T @ slopes + WIDTH * np.eye(slopes.shape[1])
+def covariance(slopes: Array) -> Array:
+    """``[k, k]`` on the unit cube, all of which is as likely before the data, of slopes ``[t, k]``.
+
+    Slopes towards where the model fails are so large that their squares would leave nothing of the width.
+    """
+    _, sizes, directions = np.linalg.svd(np.linalg.qr(slopes, mode="r"))
+    precision = np.full(slopes.shape[1], WIDTH)
+    precision[: sizes.size] += sizes**2
+    found: Array = (directions.T / precision) @ directions
     return found
 
 
@@ -236,8 +241,8 @@ def _pulls(at: Array, gradient: Array, slopes: Array) -> Array:
     for number in np.flatnonzero(on & (outward > 0.0)):
         moving = ~on
         moving[number] = True
-        variance = np.linalg.inv(_curvature(slopes[:, moving]))[moving[:number].sum(), moving[:number].sum()]
-        found[number] = outward[number] ** 2 * variance
+        within = moving[:number].sum()
+        found[number] = outward[number] ** 2 * covariance(slopes[:, moving])[within, within]
     return found
 
 

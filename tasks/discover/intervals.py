@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tasks.discover.fit import RISE, WIDTH, Candidate, Fitted, derivatives, fit, starts
+from tasks.discover.fit import RISE, Candidate, Fitted, covariance, derivatives, fit, starts
 from tasks.discover.measured import Measured
 from tasks.simulate import Array
 
@@ -85,13 +85,13 @@ def _walk(
 ) -> float:
     """Where the loss has risen enough above the ``lowest``; fits that are better than that are ``met``."""
     _, slopes = derivatives(candidate, measured, begin.at, measured.curves)
-    covariance = np.linalg.inv(slopes.T @ slopes + WIDTH * np.eye(begin.at.size))
-    along = covariance[number] / covariance[number, number]
+    spread = covariance(slopes)
+    along = spread[number] / spread[number, number]
     first = float(begin.at[number])
     room = max((1.0 - EDGE - first) if direction > 0 else (first - EDGE), 0.0)
     wanted = float(np.sqrt(RISE - (begin.loss - lowest)))  # roots of rises are about proportional to the distance
     near, far = (0.0, 0.0, begin.at), None  # distance, root, and where: before the end, and behind it
-    distance = wanted * float(np.sqrt(covariance[number, number]))
+    distance = wanted * float(np.sqrt(spread[number, number]))
     for _ in range(TRIES):
         distance = min(distance, room)
         value = first + direction * distance

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 
@@ -88,31 +89,52 @@ def search(workspace: Workspace, explored: Sequence[Explorer], null: list[Fitted
     _improve(workspace, explored, found, heads, lambda i, effects: [having(effects, found.null[i].at, SMALL)])
     both = [(*head, *other) for head in heads for other in found.scored if other != head]
     pairs = [each for each in both if _possible(each, explored)]
-    if not pairs or not room_for_two(found.nothing, list(found.scored.values()), floor):
-        return found
+    if pairs and room_for_two(found.nothing, list(found.scored.values()), floor):
+        _add_pairs(workspace, explored, found, pairs, singles)
+    return found
+
+
+def _add_pairs(
+    workspace: Workspace,
+    explored: Sequence[Explorer],
+    found: Found,
+    pairs: Sequence[Effects],
+    singles: Sequence[Effects],
+) -> None:
+    """Fit and score the pairs that promise most."""
     promises = each_for_all(
         workspace, explored, "looking ahead to two effects", pairs,
         lambda i, effects, desk: explored[i].promise(desk, effects, found.fits[effects[:1]][i]),
     )  # fmt: skip
-    wanted = _promising(pairs, [sum(each) for each in promises])
-    columns = each_for_all(
-        workspace, explored, "two effects", wanted,
-        lambda i, effects, desk: explored[i].extended(desk, effects, found.fits[effects[:1]][i]),
-    )  # fmt: skip
+    points = [one.points for one in found.null]
+    wanted = _promising(pairs, [_criterion(*told, points) for told in zip(pairs, map(sum, promises), strict=True)])
+
+    def with_two(i: int, effects: Effects, desk: Desk) -> Fitted:
+        return explored[i].extended(desk, effects, found.fits[effects[:1]][i])
+
+    columns = each_for_all(workspace, explored, "two effects", wanted, with_two)
     found.fits |= dict(zip(wanted, columns, strict=True))
     found.score()
+    # a look ahead is too rough to choose between forms of the same effects
+    first, second = next(effects for effects in found.ordered if len(effects) == 2)
+    forms = product(*([form for (form,) in singles if form.slug == one.slug] for one in (first, second)))
+    others: list[Effects] = [each for each in forms if each not in found.fits and _possible(each, explored)]
+    if others:
+        columns = each_for_all(workspace, explored, "two effects in other forms", others, with_two)
+        found.fits |= dict(zip(others, columns, strict=True))
+        found.score()
     _note_best(workspace, found)
     # a pair must not be preferred because one of its effects alone was not fitted as well as it could be
-    pair = min(wanted, key=lambda effects: sum(one.loss for one in found.fits[effects]))
-    ends = bare.size + len(pair[0].parameters)
-    own = {pair[:1]: slice(bare.size, ends), pair[1:]: slice(ends, None)}
+    pair = min([*wanted, *others], key=lambda effects: sum(one.loss for one in found.fits[effects]))
+    size = Candidate(workspace.model).size
+    ends = size + len(pair[0].parameters)
+    own = {pair[:1]: slice(size, ends), pair[1:]: slice(ends, None)}
 
     def apart(i: int, effects: Effects) -> list[Array]:
         at = found.fits[pair][i].at
-        return [np.concatenate([at[: bare.size], at[own[effects]]])]
+        return [np.concatenate([at[:size], at[own[effects]]])]
 
     _improve(workspace, explored, found, list(own), apart)
-    return found
 
 
 def _possible(effects: Effects, explored: Sequence[Explorer]) -> bool:
@@ -174,10 +196,14 @@ def _best_forms(scored: dict[Effects, Scored]) -> dict[Effects, Scored]:
     return {effects: scored[effects] for effects in best.values()}
 
 
-def _promising(pairs: Sequence[Effects], losses: Sequence[float]) -> list[Effects]:
+def _criterion(effects: Effects, loss: float, points: Sequence[int]) -> float:
+    return criterion(loss, sum(len(effect.parameters) for effect in effects), points)
+
+
+def _promising(pairs: Sequence[Effects], promises: Sequence[float]) -> list[Effects]:
     """The pairs that promise most, each in one order only."""
     chosen: dict[frozenset[str], Effects] = {}
-    for number in np.argsort(losses, kind="stable"):
+    for number in np.argsort(promises, kind="stable"):
         chosen.setdefault(frozenset(effect.slug for effect in pairs[number]), pairs[number])
     return list(chosen.values())[:PAIRS]
 
@@ -203,4 +229,4 @@ def _score(effects: Effects, fitted: Sequence[Fitted], null: Sequence[Fitted]) -
     ]
     loss = sum(one.loss for one in fitted)
     names = tuple(effect.slug for effect in effects)
-    return Scored(names, criterion(loss, len(parameters), points), loss, tuple(gains), on_bound=tuple(on_bound))
+    return Scored(names, _criterion(effects, loss, points), loss, tuple(gains), on_bound=tuple(on_bound))

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from tasks.discover.choose import Scored, explained
 from tasks.discover.explore import Effects, Explorer
-from tasks.discover.fit import WIDTH, Candidate, Fitted, derivatives, errors
+from tasks.discover.fit import Candidate, Fitted, covariance, derivatives, errors
 from tasks.discover.intervals import Profiled
 from tasks.discover.splits import LATER, PROTOCOL, SPECIMEN, splits
 from tasks.simulate import Array
@@ -170,10 +170,10 @@ def _expected(one: Explorer, candidate: Candidate, fitted: Fitted, kind: str) ->
     for split in splits(one.measured):
         if split.kind == kind:
             _, seen = derivatives(candidate, split.seen, fitted.at, split.seen.curves)
-            upper = np.linalg.cholesky(seen.T @ seen + WIDTH * np.eye(seen.shape[1])).T
+            spread = covariance(seen)
             for curve in one.measured.curves:
                 if curve.name in split.judged:
                     _, slopes = derivatives(candidate, one.measured, fitted.at, [curve], errors)
-                    spread = np.linalg.solve(upper.T, slopes[split.judged[curve.name] :].T)
-                    found.append(1.0 + np.sum(spread**2, axis=0))
+                    own = slopes[split.judged[curve.name] :]
+                    found.append(1.0 + np.sum((own @ spread) * own, axis=1))
     return found

@@ -77,7 +77,7 @@ EFFECT = Effect(
     "- slip_per_impulse x integral of the force over time",
     reference="Cheung and Zhang (2006) Med Eng Phys 28:379 (gripping tendons)",
     parameters=(
-        Parameter("slip_per_force", "mm/N", 0.0, 1e-4, 3e-5, "slip per new largest force"),
+        Parameter("slip_per_force", "mm/N", 0.0, 5e-4, 3e-5, "slip per new largest force"),
         Parameter("slip_per_impulse", "mm/(N s)", 0.0, 1e-6, 2e-7, "slip per force and time"),
     ),
     null={"slip_per_force": 0.0, "slip_per_impulse": 0.0},

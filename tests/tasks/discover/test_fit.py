@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tasks.discover.fit import Candidate, Fitted, fit, gentle
+from tasks.discover.fit import WIDTH, Candidate, Fitted, covariance, fit, gentle, spreads
 from tasks.discover.measured import Measured
 from tasks.model import Curve, Model, Specimen
 from tasks.model.protocols import cyclic, one_step
@@ -89,3 +89,20 @@ def test_a_fit_is_the_same_after_it_was_kept_as_numbers(measured):
     assert (again.loss, again.points) == (found.loss, found.points)
     for kept, made in ((again.at, found.at), (again.uncertainty, found.uncertainty), (again.pull, found.pull)):
         np.testing.assert_array_equal(kept, made)
+
+
+def test_what_slopes_say_of_the_parameters():
+    slopes = np.random.default_rng(3).normal(size=(50, 4)) * np.array([1.0, 10.0, 100.0, 0.0])
+    expected = np.linalg.inv(slopes.T @ slopes + WIDTH * np.eye(4))
+    assert np.allclose(covariance(slopes), expected, rtol=1e-10, atol=1e-14)
+    assert spreads(slopes)[3] == pytest.approx(WIDTH**-0.5)
+
+
+def test_slopes_towards_where_the_model_fails_leave_a_spread():
+    """Two columns of such slopes are alike, and their squares leave nothing of the width to rounding."""
+    slopes = np.zeros((50, 3))
+    slopes[:, :2] = 1e12
+    found = spreads(slopes)
+    assert np.isfinite(found).all()
+    assert found[:2] == pytest.approx((2.0 * WIDTH) ** -0.5)  # each may be anything, their sum is known
+    assert found[2] == pytest.approx(WIDTH**-0.5)

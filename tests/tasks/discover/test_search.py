@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tasks.discover.fit import Fitted
-from tasks.discover.search import _score
+from tasks.discover.search import PAIRS, _criterion, _promising, _score
 from tasks.discover.sizes import Size, sized
 from tasks.model.effects import library
 
@@ -38,3 +38,15 @@ def test_a_bound_counts_unless_it_is_a_null_or_a_limit_of_the_law(slug, ends, ex
     one = fitted(effect)
     assert _score((effect,), [one, one], [null, null]).on_bound == ()
     assert _score((effect,), [one, fitted(effect, **ends)], [null, null]).on_bound == expected
+
+
+def test_a_form_with_more_parameters_must_promise_more():
+    slack, drift = library()["toe-slack"], library()["force-drift"]
+    (settling,) = drift.other_forms
+    pairs, points = [(slack, settling), (slack, drift), (drift, slack)], [1000, 1000]
+    worth = float(np.log(1000.0) * 2)
+    for gain, chosen in ((0.9 * worth, drift), (1.1 * worth, settling)):
+        promises = [_criterion(pair, 500.0 - gain * (pair[1] is settling), points) for pair in pairs]
+        assert _promising(pairs, promises) == [(slack, chosen)]
+    others = [(slack, effect) for slug, effect in library().items() if slug != "toe-slack"]
+    assert _promising(others, list(range(len(others), 0, -1))) == others[: -PAIRS - 1 : -1]
