@@ -297,7 +297,7 @@ def refuse_duplicates(specimens: Sequence[Specimen], places: Mapping[str, Path])
         other = names.setdefault(specimen.name.casefold(), specimen.name)
         if other != specimen.name:
             raise BadInput(places[specimen.name], f"a duplicate of specimen {other} but for upper case", "unique names")
-        other = files.setdefault(file_name(specimen.name), specimen.name)
+        other = files.setdefault(file_name(specimen.name).casefold(), specimen.name)
         if other != specimen.name:
             problem = f"would be called {file_name(specimen.name)} in results, as {other} is"
             raise BadInput(places[specimen.name], problem, "names that differ in more than / and _")

@@ -16,7 +16,8 @@ CLEARLY = 20.0  # of the criterion: 10 of twice the log likelihood are called ve
 EXPLAINED = 0.97  # part of the misfit beyond noise that an effect must take away to be a name
 FAR_BEHIND = 2.0  # how many times what the best leaves a rival must leave
 SECOND = 0.8  # part of what one effect leaves that a second must take away,
-LONELY = 0.5, 3.0  # or a smaller part, if that is so many times what any other second effect takes away
+LONELY = 0.6, 3.0  # or a smaller part, if that is so many times what any of
+OTHERS = 3  # others takes away, at least so many of which were fitted
 FORM = 0.005  # part of the misfit that an effect may leave because nature's form of it is another,
 BEYOND = 3.0  # and how many times what chance leaves: below one of both, a second effect is not looked for
 HELD_OUT_ERRORS = 2.0  # standard errors by which the prediction of what a fit has not seen must improve
@@ -112,11 +113,12 @@ def _takes(alone: Scored, pair: Scored, floor: float) -> float:
 
 
 def _lonely(alone: Scored, best: Scored, candidates: Sequence[Scored], floor: float) -> bool:
-    """Whether no other pair does nearly what the best does: the form of the first would not care which."""
+    """Whether no other second effect does nearly what the best does: the form of the first would not care which."""
     least, times = LONELY
     takes = _takes(alone, best, floor)
-    others = [_takes(alone, one, floor) for one in candidates if len(one.effects) == 2 and one is not best]
-    return takes >= max([least, *(times * other for other in others)])
+    seconds = [one for one in candidates if len(one.effects) == 2 and set(alone.effects) < set(one.effects)]
+    others = [_takes(alone, one, floor) for one in seconds if one is not best]
+    return best in seconds and len(others) >= OTHERS and takes >= max(least, times * max(others))
 
 
 def _leaves_more_than_form(null: Scored, alone: Scored, floor: float) -> bool:
@@ -128,8 +130,7 @@ def _far_beyond_chance(alone: Scored, floor: float) -> bool:
 
 
 def room_for_two(null: Scored, candidates: Sequence[Scored], floor: float) -> bool:
-    """Whether the best single effect leaves so much that :func:`leading` could prefer a pair."""
-    floor = realised(candidates, floor)
+    """Whether the best single effect leaves so much that a second could take away :data:`SECOND` of it."""
     least = min((null, *candidates), key=lambda one: one.criterion)
     much = (1.0 - SECOND) * _rest(least, floor) >= _rest_by_chance(floor) / 3.0
     return much and (_leaves_more_than_form(null, least, floor) or _far_beyond_chance(least, floor))
@@ -187,6 +188,8 @@ def _judged(null: Scored, best: Scored, candidates: Sequence[Scored], about: Evi
         why = f"{1 + len(alike)} candidates fit about as well as each other"
         return Verdict("AMBIGUOUS", (), slugs, part, why)
     doubts = _doubts(best)
+    if part is None and not about.located:
+        doubts.append("no cell disagrees beyond chance without it")
     if doubts:
         return Verdict("AMBIGUOUS", (), best.effects, part, f"{name} fits best, but {doubts[0]}")
     return Verdict("NAMED", best.effects, (), part, f"it {takes} of the misfit")

@@ -14,7 +14,7 @@ import numpy as np
 from runner.ensemble import Desk
 from tasks.discover.added import add_to_study, checks
 from tasks.discover.cells import located_part, misfit_map
-from tasks.discover.choose import CLEARLY, Evidence, Scored, leading, rivals, single, verdict
+from tasks.discover.choose import CLEARLY, Evidence, Scored, leading, realised, rivals, single, verdict
 from tasks.discover.confidence import confidence
 from tasks.discover.conflict import conflict, together
 from tasks.discover.experiment import Experiment, Rival, next_experiment
@@ -58,6 +58,7 @@ def discover(workspace: Workspace) -> dict[str, Any]:
 
     bare: list[list[Fitted]] = each_for_all(workspace, explored, "the model as it is", [None], without_effects)[0]
     found = search(workspace, explored, [fits[0] for fits in bare])
+    floor = realised(list(found.scored.values()), found.floor)
     trusted = all(
         agree(sorted([*fits, null], key=lambda one: one.loss)) for fits, null in zip(bare, found.null, strict=True)
     )
@@ -109,7 +110,7 @@ def discover(workspace: Workspace) -> dict[str, Any]:
             told_candidate(
                 found.scored[effects],
                 found.nothing,
-                found.floor,
+                floor,
                 effects,
                 explored,
                 found.fits[effects],
@@ -251,9 +252,10 @@ def _hold_out(workspace: Workspace, explored: Sequence[Explorer], found: Found) 
     chosen, best = judged[0], found.scored[judged[0]]
     close = rivals(best, list(found.scored.values()), found.floor)
     wanted: list[Effects] = [(), *judged, *(found.having(one) for one in close[:1])]
-    alone = chosen[:1]
-    if len(chosen) == 2:
-        alone = min((chosen[:1], chosen[1:]), key=lambda effects: sum(one.loss for one in found.fits[effects]))
+    alone = chosen
+    if len(chosen) == 2:  # in whichever form each fits best
+        singles = [effects for effects in found.fits if len(effects) == 1 and effects[0].slug in best.effects]
+        alone = min(singles, key=lambda effects: sum(one.loss for one in found.fits[effects]))
         wanted.append(alone)
     wanted = list(dict.fromkeys(wanted))
 

@@ -115,7 +115,7 @@ def _add_pairs(
     columns = each_for_all(workspace, explored, "two effects", wanted, with_two)
     found.fits |= dict(zip(wanted, columns, strict=True))
     found.score()
-    # a look ahead is too rough to choose between forms of the same effects
+    # each effect came in the form that is the best alone, which may not be so beside another
     first, second = next(effects for effects in found.ordered if len(effects) == 2)
     forms = product(*([form for (form,) in singles if form.slug == one.slug] for one in (first, second)))
     others: list[Effects] = [each for each in forms if each not in found.fits and _possible(each, explored)]
@@ -125,10 +125,10 @@ def _add_pairs(
         found.score()
     _note_best(workspace, found)
     # a pair must not be preferred because one of its effects alone was not fitted as well as it could be
-    pair = min([*wanted, *others], key=lambda effects: sum(one.loss for one in found.fits[effects]))
+    pair = next(effects for effects in found.ordered if len(effects) == 2)
     size = Candidate(workspace.model).size
     ends = size + len(pair[0].parameters)
-    own = {pair[:1]: slice(size, ends), pair[1:]: slice(ends, None)}
+    own: dict[Effects, slice] = {pair[:1]: slice(size, ends), pair[1:]: slice(ends, None)}
 
     def apart(i: int, effects: Effects) -> list[Array]:
         at = found.fits[pair][i].at

@@ -21,6 +21,7 @@ VERSION = 3  # of the forces that are computed here
 _DRIVERS = ("matrix", "fibre", "strain")
 BALANCE = 1e-10  # of the largest displacement: what may be left between grips, machine and gauge length
 ITERATIONS = 60
+HALVINGS = 8  # of a step, at most
 _STRETCH_STEP = 1e-7  # of the differences that give tangents: their errors slow Newton's method only
 
 
@@ -163,19 +164,35 @@ class _Run:
 
     def balanced(self, bars: Bars) -> Bars:
         """The bars with the displacement that is left for the gauge length under the force that it causes."""
-        bars = self.pulled(bars)
-        grips = replace(bars, rigid_N=bars.force_N)
-        largest = max(float(np.abs(grips.displacement_mm).max()), np.finfo(float).tiny)
+        limit = BALANCE * max(float(np.abs(bars.displacement_mm).max()), np.finfo(float).tiny)
+        bars, grips = self.pulled(bars), bars
+        grips = replace(grips, rigid_N=bars.force_N)
+        residual = self._left(grips, bars.force_N) - bars.displacement_mm
         for _ in range(ITERATIONS):
-            residual = self._left(grips, bars.force_N) - bars.displacement_mm
             worst = np.abs(residual).max(axis=1)
-            if not (worst > BALANCE * largest).any():  # rows that are NaN stay so
+            left = worst > limit  # rows that are NaN stay so
+            if not left.any():
                 return bars
-            residual[worst <= BALANCE * largest] = 0.0  # so that a row does not depend on its neighbours
-            moved = bars.displacement_mm + self._correction(grips, bars, residual)
-            bars = self.pulled(replace(bars, displacement_mm=moved))
-        bars.force_N[worst > BALANCE * largest] = np.nan
+            # a row that is balanced does not move, so that it does not depend on its neighbours
+            step = self._correction(grips, bars, np.where(left[:, np.newaxis], residual, 0.0))
+            bars, residual = self._moved(grips, bars, step, np.where(left, worst, np.inf))
+        bars.force_N[np.abs(residual).max(axis=1) > limit] = np.nan
         return bars
+
+    def _moved(self, grips: Bars, bars: Bars, step: Array, worst: Array) -> tuple[Bars, Array]:
+        """The bars after a step ``[n, t]`` (mm), or a part of it where all of it leaves more than ``worst`` ``[n]``.
+
+        What gives way less the higher the force would otherwise be over- and underestimated in turn.
+        """
+        part = np.ones_like(worst)
+        for _ in range(HALVINGS):
+            moved = self.pulled(replace(bars, displacement_mm=bars.displacement_mm + part[:, np.newaxis] * step))
+            residual = self._left(grips, moved.force_N) - moved.displacement_mm
+            farther = ~(np.abs(residual).max(axis=1) < worst) & np.isfinite(worst)
+            if not farther.any():
+                break
+            part[farther] *= 0.5
+        return moved, residual
 
     def _left(self, grips: Bars, force: Array) -> Array:
         """Displacement ``[n, t]`` (mm) of the gauge length under ``force`` ``[n, t]`` (N)."""

@@ -1,13 +1,15 @@
 """Fibres that resist compression."""
 
-from tasks.model import fibre
-from tasks.model.effect import Array, Bars, Effect, Values
+from tasks.model.effect import Array, Effect, Law, Values
 from tasks.model.parameters import Parameter
 
 
-def _fibre_stress(bars: Bars, values: Values) -> Array:
-    mirrored = 1.0 + (1.0 - bars.fibre_stretch)
-    return bars.fibre_MPa - values["compressed_part"] * fibre.stress(mirrored, bars.material)
+def _both_ways(law: Law, values: Values) -> Law:
+    def stress(stretch: Array) -> Array:
+        mirrored = 1.0 + (1.0 - stretch)
+        return law(stretch) - values["compressed_part"] * law(mirrored)
+
+    return stress
 
 
 EFFECT = Effect(
@@ -25,5 +27,5 @@ EFFECT = Effect(
         "toe-slack": "slack fibres are compressed at the gauge length, so the pair shows where each alone does not",
     },
     no_febio="its fibre materials carry tension only, and one with an axial stiffness would resist tension as well",
-    fibre_stress=_fibre_stress,
+    fibre_law=_both_ways,
 )

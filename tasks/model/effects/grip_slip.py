@@ -48,10 +48,10 @@ CREEP = Effect(
     form="threshold",
     title="Creep in the grips beyond a force",
     description="The grips are tightened for each test, and hold up to a part of the largest force that it would take "
-    "to pull the specimen without slip; beyond it the specimen creeps out of them, the faster the higher the force, "
-    "and stays where it is when the force falls.",
+    "to pull the specimen if nothing gave way, neither grips nor machine; beyond it the specimen creeps out of them, "
+    "the faster the higher the force, and stays where it is when the force falls.",
     equation="gauge displacement = grip displacement - slip_rate x integral of max(F - slip_part x F_hold, 0) dt, "
-    "F_hold = largest force without slip",
+    "F_hold = largest force if nothing gave way",
     reference="Cheung and Zhang (2006) Med Eng Phys 28:379 (gripping tendons)",
     parameters=(
         Parameter("slip_rate", "mm/(N s)", 0.0, 1e-3, 5e-5, "speed of slip per force beyond what the grips hold"),

@@ -54,19 +54,26 @@ def test_what_is_far_beyond_chance_and_goes_to_noise_with_a_second_effect_has_tw
         assert verdict(null, (SOME, *pairs), ABOUT).judged == ("softening",)
 
 
-def test_a_second_effect_that_takes_half_must_have_no_rival():
-    """Elsewhere what the first leaves is for its form: then other second effects take away nearly as much of it."""
+def test_a_second_effect_that_takes_less_must_have_no_rival():
+    """Where what the first leaves is for its form, other second effects take away nearly as much of it."""
     null = replace(NULL, criterion=8000.0, loss=8000.0)
-    half = replace(PAIR, criterion=1270.0, loss=1220.0)
-    another = replace(half, effects=("softening", "force-drift"), criterion=1560.0, loss=1510.0)
-    assert told(SOME, half, null=null) == ("NAMED", ("softening", "time-lag"))
-    assert told(SOME, half, another, null=null) == ("NAMED", ("softening", "time-lag"))
-    alike = replace(another, criterion=1490.0, loss=1440.0)
-    assert leading(null, (SOME, half, alike), FLOOR) is SOME
-    less = replace(PAIR, criterion=1380.0, loss=1330.0)
-    assert leading(null, (SOME, less), FLOOR) is SOME
-    unsure = replace(half, beyond={"protocol": (100.0, 200.0), "specimen": (50.0, 100.0)})
-    assert verdict(null, (SOME, unsure), ABOUT).judged == ("softening",), "it may still be the form of the first"
+    most = replace(PAIR, criterion=1250.0, loss=1200.0)
+    others = [
+        replace(most, effects=("softening", slug), criterion=1560.0, loss=1510.0)
+        for slug in ("force-drift", "fluid-flow", "grip-slip")
+    ]
+    assert told(SOME, most, *others, null=null) == ("NAMED", ("softening", "time-lag"))
+    assert leading(null, (SOME, most, *others[:2]), FLOOR) is SOME, "too few others say nothing"
+    elsewhere = replace(others[2], effects=("time-lag", "grip-slip"))
+    assert leading(null, (SOME, most, *others[:2], elsewhere), FLOOR) is SOME, "that is no second to the first"
+    alike = replace(others[2], criterion=1490.0, loss=1430.0)
+    assert leading(null, (SOME, most, *others[:2], alike), FLOOR) is SOME
+    less = replace(most, criterion=1300.0, loss=1260.0)
+    assert leading(null, (SOME, less, *others), FLOOR) is SOME
+    unsure = replace(most, beyond={"protocol": (100.0, 200.0), "specimen": (50.0, 100.0)})
+    assert verdict(null, (SOME, unsure, *others), ABOUT).judged == ("softening",), (
+        "it may still be the form of the first"
+    )
 
 
 def test_noise_that_happens_to_be_small_hides_no_effect():
@@ -76,7 +83,13 @@ def test_noise_that_happens_to_be_small_hides_no_effect():
     assert told(best, rival, null=null) == ("NAMED", ("softening",))
     close = replace(rival, criterion=900.0, loss=880.0)
     assert told(best, close, null=null) == ("AMBIGUOUS", ("softening", "time-lag"))
-    assert not room_for_two(null, (best, rival), FLOOR)
+
+
+def test_a_misfit_that_noise_may_hide_is_named_only_where_a_cell_disagrees():
+    null = replace(NULL, criterion=970.0, loss=970.0)
+    best, rival = replace(GOOD, criterion=870.0, loss=850.0), replace(OTHER, criterion=970.0, loss=950.0)
+    assert told(best, rival, null=null) == ("NAMED", ("softening",))
+    assert told(best, rival, null=null, about=replace(ABOUT, located=False)) == ("AMBIGUOUS", ("softening",))
 
 
 def test_a_pair_must_predict_better_than_one_of_them_alone():

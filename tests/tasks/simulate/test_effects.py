@@ -104,14 +104,10 @@ def several_effects(draw: st.DrawFn) -> tuple[tuple[Effect, ...], np.ndarray, np
 
 @settings(max_examples=120, deadline=None)
 @given(several_effects(), st.sampled_from([PULLED_AND_PUSHED, cyclic(10.0, 2.0)]))
-def test_forces_are_finite_within_all_bounds_or_a_row_fails(drawn, protocol):
+def test_forces_are_finite_within_all_bounds(drawn, protocol):
     effects, values, rows = drawn
     force = simulate_with(Model(), effects, BAR, protocol, rows, values)
-    finite = np.isfinite(force)
-    if "grip-slip/threshold" in [effect.name for effect in effects]:  # fast creep may find no balance: the row fails
-        assert (finite.all(axis=1) | ~finite.any(axis=1)).all()
-    else:
-        assert finite.all()
+    assert np.isfinite(force).all()
     backwards = np.split(values, np.cumsum([len(effect.parameters) for effect in effects])[:-1], axis=1)[::-1]
     again = simulate_with(Model(), effects[::-1], BAR, protocol, rows, np.concatenate(backwards, axis=1))
     assert again.tobytes() == force.tobytes()  # the order in which effects are given does not matter
@@ -147,6 +143,7 @@ def test_what_the_machine_takes_is_compliance_times_force(compliance, protocol):
 def test_contacts_that_close_take_most_at_small_forces(protocol):
     at_rest, closing = 3e-4, 200.0
     force = simulate((CLOSING,), protocol, np.array([at_rest, closing]))
+    assert np.isfinite(simulate((CLOSING,), protocol, np.array([2e-3, 150.0]))).all()  # far from a straight spring
     taken = at_rest * closing * np.sign(force) * (1.0 - np.exp(-np.abs(force) / closing))
     for row, lost, values in zip(force, taken, reference_parameters(Model()), strict=False):
         left = Protocol("left", protocol.time_s, protocol.displacement_mm - lost)
