@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 CLEARLY = 20.0  # of the criterion: 10 of twice the log likelihood are called very strong (Kass and Raftery 1995)
-EXPLAINED = 0.97  # part of the misfit beyond noise that an effect must take away to be a name
+FORMS_LEAVE = 0.02  # part of the misfit beyond noise that each effect of a name may leave: for its form
 FAR_BEHIND = 2.0  # how many times what the best leaves a rival must leave
 SECOND = 0.8  # part of what one effect leaves that a second must take away,
 LONELY = 0.6, 3.0  # or a smaller part, if that is so many times what any of
@@ -179,8 +179,11 @@ def _judged(null: Scored, best: Scored, candidates: Sequence[Scored], about: Evi
     name = " + ".join(best.effects)
     part = explained(null, best, about.floor)
     takes = "takes away all" if part is None else f"takes away {100 * min(part, 1.0):.0f} %"
-    if _rest(best, about.floor) > (1.0 - EXPLAINED) * _rest(null, about.floor) + _rest_by_chance(about.floor):
-        why = f"the best of the library ({name}) {takes} of the misfit, and a name takes {100 * EXPLAINED:.0f} %"
+    may_leave = FORMS_LEAVE * len(best.effects)
+    if _rest(best, about.floor) > may_leave * _rest(null, about.floor) + _rest_by_chance(about.floor):
+        why = (
+            f"the best of the library ({name}) {takes} of the misfit, and a name takes {100 * (1.0 - may_leave):.0f} %"
+        )
         return Verdict("OUTSIDE", explained=part, why=why)
     alike = rivals(best, candidates, about.floor)
     if alike:

@@ -116,6 +116,16 @@ def test_what_the_library_does_not_explain_is_outside_of_it():
     assert told(replace(GOOD, criterion=3020.0, loss=3000.0), replace(OTHER, criterion=4000.0)) == ("OUTSIDE", ())
 
 
+def test_each_effect_of_a_name_may_leave_a_little_for_its_form():
+    null = replace(NULL, criterion=21_000.0, loss=21_000.0)  # 2 % of the misfit are 400, and chance leaves 134
+    rivals = [replace(OTHER, criterion=9000.0, loss=8990.0), replace(PAIR, criterion=9000.0, loss=8990.0)]
+    for loss, word in ((1450.0, "NAMED"), (1550.0, "OUTSIDE")):
+        assert told(replace(GOOD, criterion=loss, loss=loss), *rivals, null=null)[0] == word
+    alone = replace(OTHER, criterion=9000.0, loss=8990.0)
+    for loss, word in ((1850.0, "NAMED"), (1950.0, "OUTSIDE")):
+        assert told(replace(PAIR, criterion=loss, loss=loss), alone, null=null)[0] == word
+
+
 def test_a_bare_model_that_no_two_starts_agree_on_says_nothing():
     weak = replace(GOOD, criterion=4990.0, loss=4970.0)
     assert told(weak, about=replace(ABOUT, trusted=False)) == ("AMBIGUOUS", ())
