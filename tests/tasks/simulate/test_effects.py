@@ -16,7 +16,7 @@ from tasks.model.effects.grip_slip import CREEP
 from tasks.model.effects.machine_compliance import CLOSING
 from tasks.model.effects.softening import SIMO
 from tasks.model.effects.time_lag import FILTER
-from tasks.model.effects.toe_slack import SPREAD
+from tasks.model.effects.toe_slack import FAMILIES, SPREAD
 from tasks.model.protocols import STANDARD, cyclic, one_step, two_step
 from tasks.simulate.effects import simulate_with
 from tasks.simulate.uniaxial import Uniaxial
@@ -214,6 +214,10 @@ def test_fibres_that_are_recruited_one_after_the_other_are_the_mean_of_slack_one
     slack = 1.0 - 0.01 * (1.0 + 0.6 * (2.0 * (np.arange(400) + 0.5) / 400 - 1.0))
     alone = [simulate((LIBRARY["toe-slack"],), protocol, np.array([each]), rows) for each in slack]
     assert error(force, np.mean(alone, axis=0)).max() < 1e-3
+    nodes, weights = np.polynomial.legendre.leggauss(FAMILIES)
+    slack = 1.0 - 0.01 * (1.0 + 0.6 * nodes)
+    alone = [simulate((LIBRARY["toe-slack"],), protocol, np.array([each]), rows) for each in slack]
+    assert error(force, np.tensordot(0.5 * weights, alone, axes=1)).max() < 1e-12
     one = simulate((SPREAD,), protocol, np.array([0.99, 0.0]), rows)
     assert error(one, simulate((LIBRARY["toe-slack"],), protocol, np.array([0.99]), rows)).max() < 1e-12
 
