@@ -146,11 +146,12 @@ def _gap(
 
 
 def simulated(one: Explorer, null: Fitted, effects: Effects, fitted: Fitted | None) -> xr.Dataset:
-    """The curves of a specimen: measured, by the model as it is and, where there are ``effects``, with them (N)."""
+    """The curves of a specimen (mm, N): measured, by the model as it is and, where there are ``effects``, with them."""
     specimen, bare = one.measured.specimen, one.candidate()
     found: dict[str, Any] = {}
     for curve in specimen.curves:
         dimension = f"time_{curve.name}"
+        found[f"displacement_{curve.name}"] = (dimension, curve.protocol.displacement_mm)
         found[f"measured_{curve.name}"] = (dimension, curve.force_N)
         found[f"bare_{curve.name}"] = (dimension, bare.forces(specimen, curve.protocol, null.at[np.newaxis])[0])
         if fitted is not None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from runner.errors import StoreError
 from runner.store import Store, Table, open_store
@@ -40,7 +41,7 @@ class MeasuredCurve:
     """
 
     time_s: Array
-    displacement_mm: Array | None
+    displacement_mm: Array
     force_N: Array
     total: int
 
@@ -86,12 +87,8 @@ class Found:
         for name in cells if isinstance(cells, dict) else ():
             if name not in found and self.store is not None:
                 kept = self.store.read_result(f"discover/{file_name(name)}")
-                found[name] = {}
-                for key in sorted(str(key) for key in kept if str(key).startswith("measured_")):
-                    protocol = key.removeprefix("measured_")
-                    time, force = kept[f"time_{protocol}"].to_numpy(), kept[key].to_numpy()
-                    keep = np.union1d(spread(time, POINTS - 1), np.argmax(np.abs(force)))
-                    found[name][protocol] = MeasuredCurve(time[keep], None, force[keep], time.size)
+                protocols = sorted(str(key).removeprefix("time_") for key in kept.dims)
+                found[name] = {protocol: _discovered(kept, protocol) for protocol in protocols}
         return dict(sorted(found.items()))
 
     @property
@@ -171,11 +168,19 @@ def _points(table: Table) -> int:
 def _curves(table: Table) -> Iterator[tuple[str, MeasuredCurve]]:
     names = [str(name) for name in np.asarray(table.group["protocol"][:])]  # type: ignore[index]
     for name in names:
-        time, moved, force = columns_of(table, name)
-        keep = kept_points(Protocol(name, time, moved), POINTS - 1)
-        if np.isfinite(force).any():
-            keep = np.union1d(keep, np.nanargmax(np.abs(force)))  # a peak between two of them would look lower
-        yield name, MeasuredCurve(time[keep], moved[keep], force[keep], time.size)
+        yield name, _represented(name, *columns_of(table, name))
+
+
+def _discovered(kept: xr.Dataset, protocol: str) -> MeasuredCurve:
+    columns = (kept[f"{kind}_{protocol}"].to_numpy() for kind in ("time", "displacement", "measured"))
+    return _represented(protocol, *columns)
+
+
+def _represented(protocol: str, time: Array, moved: Array, force: Array) -> MeasuredCurve:
+    keep = kept_points(Protocol(protocol, time, moved), POINTS - 1)
+    if np.isfinite(force).any():
+        keep = np.union1d(keep, np.nanargmax(np.abs(force)))  # a peak between two of them would look lower
+    return MeasuredCurve(time[keep], moved[keep], force[keep], time.size)
 
 
 def columns_of(table: Table, protocol: str) -> tuple[Array, Array, Array]:

@@ -167,7 +167,8 @@ def curves(kept: xr.Dataset) -> pd.DataFrame:
     for dim in sorted(str(name) for name in kept.dims if str(name).startswith("time_")):
         protocol = dim.removeprefix("time_")
         columns = {"protocol": protocol, "time_s": kept[dim].to_numpy()}
-        for kind, name in (("measured", "measured_N"), ("bare", "as_it_is_N"), ("having", "with_effects_N")):
+        named = (("displacement", "displacement_mm"), ("measured", "measured_N"))
+        for kind, name in (*named, ("bare", "as_it_is_N"), ("having", "with_effects_N")):
             if f"{kind}_{protocol}" in kept:
                 columns[name] = kept[f"{kind}_{protocol}"].to_numpy()
         parts.append(pd.DataFrame(columns))

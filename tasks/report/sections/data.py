@@ -48,13 +48,8 @@ def _sources(every: dict[str, MeasuredCurve], protocols: list[str]) -> dict[str,
     told = {}
     for protocol in protocols:
         curve = every.get(protocol)
-        moved = empty if curve is None else curve.displacement_mm
-        time, force = (empty, empty) if curve is None else (curve.time_s, curve.force_N)
-        told[protocol] = {
-            "time": time,
-            "displacement": np.full(time.size, np.nan) if moved is None else moved,
-            "force": force,
-        }
+        columns = (empty,) * 3 if curve is None else (curve.time_s, curve.displacement_mm, curve.force_N)
+        told[protocol] = dict(zip(("time", "displacement", "force"), columns, strict=True))
     return told
 
 
@@ -85,8 +80,7 @@ def _table(found: Found) -> Table:
         peak = max(float(np.max(np.abs(curve.force_N))) for curve in every.values())
         lasts = max(float(curve.time_s[-1] - curve.time_s[0]) for curve in every.values())
         points = sum(curve.total for curve in every.values())
-        pulled = [curve.displacement_mm for curve in every.values() if curve.displacement_mm is not None]
-        farthest = max((float(np.max(np.abs(moved))) for moved in pulled), default=np.nan)
+        farthest = max(float(np.max(np.abs(curve.displacement_mm))) for curve in every.values())
         stress, strain = peak / (sizes[1] * sizes[2]), 100.0 * farthest / sizes[0]
         rows.append([name, ", ".join(every), *(number(size, 4) for size in sizes), number(lasts), f"{points:,}",
                      number(peak), number(stress), number(strain)])  # fmt: skip

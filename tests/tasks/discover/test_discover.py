@@ -15,6 +15,7 @@ from tasks.discover.discover import _inputs, _kept
 from tasks.model import Curve, Model, Specimen
 from tasks.model.effects import library
 from tasks.model.protocols import cyclic, one_step
+from tasks.report.folder import read_folder
 from tasks.simulate.effects import simulate_with
 from tasks.study import read_study
 from tasks.workspace import open_workspace
@@ -90,6 +91,11 @@ def test_a_hidden_effect_is_named_added_and_shown(study, tmp_path, capsys):
     kept = xr.open_datatree(out / "store.zarr", engine="zarr", consolidated=False)["discover/distal_1"]
     left = {name: np.std((kept["measured_cyclic"] - kept[f"{name}_cyclic"]).to_numpy()) for name in ("bare", "having")}
     assert left["having"] < 1.7 < 2.5 < left["bare"], "noise of 1.5 N is left"
+    seen = read_folder(out).measured["distal/1"]
+    assert sorted(seen) == ["cyclic", "one_step"]
+    for protocol, curve in seen.items():
+        assert np.isin(curve.displacement_mm, kept[f"displacement_{protocol}"].to_numpy()).all()
+        assert curve.displacement_mm.max() == kept[f"displacement_{protocol}"].max() > 0.1
 
     added = out / result["model"]["path"]
     assert yaml.safe_load(added.read_text())["model"] == {"effects": ["toe-slack"]}
