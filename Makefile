@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test check docs benchmarks lock clean
+.PHONY: setup demo test check docs wheel audit benchmarks mutants chaos fuzz lock clean
 
 setup: $(READY)
 
@@ -24,7 +24,7 @@ demo: $(READY)
 
 test: $(READY)
 	$(BIN)/python -m pytest -m "not slurm" -n 2 --dist worksteal
-	$(BIN)/python -m pytest -m slurm -n 3 --dist worksteal
+	$(BIN)/python -m pytest -m slurm -n 8 --dist load --maxschedchunk 1 tests/tasks/cluster tests/runner/cluster
 
 # what CI asks of the code beside its tests
 check: $(READY)
@@ -37,12 +37,34 @@ docs: $(READY)
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs docs/_build/html
 	@echo "open docs/_build/html/index.html"
 
+# the package as it is installed, dist/sinew_fe-VERSION-py3-none-any.whl, and the list of what it needs, .cdx.json
+wheel: $(READY)
+	$(BIN)/python -m hatchling build -t wheel -d dist
+	$(BIN)/python -m tests.supply sbom dist
+
+# known vulnerabilities of the locked packages; ADVISORIES is a copy of the OSV database, for where there is no network
+audit: $(READY)
+	$(BIN)/python -m tests.supply audit $(ADVISORIES)
+
 benchmarks: $(READY)
 	$(BIN)/python -m tests.benchmarks
+
+# damaged files of every kind for MINUTES; what breaks something is kept in tests/fuzz/corpus
+fuzz: $(READY)
+	nice -n 10 $(BIN)/python -m tests.fuzz --minutes $(or $(MINUTES),30)
+
+# breaks the code in small ways and counts what the tests notice; OF names targets of tests/mutants/targets.toml
+mutants: $(READY)
+	nice -n 10 $(BIN)/python -m tests.mutants $(OF)
+
+# kills a small study of all tasks at random for so many minutes, and looks at what is left
+MINUTES ?= 5
+chaos: $(READY)
+	nice -n 5 $(BIN)/python -m tests.chaos --minutes $(MINUTES)
 
 lock:
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes \
 	  --no-emit-index-url --custom-compile-command "make lock" -o requirements.lock --upgrade
 
 clean:
-	rm -rf $(VENV) results docs/_build .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) results .mutants docs/_build .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,4 +1,4 @@
-"""How the site is built from the pages of this folder: ``make docs``. Nothing is fetched, not even by a reader."""
+"""Sphinx settings of the website: ``make docs``. Neither the build nor a page that is read needs the network."""
 
 import os
 import re
@@ -8,7 +8,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
-os.environ["PYTHONPATH"] = str(ROOT)  # notebooks run what this checkout holds, whatever is installed
+os.environ["PYTHONPATH"] = str(ROOT)  # notebooks use this checkout, whatever is installed
 
 project = "sinew"
 author = "the authors of sinew"
@@ -36,12 +36,12 @@ html_theme_options = {
 
 myst_heading_anchors = 3
 myst_enable_extensions = ["colon_fence"]
-nb_execution_mode = os.environ.get("SINEW_DOCS_NOTEBOOKS", "force")  # "off": text only, for a quick look
+nb_execution_mode = os.environ.get("SINEW_DOCS_NOTEBOOKS", "force")  # "off" skips the notebooks, for a quick look
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True
-nb_execution_timeout = 600  # of a cell; a busy machine is slow, it is not wrong
+nb_execution_timeout = 600  # for one cell, on a busy machine
 nb_merge_streams = True
-nb_ipywidgets_js: dict[str, Any] = {}  # nothing of ours needs them, and they come from elsewhere
+nb_ipywidgets_js: dict[str, Any] = {}  # not needed, and they would be fetched from elsewhere
 
 autodoc_typehints = "description"
 autodoc_member_order = "bysource"
@@ -53,23 +53,24 @@ nitpick_ignore_regex = [
         r"(collections\.abc|np|numpy|pd|pandas|xr|xarray|matplotlib|arviz|pyabc|SALib|skopt|pydantic|annotated_types)\..*",
     ),
     (r"py:.*", r"(pathlib\.|collections\.|typing\.)?(Path|Callable|Literal|Any|Sequence|Mapping|DataFrame|DataTree)"),
-    (r"py:.*", r"BadInput|PHASES|PLACES"),  # named without their module in docstrings
-    (r"py:.*", r"(runner|tasks)\..*"),  # parts of the code that the reference leaves out
+    (r"py:.*", r"BadInput|PHASES|PLACES"),  # docstrings name them without their module
+    (r"py:.*", r"(sinew\.)?(runner|tasks)\..*"),  # parts of the code that are not in the reference
 ]
 
 
 def setup(app: Any) -> None:
-    """What this site has of its own: it refuses to fetch anything."""
+    """Add the checks and filters of this site."""
     app.connect("sphinx-click-process-epilog", _plain)
     app.connect("build-finished", _check_offline)
 
 
 def _plain(app: Any, command: Any, lines: list[str]) -> None:
-    """Examples of commands are no markup: a star in them is a star."""
+    """Escape stars in the examples of commands, which are not markup."""
     lines[:] = [line.replace("*", r"\*") for line in lines]
 
 
 def _check_offline(app: Any, failure: Exception | None) -> None:
+    """Refuse a page that would fetch a script, a style or an image from the network."""
     if failure is not None or app.builder.format != "html":
         return
     fetched = re.compile(

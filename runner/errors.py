@@ -1,14 +1,23 @@
-"""Errors a person can act on. The command prints each as one line and exits with code 2."""
+"""Errors that a user can act on. The command prints each as one line and exits with code 2."""
 
 import errno
+from pathlib import Path
 
 
 class SinewError(Exception):
     """What went wrong, where, and what to do, in one line."""
 
 
+class BadInput(SinewError):
+    """Invalid input: ``where`` names the file and the field or row, ``expected`` describes valid input."""
+
+    def __init__(self, where: str | Path, problem: str, expected: str) -> None:
+        super().__init__(one_line(f"{where}: {problem}; expected {expected}"))
+        self.problem = problem
+
+
 class StoreError(SinewError):
-    """The result store cannot be used as it is: damaged, foreign, locked, or its disk is full."""
+    """The result store cannot be used: it is damaged, foreign or locked, or its disk is full."""
 
 
 class ClusterError(SinewError):
@@ -16,7 +25,7 @@ class ClusterError(SinewError):
 
 
 class WalltimeReached(SinewError):
-    """The job of this process must end soon. ``worked``: it had what it needed to get something done."""
+    """The job of this process must end soon. ``worked``: it had workers and time to finish some rows."""
 
     def __init__(self, words: str, *, worked: bool = True) -> None:
         super().__init__(words)
@@ -24,7 +33,30 @@ class WalltimeReached(SinewError):
 
 
 def of_the_system(error: OSError) -> str:
-    """What the system says, and where the disk is full what to do about it."""
+    """The system's message, and for a full disk what to do about it."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return "no space left on the disk; free some and run the same command again, nothing is lost"
     return error.strerror or str(error)
+
+
+def shown(value: object, width: int = 60) -> str:
+    """A value from a file, shortened for an error message."""
+    try:
+        text = repr(value)
+    except ValueError:  # Python does not print integers of thousands of digits
+        text = "a number of thousands of digits"
+    return text if len(text) <= width else f"{text[: width - 3]}..."
+
+
+LONGEST = 300  # characters of an error as the command prints it
+
+
+def brief(text: str, longest: int = LONGEST) -> str:
+    """Text as one printable line of at most ``longest`` characters: the middle of a longer one is left out."""
+    line = one_line(text if len(text) <= 2 * longest else text[:longest] + text[-longest:])
+    return line if len(line) <= longest else f"{line[: longest * 2 // 3]} ... {line[-(longest // 3 - 5) :]}"
+
+
+def one_line(text: str) -> str:
+    """Text as one printable line; unprintable characters are escaped."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -1,4 +1,4 @@
-"""Something that has to be looked after while something else goes on."""
+"""Run a function periodically in a thread while other code runs."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def every(seconds: float, work: Callable[[], None], name: str) -> Iterator[None]:
-    """Call ``work`` in a thread, now and then, until the end."""
+    """Call ``work`` every ``seconds`` seconds in a thread named ``name`` until the ``with`` block ends."""
     end = threading.Event()
 
     def watch() -> None:

@@ -1,10 +1,9 @@
-"""What a person sees while evaluations run: a bar on a terminal, a line now and then elsewhere, a file for others."""
+"""Progress of a command: bars on a terminal, lines elsewhere, and the file ``progress.json`` for other processes."""
 
 import json
 import logging
 import os
 import socket
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -13,52 +12,55 @@ from pathlib import Path
 from typing import Any, Literal
 
 import psutil
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.progress import TimeRemainingColumn as Remaining
 from rich.text import Text
 
-from runner.errors import WalltimeReached
-from runner.periodic import every
+from sinew.runner.console import Console
+from sinew.runner.errors import WalltimeReached
+from sinew.runner.files import NotReadable, read_regular
+from sinew.runner.periodic import every
+from sinew.runner.printing import put
 
 log = logging.getLogger("sinew")
 
 
-PROGRESS = "progress.json"
+PROGRESS, MAX_BYTES = "progress.json", 2**24
 TELL_EVERY_S, SHOW_EVERY_S, BEAT_S = 2.0, 10.0, 10.0
 RUNNING, FINISHED, FAILED, INTERRUPTED = "running", "finished", "failed", "interrupted"
 
-#: Called with the number of rows that are finished now, how many of them failed, and how many batches are running.
+#: Called with the numbers of rows that are finished, that failed, and that workers have.
 Report = Callable[[int, int, int], None]
 
-#: Who looks on: a person (bars on a terminal, else a line now and then), a program (JSON lines), or nobody.
+#: For a person (bars on a terminal, lines elsewhere), for a program (JSON lines), or for nobody.
 Show = Literal["words", "json", "nothing"]
 
 
 class Board:
-    """What a command tells of its work in ``folder/progress.json``, see :func:`read_progress`. Threads may share it.
+    """Writes ``folder/progress.json`` for a command, see :func:`read_progress`. Threads may share it.
 
-    The file is replaced as a whole, every few seconds at the most. Use :func:`open_board`.
+    The file is replaced atomically, at most every few seconds. Use :func:`open_board`.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.latest = ""  # what was noted last, in words
+        self.latest = ""  # the text of the latest note
         self._facts: dict[str, Any] = {"title": "starting", "of": "rows", "done": 0, "total": 0, "failed": 0}
         self._facts |= {"running": 0, "state": RUNNING, "process": _this_process(), "notes": {}}
         self._lock = threading.Lock()
         self._written = -TELL_EVERY_S
 
     def put(self, **facts: Any) -> None:
-        """Take note of facts; the file says so soon."""
+        """Set facts; they enter the file within seconds."""
         with self._lock:
             self._facts |= facts
         self.write(every_s=TELL_EVERY_S)
 
     def note(self, part: str, name: str, words: str, **numbers: float | int | str | None) -> None:
-        """How far a part of the work has come, such as the best that a search has found: in words and in numbers.
+        """Set the progress of a part of the work, such as the best fit so far, as text and numbers.
 
-        It costs no file: the next one that is written says so.
+        Nothing is written now; it enters the file the next time.
         """
         with self._lock:
             self._facts["notes"].setdefault(part, {})[name] = {"words": words, **numbers}
@@ -74,14 +76,14 @@ class Board:
                 self._written = time.monotonic()
 
     def beat(self) -> None:
-        """A sign of life while nothing is counted."""
-        with suppress(OSError):  # if the disk is full, those who write results will say so
+        """Write the file as a sign of life while nothing is counted."""
+        with suppress(OSError):  # if the disk is full, writing results reports it
             self.write(every_s=BEAT_S / 2)
 
 
 @contextmanager
 def open_board(folder: Path) -> Iterator[Board]:
-    """A board for as long as a command works; in the end it says how that ended."""
+    """A board for the time of a command; at the end, it writes how the command ended."""
     board = Board(folder)
     board.write()
     state, words = FINISHED, ""
@@ -95,7 +97,7 @@ def open_board(folder: Path) -> Iterator[Board]:
         state, words = FAILED, str(error) or type(error).__name__
         raise
     finally:
-        with suppress(OSError):  # whatever ended the work has been told of already
+        with suppress(OSError):  # the error that ended the work is raised already
             board.put(state=state, error=words[:2000], running=0, dashboard=None)
             board.write()
 
@@ -105,7 +107,7 @@ def _this_process() -> dict[str, Any]:
 
 
 def is_here(process: Any) -> bool | None:
-    """Whether the process that a board names is alive; None where that cannot be known: it is on another machine."""
+    """Whether the process that a board names is alive; None if it is on another machine."""
     if not isinstance(process, dict) or process.get("host") != socket.gethostname():
         return None
     pid, since = process.get("pid"), process.get("since")
@@ -122,7 +124,7 @@ class _Rate(ProgressColumn):
 
 
 class _Bars(Progress):
-    """Bars, and below them what was noted last."""
+    """Bars, and the latest note below them."""
 
     def __init__(self, board: Board, *columns: ProgressColumn, **options: Any) -> None:
         self.board = board
@@ -138,12 +140,11 @@ class _Bars(Progress):
 def progress(
     title: str, total: int, board: Board, *, of: str = "rows", done: int = 0, show: Show = "words"
 ) -> Iterator[Report]:
-    """Show how ``total`` rows, or whatever is counted, come along: rate and time left. ``done`` are there from before.
+    """Show the progress of ``total`` rows, or of other things, with rate and time left; ``done`` were finished before.
 
-    The board says the same to whoever asks from elsewhere.
+    The board gets the same facts.
     """
-    started = time.monotonic()
-    shown = started
+    shown = started = time.monotonic()
     facts: dict[str, Any] = {"title": title, "of": of, "done": done, "total": total, "failed": 0, "running": 0}
     facts |= {"rows_per_s": 0.0, "eta_s": None}
     board.latest = ""
@@ -151,7 +152,7 @@ def progress(
 
     def update(finished: int, failed: int, running: int) -> None:
         rate = (finished - done) / max(time.monotonic() - started, 1e-9)
-        expected = max(total, finished)  # where nobody knows how many it takes, there may be more
+        expected = max(total, finished)  # where the total is a guess, there may be more
         left = (expected - finished) / rate if rate > 0 else None
         facts.update(done=finished, total=expected, failed=failed, running=running, rows_per_s=round(rate, 3))
         facts["eta_s"] = None if left is None else round(left, 1)
@@ -159,12 +160,12 @@ def progress(
     def note() -> None:
         log.info("progress", extra=facts)
         if show == "json":
-            print(json.dumps({"event": "progress", **facts, "latest": board.latest}), flush=True)
+            put(json.dumps({"event": "progress", **facts, "latest": board.latest}))
         elif show == "words" and not bars_shown:
             left = facts["eta_s"]
             eta = "" if left is None or left < 1 else f", {left:,.0f} s left"
             line = f"{title}: {facts['done']:,} of {facts['total']:,} {of}, {facts['rows_per_s']:,.4g} {of}/s{eta}"
-            print(f"{line}; {board.latest}" if board.latest else line, file=sys.stderr, flush=True)
+            put(f"{line}; {board.latest}" if board.latest else line, error=True)
 
     console = Console(stderr=True)
     bars_shown = show == "words" and console.is_terminal and not console.is_dumb_terminal
@@ -193,20 +194,20 @@ def progress(
             yield report
         finally:
             update(facts["done"], facts["failed"], 0)
-            with suppress(OSError):  # whatever ended the work has been told of already
+            with suppress(OSError):  # the error that ended the work is raised already
                 board.put(**facts)
             note()
 
 
 def read_progress(folder: Path) -> dict[str, Any] | None:
-    """What was last told about a result folder, or None: what runs, rows done, failed and running, rate, seconds left.
+    """The progress of a result folder, or None: what runs, rows done, failed and running, rate, seconds left.
 
     ``state`` (how the command ended, or that it runs), ``process``, ``tasks``, ``notes``, ``dashboard`` and ``cluster``
-    are there if they were told. Files are from anywhere: what has another form is left out.
+    are there if they were written. Files may come from anywhere: values of another form are left out.
     """
     try:
-        facts = json.loads((folder / PROGRESS).read_text("utf-8"))
-    except (OSError, ValueError, RecursionError):
+        facts = json.loads(read_regular(folder / PROGRESS, MAX_BYTES))
+    except (OSError, NotReadable, ValueError, RecursionError):
         return None
     if not isinstance(facts, dict) or not _usable(facts):
         return None
@@ -215,7 +216,7 @@ def read_progress(folder: Path) -> dict[str, Any] | None:
 
 
 def _usable(facts: dict[str, Any]) -> bool:
-    """Whether the file says what a :class:`Board` writes: a title, and numbers that can be shown."""
+    """Whether the facts are those of a :class:`Board`: a title, and numbers that can be shown."""
     numbers = [facts.get(name) for name in ("done", "total", "time")]
     numbers += [facts.get(name, 0) for name in ("failed", "running", "rows_per_s")]
     numbers += [] if facts.get("eta_s") is None else [facts["eta_s"]]

@@ -24,8 +24,8 @@
 
   function pick(select) {
     const group = document.getElementById(select.dataset.pick);
-    const { data, told } = read(`${group.id}-data`);
-    group.querySelector(".told").textContent = told[select.value] ?? "";
+    const { data, notes } = read(`${group.id}-data`);
+    group.querySelector(".picked-note").textContent = notes[select.value] ?? "";
     for (const place of group.querySelectorAll(".plot")) {
       const parts = views.get(place.id).model.document;
       for (const [name, found] of Object.entries(data[select.value])) {

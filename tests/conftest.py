@@ -1,35 +1,40 @@
-"""What all tests share: reference curves, a SLURM, and the rule that nothing which must run in CI is skipped."""
+"""What all tests share: reference curves, a specimen, and the rule that nothing which must run in CI is skipped."""
 
-import importlib.util
+import atexit
 import os
 import shutil
 import signal
-import sys
-from collections.abc import Iterator
+import tempfile
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
+import hypothesis
 import numpy as np
 import pytest
 
-from tasks.model import Curve, Model, Protocol, Specimen
+from sinew.tasks.model import Curve, Model, Protocol, Specimen
+
+pytest_plugins = ("tests.batch.plugin",)
 
 DATA = Path(__file__).parent / "data"
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 
 def pytest_configure() -> None:
-    """A shell that starts the tests in the background has them ignore these, and so would every process they start."""
+    """What a person's own machine must not change, and tests must not leave there; a busy machine fails no example.
+
+    A shell that starts the tests in the background has them ignore two signals, and so would every process they start.
+    """
+    state = tempfile.mkdtemp(prefix="sinew-tests-")
+    atexit.register(shutil.rmtree, state, ignore_errors=True)
+    os.environ["XDG_STATE_HOME"] = state
+    hypothesis.settings.register_profile("busy machine", deadline=None)
+    hypothesis.settings.load_profile("busy machine")
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if "slurm_cluster" in getattr(item, "fixturenames", ()):
-            item.add_marker(pytest.mark.slurm)
-            item.add_marker(pytest.mark.timeout(1200))  # a slow machine takes a walltime, and SLURM, more often
         if item.get_closest_marker("febio") and shutil.which("febio4") is None:
             item.add_marker(pytest.mark.skip(reason="febio4 is not on the PATH"))
         if item.get_closest_marker("shared") and not SHARED.is_dir():
@@ -58,37 +63,19 @@ def _must_run(report: pytest.TestReport) -> bool:
 def _no_page(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Building a page takes seconds: runs within this process build one only where it is what a test is about."""
     if not request.node.get_closest_marker("page"):
-        monkeypatch.setattr("tasks.pipeline.report", lambda folder, console, **_: None)
+        monkeypatch.setattr("sinew.tasks.pipeline.report", lambda folder, console, **_: None)
 
 
-def load_testbed() -> ModuleType:
-    """The module that starts a SLURM on this machine."""
-    path = Path(__file__).parents[1] / "slurm" / "testbed" / "testbed.py"
-    spec = importlib.util.spec_from_file_location("testbed", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["testbed"] = module
-    spec.loader.exec_module(module)
-    return module
+@pytest.fixture(autouse=True)
+def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a command in this process sets for its own processes does not reach those of the next test."""
+    monkeypatch.setenv("PYTHONSAFEPATH", "")
 
 
-@pytest.fixture(scope="session")
-def slurm_for_all(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    module = load_testbed()
-    if missing := module.missing():
-        pytest.skip(f"SLURM is not installed ({', '.join(missing)})")
-    testbed = module.start(tmp_path_factory.mktemp("slurm"), nodes=4, cpus=2)
-    try:
-        yield testbed
-    finally:
-        module.stop(testbed)
-
-
-@pytest.fixture
-def slurm_cluster(slurm_for_all: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """A real SLURM of four nodes with two cores each; its commands work here and in processes started from here."""
-    for name, value in slurm_for_all.environment.items():
-        monkeypatch.setenv(name, value)
-    return slurm_for_all
+@pytest.fixture(autouse=True)
+def _no_waiting_for_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No test needs its files after a loss of power; on a busy disk, each of many calls would take 10 ms and more."""
+    monkeypatch.setattr(os, "fsync", lambda descriptor: None)
 
 
 @pytest.fixture

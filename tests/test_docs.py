@@ -1,11 +1,15 @@
-"""What the pages say works: every command of README.md and docs/*.md is run, or listed below with the reason why not.
+"""The pages are tested: each command of README.md and docs/*.md is run, or listed below with the reason why not.
 
-Commands stand in blocks marked ``sh``, Python in blocks marked ``python``. They run in order, in one folder for each
-page, with what the page asks for in an invisible comment: ``<!-- commands: study, exports -->``. A command that takes
-long, or needs what a test machine does not have, is listed in ``NOT_RUN``; its arguments are still checked against the
-command line. In the texts, every option must be one that some command has.
+Commands are in blocks marked ``sh``, Python is in blocks marked ``python``. The blocks of a page run in order, in one
+folder per page: commands of sinew in the tests' process, without a cluster and without figures, which have tests of
+their own; Python and all other commands in processes of their own. An invisible comment names what the folder holds
+first: ``<!-- commands: study, exports -->``. A command that takes long, or needs what a test machine does not have, is
+listed in ``NOT_RUN``; its arguments are still checked against the command line. Options and files of the project that a
+text names must exist.
 """
 
+import contextlib
+import io
 import json
 import os
 import re
@@ -16,32 +20,39 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from unittest import mock
 
 import click
 import numpy as np
 import pytest
 
-from tasks import cli
-from tasks.cohort import virtual_cohort, write_cohort
-from tasks.model import Model
-from tasks.model.effects import library
-from tasks.study import read_study
+from sinew.tasks import pipeline
+from sinew.tasks.cli import main as cli
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.model import Model
+from sinew.tasks.model.effects import library
+from sinew.tasks.study.study import read_study
+from sinew.tasks.study.workspace import Workspace
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
 LANGUAGES = {"sh", "python", "yaml", "text", "{toctree}", "{eval-rst}"}
 SHARED = "/shared/me"  # what slurm.md calls a folder that all nodes see
 
-NEEDS_SLURM = "needs a SLURM cluster; tests/tasks/test_submission.py and test_doctor.py run it on one"
+NEEDS_SLURM = "needs a SLURM cluster; tests/tasks/cluster/test_submission.py and test_doctor.py run it on one"
 LONG = "takes minutes to hours"
 NOT_RUN = {
     "make demo": "sets up its own environment and takes minutes; CI runs it by itself",
     "make test": "these are the tests; CI runs it by itself",
     "make setup": LONG,
+    "make check": "CI runs it by itself",
+    ".venv/bin/python -m pytest tests/runner/store -q -x": "these are tests; CI runs them all",
+    ".venv/bin/python -m pytest tests/tasks/sobol -q -k convergence": "these are tests; CI runs them all",
     "git clone <where you got sinew> sinew && cd sinew": "the reader fills in the place",
     'export PATH="$PWD/.venv/bin:$PATH"': "changes the reader's shell only",
     "sinew simulate study.yaml --parameters rows.csv --out forces --simulator febio": "needs febio4",
-    "sinew compare study.yaml": "the tests of README.md are of one site; tests/tasks/test_infer.py compares sites",
+    "sinew compare study.yaml": "the study of running.md has one site; tests/tasks/infer/test_infer.py compares sites",
     "sinew benchmark discover HIDDEN --out scores": "fits the whole library to each case: hours",
     "sinew doctor study.yaml --profile my-site.yaml": NEEDS_SLURM,
     "sinew submit study.yaml --profile my-site.yaml": NEEDS_SLURM,
@@ -51,7 +62,7 @@ NOT_RUN = {
     "sinew cohort --out results/tendon-cohort --seed 2503": "27 specimens at 100 Hz: 200 MB",
     "sinew run configs/tendon.yaml": "takes a quarter of an hour",
     "sinew run study/study.yaml": LONG,
-    'eval "$(sinew completion bash)"': "changes the reader's shell; tests/tasks/test_terminal.py asks it to complete",
+    'eval "$(sinew completion bash)"': "changes the reader's shell; tests/tasks/cli/test_terminal.py tries it",
     'eval "$(sinew completion zsh)"': "needs zsh",
     "sinew completion fish > ~/.config/fish/completions/sinew.fish": "writes to the reader's home",
     "sinew watch /shared/me/study1": NEEDS_SLURM,
@@ -70,7 +81,7 @@ class Block:
 
 
 def blocks(page: Path) -> Iterator[Block]:
-    """The fenced blocks of a page, those inside of comments left out."""
+    """The fenced blocks of a page."""
     language, opened, lines = None, 0, []
     for number, line in enumerate(page.read_text("utf-8").splitlines(), start=1):
         if language is None and line.startswith("```"):
@@ -84,7 +95,7 @@ def blocks(page: Path) -> Iterator[Block]:
 
 
 def commands(page: Path) -> list[str]:
-    """The commands of a page, in order; a line that ends in a backslash goes on."""
+    """The commands of a page, in order; a backslash at the end of a line continues it."""
     found = []
     for block in blocks(page):
         if block.language == "sh":
@@ -93,11 +104,11 @@ def commands(page: Path) -> list[str]:
 
 
 def bare(command: str) -> str:
-    """A command without the remark behind it."""
+    """A command without its comment."""
     return re.sub(r"\s+#.*$", "", command).strip()
 
 
-# ---- what pages ask for
+# ---- what a page can ask for
 
 FREE = ("E_f", "E_m", "g_3f")
 FIXED = "".join(f"    {p.name}: {{fixed: {p.reference}}}\n" for p in Model().parameters if p.name not in FREE)
@@ -126,7 +137,7 @@ def study(folder: Path) -> None:
 
 
 def one_site(folder: Path) -> None:
-    """A study of the tests that ``sinew import`` takes in: without sites to compare."""
+    """A study of the specimens that ``sinew import`` makes, which have no sites to compare."""
     study(folder)
     text = STUDY.replace("cohort: cohort", "cohort: data/tails").replace("compare, ", "")
     (folder / "study.yaml").write_text(text)
@@ -138,7 +149,7 @@ def cohort(folder: Path) -> None:
 
 
 def exports(folder: Path) -> None:
-    """Two tests as a machine writes them, of two tendons."""
+    """The tests of two tendons, as a testing machine exports them."""
     (folder / "bench").mkdir()
     for number in (1, 2):
         _export(folder / "bench" / f"tail{number}.csv", stiffness=100.0 * number)
@@ -160,7 +171,7 @@ def hidden(folder: Path) -> None:
 
 
 def real_exports(folder: Path) -> None:
-    """Files with the columns of the measurements that real_data.md speaks of, which are not part of the project."""
+    """Files with the columns of the measurements of real_data.md, which are not part of the project."""
     (folder / "RATTAIL").mkdir()
     (folder / "TITIN").mkdir()
     for number in (1, 2, 3):
@@ -177,7 +188,7 @@ def configs(folder: Path) -> None:
 
 
 def dogbone(folder: Path) -> None:
-    """The dog-bone with fewer rows; what is called febio4 here is the stand-in of the notebook."""
+    """The dog-bone with fewer rows; febio4 is the stand-in of the notebook here."""
     (folder / "configs").mkdir()
     shutil.copytree(ROOT / "configs" / "dogbone", folder / "configs" / "dogbone")
     text = (ROOT / "configs" / "dogbone.yaml").read_text()
@@ -192,7 +203,7 @@ def dogbone(folder: Path) -> None:
 
 
 def slurm(folder: Path) -> None:
-    """The profiles of a checkout, where a reader stands after the first steps."""
+    """The profiles of a checkout."""
     (folder / "slurm").mkdir()
     for name in ("generic.yaml", "site-template.yaml"):
         (folder / "slurm" / name).write_bytes((ROOT / "slurm" / name).read_bytes())
@@ -206,7 +217,7 @@ def demo(folder: Path) -> None:
 
 
 def shared(folder: Path) -> None:
-    """A folder that all nodes see, with results of a study that came some way."""
+    """A folder that all nodes see, with results of an unfinished study."""
     (folder / "shared").mkdir()
     run(folder, f"sinew sobol study.yaml --out {SHARED}/study1 --quiet")
 
@@ -222,7 +233,7 @@ def prepared(page: Path, folder: Path) -> None:
     asked = re.search(r"<!-- commands: (.*?) -->", page.read_text("utf-8"))
     (folder / "bin").mkdir()
     command = folder / "bin" / "sinew"
-    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m tasks.cli "$@"\n')
+    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m sinew "$@"\n')
     command.chmod(0o755)
     for name in asked.group(1).split(", ") if asked else ():
         assert name in FIXTURES, f"{page.name}: there is no fixture {name!r}; expected some of {', '.join(FIXTURES)}"
@@ -230,14 +241,41 @@ def prepared(page: Path, folder: Path) -> None:
 
 
 def run(folder: Path, command: str) -> None:
-    """Run a command in a shell, in the page's folder."""
-    _ended(folder, ["bash", "-euc", command.replace(SHARED, str(folder / "shared"))], command)
+    """Run a command in the page's folder: one of sinew in this process, any other in a shell."""
+    line = bare(command).replace(SHARED, str(folder / "shared"))
+    if line.startswith("sinew ") and not set(line) & set("|&;<>$`"):
+        _run_here(folder, line)
+    else:
+        _ended(folder, ["bash", "-euc", line], command)
+
+
+def _run_here(folder: Path, line: str) -> None:
+    """The command without a cluster and without figures; globs stand for the files that a shell would list."""
+    words = [found for word in shlex.split(line) for found in (sorted(folder.glob(word)) if "*" in word else [word])]
+    said = io.StringIO()
+    with (
+        contextlib.chdir(folder),
+        contextlib.redirect_stderr(said),
+        mock.patch.dict(os.environ, {"PATH": _path(folder)}),
+        mock.patch.object(sys, "argv", [str(word) for word in words]),
+        mock.patch.object(Workspace, "client", lambda _: None),
+        mock.patch.object(pipeline, "_draw", lambda *_: None),
+    ):
+        try:
+            cli.main()
+        except SystemExit as end:
+            raise AssertionError(f"{line}\nended with exit code {end.code}\n{said.getvalue()}") from end
+
+
+def _path(folder: Path) -> str:
+    """The folders of programs, those of the page first."""
+    return f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}"
 
 
 def _ended(folder: Path, arguments: list[str], what: str) -> None:
     environment = {
         **os.environ,
-        "PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}",
+        "PATH": _path(folder),
         "PYTHONPATH": str(ROOT),
         "MPLBACKEND": "agg",
     }
@@ -313,7 +351,13 @@ def options(group: click.Group) -> set[str]:
     return found
 
 
-FOREIGN = {"--form", "--cases", "--lifetime"}  # of `python -m tests.hidden`, and of Dask
+FOREIGN = {
+    "--form",
+    "--cases",
+    "--lifetime",
+    "--from",
+    "--minutes",
+}  # of tests.hidden, tests.fuzz, tests.chaos, and Dask
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
@@ -327,8 +371,16 @@ def test_options_in_the_texts_exist(page):
 
 def test_links_between_pages_lead_somewhere():
     for page in PAGES:
-        for target in re.findall(r"\]\((?!https?://)([^)#\s]+)", page.read_text("utf-8")):
+        for target in re.findall(r"(?:\]\(|<img src=\")(?!https?://)([^)\"#\s]+)", page.read_text("utf-8")):
             assert (page.parent / target).exists(), f"{page.name}: {target} is not there"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_files_of_the_project_that_texts_name_exist(page):
+    """Code spans such as ``tasks/registry.py``; what is written in capitals stands for a name."""
+    folders = "runner|tasks|templates|configs|slurm|tests|docs|sinew"
+    for span in re.findall(rf"`((?:{folders})/[a-z0-9_./-]*)`", page.read_text("utf-8")):
+        assert (ROOT / span).exists() or span.startswith("docs/_build"), f"{page.name}: {span} is not there"
 
 
 def test_the_example_of_an_effect_is_the_one_that_the_notebook_runs():

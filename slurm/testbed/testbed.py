@@ -25,80 +25,7 @@ LONGEST_ROOT = (
     60  # a step's socket is <root>/run/spool/n10/n10_123456.4294967291; a socket's path has at most 107 bytes
 )
 
-CONFIGURATION = """\
-ClusterName=testbed
-SlurmctldHost={host}(127.0.0.1)
-SlurmctldPort={controller_port}
-SlurmUser={user}
-SlurmdUser={user}
-CommunicationParameters=NoInAddrAny,NoCtldInAddrAny
-# A requeued job waits for cred_expire + 1 s, so that no credential of its last run is valid any more.
-AuthType=auth/munge
-CredType=cred/munge
-AuthInfo=socket={run}/munge.socket,cred_expire=6
-
-StateSaveLocation={root}/state
-SlurmdSpoolDir={run}/spool/%n
-SlurmctldPidFile={root}/slurmctld.pid
-SlurmdPidFile={root}/slurmd.%n.pid
-SlurmctldLogFile={root}/slurmctld.log
-SlurmdLogFile={root}/slurmd.%n.log
-
-ProctrackType=proctrack/linuxproc
-TaskPlugin=task/none
-SwitchType=switch/none
-MpiDefault=none
-JobAcctGatherType=jobacct_gather/none
-AccountingStorageType=accounting_storage/none
-JobCompType=jobcomp/filetxt
-JobCompLoc={root}/jobcomp.log
-MailProg=/bin/true
-
-# Clients give up on a dead controller after MessageTimeout.
-MessageTimeout=5
-SlurmctldTimeout=5
-SlurmdTimeout=60
-KillWait=3
-MinJobAge=3600
-JobRequeue=1
-ReturnToService=2
-SlurmdParameters=config_overrides
-
-SchedulerType=sched/backfill
-SchedulerParameters=sched_interval=1,bf_interval=1,batch_sched_delay=0,sched_min_interval=0
-SelectType=select/cons_tres
-SelectTypeParameters=CR_Core_Memory
-DefMemPerCPU=1000
-EnforcePartLimits=ALL
-JobSubmitPlugins=lua
-PreemptType=preempt/partition_prio
-PreemptMode=REQUEUE
-
-PartitionName=DEFAULT Nodes=ALL State=UP MaxTime=UNLIMITED DefaultTime=60 PriorityTier=10 PreemptMode=OFF
-PartitionName=work Default=YES
-PartitionName=short MaxTime=1 DefaultTime=1
-PartitionName=lab
-PartitionName=scavenge PriorityTier=1 PreemptMode=REQUEUE GraceTime=5
-PartitionName=urgent PriorityTier=100
-"""
-# SLURM knows accounts and QOS from a database. This stands in for one and answers with the same errors; AllowAccounts=
-# would refuse every account here.
-JOB_SUBMIT = """\
-function slurm_job_submit(job, partitions, user)
-  local wanted = "," .. (job.partition or "") .. ","
-  if wanted:find(",lab,", 1, true) and job.account ~= "lab" then
-    return slurm.ESLURM_INVALID_ACCOUNT
-  end
-  if job.qos ~= nil and job.qos ~= "normal" then
-    return 2066 -- ESLURM_INVALID_QOS
-  end
-  return slurm.SUCCESS
-end
-
-function slurm_job_modify(job, record, partitions, user)
-  return slurm.SUCCESS
-end
-"""
+HERE = Path(__file__).resolve().parent
 NODE = (
     "NodeName={name} NodeHostname={host} NodeAddr=127.0.0.1 Port={port} CPUs={cpus} Boards=1 SocketsPerBoard=1"
     " CoresPerSocket={cpus} ThreadsPerCore=1 RealMemory=4000\n"
@@ -247,12 +174,12 @@ def _configure(testbed: Testbed) -> None:
         NODE.format(name=name, host=host, port=port, cpus=testbed.cpus)
         for name, port in zip(testbed.names, ports[1:], strict=True)
     ]
-    head, partitions = CONFIGURATION.split("PartitionName", 1)
+    head, partitions = (HERE / "slurm.conf.template").read_text().split("PartitionName", 1)
     text = f"{head}{''.join(nodes)}\nPartitionName{partitions}"
     for key, value in {"host": host, "controller_port": ports[0], "user": user, "run": run, "root": root}.items():
         text = text.replace(f"{{{key}}}", str(value))
     testbed.configuration.write_text(text)
-    (root / "job_submit.lua").write_text(JOB_SUBMIT)
+    (root / "job_submit.lua").write_text((HERE / "job_submit.lua").read_text())
 
 
 def _free_ports(count: int) -> list[int]:

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tasks.measurements import NAME, read_json
-from tasks.model.effects import library
-from tasks.problems import BadInput, shown
+from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data.cohort import NAME, read_json
+from sinew.tasks.model.effects import library
 
 ANSWERS = "answers.json"
 OUTSIDE = "OUTSIDE"
@@ -68,37 +68,37 @@ def read_answers(folder: Path) -> list[Answer]:
     if not content:
         raise BadInput(path, "holds no case", 'an object such as {"case_01": {"truth": ["toe-slack"], ...}}')
     name = folder.resolve().name
-    answers = [_answer(path, name, case, told) for case, told in sorted(content.items())]
+    answers = [_answer(path, name, case, entry) for case, entry in sorted(content.items())]
     for answer in answers:
         if not (folder / answer.case).is_dir():
             raise BadInput(folder / answer.case, "is not there", f"the cohort of a case in {path}")
     return answers
 
 
-def _answer(path: Path, folder: str, case: str, told: Any) -> Answer:
+def _answer(path: Path, folder: str, case: str, entry: Any) -> Answer:
     where = f"{path}: {shown(case)[1:-1]}"
     if not NAME.fullmatch(case):
         raise BadInput(where, "a name that cannot be used", "the name of a case folder")
-    if not isinstance(told, dict):
-        raise BadInput(where, f"holds {shown(told)}", "an object with truth and magnitude")
-    truth = _truth(f"{where}.truth", told)
-    magnitude = _numbers(f"{where}.magnitude", told.get("magnitude", {}))
-    label = told.get("case", "")
+    if not isinstance(entry, dict):
+        raise BadInput(where, f"holds {shown(entry)}", "an object with truth and magnitude")
+    truth = _truth(f"{where}.truth", entry)
+    magnitude = _numbers(f"{where}.magnitude", entry.get("magnitude", {}))
+    label = entry.get("case", "")
     if not isinstance(label, str):
         raise BadInput(f"{where}.case", shown(label), "a text")
     same_form = _same_form(truth, magnitude)
-    if "same_form" in told:
-        same_form = _numbers(f"{where}.same_form", told["same_form"])
+    if "same_form" in entry:
+        same_form = _numbers(f"{where}.same_form", entry["same_form"])
         known = {parameter.name for effect in library().values() for parameter in effect.parameters}
         if unknown := sorted(set(same_form) - known):
             raise BadInput(f"{where}.same_form.{unknown[0]}", "unknown parameter", f"one of {', '.join(sorted(known))}")
     return Answer(folder, case, truth, label, magnitude, same_form)
 
 
-def _truth(where: str, told: Mapping[str, Any]) -> tuple[str, ...]:
-    if "truth" not in told:
+def _truth(where: str, entry: Mapping[str, Any]) -> tuple[str, ...]:
+    if "truth" not in entry:
         raise BadInput(where, "missing", f'a list of effects, ["{OUTSIDE}"], or []')
-    truth = told["truth"]
+    truth = entry["truth"]
     if not isinstance(truth, list) or not all(isinstance(one, str) for one in truth):
         raise BadInput(where, shown(truth), f'a list of effects, ["{OUTSIDE}"], or []')
     if truth == [OUTSIDE]:
@@ -111,13 +111,13 @@ def _truth(where: str, told: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(truth)
 
 
-def _numbers(where: str, told: Any) -> dict[str, float]:
-    if not isinstance(told, dict):
-        raise BadInput(where, shown(told), "an object of numbers by name")
-    for name, value in told.items():
+def _numbers(where: str, numbers: Any) -> dict[str, float]:
+    if not isinstance(numbers, dict):
+        raise BadInput(where, shown(numbers), "an object of numbers by name")
+    for name, value in numbers.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise BadInput(f"{where}.{name}", shown(value), "a finite number")
-    return {name: float(value) for name, value in told.items()}
+    return {name: float(value) for name, value in numbers.items()}
 
 
 def _same_form(truth: Iterable[str], magnitude: Mapping[str, float]) -> dict[str, float]:

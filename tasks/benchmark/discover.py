@@ -1,6 +1,6 @@
 """Cohorts with known answers, each run blind by `sinew discover`, and scored when all of them are through.
 
-A run is told the case's folder and a study, nothing else. It leaves in ``OUT/FOLDER/CASE`` what `sinew discover`
+A run gets the case's folder and a study, nothing else. It leaves in ``OUT/FOLDER/CASE`` what `sinew discover`
 leaves, ``study.yaml``, and ``case.json`` with what the verdict depends on: a case with a verdict for the same inputs
 is not run again. One that fails is a line of the result.
 """
@@ -14,21 +14,20 @@ from typing import Any
 
 import yaml
 
-import tasks
-from runner.errors import WalltimeReached
-from tasks import pipeline
-from tasks.benchmark.answers import Answer, read_answers
-from tasks.benchmark.score import Case, Median, Share, class_of, coverage, medians, outcome_of, shares
-from tasks.benchmark.selectors import Selected, compare
-from tasks.benchmark.told import read_told
-from tasks.problems import BadInput, one_line, shown
-from tasks.resources import resource
-from tasks.study import Study, read_study
-from tasks.workspace import check_folder, digest, open_workspace, read_result, write_json, write_text
+from sinew.runner.errors import BadInput, WalltimeReached, one_line, shown
+from sinew.tasks import pipeline
+from sinew.tasks.benchmark.answers import Answer, read_answers
+from sinew.tasks.benchmark.score import Case, Median, Share, class_of, coverage, medians, outcome_of, shares
+from sinew.tasks.benchmark.selectors import Selected, compare
+from sinew.tasks.cluster.spec import cluster_of
+from sinew.tasks.discover.result import COPY, DiscoverResult
+from sinew.tasks.study.files import digest, read_json, write_json, write_text
+from sinew.tasks.study.resources import resource
+from sinew.tasks.study.study import Study, read_study
+from sinew.tasks.study.workspace import check_folder, open_workspace
 
 STUDY = "configs/discover.yaml"
 LOGGED = "case.json"
-CODE = ("discover/*.py", "model/**/*.py", "simulate/*.py", "fits.py", "noise.py")  # what a verdict depends on
 
 Say = Callable[[str], None]
 
@@ -69,10 +68,9 @@ def benchmark(
         runs.append(run)
         say(f"{number} of {len(answers)}  {answer.name}: {_said(out / answer.folder / answer.case, run)}")
     cases = [
-        Case(answer, None if run.error else read_told(out / answer.folder / answer.case / "verdict.json"), run.seconds,
-             run.error)
+        Case(answer, None if run.error else _verdict(out / answer.folder / answer.case), run.seconds, run.error)
         for answer, run in zip(answers, runs, strict=True)
-    ]  # fmt: skip
+    ]
     result = result_of(cases, mixed=sum(run.mixed for run in runs))
     write_json(out / "benchmark.json", result)
     return result
@@ -107,16 +105,16 @@ def _base(path: Path) -> dict[str, Any]:
 def run_case(cohort: Path, out: Path, base: dict[str, Any], workers: int | None) -> Run:
     """See to it that a case has a verdict, from its cohort alone."""
     text = yaml.safe_dump({**base, "cohort": str(cohort), "tasks": ["discover"]}, sort_keys=False, allow_unicode=True)
-    inputs, code = digest(_files(cohort), text), _code()
-    before = read_result(out / LOGGED) or {}
+    inputs, method = digest(_files(cohort), text), digest(DiscoverResult.method())
+    before = read_json(out / LOGGED) or {}
     codes = [one for one in before.get("codes", []) if isinstance(one, str)]
-    verdict = out / "verdict.json"
-    if before.get("inputs") == inputs and codes[-1:] == [code] and before.get("finished") and verdict.is_file():
+    verdict = out / COPY
+    if before.get("inputs") == inputs and codes[-1:] == [method] and before.get("finished") and verdict.is_file():
         return Run(before.get("seconds"), None, len(codes) > 1)
     out.mkdir(parents=True, exist_ok=True)
     verdict.unlink(missing_ok=True)
     fresh = not (out / "discover").exists()
-    codes = [code] if fresh else [*dict.fromkeys(one for one in codes if one != code), code]
+    codes = [method] if fresh else [*dict.fromkeys(one for one in codes if one != method), method]
     logged = {"inputs": inputs, "codes": codes, "finished": False}
     write_json(out / LOGGED, logged)
     write_text(out / "study.yaml", text)
@@ -131,7 +129,7 @@ def _discover(study: Study, out: Path, workers: int | None) -> str | None:
     """Run `sinew discover`. Returns why it failed, None when it did not."""
     try:
         pipeline.check(study, out, study.tasks)
-        with open_workspace(study, out=out, cluster=study.cluster_spec(workers), quiet=True) as workspace:
+        with open_workspace(study, out=out, cluster=cluster_of(study, workers), quiet=True) as workspace:
             pipeline.run(workspace, study.tasks)
     except WalltimeReached:
         raise
@@ -146,20 +144,20 @@ def _files(folder: Path) -> list[list[str]]:
     return [[str(path.relative_to(folder)), hashlib.blake2b(path.read_bytes()).hexdigest()[:32]] for path in paths]
 
 
-def _code() -> str:
-    """Names the code behind a verdict."""
-    root = Path(tasks.__file__).parent
-    return digest(*(path.read_text("utf-8") for pattern in CODE for path in sorted(root.glob(pattern))))
+def _verdict(out: Path) -> DiscoverResult:
+    """What a discovery left. Raises :class:`BadInput` when it cannot be read."""
+    found = DiscoverResult.read(out)
+    if found is None:
+        raise BadInput(DiscoverResult.path(out), "is not there", "a verdict that `sinew discover` wrote")
+    return found
 
 
 def _said(out: Path, run: Run) -> str:
     """A verdict in a few words; the truth is not known yet."""
     if run.error:
         return f"failed: {run.error}"
-    found = read_result(out / "verdict.json") or {}
-    what = " + ".join(found.get("effects", [])) or " or ".join(found.get("set", []))
     seconds = "" if run.seconds is None else f" ({run.seconds:.0f} s)"
-    return f"{found.get('verdict')} {what}".strip() + seconds
+    return _verdict(out).headline + seconds
 
 
 def result_of(cases: Sequence[Case], mixed: int = 0) -> dict[str, Any]:
@@ -181,19 +179,19 @@ def _counts(words: Sequence[str]) -> dict[str, int]:
 
 
 def _case(case: Case) -> dict[str, Any]:
-    told = case.told
+    result = case.result
     held = coverage([case])
     return {
         "name": case.answer.name,
         "label": case.answer.label,
         "truth": list(case.answer.truth),
         "class": class_of(case),
-        "verdict": told.word if told else None,
-        "effects": list(told.effects) if told else [],
-        "set": list(told.alike) if told else [],
+        "verdict": result.verdict if result else None,
+        "effects": list(result.effects) if result else [],
+        "set": list(result.set) if result else [],
         "outcome": outcome_of(case),
-        "closed": told.closed if told else None,
-        "misfit": told.null_loss - told.floor if told else None,
+        "closed": result.gap.closed if result else None,
+        "misfit": result.null.loss - result.null.floor if result else None,
         "intervals": {"hold": held.count, "of": held.of},
         "seconds": case.seconds,
         "error": case.error,

@@ -4,14 +4,14 @@ Whether a case could have been solved at all is judged from the truth and the lo
 verdict. docs/discover_benchmark.md has the same definitions in words.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from tasks.benchmark.answers import Answer
-from tasks.benchmark.told import Option, Told
-from tasks.discover.confidence import MEANING, clopper_pearson
+from sinew.tasks.benchmark.answers import Answer
+from sinew.tasks.discover.judge.confidence import MEANING, clopper_pearson
+from sinew.tasks.discover.result import CandidateResult, DiscoverResult
 
 CLEAR = 30.0  # of a whitened sum of squares, beyond what it is expected to be
 DEVIATIONS = 3.0  # standard deviations of that sum, on top
@@ -30,10 +30,10 @@ RIGHT, WRONG, INCOMPLETE, OPEN, ASTRAY, ALARM, MISSED = (
 
 @dataclass(frozen=True)
 class Case:
-    """A case: what is hidden, what was said of it (None when it failed), and how long that took (None: unknown)."""
+    """A case: what is hidden, the discovery (None when it failed), and how long that took (None: unknown)."""
 
     answer: Answer
-    told: Told | None
+    result: DiscoverResult | None
     seconds: float | None = None
     error: str | None = None
 
@@ -84,88 +84,89 @@ class Median:
         return float(low), float(high)
 
 
-def null_rejected(told: Told) -> bool:
+def null_rejected(result: DiscoverResult) -> bool:
     """Whether the data clearly speak against the model as it is, whatever it lacks.
 
     Its loss is far beyond that of a true model (chi-square: the standard deviation is the root of twice the degrees of
     freedom), or some candidate gains far more than its parameters would by chance.
     """
-    if told.null_loss - told.floor > _clear(max(told.floor, 0.0)):
+    if result.null.loss - result.null.floor > _clear(max(result.null.floor, 0.0)):
         return True
-    return any(told.null_loss - one.loss - one.free > _clear(one.free) for one in told.options)
+    return any(result.null.loss - one.loss - one.free > _clear(one.free) for one in result.candidates)
 
 
 def _clear(freedom: float) -> float:
     return CLEAR + DEVIATIONS * float(np.sqrt(2.0 * freedom))
 
 
-def told_apart(told: Told, slug: str) -> bool:
+def told_apart(result: DiscoverResult, slug: str) -> bool:
     """Whether the true effect fits clearly better than each other single effect.
 
     Both by the likelihood, and by what is left beyond noise: where the truth has another form than the library, it
     leaves something itself, and a small difference then says little.
     """
-    truth = next((one for one in told.options if one.effects == (slug,)), None)
+    truth = next((one for one in result.candidates if one.effects == (slug,)), None)
     if truth is None:
         return False
-    left = max(truth.loss - told.floor, 0.0)
+    floor = result.null.floor
+    left = max(truth.loss - floor, 0.0)
     return all(
-        other.criterion - truth.criterion > CLEAR and other.loss - told.floor > APART * left
-        for other in told.options
+        truth.gain - other.gain > CLEAR and other.loss - floor > APART * left
+        for other in result.candidates
         if len(other.effects) == 1 and other.effects != truth.effects
     )
 
 
-def second_seen(told: Told) -> bool:
+def second_seen(result: DiscoverResult) -> bool:
     """Whether the data clearly speak against every single effect, as they must where two can be told from one."""
-    alone = min((one.loss for one in told.options if len(one.effects) == 1), default=told.null_loss)
-    return alone - told.floor > _clear(max(told.floor, 0.0))
+    alone = min((one.loss for one in result.candidates if len(one.effects) == 1), default=result.null.loss)
+    return alone - result.null.floor > _clear(max(result.null.floor, 0.0))
 
 
 def class_of(case: Case) -> str:
     """One of :data:`CLASSES`."""
-    told, answer = case.told, case.answer
-    if told is None:
+    result, answer = case.result, case.answer
+    if result is None:
         return FAILED
     if not answer.truth:
         return NULL
-    if not null_rejected(told):
+    if not null_rejected(result):
         return UNDETECTABLE
     if answer.outside:
         return OUTSIDE_CLASS
     if len(answer.truth) > 1:
         return PAIR
-    if not any(one.effects == answer.truth for one in told.options):
+    if not any(one.effects == answer.truth for one in result.candidates):
         return NOT_ASKED
-    return DETECTABLE if told_apart(told, answer.truth[0]) else ALIKE
+    return DETECTABLE if told_apart(result, answer.truth[0]) else ALIKE
 
 
 def outcome_of(case: Case) -> str:
     """What a verdict is worth: right, wrong name, one of two, open, astray, false alarm, missed, or failed."""
-    told, answer = case.told, case.answer
-    if told is None:
+    result, answer = case.result, case.answer
+    if result is None:
         return FAILED
     kind, truth = class_of(case), set(answer.truth)
-    if told.word == "NAMED":
-        if not set(told.effects) <= truth:
+    if result.verdict == "NAMED":
+        if not set(result.effects) <= truth:
             return WRONG
-        return RIGHT if set(told.effects) == truth else INCOMPLETE
+        return RIGHT if set(result.effects) == truth else INCOMPLETE
     if kind == NULL:
-        return ALARM if _alarms(told) else RIGHT
+        return ALARM if _alarms(result) else RIGHT
     if kind == UNDETECTABLE:
-        return ASTRAY if told.word == "OUTSIDE" and not answer.outside else RIGHT
+        return ASTRAY if result.verdict == "OUTSIDE" and not answer.outside else RIGHT
     if answer.outside:
-        return RIGHT if told.word == "OUTSIDE" else MISSED
-    if told.word == "NONE":
+        return RIGHT if result.verdict == "OUTSIDE" else MISSED
+    if result.verdict == "NONE":
         return MISSED
-    if told.word == "OUTSIDE" or not truth <= set(told.alike):
-        return RIGHT if kind == NOT_ASKED and told.word == "OUTSIDE" else ASTRAY
+    if result.verdict == "OUTSIDE" or not truth <= set(result.set):
+        return RIGHT if kind == NOT_ASKED and result.verdict == "OUTSIDE" else ASTRAY
     return RIGHT if kind == ALIKE else OPEN
 
 
-def _alarms(told: Told) -> bool:
+def _alarms(result: DiscoverResult) -> bool:
     """Whether a verdict says that something is missing; AMBIGUOUS without effects says only that a fit is not safe."""
-    return told.word in ("NAMED", "OUTSIDE") or (told.word == "AMBIGUOUS" and bool(told.alike))
+    return result.verdict in ("NAMED", "OUTSIDE") or (result.verdict == "AMBIGUOUS" and bool(result.set))
 
 
 def shares(cases: Sequence[Case]) -> list[Share]:
@@ -175,11 +176,11 @@ def shares(cases: Sequence[Case]) -> list[Share]:
     singles = [case for case in cases if len(case.answer.truth) == 1 and not case.answer.outside]
     pairs = [case for case in cases if len(case.answer.truth) > 1]
     outside = [case for case in cases if case.answer.outside]
-    nulls = [case for case in by_class[NULL] if case.told]
-    ambiguous = [case for case in [*singles, *pairs] if case.told and case.told.word == "AMBIGUOUS"]
+    nulls = [case for case in by_class[NULL] if case.result]
+    ambiguous = [case for case in [*singles, *pairs] if case.result and case.result.verdict == "AMBIGUOUS"]
     detectable = [*by_class[DETECTABLE], *(case for case in singles if case in failed)]
     found_outside = [*by_class[OUTSIDE_CLASS], *(case for case in outside if case in failed)]
-    done = [case for case in cases if case.told]
+    done = [case for case in cases if case.result]
     return [
         _share("named correctly, clearly detectable single effects", detectable, named_right),
         _share("wrong confident name, all but two effects", [c for c in done if c not in pairs], named_wrong, False),
@@ -188,7 +189,7 @@ def shares(cases: Sequence[Case]) -> list[Share]:
         _share("outside the library, called OUTSIDE", found_outside, lambda case: _word(case) == "OUTSIDE"),
         _share("both of two effects named", pairs, named_right),
         _share("both of two effects named, where one alone is rejected",
-               [case for case in by_class[PAIR] if case.told and second_seen(case.told)], named_right),
+               [case for case in by_class[PAIR] if case.result and second_seen(case.result)], named_right),
         _share("wrong confident name, two effects", [c for c in done if c in pairs], named_wrong, False),
         _share("named correctly, all single effects", singles, named_right),
         _share("NONE or AMBIGUOUS where nothing can be seen", by_class[UNDETECTABLE], lambda case: _word(case)
@@ -199,7 +200,7 @@ def shares(cases: Sequence[Case]) -> list[Share]:
 
 
 def by_word(cases: Sequence[Case]) -> dict[str, Share]:
-    """How often verdicts of each word were true: what :mod:`tasks.discover.confidence` keeps a record of."""
+    """How often verdicts of each word were true, as recorded in :mod:`sinew.tasks.discover.judge.confidence`."""
     said = {word: [case for case in cases if _word(case) == word] for word in MEANING}
     true: dict[str, Callable[[Case], bool]] = {
         "NAMED": lambda case: not named_wrong(case),
@@ -212,7 +213,7 @@ def by_word(cases: Sequence[Case]) -> dict[str, Share]:
 
 def medians(cases: Sequence[Case]) -> list[Median]:
     """The rows of the table that are medians."""
-    closed = [case.told.closed for case in cases if case.told and case.told.word == "NAMED"]
+    closed = [case.result.gap.closed for case in cases if case.result and case.result.verdict == "NAMED"]
     return [
         Median("gap closed on held-out data when named", tuple(one for one in closed if one is not None)),
         Median("time of a case", tuple(case.seconds for case in cases if case.seconds is not None), "s"),
@@ -224,7 +225,7 @@ def _share(name: str, cases: Sequence[Case], yes: Callable[[Case], bool], high: 
 
 
 def _word(case: Case) -> str:
-    return case.told.word if case.told else ""
+    return case.result.verdict if case.result else ""
 
 
 def named_right(case: Case) -> bool:
@@ -239,21 +240,20 @@ def named_wrong(case: Case) -> bool:
 
 def inside(case: Case) -> bool:
     """Whether all of the truth is in the set of an AMBIGUOUS verdict."""
-    return case.told is not None and set(case.answer.truth) <= set(case.told.alike)
+    return case.result is not None and set(case.answer.truth) <= set(case.result.set)
 
 
 def coverage(cases: Sequence[Case]) -> Share:
     """How many 90 % intervals of correctly named effects hold the true value: each parameter of each specimen."""
     held: list[bool] = []
     for case in cases:
-        if case.told and named_right(case):
-            named = _option(case.told.options, case.told.effects)
-            intervals: Mapping[str, Mapping[str, tuple[float, float]]] = named.intervals if named else {}
-            for values in intervals.values():
+        if case.result and named_right(case):
+            named = _candidate(case.result.candidates, case.result.effects)
+            for values in named.parameters.values() if named else ():
                 known = [(values[name], true) for name, true in case.answer.same_form.items() if name in values]
-                held += [low <= true <= high for (low, high), true in known]
+                held += [one.interval[0] <= true <= one.interval[1] for one, true in known]
     return Share("90 % interval holds the effect's parameter (same form)", sum(held), len(held))
 
 
-def _option(options: Sequence[Option], effects: tuple[str, ...]) -> Option | None:
-    return next((one for one in options if set(one.effects) == set(effects)), None)
+def _candidate(candidates: Sequence[CandidateResult], effects: tuple[str, ...]) -> CandidateResult | None:
+    return next((one for one in candidates if set(one.effects) == set(effects)), None)

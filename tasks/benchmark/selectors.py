@@ -7,8 +7,23 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from tasks.benchmark.score import DETECTABLE, FAILED, NULL, Case, Share, class_of, named_right, named_wrong
-from tasks.benchmark.told import Option, Told
+from sinew.tasks.benchmark.score import DETECTABLE, FAILED, NULL, Case, Share, class_of, named_right, named_wrong
+from sinew.tasks.discover.result import DiscoverResult
+
+
+@dataclass(frozen=True)
+class Option:
+    """The model as it is (no ``effects``), or a candidate; losses and criterion as in :mod:`sinew.tasks.discover`.
+
+    ``free`` counts the effects' parameters over all specimens. ``held_out``: gain on held-out data, None: not known.
+    """
+
+    effects: tuple[str, ...]
+    loss: float
+    free: int
+    criterion: float
+    held_out: float | None
+
 
 Number = Callable[[Option], float]
 
@@ -35,13 +50,18 @@ class Selected:
     alarms: Share
 
 
-def selected(told: Told, number: Number, singles: bool) -> tuple[str, ...]:
+def selected(result: DiscoverResult, number: Number, singles: bool) -> tuple[str, ...]:
     """The effects that a selector takes, none for the model as it is; ``singles``: of single effects only.
 
     Equal numbers go to what has fewer effects.
     """
-    null = Option((), told.null_loss, 0, told.null_loss, 0.0)
-    options = [null, *(one for one in told.options if not singles or len(one.effects) == 1)]
+    bare = result.null.loss
+    options = [Option((), bare, 0, bare, 0.0)]
+    options += [
+        Option(one.effects, one.loss, one.free, bare - one.gain, one.held_out)
+        for one in result.candidates
+        if not singles or len(one.effects) == 1
+    ]
     return min(options, key=lambda one: (number(one), len(one.effects), one.effects)).effects
 
 
@@ -51,7 +71,7 @@ def compare(cases: Sequence[Case]) -> list[Selected]:
     rated = [case for case in done if len(case.answer.truth) < 2]
     detectable = [case for case in rated if class_of(case) == DETECTABLE]
     nulls = [case for case in rated if class_of(case) == NULL]
-    told = {id(case): case.told for case in done if case.told is not None}
+    results = {id(case): case.result for case in done if case.result is not None}
 
     def rate(name: str, right: Callable[[Case], bool], named: Callable[[Case], bool]) -> Selected:
         return Selected(
@@ -64,7 +84,7 @@ def compare(cases: Sequence[Case]) -> list[Selected]:
     found = [rate("sinew discover (names)", named_right, named_wrong)]
     for singles, words in ((True, "one effect"), (False, "one or two effects")):
         for name, number in SELECTORS:
-            taken = {key: set(selected(one, number, singles)) for key, one in told.items()}
+            taken = {key: set(selected(one, number, singles)) for key, one in results.items()}
             found.append(
                 rate(
                     f"{name}, {words}",

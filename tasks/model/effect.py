@@ -1,17 +1,17 @@
-"""An effect: one piece of physics that the baseline model lacks, as data and a few plain functions.
+"""An effect: a physical mechanism that the baseline model lacks, as data and a few plain functions.
 
-The embedded simulator takes bars through these stages, and an effect may change any of them:
+The embedded simulator computes a test in these stages, and an effect may change any of them:
 
 1. ``material``      constants: the baseline's parameters, beta, lambda_0 and area_mm2
-2. ``displacement``  displacement of the gauge length, from that of the grips and from the force; ``giving_way`` tells
-   how it depends on the force, so that both are found together
+2. ``displacement``  displacement of the gauge length, from that of the grips and from the force; ``giving_way`` is
+   its dependence on the force, so that both are solved for together
 3. ``fibre_stretch`` stretch of the fibres, from that of the bar
 4. ``fibre_law``     the fibres' law, from the baseline's;  ``matrix_stress``, ``fibre_stress``  elastic second
    Piola-Kirchhoff stress of each constituent
 5. ``branches``      further viscous branches;  ``slowing``  factor on the baseline's relaxation times
-6. ``reading``       what the load cell reports of the force
+6. ``reading``       the force as the load cell reports it
 
-Each function is told the state so far (:class:`Bars`) and the effect's own values by name, each ``[n, 1]`` so that
+Each function receives the state so far (:class:`Bars`) and the effect's own values by name, each ``[n, 1]`` so that
 it broadcasts over time, and returns what the stage is named after. Where several effects change one stage, they act in
 the alphabetical order of their slugs.
 """
@@ -22,7 +22,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tasks.model.parameters import Model, Parameter
+from sinew.tasks.model.parameters import Model, Parameter
 
 Array = np.ndarray[Any, np.dtype[Any]]
 Values = Mapping[str, Array]
@@ -44,11 +44,11 @@ are expressions that replace the constant.
 
 @dataclass(frozen=True, eq=False)
 class Bars:
-    """``n`` bars on their way through the stages, along one protocol of ``t`` points.
+    """The state of ``n`` bars between two stages, along one protocol of ``t`` points.
 
     ``time_s`` ``[t]``; ``material`` by name ``[n, 1]`` (MPa, s, mm2 or none); ``displacement_mm`` of the gauge length,
     ``stretch`` of bar and fibres, elastic stresses (MPa) and force (N) ``[n, t]``. What a later stage gives is zero
-    before it, except that ``displacement`` is told the force of the iteration before, and ``rigid_N`` ``[n, t]``: the
+    before it, except that ``displacement`` receives the force of the iteration before, and ``rigid_N`` ``[n, t]``: the
     force (N) if nothing gave way between grips and gauge length.
     """
 
@@ -90,7 +90,7 @@ class Branch:
 
 @dataclass(frozen=True, eq=False)
 class GivingWay:
-    """How lost displacement s follows the force F from point to point: ds <- kept ds + compliance dF.
+    """How displacement lost outside the gauge length, s, follows the force F: ds <- kept ds + compliance dF.
 
     ``compliance`` (mm/N) and ``kept`` (1 where what is lost stays lost, else 0), each ``[n, t]``.
     """
@@ -144,7 +144,7 @@ class Effect:
     reading: Hook | None = None
 
     def __post_init__(self) -> None:
-        """Raises :class:`ValueError` when what the effect says of itself does not fit together."""
+        """Raises :class:`ValueError` when the fields of the effect contradict each other."""
         for what, said, possible in (
             ("null", self.null, self.names),
             ("shared", self.shared, self.names),
@@ -160,7 +160,7 @@ class Effect:
 
     @property
     def name(self) -> str:
-        """How a study names it: the slug and, for other forms, which."""
+        """Its name in a study: the slug and, for other forms, the form."""
         return f"{self.slug}/{self.form}" if self.form else self.slug
 
     @property
@@ -187,6 +187,6 @@ def in_order(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
 
 
 def model_with(model: Model, effects: tuple[Effect, ...]) -> Model:
-    """The model with the effects' parameters behind its own, in the order given."""
+    """The model with the effects' parameters after its own, in the order given."""
     added = tuple(parameter for effect in effects for parameter in effect.parameters)
     return Model((*model.parameters, *added), model.beta, model.lambda_0)

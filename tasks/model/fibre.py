@@ -11,6 +11,9 @@ from typing import Any
 import numba
 import numpy as np
 
+# np.float_power for powers with an exponent for each bar: ``**`` computes squares another way when there is one bar
+# alone, so that its last digit would depend on its neighbours.
+
 Array = np.ndarray[Any, np.dtype[Any]]
 
 
@@ -29,14 +32,14 @@ def energy(stretch: Array, material: Mapping[str, Array]) -> Array:
     modulus, alpha, beta, lambda_0 = (material[name] for name in ("E_f", "alpha_f", "beta", "lambda_0"))
     toe, _, _, _, linear, _ = (constant[:, np.newaxis] for constant in _constants(material))
     square, square_0 = stretch**2, lambda_0**2
-    decay = np.exp(-alpha * (square_0 - 1.0) ** beta)
+    decay = np.exp(-alpha * np.float_power(square_0 - 1.0, beta))
     in_toe = _toe_energy(np.clip(square, 1.0, square_0) - 1.0, toe * decay, alpha, beta)
     beyond = np.maximum(square, square_0)
     return in_toe + 0.5 * linear * (beyond - square_0) - modulus * (np.sqrt(beyond) - lambda_0)
 
 
 def _toe_energy(strain: Array, slope: Array, alpha: Array, beta: Array) -> Array:
-    power = strain**beta
+    power = np.float_power(strain, beta)
     safe = np.where(alpha == 0.0, 1.0, alpha)
     return 0.5 * slope / beta * np.where(alpha == 0.0, power, np.expm1(alpha * power) / safe)
 
@@ -45,9 +48,9 @@ def _constants(material: Mapping[str, Array]) -> tuple[Array, Array, Array, Arra
     """2 xi exp(alpha (I0-1)^beta), alpha, beta, I0, 2 B and E_f, each ``[n]``."""
     modulus, alpha, beta, lambda_0 = (material[name][:, 0] for name in ("E_f", "alpha_f", "beta", "lambda_0"))
     square = lambda_0**2
-    power = (square - 1) ** beta
+    power = np.float_power(square - 1.0, beta)
     d = 4 * square**1.5 * (beta - 1 + alpha * beta * power)
-    toe = 2 * modulus * (square - 1) ** (2 - beta) / d
+    toe = 2 * modulus * np.float_power(square - 1.0, 2.0 - beta) / d
     linear = 2 * modulus * (2 * square * (beta - 0.5 + alpha * beta * power) - 1) / d
     return toe, alpha, beta, square, linear, modulus
 
@@ -59,7 +62,7 @@ def _stress(stretch, toe, alpha, beta, toe_end, linear, modulus, result):  # typ
         last, value = np.nan, 0.0
         for t in range(stretch.shape[1]):
             stretched = stretch[row, t]
-            if stretched != last:  # the powers are dear, and a hold needs them once
+            if stretched != last:  # powers are expensive; a hold needs them once
                 square = stretched * stretched
                 strain = square - 1.0
                 if square <= 1.0:

@@ -13,8 +13,8 @@ class Parameter:
     """One parameter: ``minimum`` and ``maximum`` bound its study, ``reference`` is used where nothing else is given.
 
     A fixed parameter has equal bounds. ``floor`` and ``ceiling`` bound what is physically possible; a floor that is
-    ``exclusive`` is not possible itself (a relaxation time of 0 s). Of a parameter of a user's ``own`` only the range
-    is known, so that is taken for what is possible.
+    ``exclusive`` is not possible itself (a relaxation time of 0 s). For a parameter of a user's ``own`` model, only
+    the range is known, so the range bounds what is possible.
     """
 
     name: str
@@ -72,7 +72,7 @@ TENDON: tuple[Parameter, ...] = (
 
 
 def own_parameter(name: str, unit: str, minimum: float, maximum: float, reference: float | None = None) -> Parameter:
-    """A parameter of a user's own template; its ``reference`` is the middle of its range if you say nothing."""
+    """A parameter of a user's own template; its ``reference`` is the middle of its range unless given."""
     above = float(np.nextafter(maximum, np.inf))
     middle = (minimum + maximum) / 2 if reference is None else reference
     return Parameter(name, unit, minimum, maximum, middle, "", minimum, above, own=True)

@@ -1,7 +1,7 @@
-"""What a displacement history does when: loads, unloads, holds. Read off the displacement alone.
+"""The phases of a displacement history: loading, unloading and holds, found from the displacement alone.
 
-A stretch of time is a hold when the displacement moves much slower there than it does where it moves, and ends about
-where it began; so a slow ramp among fast ones is still a ramp.
+A hold is a period in which the displacement changes much more slowly than usual and ends about where it began. A slow
+ramp among fast ones is therefore still a ramp.
 """
 
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ from typing import Literal
 import numpy as np
 from scipy.ndimage import median_filter
 
-from tasks.model.specimen import Array, Protocol
+from sinew.tasks.model.specimen import Array, Protocol
 
 Kind = Literal["load", "unload", "hold"]
-SLOW = 0.1  # of the usual speed while the displacement moves
+SLOW = 0.1  # of the usual speed of the ramps
 STAYS = 0.02  # of the whole range of the displacement
-SMOOTHED = 5  # points over which a speed is taken, against noise of the displacement
+SMOOTHED = 5  # points of the median filter of the speed, against noise of the displacement
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def phases(protocol: Protocol) -> tuple[Phase, ...]:
     if speed.size > 2 * SMOOTHED:
         speed = median_filter(speed, SMOOTHED, mode="nearest")
     kinds = _directions(speed, np.diff(time), moved, STAYS * whole)
-    for begin, end in _runs(kinds):  # a wobble within a phase
+    for begin, end in _runs(kinds):  # a small reversal within a phase
         way = abs(moved[end] - moved[begin])
         if kinds[begin] != 0 and way <= STAYS * whole and begin > 0:
             kinds[begin:end] = kinds[begin - 1]
@@ -61,8 +61,8 @@ def phases(protocol: Protocol) -> tuple[Phase, ...]:
 
 
 def _directions(speed: Array, steps: Array, moved: Array, stays: float) -> Array:
-    """1, -1 or 0 for each step ``[t - 1]``; slow steps that get somewhere are looked at again among themselves."""
-    usual = float(np.sum(speed**2 * steps) / np.sum(np.abs(speed) * steps))  # where it moves: weighted by the way
+    """1, -1 or 0 for each step ``[t - 1]``. Slow steps that lead somewhere else are judged again on their own."""
+    usual = float(np.sum(speed**2 * steps) / np.sum(np.abs(speed) * steps))  # weighted by the distance travelled
     kinds = np.where(np.abs(speed) < SLOW * usual, 0, np.sign(speed)).astype(int)
     for begin, end in _runs(kinds):
         if kinds[begin] == 0 and abs(moved[end] - moved[begin]) > stays:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tasks.model.specimen import Protocol
+from sinew.tasks.model.specimen import Protocol
 
 STRAIN_RATE = 0.006  # 1/s
 HOLD_S = 200.0

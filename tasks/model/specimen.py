@@ -1,4 +1,4 @@
-"""Specimens, the displacement histories they are pulled by, and the forces measured meanwhile."""
+"""Specimens, their displacement histories, and the forces measured along them."""
 
 import hashlib
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ class Curve:
 
     @property
     def digest(self) -> str:
-        """Names the numbers of this curve."""
+        """A hash of the numbers of this curve."""
         hashed = hashlib.blake2b(digest_size=16)
         for array in (self.protocol.time_s, self.protocol.displacement_mm, self.force_N):
             hashed.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
@@ -60,7 +60,7 @@ class Curve:
 
 
 def file_name(name: str) -> str:
-    """The ``name`` of a specimen in names of files and results: ``distal/3`` is ``distal_3`` there."""
+    """The ``name`` of a specimen as part of a file name: ``distal_3`` for ``distal/3``."""
     return name.replace("/", "_")
 
 

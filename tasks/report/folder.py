@@ -5,22 +5,28 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import xarray as xr
 
-from runner.errors import StoreError
-from runner.store import Store, Table, open_store
-from tasks.evaluate import kept_points
-from tasks.model import Protocol, file_name
-from tasks.problems import BadInput, one_line, shown
-from tasks.simulate import Array
-from tasks.status import read_status
-from tasks.task import TASKS
+from sinew.runner.errors import BadInput, StoreError, one_line
+from sinew.runner.files import NotReadable, read_regular
+from sinew.runner.store.store import Store, open_store, refuse_strange_entries
+from sinew.runner.store.table import Table
+from sinew.tasks.discover.result import DiscoverResult
+from sinew.tasks.model import Protocol, file_name
+from sinew.tasks.registry import TASKS
+from sinew.tasks.report.status import read_status
+from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.evaluation import kept_points
+from sinew.tasks.simulate.registry import of_own_models
+from sinew.tasks.study.result import Result
 
+R = TypeVar("R", bound=Result)
+
+MAX_LOG_BYTES = 2**27
 POINTS = 500  # of a curve, at the most: more than a plot of a page's width can show
-MAX_JSON_BYTES = 64 * 2**20
 
 
 @dataclass(frozen=True)
@@ -47,16 +53,20 @@ class MeasuredCurve:
 
 
 @dataclass(frozen=True)
-class Found:
+class ResultFolder:
     """A result folder as it is. ``trouble`` holds a line for each thing in it that cannot be read."""
 
     folder: Path
-    results: dict[str, dict[str, Any]]
+    results: dict[str, Any]
     states: dict[str, State]
     events: list[dict[str, Any]]
     store: Store | None
     status: dict[str, Any] | None
     trouble: list[str] = field(default_factory=list)
+
+    def result(self, kind: type[R]) -> R | None:
+        """The result of a task, if there is one."""
+        return self.results.get(kind.TASK)
 
     @property
     def name(self) -> str:
@@ -73,7 +83,7 @@ class Found:
         """Tables of evaluations of one specimen, by its name; the one with the most points of its curves first."""
         found: dict[str, list[Table]] = {}
         for table in self.store.tables() if self.store is not None else []:
-            if "protocol" in table.group:  # those of a site have none
+            if protocols_of(table):
                 found.setdefault(table.title.rpartition(" ")[0], []).append(table)
         for tables in found.values():
             tables.sort(key=_points, reverse=True)
@@ -83,8 +93,8 @@ class Found:
     def measured(self) -> dict[str, dict[str, MeasuredCurve]]:
         """Measured curves by specimen and protocol, from the evaluations, else from what a discovery looked at."""
         found = {name: dict(_curves(tables[0])) for name, tables in self.tables.items()}
-        cells = self.results.get("discover", {}).get("cells")
-        for name in cells if isinstance(cells, dict) else ():
+        discovery = self.result(DiscoverResult)
+        for name in discovery.cells if discovery is not None else ():
             if name not in found and self.store is not None:
                 kept = self.store.read_result(f"discover/{file_name(name)}")
                 protocols = sorted(str(key).removeprefix("time_") for key in kept.dims)
@@ -104,16 +114,16 @@ class Found:
     def missing(self, task: str) -> str:
         """Why a task has no result, and what to run."""
         state, command = self.states[task], f"`sinew {task} {self.study}`"
-        told = {
+        sentences = {
             "not run": self._not_run(task, command),
             "running": "Running now: its section fills when it ends.",
             "stopped": f"Stopped before its end; {command} goes on, finished rows are kept.",
             "failed": f"Failed: {state.why}. Then {command} goes on, finished rows are kept.",
         }
-        return told.get(state.word, f"{state.why[:1].upper()}{state.why[1:]}.")
+        return sentences.get(state.word, f"{state.why[:1].upper()}{state.why[1:]}.")
 
     def _not_run(self, task: str, command: str) -> str:
-        if self.runs and self.runs[-1].get("simulator") == "template":
+        if self.runs and self.runs[-1].get("simulator") in of_own_models():
             if task == "discover":
                 return "Not for a template: what this names are effects of sinew's own tissue."
             if task in ("calibrate", "infer", "predict", "compare") and not self.forces:
@@ -123,17 +133,18 @@ class Found:
         return f"Not run yet: {command}."
 
 
-def read_folder(folder: Path) -> Found:
+def read_folder(folder: Path) -> ResultFolder:
     """Read a result folder, finished or not. Raises :class:`BadInput` when it is none at all."""
     if not folder.is_dir():
         problem = "is a file" if folder.exists() else "is not there"
         raise BadInput(folder, problem, "a result folder, as given to --out")
+    refuse_strange_entries(folder)
     trouble: list[str] = []
     events = _read_log(folder / "log.jsonl", trouble)
     results = {}
     for task in TASKS:
         try:
-            found = _read_result(folder / f"{task}.json")
+            found = TASKS[task].read(folder)
         except BadInput as error:
             trouble.append(str(error))
         else:
@@ -148,8 +159,9 @@ def read_folder(folder: Path) -> Found:
     if not results and not events and store is None:
         raise BadInput(folder, "holds no store.zarr, log.jsonl or result", "a result folder, as given to --out")
     alive = bool(status and status["now"] and status["now"]["alive"])
-    states = {task: _state(task, folder, results, events, alive=alive) for task in TASKS}
-    return Found(folder, results, states, events, store, status, trouble)
+    states = {name: _state(name, folder, results, events, alive=alive) for name in TASKS}
+    states = {name: state for name, state in states.items() if not TASKS[name].optional or state.word != "not run"}
+    return ResultFolder(folder, results, states, events, store, status, trouble)
 
 
 def spread(time: Array, count: int) -> Array:
@@ -162,12 +174,13 @@ def spread(time: Array, count: int) -> Array:
 
 
 def _points(table: Table) -> int:
-    return sum(array.shape[0] for name, array in table.group.arrays() if name.startswith("displacement_"))
+    return sum(
+        column.size for name in protocols_of(table) if (column := table.coordinate(f"displacement_{name}")) is not None
+    )
 
 
 def _curves(table: Table) -> Iterator[tuple[str, MeasuredCurve]]:
-    names = [str(name) for name in np.asarray(table.group["protocol"][:])]  # type: ignore[index]
-    for name in names:
+    for name in protocols_of(table):
         yield name, _represented(name, *columns_of(table, name))
 
 
@@ -183,44 +196,28 @@ def _represented(protocol: str, time: Array, moved: Array, force: Array) -> Meas
     return MeasuredCurve(time[keep], moved[keep], force[keep], time.size)
 
 
+def protocols_of(table: Table) -> list[str]:
+    """The protocols that a table of a specimen holds; none for the table of a site."""
+    names = table.coordinate("protocol")
+    return [] if names is None else [str(name) for name in names]
+
+
 def columns_of(table: Table, protocol: str) -> tuple[Array, Array, Array]:
     """Times (s), displacements (mm) and measured forces (N, NaN: none) ``[t]`` that a table holds of a protocol."""
-
-    def column(kind: str) -> Array:
-        return np.asarray(table.group[f"{kind}_{protocol}"][:])  # type: ignore[index]
-
-    time = column("time")
-    force = column("measured") if f"measured_{protocol}" in table.group else np.full(time.size, np.nan)
-    return time, column("displacement"), force
-
-
-def _read_result(path: Path) -> dict[str, Any] | None:
-    """``TASK.json``, or None when it is not there. Raises :class:`BadInput` when it is damaged."""
-    again = f"what `sinew {path.stem}` writes; run it again"
-    try:
-        if path.stat().st_size > MAX_JSON_BYTES:
-            raise BadInput(path, f"larger than {MAX_JSON_BYTES // 2**20} MB", again)
-        content = json.loads(path.read_text("utf-8"))
-    except FileNotFoundError:
-        return None
-    except json.JSONDecodeError as error:
-        raise BadInput(f"{path}: line {error.lineno}", f"damaged, no JSON ({error.msg})", again) from None
-    except UnicodeDecodeError:
-        raise BadInput(path, "damaged, no UTF-8 text", again) from None
-    except RecursionError:
-        raise BadInput(path, "damaged, nested without end", again) from None
-    except OSError as error:
-        raise BadInput(path, error.strerror or "cannot be read", again) from None
-    if not isinstance(content, dict):
-        raise BadInput(path, f"holds {shown(content)}", again)
-    return content
+    time, moved, force = (table.coordinate(f"{kind}_{protocol}") for kind in ("time", "displacement", "measured"))
+    if time is None or moved is None:
+        raise StoreError(f"{table.folder / 'store.zarr'}: {table.title} holds no times of the protocol {protocol}")
+    return time, moved, np.full(time.size, np.nan) if force is None else force
 
 
 def _read_log(path: Path, trouble: list[str]) -> list[dict[str, Any]]:
     """Events of ``log.jsonl``; the last line may be cut short, where a run was killed."""
     try:
-        lines = path.read_bytes().split(b"\n")
+        lines = read_regular(path, MAX_LOG_BYTES).split(b"\n")
     except FileNotFoundError:
+        return []
+    except NotReadable as problem:
+        trouble.append(f"{path}: {problem}")
         return []
     except OSError as error:
         trouble.append(f"{path}: {error.strerror or 'cannot be read'}")
@@ -236,7 +233,7 @@ def _read_log(path: Path, trouble: list[str]) -> list[dict[str, Any]]:
         else:
             bad += 1
     if bad:
-        trouble.append(f"{path}: {bad} of {len(lines) - 1} lines cannot be read; what they told is missing here")
+        trouble.append(f"{path}: {bad} of {len(lines) - 1} lines cannot be read; their content is missing here")
     return events
 
 

@@ -13,40 +13,37 @@ from bokeh.resources import INLINE
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from runner.errors import SinewError
-from tasks.problems import one_line
-from tasks.report.blocks import Facts, Section, number
-from tasks.report.figures import FORMATS
-from tasks.report.folder import Found, read_folder
-from tasks.report.sections import (
-    calibration,
-    data,
-    discovery,
-    failures,
-    importance,
-    posterior,
-    prediction,
-    provenance,
-    sensitivity,
-    sites,
-)
-from tasks.resources import resource
-from tasks.status import PAGE
-from tasks.workspace import write_text
+from sinew.runner.errors import SinewError, one_line
+from sinew.tasks.drawing.blocks import Facts, Section, number
+from sinew.tasks.drawing.formats import FORMATS
+from sinew.tasks.registry import TASKS
+from sinew.tasks.report.folder import ResultFolder, read_folder
+from sinew.tasks.report.sections import data, failures, provenance
+from sinew.tasks.report.status import PAGE
+from sinew.tasks.study.files import write_text
+from sinew.tasks.study.resources import resource
 
-#: A section of the page: its name, what builds it, and the task whose figures belong to it.
-SECTIONS: tuple[tuple[str, Callable[[Found], Section], str], ...] = (
-    ("data", data.section, ""),
-    ("calibration", calibration.section, "calibrate"),
-    ("sensitivity", sensitivity.section, "sobol"),
-    ("importance", importance.section, "importance"),
-    ("posterior", posterior.section, "infer"),
-    ("prediction", prediction.section, "predict"),
-    ("sites", sites.section, "compare"),
-    ("discovery", discovery.section, "discover"),
-    ("failures", failures.section, ""),
-    ("provenance", provenance.section, ""),
-)
+
+@dataclass(frozen=True)
+class _Part:
+    """A section of the page: its ``name``, what builds it, and the task whose figures belong to it, if any."""
+
+    name: str
+    build: Callable[[ResultFolder], Section]
+    task: str = ""
+
+
+def _parts(folder: ResultFolder) -> list[_Part]:
+    """The sections in their order; those of optional tasks only where there is something to show."""
+    tasks = sorted(TASKS.values(), key=lambda task: task.place)
+    shown = [task for task in tasks if task.name in folder.states]
+    modules = [(task.name, task.module("page")) for task in shown]
+    return [
+        _Part("data", data.section),
+        *(_Part(module.NAME, module.section, name) for name, module in modules),
+        _Part("failures", failures.section),
+        _Part("provenance", provenance.section),
+    ]
 
 
 @dataclass(frozen=True)
@@ -58,30 +55,33 @@ class Built:
 
 
 def build(folder: Path) -> Built:
-    """Write ``FOLDER/report.html``. Raises :class:`tasks.problems.BadInput` when the folder is no result folder."""
+    """Write ``FOLDER/report.html``. Raises :class:`sinew.runner.errors.BadInput` for another kind of folder."""
     found = read_folder(folder)
-    sections = []
-    for name, make, task in SECTIONS:
+    sections, parts = [], _parts(found)
+    for part in parts:
         try:
-            sections.append(make(found))
-        except (SinewError, ArithmeticError, AttributeError, LookupError, OSError, TypeError, ValueError) as error:
-            # a file that is JSON, but not what the task writes, can be wrong in any way
-            line = _cannot_be_shown(found, name, task, error)
+            sections.append(part.build(found))
+        except Exception as error:  # noqa: BLE001 - a damaged result must not hide the others
+            # fields that are right one by one may contradict each other, and arrays of the store may be damaged
+            line = _cannot_be_shown(found, part, error)
             found.trouble.append(line)
-            sections.append(Section(name, name.capitalize(), "", missing=line))
-    write_text(folder / PAGE, _page(found, sections))
+            sections.append(Section(part.name, part.name.capitalize(), "", missing=line))
+    page = _page(found, parts, sections)
+    write_text(folder / PAGE, page.encode("utf-8", "replace").decode("utf-8"))  # half a character has no bytes
     return Built(folder / PAGE, tuple(found.trouble))
 
 
-def _cannot_be_shown(found: Found, name: str, task: str, error: Exception) -> str:
+def _cannot_be_shown(found: ResultFolder, part: _Part, error: Exception) -> str:
     if isinstance(error, SinewError):
         return str(error)
-    file = found.folder / (f"{task}.json" if task else "store.zarr")
+    file = found.folder / (f"{part.task}.json" if part.task else "store.zarr")
     what = f"{type(error).__name__}: {error}"
-    return one_line(f"{file}: the section '{name}' cannot be shown ({what}); run `sinew {task or 'run'}` again")
+    return one_line(
+        f"{file}: the section '{part.name}' cannot be shown ({what}); run `sinew {part.task or 'run'}` again"
+    )
 
 
-def _page(found: Found, sections: list[Section]) -> str:
+def _page(found: ResultFolder, parts: list[_Part], sections: list[Section]) -> str:
     loader = FileSystemLoader(resource("templates/report.html.j2").parent)
     environment = Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -95,7 +95,7 @@ def _page(found: Found, sections: list[Section]) -> str:
         key=_key(found),
         trouble=found.trouble,
         sections=sections,
-        figures={name: _figures(found.folder, task) for name, _, task in SECTIONS if task},
+        figures={part.name: _figures(found.folder, part.task) for part in parts if part.task},
         version=_version(found),
         policy=_policy(scripts),
         scripts=[_inside_script(script) for script in scripts],
@@ -103,12 +103,12 @@ def _page(found: Found, sections: list[Section]) -> str:
     )
 
 
-def _key(found: Found) -> Facts:
+def _key(found: ResultFolder) -> Facts:
     """The few numbers that say how large this was."""
     tables = found.status["tables"] if found.status else []
     failed = sum(sum(table["failed"].values()) for table in tables)
     rows = [
-        ("specimens", f"{len(found.measured):,}" if found.store is not None else "–"),
+        ("specimens", _specimens(found)),
         ("evaluations", f"{sum(table['done'] for table in tables):,}"),
         ("failed", f"{failed:,}"),
         ("core-hours", number(found.status["core_hours"]["evaluations"], 2) if found.status else "–"),
@@ -116,7 +116,16 @@ def _key(found: Found) -> Facts:
     return Facts(rows)
 
 
-def _version(found: Found) -> str:
+def _specimens(found: ResultFolder) -> str:
+    if found.store is None:
+        return "–"
+    try:
+        return f"{len(found.measured):,}"
+    except Exception:  # noqa: BLE001 - the section of the data says what is damaged
+        return "–"
+
+
+def _version(found: ResultFolder) -> str:
     return str(found.runs[-1].get("version", "")) if found.runs else ""
 
 

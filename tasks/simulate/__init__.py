@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, runtime_checkable
+from typing import Any, Literal, cast
 from typing import Protocol as Interface
 
 import numpy as np
 
-from tasks.model import Curve, Model, Protocol, Specimen
+from sinew.runner.errors import BadInput
+from sinew.tasks.model import Curve, Model, Protocol, Specimen
+from sinew.tasks.model.effect import Effect
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -17,14 +19,14 @@ Summary = Literal["max", "min", "mean", "last"]
 
 @dataclass(frozen=True)
 class Output:
-    """A named quantity along time that a simulator gives besides the force; ``summary`` makes one number of it."""
+    """A named quantity over time that a simulator gives besides the force; ``summary`` reduces it to one number."""
 
     name: str
     unit: str
     summary: Summary = "max"
 
     def summarised(self, values: Array) -> Array:
-        """Of values ``[n, t]`` one number each ``[n]``."""
+        """The summaries ``[n]`` of values ``[n, t]``."""
         if self.summary == "last":
             return np.asarray(values[:, -1])
         if self.summary == "mean":
@@ -37,8 +39,8 @@ class Simulated:
     """Forces along a protocol for ``n`` parameter sets.
 
     ``force_N`` ``[n, t]`` (N; NaN where a row failed), ``status`` ``[n]`` (positions in
-    :data:`runner.store.STATUSES`), ``messages`` (``n`` texts), and on request the second Piola-Kirchhoff stresses of
-    both constituents, ``matrix_MPa`` and ``fibre_MPa`` ``[n, t]`` (MPa).
+    :data:`sinew.runner.store.schema.STATUSES`), ``messages`` (``n`` texts), and on request the second Piola-Kirchhoff
+    stresses of both constituents, ``matrix_MPa`` and ``fibre_MPa`` ``[n, t]`` (MPa).
     """
 
     force_N: Array
@@ -64,6 +66,25 @@ class Compared:
     summaries: Mapping[str, Array] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Capabilities:
+    """What a simulator can do. Tasks ask for this, never for a simulator's class or name.
+
+    ``batch_multiple``: rows that are computed together at no extra cost. ``quick``: a row takes less time than sending
+    it to a worker. ``stresses``: the stresses of both constituents, on request. ``effects``: how it has effects of the
+    library: ``embedded``, by sinew's own equations; ``solver``, as :class:`TakesEffects`; or not at all. ``outputs``:
+    quantities along time, all that are stored besides the force. ``force``: the output that is the force; None when
+    there is no force to compare with a measured one.
+    """
+
+    batch_multiple: int = 1
+    quick: bool = False
+    stresses: bool = False
+    effects: Literal["none", "embedded", "solver"] = "none"
+    outputs: tuple[Output, ...] = ()
+    force: str | None = "force"
+
+
 class Simulator(Interface):
     """What every simulator offers. It is frozen data: it can be pickled and sent to a worker."""
 
@@ -71,9 +92,7 @@ class Simulator(Interface):
     def name(self) -> str: ...
 
     @property
-    def batch_multiple(self) -> int:
-        """Rows that are computed together at no extra cost."""
-        ...
+    def capabilities(self) -> Capabilities: ...
 
     def identity(self) -> dict[str, Any]:
         """What an outcome depends on besides model, specimen and parameters: solver, version, input template."""
@@ -90,24 +109,28 @@ class Simulator(Interface):
         ...
 
 
-@runtime_checkable
-class GivesOutputs(Interface):
-    """A simulator that gives other quantities, too; ``force`` is the name of that which is the force, or None."""
+class TakesEffects(Simulator, Interface):
+    """A simulator whose ``effects`` are ``solver``: another simulator has the effects in it."""
 
-    @property
-    def outputs(self) -> tuple[Output, ...]: ...
+    def can_have(self, effects: tuple[Effect, ...]) -> bool:
+        """Whether it can have all of these effects at once."""
+        ...
 
-    @property
-    def force(self) -> str | None: ...
-
-
-def outputs_of(simulator: Simulator) -> tuple[Output, ...]:
-    """What a simulator gives along time, besides what every simulator does."""
-    return simulator.outputs if isinstance(simulator, GivesOutputs) else ()
+    def with_effects(self, effects: tuple[Effect, ...]) -> "Simulator":
+        """The same with ``effects``, for models of :func:`sinew.tasks.model.effect.model_with`."""
+        ...
 
 
-def gives_force(simulator: Simulator) -> bool:
-    return not isinstance(simulator, GivesOutputs) or simulator.force is not None
+def taking_effects(simulator: Simulator) -> TakesEffects | None:
+    """The simulator, if it is to be run with effects of the library in it; None where sinew's own equations have them.
+
+    Raises :class:`BadInput` for a simulator that cannot have effects.
+    """
+    if simulator.capabilities.effects == "none":
+        raise BadInput(
+            "simulator", f"{simulator.name} cannot have effects of the library", "simulator: uniaxial or febio"
+        )
+    return cast(TakesEffects, simulator) if simulator.capabilities.effects == "solver" else None
 
 
 def impossible(model: Model, parameters: Array) -> dict[int, str]:

@@ -1,6 +1,6 @@
-"""The embedded simulator with effects: the same bar as :mod:`tasks.simulate.uniaxial`, with any effects in it.
+"""The embedded simulator with effects: the same bar as :mod:`sinew.tasks.simulate.uniaxial`, with any effects in it.
 
-The stages, in this order (:mod:`tasks.model.effect` says what an effect can change in each):
+The stages, in this order (:mod:`sinew.tasks.model.effect` says what an effect can change in each):
 displacement -> stretch -> elastic stress -> memory -> force -> reading. Where the displacement of the gauge length
 depends on the force, both are found together by Newton's method on the whole curve.
 """
@@ -11,15 +11,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from runner.store import STATUSES
-from tasks.model import Curve, Model, Protocol, Specimen, fibre
-from tasks.model.effect import Bars, Branch, Effect, Law, Values, in_order
-from tasks.model.effects import named
-from tasks.simulate import Array, Compared, Simulated, impossible, memory
+from sinew.runner.store.schema import STATUSES
+from sinew.tasks.model import Curve, Model, Protocol, Specimen, fibre
+from sinew.tasks.model.effect import Bars, Branch, Effect, Law, Values, in_order
+from sinew.tasks.model.effects import named
+from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, impossible, memory
 
 VERSION = 3  # of the forces that are computed here
 _DRIVERS = ("matrix", "fibre", "strain")
-BALANCE = 1e-10  # of the largest displacement: what may be left between grips, machine and gauge length
+BALANCE = 1e-10  # of the largest displacement: largest remaining difference of grips, machine and gauge length
 ITERATIONS = 60
 HALVINGS = 8  # of a step, at most
 _STRETCH_STEP = 1e-7  # of the differences that give tangents: their errors slow Newton's method only
@@ -29,12 +29,14 @@ _STRETCH_STEP = 1e-7  # of the differences that give tangents: their errors slow
 class UniaxialWith:
     """The embedded simulator for studies whose model has effects, by their ``names``.
 
-    Its models are those of :func:`tasks.model.effect.model_with`: the effects' parameters stand behind the baseline's.
+    Its models are those of :func:`sinew.tasks.model.effect.model_with`: the effects' parameters stand behind the
+    baseline's.
     """
 
     names: tuple[str, ...]
     name: str = "uniaxial"
-    batch_multiple: int = 8
+
+    capabilities = Capabilities(8, effects="embedded")
 
     def identity(self) -> dict[str, Any]:
         return {"name": self.name, "version": VERSION, "effects": list(self.names)}
@@ -75,7 +77,7 @@ def simulate_with(
     """Force ``[n, t]`` (N) along ``protocol`` for ``parameters`` ``[n, d]`` and the effects' ``values`` ``[n, k]``.
 
     The columns of ``values`` are the parameters of ``effects``, in the order given; that order changes nothing else.
-    With no effect, or all at their null values, the forces are those of :mod:`tasks.simulate.uniaxial`. The first
+    With no effect, or all at their null values, the forces are those of :mod:`sinew.tasks.simulate.uniaxial`. The first
     point is at rest; with ``sudden`` it is free of stress, and prestretch comes with the first step, as when the solver
     starts at zero displacement. Rows with impossible parameters, or for which Newton's method finds no balance of
     force and displacement, are NaN.
@@ -113,7 +115,7 @@ def _bars(
     parameters: Array,
     chosen: tuple[tuple[Effect, Values], ...],
 ) -> Bars:
-    """The bars as the grips would pull them without effects, made of the material with effects."""
+    """The bars at the displacement of the grips, with the material constants that the effects give them."""
     count = len(parameters)
     constants = {"beta": model.beta, "lambda_0": model.lambda_0, "area_mm2": specimen.area_mm2}
     material = {name: parameters[:, [column]] for column, name in enumerate(model.names)}
@@ -150,20 +152,20 @@ class _Memory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Run:
-    """What stays the same while a balance of force and displacement is sought."""
+    """What stays constant while force and displacement are brought into balance."""
 
     chosen: tuple[tuple[Effect, Values], ...]
     protocol: Protocol
     sudden: bool
 
     def pulled(self, bars: Bars) -> Bars:
-        """The bars with the force that they bear at the displacement of their gauge length."""
+        """The bars with their force at the displacement of their gauge length."""
         bars = self._elastic(bars)
         total = self._stress(bars, self._memory(bars))
         return replace(bars, force_N=bars.material["area_mm2"] * bars.stretch * total)
 
     def balanced(self, bars: Bars) -> Bars:
-        """The bars with the displacement that is left for the gauge length under the force that it causes."""
+        """The bars with the displacement of the gauge length that agrees with the force that it causes."""
         limit = BALANCE * max(float(np.abs(bars.displacement_mm).max()), np.finfo(float).tiny)
         bars, grips = self.pulled(bars), bars
         grips = replace(grips, rigid_N=bars.force_N)
@@ -173,7 +175,7 @@ class _Run:
             left = worst > limit  # rows that are NaN stay so
             if not left.any():
                 return bars
-            # a row that is balanced does not move, so that it does not depend on its neighbours
+            # a balanced row is not changed, so it does not depend on its neighbours
             step = self._correction(grips, bars, np.where(left[:, np.newaxis], residual, 0.0))
             bars, residual = self._moved(grips, bars, step, np.where(left, worst, np.inf))
         bars.force_N[np.abs(residual).max(axis=1) > limit] = np.nan
@@ -182,7 +184,7 @@ class _Run:
     def _moved(self, grips: Bars, bars: Bars, step: Array, worst: Array) -> tuple[Bars, Array]:
         """The bars after a step ``[n, t]`` (mm), or a part of it where all of it leaves more than ``worst`` ``[n]``.
 
-        What gives way less the higher the force would otherwise be over- and underestimated in turn.
+        Without halving, compliances that fall with the force would make the iteration oscillate.
         """
         part = np.ones_like(worst)
         for _ in range(HALVINGS):
@@ -255,7 +257,7 @@ class _Run:
         return total
 
     def _correction(self, grips: Bars, bars: Bars, residual: Array) -> Array:
-        """What to add to the displacement ``[n, t]`` (mm): one step of Newton's method."""
+        """The change of the displacement ``[n, t]`` (mm) in one step of Newton's method."""
         nudged = self._elastic(replace(bars, displacement_mm=bars.displacement_mm + _STRETCH_STEP * bars.length_mm))
         tangents = (_drivers(nudged) - _drivers(bars)) / _STRETCH_STEP
         state = replace(grips, force_N=bars.force_N)

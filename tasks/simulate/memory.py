@@ -1,8 +1,8 @@
-"""The memory of viscous branches along a history, for any number of branches: the recursion of Puso and Weiss (1998).
+"""The stress of viscous branches along a history, for any number of branches: the recursion of Puso and Weiss (1998).
 
-Each branch keeps H <- H exp(-dt/tau) + dS viscosity (1 - exp(-dt/tau)) / dt with S what drives it; viscosity is
-strength times tau, and tau = 0 is a bare dashpot with a backward difference. Where times change during a step, it is
-taken in parts.
+Each branch keeps H <- H exp(-dt/tau) + dS viscosity (1 - exp(-dt/tau)) / dt, where S is the quantity that drives it.
+Viscosity is strength times tau; tau = 0 is a bare dashpot with a backward difference. A step during which relaxation
+times change is divided into parts.
 """
 
 import math
@@ -10,10 +10,13 @@ import math
 import numba
 import numpy as np
 
-PARTS = 8  # of a step during which times change
+PARTS = 8  # of a step during which relaxation times change
+
+_compiled = numba.njit(nogil=True, cache=True, error_model="numpy")
+_inlined = numba.njit(inline="always", error_model="numpy")  # as plain functions, the loops take 25 % longer
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@_compiled
 def stress(  # type: ignore[no-untyped-def]
     steps,
     step_of,
@@ -31,7 +34,7 @@ def stress(  # type: ignore[no-untyped-def]
     ``drivers`` ``[3, n, t]`` are the elastic stress of matrix and fibres (MPa) and the strain; branch k is driven by
     ``driver[k]``, with ``viscosity`` and ``times`` ``[n, k]``. The times of the first ``slowed`` branches are
     multiplied by ``slowing`` ``[n, t]``. The first point is at rest, unless ``sudden``: then the bars are free of
-    stress there, and what they bear comes with the first step.
+    stress there, and their load comes with the first step.
     """
     count = driver.size
     h, decay, gain = np.zeros(count), np.zeros(count), np.zeros(count)
@@ -44,9 +47,7 @@ def stress(  # type: ignore[no-untyped-def]
             factor = slowing[row, t] if slowed > 0 else 1.0
             if step_of[t] != last_step or former != last_former or factor != last_factor:
                 last_step, last_former, last_factor = step_of[t], former, factor
-                for k in range(count):
-                    first, last = (former, factor) if k < slowed else (1.0, 1.0)
-                    decay[k], gain[k] = _coefficients(steps[last_step], first, last, viscosity[row, k], times[row, k])
+                _set_coefficients(decay, gain, steps[last_step], former, factor, slowed, viscosity[row], times[row])
             summed = drivers[0, row, t] + drivers[1, row, t]
             for k in range(count):
                 before = 0.0 if sudden and t == 1 else drivers[driver[k], row, t - 1]
@@ -55,7 +56,7 @@ def stress(  # type: ignore[no-untyped-def]
             total[row, t] = summed
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@_compiled
 def correction(  # type: ignore[no-untyped-def]
     steps,
     step_of,
@@ -76,7 +77,8 @@ def correction(  # type: ignore[no-untyped-def]
 ):
     """Write the change of displacement ``[n, t]`` (mm) that removes ``residual`` ``[n, t]`` (mm), to first order.
 
-    What gives way follows s <- kept s + compliance dF, with ``compliance`` (mm/N) and ``kept`` ``[m, n, t]``.
+    Displacement s lost outside the gauge length follows s <- kept s + compliance dF, with ``compliance`` (mm/N) and
+    ``kept`` ``[m, n, t]``.
     ``tangents`` ``[3, n, t]`` are the derivatives of the drivers by the stretch. As the past is known, each point is
     one linear equation.
     """
@@ -93,16 +95,8 @@ def correction(  # type: ignore[no-untyped-def]
             factor = slowing[row, t] if slowed > 0 else 1.0
             if t > 0 and (step_of[t] != last_step or former != last_former or factor != last_factor):
                 last_step, last_former, last_factor = step_of[t], former, factor
-                for k in range(count):
-                    first, last = (former, factor) if k < slowed else (1.0, 1.0)
-                    decay[k], gain[k] = _coefficients(steps[last_step], first, last, viscosity[row, k], times[row, k])
-            stiffness = tangents[0, row, t] + tangents[1, row, t]
-            history = 0.0
-            for k in range(count):
-                stiffness += tangents[driver[k], row, t] * gain[k]
-                history += h[k] * decay[k]
-                if t > 0:
-                    history -= tangents[driver[k], row, t - 1] * before * gain[k]
+                _set_coefficients(decay, gain, steps[last_step], former, factor, slowed, viscosity[row], times[row])
+            stiffness, history = _response(t, tangents[:, row], driver, h, decay, gain, before)
             scale = area[row] * stretch[row, t]
             instant = (area[row] * stress[row, t] + scale * stiffness) / length
             past = scale * history
@@ -116,13 +110,40 @@ def correction(  # type: ignore[no-untyped-def]
             for m in range(slipped.size):
                 slipped[m] += compliance[m, row, t] * pulled
             now = moved / length
-            for k in range(count):
-                change = tangents[driver[k], row, t] * now
-                if t > 0:
-                    change -= tangents[driver[k], row, t - 1] * before
-                h[k] = h[k] * decay[k] + change * gain[k]
+            _advance(t, tangents[:, row], driver, h, decay, gain, before, now)
             before = now
             result[row, t] = moved
+
+
+@_inlined
+def _response(t, tangents, driver, h, decay, gain, before):  # type: ignore[no-untyped-def]
+    """How stress follows the stretch at point ``t``, and the part of the stress that the past has decided already."""
+    stiffness = tangents[0, t] + tangents[1, t]
+    history = 0.0
+    for k in range(driver.size):
+        stiffness += tangents[driver[k], t] * gain[k]
+        history += h[k] * decay[k]
+        if t > 0:
+            history -= tangents[driver[k], t - 1] * before * gain[k]
+    return stiffness, history
+
+
+@_inlined
+def _advance(t, tangents, driver, h, decay, gain, before, now):  # type: ignore[no-untyped-def]
+    """Take the branches to point ``t``, where the stretch changes by ``now``; at the point before, by ``before``."""
+    for k in range(driver.size):
+        change = tangents[driver[k], t] * now
+        if t > 0:
+            change -= tangents[driver[k], t - 1] * before
+        h[k] = h[k] * decay[k] + change * gain[k]
+
+
+@_inlined
+def _set_coefficients(decay, gain, step, former, factor, slowed, viscosity, times):  # type: ignore[no-untyped-def]
+    """Decays and gains of a step during which the times of ``slowed`` branches are multiplied by these factors."""
+    for k in range(decay.size):
+        first, last = (former, factor) if k < slowed else (1.0, 1.0)
+        decay[k], gain[k] = _coefficients(step, first, last, viscosity[k], times[k])
 
 
 @numba.njit(nogil=True, error_model="numpy")

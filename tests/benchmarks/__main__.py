@@ -1,16 +1,17 @@
 """Benchmarks: ratios measured in one run, medians of several rounds. `make benchmarks`, or name some:
 
-python -m tests.benchmarks kernel study memory febio resume scale calibration sampler
+python -m tests.benchmarks kernel study durable memory febio resume scale calibration sampler
 """
 
 import platform
 import sys
 
-from tests.benchmarks import calibration, febio, kernel, memory, resume, sampler, scale, study
+from tests.benchmarks import calibration, durable, febio, kernel, memory, resume, sampler, scale, study
 
 ALL = {
     "kernel": kernel.main,
     "study": study.main,
+    "durable": durable.main,
     "memory": memory.main,
     "febio": febio.main,
     "resume": resume.main,

@@ -15,14 +15,17 @@ import numpy as np
 from skopt import gp_minimize
 from threadpoolctl import threadpool_limits
 
-from tasks.calibrate import calibrate
-from tasks.cohort import virtual_cohort, write_cohort
-from tasks.evaluate import SpecimenEvaluation
-from tasks.fits import from_unit
-from tasks.model import Model, Specimen
-from tasks.simulate.uniaxial import Uniaxial
-from tasks.study import read_study
-from tasks.workspace import open_workspace
+from sinew.tasks.calibrate.settings import Settings
+from sinew.tasks.calibrate.task import run
+from sinew.tasks.cluster.spec import cluster_of
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.fitting.fits import from_unit
+from sinew.tasks.model import Model, Specimen
+from sinew.tasks.simulate.evaluation import SpecimenEvaluation
+from sinew.tasks.simulate.uniaxial import Uniaxial
+from sinew.tasks.study.study import read_study
+from sinew.tasks.study.workspace import open_workspace
 from tests.benchmarks.common import median_line, seconds
 
 SEED = 4711  # a cohort that nothing was tuned on
@@ -46,8 +49,8 @@ def calibrated(specimens: list[Specimen], truth: dict[str, Any]) -> dict[str, An
         study = Path(folder) / "study.yaml"
         study.write_text(STUDY)
         read = read_study(study)
-        with open_workspace(read, out=Path(folder) / "out", cluster=read.cluster_spec(), quiet=True) as workspace:
-            return calibrate(workspace)
+        with open_workspace(read, out=Path(folder) / "out", cluster=cluster_of(read), quiet=True) as workspace:
+            return run(workspace, workspace.study.section(Settings))
 
 
 def totals(specimen: Specimen, points: np.ndarray) -> np.ndarray:

@@ -5,11 +5,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tasks.cohort import virtual_cohort
-from tasks.evaluate import SpecimenEvaluation
-from tasks.model import Model, Specimen
-from tasks.simulate import Simulator
-from tasks.simulate.uniaxial import Uniaxial
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.model import Model, Specimen
+from sinew.tasks.simulate import Simulator
+from sinew.tasks.simulate.evaluation import SpecimenEvaluation
+from sinew.tasks.simulate.uniaxial import Uniaxial
 
 
 def specimen(rate_hz: float = 100.0) -> Specimen:

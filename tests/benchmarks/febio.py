@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from runner.cluster import Local, open_client
-from runner.ensemble import evaluate
-from runner.store import Store
-from tasks.simulate.attempt import solver_version
-from tasks.simulate.febio import FEBio, read_template
+from sinew.runner.cluster.client import open_client
+from sinew.runner.cluster.local import Local
+from sinew.runner.evaluation.ensemble import evaluate
+from sinew.runner.store.store import Store
+from sinew.tasks.simulate.febio.attempt import solver_version
+from sinew.tasks.simulate.febio.simulator import FEBio
+from sinew.tasks.simulate.febio.tendon import read_template
 from tests.benchmarks.common import evaluation, rows
 
 ROWS = 150

@@ -5,9 +5,9 @@ import math
 import numba
 import numpy as np
 
-from tasks.evaluate import kept_points
-from tasks.model import Model
-from tasks.simulate.uniaxial import LANES, Uniaxial
+from sinew.tasks.model import Model
+from sinew.tasks.simulate.evaluation import kept_points
+from sinew.tasks.simulate.uniaxial import LANES, Uniaxial
 from tests.benchmarks.common import median_line, rows, seconds, specimen
 
 ROUNDS = 7

@@ -9,9 +9,11 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from runner.cluster import Local, open_client
-from runner.ensemble import Policy, evaluate
-from runner.store import Store
+from sinew.runner.cluster.client import open_client
+from sinew.runner.cluster.local import Local
+from sinew.runner.evaluation.ensemble import evaluate
+from sinew.runner.evaluation.policy import Policy
+from sinew.runner.store.store import Store
 from tests.benchmarks.common import evaluation, rows
 
 SIZES = (2_000, 20_000, 200_000)
@@ -21,7 +23,7 @@ def peak(count: int, queue: "multiprocessing.Queue") -> None:
     work = evaluation()
     folder = Path(tempfile.mkdtemp())
     with open_client(Local(2)) as client, Store.writing(folder, "benchmark") as store:
-        policy = Policy(multiple=work.simulator.batch_multiple)
+        policy = Policy(multiple=work.simulator.capabilities.batch_multiple)
         table = store.table(work.table())
         evaluate(lambda: client, table, work, table.plan(rows(count)), policy=policy)
     shutil.rmtree(folder)

@@ -5,7 +5,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tasks.resources import resource
+from sinew.tasks.study.resources import resource
 from tests.benchmarks.common import median_line, seconds
 
 ROUNDS = 3
@@ -14,7 +14,7 @@ ROUNDS = 3
 def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        sinew = [sys.executable, "-m", "tasks.cli"]
+        sinew = [sys.executable, "-m", "sinew"]
         cohort = ["cohort", "--out", str(folder / "cohort"), "--per-site", "1", "--seed", "2503"]
         subprocess.run([*sinew, *cohort], check=True, stdout=subprocess.DEVNULL)
         run = [

@@ -23,14 +23,15 @@ import psutil
 import pyabc
 from distributed import Client, LocalCluster
 
-from runner.ensemble import Desk, Talk, converse
-from runner.settings import SETTINGS
-from runner.store import Store
-from tasks.history import IN_MEMORY, close, keep
-from tasks.priors import Alike, Normals
-from tasks.sampler import Generation, StoredModel, StoreSampler
-from tasks.stock_sampler import DirectModel, stock_sampler
-from tasks.transitions import DefensiveNormal
+from sinew.runner.cluster.dask_settings import SETTINGS
+from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
+from sinew.runner.evaluation.ensemble import run_adaptive
+from sinew.runner.store.store import Store
+from sinew.tasks.infer.history import IN_MEMORY, close, keep
+from sinew.tasks.infer.priors import Alike, Normals
+from sinew.tasks.infer.sampler import Generation, StoredModel, StoreSampler
+from sinew.tasks.infer.stock_sampler import DirectModel, stock_sampler
+from sinew.tasks.infer.transitions import DefensiveNormal
 from tests.benchmarks.common import median_line
 from tests.tasks.analytic import NoisyMean
 
@@ -66,17 +67,17 @@ def run(model: pyabc.Model, sampler: pyabc.sampler.Sampler, population: int, dat
 
 
 def ours(client: Client, evaluation: NoisyMean, population: int, folder: Path, at_once: int = 1) -> list[Generation]:
-    def work(salt: int, desk: Desk) -> list[Generation]:
-        sampler = StoreSampler(desk, (salt,), PENDING)
+    def work(salt: int, session: Session) -> list[Generation]:
+        sampler = StoreSampler(session, (salt,), PENDING)
         run(StoredModel("m", ["mean"], describe=described), sampler, population, folder / f"{salt}.db")
         return sampler.generations
 
     with Store.writing(folder / "store", "benchmark") as store:
-        talks = []
+        runs = []
         for site in range(at_once):
             own = replace(evaluation, salt=at_once * evaluation.salt + site)
-            talks.append(Talk([(store.table(own.table()), own)], 100_000, partial(work, own.salt)))
-        return [generation for found in converse(lambda: client, talks) for generation in found]
+            runs.append(AdaptiveRun([(store.table(own.table()), own)], 100_000, partial(work, own.salt)))
+        return [generation for found in run_adaptive(lambda: client, runs) for generation in found]
 
 
 def stock(

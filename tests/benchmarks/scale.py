@@ -25,12 +25,13 @@ import numpy as np
 import psutil
 from distributed import Client, LocalCluster, Worker
 
-from runner.batch import Outcome
-from runner.ensemble import evaluate
-from runner.network import shared_certificate
-from runner.periodic import every
-from runner.settings import DASHBOARD, SETTINGS
-from runner.store import Field, Store, TableSpec
+from sinew.runner.cluster.dask_settings import DASHBOARD, SETTINGS
+from sinew.runner.cluster.network import shared_certificate
+from sinew.runner.evaluation.batch import Outcome
+from sinew.runner.evaluation.ensemble import evaluate
+from sinew.runner.periodic import every
+from sinew.runner.store.schema import Field, TableSpec
+from sinew.runner.store.store import Store
 from tests.benchmarks.common import median_line
 
 WORKERS, HELPERS = 1000, 2
@@ -175,7 +176,7 @@ def memory_MB() -> float:
 
 
 @dataclass(frozen=True)
-class Found:
+class Measured:
     """What one call of the runner took, in the process that holds scheduler and client."""
 
     rows: int
@@ -213,7 +214,7 @@ class Found:
         return 1e3 * self.overhead_s / self.rows
 
 
-def call(cluster: Cluster, store: Store, title: str, rows: int, seconds: float, idle: float = 0.0) -> Found:
+def call(cluster: Cluster, store: Store, title: str, rows: int, seconds: float, idle: float = 0.0) -> Measured:
     """Evaluate ``rows`` rows through the runner; planning them is not counted. ``idle``: CPU seconds per second."""
     work = Sleep(seconds, title)
     workers = sum(cluster.client.nthreads().values())
@@ -233,7 +234,7 @@ def call(cluster: Cluster, store: Store, title: str, rows: int, seconds: float, 
     per_row = [
         (b[2] - a[2] - idle * (b[1] - a[1])) / (b[0] - a[0]) for a, b in ((early, half), (half, late)) if distinct
     ]
-    return Found(
+    return Measured(
         rows=rows,
         seconds=seconds,
         workers=workers,
@@ -259,7 +260,7 @@ def steady(begun: np.ndarray, seconds: float, workers: int) -> float:
     return float(inside.clip(0.0).sum() / (workers * (end - begin)))
 
 
-def measure(workers: int, sizes: list[tuple[int, float]]) -> list[Found]:
+def measure(workers: int, sizes: list[tuple[int, float]]) -> list[Measured]:
     """One size after the other on one cluster; first a call of one short row for each worker, which warms up."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -271,7 +272,7 @@ def measure(workers: int, sizes: list[tuple[int, float]]) -> list[Found]:
             return [warm, *(call(cluster, store, f"call {i}", *size, idle) for i, size in enumerate(sizes))]
 
 
-def apart(workers: int, sizes: list[tuple[int, float]]) -> list[Found]:
+def apart(workers: int, sizes: list[tuple[int, float]]) -> list[Measured]:
     """The same in a process of its own."""
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         return pool.submit(measure, workers, sizes).result()
@@ -280,7 +281,7 @@ def apart(workers: int, sizes: list[tuple[int, float]]) -> list[Found]:
 # ---- telling
 
 
-COLUMNS: dict[str, tuple[int, str, Callable[[Found], float]]] = {  # width, format, number
+COLUMNS: dict[str, tuple[int, str, Callable[[Measured], float]]] = {  # width, format, number
     "rows": (11, ",", lambda f: f.rows),
     "s/row": (6, "g", lambda f: f.seconds),
     "workers": (8, "", lambda f: f.workers),
@@ -308,12 +309,12 @@ def head(title: str) -> None:
     print("".join(name.rjust(width) for name, (width, _, _) in COLUMNS.items()), flush=True)
 
 
-def tell(found: list[Found]) -> None:
+def tell(found: list[Measured]) -> None:
     for one in found:
         print("".join(f"{number(one):{form}}".rjust(w) for w, form, number in COLUMNS.values()), flush=True)
 
 
-def exponent(name: str, found: list[Found], number: Callable[[Found], float]) -> None:
+def exponent(name: str, found: list[Measured], number: Callable[[Measured], float]) -> None:
     """``b`` of numbers ~ rows^b: least squares of the logarithms, with its standard error."""
     values = [max(0.1, number(f)) for f in found]  # memory may also shrink
     (b, _), covariance = np.polyfit(np.log([f.rows for f in found]), np.log(values), 1, cov=True)

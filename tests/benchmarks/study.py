@@ -8,11 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from runner.cluster import Local, open_client
-from runner.ensemble import Policy, evaluate
-from runner.store import CHUNK_ROWS, Store
-from tasks.model import Model
-from tasks.sensitivity import base_samples, saltelli
+from sinew.runner.cluster.client import open_client
+from sinew.runner.cluster.local import Local
+from sinew.runner.evaluation.ensemble import evaluate
+from sinew.runner.evaluation.policy import Policy
+from sinew.runner.store.schema import CHUNK_ROWS
+from sinew.runner.store.store import Store
+from sinew.tasks.model import Model
+from sinew.tasks.simulate.design import base_samples, saltelli
 from tests.benchmarks.common import evaluation, median_line, rows
 
 ROUNDS = 5
@@ -38,7 +41,7 @@ def main() -> None:
     for process in halves:
         process.start()
     work = evaluation()
-    policy = Policy(multiple=work.simulator.batch_multiple)
+    policy = Policy(multiple=work.simulator.capabilities.batch_multiple)
     alone: list[float] = []
     through: list[float] = []
     with open_client(Local(2)) as client:

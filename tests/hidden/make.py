@@ -10,15 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from tasks.cohort import write_cohort
-from tasks.model import Curve, Model, Protocol, Specimen
-from tasks.model.effect import Effect, model_with
-from tasks.model.effects import library
-from tasks.model.protocols import STANDARD
-from tasks.resources import resource
-from tasks.simulate.attempt import solver_version
-from tasks.simulate.febio import FEBio
-from tasks.simulate.febio_effects import febio_with
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.model import Curve, Model, Protocol, Specimen
+from sinew.tasks.model.effect import Effect, model_with
+from sinew.tasks.model.effects import library
+from sinew.tasks.model.protocols import STANDARD
+from sinew.tasks.simulate.febio.attempt import solver_version
+from sinew.tasks.simulate.febio.simulator import FEBio
+from sinew.tasks.simulate.febio.tendon import read_template
 from tests.hidden.bar import BARE, both, pull
 from tests.hidden.forms import FORMS, OUTSIDE, PAIRS, Form, Hidden, Random
 
@@ -115,7 +114,7 @@ def febio_case(plan: Plan, rng: Random, rate_hz: float) -> tuple[list[Specimen],
     pulled = []
     scratch = Path(tempfile.mkdtemp(prefix="hidden-"))
     try:
-        solver = febio_with(_solver(scratch), effects)
+        solver = _solver(scratch).with_effects(effects)
         for one in bare:
             row = np.array([[(truth[one.name] | values)[name] for name in model.names]])
             protocols = [make(one.length_mm, rate_hz) for make in STANDARD]
@@ -157,9 +156,7 @@ def _solver(scratch: Path) -> FEBio:
     executable = shutil.which("febio4")
     if executable is None:
         raise SystemExit("febio4 is not on the PATH")
-    return FEBio(
-        executable, solver_version(Path(executable)), resource("templates/tendon.feb.j2").read_text("utf-8"), scratch
-    )
+    return FEBio(executable, solver_version(Path(executable)), read_template(Path(), None), scratch)
 
 
 def _specimens(rng: Random) -> tuple[list[Specimen], dict[str, dict[str, float]]]:

@@ -8,9 +8,9 @@ import time
 
 import pytest
 
-from runner.dashboard import way_to
-from runner.errors import WalltimeReached
-from runner.progress import open_board, progress, read_progress
+from sinew.runner.cluster.dashboard import way_to
+from sinew.runner.errors import WalltimeReached
+from sinew.runner.progress import open_board, progress, read_progress
 
 
 def test_the_file_says_what_runs_and_how_far_it_is(tmp_path):

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runner.batch import Outcome
-from runner.store import STATUSES, Field, TableSpec
+from sinew.runner.evaluation.batch import Outcome
+from sinew.runner.store.schema import STATUSES, Field, TableSpec
 
 SD = 0.5
 

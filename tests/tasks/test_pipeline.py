@@ -1,24 +1,30 @@
 """The command from end to end on small cohorts: what it leaves behind, what it pays for, how it tells of failures."""
 
 import json
+import os
 import sys
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
 
-from runner.store import STATUSES, open_store
-from tasks import cli
-from tasks.cohort import published, virtual_cohort, write_cohort
-from tasks.measurements import read_cohort
-from tasks.model import Model
-from tasks.model.protocols import STANDARD
-from tasks.resources import resource
-from tasks.simulate.uniaxial import Uniaxial
-from tasks.study import read_study
-from tasks.workspace import Workspace
+from sinew.runner.store.schema import STATUSES
+from sinew.runner.store.store import open_store
+from sinew.tasks import pipeline
+from sinew.tasks.cli import main as cli
+from sinew.tasks.data.cohort import read_cohort, write_cohort
+from sinew.tasks.data.virtual import published, virtual_cohort
+from sinew.tasks.model import Model
+from sinew.tasks.model.protocols import STANDARD
+from sinew.tasks.simulate.uniaxial import Uniaxial
+from sinew.tasks.study import provenance
+from sinew.tasks.study.resources import resource
+from sinew.tasks.study.study import read_study
+from sinew.tasks.study.workspace import Workspace
 from tests.conftest import SHARED
 
 STUDY = """
@@ -101,7 +107,7 @@ def test_a_run_leaves_results_arrays_figures_and_a_log(study, tmp_path, capsys):
     assert not list((out / "journal").rglob("*.safetensors"))
 
 
-def test_running_again_simulates_nothing_and_starts_no_cluster(study, tmp_path, monkeypatch):
+def test_running_again_simulates_nothing_and_starts_no_cluster(study, tmp_path, in_this_process, monkeypatch):
     out = tmp_path / "out"
     sinew("run", study, "--out", out, "--quiet")
     before = {path: path.read_bytes() for path in out.glob("*.json") if path.name != "progress.json"}
@@ -123,7 +129,55 @@ def in_this_process(monkeypatch):
     monkeypatch.setattr(Workspace, "client", lambda self: None)
 
 
-def test_extending_pays_for_new_rows_only(study, tmp_path, in_this_process):
+@pytest.fixture
+def no_figures(monkeypatch):
+    """Figures take longer than all the rest."""
+    monkeypatch.setattr(pipeline, "_draw", lambda *_: None)
+
+
+@pytest.fixture
+def shown(tmp_path, monkeypatch):
+    """A result folder whose page is current; pages that are built are counted."""
+    (tmp_path / "sobol.json").write_text("{}")
+    workspace, built = SimpleNamespace(out=tmp_path, simulations=0), []
+
+    def report(folder, console, **_):
+        built.append(folder)
+        page = folder / "report.html"
+        page.write_text("")
+        return page
+
+    monkeypatch.setattr(pipeline, "report", report)
+    monkeypatch.setattr(provenance, "code", lambda: "one program")
+    assert pipeline._page(workspace, None) == tmp_path / "report.html"
+    assert len(built) == 1
+    return workspace, built
+
+
+def newer(path):
+    os.utime(path, ns=(time.time_ns() + 10**9,) * 2)
+
+
+@pytest.mark.parametrize(
+    ("change", "again"),
+    [
+        (lambda workspace, patch: None, False),
+        (lambda workspace, patch: setattr(workspace, "simulations", 3), True),
+        (lambda workspace, patch: newer(workspace.out / "sobol.json"), True),
+        (lambda workspace, patch: (workspace.out / "report.html").unlink(), True),
+        (lambda workspace, patch: patch.setattr(provenance, "code", lambda: "another program"), True),
+        (lambda workspace, patch: pipeline._remember(workspace.out, {"report.html": None}), True),
+    ],
+    ids=["nothing", "new rows", "a new result", "the page is gone", "another program", "a failure"],
+)
+def test_a_page_is_built_again_only_when_something_changed(shown, monkeypatch, change, again):
+    workspace, built = shown
+    change(workspace, monkeypatch)
+    assert pipeline._page(workspace, None) == workspace.out / "report.html"
+    assert len(built) == 1 + again
+
+
+def test_extending_pays_for_new_rows_only(study, tmp_path, in_this_process, no_figures):
     out = tmp_path / "out"
     sinew("sobol", study, "--out", out, "--quiet")
     sinew("sobol", study, "--out", out, "--quiet", "--extend")
@@ -138,14 +192,14 @@ def test_extending_pays_for_new_rows_only(study, tmp_path, in_this_process):
     assert again["ST"] == sobol["ST"]
 
 
-def test_points_are_rounded_aloud(study, tmp_path, in_this_process, capsys):
+def test_points_are_rounded_aloud(study, tmp_path, in_this_process, no_figures, capsys):
     study.write_text(STUDY.replace("base_samples: 32", "points: 100"))
     sinew("sobol", study, "--out", tmp_path / "out")
     said = " ".join(capsys.readouterr().out.split())
     assert "100 points asked; the next power of two is 8 base samples, 144 rows for 16 parameters" in said
 
 
-def test_the_seed_decides_the_numbers(study, tmp_path, in_this_process):
+def test_the_seed_decides_the_numbers(study, tmp_path, in_this_process, no_figures):
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
         sinew("sobol", study, "--out", tmp_path / name, "--seed", seed, "--quiet")
     a, b, c = ((tmp_path / name / "sobol.json").read_bytes() for name in "abc")
@@ -185,7 +239,7 @@ def test_failed_rows_are_told_and_left_out(study, tmp_path, in_this_process, mon
     assert new_simulations(out)[-1] == 2 * sobol["failed"]
 
 
-def test_status_speaks_json(study, tmp_path, in_this_process, capsys):
+def test_status_speaks_json(study, tmp_path, in_this_process, no_figures, capsys):
     sinew("sobol", study, "--out", tmp_path / "out", "--quiet")
     capsys.readouterr()
     sinew("status", tmp_path / "out", "--json")
@@ -324,7 +378,7 @@ def test_a_protocol_may_not_be_called_total(study, tmp_path, capsys):
     assert "total.csv: the name 'total' is taken" in capsys.readouterr().err
 
 
-def test_changed_bounds_in_one_folder_do_not_mix(study, tmp_path, in_this_process):
+def test_changed_bounds_in_one_folder_do_not_mix(study, tmp_path, in_this_process, no_figures):
     out = tmp_path / "out"
     sinew("sobol", study, "--out", out, "--quiet")
     study.write_text(STUDY + "model: {parameters: {nu_m: {fixed: 0.2}}}\nstore: {points_per_curve: 20}\n")
@@ -332,7 +386,9 @@ def test_changed_bounds_in_one_folder_do_not_mix(study, tmp_path, in_this_proces
     assert len(json.loads((out / "sobol.json").read_text())["names"]) == 15
 
 
-def test_words_from_a_store_cannot_steer_the_terminal(study, tmp_path, in_this_process, monkeypatch, capsys):
+def test_words_from_a_store_cannot_steer_the_terminal(
+    study, tmp_path, in_this_process, no_figures, monkeypatch, capsys
+):
     real = Uniaxial.compare
 
     def shouting(self, model, specimen, curve, parameters, keep):

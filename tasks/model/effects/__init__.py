@@ -1,13 +1,13 @@
 """The library of effects: every file of this package is one effect, named EFFECT in it. Adding a file adds an effect.
 
-docs/effects.md shows how; :mod:`tasks.model.effect` says what an effect is made of.
+docs/effects.md shows how; :mod:`sinew.tasks.model.effect` says what an effect is made of.
 """
 
 import importlib
 import pkgutil
 from functools import cache
 
-from tasks.model.effect import Effect
+from sinew.tasks.model.effect import Effect
 
 
 @cache

@@ -1,7 +1,7 @@
 """Fibres that resist compression."""
 
-from tasks.model.effect import Array, Effect, Law, Values
-from tasks.model.parameters import Parameter
+from sinew.tasks.model.effect import Array, Effect, Law, Values
+from sinew.tasks.model.parameters import Parameter
 
 
 def _both_ways(law: Law, values: Values) -> Law:

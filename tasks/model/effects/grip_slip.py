@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from tasks.model.effect import Array, Bars, Effect, GivingWay, Values
-from tasks.model.parameters import Parameter
+from sinew.tasks.model.effect import Array, Bars, Effect, GivingWay, Values
+from sinew.tasks.model.parameters import Parameter
 
 
 def _displacement(bars: Bars, values: Values) -> Array:

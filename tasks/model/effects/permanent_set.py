@@ -3,8 +3,8 @@
 import numba
 import numpy as np
 
-from tasks.model.effect import Array, Bars, Effect, Values
-from tasks.model.parameters import Parameter
+from sinew.tasks.model.effect import Array, Bars, Effect, Values
+from sinew.tasks.model.parameters import Parameter
 
 FAMILIES, BIAS = 11, 0.9  # those with weight of FEBio's 12 families, and its ratio of neighbouring weights
 

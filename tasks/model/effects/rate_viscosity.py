@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from tasks.model.effect import Bars, Branch, Effect, Values
-from tasks.model.parameters import Parameter
+from sinew.tasks.model.effect import Bars, Branch, Effect, Values
+from sinew.tasks.model.parameters import Parameter
 
 
 def _branches(bars: Bars, values: Values) -> tuple[Branch, ...]:

@@ -1,7 +1,7 @@
 """A fourth relaxation time of the fibres."""
 
-from tasks.model.effect import Bars, Branch, Effect, Values
-from tasks.model.parameters import Parameter
+from sinew.tasks.model.effect import Bars, Branch, Effect, Values
+from sinew.tasks.model.parameters import Parameter
 
 
 def _branches(bars: Bars, values: Values) -> tuple[Branch, ...]:

@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from tasks.model import fibre
-from tasks.model.effect import Array, Bars, Effect, Values
-from tasks.model.parameters import Parameter
+from sinew.tasks.model import fibre
+from sinew.tasks.model.effect import Array, Bars, Effect, Values
+from sinew.tasks.model.parameters import Parameter
 
 
 def _weibull(bars: Bars, values: Values) -> Array:
     largest = np.maximum.accumulate(np.maximum(bars.fibre_strain, 0.0), axis=1)
     damage = -values["softening_loss"] * np.expm1(
-        -((largest / values["softening_strain"]) ** values["softening_shape"])
+        -np.float_power(largest / values["softening_strain"], values["softening_shape"])
     )
     return bars.fibre_MPa * (1.0 - damage)
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from tasks.model.effect import Array, Bars, Effect, Values
-from tasks.model.parameters import Parameter
+from sinew.tasks.model.effect import Array, Bars, Effect, Values
+from sinew.tasks.model.parameters import Parameter
 
 
 def _material(bars: Bars, values: Values) -> Mapping[str, Array]:

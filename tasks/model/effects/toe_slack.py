@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tasks.model.effect import Array, Bars, Effect, Law, Values
-from tasks.model.parameters import Parameter
+from sinew.tasks.model.effect import Array, Bars, Effect, Law, Values
+from sinew.tasks.model.parameters import Parameter
 
 FAMILIES = 12  # of fibres, by their slack
 
@@ -24,7 +24,7 @@ def _recruited(law: Law, values: Values) -> Law:
     each = [1.0 - (1.0 - mean) * (1.0 + values["slack_spread"] * node) for node in nodes]
 
     def together(stretch: Array) -> Array:
-        # what is told is stretched by the mean already, and its stress will be multiplied by it
+        # the stretch given includes the mean already, and its stress will be multiplied by it
         own = [own / mean for own in each]
         found = np.zeros_like(stretch)
         for weight, one in zip(weights, own, strict=True):

@@ -1,16 +1,15 @@
 """Data: the specimens, their curves, and what is known of both; without measured forces, how far they are pulled."""
 
-import json
 from typing import Any
 
 import numpy as np
 
-from tasks.report import plots
-from tasks.report.blocks import Block, Plot, Section, Table, number, plural
-from tasks.report.folder import POINTS, Found, MeasuredCurve
+from sinew.tasks.drawing import plots
+from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, number, plural
+from sinew.tasks.report.folder import POINTS, MeasuredCurve, ResultFolder
 
 
-def section(found: Found) -> Section:
+def section(found: ResultFolder) -> Section:
     """All measured curves that the folder holds."""
     title, question = "Data", "What was measured?"
     measured = found.measured
@@ -45,17 +44,17 @@ def section(found: Found) -> Section:
 
 def _sources(every: dict[str, MeasuredCurve], protocols: list[str]) -> dict[str, dict[str, Any]]:
     empty = np.zeros(0)
-    told = {}
+    sources = {}
     for protocol in protocols:
         curve = every.get(protocol)
         columns = (empty,) * 3 if curve is None else (curve.time_s, curve.displacement_mm, curve.force_N)
-        told[protocol] = dict(zip(("time", "displacement", "force"), columns, strict=True))
-    return told
+        sources[protocol] = dict(zip(("time", "displacement", "force"), columns, strict=True))
+    return sources
 
 
 def _draw(sources: plots.Sources, protocols: list[str], *, forces: bool) -> list[Plot]:
     words = {"time": "time (s)", "displacement": "displacement (mm)", "force": "force (N)"}
-    told = [("time", "@time{0.00} s"), ("displacement", "@displacement{0.0000} mm"), ("force", "@force{0.0} N")]
+    tooltips = [("time", "@time{0.00} s"), ("displacement", "@displacement{0.0000} mm"), ("force", "@force{0.0} N")]
     drawn: list[Plot] = []
     for across, up in (("time", "force"), ("displacement", "force")) if forces else (("time", "displacement"),):
         plot = plots.figure(words[across], words[up], height=320)
@@ -63,7 +62,7 @@ def _draw(sources: plots.Sources, protocols: list[str], *, forces: bool) -> list
         for number_, protocol in enumerate(protocols):
             style = {"color": plots.colour(number_), "line_dash": plots.dash(number_), "line_width": 1.6}
             line = plot.line(across, up, source=sources[protocol], **style)
-            plots.hover(plot, line, [(protocol, ""), *(told if forces else told[:2])])
+            plots.hover(plot, line, [(protocol, ""), *(tooltips if forces else tooltips[:2])])
             entries.append((protocol.replace("_", " "), [line]))
         plots.legend(plot, entries)
         what = "Measured force" if forces else "Displacement"
@@ -72,7 +71,7 @@ def _draw(sources: plots.Sources, protocols: list[str], *, forces: bool) -> list
     return drawn
 
 
-def _table(found: Found) -> Table:
+def _table(found: ResultFolder) -> Table:
     rows = []
     for name, every in found.measured.items():
         bar = _geometry(found, name)
@@ -89,12 +88,12 @@ def _table(found: Found) -> Table:
     return Table("Specimens", header, rows, words=(1,), open=len(rows) <= 6)
 
 
-def _geometry(found: Found, name: str) -> dict[str, Any]:
-    """Sizes of a specimen, as its evaluations or the log tell."""
+def _geometry(found: ResultFolder, name: str) -> dict[str, Any]:
+    """Sizes of a specimen, from its evaluations or from the log."""
     if name in found.tables:
-        return dict(json.loads(str(found.tables[name][0].group.attrs["identity"]))["specimen"])
+        return dict(found.tables[name][0].identity["specimen"])
     for run in reversed(found.runs):
-        told = run.get("specimens")
-        if isinstance(told, dict) and isinstance(told.get(name), dict):
-            return dict(told[name])
+        sizes = run.get("specimens")
+        if isinstance(sizes, dict) and isinstance(sizes.get(name), dict):
+            return dict(sizes[name])
     return {}

@@ -1,10 +1,10 @@
 """Failures: rows without a number, tasks without a result, files that cannot be read."""
 
-from tasks.report.blocks import Block, Section, Table, Words, plural
-from tasks.report.folder import Found
+from sinew.tasks.drawing.blocks import Block, Section, Table, Words, plural
+from sinew.tasks.report.folder import ResultFolder
 
 
-def section(found: Found) -> Section:
+def section(found: ResultFolder) -> Section:
     """What failed in this folder, and what can be done."""
     title, question = "Failures", "What went wrong, and does it matter?"
     blocks: list[Block] = [Words(line, "warning") for line in found.trouble]
@@ -23,8 +23,8 @@ def section(found: Found) -> Section:
         ]
         blocks.append(Table("Failed rows by reason", ["evaluations", "rows", "status", "failed"], lines, words=(2,)))
         words = [
-            [told["table"], str(told["row"]), told["status"], told["message"], told["node"]]
-            for told in (found.status or {}).get("last_failures", [])
+            [failure["table"], str(failure["row"]), failure["status"], failure["message"], failure["node"]]
+            for failure in (found.status or {}).get("last_failures", [])
         ]
         header = ["evaluations", "row", "status", "the solver's last words", "node"]
         blocks.append(Table("The last of them", header, words, words=(2, 3, 4)))

@@ -1,15 +1,15 @@
 """Provenance: which program, data and machine these results come from, what they cost, and how to make them again."""
 
-import json
 import shlex
 from typing import Any
 
-from tasks.report.blocks import Block, Code, Facts, Section, Table, Words, duration, number
-from tasks.report.folder import Found
+from sinew.tasks.drawing.blocks import Block, Code, Facts, Section, Table, Words, duration, number
+from sinew.tasks.report.folder import ResultFolder
+from sinew.tasks.simulate.registry import of_own_models
 
 
-def section(found: Found) -> Section:
-    """What the log, the store and the scheduler's table tell."""
+def section(found: ResultFolder) -> Section:
+    """What the log, the store and the table of jobs hold."""
     title, question = "Provenance", "Which program, data and machine, at what cost, and how to make it again?"
     blocks: list[Block] = []
     if found.runs:
@@ -57,7 +57,7 @@ def _program(run: dict[str, Any]) -> list[tuple[str, str]]:
         "seed": "seed",
         "simulator": "simulator",
         "cluster": "cluster",
-        "slurm_job": "SLURM job",
+        "slurm_job": "job",
         "cohort": "cohort",
         "cohort_hash": "hash of the cohort",
         "study_hash": "hash of the study file",
@@ -66,31 +66,31 @@ def _program(run: dict[str, Any]) -> list[tuple[str, str]]:
     return [(label, str(run[name])) for name, label in names.items() if run.get(name) not in (None, "")]
 
 
-def _costs(found: Found) -> list[tuple[str, str]]:
+def _costs(found: ResultFolder) -> list[tuple[str, str]]:
     if found.status is None:
         return []
     cost = found.status["core_hours"]
     rows = sum(table["rows"] for table in found.status["tables"])
     done = sum(table["done"] for table in found.status["tables"])
-    told = [
+    facts = [
         ("evaluations", f"{done:,} of {rows:,} planned"),
         ("core-hours in evaluations", number(cost["evaluations"])),
     ]
     if found.status["jobs"]:
-        told.append(("core-hours of SLURM jobs", number(cost["jobs"])))
-        told.append(("SLURM jobs", ", ".join(f"{job['job']} ({job['state']})" for job in found.status["jobs"][-12:])))
-    return told
+        facts.append(("core-hours of jobs", number(cost["jobs"])))
+        facts.append(("jobs", ", ".join(f"{job['job']} ({job['state']})" for job in found.status["jobs"][-12:])))
+    return facts
 
 
-def _again(found: Found, run: dict[str, Any]) -> Code:
+def _again(found: ResultFolder, run: dict[str, Any]) -> Code:
     """Commands that make the same numbers again: seed and study decide them, not the number of workers."""
     study = shlex.quote(str(run.get("study_file", "study.yaml")))
-    simulator = run.get("simulator") if run.get("simulator") != "template" else None  # only a study can ask for one
+    simulator = None if run.get("simulator") in of_own_models() else run.get("simulator")  # the study names those
     options = {"--data": run.get("cohort") or None, "--seed": run.get("seed"), "--simulator": simulator}
     given = " ".join(f"{name} {shlex.quote(str(value))}" for name, value in options.items() if value is not None)
     asked = dict.fromkeys(tuple(map(str, each["tasks"])) for each in found.runs if isinstance(each.get("tasks"), list))
     commands = [tasks[0] if len(tasks) == 1 else "run" for tasks in asked]
-    lines = [f"pip install sinew=={run.get('version', '')}"]
+    lines = [str(run["install"])] if run.get("install") else []  # logs of 0.1 do not say
     lines += [f"sinew {command} {study} {given} --out AGAIN" for command in dict.fromkeys(commands)]
     name = shlex.quote(found.folder.resolve().name)
     lines += [f"# compare with {name}, the folder of this page"] if found.results else []
@@ -98,15 +98,16 @@ def _again(found: Found, run: dict[str, Any]) -> Code:
     return Code("How to make it again", "\n".join(lines))
 
 
-def _inputs(found: Found, task: str) -> str:
-    return str(found.results.get(task, {}).get("inputs", "–"))
+def _inputs(found: ResultFolder, task: str) -> str:
+    result = found.results.get(task)
+    return "–" if result is None else result.inputs
 
 
-def _hashes(found: Found) -> list[list[str]]:
+def _hashes(found: ResultFolder) -> list[list[str]]:
     rows = []
     for name, tables in found.tables.items():
         for table in tables:
-            identity = json.loads(str(table.group.attrs["identity"]))
+            identity = table.identity
             simulator = identity["simulator"]
             engine = f"{simulator.get('name', '')} {simulator.get('version', '')}".strip()
             curves = ", ".join(f"{protocol} {digest}" for protocol, digest in identity["specimen"]["curves"].items())

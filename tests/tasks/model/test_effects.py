@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tasks.model import TENDON, Model, effects, fibre
-from tasks.model.effect import PHASES, PLACES, Effect, in_order, model_with
-from tasks.model.effects import library
+from sinew.tasks.model import TENDON, Model, effects, fibre
+from sinew.tasks.model.effect import PHASES, PLACES, Effect, in_order, model_with
+from sinew.tasks.model.effects import library
 
 SLUGS = [
     *("area-error", "cyclic-fatigue", "fiber-compression", "fluid-flow", "force-drift", "grip-slip"),
@@ -64,7 +64,7 @@ def test_a_file_adds_an_effect(tmp_path, monkeypatch):
     try:
         found = library.__wrapped__()
     finally:
-        sys.modules.pop("tasks.model.effects.documented_example", None)
+        sys.modules.pop("sinew.tasks.model.effects.documented_example", None)
     assert set(found) > set(SLUGS)
     assert list(found) == sorted(found)
 
@@ -73,7 +73,7 @@ def test_a_file_adds_an_effect(tmp_path, monkeypatch):
     ("text", "error", "words"),
     [
         ("", ImportError, "has no EFFECT"),
-        ("from tasks.model.effects.time_lag import EFFECT", ValueError, "another effect time-lag"),
+        ("from sinew.tasks.model.effects.time_lag import EFFECT", ValueError, "another effect time-lag"),
     ],
 )
 def test_a_file_that_is_no_new_effect_is_refused(tmp_path, monkeypatch, text, error, words):
@@ -83,7 +83,7 @@ def test_a_file_that_is_no_new_effect_is_refused(tmp_path, monkeypatch, text, er
         with pytest.raises(error, match=words):
             library.__wrapped__()
     finally:
-        sys.modules.pop("tasks.model.effects.zz_refused", None)
+        sys.modules.pop("sinew.tasks.model.effects.zz_refused", None)
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tasks.model import Protocol
-from tasks.model.phases import phases
-from tasks.model.protocols import cyclic, one_step, two_step
+from sinew.tasks.model import Protocol
+from sinew.tasks.model.phases import phases
+from sinew.tasks.model.protocols import cyclic, one_step, two_step
 
 
 def kinds(protocol):

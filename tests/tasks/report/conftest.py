@@ -10,11 +10,13 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from tasks import pipeline
-from tasks.calibrate import fitted_curves
-from tasks.cohort import virtual_cohort, write_cohort
-from tasks.study import read_study
-from tasks.workspace import Workspace, open_workspace
+from sinew.tasks import pipeline
+from sinew.tasks.calibrate.task import fitted_curves
+from sinew.tasks.cluster.spec import cluster_of
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.study.study import read_study
+from sinew.tasks.study.workspace import Workspace, open_workspace
 
 STUDY = """
 name: small
@@ -44,11 +46,11 @@ def whole_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pipeline, "_draw", lambda *_: None)
         patch.setattr(Workspace, "client", lambda self: None)  # evaluates in this process
-        cluster = study.cluster_spec()
+        cluster = cluster_of(study)
         with open_workspace(study, out=folder / "out", cluster=cluster, quiet=True) as workspace:
             results = pipeline.run(workspace, study.tasks)
             for specimen in workspace.cohort.specimens:
-                fitted_curves(workspace, specimen, results["calibrate"]["specimens"][specimen.name]["parameters"])
+                fitted_curves(workspace, specimen, results["calibrate"].specimens[specimen.name].parameters)
     pipeline.report(folder / "out", Console(quiet=True))
     return folder / "out"
 

@@ -9,9 +9,25 @@ import pytest
 from matplotlib import pyplot as plt
 from matplotlib.mathtext import MathTextParser
 
-from runner.store import open_store
-from tasks.report import discovery, figures, tables
-from tasks.report.posterior import marginals
+from sinew.runner.store.store import open_store
+from sinew.tasks.calibrate import show as calibrate
+from sinew.tasks.calibrate.figures import calibration_convergence
+from sinew.tasks.calibrate.result import CalibrateResult
+from sinew.tasks.compare import show as compare
+from sinew.tasks.compare.result import CompareResult
+from sinew.tasks.discover import figures as discovery
+from sinew.tasks.discover import show as discover
+from sinew.tasks.discover.result import DiscoverResult
+from sinew.tasks.drawing import figures
+from sinew.tasks.importance import show as importance_show
+from sinew.tasks.importance.result import ImportanceResult
+from sinew.tasks.infer.figures import figure_tables, marginals
+from sinew.tasks.infer.result import InferResult
+from sinew.tasks.predict import show as predict
+from sinew.tasks.predict.result import PredictResult
+from sinew.tasks.sobol import show as sobol_show
+from sinew.tasks.sobol.result import SobolResult
+from tests.tasks.calibrations import calibration_of, fit_of, method_of
 
 
 def result(folder: Path, task: str) -> dict:
@@ -37,37 +53,38 @@ def test_a_figure_is_three_files_of_the_same_bytes_each_time(tmp_path):
     pd.testing.assert_frame_equal(pd.read_csv(paths[2]), shown)
 
 
-def test_indices_and_importance_by_objective(whole_run):
-    sobol, importance = result(whole_run, "sobol"), result(whole_run, "importance")
-    for told, table, key in (
-        (sobol, tables.sobol(sobol), "ST"),
-        (importance, tables.importance(importance), "permutation"),
+def test_indices_and_importance_by_output(whole_run):
+    sobol, importance = SobolResult.read(whole_run), ImportanceResult.read(whole_run)
+    for found, table, key in (
+        (sobol, sobol_show.table(sobol), "ST"),
+        (importance, importance_show.table(importance), "permutation"),
     ):
-        assert list(table["objective"].unique()) == ["total", *told["protocols"]]
-        np.testing.assert_array_equal(table[key][: len(told["names"])], np.array(told[key], dtype=float))
-        last = list(told["protocols"].values())[-1]
-        np.testing.assert_array_equal(table[key][-len(told["names"]) :], np.array(last[key], dtype=float))
-    settled = tables.sobol_convergence(sobol)
-    last = settled[settled["base_samples"] == sobol["convergence"]["base_samples"][-1]]
-    np.testing.assert_array_equal(last["ST"], np.array(sobol["convergence"]["ST"][-1], dtype=float))
+        assert list(table.index.get_level_values("output").unique()) == ["total", *found.protocols]
+        np.testing.assert_array_equal(table.loc["total", key], getattr(found, key))
+        name, last = list(found.protocols.items())[-1]
+        np.testing.assert_array_equal(table.loc[name, key], getattr(last, key))
+        assert list(table.loc[name].index) == found.names
+    settled = sobol_show.convergence_table(sobol)
+    last = settled[settled["base_samples"] == sobol.convergence.base_samples[-1]]
+    np.testing.assert_array_equal(last["ST"], sobol.convergence.ST[-1])
 
 
 def test_searches_end_at_the_objective_of_their_method(whole_run):
-    told = result(whole_run, "calibrate")
-    table = tables.calibration_convergence(told)
+    calibrated = CalibrateResult.read(whole_run)
+    table = calibrate.searches_table(calibrated)
     lowest = table.groupby(["specimen", "method"])["objective_N"].min()
-    for name, specimen in told["specimens"].items():
-        for method, found in specimen["methods"].items():
-            assert lowest[name, method] == pytest.approx(found["total_N"], rel=1e-6)
+    for name, specimen in calibrated.specimens.items():
+        for method, found in specimen.methods.items():
+            assert lowest[name, method] == pytest.approx(found.total_N, rel=1e-6)
 
 
 def test_densities_are_those_of_the_figure(whole_run):
-    told = result(whole_run, "infer")
-    site = next(iter(told["sites"]))
+    inferred = InferResult.read(whole_run)
+    site = next(iter(inferred.sites))
     particles = open_store(whole_run).read_result(f"infer/{site}")
-    table = tables.posterior(particles, told, site)["marginals"]
-    figure = marginals(particles, told, site)
-    for name, axis in zip(told["names"], figure.axes, strict=False):
+    table = figure_tables(particles, inferred, site)["marginals"]
+    figure = marginals(particles, inferred, site)
+    for name, axis in zip(inferred.names, figure.axes, strict=False):
         mine = table[table["parameter"] == name]
         for line, column in zip(axis.lines, ("prior_density", "posterior_density"), strict=False):
             np.testing.assert_array_equal(line.get_xdata(), mine["value"])
@@ -75,30 +92,30 @@ def test_densities_are_those_of_the_figure(whole_run):
 
 
 def test_bands_curves_and_cells_are_all_there(whole_run):
-    store, predicted, found = open_store(whole_run), result(whole_run, "predict"), result(whole_run, "discover")
-    for site in predicted["sites"]:
+    store, predicted, found = open_store(whole_run), PredictResult.read(whole_run), DiscoverResult.read(whole_run)
+    for site, prediction in predicted.sites.items():
         dataset = store.read_result(f"predict/{site}")
-        table = tables.prediction(dataset)
+        table = predict.points_table(dataset)
         assert list(table.columns[:3]) == ["specimen", "protocol", "time_s"]
         assert len(table) == dataset.sizes["point"]
         inside = (table["measured_N"] >= table["hdi_low_N"]) & (table["measured_N"] <= table["hdi_high_N"])
-        assert inside.mean() == pytest.approx(predicted["sites"][site]["coverage"]["hdi"]["all"])
-    cells = tables.cells(found)
-    assert len(cells) == sum(map(len, [*found["cells"].values(), *found.get("after", {}).values()]))
-    name = next(iter(found["cells"]))
+        assert inside.mean() == pytest.approx(prediction.coverage["hdi"].all)
+    cells = discover.cells_table(found)
+    assert len(cells) == sum(map(len, [*found.cells.values(), *(found.after or {}).values()]))
+    name = next(iter(found.cells))
     kept = store.read_result(f"discover/{name.replace('/', '_')}")
-    curves = tables.curves(kept)
+    curves = discover.curves_table(kept)
     figure = discovery.before_and_after(kept, found, name)
     drawn = {line.get_ydata().size for axis in figure.axes for line in axis.lines if line.get_label() == "measured"}
     assert drawn == set(curves.groupby("protocol").size())
 
 
 def test_separation_has_its_three_panels(whole_run):
-    told = result(whole_run, "compare")
-    table = tables.separation(told)
+    compared = CompareResult.read(whole_run)
+    table = compare.separation_table(compared)
     assert set(table["panel"]) == {"roc", "density", "loading"}
     loadings = table[table["panel"] == "loading"].set_index("series")["x"]
-    assert loadings.to_dict() == pytest.approx(told["component"]["loadings"])
+    assert loadings.to_dict() == pytest.approx(compared.component.loadings)
 
 
 @pytest.mark.parametrize(
@@ -117,9 +134,9 @@ def test_names_of_parameters_are_formulas_where_they_can_be(name, shown):
     MathTextParser("path").parse(figures.symbol(name))
 
 
-@pytest.mark.parametrize("noise", [None, float("nan"), 0.5])
+@pytest.mark.parametrize("noise", [None, 0.5])
 def test_fits_are_drawn_whether_or_not_the_noise_is_known(tmp_path, noise):
-    told = {"noise_N": noise, "methods": {"least_squares": {"trace": [[1, 2.0], [5, 1.0]]}}}
-    found = {"methods": ["least_squares"], "specimens": {"short": told}}
-    figures.save(figures.calibration_convergence(found), tmp_path, "fits", tables.calibration_convergence(found))
+    short = fit_of({"E_f": 1.0}, noise_N=noise, methods={"least_squares": method_of([(1, 2.0), (5, 1.0)])})
+    found = calibration_of({"short": short}, methods=["least_squares"])
+    figures.save(calibration_convergence(found), tmp_path, "fits", calibrate.searches_table(found))
     assert (tmp_path / "fits.png").is_file()

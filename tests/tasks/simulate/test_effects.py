@@ -8,18 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lsim
 
-from tasks.model import Model, Protocol, Specimen
-from tasks.model.effect import Effect
-from tasks.model.effects import library
-from tasks.model.effects.force_drift import SETTLING
-from tasks.model.effects.grip_slip import CREEP
-from tasks.model.effects.machine_compliance import CLOSING
-from tasks.model.effects.softening import SIMO
-from tasks.model.effects.time_lag import FILTER
-from tasks.model.effects.toe_slack import FAMILIES, SPREAD
-from tasks.model.protocols import STANDARD, cyclic, one_step, two_step
-from tasks.simulate.effects import simulate_with
-from tasks.simulate.uniaxial import Uniaxial
+from sinew.tasks.model import Model, Protocol, Specimen
+from sinew.tasks.model.effect import Effect
+from sinew.tasks.model.effects import library
+from sinew.tasks.model.effects.force_drift import SETTLING
+from sinew.tasks.model.effects.grip_slip import CREEP
+from sinew.tasks.model.effects.machine_compliance import CLOSING
+from sinew.tasks.model.effects.softening import SIMO
+from sinew.tasks.model.effects.time_lag import FILTER
+from sinew.tasks.model.effects.toe_slack import FAMILIES, SPREAD
+from sinew.tasks.model.protocols import STANDARD, cyclic, one_step, two_step
+from sinew.tasks.simulate.effects import simulate_with
+from sinew.tasks.simulate.uniaxial import Uniaxial
 from tests.conftest import SHARED, reference_parameters
 
 BAR = Specimen("bar", 10.0, 8.0, 4.0)
@@ -113,6 +113,22 @@ def test_forces_are_finite_within_all_bounds(drawn, protocol):
     assert again.tobytes() == force.tobytes()  # the order in which effects are given does not matter
     alone = simulate_with(Model(), effects, BAR, protocol, rows[1:], values[1:])
     assert alone.tobytes() == force[1:].tobytes()  # nor do other rows
+
+
+def test_a_row_does_not_depend_on_the_rows_beside_it():
+    """Of all forms alone, and of some together whose forces are found by iteration: 20 pairs of rows each."""
+    forms = {f"{form.slug}/{form.form}": form for form in FORMS}
+    together = ("machine-compliance/closing", "softening/simo", "toe-slack/spread")
+    rng = np.random.default_rng(0)
+    for effects in (*((form,) for form in FORMS), tuple(forms[name] for name in together)):
+        bounds = [p for effect in effects for p in effect.parameters], Model().parameters
+        for _ in range(20):
+            values, rows = (
+                np.array([[rng.uniform(p.minimum, p.maximum) for p in every] for _ in range(2)]) for every in bounds
+            )
+            force = simulate_with(Model(), effects, BAR, PULLED_AND_PUSHED, rows, values)
+            alone = simulate_with(Model(), effects, BAR, PULLED_AND_PUSHED, rows[1:], values[1:])
+            assert alone.tobytes() == force[1:].tobytes(), [effect.slug for effect in effects]
 
 
 def test_impossible_rows_are_nan_and_columns_are_counted():

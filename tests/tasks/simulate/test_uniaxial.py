@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from runner.store import STATUSES
-from tasks.model import TENDON, Curve, Model, Parameter, Protocol, Specimen
-from tasks.model.protocols import STANDARD, cyclic, one_step
-from tasks.simulate.uniaxial import LANES, Uniaxial
+from sinew.runner.store.schema import STATUSES
+from sinew.tasks.model import TENDON, Curve, Model, Parameter, Protocol, Specimen
+from sinew.tasks.model.protocols import STANDARD, cyclic, one_step
+from sinew.tasks.simulate.uniaxial import LANES, Uniaxial
 from tests.conftest import reference, reference_parameters
 
 BAR = Specimen("bar", 10.0, 8.0, 4.0)
@@ -125,6 +125,14 @@ def test_a_test_that_starts_displaced_starts_relaxed(model):
     force = Uniaxial().simulate(model, BAR, displaced, model.reference[np.newaxis]).force_N[0]
     assert force[0] > 0
     assert np.allclose(force, force[0], rtol=1e-14)
+
+
+def test_terms_that_have_decayed_do_not_stay_among_the_subnormal_numbers(model):
+    """The smallest subnormal number times a decay above one half is itself: a term would stay there, and be slow."""
+    history = Protocol("rest", np.arange(4000) * 50.0, np.append([0.0, 0.4], np.zeros(3998)))
+    force = Uniaxial().simulate(model, BAR, history, model.reference[np.newaxis]).force_N[0]
+    assert force[1:100].all()
+    assert force[-1] == 0.0
 
 
 def test_rounded_time_stamps_count_as_one_step():

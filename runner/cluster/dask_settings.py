@@ -1,0 +1,30 @@
+"""Dask's settings for all clusters, and how long to wait for workers."""
+
+WAIT_FOR_WORKERS_S = 120.0
+_PAGES = ("scheduler.prometheus", "scheduler.info", "scheduler.json", "health", "statics")
+SETTINGS = {
+    "distributed.scheduler.worker-saturation": 1.1,  # one batch runs and one waits on each worker
+    "distributed.scheduler.allowed-failures": 3,
+    "distributed.scheduler.work-stealing": False,
+    "distributed.worker.profile.enabled": False,
+    "distributed.diagnostics.nvml": False,
+    # logs of messages would keep every batch in memory
+    "distributed.admin.low-level-log-length": 10,
+    "distributed.admin.log-length": 100,
+    # by default fifty times a second, only to measure delays: four idle workers took a sixth of a core
+    "distributed.admin.tick.interval": "1 s",
+    "distributed.admin.tick.limit": "60 s",
+    "distributed.comm.timeouts.connect": "60 s",
+    "distributed.deploy.lost-worker-timeout": "60 s",  # its nanny restarts it; on a busy machine that takes a while
+    # the journal holds the results; workers keep next to nothing in memory
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,  # it would also resume workers that pause because they leave
+    "logging.distributed": "error",
+    # Dask's own without its proxy, by which anyone who reaches the dashboard would reach other ports
+    "distributed.scheduler.http.routes": [f"distributed.http.{name}" for name in _PAGES],
+}
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+# workers import nothing from the folder that they start in: it may be that of a study which somebody else wrote
+ENVIRONMENT = {**ONE_THREAD, "PYTHONSAFEPATH": "1"}
+DASHBOARD = "127.0.0.1:0"  # anyone who reaches it sees everything

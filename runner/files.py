@@ -1,0 +1,137 @@
+"""Files that others may have written: only regular ones are read, and never further than a limit.
+
+A named pipe or a device in the place of a file would be waited for or read without end, and a link may lead anywhere.
+In folders that all users share, such as ``/tmp``, others may have made what this program is about to make.
+"""
+
+import errno
+import os
+import stat
+import tempfile
+from collections.abc import Collection
+from contextlib import suppress
+from pathlib import Path
+
+from sinew.runner.errors import BadInput
+
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFLNK: "a link",
+}
+
+
+class NotReadable(Exception):
+    """What is there is no regular file, or too large; the words say what it is."""
+
+
+class TooLarge(NotReadable):
+    """A file of more bytes than the limit."""
+
+    def __init__(self, size: int, max_bytes: int) -> None:
+        super().__init__(f"a file of {size:,} bytes, more than {max_bytes:,}")
+        self.size = size
+
+
+def what_is(mode: int) -> str:
+    """The kind of file that a mode of ``os.stat`` says, for a message."""
+    return _KINDS.get(stat.S_IFMT(mode), "no regular file")
+
+
+def read_regular(path: Path, max_bytes: int, *, last: int | None = None, follow: bool = False) -> bytes:
+    """The content of a regular file of at most ``max_bytes``, or only its ``last`` bytes.
+
+    Links are refused unless ``follow``. Raises ``FileNotFoundError``, :class:`NotReadable` for anything else that is no
+    such file, and ``OSError``.
+    """
+    flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | (0 if follow else os.O_NOFOLLOW)
+    try:
+        descriptor = os.open(path, flags)
+    except OSError as error:
+        if isinstance(error, FileNotFoundError):
+            raise
+        kind = _kind(path)
+        if kind is None:
+            raise
+        raise NotReadable(kind) from None
+    status = os.fstat(descriptor)
+    if not stat.S_ISREG(status.st_mode):
+        os.close(descriptor)
+        raise NotReadable(what_is(status.st_mode))
+    with open(descriptor, "rb") as file:
+        if last is not None:
+            file.seek(max(0, status.st_size - last))
+            return file.read(last)
+        if status.st_size > max_bytes:
+            raise TooLarge(status.st_size, max_bytes)
+        content = file.read(max_bytes + 1)
+    if content is None:  # such as /proc/kmsg
+        raise NotReadable("a file that has nothing to read now")
+    if len(content) > max_bytes:  # it grew, or its size is not known before it is read, as in /proc
+        raise NotReadable(f"a file of more than {max_bytes:,} bytes")
+    return content
+
+
+def own_folder(folder: Path) -> Path:
+    """The folder, made where there is none, into which nobody but this user can write.
+
+    Raises ``OSError``, also when it is a link, belongs to somebody else or lets others write.
+    """
+    with suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+    status = os.lstat(folder)
+    others = stat.S_IWGRP | stat.S_IWOTH
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.geteuid() or status.st_mode & others:
+        raise PermissionError(errno.EACCES, "is no folder that only you can write to", str(folder))
+    return folder
+
+
+def temporary_folder() -> Path:
+    """The user's own folder for temporary files, which outlives the program. Raises ``OSError``."""
+    return own_folder(Path(tempfile.gettempdir()) / f"sinew-{os.geteuid()}")
+
+
+def read_input(path: Path, max_bytes: int, expected: str) -> bytes:
+    """The content of a file that a user names, links followed. Raises :class:`sinew.runner.errors.BadInput`."""
+    try:
+        return read_regular(path, max_bytes, follow=True)
+    except TooLarge as large:
+        raise BadInput(path, f"{large.size / 2**20:,.0f} MB", expected) from None
+    except NotReadable as problem:
+        raise BadInput(path, str(problem), expected) from None
+    except (OSError, ValueError) as error:  # the latter: a path that no system takes
+        words = error.strerror if isinstance(error, OSError) else str(error)
+        raise BadInput(path, (words or "cannot be read").lower(), expected) from None
+
+
+def strange_entry(folder: Path, closed: Collection[str] = ()) -> tuple[Path, str] | None:
+    """The first thing below a folder that is neither a file nor a folder, and what it is. Links are not followed.
+
+    What is inside of the folders ``closed``, names directly below ``folder``, does not matter.
+    Raises ``OSError`` when a folder cannot be read; what vanishes meanwhile is passed over.
+    """
+    folders = [str(folder)]
+    while folders:
+        try:
+            with os.scandir(folders.pop()) as entries:
+                for entry in sorted(entries, key=lambda each: each.name):
+                    if entry.is_dir(follow_symlinks=False):
+                        if Path(entry.path).relative_to(folder).as_posix() not in closed:
+                            folders.append(entry.path)
+                    elif not entry.is_file(follow_symlinks=False):
+                        return Path(entry.path), what_is(entry.stat(follow_symlinks=False).st_mode)
+        except FileNotFoundError:
+            continue
+    return None
+
+
+def _kind(path: Path) -> str | None:
+    """What a path leads to without following it, if that is no regular file."""
+    try:
+        mode = os.lstat(path).st_mode
+    except OSError:
+        return None
+    return None if stat.S_ISREG(mode) else what_is(mode)

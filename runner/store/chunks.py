@@ -1,0 +1,73 @@
+"""What the file of a chunk claims to hold, read from its header before it is decompressed.
+
+A few damaged or hostile bytes may claim gigabytes, which a decompressor would ask of the memory first.
+"""
+
+import math
+import struct
+from pathlib import Path
+from typing import Any
+
+import zarr
+
+MAX_TEXT_BYTES = 2**27  # of a chunk of names or messages
+NUMBERS, TEXTS = ("bytes", "blosc", "crc32c"), ("vlen-utf8", "zstd")
+_BLOSC, _ZSTD = struct.Struct("<4xI"), b"\x28\xb5\x2f\xfd"
+
+
+def codecs_fault(array: zarr.Array[Any]) -> str:
+    """What is wrong with the codecs of an array, or nothing: only those that are written here are read."""
+    names = tuple(str(codec.to_dict()["name"]) for codec in array.metadata.codecs)  # type: ignore[union-attr]
+    allowed = TEXTS if array.dtype.kind in "OT" else NUMBERS
+    return "" if names == allowed else f"its codecs are {', '.join(names)}"
+
+
+def chunk_fault(file: Path, array: zarr.Array[Any]) -> str:
+    """Why the file of a chunk must not be decompressed, or nothing. Raises ``OSError``."""
+    try:
+        return _fault(file, array)
+    except FileNotFoundError:  # removed meanwhile: Zarr reads an empty chunk
+        return ""
+
+
+def _fault(file: Path, array: zarr.Array[Any]) -> str:
+    if array.dtype.kind not in "OT":
+        with file.open("rb") as opened:
+            header = opened.read(_BLOSC.size)
+        expected = array.dtype.itemsize * math.prod(array.chunks)
+        whole = len(header) == _BLOSC.size and _BLOSC.unpack(header)[0] == expected
+        return "" if whole else f"a chunk is not one of {expected:,} bytes"
+    if file.stat().st_size > MAX_TEXT_BYTES:
+        return f"a chunk has more than {MAX_TEXT_BYTES:,} bytes"
+    claimed = _zstd_size(file.read_bytes())
+    return (
+        "" if claimed is not None and claimed <= MAX_TEXT_BYTES else "a chunk claims to hold too much, or is cut short"
+    )
+
+
+def chunk_files(folder: Path) -> list[Path]:
+    """The files of all chunks of the array in ``folder``, or of a part of it."""
+    there = [folder] if folder.is_file() else folder.rglob("*")
+    return [path for path in there if path.suffix != ".partial" and path.is_file()]  # Zarr renames what it has written
+
+
+def _zstd_size(content: bytes) -> int | None:
+    """The size of what a single Zstandard frame holds (RFC 8878, section 3.1), None for anything else."""
+    if len(content) < 6 or content[:4] != _ZSTD:
+        return None
+    described = content[4]
+    single, checked = described >> 5 & 1, described >> 2 & 1
+    at = 5 + (1 - single) + (0, 1, 2, 4)[described & 3]
+    length = (single, 2, 4, 8)[described >> 6]
+    if not length or len(content) < at + length:
+        return None
+    size = int.from_bytes(content[at : at + length], "little") + (256 if length == 2 else 0)
+    at += length
+    last = False
+    while not last:  # blocks, each of which says its length
+        header = int.from_bytes(content[at : at + 3], "little")
+        if at + 3 > len(content):
+            return None
+        last, kind = bool(header & 1), header >> 1 & 3
+        at += 3 + (1 if kind == 1 else header >> 3)
+    return size if at + 4 * checked == len(content) else None

@@ -1,0 +1,96 @@
+"""What survives a loss of power: which files are on the disk, and in which order they get there.
+
+A file may lose its content unless it is synchronised, and its name unless its folder is. Here, the content of a file is
+on the disk before the file gets its name. Names are brought there in groups, where an order matters.
+"""
+
+import asyncio
+import errno
+import os
+import uuid
+from pathlib import Path
+from typing import Any
+
+import zarr
+from zarr.core.buffer import Buffer
+from zarr.storage import LocalStore
+
+CANNOT = (errno.EINVAL, errno.EACCES, errno.EBADF, errno.ENOTSUP)  # folders on some network file systems
+
+
+class DurableStore(LocalStore):
+    """Zarr's files on a disk. ``sync_folders`` brings the names of all files written so far there."""
+
+    def __init__(self, root: Path | str, *, read_only: bool = False) -> None:
+        super().__init__(root, read_only=read_only)
+        self.folders: set[Path] = set()
+
+    async def _set(self, key: str, value: Buffer, exclusive: bool = False) -> None:
+        if not self._is_open:
+            await self._open()
+        self._check_writable()
+        path = self.root / key
+        if exclusive and path.exists():
+            return
+        await asyncio.to_thread(self._write, path, value.as_buffer_like())
+
+    def _write(self, path: Path, content: Any) -> None:
+        for parent in (path.parent, *path.parent.parents):
+            if parent.is_dir():
+                break
+            self.folders.add(parent.parent)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, path.with_suffix(f".{uuid.uuid4().hex}.partial"), content)
+        self.folders.add(path.parent)
+
+    def sync_folders(self) -> None:
+        """Bring the names of what was written so far to the disk."""
+        folders, self.folders = self.folders, set()
+        for folder in sorted(folders):
+            sync_folder(folder)
+
+
+def sync_names(group: zarr.Group) -> None:
+    """Bring the names of all files of a hierarchy that were written so far to the disk."""
+    if isinstance(group.store, DurableStore):
+        group.store.sync_folders()
+
+
+def write_whole(path: Path, temporary: Path, content: bytes) -> None:
+    """Write a file, whole or not at all, also when the power fails; its name is there once its folder is synced."""
+    try:
+        with open(temporary, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def sync_file(path: Path) -> None:
+    """Bring the content of a file to the disk, whoever wrote it; nothing if it is gone."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
+    except FileNotFoundError:
+        return
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def sync_folder(path: Path) -> None:
+    """Bring the names in a folder to the disk; nothing if it is gone, or its file system cannot."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+    except FileNotFoundError:
+        return
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in CANNOT:
+            raise
+    finally:
+        os.close(descriptor)

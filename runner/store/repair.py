@@ -1,0 +1,184 @@
+"""Repair of a damaged store: only what is damaged beyond doubt is removed, and its rows become pending.
+
+Where reading fails because memory or threads are short, nothing is removed.
+"""
+
+import shutil
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+
+from sinew.runner.errors import StoreError
+from sinew.runner.store.arrays import COLUMNS, create_column
+from sinew.runner.store.chunks import chunk_fault, chunk_files
+from sinew.runner.store.damage import is_shortage, words
+from sinew.runner.store.layout import (
+    Damaged,
+    chunk_rows_of,
+    coordinate,
+    fields_of,
+    row_array,
+    status_array,
+    table_group,
+    unknown_status,
+)
+from sinew.runner.store.rows import slices
+from sinew.runner.store.schema import PENDING, Array
+from sinew.runner.store.segment import Segment
+
+
+@dataclass(frozen=True)
+class Repaired:
+    """What a repair did: ``rows`` that are pending now, and a line for each other thing that it removed."""
+
+    rows: int
+    removed: tuple[str, ...]
+
+
+def repair_tables(store: Path, root: zarr.Group, journal: Path) -> Repaired:
+    """Repair all tables of a store and their segments. Raises ``StoreError`` when something cannot be read now."""
+    rows, removed = 0, []
+    folder = store / "evaluations"
+    for place in sorted(folder.iterdir()) if folder.is_dir() else ():
+        if not (place / "zarr.json").is_file():
+            continue
+        try:
+            with _refuse_shortage(place):
+                with _damage("zarr.json"):
+                    group = table_group(root, place.name)
+                if group.attrs.get("complete"):
+                    rows += _repair_table(place, group)
+        except Damaged as error:
+            _drop(place, journal)
+            removed.append(f"{place}: {error}; it cannot be mended, all of its rows are computed again")
+    return Repaired(rows, (*removed, *remove_damaged_segments(journal)))
+
+
+def remove_damaged_segments(journal: Path) -> list[str]:
+    """Remove segments that are not whole; returns a line for each. Raises ``StoreError`` as :func:`repair_tables`."""
+    removed = []
+    for path in sorted(journal.glob("*/rows-*.safetensors")):
+        with _refuse_shortage(path):
+            try:
+                Segment.read(path, whole=True)
+            except StoreError as error:
+                path.unlink()
+                removed.append(f"{str(error).partition(';')[0]}; it is removed, its rows are computed again")
+    return removed
+
+
+def without_numbers(values: Array) -> Array:
+    """Which of ``values`` ``[n, ...]`` hold a NaN: Zarr reads a missing chunk file as an empty chunk."""
+    return np.asarray(np.isnan(values).any(axis=tuple(range(1, values.ndim))))
+
+
+def _repair_table(place: Path, group: zarr.Group) -> int:
+    """Returns the number of rows that are pending now. Raises :class:`Damaged` for what no repair can bring back."""
+    chunk_rows, fields = chunk_rows_of(group), fields_of(group)
+    arrays = {}
+    for name in ("parameters", *fields):
+        with _damage(name):
+            arrays[name] = row_array(group, name)
+    _check_coordinates(place, group, arrays.values())
+    planned = min(array.shape[0] for array in arrays.values())
+    status = _column(place, group, "status", planned)
+    for name in COLUMNS:
+        arrays[name] = _column(place, group, name, status.shape[0])
+    for array in arrays.values():
+        if array.shape[0] < status.shape[0]:
+            array.resize((status.shape[0], *array.shape[1:]))
+    return _repair_chunks(place, {"status": status, **arrays}, fields, chunk_rows)
+
+
+def _check_coordinates(place: Path, group: zarr.Group, arrays: Iterable[zarr.Array[Any]]) -> None:
+    """Raises :class:`Damaged` for a coordinate that is missing, or cannot be read."""
+    dims = {str(dim) for array in arrays for dim in (array.metadata.dimension_names or ())[1:]}  # type: ignore[union-attr]
+    others = str(group.attrs.get("coordinates", "")).split()
+    along = set()
+    for name in sorted({*others, *(dim for dim in dims if dim in group)}):
+        with _damage(name):
+            values = coordinate(group, name, place / name)
+            along |= set(group[name].metadata.dimension_names or ())  # type: ignore[union-attr]
+            if name in dims and len(set(values.tolist())) < values.size:
+                raise Damaged("its chunk is missing")
+    if lost := sorted(dims - along):
+        raise Damaged(f"{lost[0]}: the array is missing")
+
+
+def _column(place: Path, group: zarr.Group, name: str, count: int) -> zarr.Array[Any]:
+    """A column of a table; where it is missing or laid out wrongly, it is created again, and its chunks stay."""
+    try:
+        with _damage(name):
+            return status_array(group, place) if name == "status" else row_array(group, name)
+    except Damaged:
+        (place / name / "zarr.json").unlink(missing_ok=True)
+        create_column(group, name, count, chunk_rows_of(group))
+        return row_array(group, name)
+
+
+def _repair_chunks(place: Path, arrays: dict[str, zarr.Array[Any]], fields: tuple[str, ...], chunk_rows: int) -> int:
+    """Remove damaged chunks and make their rows pending; returns the number of these rows."""
+    status = arrays["status"]
+    lost = np.zeros(status.shape[0], dtype=bool)
+    for name in arrays:  # the status first
+        for chunk, rows in enumerate(slices(lost.size, chunk_rows)):
+            with _refuse_shortage(place / name):
+                try:
+                    for file in chunk_files(place / name / "c" / str(chunk)):
+                        if fault := chunk_fault(file, arrays[name]):
+                            raise Damaged(fault)
+                    values = np.asarray(arrays[name][rows])
+                except Exception as error:
+                    if is_shortage(error) or isinstance(error, OSError):
+                        raise
+                    _remove_chunk(place / name / "c" / str(chunk))
+                    # when the status itself is damaged, nobody knows which rows had an outcome
+                    lost[rows] |= True if name == "status" else np.asarray(status[rows]) != PENDING
+                    continue
+            if name in fields:
+                lost[rows] |= without_numbers(values) & (np.asarray(status[rows]) == 0)
+            if name == "status":
+                lost[rows] |= unknown_status(values)
+    for rows in slices(lost.size, chunk_rows):
+        if lost[rows].any():
+            status[rows] = np.where(lost[rows], PENDING, np.asarray(status[rows])).astype(np.int8)
+    return int(lost.sum())
+
+
+def _drop(place: Path, journal: Path) -> None:
+    """Give a table up: without its ``zarr.json`` it is created anew. Its segments speak of rows that are gone."""
+    (place / "zarr.json").unlink()
+    shutil.rmtree(journal / place.name.rpartition("-")[2], ignore_errors=True)
+
+
+def _remove_chunk(place: Path) -> None:
+    for file in [place] if place.is_file() else place.rglob("*"):
+        if file.is_file():
+            file.unlink()
+
+
+@contextmanager
+def _damage(name: str) -> Iterator[None]:
+    """Raise whatever Zarr raises for a damaged array as :class:`Damaged`."""
+    try:
+        yield
+    except Exception as error:  # what Zarr raises for damaged files is no closed list
+        if is_shortage(error) or isinstance(error, OSError):
+            raise
+        raise Damaged(f"{name}: {words(error)}") from error
+
+
+@contextmanager
+def _refuse_shortage(path: Path) -> Iterator[None]:
+    """Let :class:`Damaged` pass; everything else ends the repair with one line."""
+    try:
+        yield
+    except (Damaged, OSError):
+        raise
+    except Exception as error:
+        raise StoreError(f"{path}: cannot be checked now ({words(error)}); nothing of it was removed") from error

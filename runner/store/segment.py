@@ -1,0 +1,166 @@
+"""Segments: the outcomes of one batch in one file of the journal, written completely or not at all."""
+
+import errno
+import json
+import os
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import safetensors.numpy
+from safetensors import SafetensorError, safe_open
+
+from sinew.runner.errors import StoreError
+from sinew.runner.store.damage import words
+from sinew.runner.store.schema import STATUSES, Array
+
+OWN = {"rows": "int64", "status": "int8", "attempts": "int16", "wall": "float64"}
+
+
+@dataclass(frozen=True)
+class Segment:
+    """The outcomes of a batch, as a worker writes them; ``values[field]`` is ``[row, *dims]`` float64."""
+
+    rows: Array
+    status: Array
+    attempts: Array
+    wall_seconds: Array
+    values: Mapping[str, Array]
+    messages: tuple[str, ...]
+    worker: str
+
+    def write(self, path: Path) -> None:
+        """Write the file completely or not at all. Raises ``OSError``, for example for a full disk."""
+        arrays = {f"value:{name}": np.ascontiguousarray(array) for name, array in self.values.items()}
+        arrays |= {"rows": self.rows, "status": self.status, "attempts": self.attempts, "wall": self.wall_seconds}
+        metadata = {"messages": json.dumps(self.messages), "worker": self.worker}
+        checksums = {name: _checksum(array) for name, array in arrays.items()} | {"": _checksum_of_words(metadata)}
+        temporary = path.with_name(f".{path.name}.{os.getpid()}")
+        try:
+            try:
+                safetensors.numpy.save_file(arrays, temporary, {**metadata, "checksums": json.dumps(checksums)})
+            except SafetensorError as error:  # the system's error number is only in its text
+                raise OSError(errno.ENOSPC if "os error 28" in str(error) else errno.EIO, str(error)) from error
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+    @staticmethod
+    def read(path: Path, *, whole: bool = False) -> "Segment":
+        """Read a segment; its values are read on access, or at once if ``whole``. Raises ``StoreError``."""
+        with _segment_errors(path), safe_open(path, framework="numpy") as file:
+            metadata = file.metadata() or {}
+            names = [name.removeprefix("value:") for name in file.keys() if name.startswith("value:")]  # noqa: SIM118
+            checksums = _checksums(metadata)
+            if checksums and set(checksums) != {"", *file.keys()}:
+                raise ValueError("its arrays have other names than its checksums")
+            values: Mapping[str, Array] = _LazyValues(path, tuple(names), checksums)
+            if whole:
+                values = {name: _checked(file, f"value:{name}", checksums) for name in names}
+            own = {name: _checked(file, name, checksums) for name in OWN}
+            messages, worker = json.loads(metadata["messages"]), metadata["worker"]
+            segment = Segment(
+                own["rows"], own["status"], own["attempts"], own["wall"], values, tuple(messages), str(worker)
+            )
+            _check_ranges(segment, {name: file.get_slice(f"value:{name}").get_shape() for name in names})
+            return segment
+
+    def column(self, name: str, inside: Array) -> Any:
+        """The table's column ``name`` at the positions ``inside`` of this segment."""
+        if name == "attempts":
+            return self.attempts[inside]
+        if name == "wall_seconds":
+            return self.wall_seconds[inside]
+        if name == "worker":
+            return np.array([self.worker] * inside.size, dtype=object)
+        if name == "message":
+            return np.array([self.messages[i] if self.messages else "" for i in inside], dtype=object)
+        if name not in self.values:  # a batch that failed as a whole has no values
+            return np.nan
+        return self.values[name] if inside.size == self.rows.size else self.values[name][inside]
+
+
+@dataclass(frozen=True)
+class _LazyValues(Mapping[str, Array]):
+    """The values of a segment, read field by field, so that a chunk is never in memory as a whole."""
+
+    path: Path
+    names: tuple[str, ...]
+    checksums: Mapping[str, int]
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self.names:
+            raise KeyError(name)
+        with _segment_errors(self.path), safe_open(self.path, framework="numpy") as file:
+            return _checked(file, f"value:{name}", self.checksums)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def _check_ranges(segment: Segment, shapes: Mapping[str, list[int]]) -> None:
+    """Raises ``ValueError`` for what no worker writes."""
+    count = segment.rows.size
+    own = (segment.rows, segment.status, segment.attempts, segment.wall_seconds)
+    if [str(array.dtype) for array in own] != list(OWN.values()) or any(array.shape != (count,) for array in own):
+        raise ValueError("its arrays have other types or lengths")
+    if not count or segment.rows.min() < 0 or np.unique(segment.rows).size < count:
+        raise ValueError("its rows are negative or not different")
+    if (segment.status < 0).any() or (segment.status >= len(STATUSES)).any():
+        raise ValueError(f"a status of {segment.status[(segment.status < 0) | (segment.status >= len(STATUSES))][0]}")
+    if any(not shape or shape[0] != count for shape in shapes.values()):
+        raise ValueError("its values are those of other rows")
+    if len(segment.messages) not in (0, count) or not all(isinstance(words, str) for words in segment.messages):
+        raise ValueError("its messages are not those of its rows")
+
+
+def _checksums(metadata: Mapping[str, str]) -> dict[str, int]:
+    """The checksums of a segment's arrays by name; none in those of versions that wrote none."""
+    if "checksums" not in metadata:
+        return {}
+    found = json.loads(metadata["checksums"])
+    if found[""] != _checksum_of_words({name: metadata[name] for name in ("messages", "worker")}):
+        raise ValueError("a wrong checksum of its words")
+    return dict(found)
+
+
+def _checked(file: Any, name: str, checksums: Mapping[str, int]) -> Array:
+    array: Array = file.get_tensor(name)
+    if checksums and checksums[name] != _checksum(array):
+        raise ValueError(f"a wrong checksum of {name}")
+    return array
+
+
+def _checksum(array: Array) -> int:
+    return zlib.crc32(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
+
+
+def _checksum_of_words(metadata: Mapping[str, str]) -> int:
+    return zlib.crc32(json.dumps(metadata, sort_keys=True).encode())
+
+
+@contextmanager
+def _segment_errors(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (SafetensorError, OSError, LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        raise StoreError(
+            f"{path}: not a whole segment ({words(error)}); `sinew repair {path.parent.parent.parent}` removes it, "
+            "its rows are computed again"
+        ) from None
+
+
+def is_whole(path: Path) -> bool:
+    """Whether a segment file exists and is complete."""
+    try:
+        with safe_open(path, framework="numpy"):
+            return True
+    except (SafetensorError, OSError):
+        return False

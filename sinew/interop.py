@@ -1,0 +1,161 @@
+"""Results as the objects of the libraries that others work with, built from what is stored: SALib, pyABC, skopt, ArviZ.
+
+Nothing is unpickled: numbers come from ``TASK.json``, the store, pyABC's SQLite database and a NetCDF file.
+"""
+
+import warnings
+from pathlib import Path
+from types import MethodType
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from sinew.runner.errors import BadInput, shown
+from sinew.runner.store.schema import STATUSES
+from sinew.runner.store.store import open_store
+from sinew.runner.store.table import Table
+from sinew.tasks.calibrate.result import CalibrateResult, search_group
+from sinew.tasks.simulate import Array
+from sinew.tasks.sobol.result import KEYS, SobolResult
+
+
+def salib_problem(result: SobolResult) -> dict[str, Any]:
+    """SALib's problem: ``num_vars``, ``names`` and ``bounds`` of the free parameters of a Sobol study."""
+    return {"num_vars": len(result.names), "names": list(result.names), "bounds": [list(b) for b in result.bounds]}
+
+
+def salib_result(result: SobolResult, output: str = "total") -> Any:
+    """The indices as :class:`SALib.util.ResultDict`, which plots itself and becomes data frames by ``to_df()``."""
+    from SALib.analyze import sobol
+    from SALib.util import ResultDict
+
+    outputs = result.by_output()
+    if output not in outputs:
+        raise BadInput(f"{result.TASK}: output", shown(output), f"one of {', '.join(outputs)}")
+    values = ((key, getattr(outputs[output], key, None)) for key in (*KEYS, "S2", "S2_conf"))
+    found = ResultDict({key: value for key, value in values if value is not None})
+    found.problem = salib_problem(result)
+    found.to_df = MethodType(sobol.to_df, found)
+    return found
+
+
+def salib_samples(result: SobolResult, folder: Path, specimen: str) -> tuple[Array, Array]:
+    """SALib's sample ``X`` ``[n, d]`` and output ``Y`` ``[n]`` of one specimen, in its own order.
+
+    The output is what the study was of: the objective (N), or one of a template's outputs in its unit.
+
+    ``SALib.analyze.sobol.analyze(problem, Y, calc_second_order=...)`` takes them. A row that failed is NaN, which SALib
+    turns into indices of zero: leave its whole base sample out first.
+    """
+    from SALib.sample import sobol
+
+    where = folder / "sobol.json"
+    if specimen not in result.tables:
+        raise BadInput(f"{where}: specimen", shown(specimen), f"one of {', '.join(result.tables)}")
+    problem, second = salib_problem(result), result.S2 is not None
+    drawn = sobol.sample(problem, result.base_samples, calc_second_order=second, scramble=True, seed=result.seed)
+    table = _table(folder, result.tables[specimen])
+    names = _parameters(table)
+    at = [names.index(name) for name in problem["names"]]
+    full = np.repeat(table.parameters(np.arange(1)), len(drawn), axis=0)  # the others are the same in every row
+    full[:, at] = drawn
+    rows = table.find(full)
+    if (rows < 0).any():
+        raise BadInput(where, f"rows of {specimen} are not in the store", "`sinew sobol` on this study once more")
+    return drawn, table.read(result.field, rows).sum(axis=1)
+
+
+def abc_history(folder: Path, site: str) -> Any:
+    """The inference of a site as :class:`pyabc.History`, for all of ``pyabc.visualization``."""
+    import pyabc
+
+    return pyabc.History(f"sqlite:///{_of_site(folder, site, 'db').absolute()}", create=False)
+
+
+def posterior(folder: Path, site: str) -> Any:
+    """1,000 draws of equal weight from the posterior of a site as :class:`arviz.InferenceData`."""
+    path = _of_site(folder, site, "nc")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"[\s\S]*ArviZ is undergoing a major refactor", FutureWarning)
+        import arviz
+    return arviz.from_netcdf(str(path), engine="h5netcdf")
+
+
+def skopt_result(result: CalibrateResult, folder: Path, specimen: str, *, surrogate: bool = False) -> Any:
+    """The Bayesian search of a specimen as skopt's ``OptimizeResult``; rows that failed are left out.
+
+    With ``surrogate``, a Gaussian process of skopt is fitted to it, as ``skopt.plots.plot_objective`` needs. It is not
+    the process that proposed the points, which knows the residuals along the curves (see docs/methods.md).
+    """
+    from skopt.space import Real, Space
+    from skopt.utils import cook_estimator, create_result
+
+    where = CalibrateResult.path(folder)
+    if specimen not in result.specimens:
+        raise BadInput(f"{where}: specimen", shown(specimen), f"one of {', '.join(result.specimens)}")
+    if not result.has_search:
+        raise BadInput(where, "holds no Bayesian search", "a study with calibrate.methods: [bayesian]")
+    seen = open_store(folder).read_result(search_group(specimen))
+    alive = np.isfinite(seen["total"].to_numpy())
+    points = seen["parameters"].sel(parameter=result.free).to_numpy()[alive]
+    totals = seen["total"].to_numpy()[alive]
+    space = Space([Real(low, high, name=name) for name, (low, high) in zip(result.free, result.bounds, strict=True)])
+    models = []
+    if surrogate:
+        process = cook_estimator("GP", space=space, random_state=0)
+        models = [process.fit(space.transform(points.tolist()), totals)]
+    return create_result(points.tolist(), totals, space, models=models)
+
+
+def samples(folder: Path, name: str) -> pd.DataFrame:
+    """All evaluations of a table of the store: parameters, objective of each protocol (N), what became of the row.
+
+    Of a template's outputs there is one number for each protocol, in the output's unit.
+    """
+    table = _table(folder, name)
+    rows = np.arange(len(table))
+    columns = dict(zip(_parameters(table), table.parameters(rows).T, strict=True))
+    protocols = [str(name) for name in table.dataset()["protocol"].to_numpy()] if "protocol" in table.group else []
+    for field in (name for name in table.fields if name.startswith("summary_")):
+        columns |= {f"{field}_{protocol}": table.read(field, rows)[:, i] for i, protocol in enumerate(protocols)}
+    if "objective" in table.fields:
+        objective = table.read("objective", rows)
+        columns |= {f"rmse_{protocol}_N": objective[:, i] for i, protocol in enumerate(protocols)}
+        columns["total_N"] = objective.sum(axis=1)
+    words = ("pending", *STATUSES)
+    columns["status"] = np.array([words[status + 1] for status in table.status[rows]], dtype=object)
+    columns["wall_seconds"] = table.read("wall_seconds", rows)
+    return pd.DataFrame(columns).rename_axis("row")
+
+
+def particles(folder: Path, site: str) -> pd.DataFrame:
+    """Every particle of every generation of a site: parameters, weight and distance."""
+    kept = open_store(folder).read_result(f"infer/{site}")
+    parts = []
+    for generation in range(kept.sizes["generation"]):
+        one = kept.isel(generation=generation)
+        frame = pd.DataFrame(one["parameters"].to_numpy(), columns=[str(name) for name in one["parameter"].to_numpy()])
+        frame.insert(0, "generation", generation)
+        parts.append(frame.assign(weight=one["weight"].to_numpy(), distance=one["distance"].to_numpy()))
+    return pd.concat(parts, ignore_index=True)
+
+
+def _table(folder: Path, name: str) -> Table:
+    tables = {table.name: table for table in open_store(folder).tables()}
+    if name not in tables:
+        raise BadInput(folder / "store.zarr", f"no evaluations {shown(name)}", f"one of {', '.join(tables)}")
+    return tables[name]
+
+
+def _parameters(table: Table) -> list[str]:
+    return [str(name) for name in table.dataset()["parameter"].to_numpy()]
+
+
+def _of_site(folder: Path, site: str, kind: str) -> Path:
+    """A file of an inference, whose name must be that of a site that is there."""
+    found = {path.stem: path for path in sorted((folder / "infer").glob(f"*.{kind}"))}
+    if site not in found:
+        expected = f"one of {', '.join(found)}" if found else "`sinew infer` on this study first"
+        raise BadInput(folder / "infer", f"no posterior of {shown(site)}", expected)
+    return found[site]

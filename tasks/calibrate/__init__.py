@@ -1,0 +1,1 @@
+"""Each specimen's best parameters."""

@@ -1,0 +1,171 @@
+"""The result of a calibration: what ``calibrate.json`` holds."""
+
+import dataclasses
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sinew.tasks.model import file_name
+from sinew.tasks.study.result import OMIT, Number, Result
+
+SEARCHES = frozenset({"bayesian", "hybrid"})
+"""The methods that leave a Bayesian search in the store."""
+
+
+@dataclass(frozen=True)
+class ConfoundedPair:
+    """Two parameters that the curves of one specimen can hardly tell apart."""
+
+    parameters: list[str]
+    correlation: Number
+
+
+@dataclass(frozen=True)
+class MethodFit:
+    """Where one method ended: total objective (N), how far that is above the noise (a ratio less 1), and its cost.
+
+    ``above_noise_after``: the same after certain numbers of evaluations, at which methods are compared. ``trace``:
+    pairs of the number of evaluations and the lowest total so far (N). ``converged`` is None for a method that has no
+    such test.
+    """
+
+    total_N: Number
+    above_noise: float | None
+    evaluations: int
+    converged: bool | None
+    starts: int
+    above_noise_after: Mapping[str, float | None]
+    trace: list[tuple[int, Number]]
+
+    @property
+    def steps(self) -> np.ndarray[Any, Any]:
+        """``trace`` as an array ``[n, 2]``."""
+        return np.array(self.trace, dtype=float).reshape(-1, 2)
+
+
+@dataclass(frozen=True)
+class SpecimenFit:
+    """The best fit of one specimen, by ``method``, and what the curves say of each parameter there.
+
+    ``rmse_N`` is by protocol and ``total_N`` their sum. ``noise_N`` is what noise alone would leave of it; None where
+    the curves do not say. ``sd_of_range``: standard deviations of the free parameters as parts of their ranges.
+    """
+
+    site: str | None
+    donor: str | None
+    parameters: Mapping[str, Number]
+    rmse_N: Mapping[str, Number]
+    total_N: Number
+    noise_N: float | None
+    above_noise: float | None
+    method: str
+    on_bound: list[str]
+    sd_of_range: Mapping[str, Number]
+    determined: list[str]
+    confounded: list[ConfoundedPair]
+    methods: Mapping[str, MethodFit]
+
+    def values(self, names: list[str]) -> list[float]:
+        """Its parameters in the order of ``names``."""
+        return [self.parameters[name] for name in names]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairCorrelation:
+    """The correlation of two parameters within donors, or the ``reason`` why it has no number.
+
+    ``p_holm`` is ``p`` adjusted for the number of pairs (Holm); ``interval`` is of 95 %. ``determined``: the curves
+    determine both parameters in at least half of the specimens.
+    """
+
+    parameters: list[str]
+    reason: str | None = dataclasses.field(default=None, metadata=OMIT)
+    r: float | None = dataclasses.field(default=None, metadata=OMIT)
+    dof: int | None = dataclasses.field(default=None, metadata=OMIT)
+    p: float | None = dataclasses.field(default=None, metadata=OMIT)
+    interval: list[Number] | None = dataclasses.field(default=None, metadata=OMIT)
+    determined: bool
+    p_holm: float | None = dataclasses.field(default=None, metadata=OMIT)
+
+
+@dataclass(frozen=True)
+class Correlations:
+    """Correlations of all pairs of free parameters (``names``) within donors, across sites.
+
+    ``determined``: the share of specimens in which each parameter is determined. ``tests`` counts the pairs that have a
+    number.
+    """
+
+    sites: list[str]
+    donors: list[str]
+    specimens: int
+    names: list[str]
+    determined: Mapping[str, Number]
+    tests: int
+    pairs: list[PairCorrelation]
+
+
+@dataclass(frozen=True)
+class NoCorrelations:
+    """Why nothing can be said of any pair."""
+
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrateResult(Result):
+    """The parameters of each specimen that bring the model closest to its curves.
+
+    ``units`` and ``meanings`` are of all parameters (``names``), ``bounds`` of the ``free`` ones.
+    """
+
+    TASK = "calibrate"
+    LIBRARIES = ("scikit-optimize", "scikit-learn", "pingouin")
+
+    names: list[str]
+    units: list[str]
+    meanings: list[str]
+    free: list[str]
+    bounds: list[tuple[Number, Number]]
+    methods: list[str]
+    evaluations: int
+    bayesian_evaluations: int
+    specimens: Mapping[str, SpecimenFit]
+    inputs: str
+    correlations: Correlations | NoCorrelations
+
+    @property
+    def has_search(self) -> bool:
+        """Whether the store keeps the points of a Bayesian search."""
+        return bool(SEARCHES & set(self.methods))
+
+    @property
+    def typical(self) -> str:
+        """The specimen of the median total objective; of an even number, the better of the two in the middle."""
+        ordered = sorted(self.specimens, key=lambda name: (self.specimens[name].total_N, name))
+        return ordered[(len(ordered) - 1) // 2]
+
+    def not_determined(self, specimen: SpecimenFit) -> list[str]:
+        """The free parameters that the curves of a specimen do not determine."""
+        return [name for name in self.free if name not in specimen.determined]
+
+    @property
+    def often_on_bound(self) -> list[str]:
+        """The parameters that ended on a bound in half of the specimens or more.
+
+        Only specimens that determine a parameter count: elsewhere it says nothing where it ended.
+        """
+        fits = self.specimens.values()
+        counts = Counter(name for fit in fits for name in fit.on_bound if name in fit.determined)
+        return [name for name in self.free if 2 * counts[name] >= len(self.specimens)]
+
+
+RESULT = CalibrateResult
+
+
+def search_group(specimen: str) -> str:
+    """Where the store keeps the points of a specimen's Bayesian search."""
+    return f"calibrate/{file_name(specimen)}"

@@ -1,0 +1,117 @@
+"""How calibrations are shown: as tables and on the console."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from rich.table import Table as Grid
+
+from sinew.runner.console import Console
+from sinew.tasks.calibrate.result import CalibrateResult, Correlations, SpecimenFit
+from sinew.tasks.drawing.blocks import beyond, listed
+from sinew.tasks.drawing.formats import DRAWN
+from sinew.tasks.model import Specimen
+from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.evaluation import kept_points
+
+
+def table(result: CalibrateResult) -> pd.DataFrame:
+    """A line for each specimen: its parameters, the total RMSE and the noise of its curves (N)."""
+    rows = {
+        name: {
+            **{parameter: fit.parameters[parameter] for parameter in result.names},
+            "rmse_N": fit.total_N,
+            "noise_N": fit.noise_N,
+            "above_noise": fit.above_noise,
+            "site": fit.site,
+            "method": fit.method,
+        }
+        for name, fit in result.specimens.items()
+    }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("specimen")
+
+
+def headline(result: CalibrateResult) -> str:
+    """What came out, in one line."""
+    totals = [fit.total_N for fit in result.specimens.values()]
+    return f"{len(totals)} specimens, RMSE {min(totals):.3g} to {max(totals):.3g} N"
+
+
+def bound_advice(result: CalibrateResult) -> str:
+    """What to do about parameters that are often on a bound; empty where there are none."""
+    names = result.often_on_bound
+    if not names:
+        return ""
+    return (
+        f"On an end of their range in half of the specimens or more: {', '.join(names)}. Widen it (model.parameters "
+        "in the study file) where it is a guess; where it is certain, the model lacks something."
+    )
+
+
+def searches_table(result: CalibrateResult) -> pd.DataFrame:
+    """The lowest objective so far of every specimen and method."""
+    parts = [convergence_table(name, fit) for name, fit in result.specimens.items()]
+    return pd.concat(parts, ignore_index=True)
+
+
+def convergence_table(specimen: str, fit: SpecimenFit) -> pd.DataFrame:
+    """The lowest objective so far of one specimen, and how far above its noise that is."""
+    parts = []
+    for method, found in fit.methods.items():
+        used, totals = found.steps.T
+        above = 100 * (totals / fit.noise_N - 1.0) if fit.noise_N else np.full(totals.size, np.nan)
+        columns = {"evaluations": used.astype(int), "objective_N": totals, "above_noise_percent": above}
+        parts.append(pd.DataFrame({"specimen": specimen, "method": method, **columns}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def curves_table(specimen: Specimen, forces: dict[str, Array]) -> pd.DataFrame:
+    """Measured and fitted forces at the points that are drawn."""
+    parts = []
+    for curve in specimen.curves:
+        history, keep = curve.protocol, kept_points(curve.protocol, DRAWN)
+        columns = {"time_s": history.time_s, "displacement_mm": history.displacement_mm, "measured_N": curve.force_N}
+        columns["model_N"] = forces[curve.name]
+        kept = {name: values[keep] for name, values in columns.items()}
+        parts.append(pd.DataFrame({"protocol": curve.name, **kept}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def samples_table(names: list[str], points: Array, totals: Array, calibrated: Array) -> pd.DataFrame:
+    """Points ``[n, d]`` of a search with their objectives ``[n]`` (N, none where the model failed), and the end."""
+    table = pd.DataFrame(points, columns=names)
+    table.insert(0, "point", "sampled")
+    table["objective_N"] = np.where(np.isfinite(totals), totals, np.nan)
+    end = pd.DataFrame([{"point": "calibrated", **dict(zip(names, calibrated, strict=True))}])
+    return pd.concat([table, end], ignore_index=True)
+
+
+def correlations_table(found: Correlations) -> pd.DataFrame:
+    """A row for each pair of parameters; no numbers where one does not vary within donors."""
+    rows = []
+    for pair in found.pairs:
+        first, second = pair.parameters
+        numbers = {"r": pair.r, "p": pair.p, "p_holm": pair.p_holm, "determined": pair.determined}
+        rows.append({"parameter": first, "other": second, **numbers})
+    return pd.DataFrame(rows)
+
+
+def summary(result: CalibrateResult, folder: Path, console: Console) -> None:
+    """Print how far each fit stopped above the noise, and what it does not determine."""
+    grid = Grid(
+        "specimen", "RMSEs together (N)", "noise (N)", "above", "on a bound", "not determined", title="Calibration"
+    )
+    for name, fit in result.specimens.items():
+        noise = "unknown" if fit.noise_N is None else f"{fit.noise_N:.4g}"
+        cells = (
+            f"{fit.total_N:.4g}",
+            noise,
+            beyond(fit.above_noise),
+            listed(fit.on_bound, 3),
+            listed(result.not_determined(fit), 3),
+        )
+        grid.add_row(name, *cells)
+    console.print(grid)
+    console.print("RMSEs and noise are sums over protocols; above: how far a fit stopped above the noise of its curves")
+    if advice := bound_advice(result):
+        console.print(advice, markup=False)

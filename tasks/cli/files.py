@@ -1,0 +1,219 @@
+"""Commands that make studies and cohorts from files."""
+
+import json
+import math
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sinew.runner.errors import BadInput, one_line, shown
+from sinew.runner.printing import put
+from sinew.tasks.cli.group import PATH, sinew
+from sinew.tasks.cli.terminal import (
+    command_line,
+    say_next,
+)
+
+
+def _column_options(function: Callable[..., None]) -> Callable[..., None]:
+    """The options that say which columns a file has, and in which units."""
+    options = [
+        click.option("--time-unit", metavar="UNIT", help="Unit of times without one: s, ms, min, ..."),
+        click.option(
+            "--displacement-unit", metavar="UNIT", help="The same for displacements (mm, ...), strains (%, 1)."
+        ),
+        click.option(
+            "--force-unit", metavar="UNIT", help="The same for forces (N, kN, ...) or stresses (kPa, MPa, ...)."
+        ),
+        click.option("--time-column", metavar="NAME", help="Title or number (from 1) of the column of time."),
+        click.option("--displacement-column", metavar="NAME", help="The same for displacement, strain or stretch."),
+        click.option("--force-column", metavar="NAME", help="The same for force or stress."),
+    ]
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
+@sinew.command()
+@click.argument("files", type=PATH, nargs=-1)
+@click.option("--out", type=PATH, required=True, help="Folder to write: study.yaml and cohort/.")
+@click.option("--length-mm", type=float, help="Gauge length, where files do not say.")
+@click.option("--width-mm", type=float, help="Width, where files do not say.")
+@click.option("--thickness-mm", type=float, help="Thickness, where files do not say.")
+@_column_options
+@click.option("--json", "as_json", is_flag=True, help="What was made, as a JSON object.")
+def init(
+    files: tuple[Path, ...],
+    out: Path,
+    length_mm: float | None,
+    width_mm: float | None,
+    thickness_mm: float | None,
+    as_json: bool,
+    **hints: str | None,
+) -> None:
+    """Make a study of your own files: a cohort and a study.yaml.
+
+    FILES are tables of tests (CSV, TSV, text, exports of testing machines), folders of them, or a cohort that has
+    sinew's layout already. Columns, separators and names are guessed and listed. Units are read from the files or
+    given, never guessed. On a terminal, the command asks for what no file tells.
+    """
+    from sinew.tasks.data.columns import Hints
+    from sinew.tasks.data.init import Sizes
+    from sinew.tasks.data.init import init as make
+
+    asks = sys.stdin.isatty() and sys.stdout.isatty() and not as_json
+    sizes = Sizes(length_mm, width_mm, thickness_mm)
+    made = make(files, out, hints=Hints(**hints), sizes=sizes, ask=_ask if asks else None)
+    if as_json:
+        fill_in = [str(path) for path in made.to_fill_in]
+        put(json.dumps({"study": str(made.study), "told": made.lines, "fill_in": fill_in}))
+        return
+    for line in made.lines:
+        put(line)
+    for path in made.to_fill_in:
+        put(f"fill in: {path}")
+    put(f"study: {made.study}")
+    run_it = command_line("run", made.study)
+    say_next(f"fill in what is marked null there, then {run_it}" if made.to_fill_in else run_it)
+
+
+def _ask(question: str, choices: Sequence[str]) -> str:
+    kind = click.Choice(list(choices)) if choices else None
+    return str(click.prompt(question, type=kind, default=None if choices else "", show_default=False))
+
+
+@sinew.command()
+@click.option("--out", type=PATH, required=True, help="Folder to write.")
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+@click.option("--per-site", type=click.IntRange(1, 9), default=9, show_default=True, help="Specimens of each site.")
+@click.option("--rate", type=click.FloatRange(0.5, 1000), default=100.0, show_default=True, help="Samples per second.")
+@click.option(
+    "--noise", type=click.FloatRange(0, 1), default=0.003, show_default=True, help="Fraction of the peak force."
+)
+@click.option(
+    "--ar1", type=click.FloatRange(0, 0.999), default=0.3, show_default=True, help="Correlation of neighbours."
+)
+@click.option("--effect", help="Hide an effect of the library in all specimens, at its typical size.")
+def cohort(out: Path, seed: int, per_site: int, rate: float, noise: float, ar1: float, effect: str | None) -> None:
+    """Make a virtual cohort from the 27 published specimens; its truth is known."""
+    from sinew.tasks.data.cohort import write_cohort
+    from sinew.tasks.data.virtual import virtual_cohort
+    from sinew.tasks.model.effects import named
+    from sinew.tasks.study.workspace import check_folder
+
+    for name, value in (("--rate", rate), ("--noise", noise), ("--ar1", ar1)):
+        if not math.isfinite(value):
+            raise BadInput(name, str(value), "a finite number")
+    check_folder(out)
+    if effect is not None and effect not in named():
+        raise BadInput("--effect", f"{shown(effect)} is no effect", f"one of {', '.join(named())}")
+    hidden = () if effect is None else (named()[effect],)
+    specimens, truth = virtual_cohort(seed=seed, per_site=per_site, rate_hz=rate, noise=noise, ar1=ar1, effects=hidden)
+    write_cohort(out, specimens, truth)
+    curves = sum(len(specimen.curves) for specimen in specimens)
+    put(f"{len(specimens)} specimens, {curves} curves, truth.json: {out}")
+    say_next(command_line("init", out, "--out", f"{out.name}-study"))
+
+
+@sinew.command("import")
+@click.argument("files", type=PATH, nargs=-1, required=True)
+@click.option("--out", type=PATH, help="Cohort folder to write.")
+@click.option("--dry-run", is_flag=True, help="Only say what each file is taken for, and what it does not tell.")
+@click.option("--json", "as_json", is_flag=True, help="With --dry-run: as JSON, a list with an object for each file.")
+@click.option("--protocol", help="Name of the protocol (default: relaxation if the file mentions a hold, else test).")
+@click.option("--specimen", help="All files are protocols of one specimen of this name, each named after its file.")
+@click.option("--tare", is_flag=True, help="Subtract the first force of each test.")
+@click.option("--time", type=click.Choice(["s", "ms", "min"]), help="The same as --time-unit.")
+@click.option("--stress", type=click.Choice(["Pa", "kPa", "MPa"]), help="The same as --force-unit, for stresses.")
+@click.option("--reference", type=float, help="Stretch at zero displacement (default: 1).")
+@click.option("--length-mm", type=float, help="Gauge length at the reference, in place of the file's.")
+@click.option("--area-mm2", type=float, help="Cross-section, in place of the file's.")
+@_column_options
+def import_(
+    files: tuple[Path, ...],
+    out: Path | None,
+    dry_run: bool,
+    as_json: bool,
+    protocol: str | None,
+    specimen: str | None,
+    tare: bool,
+    time: str | None,
+    stress: str | None,
+    reference: float | None,
+    length_mm: float | None,
+    area_mm2: float | None,
+    **hints: str | None,
+) -> None:
+    """Read the files of tests into a cohort, each file a specimen.
+
+    FILES are tables of tests (CSV, TSV, text, spreadsheets, exports of testing machines), as for `sinew init`.
+    Columns are time,
+    displacement (or stretch or strain) and force (or stress). Without a gauge length in the file, a stretch or strain
+    is that of a bar of 1 mm. Without a cross-section, a stress is that of a bar of 1 mm2: forces in N are then mean
+    stresses in MPa.
+    """
+    from sinew.tasks.data.cohort import write_cohort
+    from sinew.tasks.data.columns import Hints
+    from sinew.tasks.data.exports import Reading, read_exports
+    from sinew.tasks.study.workspace import check_folder
+
+    reading = Reading(stress, time, reference, length_mm, area_mm2, tare, Hints(**hints))
+    if dry_run:
+        sys.exit(_inspect(files, reading, as_json))
+    if out is None:
+        raise click.UsageError("Missing option '--out'.")
+    found = read_exports(files, protocol=protocol, specimen=specimen, reading=reading)
+    check_folder(out)
+    write_cohort(out, list(found.specimens))
+    for one in found.specimens:
+        for curve in one.curves:
+            stretch = one.stretch(curve.protocol)
+            put(
+                f"{one.name}: {curve.name}, {curve.force_N.size:,} points, "
+                f"{one.length_mm:g} x {one.width_mm:.4g} x {one.thickness_mm:.4g} mm, "
+                f"stretch {stretch.min():.4g} to {stretch.max():.4g}, peak {curve.force_N.max():.4g} N"
+            )
+    for where, names in found.spreads.items():
+        put(one_line(f"{where}: {', '.join(names)} left out; a cohort holds curves, and noise is estimated from them"))
+    for where, remarks in found.remarks.items():
+        for remark in remarks:
+            put(one_line(f"{where}: {remark}"))
+    say_next(command_line("init", out, "--out", f"{out.name}-study"))
+
+
+def _inspect(files: Sequence[Path], reading: Any, as_json: bool) -> int:
+    """Print what each file is taken for. The exit code: 2 if one of them cannot be read, else 0."""
+    from sinew.tasks.data.inspection import inspect
+
+    found: list[dict[str, Any]] = []
+    for path in files:
+        try:
+            found.append(inspect(path, reading).content())
+        except BadInput as error:
+            found.append({"file": str(path), "error": str(error)})
+    if as_json:
+        put(json.dumps(found, ensure_ascii=False, indent=1))
+    for one in [] if as_json else found:
+        put(one_line(_sentence(one)))
+        for question in one.get("ask", ()):
+            put(one_line(f"  ask: {question}"))
+    return 2 if any("error" in one for one in found) else 0
+
+
+def _sentence(one: dict[str, Any]) -> str:
+    if "error" in one:
+        return f"refused: {one['error']}"
+    columns = [
+        f"{name} from '{value['column']}' ({value['unit'] or 'unit?'})"
+        for name, value in one.items()
+        if isinstance(value, dict)
+    ]
+    sizes = [
+        f"{name.rpartition('_')[0]} {value:g} mm{'2' if name.endswith('2') else ''}"
+        for name, value in one.items()
+        if name.endswith(("_mm", "_mm2")) and value is not None
+    ]
+    return f"{one['file']}: {', '.join([*columns, *sizes])}; {one['rows']:,} rows, tests: {one['specimens']}"

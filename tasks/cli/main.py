@@ -1,0 +1,68 @@
+"""Where the command ``sinew`` begins and ends: every error is one line, with an exit code."""
+
+import codecs
+import io
+import logging
+import os
+import sys
+from pathlib import Path
+
+import click
+
+from sinew.runner.errors import BadInput, SinewError, WalltimeReached, brief, of_the_system
+from sinew.runner.printing import put
+from sinew.tasks.cli import benchmarks, clusters, files, results, studies, trust
+from sinew.tasks.cli.group import sinew
+from sinew.tasks.cli.terminal import COMPLETION, PROGRAM
+
+__all__ = ["main", "sinew"]
+COMMANDS = (studies, files, results, clusters, benchmarks, trust)  # importing them adds their commands to the group
+
+READ_FROM_HERE = {"matplotlibrc": "Matplotlib", ".numba_config.yaml": "Numba"}
+
+
+def main() -> None:
+    """Entry point: one clear line and exit code 2 for whatever the user can mend, 130 for Ctrl-C."""
+    logging.getLogger("sinew").addHandler(logging.NullHandler())
+    _print_anything()
+    try:
+        _distrust_this_folder()
+        sinew.main(standalone_mode=False, prog_name=PROGRAM, complete_var=COMPLETION)
+    except click.exceptions.Abort:
+        _fail("interrupted; run the same command again to go on, finished rows are kept", 130)
+    except KeyboardInterrupt:
+        _fail("interrupted; run the same command again to go on, finished rows are kept", 130)
+    except click.UsageError as error:
+        words = " ".join(error.format_message().split()).rstrip(".")
+        more = f"`{error.ctx.command_path if error.ctx else PROGRAM} --help` says more"
+        _fail(f"{words}{' ' if words.endswith('?') else '; '}{more}", 2)
+    except click.ClickException as error:
+        _fail(" ".join(error.format_message().split()), 2)
+    except WalltimeReached as error:
+        _fail(str(error), 75)  # the job script takes this for: once more
+    except SinewError as error:
+        _fail(str(error), 2)
+    except OSError as error:  # a path that the system refuses, of whatever kind; a solver that somebody stopped
+        _fail(f"{error.filename}: {of_the_system(error)}" if error.filename else of_the_system(error), 2)
+
+
+def _distrust_this_folder() -> None:
+    """Let nothing in the folder where the command is started run code: somebody else may have written what is there."""
+    os.environ["PYTHONSAFEPATH"] = "1"  # for the processes of Python that are started from here
+    for name, reader in READ_FROM_HERE.items():
+        if os.path.lexists(name):
+            expected = "another folder to start in, or that you remove it"
+            raise BadInput(Path.cwd() / name, f"{reader} would take its settings from there", expected)
+
+
+def _print_anything() -> None:
+    """Let units and names be printed in every locale: C means UTF-8 here, others show a question mark at worst."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            ascii_only = codecs.lookup(stream.encoding).name == "ascii"
+            stream.reconfigure(encoding="utf-8" if ascii_only else None, errors="replace")
+
+
+def _fail(message: str, code: int) -> None:
+    put(brief(f"sinew: {message}"), error=True)
+    sys.exit(code)

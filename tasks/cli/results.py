@@ -1,0 +1,100 @@
+"""Commands that look at a result folder or mend it, and the completion of a shell."""
+
+import json
+from pathlib import Path
+
+import click
+
+from sinew.runner.errors import SinewError, one_line
+from sinew.runner.printing import put
+from sinew.tasks.cli.group import PATH, sinew, to_see
+from sinew.tasks.cli.terminal import (
+    SHELLS,
+    command_line,
+    completion_script,
+    say_next,
+)
+
+
+@sinew.command()
+@click.argument("folder", type=PATH)
+@click.option("--json", "as_json", is_flag=True, help="Machine-readable.")
+@click.option("--rows", is_flag=True, help="CSV: which node and job evaluated which row.")
+def status(folder: Path, as_json: bool, rows: bool) -> None:
+    """Rows done, failed, running and left; rate, cost, jobs, and why rows failed."""
+    from sinew.tasks.report.status import print_status, read_status, rows_as_csv
+
+    if rows:
+        for line in rows_as_csv(folder):
+            put(line)
+        return
+    found = read_status(folder)
+    if as_json:
+        put(json.dumps(found, indent=1))
+        return
+    print_status(found)
+    alive = found["now"] is not None and found["now"]["alive"]
+    say_next(command_line("watch", folder) if alive else to_see(folder))
+
+
+@sinew.command()
+@click.argument("folder", type=PATH)
+@click.option("--once", is_flag=True, help="Show one picture and leave.")
+@click.option("--json", "as_json", is_flag=True, help="A JSON object in a line for every change.")
+@click.option(
+    "--every", type=click.FloatRange(0.1, 3600), default=1.0, show_default=True, help="Look that often (seconds)."
+)
+def watch(folder: Path, once: bool, as_json: bool, every: float) -> None:
+    """A live view of a result folder, wherever its run is.
+
+    Shows tasks, progress and time left, the best fit or threshold so far, workers and jobs, and the last failures.
+    It reads files only and never writes. It waits for a folder that is not there yet, and leaves when the run is over;
+    q or Ctrl-C leaves sooner, and whatever runs goes on.
+    """
+    from sinew.tasks.cli.watch import watch as watch_folder
+
+    try:
+        found = watch_folder(folder, form="json" if as_json else "picture", once=once, every_s=every)
+    except KeyboardInterrupt:
+        found = None
+    if as_json:
+        return
+    if found is not None and found["state"] == "finished":
+        say_next(to_see(folder))
+    elif found is not None and found["state"] in ("failed", "interrupted"):
+        say_next(command_line("status", folder))
+    else:
+        say_next(command_line("watch", folder))
+
+
+@sinew.command()
+@click.argument("shell", type=click.Choice(SHELLS))
+def completion(shell: str) -> None:
+    """Print what makes a shell complete commands, options and files."""
+    put(completion_script(sinew, shell))
+
+
+@sinew.command()
+@click.argument("folder", type=PATH)
+def report(folder: Path) -> None:
+    """Write report.html: one page with the results of a folder, whatever state it is in."""
+    from sinew.tasks.report.page import build
+
+    built = build(folder)
+    put(built.path)
+    if built.trouble:
+        more = f" (and {len(built.trouble) - 1} more on the page)" if len(built.trouble) > 1 else ""
+        raise SinewError(f"{built.trouble[0]}{more}")
+
+
+@sinew.command()
+@click.argument("folder", type=PATH)
+def repair(folder: Path) -> None:
+    """Make rows in damaged chunks pending; the next run computes them again, all others stay."""
+    from sinew.tasks.pipeline import repair as repair_store
+
+    done = repair_store(folder)
+    for line in done.removed:
+        put(one_line(line))
+    put(one_line(f"{done.rows} rows are pending now: {folder}"))
+    say_next("run the same study again; it computes these rows and no other")

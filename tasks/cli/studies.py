@@ -1,0 +1,68 @@
+"""Commands that run a study: all of it, one task, or given rows."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sinew.runner.errors import one_line
+from sinew.runner.printing import put
+from sinew.tasks.cli.group import PATH, open_study, study_command, to_see
+from sinew.tasks.cli.terminal import command_line, say_next
+from sinew.tasks.registry import TASKS, Task
+
+
+def _run(study: Path, tasks: Sequence[str] | None, flags: Mapping[str, bool], **options: Any) -> None:
+    """Run tasks of a study (None: the study's), and say where to look."""
+    from sinew.tasks import pipeline
+
+    with open_study(study, tasks, flags=flags, **options) as workspace:
+        pipeline.run(workspace, workspace.study.tasks if tasks is None else tasks, **flags)
+    say_next(to_see(workspace.out), as_json=options["as_json"])
+
+
+@study_command("run", "Run all tasks of a study, in order.")
+def run(study: Path, **options: Any) -> None:
+    _run(study, None, {}, **options)
+
+
+def _task_command(task: Task) -> None:
+    """A command that runs one task of a study."""
+
+    def command(study: Path, **options: Any) -> None:
+        flags = {flag: options.pop(flag) for flag in task.flags}
+        _run(study, [task.name], flags, **options)
+
+    for flag, words in task.flags.items():
+        command = click.option(f"--{flag}", is_flag=True, help=words)(command)
+    study_command(task.name, task.summary)(command)
+
+
+for _task in TASKS.values():
+    _task_command(_task)
+
+
+@study_command("simulate", "Forces of given parameter rows along each measured curve.")
+@click.option("--parameters", type=PATH, required=True, help="CSV, one column for each parameter name.")
+def simulate(study: Path, parameters: Path, **options: Any) -> None:
+    from sinew.tasks.simulate.rows import read_parameters, simulate_rows
+    from sinew.tasks.study.model import model_of
+    from sinew.tasks.study.study import read_study
+
+    read = read_study(study)
+    rows = read_parameters(parameters, model_of(read.model, read.simulator.law))
+    with open_study(study, [], **options) as workspace:
+        result = simulate_rows(workspace, rows)
+        workspace.event("simulated", **{name: result[name] for name in ("rows", "failed", "files")})
+        if not workspace.quiet:
+            put(
+                f"{result['rows']} rows along {len(result['files'])} curves, {result['failed']} failed: {workspace.out}"
+            )
+            for failure in result["failures"][:5]:
+                reason = f"{failure['status']}: {one_line(failure['message'])}"
+                put(f"  row {failure['row']}, {failure['specimen']}: {reason}")
+    if result["failed"]:
+        say_next(command_line("status", workspace.out), as_json=options["as_json"])
+    else:
+        say_next(f"the forces are in {workspace.out}", as_json=options["as_json"])

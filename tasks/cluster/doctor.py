@@ -1,0 +1,292 @@
+"""Would a study run on this cluster? Looks at the login node, then at a worker, and evaluates one row there."""
+
+import dataclasses
+import math
+import os
+import platform
+import shutil
+import socket
+import ssl
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+from distributed import Client
+
+from sinew.runner.cluster import drain
+from sinew.runner.cluster.batch_systems import current, current_job, this_node
+from sinew.runner.cluster.client import ClusterSpec, ask_for, open_client, wait_for_workers
+from sinew.runner.cluster.jobs import Jobs
+from sinew.runner.errors import ClusterError, SinewError, one_line
+from sinew.runner.evaluation import external
+from sinew.runner.store.schema import STATUSES
+from sinew.tasks.cluster.profile import Profile
+from sinew.tasks.cluster.submission import check_scripts, job_scripts
+from sinew.tasks.model import Specimen
+from sinew.tasks.simulate.build import simulator_of
+from sinew.tasks.simulate.design import base_samples
+from sinew.tasks.simulate.evaluation import SpecimenEvaluation
+from sinew.tasks.sobol.settings import Settings as SobolSettings
+from sinew.tasks.study.model import model_of
+from sinew.tasks.study.study import Study
+from sinew.tasks.study.workspace import attempts_folder, check_cohort
+
+GIB = 2**30
+CLOCK_S = 5.0
+ALLOCATED_AT_MOST = GIB
+FILES_AT_MOST = 500
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What was looked at, whether it will do, and what was seen, with what to do about it."""
+
+    name: str
+    good: bool
+    words: str
+
+
+Tell = Callable[[Finding], None]
+
+
+def examine(
+    study: Study,
+    profile: Profile | None,
+    cluster: ClusterSpec,
+    out: Path,
+    tell: Tell,
+    *,
+    data: Path | None = None,
+    simulator: str | None = None,
+    wait_s: float = 600.0,
+) -> list[Finding]:
+    """Look at everything that a run needs; ``tell`` hears of each finding at once. Nothing of it is left behind."""
+    findings: list[Finding] = []
+
+    def note(name: str, good: bool, words: str) -> None:
+        findings.append(Finding(name, good, one_line(words)))
+        tell(findings[-1])
+
+    specimens = check_cohort(study, data, out).specimens
+    note("study and cohort", True, f"{len(specimens)} specimens")
+    with _temporary_folder(out) as folder:
+        _look_at_the_disk(study, specimens, folder, note)
+        if profile is not None:
+            _look_at_the_batch_system(study, profile, out, note)
+        if isinstance(cluster, Jobs):
+            cluster = dataclasses.replace(cluster, folder=folder, maximum=1, minimum=0, poll_s=min(cluster.poll_s, 2.0))
+        try:
+            with open_client(cluster) as client:
+                _look_at_a_worker(client, study, specimens, cluster, folder, note, simulator, wait_s)
+        except ClusterError as error:
+            note("worker", False, str(error))
+    return findings
+
+
+@contextmanager
+def _temporary_folder(out: Path) -> Iterator[Path]:
+    """A folder in the result folder, which all nodes must see. What was not there before is gone afterwards."""
+    missing = [folder for folder in (out, *out.absolute().parents) if not folder.exists()]
+    out.mkdir(parents=True, exist_ok=True)
+    try:
+        with tempfile.TemporaryDirectory(prefix="doctor-", dir=out.absolute()) as folder:
+            yield Path(folder)
+    finally:
+        for folder_made in missing:
+            folder_made.rmdir()
+
+
+Note = Callable[[str, bool, str], None]
+
+
+def _look_at_the_disk(study: Study, specimens: tuple[Specimen, ...], folder: Path, note: Note) -> None:
+    """Room for the results, by bytes and by number of files, and whether a quota allows it."""
+    rows, numbers = _size(study, specimens)
+    needed = rows * numbers * 8
+    files = min(FILES_AT_MOST, 20 + rows // 100)
+    place = os.statvfs(folder)
+    free, inodes = place.f_bavail * place.f_frsize, place.f_favail
+    room = f"the study writes up to {_size_of(needed)}, {_size_of(free)} are free"
+    note("disk", free > needed, room)
+    try:
+        with open(folder / "allocated", "wb") as file:
+            os.posix_fallocate(file.fileno(), 0, max(1, min(needed, ALLOCATED_AT_MOST)))
+        for number in range(files):
+            (folder / f"file-{number}").touch()
+        note("quota", True, f"{_size_of(min(needed, ALLOCATED_AT_MOST))} and {files} files could be made")
+    except OSError as error:
+        note("quota", False, f"{error.strerror}; {inodes:,} files are free: make room, or take another --out")
+    finally:
+        (folder / "allocated").unlink(missing_ok=True)
+        for path in folder.glob("file-*"):
+            path.unlink()
+    (folder / "clock").touch()
+    apart = abs((folder / "clock").stat().st_mtime - time.time())
+    note("clock of the disk", apart < CLOCK_S, f"{apart:.1f} s apart from that of {socket.gethostname()}")
+
+
+def _size_of(count: float) -> str:
+    return f"{count / GIB:,.1f} GiB" if count >= GIB else f"{count / 2**20:,.1f} MiB"
+
+
+def _size(study: Study, specimens: tuple[Specimen, ...]) -> tuple[int, int]:
+    """Rows of the study, and numbers stored for each."""
+    free = len(model_of(study.model, study.simulator.law).free)
+    settings = study.section(SobolSettings)
+    base = settings.base_samples or base_samples(settings.points or 1, free, settings.second_order)
+    chosen = len(specimens) if settings.specimens == "all" else len(settings.specimens)
+    points = study.store.points_per_curve
+    kept = [curve.force_N.size if points == "all" else points for curve in specimens[0].curves]
+    return base * ((2 if settings.second_order else 1) * free + 2) * chosen, sum(kept) + 32
+
+
+def _look_at_the_batch_system(study: Study, profile: Profile, out: Path, note: Note) -> None:
+    try:
+        note(profile.system.title, True, profile.system.version())
+        check_scripts(profile, job_scripts(study, profile, out, ()))
+        note("profile", True, f"{profile.system.title} takes the jobs of {profile.path}")
+    except SinewError as error:
+        note("profile", False, str(error))
+
+
+def _look_at_a_worker(
+    client: Client,
+    study: Study,
+    specimens: tuple[Specimen, ...],
+    cluster: ClusterSpec,
+    folder: Path,
+    note: Note,
+    simulator: str | None,
+    wait_s: float,
+) -> None:
+    ask_for(client, 1)
+    until = time.monotonic() + wait_s
+
+    def check() -> None:
+        ask_for(client, 1)
+        if time.monotonic() > until:
+            raise ClusterError(f"no worker came within {wait_s:g} s; wait for longer by --wait, or ask for less")
+
+    wait_for_workers(client, check)
+    address = str(client.scheduler_info()["address"])
+    encrypted = address.startswith("tls://")
+    refused = encrypted and _is_refused(address)
+    words = "a stranger is refused" if refused else "a stranger can connect: set tls: true in the profile"
+    note("TLS", refused, f"{address}: {words}")
+
+    worker = next(iter(client.scheduler_info()["workers"]))
+    before = time.time()
+    seen = client.run(_seen_on_a_worker, folder, workers=[worker])[worker]
+    apart = max(before - seen["time"], seen["time"] - time.time(), 0.0)
+    job = f", job {seen['job']}" if seen["job"] else ""
+    note("worker", True, f"{seen['node']}{job}, Python {seen['python']}")
+    note("clock of the worker", apart < CLOCK_S, f"{apart:.1f} s apart from that of {socket.gethostname()}")
+    sees = "sees it" if seen["shared"] else "does not see it: put --out on a disk that all nodes share"
+    note("result folder", seen["shared"], f"the worker {sees}")
+    given = seen["cpus_per_task"]
+    enough = given is None or not isinstance(cluster, Jobs) or given >= cluster.cores
+    workers = cluster.cores if isinstance(cluster, Jobs) else 1
+    threads = seen["threads"]
+    words = f"{workers} workers with {threads or '?'} thread each on {given or seen['cores']} CPUs"
+    note("threads", enough and threads == "1", words)
+    note("network interface", True, f"{address.rpartition(':')[0]}; the worker has {', '.join(seen['interfaces'])}")
+    free = f"{seen['scratch']}, {_size_of(seen['scratch_free'])} free"
+    note("scratch", seen["scratch_free"] > GIB, free if seen["scratch_free"] > GIB else f"{free}; expected 1 GiB")
+    outcome = client.submit(_canary, study, specimens[0], simulator, folder, workers=[worker], pure=False).result()
+    _note_canary(outcome, study, specimens, cluster, note)
+
+
+def _seen_on_a_worker(folder: Path) -> dict[str, Any]:
+    scratch = external.scratch(attempts_folder(folder.parent))
+    existing = next(place for place in (scratch, *scratch.parents) if place.exists())
+    try:
+        (folder / "seen").touch()
+        shared = (folder / "clock").exists()
+    except OSError:
+        shared = False
+    system = current()
+    return {
+        "time": time.time(),
+        "node": this_node(),
+        "job": current_job(),
+        "python": platform.python_version(),
+        "shared": shared,
+        "cpus_per_task": None if system is None else system.cpus(),
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "threads": os.environ.get("OMP_NUM_THREADS"),
+        "interfaces": sorted(psutil.net_if_addrs()),
+        "scratch": str(scratch),
+        "scratch_free": shutil.disk_usage(existing).free if os.access(existing, os.W_OK) else 0,
+        "walltime_s": drain.walltime_s(),
+    }
+
+
+def _canary(study: Study, specimen: Specimen, simulator: str | None, folder: Path) -> dict[str, Any]:
+    """On a worker: find the solver, and evaluate the reference parameters of the first specimen."""
+    try:
+        chosen = simulator_of(study, simulator, folder / "attempts")
+        model = model_of(study.model, study.simulator.law)
+        reference = np.array([[parameter.reference for parameter in model.parameters]])
+        evaluation = SpecimenEvaluation(model, specimen, chosen, study.store.points_per_curve)
+        started = time.perf_counter()
+        outcome = evaluation(reference)
+    except (SinewError, OSError) as error:
+        return {"error": str(error)}
+    status = STATUSES[int(outcome.status[0])]
+    return {
+        "solver": getattr(chosen, "executable", chosen.name),
+        "version": getattr(chosen, "version", "with sinew"),
+        "batched": chosen.capabilities.batch_multiple > 1,
+        "seconds": time.perf_counter() - started,
+        "status": status,
+        "message": outcome.messages[0] if outcome.messages else "",
+        "walltime_s": drain.walltime_s(),
+    }
+
+
+def _note_canary(
+    outcome: dict[str, Any], study: Study, specimens: tuple[Specimen, ...], cluster: ClusterSpec, note: Note
+) -> None:
+    if "error" in outcome:
+        note("solver", False, outcome["error"])
+        return
+    note("solver", True, f"{outcome['solver']}, version {outcome['version']}")
+    seconds = outcome["seconds"]
+    fits = math.isinf(outcome["walltime_s"]) or seconds * drain.SAFETY + 2 * drain.CLOSING_S < outcome["walltime_s"]
+    words = f"{specimens[0].name}: {outcome['status']} in {seconds:.3g} s"
+    if outcome["message"]:
+        words += f" ({outcome['message']})"
+    note("canary", outcome["status"] == "ok", words)
+    if not fits:
+        note("walltime", False, f"{outcome['walltime_s']:.0f} s are too short for an evaluation of {seconds:.3g} s")
+    rows = _size(study, specimens)[0]
+    slots = cluster.maximum * cluster.cores if isinstance(cluster, Jobs) else getattr(cluster, "workers", 1)
+    hours = rows * seconds / 3600
+    if not outcome["batched"]:
+        words = f"{rows:,} rows, about {hours:.3g} core-hours, {hours / slots:.3g} h on {slots} workers"
+        note("size", True, words)
+
+
+def _is_refused(address: str) -> bool:
+    """Whether somebody without the run's certificate is turned away."""
+    context = ssl.create_default_context()
+    context.check_hostname = False
+    context.verify_mode = ssl.CERT_NONE
+    host, _, port = address.removeprefix("tls://").rpartition(":")
+    try:
+        with (
+            socket.create_connection((host.strip("[]"), int(port)), timeout=10) as plain,
+            context.wrap_socket(plain) as stranger,
+        ):
+            stranger.settimeout(5)
+            return stranger.recv(1) == b""  # in TLS 1.3 the refusal comes with the first bytes
+    except (ssl.SSLError, ConnectionError):
+        return True
+    except OSError:
+        return False

@@ -1,0 +1,1 @@
+"""Whether the sites can be told apart."""

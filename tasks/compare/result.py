@@ -1,0 +1,108 @@
+"""The result of a comparison of sites: what ``compare.json`` holds."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from sinew.tasks.study.result import Number, Numbers, Result
+
+
+class Area(Protocol):
+    """An area under an ROC curve and its interval: of a pair along the component, or of a classifier."""
+
+    @property
+    def auc(self) -> float: ...
+
+    @property
+    def interval(self) -> Any: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Loadings:
+    """The first principal component by parameter: ``loadings``, and the ``mean`` and ``sd`` that standardise."""
+
+    explained_variance: Number
+    loadings: Mapping[str, Number]
+    mean: Mapping[str, Number]
+    sd: Mapping[str, Number]
+
+
+@dataclass(frozen=True)
+class SiteParticles:
+    """How many particles a site has, and how many of equal weight they are worth (Kish 1965)."""
+
+    particles: int
+    effective_sample_size: Number
+
+
+@dataclass(frozen=True, eq=False)
+class Roc:
+    """An ROC curve ``[k]``: the shares of the first and of the second site above each threshold."""
+
+    false_positive: Numbers
+    true_positive: Numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Separability:
+    """How well a linear classifier of all parameters separates particles that it was not fitted to.
+
+    ``without_difference`` ``[2]`` holds the areas of shuffled sites; it and ``p_value`` are None for few particles.
+    """
+
+    auc: Number
+    interval: Numbers
+    without_difference: Numbers | None
+    p_value: Number | None
+    folds: int
+    repeats: int
+    permutations: int
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Two sites: area under the ROC curve of the component with its interval ``[2]``, and of all parameters."""
+
+    sites: list[str]
+    auc: Number
+    interval: Numbers
+    roc: Roc
+    all_parameters: Separability
+
+    @property
+    def name(self) -> str:
+        """Both sites, as a person reads them."""
+        return " / ".join(self.sites)
+
+
+@dataclass(frozen=True, eq=False)
+class Densities:
+    """Densities by site at the values ``component`` ``[g]``; None for a site whose particles do not vary."""
+
+    component: Numbers
+    sites: Mapping[str, Numbers | None]
+
+    def shown(self) -> dict[str, Any]:
+        """The densities that there are, each with its number among all sites."""
+        numbered = enumerate(self.sites.items())
+        return {site: (number, values) for number, (site, values) in numbered if values is not None}
+
+
+@dataclass(frozen=True, eq=False)
+class CompareResult(Result):
+    """How well the posteriors of each pair of sites can be told apart; ``confidence`` is that of all intervals."""
+
+    TASK = "compare"
+    LIBRARIES = ("scikit-learn",)
+
+    names: list[str]
+    confidence: Number
+    component: Loadings
+    sites: Mapping[str, SiteParticles]
+    pairs: list[Pair]
+    densities: Densities
+    note: str
+    inputs: str
+
+
+RESULT = CompareResult

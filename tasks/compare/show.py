@@ -1,0 +1,74 @@
+"""How comparisons of sites are shown: as tables and on the console."""
+
+from pathlib import Path
+
+import pandas as pd
+from rich.table import Table as Grid
+
+from sinew.runner.console import Console
+from sinew.tasks.compare.result import Area, CompareResult
+from sinew.tasks.infer.result import FEW
+
+
+def table(result: CompareResult) -> pd.DataFrame:
+    """Area under the ROC curve by pair of sites, of the component and of all parameters."""
+    rows = {
+        tuple(pair.sites): {
+            **_area_columns(pair, "component"),
+            **_area_columns(pair.all_parameters, "all_parameters"),
+            "p_value": pair.all_parameters.p_value,
+        }
+        for pair in result.pairs
+    }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis(["first", "second"])
+
+
+def _area_columns(area: Area, name: str) -> dict[str, float]:
+    low, high = area.interval
+    return {f"auc_{name}": area.auc, f"auc_{name}_low": low, f"auc_{name}_high": high}
+
+
+def headline(result: CompareResult) -> str:
+    """What came out, in one line."""
+    share = 100 * result.component.explained_variance
+    return f"{len(result.sites)} sites; the component has {share:.0f} % of the variance"
+
+
+def separation_table(result: CompareResult) -> pd.DataFrame:
+    """The three panels of the figure, one below the other: ``x`` and ``y`` are what their axes say."""
+    parts = []
+    for pair in result.pairs:
+        curve = {"x": pair.roc.false_positive, "y": pair.roc.true_positive}
+        parts.append(pd.DataFrame({"panel": "roc", "series": pair.name, **curve}))
+    for site, (_, values) in result.densities.shown().items():
+        curve = {"x": result.densities.component, "y": values}
+        parts.append(pd.DataFrame({"panel": "density", "series": site, **curve}))
+    loadings = result.component.loadings
+    parts.append(pd.DataFrame({"panel": "loading", "series": list(loadings), "x": list(loadings.values())}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def summary(result: CompareResult, folder: Path, console: Console) -> None:
+    """Print the areas under the ROC curves by pair of sites."""
+    percent = round(100 * result.confidence)
+    columns = (f"AUC of the component ({percent} %)", f"of all parameters, unseen ({percent} %)", "p")
+    grid = Grid("sites", *columns, title="How well posteriors can be told apart (0.5: not at all)")
+    for pair in result.pairs:
+        p = pair.all_parameters.p_value
+        areas = (area_text(pair), area_text(pair.all_parameters))
+        grid.add_row(pair.name, *areas, "" if p is None else f"{p:.3f}")
+    console.print(grid)
+    for site, one in result.sites.items():
+        if one.effective_sample_size < FEW:
+            console.print(
+                f"[red]{site}: {one.particles} particles are worth {one.effective_sample_size:.1f} of equal "
+                f"weight[/red], which says little of a posterior: infer with a larger population"
+            )
+    share = 100 * result.component.explained_variance
+    console.print(f"the component has {share:.0f} % of the variance; {result.note}")
+
+
+def area_text(area: Area) -> str:
+    """An area under an ROC curve with its interval."""
+    low, high = area.interval
+    return f"{area.auc:.2f} ({low:.2f}, {high:.2f})"

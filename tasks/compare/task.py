@@ -1,0 +1,81 @@
+"""Whether the posteriors of the sites differ: read the particles of an inference, compare them in pairs, commit.
+
+The store keeps ``compare``: the component of every particle, and its weight.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.compare.method import Array, Component, Particles, densities, first_component, pairs_of
+from sinew.tasks.compare.result import CompareResult, Loadings, SiteParticles
+from sinew.tasks.compare.settings import Settings
+from sinew.tasks.infer.result import InferResult, particles_group
+from sinew.tasks.study.cached import cached, commit, key
+from sinew.tasks.study.workspace import Workspace
+
+FEWEST = 4
+NOTE = (
+    "intervals are about the number of particles: they say how well the overlap of two posteriors is known, "
+    "not whether more specimens would set the sites apart"
+)
+
+
+def run(workspace: Workspace, settings: Settings) -> CompareResult:
+    """How well the posteriors of each pair of sites can be told apart.
+
+    Raises :class:`BadInput` when there is no inference, when it has one site only, or a site of fewer than four
+    particles. Where a few particles have most of the weight, intervals are wide.
+    """
+    path = InferResult.path(workspace.out)
+    inferred = InferResult.read(workspace.out)
+    if inferred is None:
+        raise BadInput(path, "is not there", "`sinew infer` on this study first")
+    if len(inferred.sites) < 2:
+        raise BadInput(path, f"one site only ({', '.join(inferred.sites)})", "two sites or more to compare")
+    sites = {site: _last_particles(workspace, site, inferred.names) for site in inferred.sites}
+    arrays = [part for particles in sites.values() for part in (particles.values, particles.weights)]
+    inputs = key(CompareResult, workspace.seed, settings.model_dump(), inferred.names, list(sites), *arrays)
+    if (known := cached(workspace, CompareResult, inputs, ["compare"])) is not None:
+        return known
+    for site, particles in sites.items():
+        if len(particles.weights) < FEWEST:
+            raise BadInput(path, f"{site}: {len(particles.weights)} particles", "4 or more: a larger infer.population")
+    component = first_component(list(sites.values()))
+    along = {site: component.of(particles.values) for site, particles in sites.items()}
+    result = CompareResult(
+        names=inferred.names,
+        confidence=settings.confidence,
+        component=_loadings(inferred.names, component),
+        sites={site: SiteParticles(len(each.weights), each.effective) for site, each in sites.items()},
+        pairs=pairs_of(component, along, sites, workspace.seed, settings),
+        densities=densities(along, sites),
+        note=NOTE,
+        inputs=inputs,
+    )
+    commit(workspace, result, {"compare": _arrays(along, sites)})
+    return result
+
+
+def _last_particles(workspace: Workspace, site: str, names: list[str]) -> Particles:
+    last = workspace.store.read_result(particles_group(site)).isel(generation=-1)
+    weight = last["weight"].to_numpy()
+    return Particles(last["parameters"].sel(parameter=names).to_numpy(), weight / weight.sum())
+
+
+def _loadings(names: list[str], component: Component) -> Loadings:
+    by_name = (dict(zip(names, values, strict=True)) for values in (component.loadings, component.mean, component.sd))
+    return Loadings(component.explained, *by_name)
+
+
+def _arrays(along: Mapping[str, Array], sites: Mapping[str, Particles]) -> xr.Dataset:
+    """The component of every particle, and its weight among those of its site."""
+    return xr.Dataset(
+        {
+            "component": ("particle", np.concatenate(list(along.values()))),
+            "weight": ("particle", np.concatenate([sites[site].weights for site in along])),
+        },
+        {"site": ("particle", np.repeat(list(along), [values.size for values in along.values()]))},
+    )

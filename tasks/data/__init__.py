@@ -1,0 +1,1 @@
+"""Measured curves: cohorts, machines' exports, their units and columns, and the noise of the curves."""

@@ -1,0 +1,193 @@
+"""Files of tests to specimens, as ``sinew import`` makes them: each file is a specimen, or all are one."""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data.cohort import NAME, refuse_duplicates
+from sinew.tasks.data.columns import LENGTH, STRAIN, STRESS, STRETCH, TIME, Hints
+from sinew.tasks.data.recordings import MOST_STRETCH, Bar, Recording, curve_of, read_recording, remarks
+from sinew.tasks.data.sizes import LARGEST_MM2, LONGEST_MM, square_side
+from sinew.tasks.data.units import factor
+from sinew.tasks.model import Curve, Specimen
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What files do not tell of themselves.
+
+    ``stress``: the load is a stress of this unit. ``time``: the unit of times without one. ``hints``: further units,
+    and columns. ``reference``: stretch at zero displacement. ``length_mm`` (at that stretch) and ``area_mm2`` replace
+    the sizes in the lines above a table. ``tare``: subtract the first force.
+    """
+
+    stress: str | None = None
+    time: str | None = None
+    reference: float | None = None
+    length_mm: float | None = None
+    area_mm2: float | None = None
+    tare: bool = False
+    hints: Hints = field(default_factory=Hints)
+
+    def __post_init__(self) -> None:
+        """Raises :class:`BadInput` for the first number or unit that is impossible, or contradicts another."""
+        for option, value, most, unit in (
+            ("--reference", self.reference, MOST_STRETCH, ""),
+            ("--length-mm", self.length_mm, LONGEST_MM, " mm"),
+            ("--area-mm2", self.area_mm2, LARGEST_MM2, " mm2"),
+        ):
+            if value is not None and not 0 < value < most:
+                raise BadInput(option, f"{value:g}", f"above 0 and below {most:g}{unit}")
+        for option, short, known, long, long_option in (
+            ("--time", self.time, TIME.units, self.hints.time_unit, "--time-unit"),
+            ("--stress", self.stress, STRESS.units, self.hints.force_unit, "--force-unit"),
+        ):
+            if short is not None and factor(known, short) is None:
+                raise BadInput(option, shown(short), f"one of {', '.join(known)}")
+            if short is not None and long not in (None, short):
+                raise BadInput(option, f"{short}, but {long_option} says {shown(long)}", "one and the same unit")
+
+    @property
+    def all_hints(self) -> Hints:
+        """``hints`` with the units of time and stress."""
+        time_unit, force_unit = self.time or self.hints.time_unit, self.stress or self.hints.force_unit
+        return replace(self.hints, time_unit=time_unit, force_unit=force_unit)
+
+
+@dataclass(frozen=True)
+class Imported:
+    """Specimens; by ``SPECIMEN/PROTOCOL`` the columns with the spread of a mean, which are left out, and remarks."""
+
+    specimens: tuple[Specimen, ...]
+    spreads: Mapping[str, tuple[str, ...]]
+    remarks: Mapping[str, tuple[str, ...]]
+
+
+def read_export(
+    path: Path, *, protocol: str | None = None, name: str | None = None, reading: Reading | None = None
+) -> Specimen:
+    """The test in a file as a specimen with one curve.
+
+    The lines above the table must give ``Length`` and either ``Diameter`` (a round bar becomes a square one of equal
+    area) or ``Width`` and ``Thickness``, unless ``reading`` does. Without such lines, a stretch or strain is that of a
+    bar of 1 mm, and a stress that of a bar of 1 mm2. The protocol is called ``relaxation`` if the lines above the table
+    mention a hold, else ``test``. Raises :class:`BadInput` naming the file and row.
+    """
+    reading = reading or Reading()
+    return _specimen(_read(path, reading), protocol, name, reading)
+
+
+def read_exports(
+    paths: Sequence[Path], *, protocol: str | None = None, specimen: str | None = None, reading: Reading | None = None
+) -> Imported:
+    """Several files, each a specimen named after its file; or all of them protocols of one ``specimen``.
+
+    Protocols of one specimen are named after their files. Raises :class:`BadInput` for two of one name.
+    """
+    for option, given in (("--protocol", protocol), ("--specimen", specimen)):
+        if given is not None and not NAME.fullmatch(given):
+            raise BadInput(option, shown(given), "letters, digits, '_', '-', '+' and '.'")
+    if specimen is not None and protocol is not None and len(paths) > 1:
+        raise BadInput("--protocol", f"one name for {len(paths)} files of one specimen", "names of files as protocols")
+    reading = reading or Reading()
+    parts: list[Specimen] = []
+    spreads: dict[str, tuple[str, ...]] = {}
+    noticed: dict[str, tuple[str, ...]] = {}
+    for path in paths:
+        recording = _read(path, reading)
+        named = protocol if specimen is None else protocol or _plain(path)
+        part = _specimen(recording, named, specimen, reading)
+        parts.append(part)
+        where = f"{part.name}/{part.curves[0].name}"
+        spreads |= {where: recording.spreads} if recording.spreads else {}
+        noticed |= {where: tuple(found)} if (found := remarks(recording)) else {}
+    if specimen is not None:
+        return Imported((_joined(paths, parts),), spreads, noticed)
+    for path, one in zip(paths, parts, strict=True):
+        if not NAME.fullmatch(one.name):
+            raise BadInput(path, "a name that cannot be used for a specimen", "a letter or digit in front")
+    refuse_duplicates(parts, {one.name: path for path, one in zip(paths, parts, strict=True)})
+    return Imported(tuple(parts), spreads, noticed)
+
+
+def _plain(path: Path) -> str:
+    return re.sub(r"[^A-Za-z0-9_.+-]+", "_", path.stem)
+
+
+def _read(path: Path, reading: Reading) -> Recording:
+    return read_recording(path, reading.all_hints, first_of_alike=True)
+
+
+def _specimen(recording: Recording, protocol: str | None, name: str | None, reading: Reading) -> Specimen:
+    bar = _bar(recording, reading)
+    labels = [row[0].rpartition(":")[2].lower() for row in recording.header if row]
+    usual = "relaxation" if any("hold" in label for label in labels) else "test"
+    curve = curve_of(recording, bar, protocol or usual, reference=reading.reference)
+    if reading.tare:
+        curve = Curve(curve.protocol, curve.force_N - curve.force_N[0])
+    return Specimen(name or _plain(recording.path), bar.length_mm, bar.width_mm, bar.thickness_mm, (curve,))
+
+
+def _bar(recording: Recording, reading: Reading) -> Bar:
+    length = reading.length_mm or _length(recording)
+    if reading.area_mm2 is not None:
+        side = round(math.sqrt(reading.area_mm2), 9)
+    elif recording.load.quantity is STRESS and not _tells_area(recording):
+        side = 1.0
+    elif "diameter" in recording.sizes:
+        side = square_side(_size(recording, "diameter", "--area-mm2"))
+    elif "area" in recording.sizes and not {"width", "thickness"} <= recording.sizes.keys():
+        side = round(math.sqrt(_size(recording, "area", "--area-mm2")), 9)
+    else:
+        return Bar(length, _size(recording, "width", "--area-mm2"), _size(recording, "thickness", "--area-mm2"))
+    return Bar(length, side, side)
+
+
+def _tells_area(recording: Recording) -> bool:
+    known = recording.sizes.keys()
+    return "diameter" in known or "area" in known or {"width", "thickness"} <= known
+
+
+def _length(recording: Recording) -> float:
+    if "length" not in recording.sizes and recording.motion.quantity in (STRETCH, STRAIN):
+        return 1.0
+    if "length" not in recording.sizes and recording.motion.quantity is LENGTH:
+        return float(recording.numbers[0, 1])
+    return _size(recording, "length", "--length-mm")
+
+
+def _size(recording: Recording, name: str, option: str) -> float:
+    where = f"{recording.path}: {name.capitalize()}"
+    size = recording.sizes.get(name)
+    if size is None:
+        raise BadInput(where, "missing in the lines above the table", f"a length with its unit, or {option}")
+    if size.mm is None:
+        expected = f"a number above 0 and below {LONGEST_MM:g} mm and a unit such as mm, or {option}"
+        raise BadInput(where, shown(size.text), expected)
+    return size.mm
+
+
+def _joined(paths: Sequence[Path], parts: Sequence[Specimen]) -> Specimen:
+    """One specimen with the curves of all ``parts``. Raises :class:`BadInput` where they cannot be of one."""
+    first = parts[0]
+    names: dict[str, Path] = {}
+    digests: dict[str, Path] = {}
+    for path, part in zip(paths, parts, strict=True):
+        (curve,) = part.curves
+        if not NAME.fullmatch(curve.name) or curve.name == "total":
+            problem = f"its name cannot be used for a protocol: {shown(curve.name)}"
+            raise BadInput(path, problem, "a letter or digit in front, and not 'total'")
+        for known, key in ((names, curve.name.casefold()), (digests, curve.digest)):
+            if key in known:
+                what = f"protocol {curve.name}, as {known[key]}" if known is names else f"the numbers of {known[key]}"
+                raise BadInput(path, f"has {what}", "each protocol of a specimen once")
+            known[key] = path
+        if (part.length_mm, part.area_mm2) != (first.length_mm, first.area_mm2):
+            sizes = [f"{one.length_mm:g} mm, {one.area_mm2:g} mm2" for one in (part, first)]
+            raise BadInput(path, f"a bar of {sizes[0]}, but {sizes[1]} in {paths[0]}", "files of one specimen")
+    return Specimen(
+        first.name, first.length_mm, first.width_mm, first.thickness_mm, tuple(part.curves[0] for part in parts)
+    )

@@ -1,0 +1,193 @@
+"""What a file is taken for, before anything is written: its columns, units and sizes, and what must be asked."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.columns import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS, Column, Hints, partly
+from sinew.tasks.data.exports import Reading
+from sinew.tasks.data.sizes import SIZES, read_sizes
+from sinew.tasks.data.tables import Row, Table, read_tables
+from sinew.tasks.data.units import usual
+
+SAME = 1e-3  # of a gauge length that two columns tell
+NEAR = 0.05  # by how much a length and the one that strains imply may differ
+_TITLED = 2  # columns that must be recognised for a table to be one of a test
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """One file. ``columns``: time, motion and load, as far as they are recognised.
+
+    ``first``: time (s), motion (mm, or 1) and load (N, or MPa) in the first row of the first test, ``peak`` the load of
+    largest magnitude, as in the file. ``specimens``: tests in the file. ``questions``: what the file does not tell.
+    """
+
+    path: Path
+    sheet: str
+    columns: tuple[Column | None, Column | None, Column | None]
+    sizes: dict[str, float | None]
+    rows: int
+    first: tuple[float | None, float | None, float | None]
+    peak: float | None
+    specimens: int
+    questions: tuple[str, ...]
+
+    def content(self) -> dict[str, Any]:
+        """As JSON. Columns have the keys ``column``, ``unit`` (None if the file does not tell it)."""
+        motion, load = self.columns[1], self.columns[2]
+        stress = load is not None and load.quantity is STRESS
+        named = {"time": self.columns[0], _kind(motion): motion, "stress" if stress else "force": load}
+        found: dict[str, Any] = {"file": str(self.path)} | ({"sheet": self.sheet} if self.sheet else {})
+        found |= {
+            name: None
+            if column is None
+            else {"column": _title(column), "unit": usual(column.quantity.units, column.unit) or None}
+            for name, column in named.items()
+        }
+        found |= {f"{name}_mm2" if name == "area" else f"{name}_mm": size for name, size in self.sizes.items()}
+        found |= {"rows": self.rows, "first": list(self.first)}
+        found |= {"peak_stress_MPa" if stress else "peak_force_N": self.peak}
+        return found | {"specimens": self.specimens, "ask": list(self.questions)}
+
+
+def inspect(path: Path, reading: Reading | None = None) -> Inspection:
+    """What a file is taken for, with what a person says of it in ``reading``.
+
+    Raises :class:`BadInput` for a file without a table of numbers.
+    Of several tables, the first counts that has the most columns of a test; those with the same titles are further
+    specimens.
+    """
+    reading = reading or Reading()
+    recognised = -1
+    titles: Counter[Row] = Counter()
+    for one in read_tables(path):  # only the best is kept: each may reach to the end of the file
+        titles[one.titles[1:]] += 1
+        found = partly(one, reading.all_hints)
+        count = sum(column is not None for column in found[0])
+        if count > recognised:
+            recognised, table, (columns, problems) = count, one, found
+    if recognised < _TITLED and any(table.titles):
+        raise BadInput(
+            path, f"no columns of a test: {'; '.join(problems)}", "time, displacement and force, with titles"
+        )
+    numbers, rows = _numbers(table, columns)
+    values = _sizes(table, columns, numbers[:rows])
+    doubts = _doubts(table, columns, values)
+    for name in doubts:
+        values[name] = None
+    given = {"length": reading.length_mm, "area": reading.area_mm2}
+    values |= {name: size for name, size in given.items() if size is not None}
+    doubts = {name: question for name, question in doubts.items() if values[name] is None}
+    questions = (*problems, *_times(table, numbers[:rows, 0]), *doubts.values(), *_missing(values, columns))
+    first = [float(number) if rows and np.isfinite(number) else None for number in numbers[0]]
+    load = numbers[:rows, 2]
+    peak = float(load[np.nanargmax(np.abs(load))]) if np.isfinite(load).any() else None
+    specimens = titles[table.titles[1:]] * _beside(table, columns)
+    return Inspection(
+        path, table.sheet, columns, values, rows, (first[0], first[1], first[2]), peak, specimens, questions
+    )
+
+
+def _title(column: Column) -> str:
+    return column.title or f"column {column.place + 1} (no title)"
+
+
+def _kind(motion: Column | None) -> str:
+    """The key of a motion: a position or a length is one way to tell a displacement."""
+    if motion is None or motion.quantity in (POSITION, LENGTH):
+        return "displacement"
+    return motion.quantity.name
+
+
+def _numbers(table: Table, columns: Sequence[Column | None]) -> tuple[np.ndarray[Any, Any], int]:
+    """Numbers ``[t, 3]`` (NaN where a cell has none) and how many rows there are, without empty ones at the end."""
+    found = np.full((len(table.rows), 3), np.nan)
+    for i, column in enumerate(columns):
+        if column is not None:
+            found[:, i] = _column(table, column)
+    filled = np.flatnonzero(np.isfinite(found).any(axis=1))
+    return found, int(filled[-1]) + 1 if filled.size else 0
+
+
+def _column(table: Table, column: Column) -> np.ndarray[Any, Any]:
+    """The numbers ``[t]`` of a column, NaN where a cell has none."""
+    cells = (table.number(row, column.place) for row in range(len(table.rows)))
+    return np.array([np.nan if cell is None else cell * column.factor for cell in cells])
+
+
+def _sizes(table: Table, columns: Sequence[Column | None], numbers: np.ndarray[Any, Any]) -> dict[str, float | None]:
+    told = read_sizes(table.header)
+    values: dict[str, float | None] = {
+        name: told[name].mm if name in told else None for name in (*SIZES, "diameter", "area")
+    }
+    motion = columns[1]
+    if values["length"] is None and motion is not None and motion.quantity is LENGTH and len(numbers):
+        values["length"] = float(numbers[0, 1])
+    if values["length"] is None and motion is not None and motion.quantity is DISPLACEMENT:
+        values["length"] = _length_beside(table, numbers[:, 1])
+    width, thickness, diameter = (values[name] for name in ("width", "thickness", "diameter"))
+    if values["area"] is None and diameter is not None:
+        values["area"] = float(np.pi / 4 * diameter**2)
+    if values["area"] is None and width is not None and thickness is not None:
+        values["area"] = width * thickness
+    return values
+
+
+def _length_beside(table: Table, displacement: np.ndarray[Any, Any]) -> float | None:
+    """The gauge length (mm) by a column of current lengths: these less the displacements are always the same."""
+    lengths = partly(table, Hints(), only=LENGTH)[0][1]
+    if lengths is None or not lengths.unit:
+        return None
+    at_rest = _column(table, lengths)[: displacement.size] - displacement
+    same = at_rest.size and np.ptp(at_rest) <= SAME * abs(at_rest[0])
+    return float(at_rest[0]) if same else None
+
+
+def _doubts(table: Table, columns: Sequence[Column | None], values: dict[str, float | None]) -> dict[str, str]:
+    """Sizes that contradict the numbers: strains times the length are the displacements."""
+    motion, length = columns[1], values["length"]
+    if motion is None or motion.quantity in (STRAIN, POSITION, LENGTH) or length is None:
+        return {}
+    strains = partly(table, Hints(), only=STRAIN)[0][1]
+    if strains is None:
+        return {}
+    both = np.column_stack([_column(table, motion), _column(table, strains)])
+    both = both[np.isfinite(both).all(axis=1)]
+    large = both[np.abs(both[:, 1]) > 0.5 * np.abs(both[:, 1]).max()] if both.size else both
+    if not large.size or not np.abs(large[:, 1]).max():
+        return {}
+    implied = float(np.median(large[:, 0] / large[:, 1]))
+    if abs(implied - length) <= NEAR * length:
+        return {}
+    return {
+        "length": f"length: {length:g} mm in the lines above, but {implied:.4g} mm by '{strains.title}'; --length-mm"
+    }
+
+
+def _times(table: Table, time_s: np.ndarray[Any, Any]) -> Iterable[str]:
+    back = np.flatnonzero(np.diff(time_s) < 0)
+    if back.size:
+        row = table.rows[int(back[0]) + 1][0]
+        yield f"time: goes back {back.size} times, first in row {row}: several tests in one table? One file for each"
+    elif time_s.size > 1 and not np.ptp(time_s):
+        yield "time: the same in all rows; --time-column"
+
+
+def _missing(values: dict[str, float | None], columns: Sequence[Column | None]) -> Iterable[str]:
+    if values["length"] is None:
+        yield "length: the file does not tell it; --length-mm"
+    load = columns[2]
+    if values["area"] is None and (load is None or load.quantity is not STRESS):
+        yield "cross-section: the file does not tell it; --area-mm2"
+
+
+def _beside(table: Table, columns: Sequence[Column | None]) -> int:
+    """How many tests stand beside each other: how often the titles of the first one are repeated."""
+    titles = [column.title for column in columns if column is not None and column.title]
+    return max(1, min((sum(title == other for other in table.titles) for title in titles), default=1))

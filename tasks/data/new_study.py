@@ -1,0 +1,94 @@
+"""What ``sinew init`` writes and says: the study file, sizes to be filled in, and what was guessed for each file."""
+
+import json
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+from jinja2.sandbox import SandboxedEnvironment
+
+from sinew.runner.errors import one_line
+from sinew.tasks.data.names import FileName, plain_name
+from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.sizes import SIZES
+from sinew.tasks.model import TENDON, Curve, Specimen
+from sinew.tasks.registry import TASKS
+from sinew.tasks.study.files import write_text
+from sinew.tasks.study.resources import resource
+from sinew.tasks.study.study import read_study
+
+
+@dataclass(frozen=True, eq=False)
+class ReadFile:
+    """A file that is understood, and the specimen and protocol that it belongs to."""
+
+    recording: Recording
+    name: FileName
+
+    @property
+    def path(self) -> Path:
+        return self.recording.path
+
+
+@dataclass(frozen=True, eq=False)
+class NewSpecimen:
+    """A specimen, the tests of its curves in the same order, the sizes that are missing, and notes for a person."""
+
+    specimen: Specimen
+    tests: tuple[ReadFile, ...]
+    missing: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def write_study(out: Path, cohort: str, specimens: Sequence[Specimen]) -> Path:
+    """Write ``out/study.yaml`` with every field explained. ``cohort`` is the path of the cohort, seen from there."""
+    study = out / "study.yaml"
+    several = len({one.site for one in specimens if one.site}) > 1
+    tasks = [name for name, task in TASKS.items() if not task.optional and (several or name != "compare")]
+    cyclic = sorted({curve.name for one in specimens for curve in one.curves if curve.name.startswith("cyc")})
+    environment = SandboxedEnvironment(
+        undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True, keep_trailing_newline=True
+    )
+    template = environment.from_string(resource("templates/study.yaml.j2").read_text("utf-8"))
+    name = plain_name(out.resolve().name).replace("+", "-")[:64] or "study"
+    values = {"name": name, "cohort": json.dumps(cohort), "tasks": tasks, "cyclic": map(json.dumps, cyclic)}
+    command = one_line(shlex.quote(str(study)))
+    write_text(study, template.render(**values, study=command, parameters=TENDON))
+    read_study(study)  # a study file that cannot be read must not be left behind unnoticed
+    return study
+
+
+def leave_open(path: Path, missing: Sequence[str]) -> None:
+    """Replace sizes in a ``specimen.json`` by null. A run refuses the file until they are filled in."""
+    content = json.loads(path.read_text("utf-8"))
+    content |= {f"{size}_mm": None for size in missing}
+    content["note"] = f"fill in {', '.join(f'{size}_mm' for size in missing)} (a number, mm) and delete this note"
+    write_text(path, json.dumps(content, indent=1) + "\n")
+
+
+def describe(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
+    """What was guessed, file by file, and how sure that is."""
+    for new in specimens:
+        specimen = new.specimen
+        sizes = " x ".join("?" if s in new.missing else f"{getattr(specimen, f'{s}_mm'):.4g}" for s in SIZES)
+        yield one_line(f"specimen {specimen.name}: {sizes} mm (length x width x thickness)")
+        for test, curve in zip(new.tests, specimen.curves, strict=True):
+            what = ", ".join(
+                f"{column.quantity.name} from '{column.title or column.place + 1}' in {column.unit} ({column.how})"
+                for column in test.recording.columns
+            )
+            yield one_line(f"  {test.path}: protocol {curve.name} ({test.name.how}); {what}")
+            yield f"    {_ranges(curve, None if 'length' in new.missing else specimen.length_mm)}"
+            if test.recording.left_out:
+                yield one_line(f"    left out: {', '.join(test.recording.left_out[:20])}")
+        yield from (one_line(f"    {note}") for note in new.notes)
+
+
+def _ranges(curve: Curve, length_mm: float | None) -> str:
+    time_s, displacement = curve.protocol.time_s, curve.protocol.displacement_mm
+    strain = "" if length_mm is None else f" (strain to {100 * displacement.max() / length_mm:.3g} %)"
+    reach = f"displacement {displacement.min():.4g} to {displacement.max():.4g} mm{strain}"
+    force = f"force {curve.force_N.min():.4g} to {curve.force_N.max():.4g} N"
+    return f"{time_s.size:,} points, {time_s[-1]:,.4g} s, {reach}, {force}"

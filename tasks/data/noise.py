@@ -1,0 +1,184 @@
+"""The noise of measured curves, estimated from the curves alone, without a model of the tissue.
+
+In each phase of a curve (a ramp or a hold), a cubic spline follows the smooth course of the force. On ramps it is a
+function of time, in holds of the logarithm of time, because relaxation is fast at first and slow later. The remainder
+is taken for first-order autoregressive noise. Its level and correlation maximise the restricted likelihood (Patterson
+and Thompson 1971, Biometrika 58), which accounts for what the splines remove. That matters where noise is correlated
+over many points or a phase has few of them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+from scipy.optimize import minimize_scalar
+
+from sinew.tasks.model import Curve
+from sinew.tasks.model.phases import Phase, phases
+from sinew.tasks.simulate import Array
+
+POINTS_PER_COEFFICIENT = 6  # of a spline
+MOST_COEFFICIENTS = 12  # of a hold; ramps may have one more for every POINTS_PER_EXTRA points
+POINTS_PER_EXTRA = 400
+FEWEST_POINTS = 12  # of a phase that is used, and of the remainder that noise is estimated from
+ENOUGH_IN_HOLDS = 150  # points; ramps are left out then
+CORRELATION_BOUNDS = (-0.5, 0.995)
+GROWTH_BOUNDS = (0.03, 300.0)  # growth of the noise up to the largest force, as a multiple of its level at rest
+GROWTH_GAIN = 10.0  # gain in twice the log likelihood, for each specimen, from which on growth is accepted
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviation ``sd_N`` at rest (N), correlation ``ar1`` of neighbouring points, and growth with the force.
+
+    ``proportional``: standard deviation per newton of force, added in quadrature. NaN where the curves have too few
+    points.
+    """
+
+    sd_N: float
+    ar1: float
+    proportional: float = 0.0
+
+    @property
+    def inflation(self) -> float:
+        """How many correlated points carry as much information as one independent point."""
+        return (1.0 + self.ar1) / (1.0 - self.ar1)
+
+    def sd_at(self, force_N: Array) -> Array:
+        """Standard deviation (N) at forces ``[t]`` (N)."""
+        return np.hypot(self.sd_N, self.proportional * force_N)
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A phase of a curve with ``t`` points.
+
+    ``force`` ``[t]`` (N), ``splines`` ``[t, p]``: the basis, ``course`` ``[t]`` (N): the fit by ordinary least squares,
+    ``steps`` ``[t - 1]``: time steps as multiples of the curve's median step.
+    """
+
+    hold: bool
+    force: Array
+    splines: Array
+    course: Array
+    steps: Array
+
+
+def noise_of(curve: Curve, beside: Sequence[Curve] = ()) -> Noise:
+    """The noise of one curve, of one level at every force.
+
+    ``beside``: all curves of its specimen, itself included. If the curve has fewer than ``ENOUGH_IN_HOLDS`` points in
+    holds, the noise is that of these curves together: cycles of few points have no smooth course, and look like noise.
+    """
+    alone = not beside or _points_in_holds(_pieces(curve)) >= ENOUGH_IN_HOLDS
+    return noise_of_all([curve] if alone else beside, proportional=False)
+
+
+def noise_of_all(curves: Sequence[Curve], *, proportional: bool = True) -> Noise:
+    """The noise that curves have in common. ``proportional``: it may grow with the force.
+
+    If holds have ``ENOUGH_IN_HOLDS`` points, ramps are left out: a sharp toe of few points has no smooth course.
+    """
+    pieces = _chosen(curves)
+    if sum(piece.force.size - piece.splines.shape[1] for piece in pieces) < FEWEST_POINTS:
+        return Noise(float("nan"), float("nan"))
+    if all(np.ptp(piece.force - piece.course) == 0.0 for piece in pieces):
+        return Noise(0.0, 0.0)
+    r, (growth,) = _correlation_and_growth([pieces], proportional)
+    _, sd = _restricted(pieces, r, growth)
+    return Noise(sd, r, sd * growth)
+
+
+def noise_of_each(groups: Sequence[Sequence[Curve]]) -> list[Noise]:
+    """The noise of several specimens measured by one machine: one correlation, and a level for each specimen.
+
+    Each specimen has its own growth with the force if growth improves the likelihood of all together by
+    ``GROWTH_GAIN`` for each.
+    """
+    pieces = [_chosen(curves) for curves in groups]
+    if any(sum(p.force.size - p.splines.shape[1] for p in each) < FEWEST_POINTS for each in pieces):
+        return [noise_of_all(curves, proportional=False) for curves in groups]
+    r, growths = _correlation_and_growth(pieces, proportional=True)
+    levels = [_restricted(each, r, growth)[1] for each, growth in zip(pieces, growths, strict=True)]
+    return [Noise(sd, r, sd * growth) for sd, growth in zip(levels, growths, strict=True)]
+
+
+def _correlation_and_growth(groups: Sequence[list[_Piece]], proportional: bool) -> tuple[float, list[float]]:
+    """One correlation for all groups of phases, and the growth of each group in levels per newton (0: none)."""
+
+    def correlation(growths: Sequence[float]) -> float:
+        def loss(r: float) -> float:
+            return sum(_restricted(each, r, growth)[0] for each, growth in zip(groups, growths, strict=True))
+
+        return float(minimize_scalar(loss, bounds=CORRELATION_BOUNDS, method="bounded").x)
+
+    none = [0.0] * len(groups)
+    r = correlation(none)
+    if not proportional:
+        return r, none
+    growths, gain = [], 0.0
+    for each in groups:
+        largest = max(float(np.abs(piece.course).max()) for piece in each) or 1.0
+
+        def loss(log: float, pieces: list[_Piece] = each, largest: float = largest) -> float:
+            return _restricted(pieces, r, float(np.exp(log)) / largest)[0]
+
+        grown = minimize_scalar(loss, bounds=(np.log(GROWTH_BOUNDS[0]), np.log(GROWTH_BOUNDS[1])), method="bounded")
+        growths.append(float(np.exp(grown.x)) / largest)
+        gain += _restricted(each, r, 0.0)[0] - float(grown.fun)
+    return (correlation(growths), growths) if gain > GROWTH_GAIN * len(groups) else (r, none)
+
+
+def _chosen(curves: Sequence[Curve]) -> list[_Piece]:
+    """The phases that noise is estimated from: holds if they have enough points, else all."""
+    pieces = [piece for curve in curves for piece in _pieces(curve)]
+    return [piece for piece in pieces if piece.hold] if _points_in_holds(pieces) >= ENOUGH_IN_HOLDS else pieces
+
+
+def _points_in_holds(pieces: Sequence[_Piece]) -> int:
+    return sum(piece.force.size for piece in pieces if piece.hold)
+
+
+def _restricted(pieces: Sequence[_Piece], r: float, growth: float) -> tuple[float, float]:
+    """-2 log restricted likelihood (up to a constant) at the level that maximises it, and that level (N)."""
+    squares, loss, count = 0.0, 0.0, 0
+    for piece in pieces:
+        sd = np.hypot(1.0, growth * piece.course)
+        both = np.column_stack([piece.splines, piece.force]) / sd[:, np.newaxis]
+        correlation = np.sign(r) * np.abs(r) ** piece.steps
+        alone = 1.0 - correlation**2
+        both[1:] = (both[1:] - correlation[:, np.newaxis] * both[:-1]) / np.sqrt(alone)[:, np.newaxis]
+        upper: Array = np.asarray(np.linalg.qr(both, mode="r"))
+        size = piece.splines.shape[1]
+        squares += float(np.sum(upper[size:, size] ** 2))
+        loss += float(np.log(alone).sum()) + 2.0 * float(np.log(sd).sum())
+        loss += 2.0 * float(np.log(np.abs(np.diag(upper[:size, :size]))).sum())
+        count += piece.force.size - size
+    variance = max(squares / count, np.finfo(float).tiny)
+    return loss + count * float(np.log(variance)), float(np.sqrt(variance))
+
+
+def _pieces(curve: Curve) -> list[_Piece]:
+    median_step = float(np.median(np.diff(curve.protocol.time_s)))
+    found = []
+    for phase in phases(curve.protocol):
+        force, time = curve.force_N[phase.points], curve.protocol.time_s[phase.points]
+        if force.size < FEWEST_POINTS:
+            continue
+        splines = _splines(phase, time - time[0], median_step)
+        fitted, *_ = np.linalg.lstsq(splines, force, rcond=None)
+        found.append(_Piece(phase.kind == "hold", force, splines, splines @ fitted, np.diff(time) / median_step))
+    return found
+
+
+def _splines(phase: Phase, since: Array, median_step: float) -> Array:
+    """Cubic B-splines ``[t, p]`` at the times ``since`` (s) the phase began. Splines without any point are left out."""
+    hold = phase.kind == "hold"
+    x = np.log1p(since / median_step) if hold else since
+    most = MOST_COEFFICIENTS + (0 if hold else since.size // POINTS_PER_EXTRA)
+    count = int(np.clip(since.size // POINTS_PER_COEFFICIENT, 4, most))
+    inner = np.linspace(0.0, x[-1], count - 2)
+    knots = np.concatenate([np.zeros(3), inner, np.full(3, x[-1])])
+    matrix: Array = BSpline.design_matrix(x, knots, 3).toarray()
+    return matrix[:, np.abs(matrix).max(axis=0) > 1e-9]

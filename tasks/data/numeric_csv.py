@@ -1,0 +1,77 @@
+"""CSV files with a header that is known beforehand and nothing but finite numbers below it.
+
+Such files are read strictly: whatever is wrong with a number is reported with its row and column.
+"""
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data.text import MAX_TEXT_BYTES, check_text
+
+Array = np.ndarray[Any, np.dtype[Any]]
+
+
+def read_numbers(path: Path, columns: Sequence[str] | None, *, max_bytes: int = MAX_TEXT_BYTES) -> Array:
+    """Numbers ``[rows, columns]`` of a CSV file with exactly this header (any header when ``columns`` is None)."""
+    check_text(path, max_bytes)
+    header = read_header(path)
+    if columns is not None and header != list(columns):
+        raise BadInput(f"{path}: row 1", f"header {shown(','.join(header))}", f"{','.join(columns)}")
+    try:
+        table = pd.read_csv(
+            path, encoding="utf-8-sig", dtype=np.float64, skipinitialspace=True, header=None, skiprows=1,
+            keep_default_na=False, na_values=[], skip_blank_lines=False,
+        ).to_numpy()  # fmt: skip
+        regular = table.shape[1] == len(header) and np.isfinite(table).all()
+    except (ValueError, pd.errors.ParserError, UnicodeDecodeError):
+        regular = False
+    if not regular:
+        table = _read_carefully(path, header)
+    if not len(table):
+        raise BadInput(path, "holds a header but no numbers", "rows of numbers below the header")
+    return table
+
+
+def read_header(path: Path) -> list[str]:
+    """The names in the first row of a CSV file."""
+    with open(path, encoding="utf-8-sig", errors="replace", newline="") as file:
+        return [cell.strip() for cell in next(csv.reader([file.readline(10_000)]), [])]
+
+
+def _read_carefully(path: Path, header: list[str]) -> Array:
+    """Read row by row, so that what is wrong can be named."""
+    rows: list[list[float]] = []
+    blank_at = 0
+    with open(path, encoding="utf-8-sig", errors="replace", newline="") as file:
+        reader = csv.reader(file)
+        try:
+            next(reader, None)
+            for number, cells in enumerate(reader, start=2):
+                if not any(cell.strip() for cell in cells):
+                    blank_at = blank_at or number
+                    continue  # blank lines are fine at the end only
+                if blank_at:
+                    raise BadInput(f"{path}: row {blank_at}", "a blank row between rows of numbers", "numbers")
+                if len(cells) != len(header):
+                    raise BadInput(f"{path}: row {number}", f"{len(cells)} cells", f"{len(header)}, as in the header")
+                rows.append([_number(path, number, name, cell) for name, cell in zip(header, cells, strict=True)])
+        except csv.Error as error:
+            raise BadInput(path, f"not a CSV file ({error})", "comma-separated numbers") from None
+    return np.array(rows).reshape(len(rows), len(header))
+
+
+def _number(path: Path, row: int, column: str, cell: str) -> float:
+    try:
+        value = float(cell) if "_" not in cell else math.nan
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise BadInput(f"{path}: row {row}, {column}", f"{shown(cell.strip())}", "a finite number such as 1.25")
+    return value

@@ -1,0 +1,138 @@
+"""Sizes of a specimen that the lines above a table tell: gauge length, width, thickness, diameter and cross-section."""
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from sinew.tasks.data import units, words
+from sinew.tasks.data.tables import Row, is_row_of_units
+
+SIZES = ("length", "width", "thickness")
+LONGEST_MM = 1e4
+LARGEST_MM2 = 1e8
+LARGEST = {**dict.fromkeys((*SIZES, "diameter"), LONGEST_MM), "area": LARGEST_MM2}
+_LONGEST_LINE = 200  # characters of a line that tells a size
+_WORDS = {name: words.SIZES[name] for name in ("length", "width", "thickness", "diameter")}
+#: What may stand beside the word for a size; with any other word, a line tells something else ("parallel length").
+_BESIDE = re.compile(
+    r"\b(?:gauge|gage|specimen|sample|initial|original|probe[n]?|standard travel|course standard|éprouvette|eprouvette|"
+    r"de|la|l|sw)\b|[-:,_.'()]|^(?:proben|anfangs)"
+)
+_SYMBOLS = re.compile(r"\b(?:l0|a0|b0|d0|s0)\b")
+_UNIT = "|".join(re.escape(unit) for unit in sorted([*units.LENGTH, "μm"], key=len, reverse=True))
+_LABEL = (
+    r"(?:.*: ?)?(?:(?:gauge|gage|specimen|sample|initial)[ _])*"
+    rf"(?P<what>{'|'.join(word for words in _WORDS.values() for word in words)})"
+)
+#: "Specimen properties : Length 14.33 mm", "Gauge length (mm) 10,13", "width_mm: 8.3", with single spaces.
+_SIZE = re.compile(
+    rf"{_LABEL}(?:[ _/]* ?[(\[]?(?P<unit>{_UNIT})[)\]]?)? ?[:=]? ?"
+    rf"(?P<value>[0-9]+(?:[.,][0-9]+)?(?:e[-+]?[0-9]+)?)(?: ?[(\[]?(?P<behind>{_UNIT})[)\]]?)?",
+    re.IGNORECASE,
+)
+_CELL = re.compile(rf"{_LABEL} ?:?", re.IGNORECASE)
+_OTHER_UNIT = re.compile(r"[(\[][^)\]]*[)\]]")  # a label with its unit is read by the pattern above
+
+
+@dataclass(frozen=True)
+class Size:
+    """A size as a file tells it. ``mm`` is None where its number or unit makes no sense; ``text`` is what is written.
+
+    ``has_unit``: False where there is a number but no unit; ``mm`` takes it for millimetres then.
+    """
+
+    mm: float | None
+    has_unit: bool
+    text: str
+
+
+def read_sizes(header: Sequence[Row]) -> Mapping[str, Size]:
+    """The sizes in the rows above a table: ``length``, ``width``, ``thickness``, ``diameter``, ``area`` (mm2).
+
+    A size stands in a row of its own, or in a table of results: a row of labels, one of units, one of numbers. If
+    several rows tell one size, the first of them with number and unit counts, else the first with a number.
+    """
+    found: dict[str, list[Size]] = {}
+    for row in header:
+        if read := _read(row) or _in_cells(row):
+            found.setdefault(read[0], []).append(read[1])
+    for labels, below, numbers in zip(header, header[1:], header[2:], strict=False):
+        for name, size in _in_columns(labels, below, numbers):
+            found.setdefault(name, []).append(size)
+    return {
+        name: min(sizes, key=lambda size: (size.mm is None, not size.has_unit))  # min keeps the first of equals
+        for name, sizes in found.items()
+    }
+
+
+def _in_cells(row: Row) -> tuple[str, Size] | None:
+    """A size from the cells label, number, unit."""
+    if len(row) < 2 or _OTHER_UNIT.search(row[0]) or (name := _meant(row[0])) is None:
+        return None
+    size = _size(name, row[1], row[2] if len(row) > 2 else "")
+    return None if size.mm is None and not row[1][:1].isdigit() else (name, size)
+
+
+def _in_columns(labels: Row, below: Row, numbers: Row) -> Iterator[tuple[str, Size]]:
+    """Sizes from a table of results, where units stand below the labels."""
+    if not is_row_of_units(below):
+        return
+    for label, unit, cell in zip(labels, below, numbers, strict=False):
+        name = _meant(label)
+        if name is not None and cell:
+            yield name, _size(name, cell, unit.strip("()[] "))
+
+
+def _meant(label: str) -> str | None:
+    """The size that a label names; None for another one."""
+    if len(label) >= _LONGEST_LINE:
+        return None
+    text = re.sub(r"[(\[].*", "", label.rpartition(" : ")[2]).casefold().strip(" :")
+    text = " ".join(_BESIDE.sub(" ", text).split())
+    for one in (text, " ".join(_SYMBOLS.sub(" ", text).split())):
+        for name, known in words.SIZES.items():
+            if one in known:
+                return name
+    return None
+
+
+def _size(name: str, cell: str, unit: str) -> Size:
+    text = f"{cell} {unit}".strip()
+    number = re.fullmatch(r"[0-9]+(?:[.,][0-9]+)?(?:e[-+]?[0-9]+)?", cell, re.IGNORECASE)
+    factor = units.factor(units.AREA if name == "area" else units.LENGTH, unit) if unit else 1.0
+    if number is None or factor is None:
+        return Size(None, bool(unit), text)
+    value = float(cell.replace(",", ".")) * factor
+    return Size(value if 0 < value < LARGEST[name] else None, bool(unit), text)
+
+
+def square_side(diameter_mm: float) -> float:
+    """The side (mm) of a square with the area of a circle."""
+    return round(diameter_mm * math.sqrt(math.pi) / 2, 9)
+
+
+def _read(row: Row) -> tuple[str, Size] | None:
+    line, start = _joined(row), _joined(row[:3])
+    if len(start) >= _LONGEST_LINE:
+        return None
+    for text in (line, start) if len(line) < _LONGEST_LINE else (start,):
+        if found := _SIZE.fullmatch(text):
+            unit = found["unit"] or found["behind"]
+            factor = units.factor(units.LENGTH, unit) if unit else 1.0
+            value = float(found["value"].replace(",", ".")) * (factor or math.nan)
+            size = Size(
+                value if 0 < value < LONGEST_MM else None, unit is not None, f"{found['value']} {unit or ''}".strip()
+            )
+            return _name(found["what"]), size
+    if found := _CELL.fullmatch(_joined(row[:1])):
+        return _name(found["what"]), Size(None, False, _joined(row[1:3]))
+    return None
+
+
+def _joined(row: Row) -> str:
+    return " ".join(" ".join(row).split())
+
+
+def _name(word: str) -> str:
+    return next(name for name, words in _WORDS.items() if word.lower() in words)

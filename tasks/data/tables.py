@@ -1,0 +1,235 @@
+"""From a file to its tables: rows of cells, with the titles, the units and the header lines above them.
+
+This module knows how a table looks, and nothing of what its columns mean.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.sheets import is_sheet, read_sheets
+from sinew.tasks.data.text import SEPARATORS, cells, is_number, number, read_lines, records
+from sinew.tasks.data.units import is_unit
+
+MOST_COLUMNS = 1000
+FEWEST_COLUMNS = 3  # time, motion and load
+HEAD_LINES = 450  # where separator and decimal mark are looked for first
+EXPECTED = "three columns or more: time, displacement (or strain) and force (or stress)"
+_UNKNOWN_UNIT = re.compile(r"[A-Za-z°µ%/²³]{1,3}")  # "d" or "°C", among units that are known
+RUN = 3  # rows that must agree for a table to begin
+Row = tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A table of a file.
+
+    ``titles`` are in row ``title_row`` of the file, and ``units`` in the row below; both may be empty. ``rows`` holds
+    the rows from the first one with numbers to the end of the table, each with its number in the file (from 1).
+    ``header`` holds the rows above the titles.
+    """
+
+    path: Path
+    header: tuple[Row, ...]
+    titles: Row
+    units: Row
+    rows: Sequence[tuple[int, Row]]
+    separator: str
+    decimal: str
+    title_row: int = 0
+    sheet: str = ""
+
+    @property
+    def first(self) -> int:
+        """The row of the file that the numbers begin in."""
+        return self.rows[0][0]
+
+    def number(self, row: int, column: int) -> float | None:
+        """The number in a cell; None if there is none."""
+        found = self.rows[row][1]
+        return number(found[column], self.decimal) if column < len(found) else None
+
+
+@dataclass(frozen=True)
+class _Run:
+    """Rows from ``start`` up to ``end`` that have numbers in ``columns``."""
+
+    start: int
+    end: int
+    columns: frozenset[int]
+
+
+def read_tables(path: Path) -> Iterator[Table]:
+    """The tables of a file, from top to bottom. Raises :class:`BadInput` if there is none.
+
+    Of all separators and decimal marks of a text, those count that give the longest table. A table begins where three
+    rows (or all that are left) have numbers in the same columns, three at least. It ends with the file or sheet, or
+    where titles and units are repeated. Above the tables of a sheet, its header also holds the sheets before it.
+    """
+    if not is_sheet(path):
+        lines = records(read_lines(path))
+        separator, decimal = _layout(path, lines)
+        rows = [(at, tuple(cells(line, separator))) for at, line in lines]
+        titles = [_title_cells(line, separator) for _, line in lines] if separator == " " else [row for _, row in rows]
+        yield from _tables(path, rows, titles, separator, decimal)
+        return
+    before: tuple[Row, ...] = ()
+    found = False
+    for name, texts in read_sheets(path):
+        for table in _tables(path, list(enumerate(texts, start=1)), texts, "", "."):
+            yield replace(table, header=(*before, *table.header), sheet=name)
+            found = True
+        before += tuple(row for row in texts[:HEAD_LINES] if any(row))
+    if not found:
+        raise BadInput(path, "no sheet has a table of numbers with three columns", EXPECTED)
+
+
+def _tables(
+    path: Path, rows: list[tuple[int, Row]], titles: Sequence[Row], separator: str, decimal: str
+) -> Iterator[Table]:
+    """The tables of a text or of a sheet; ``titles``: how each row reads if it holds titles."""
+    while rows and not any(rows[-1][1]):
+        rows.pop()
+    places: list[tuple[int, int]] = []
+    end = 0
+    for run in _runs([row for _, row in rows], decimal):
+        start, titles_at = _top(rows, run, decimal)
+        if start >= end:  # else it belongs to the table above, behind a broken row
+            places.append((start, titles_at))
+        end = run.end
+    named = [_titles_and_units(titles, at) for _, at in places]
+    stops = _stops([(at, *found) for (_, at), found in zip(places, named, strict=True)])
+    for (start, at), (words, units), stop in zip(places, named, stops, strict=True):
+        end = len(rows) if stop is None else _last_numbers(rows, start, stop, decimal)
+        top = at - bool(units)
+        header = tuple(row for _, row in rows[: max(top, 0)])
+        yield Table(path, header, words, units, rows[start:end], separator, decimal, rows[top][0] if at >= 0 else 0)
+
+
+def _stops(named: Sequence[tuple[int, Row, Row]]) -> list[int | None]:
+    """Where each table ends: at the next one with the same titles, or with units if it has units; None: at the end.
+
+    ``named``: the row above a table, its titles and its units. The first title may be the number of a specimen.
+    """
+    found: list[int | None] = []
+    same: dict[Row, int] = {}
+    measured: int | None = None
+    for at, titles, units in reversed(named):
+        repeated = same.get(titles[1:]) if any(titles[1:]) else None
+        next_tables = [one for one in (repeated, measured if units else None) if one is not None]
+        found.append(min(next_tables, default=None))
+        top = at - bool(units)
+        same[titles[1:]] = top
+        measured = top if units else measured
+    return found[::-1]
+
+
+def _last_numbers(rows: Sequence[tuple[int, Row]], start: int, stop: int, decimal: str) -> int:
+    """Where the rows from ``start`` to ``stop`` end that are not blank or titles of what comes next."""
+    while stop > start and not _numeric(rows[stop - 1][1], decimal):
+        stop -= 1
+    return stop
+
+
+def _layout(path: Path, lines: Sequence[tuple[int, str]]) -> tuple[str, str]:
+    """The separator and the decimal mark. Whole numbers read alike with both marks; the point goes first then."""
+    for some in (lines[:HEAD_LINES], lines):
+        best, length = None, 0
+        for separator in (*SEPARATORS, " "):
+            split = [cells(line, separator) for _, line in some]
+            for decimal in ".,":
+                longest = (
+                    0
+                    if separator == decimal
+                    else max((run.end - run.start for run in _runs(split, decimal)), default=0)
+                )
+                if longest > length:
+                    best, length = (separator, decimal), longest
+        if best is not None:
+            return best
+    raise BadInput(path, "no table of numbers with three columns can be found", EXPECTED)
+
+
+def _runs(rows: Sequence[Sequence[str]], decimal: str) -> Iterator[_Run]:
+    """Where rows have numbers in the same columns, until a row lacks a number that the first rows of a run have."""
+    start = 0
+    while start < len(rows):
+        common = _numeric(rows[start], decimal)
+        for row in rows[start + 1 : start + RUN]:
+            if len(common) >= FEWEST_COLUMNS:
+                common &= _numeric(row, decimal)
+        if len(common) < FEWEST_COLUMNS:
+            start += 1
+            continue
+        end = start + 1
+        while end < len(rows) and all(i < len(rows[end]) and is_number(rows[end][i], decimal) for i in common):
+            end += 1
+        yield _Run(start, end, frozenset(common))
+        start = end
+
+
+def _numeric(row: Sequence[str], decimal: str) -> set[int]:
+    """The columns of a row that hold numbers."""
+    return {i for i, cell in enumerate(row) if is_number(cell, decimal)} if len(row) <= MOST_COLUMNS else set()
+
+
+def _top(rows: Sequence[tuple[int, Row]], run: _Run, decimal: str) -> tuple[int, int]:
+    """The first row of a table and the row above it that is not blank (-1: none).
+
+    Rows above a run that have numbers in half of its columns or more are broken rows of the same table.
+    """
+    start = run.start
+    while True:
+        above = start - 1
+        while above >= 0 and not any(rows[above][1]):
+            above -= 1
+        if above < 0 or 2 * len(_numeric(rows[above][1], decimal) & run.columns) < len(run.columns):
+            return start, above
+        start = above
+
+
+def _titles_and_units(titles: Sequence[Row], at: int) -> tuple[Row, Row]:
+    """Titles and units of a table; ``at``: the row above it, which may hold either (-1: none)."""
+    if at < 0:
+        return (), ()
+    above = titles[at - 1] if at > 0 else ()
+    return (above, titles[at]) if any(above) and is_row_of_units(titles[at]) else (titles[at], ())
+
+
+def _title_cells(line: str, separator: str) -> Row:
+    if separator != " ":
+        return tuple(cells(line, separator))
+    line = line.lstrip("#%/ ")
+    for other in SEPARATORS:  # titles may be separated in another way than the numbers below them
+        if other in line:
+            return tuple(cells(line, other))
+    return tuple(_split_titles(line))
+
+
+def _split_titles(line: str) -> Iterator[str]:
+    """Titles between spaces, each with its unit: ``time (s) force (N)`` are two."""
+    title, open_brackets = "", 0
+    for word in line.split():
+        starts = word[0] in "(["
+        if title and not open_brackets and not starts:
+            yield title
+            title = ""
+        title = f"{title} {word}" if title else word
+        open_brackets += word.count("(") + word.count("[") - word.count(")") - word.count("]")
+    if title:
+        yield title
+
+
+def is_row_of_units(row: Row) -> bool:
+    """Whether all cells are units; one that is not known may be among two that are, such as a ``d`` for days."""
+    filled = [cell for cell in row if cell]
+    unknown = [cell for cell in filled if not (is_bracketed(cell) or is_unit(cell.strip("()[] ")))]
+    known = len(filled) - len(unknown)
+    return known > len(unknown) and all(_UNKNOWN_UNIT.fullmatch(cell) for cell in unknown)
+
+
+def is_bracketed(text: str) -> bool:
+    """Whether a text stands in brackets, as units often do."""
+    return len(text) > 1 and text[0] in "([" and text[-1] in ")]"

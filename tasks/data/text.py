@@ -1,0 +1,149 @@
+"""Text files: which ones are refused unread, their encodings, and their lines, cells and numbers."""
+
+import codecs
+import csv
+import os
+import re
+from pathlib import Path
+
+from sinew.runner.errors import BadInput
+from sinew.runner.files import read_input
+from sinew.tasks.data.words import FOREIGN
+
+HUGE = 1e100
+LONGEST_LINE = 100_000
+MAX_TEXT_BYTES = 512 * 2**20
+BINARY = {".pkl", ".pickle", ".p", ".npy", ".npz", ".joblib", ".dill", ".pt", ".mat"}
+SEPARATORS = "\t;,|"
+#: Of text that is not UTF-8: that of Western Windows first, which can read nearly every file.
+ENCODINGS = ("cp1252", "gb18030", "shift_jis", "big5", "euc_kr")
+_BYTES_WITH_WORDS = 2**20  # where lines with letters that English has not are looked for, which tell an encoding
+_LINES_WITH_WORDS = 50  # the most of them
+_QUOTED_LINES = 5  # the most lines of one quoted cell
+_OPEN_QUOTE = re.compile(r'(?:^|[\t;,|])\s*"[^"]*$')
+_NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?")
+_THOUSANDS = {".": re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+"), ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+")}
+
+
+def check_text(path: Path, max_bytes: int, *, utf16: bool = False) -> None:
+    """Refuse what cannot be a text file of at most ``max_bytes``, before it is read. Raises :class:`BadInput`."""
+    if path.suffix.lower() in BINARY:
+        raise BadInput(path, "pickled and binary data are never read", "a CSV file")
+    try:
+        size = os.stat(path).st_size
+    except OSError as error:
+        raise BadInput(path, (error.strerror or "cannot be read").lower(), "a file") from None
+    if not path.is_file():
+        raise BadInput(path, "not a regular file", "a text file")
+    if size == 0:
+        raise BadInput(path, "empty", "a header and numbers")
+    if size > max_bytes:
+        raise BadInput(path, f"{size / 2**20:,.0f} MB", f"at most {max_bytes / 2**20:,.0f} MB")
+    try:
+        with open(path, "rb") as file:
+            start = file.read(4096)
+    except OSError as error:
+        raise BadInput(path, (error.strerror or "cannot be read").lower(), "a readable file") from None
+    if b"\0" in start and not (utf16 and _is_utf16(start)):
+        raise BadInput(path, "not a text file", "text in UTF-8")
+
+
+def read_lines(path: Path) -> list[str]:
+    """The lines of a text file, without blank lines at its end.
+
+    Raises :class:`BadInput` for files that are no text, too large, or hold a line of more than ``LONGEST_LINE``
+    characters.
+    """
+    check_text(path, MAX_TEXT_BYTES, utf16=True)
+    lines = re.split(r"\r\n|\n|\r", _decoded(path))
+    while lines and is_blank(lines[-1]):
+        lines.pop()
+    for number, line in enumerate(lines, start=1):
+        if len(line) > LONGEST_LINE:
+            raise BadInput(f"{path}: row {number}", f"a line of {len(line):,} characters", "a table, row by row")
+        if "\0" in line:
+            raise BadInput(f"{path}: row {number}", "not text", "a text export")
+    if not lines:
+        raise BadInput(path, "holds no text", "a header and numbers")
+    return lines
+
+
+def _is_utf16(start: bytes) -> bool:
+    return start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+
+
+def _decoded(path: Path) -> str:
+    content = read_input(path, MAX_TEXT_BYTES, "a text export")
+    if _is_utf16(content):
+        try:
+            return content.decode("utf-16")
+        except UnicodeDecodeError:
+            raise BadInput(path, "not valid UTF-16 text", "a text export") from None
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        pass
+    for encoding in _encodings(content):
+        try:
+            return content.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    raise BadInput(path, "neither UTF-8 nor Windows text", "a text export")
+
+
+def _encodings(content: bytes) -> list[str]:
+    """The encodings that text may have which is not UTF-8; those first in which most words of exports stand."""
+    start = content[:_BYTES_WITH_WORDS]
+    lines = [line for line in re.split(rb"[\r\n]", start) if not line.isascii()][:_LINES_WITH_WORDS]
+
+    def words(encoding: str) -> int:
+        text = b"\n".join(lines).decode(encoding, errors="replace").lower()
+        return sum(word in text for word in FOREIGN)
+
+    return sorted(ENCODINGS, key=words, reverse=True)
+
+
+def is_blank(line: str) -> bool:
+    """Whether a line holds nothing but separators."""
+    return not line.strip(" \t,;|")
+
+
+def cells(line: str, separator: str) -> list[str]:
+    """The cells of a line, stripped. The separator ``" "`` stands for any number of spaces or tabs."""
+    if separator == " ":
+        return line.split()
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+    except csv.Error:
+        return [line]
+
+
+def records(lines: list[str]) -> list[tuple[int, str]]:
+    """Lines with their numbers (from 1). A quoted cell may hold line breaks: its lines become one."""
+    found: list[tuple[int, str]] = []
+    at = 0
+    while at < len(lines):
+        count = 1
+        if '"' in lines[at] and _OPEN_QUOTE.search(lines[at]):
+            count = next((n for n in range(2, _QUOTED_LINES + 1) if _quotes(lines[at : at + n]) % 2 == 0), 1)
+        found.append((at + 1, "\n".join(lines[at : at + count])))
+        at += count
+    return found
+
+
+def _quotes(lines: list[str]) -> int:
+    return sum(line.count('"') for line in lines)
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Whether a cell is a number with this decimal mark, ``"."`` or ``","``; ``1,367.91`` is one with a point."""
+    other = "," if decimal == "." else "."
+    return (other not in cell and bool(_NUMBER.fullmatch(cell))) or bool(_THOUSANDS[decimal].fullmatch(cell))
+
+
+def number(cell: str, decimal: str) -> float | None:
+    """The number in a cell; None if it is no finite one below ``HUGE``."""
+    if len(cell) >= 400 or not is_number(cell, decimal):
+        return None
+    value = float(cell.replace("," if decimal == "." else ".", "").replace(",", "."))
+    return value if abs(value) < HUGE else None

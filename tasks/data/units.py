@@ -1,0 +1,85 @@
+"""Units of measured quantities, and their factors to the units that sinew computes in: s, mm, N, MPa and 1."""
+
+from collections.abc import Iterable, Mapping
+
+Units = Mapping[str, float]
+
+TIME: Units = {
+    "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "min": 60.0,
+    "minutes": 60.0, "us": 1e-6, "µs": 1e-6, "h": 3600.0,
+}  # fmt: skip
+LENGTH: Units = {"mm": 1.0, "m": 1000.0, "cm": 10.0, "um": 1e-3, "µm": 1e-3, "in": 25.4}
+FORCE: Units = {
+    "N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "lbf": 4.4482216152605, "kgf": 9.80665, "kp": 9.80665,
+    "gf": 9.80665e-3, "newton": 1.0, "newtons": 1.0,
+}  # fmt: skip
+STRESS: Units = {
+    "Pa": 1e-6,
+    "kPa": 1e-3,
+    "MPa": 1.0,
+    "GPa": 1e3,
+    "N/mm2": 1.0,
+    "N/mm^2": 1.0,
+    "N/mm²": 1.0,
+    "psi": 6.894757293168e-3,
+}
+AREA: Units = {
+    "mm2": 1.0,
+    "mm^2": 1.0,
+    "mm²": 1.0,
+    "cm2": 100.0,
+    "cm^2": 100.0,
+    "cm²": 100.0,
+    "in2": 645.16,
+    "in²": 645.16,
+}
+NUMBER: Units = {"1": 1.0, "-": 1.0, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0, "L/L0": 1.0}
+FRACTION: Units = {"%": 0.01, "percent": 0.01, "pct": 0.01, **NUMBER}
+
+#: Other spellings, which no message lists.
+_SPELLINGS = {
+    "minute": "min", "hr": "h", "hours": "h", "秒": "s", "inch": "in", "inches": "in", "毫米": "mm", "lb": "lbf",
+    "lbs": "lbf", "牛": "N", "n/m2": "Pa", "n/m²": "Pa",
+}  # fmt: skip
+_EVERY = (TIME, LENGTH, FORCE, STRESS, AREA, FRACTION)
+#: Spellings whose prefix may be milli or mega. The correct spelling "mN" has its factor; these have none.
+_AMBIGUOUS = ("mn", "MN", "mPa")
+
+
+def factor(units: Units, unit: str) -> float | None:
+    """The factor of ``unit`` in a table; None if it is not there or ambiguous. Upper and lower case are the same."""
+    if unit in units:
+        return units[unit]
+    if unit in _AMBIGUOUS:
+        return None
+    folded = _SPELLINGS.get(
+        unit.casefold(), unit
+    ).casefold()  # this also makes one letter of the two characters for micro
+    return next((value for name, value in units.items() if name.casefold() == folded and name not in ("mN",)), None)
+
+
+def usual(units: Units, unit: str) -> str:
+    """The spelling of ``unit`` in a table, such as ``s`` for ``S``; the same text for one that is not in it."""
+    same = [name for name, value in units.items() if value == factor(units, unit)]
+    return unit if unit in units or not same else next((n for n in same if n.casefold() == unit.casefold()), same[0])
+
+
+def ambiguous(unit: str) -> bool:
+    """Whether a spelling may mean two units, such as millinewton and meganewton."""
+    return unit in _AMBIGUOUS
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit of any quantity."""
+    return ambiguous(text) or any(factor(units, text) is not None for units in _EVERY)
+
+
+def belongs_elsewhere(units: Units, unit: str) -> bool:
+    """Whether a unit is not in a table but in that of another quantity. A bare number belongs to none."""
+    known = factor(NUMBER, unit) is None and any(factor(other, unit) is not None for other in _EVERY)
+    return known and factor(units, unit) is None
+
+
+def merged(tables: Iterable[Units]) -> tuple[str, ...]:
+    """The names of all units in several tables, each once."""
+    return tuple(dict.fromkeys(name for units in tables for name in units))

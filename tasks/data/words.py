@@ -1,0 +1,61 @@
+"""The words by which exports of testing machines call their columns and sizes, in several languages.
+
+In lower case, the usual words first. English, German, French, Spanish, Italian, Chinese, Japanese and Korean.
+"""
+
+TIME = (
+    "time", "test time", "elapsed time", "total time", "t", "zeit", "prüfzeit", "temps", "tiempo",
+    "running time", "step time", "time elapsed", "run time", "laufzeit", "testzeit", "messzeit", "temps d'essai",
+    "temps essai", "durée", "tiempo de ensayo", "tempo", "tempo di prova", "时间", "试验时间", "测试时间", "時間",
+    "試験時間", "経過時間", "시간",
+)  # fmt: skip
+DISPLACEMENT = (
+    "displacement", "disp", "extension", "elongation", "tensile extension", "tensile displacement", "deformation",
+    "crosshead displacement", "grip displacement", "stroke", "standardweg", "weg", "traversenweg", "verlängerung",
+    "déplacement", "deplacement", "allongement", "desplazamiento", "u", "d", "dl", "δl", "delta l",
+    "axial displacement", "crosshead extension", "crosshead travel", "standard travel", "travel",
+    "machine displacement",
+    "actuator displacement",
+    "ram displacement", "compressive extension", "compressive displacement", "compression",
+    "indentation", "change in length", "maschine", "maschinenweg", "kolbenweg", "prüfweg", "verschiebung",
+    "wegänderung", "längenänderung", "course standard", "course", "course traverse", "course de la traverse",
+    "déplacement traverse", "deplacement traverse", "extensión", "carrera", "alargamiento", "spostamento", "corsa",
+    "allungamento", "位移", "横梁位移", "行程", "伸长", "伸长量", "伸長", "変位", "ストローク", "伸び", "변위", "신장",
+)  # fmt: skip
+POSITION = (
+    "position", "pos", "crosshead", "crosshead position", "actuator", "digital position", "crosshead absolute",
+    "absolute crosshead travel", "traverse abs", "traverse absolue", "position traverse", "kolbenposition", "posición",
+)  # fmt: skip
+LENGTH = (
+    "length", "gauge length", "len", "länge", "longueur", "l", "size", "current length", "gap", "grip separation",
+    "grip to grip separation", "écartement entre outils", "ecartement entre outils", "longitud",
+)  # fmt: skip
+STRAIN = (
+    "strain", "tensile strain", "engineering strain", "nominal strain", "dehnung", "eps", "epsilon", "ε",
+    "déformation", "axial strain", "eng strain", "compressive strain", "strain 1", "technische dehnung", "allongement",
+    "deformación", "deformazione", "应变", "應變", "ひずみ", "歪み", "변형률",
+)  # fmt: skip
+STRETCH = ("stretch", "stretch ratio", "length ratio", "l/l0", "lambda", "λ", "l", "streckung", "拉伸比")
+FORCE = (
+    "force", "load", "tensile force", "kraft", "standardkraft", "prüfkraft", "last", "fuerza", "charge", "f", "p",
+    "load cell", "axial force", "axial load", "standard force", "tensile load", "compressive load", "compressive force",
+    "reaction force", "rf", "zugkraft", "force standard", "effort", "carga", "forza", "carico", "力", "载荷", "负荷",
+    "试验力", "拉力", "載荷", "荷重", "試験力", "하중", "힘",
+)  # fmt: skip
+STRESS = (
+    "stress", "tensile stress", "engineering stress", "nominal stress", "spannung", "contrainte", "σ", "sigma",
+    "tension", "axial stress", "eng stress", "compressive stress", "esfuerzo", "sforzo", "应力", "應力", "応力", "응력",
+)  # fmt: skip
+
+SIZES = {
+    "length": ("length", "länge", "laenge", "messlänge", "longueur", "longitud", "anvil height", "l0", "le",
+               "einspannlänge", "标距", "標距", "原始标距", "標点距離"),
+    "width": ("width", "breite", "largeur", "anchura", "ancho", "b0", "宽度", "寬度", "幅"),
+    "thickness": ("thickness", "dicke", "épaisseur", "epaisseur", "espesor", "a0", "厚度", "厚さ"),
+    "diameter": ("diameter", "durchmesser", "diamètre", "diametre", "diámetro", "d0", "直径", "直徑", "直径"),
+    "area": ("area", "cross-section", "cross section", "original cross-section", "cross-sectional area", "section",
+             "querschnitt", "fläche", "sección", "s0", "面积", "截面积", "断面積"),
+}  # fmt: skip
+_ALL = (TIME, DISPLACEMENT, POSITION, LENGTH, STRAIN, STRETCH, FORCE, STRESS, *SIZES.values())
+#: Words with other letters than English has, by which the encoding of a file is told.
+FOREIGN = (*sorted({word for words in _ALL for word in words if not word.isascii()}), "²", "µ", "°")

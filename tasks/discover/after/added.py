@@ -1,0 +1,56 @@
+"""The study with the named effects: its file, the difference from the original study, and checks of the effects."""
+
+import difflib
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from sinew.tasks.discover.fit.fit import Fitted
+from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits
+from sinew.tasks.discover.follow_up import Checks
+from sinew.tasks.model.effects import named
+from sinew.tasks.study.files import write_text
+from sinew.tasks.study.workspace import Workspace
+
+
+def study_with(workspace: Workspace, effects: Effects) -> tuple[str, str]:
+    """Write the study with the effects in its model. Returns its path in the result folder, and what changed."""
+    path: Path = workspace.out / "discover" / "model.yaml"
+    old = yaml.safe_load(workspace.study.path.read_text("utf-8"))
+    model = old.get("model") or {}
+    # ranges that were scaled to the cohort's size must be in the study
+    written = {parameter for effect in effects for parameter in named()[effect.name].parameters}
+    ranges = {
+        one.name: {"min": one.minimum, "max": one.maximum, "reference": one.reference, "unit": one.unit}
+        for effect in effects
+        for one in effect.parameters
+        if one not in written
+    }
+    model |= {"parameters": (model.get("parameters") or {}) | ranges} if ranges else {}
+    new = {**old, "model": {**model, "effects": [effect.name for effect in effects]}}
+    # from the file itself, so that a study and its results may be moved together
+    new["cohort"] = os.path.relpath(workspace.cohort.folder.resolve(), path.parent.resolve())
+    before, after = (yaml.safe_dump(each, sort_keys=False, allow_unicode=True) for each in (old, new))
+    path.parent.mkdir(exist_ok=True)
+    write_text(path, after)
+    difference = difflib.unified_diff(before.splitlines(), after.splitlines(), "study", "with effects", lineterm="")
+    return str(path.relative_to(workspace.out)), "\n".join(difference)
+
+
+def checks(cohort: Sequence[SpecimenFits], effects: Effects, fits: Sequence[Fitted]) -> Checks:
+    """What the added effects change: nothing at their null values, and more than noise at the fit, if all is right."""
+    at_null, at_fit = 0.0, 0.0
+    for one, fitted in zip(cohort, fits, strict=True):
+        having, bare = one.candidate(effects), one.candidate()
+        own = fitted.at[: bare.size]
+        points = np.array([np.concatenate([own, having.null()]), fitted.at])
+        for curve in one.measured.curves:
+            without = bare.forces(one.measured.specimen, curve.protocol, own[np.newaxis])[0]
+            null, fit = having.forces(one.measured.specimen, curve.protocol, points)
+            at_null = max(at_null, float(np.abs(null - without).max()))
+            at_fit = max(at_fit, float(np.abs(fit - without).max()))
+    noise = max(one.measured.noise.sd_N for one in cohort)
+    return Checks(at_null, at_fit, noise, at_fit > noise)

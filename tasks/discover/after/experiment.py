@@ -1,0 +1,391 @@
+"""The experiment that would separate effects that the measurements cannot.
+
+Rivals are models with different effects that fit the measurements equally well. For each test that the laboratory could
+do next, one rival is taken as the truth and gives the forces of the test; another one is refitted to all measurements,
+old and new. The misfit that remains is what the test would show: the expected gain in twice the log likelihood, and the
+largest remaining difference of forces. Tests are ranked by their hardest pair of rivals (Hunter and Reiner 1965,
+Technometrics 7, with the maximin criterion; the parameters' uncertainty is included as in Box and Hill 1967,
+Technometrics 9).
+
+The refitted model is linearised about its present fit, within its bounds and with the same weak prior as the fits'
+uncertainty. The truth stays at its fit: where that is uncertain, a test may show more or less than predicted. Each test
+is on a fresh specimen, clamped as before; what a specimen remembers from one test to the next is not included.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from sinew.tasks.discover.fit.fit import WIDTH, Candidate, derivatives, residuals, spreads
+from sinew.tasks.discover.follow_up import MenuEntry, NextExperiment, PairSeparation, RivalPair
+from sinew.tasks.discover.measure.measured import Measured
+from sinew.tasks.model import Curve, Model, Protocol, Specimen
+from sinew.tasks.model.effect import Effect
+from sinew.tasks.model.phases import phases
+from sinew.tasks.model.protocols import HOLD_S, STRAIN_RATE
+from sinew.tasks.simulate import Array
+
+COMPRESSED = 0.01  # strain below the gauge length
+OPEN = 0.9  # of the spread before anything was measured: such a parameter was not seen
+REST_S = 600.0
+CYCLES, FAST_CYCLES, STEPS = 30, 10, 5
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A model with ``effects`` and, for each specimen, where it fits: ``at`` ``[k]`` on its candidate's unit cube."""
+
+    effects: tuple[Effect, ...]
+    at: tuple[Array, ...]
+
+    @property
+    def slugs(self) -> tuple[str, ...]:
+        return tuple(effect.slug for effect in self.effects)
+
+
+@dataclass(frozen=True)
+class Usual:
+    """What was done so far: largest strain, strain rate (1/s), longest hold (s), sampling interval (s)."""
+
+    strain: float
+    rate: float
+    hold_s: float
+    interval_s: float
+
+
+@dataclass(frozen=True)
+class Leg:
+    """Move to ``strain`` at a strain ``rate`` (1/s), and stay for ``hold_s``."""
+
+    strain: float
+    rate: float
+    hold_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Test:
+    """A test that could be done: ``legs`` from the gauge length on, and ``words`` for the one who does it.
+
+    ``length`` and ``width``: of the specimen in parts of its present ones.
+    """
+
+    __test__ = False  # for pytest: this is no test of the code
+
+    name: str
+    words: str
+    legs: tuple[Leg, ...]
+    interval_s: float
+    length: float = 1.0
+    width: float = 1.0
+
+    def protocol(self, length_mm: float) -> Protocol:
+        """The displacement history for a gauge length (mm) as it is in this test."""
+        times, strains = [0.0], [0.0]
+        for leg in self.legs:
+            times.append(times[-1] + abs(leg.strain - strains[-1]) / leg.rate)
+            strains.append(leg.strain)
+            if leg.hold_s:
+                times.append(times[-1] + leg.hold_s)
+                strains.append(leg.strain)
+        time_s = self.interval_s * np.arange(int(np.floor(times[-1] / self.interval_s + 1e-9)) + 1)
+        return Protocol(self.name, time_s, length_mm * np.interp(time_s, times, strains))
+
+    def specimen(self, specimen: Specimen) -> Specimen:
+        """The specimen as it is in this test, without curves."""
+        return replace(
+            specimen,
+            length_mm=self.length * specimen.length_mm,
+            width_mm=self.width * specimen.width_mm,
+            curves=(),
+        )
+
+
+@dataclass(frozen=True)
+class Separation:
+    """What a test shows when the ``truth`` has some effects (slugs) and ``other`` ones are fitted, in all specimens.
+
+    ``gain``: expected gain in twice the log likelihood of the truth over the other, beside what is known now.
+    ``newtons``: largest force (N) by which the other is off, however it is calibrated, ``at_s`` into the test of
+    ``specimen``.
+    """
+
+    truth: tuple[str, ...]
+    other: tuple[str, ...]
+    gain: float
+    newtons: float
+    at_s: float
+    specimen: str
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """What a test promises: the separation of every pair of rivals, the hardest first."""
+
+    test: Test
+    separations: tuple[Separation, ...]
+
+    @property
+    def hardest(self) -> Separation:
+        return self.separations[0]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """The test to do next, and what every test of the menu promises, the best first."""
+
+    best: Prospect
+    table: tuple[Prospect, ...]
+
+    def result(self) -> NextExperiment:
+        """What ``discover.json`` says of it."""
+        test, hardest = self.best.test, self.best.hardest
+        pair = RivalPair(hardest.truth, hardest.other)
+        menu = tuple(
+            MenuEntry(
+                each.test.name,
+                each.test.words,
+                tuple(PairSeparation(one.truth, one.other, one.gain, one.newtons) for one in each.separations),
+            )
+            for each in self.table
+        )
+        return NextExperiment(
+            test.name, test.words, hardest.gain, hardest.newtons, hardest.at_s, hardest.specimen, pair, menu
+        )
+
+
+def usual(specimens: Sequence[Specimen]) -> Usual:
+    """What was done to specimens so far: medians over them. Without holds or ramps, those of the published tests."""
+    strains, rates, holds, intervals = [], [], [], []
+    for specimen in specimens:
+        longest = []
+        for curve in specimen.curves:
+            time, strain = curve.protocol.time_s, curve.protocol.displacement_mm / specimen.length_mm
+            intervals.append(float(np.median(np.diff(time))))
+            for phase in phases(curve.protocol):
+                lasts = float(time[phase.stop - 1] - time[phase.start])
+                if phase.kind == "hold":
+                    longest.append(lasts)
+                elif phase.kind == "load":
+                    rates.append(float(strain[phase.stop - 1] - strain[phase.start]) / lasts)
+        strains.append(max(float(curve.protocol.displacement_mm.max()) for curve in specimen.curves))
+        strains[-1] /= specimen.length_mm
+        holds += [max(longest)] if longest else []
+    return Usual(
+        float(np.median(strains)),
+        float(np.median(rates)) if rates else STRAIN_RATE,
+        float(np.median(holds)) if holds else HOLD_S,
+        float(np.median(intervals)),
+    )
+
+
+def menu(known: Usual) -> tuple[Test, ...]:
+    """Tests that a machine can do that did what is ``known``."""
+    s, r, h = known.strain, known.rate, known.hold_s
+    to, hold = f"stretch to {_percent(s)} strain at {_percent(r)} per second", f"hold for {h:.0f} s"
+    faster, slower = (f"stretch to {_percent(s)} strain at {_percent(one)} per second" for one in (10 * r, r / 10))
+    back = f"back to the gauge length at {_percent(r)} per second"
+    up, down = Leg(s, r), Leg(0.0, r)
+    steps = tuple(Leg(s * i / STEPS, r, h / STEPS) for i in range(1, STEPS + 1))
+    once = (Leg(s, r, h), down)
+    tests = (
+        ("the usual test again", f"{to}, {hold}, {back}", once),
+        ("faster ramp", f"{faster}, {hold}", (Leg(s, 10 * r, h),)),
+        ("slower ramp", f"{slower}, {hold}", (Leg(s, r / 10, h),)),
+        ("longer hold", f"{to}, hold for {5 * h:.0f} s", (Leg(s, r, 5 * h),)),
+        (
+            "larger stretch",
+            f"stretch to {_percent(1.25 * s)} strain at {_percent(r)} per second, {hold}, {back}",
+            (Leg(1.25 * s, r, h), down),
+        ),
+        ("many cycles", f"{CYCLES} times: {to}, {back}, without pauses", (up, down) * CYCLES),
+        (
+            "fast cycles",
+            f"{FAST_CYCLES} times: {faster} and back to the gauge length as fast, without pauses",
+            (Leg(s, 10 * r), Leg(0.0, 10 * r)) * FAST_CYCLES,
+        ),
+        (
+            "compression",
+            f"{to}, unload at the same rate beyond the gauge length to {_percent(-COMPRESSED)} strain, "
+            f"hold for {h / 10:.0f} s, return to the gauge length",
+            (up, Leg(-COMPRESSED, r, h / 10), down),
+        ),
+        (
+            "rest and repetition",
+            f"{to}, {hold}, {back}, rest there for {REST_S:.0f} s, then the same once more",
+            (Leg(s, r, h), Leg(0.0, r, REST_S), Leg(s, r, h), down),
+        ),
+        ("five steps", f"stretch in {STEPS} steps to {_percent(s)} strain at {_percent(r)} per second, hold for "
+         f"{h / STEPS:.0f} s after each", steps),
+        (
+            "recovery",
+            f"{to}, {hold}, unload at the same rate to {_percent(s / 2)} strain, hold there for {2 * h:.0f} s",
+            (Leg(s, r, h), Leg(s / 2, r, 2 * h)),
+        ),
+    )  # fmt: skip
+    chosen = [Test(name, words, legs, known.interval_s) for name, words, legs in tests]
+    chosen.append(
+        Test("half the gauge length", f"grip the specimen at half its gauge length, {to}, {hold}, {back}", once,
+             known.interval_s, length=0.5)
+    )  # fmt: skip
+    chosen.append(
+        Test("half the width", f"cut the specimen to half its width along the fibres, {to}, {hold}, {back}", once,
+             known.interval_s, width=0.5)
+    )  # fmt: skip
+    return tuple(chosen)
+
+
+def next_experiment(
+    model: Model, rivals: Sequence[Rival], measured: Sequence[Measured], tests: Sequence[Test] | None = None
+) -> Experiment | None:
+    """The test of a menu (that of the specimens' own usual tests) which tells the hardest pair of rivals apart best.
+
+    ``model`` is the bare one, and the bare model is a rival without effects. A truth whose effects another rival has,
+    too, can never be told from it by a misfit, so that direction of a pair is left out. None where there is no pair,
+    and where no test can be simulated with every rival.
+    """
+    pairs = [
+        (a, b)
+        for a in range(len(rivals))
+        for b in range(len(rivals))
+        if a != b and not set(rivals[a].slugs) <= set(rivals[b].slugs)
+    ]
+    if not pairs:
+        return None
+    chosen = menu(usual([one.specimen for one in measured])) if tests is None else tests
+    candidates = [Candidate(model, rival.effects) for rival in rivals]
+    before = [
+        [_Before.of(candidate, one, believed(candidate, one, at)) for one, at in zip(measured, rival.at, strict=True)]
+        for candidate, rival in zip(candidates, rivals, strict=True)
+    ]
+    table = []
+    for test in chosen:
+        pulled = [_pulled(test, one, candidates[0], rivals[0].at[i]) for i, one in enumerate(measured)]
+        new = [
+            [_After.of(candidate, one, known.at) for one, known in zip(pulled, each, strict=True)]
+            for candidate, each in zip(candidates, before, strict=True)
+        ]
+        if not all(np.isfinite(one.force).all() and np.isfinite(one.slopes).all() for each in new for one in each):
+            continue
+        separations = [
+            _separation(rivals[a].slugs, rivals[b].slugs, measured, new[a], new[b], before[b]) for a, b in pairs
+        ]
+        table.append(Prospect(test, tuple(sorted(separations, key=lambda one: one.gain))))
+    if not table:
+        return None
+    table.sort(key=lambda prospect: -prospect.hardest.gain)
+    return Experiment(table[0], tuple(table))
+
+
+def believed(candidate: Candidate, measured: Measured, at: Array) -> Array:
+    """Where a rival is taken to be ``[k]``, which fits at ``at`` ``[k]``.
+
+    Those parameters of its effects that the measurements leave open get typical values: a fit leaves them where it
+    began, which may be where the effect does next to nothing.
+    """
+    _, slopes = derivatives(candidate, measured, at, measured.curves)
+    spread = spreads(slopes)
+    own = np.arange(at.size) >= len(candidate.varied)
+    moved = np.where(own & (spread > OPEN / np.sqrt(WIDTH)), np.concatenate([at[~own], candidate.typical()]), at)
+    before, after = np.sum(residuals(candidate, measured, np.array([at, moved]), measured.curves) ** 2, axis=1)
+    return moved if after < before + 1.0 else at
+
+
+@dataclass(frozen=True, eq=False)
+class _Before:
+    """What is known of a rival in one specimen: ``at`` ``[k]``, and its linearised misfit there.
+
+    ``rows`` ``[k + 1, k + 1]``: |rows (delta, 1)|^2 is the loss of the measured data, and of the prior, at
+    ``at + delta``; ``lowest`` is its minimum.
+    """
+
+    at: Array
+    rows: Array
+    lowest: float
+
+    @classmethod
+    def of(cls, candidate: Candidate, measured: Measured, at: Array) -> "_Before":
+        error, slopes = derivatives(candidate, measured, at, measured.curves)
+        prior = np.column_stack([np.sqrt(WIDTH) * np.eye(at.size), np.zeros(at.size)])
+        rows = _few(np.concatenate([np.column_stack([slopes, error]), prior]))
+        return cls(at, rows, _minimum(rows, at)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class _After:
+    """A rival in a test to come: forces ``[t]`` (N) at ``time_s`` ``[t]``, derivatives ``[t, k]``, both whitened, too.
+
+    ``white`` ``[g, k + 1]``: derivatives and forces in units of the noise.
+    """
+
+    time_s: Array
+    force: Array
+    slopes: Array
+    white: Array
+
+    @classmethod
+    def of(cls, candidate: Candidate, pulled: Measured, at: Array) -> "_After":
+        thin = pulled.thinned[pulled.curves[0].name]
+        with np.errstate(all="ignore"):  # a model that fails leaves NaN
+            force, slopes = derivatives(candidate, pulled, at, pulled.curves, _forces)
+            white = thin.weights @ np.column_stack([slopes, force])
+        return cls(thin.protocol.time_s, force, slopes, white)
+
+
+def _pulled(test: Test, measured: Measured, candidate: Candidate, at: Array) -> Measured:
+    """A specimen in a test to come, and the noise it will have.
+
+    Noise that grows with the force is that of the first rival's: one level, so that rivals are weighed alike.
+    """
+    specimen = test.specimen(measured.specimen)
+    protocol = test.protocol(specimen.length_mm)
+    level = np.zeros(protocol.time_s.size)
+    if measured.noise.proportional:
+        level = candidate.forces(specimen, protocol, at[np.newaxis])[0]
+    return Measured(replace(specimen, curves=(Curve(protocol, level),)), measured.noise)
+
+
+def _forces(candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve]) -> Array:
+    """Forces ``[n, t]`` (N) at the points at which fits ask the model."""
+    parts = [candidate.forces(measured.specimen, measured.thinned[curve.name].protocol, at) for curve in curves]
+    return np.concatenate(parts, axis=1)
+
+
+def _separation(
+    truth: tuple[str, ...],
+    other: tuple[str, ...],
+    measured: Sequence[Measured],
+    true: Sequence[_After],
+    rival: Sequence[_After],
+    before: Sequence[_Before],
+) -> Separation:
+    gain, largest, when, where = 0.0, -1.0, 0.0, ""
+    for one, pulled, wrong, known in zip(measured, true, rival, before, strict=True):
+        rows = wrong.white.copy()
+        rows[:, -1] -= pulled.white[:, -1]
+        lowest, change = _minimum(np.concatenate([known.rows, _few(rows)]), known.at)
+        gain += lowest - known.lowest
+        left = np.abs(wrong.force + wrong.slopes @ change - pulled.force)
+        if left.max() > largest:
+            largest, when = float(left.max()), float(pulled.time_s[left.argmax()])
+            where = one.specimen.name
+    return Separation(truth, other, float(gain), largest, when, where)
+
+
+def _few(rows: Array) -> Array:
+    """As many rows as columns with the same sum of squares at every point."""
+    if len(rows) <= rows.shape[1]:
+        return rows
+    return np.asarray(np.linalg.qr(rows, mode="r"))
+
+
+def _minimum(rows: Array, at: Array) -> tuple[float, Array]:
+    """Lowest |rows (delta, 1)|^2, and the delta ``[k]`` that has it, with ``at + delta`` on the unit cube."""
+    inside = np.clip(at, 0.0, 1.0)
+    solution = lsq_linear(rows[:, :-1], -rows[:, -1], (-inside, 1.0 - inside), method="bvls")
+    return float(2.0 * solution.cost), solution.x
+
+
+def _percent(strain: float) -> str:
+    return f"{100 * strain:.3g} %"

@@ -1,0 +1,74 @@
+"""The gap between the error on held-out data, without and with the effects, and the error of a true model."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from sinew.tasks.discover.fit.fit import Candidate, Fitted, covariance, derivatives, errors
+from sinew.tasks.discover.fit.held_out import SquaredErrors
+from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits
+from sinew.tasks.discover.measure.splits import LATER, PROTOCOL, SPECIMEN, splits
+from sinew.tasks.discover.result import Gap, SplitGap
+from sinew.tasks.simulate import Array
+
+
+def gap(errors: SquaredErrors, effects: Effects, cohort: Sequence[SpecimenFits], fits: Sequence[Fitted]) -> Gap:
+    """The gap on each kind of split, and first that of the most informative kind that there is.
+
+    ``fits`` are those of the model with ``effects``. First come splits by specimen: there, an effect is judged on
+    every curve. Splits by protocol come last: a protocol that is left out may be the only one in which the effect
+    shows, so that the fit of the others knows nothing of it.
+    """
+    by_split = {
+        kind: _split_gap(errors[()][kind], errors[effects][kind], effects, cohort, fits, kind)
+        for kind in (SPECIMEN, LATER, PROTOCOL)
+        if kind in errors.get((), {})
+    }
+    if not by_split:
+        return Gap()
+    kind, first = next(iter(by_split.items()))
+    return Gap(kind, first.before, first.after, first.floor, first.closed, by_split)
+
+
+def _split_gap(
+    bare: Mapping[str, Array],
+    extended: Mapping[str, Array],
+    effects: Effects,
+    cohort: Sequence[SpecimenFits],
+    fits: Sequence[Fitted],
+    kind: str,
+) -> SplitGap:
+    """Root mean squares of the whitened errors of all curves, without and with ``effects``.
+
+    ``floor`` is what the model with the effects would come to if it were true: noise, which is 1, and what the fit of
+    the rest does not know of its parameters (a parametric bootstrap with refit, linearised at the fit).
+    """
+    before, after = (_root_mean_square(curves.values()) for curves in (bare, extended))
+    floor = _root_mean_square(
+        [
+            expected
+            for one, fitted in zip(cohort, fits, strict=True)
+            for expected in _expected(one, one.candidate(effects), fitted, kind)
+        ]
+        or [np.ones(1)]
+    )
+    return SplitGap(before, after, floor, (before - after) / (before - floor) if before > floor else None)
+
+
+def _root_mean_square(squares: Iterable[Array]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(list(squares)))))
+
+
+def _expected(one: SpecimenFits, candidate: Candidate, fitted: Fitted, kind: str) -> list[Array]:
+    """The expected squared errors ``[t]`` of a true model on each held-out curve."""
+    variances = []
+    for split in splits(one.measured):
+        if split.kind == kind:
+            _, seen = derivatives(candidate, split.seen, fitted.at, split.seen.curves)
+            spread = covariance(seen)
+            for curve in one.measured.curves:
+                if curve.name in split.judged:
+                    _, slopes = derivatives(candidate, one.measured, fitted.at, [curve], errors)
+                    own = slopes[split.judged[curve.name] :]
+                    variances.append(1.0 + np.sum((own @ spread) * own, axis=1))
+    return variances

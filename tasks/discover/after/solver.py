@@ -1,0 +1,64 @@
+"""The named effects in FEBio: its input with the effects, which is run if the solver is installed.
+
+An added material that changes nothing would be no addition, so the solver runs twice: with the effects as fitted, which
+must give the embedded force, and at their null values, which must give another.
+"""
+
+import shutil
+
+import numpy as np
+
+from sinew.runner.evaluation.adaptive import Session
+from sinew.tasks.discover.fit.fit import Candidate, Fitted
+from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
+from sinew.tasks.discover.follow_up import SolverCheck, SolverRun
+from sinew.tasks.model import Curve, file_name
+from sinew.tasks.model.effect import model_with
+from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.build import febio_of
+from sinew.tasks.study.files import write_text
+from sinew.tasks.study.workspace import Workspace, attempts_folder
+
+
+def in_febio(workspace: Workspace, one: SpecimenFits, effects: Effects, fitted: Fitted) -> SolverCheck:
+    """Write the solver's input for every curve of a specimen; run it, if the solver is on the PATH.
+
+    The inputs are in ``discover/febio``. Of each run: the largest deviation from the embedded force and the largest
+    change by the effects, as parts of the peak, or why there is none.
+    """
+    missing = [f"{effect.slug}: {effect.no_febio}" for effect in effects if not effect.febio]
+    if missing:
+        return SolverCheck((), ran=False, why="; ".join(missing))
+    solver = febio_of(workspace.study, effects, attempts_folder(workspace.out))
+    specimen, candidate = one.measured.specimen, Candidate(one.model, effects)
+    model = model_with(one.model, effects)
+    null = np.concatenate([fitted.at[: fitted.at.size - candidate.null().size], candidate.null()])
+    rows = np.concatenate(candidate.rows(np.array([fitted.at, null])), axis=1)
+    folder = workspace.out / "discover" / "febio"
+    folder.mkdir(parents=True, exist_ok=True)
+    inputs = []
+    for curve in specimen.curves:
+        path = folder / f"{file_name(specimen.name)}.{curve.name}.feb"
+        write_text(path, solver.rendered(model, specimen, curve.protocol, rows[0]))
+        inputs.append(str(path.relative_to(workspace.out)))
+    if shutil.which(solver.executable) is None:
+        return SolverCheck(tuple(inputs), ran=False, why=f"{solver.executable} is not on the PATH")
+
+    def run(_: int, curve: Curve, session: Session) -> tuple[Array, tuple[str, ...]]:
+        done = session.compute(solver.simulate, model, specimen, curve.protocol, rows)
+        return done.force_N, done.messages
+
+    runs = {}
+    for curve, ((force, messages),) in zip(
+        specimen.curves, each_for_all(workspace, [one], "the effect in FEBio", specimen.curves, run), strict=True
+    ):
+        if any(messages):
+            runs[curve.name] = SolverRun(failed=next(message for message in messages if message))
+            continue
+        embedded = candidate.forces(specimen, curve.protocol, fitted.at[np.newaxis])[0]
+        peak = float(np.abs(embedded).max())
+        runs[curve.name] = SolverRun(
+            deviation=float(np.abs(force[0] - embedded).max()) / peak,
+            change=float(np.abs(force[0] - force[1]).max()) / peak,
+        )
+    return SolverCheck(tuple(inputs), ran=True, version=solver.version, runs=runs)

@@ -1,0 +1,128 @@
+"""Figures and words of a discovery: the verdict, the candidates, curves and cells before and after."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.colors import TwoSlopeNorm
+from matplotlib.figure import Figure
+
+from sinew.runner.store.store import open_store
+from sinew.tasks.discover.result import CellMisfit, DiscoverResult
+from sinew.tasks.discover.show import cells_table, curves_table
+from sinew.tasks.drawing.figures import COLOURS, STYLE, save
+from sinew.tasks.drawing.views import FigureKind
+from sinew.tasks.model import file_name
+from sinew.tasks.study.workspace import Workspace
+
+FAR = 12.0  # units of chance, where colours end
+
+
+def draw(workspace: Workspace, result: DiscoverResult) -> None:
+    """Write all figures, each with its table."""
+    folder = workspace.out / "figures"
+    save(cell_map(result), folder, "discover_cells", cells_table(result))
+    for specimen in result.cells:
+        kept = workspace.store.read_result(f"discover/{file_name(specimen)}")
+        figure = before_and_after(kept, result, specimen)
+        save(figure, folder, f"discover_{file_name(specimen)}", curves_table(kept))
+
+
+def before_and_after(kept: xr.Dataset, result: DiscoverResult, specimen: str) -> Figure:
+    """A column for each protocol: forces, what the model as it is leaves, what the model with the effects leaves."""
+    protocols = list(dict.fromkeys(cell.protocol for cell in result.cells[specimen]))
+    effects = result.shown_name
+    models = {"bare": ("the model as it is", COLOURS[1])}
+    if effects:
+        models["having"] = (f"with {effects}", COLOURS[0])
+    noise = result.noise[specimen].sd_N
+    with plt.rc_context(STYLE):
+        size = (3.6 * len(protocols), 2.4 + 1.6 * len(models))
+        ratios = [1.5] + [1.0] * len(models)
+        figure, axes = plt.subplots(
+            1 + len(models),
+            len(protocols),
+            figsize=size,
+            sharex="col",
+            sharey="row",
+            squeeze=False,
+            height_ratios=ratios,
+        )
+        for column, protocol in enumerate(protocols):
+            time = kept[f"time_{protocol}"].to_numpy()
+            measured = kept[f"measured_{protocol}"].to_numpy()
+            axes[0, column].plot(time, measured, color="0.6", lw=2.4, label="measured")
+            for row, (name, (label, colour)) in enumerate(models.items(), start=1):
+                force = kept[f"{name}_{protocol}"].to_numpy()
+                axes[0, column].plot(time, force, color=colour, lw=0.9, label=label, ls="--" if row == 1 else "-")
+                _leftover(axes[row, column], time, measured - force, colour, noise)
+            axes[0, column].set_title(protocol.replace("_", " "), loc="left", fontsize=9)
+            axes[-1, column].set_xlabel("time (s)")
+        axes[0, 0].set_ylabel("force (N)")
+        for row, (label, _) in enumerate(models.values(), start=1):
+            axes[row, 0].set_ylabel(f"measured less\n{label} (N)")
+        largest = max(float(np.abs(line.get_ydata()).max()) for a in axes[1:].flat for line in a.lines[:1])
+        for axis in axes[1:].flat:  # the same scale, so that the eye compares
+            axis.set_ylim(-1.08 * largest, 1.08 * largest)
+        axes[0, 0].legend(fontsize=8)
+        figure.suptitle(f"{specimen}: {_headline(result)}", x=0.01, ha="left")
+    return figure
+
+
+def _leftover(axis: Axes, time: Any, error: Any, colour: str, noise: float) -> None:
+    axis.plot(time, error, color=colour, lw=0.6)
+    axis.axhspan(-2 * noise, 2 * noise, color="0.85", lw=0, zorder=0)
+    axis.axhline(0.0, color="black", lw=0.5)
+
+
+def _headline(result: DiscoverResult) -> str:
+    gap, closed = result.gap, ""
+    if gap.closed is not None:
+        closed = f"; held-out error {gap.before:.2f} to {gap.after:.2f} times the noise (floor {gap.floor:.2f})"
+    return f"{result.headline}{closed}. Grey: twice the noise"
+
+
+def cell_map(result: DiscoverResult) -> Figure:
+    """Rows: specimens, before and (with the best effects) after; columns: cells; dots: beyond chance."""
+    rows = [(f"{name}, model as it is", cells) for name, cells in result.cells.items()]
+    effects = result.shown_name
+    rows += [(f"{name}, with {effects}", cells) for name, cells in (result.after or {}).items()]
+    labels = list(dict.fromkeys(_label(cell) for _, cells in rows for cell in cells))
+    norm = TwoSlopeNorm(0.0, -FAR, FAR)
+    with plt.rc_context(STYLE):
+        size = (min(24.0, max(7.5, 2.5 + 0.16 * len(labels))), 2.1 + 0.34 * len(rows))  # the title needs the width
+        figure, axis = plt.subplots(figsize=size, layout="constrained")
+        shown = np.full((len(rows), len(labels)), np.nan)
+        for i, (_, cells) in enumerate(rows):
+            for cell in cells:
+                j = labels.index(_label(cell))
+                shown[i, j] = np.clip(cell.z, -FAR, FAR)
+                if cell.beyond_chance:
+                    axis.plot(j, i, ".", color="black", ms=3)
+        image = axis.imshow(shown, cmap="RdBu_r", norm=norm, aspect="auto", interpolation="nearest")
+        axis.set_yticks(range(len(rows)), [name for name, _ in rows])
+        axis.set_xticks(range(len(labels)), labels, rotation=90, fontsize=6)
+        figure.colorbar(image, ax=axis, fraction=0.03, pad=0.01)
+        caption = (
+            "Misfit of each cell in units of chance: measured above (red) or below (blue) the model; dots: beyond it"
+        )
+        figure.suptitle(f"{result.headline}\n{caption}", x=0.01, ha="left", fontsize="medium")
+    return figure
+
+
+def _label(cell: CellMisfit) -> str:
+    return f"{cell.protocol.replace('_', ' ')}: {cell.phase} {cell.number}"
+
+
+FIGURES: Mapping[str, FigureKind[DiscoverResult]] = {
+    "cells": FigureKind(lambda result, *_: cell_map(result)),
+    "curves": FigureKind(
+        lambda result, folder, specimen: before_and_after(
+            open_store(folder).read_result(f"discover/{file_name(specimen)}"), result, specimen
+        ),
+        lambda result: list(result.cells),
+    ),
+}

@@ -1,0 +1,1 @@
+"""Fits of the model with and without effects, to every specimen."""

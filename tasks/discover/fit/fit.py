@@ -1,0 +1,298 @@
+"""Fits of one specimen, with or without effects, by generalised least squares on whitened residuals."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+import numpy as np
+from scipy.optimize import least_squares, lsq_linear
+from scipy.stats import chi2
+
+from sinew.tasks.discover.measure.measured import Measured
+from sinew.tasks.fitting.fits import ALIKE, FAST, SLOW
+from sinew.tasks.model import Curve, Model, Protocol, Specimen
+from sinew.tasks.model.effect import Effect, model_with
+from sinew.tasks.simulate import Array, TakesEffects
+from sinew.tasks.simulate.effects import simulate_with
+
+BLIND = "nu_m"  # the force does not depend on it
+TOE, GENTLE = "alpha_f", 0.05
+STEP = 1e-5
+FAR = 1e3  # standard deviations: where a model fails
+TOLERANCE = 1e-5
+EVALUATIONS = 60  # iterations of one fit, at most
+PARTS = (0.05, 0.2, 0.6, 1.0)  # of an effect's typical size, from which its fit may begin
+WIDTH = 12.0  # precision of what is anywhere on the unit cube
+RISE = float(chi2.ppf(0.9, 1))  # of the loss, by chance alone in one case of ten
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Where a fit ended: ``at`` ``[k]`` on the unit cube, ``loss`` (whitened sum of squares), ``points`` it is over.
+
+    ``uncertainty`` ``[k]``: standard deviations on the unit cube, from the curvature; ``pull`` ``[k]``: by how much the
+    loss would fall if a parameter were free to leave its range, 0 within it.
+    """
+
+    at: Array
+    loss: float
+    points: int
+    uncertainty: Array = field(default_factory=lambda: np.empty(0))
+    pull: Array = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def at_bound(self) -> Array:
+        """Which parameters ``[k]`` are on a bound."""
+        return on_bound(self.at)
+
+    @property
+    def pressed(self) -> Array:
+        """Which parameters ``[k]`` are on a bound because of the data, not for want of anything that says where."""
+        return self.at_bound & (self.pull > RISE)
+
+    def numbers(self) -> Array:
+        """All of it in a row ``[2 + 3 k]``."""
+        return np.concatenate([[self.loss, self.points], self.at, self.uncertainty, self.pull])
+
+    @classmethod
+    def of(cls, numbers: Array) -> "Fitted":
+        """What ``numbers`` were made from."""
+        at, uncertainty, pull = np.split(numbers[2:], 3)
+        return cls(at, float(numbers[0]), int(numbers[1]), uncertainty, pull)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """The model with some effects: what a fit can vary is the model's free parameters and those of the effects.
+
+    Forces are those of the embedded simulator or, where there is one, of the ``solver``.
+    """
+
+    model: Model
+    effects: tuple[Effect, ...] = ()
+    solver: TakesEffects | None = None
+
+    @property
+    def embedded(self) -> "Candidate":
+        """The same with the embedded simulator."""
+        return replace(self, solver=None)
+
+    def having(self, *effects: Effect) -> "Candidate":
+        """The same with these effects instead."""
+        return replace(self, effects=effects)
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        return tuple(p.name for p in self.model.free if p.name != BLIND)
+
+    @property
+    def size(self) -> int:
+        return len(self.varied) + sum(len(effect.parameters) for effect in self.effects)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds ``[k]``: the model's, then the effects'."""
+        own = [p for p in self.model.free if p.name != BLIND]
+        every = [*own, *(p for effect in self.effects for p in effect.parameters)]
+        low = [p.minimum if p.possible(p.minimum) else p.minimum + 1e-6 * (p.maximum - p.minimum) for p in every]
+        return np.array(low), np.array([p.maximum for p in every])
+
+    def rows(self, at: Array) -> tuple[Array, Array]:
+        """Parameters ``[n, d]`` and effects' values ``[n, m]`` of points ``[n, k]`` of the unit cube."""
+        low, high = self.bounds()
+        values = low + (high - low) * at
+        count = len(self.varied)
+        return self.model.full(self.varied, values[:, :count]), values[:, count:]
+
+    def forces(self, specimen: Specimen, protocol: Protocol, at: Array) -> Array:
+        """Forces ``[n, t]`` (N) along a protocol at points ``[n, k]`` of the unit cube; NaN where they fail."""
+        parameters, values = self.rows(at)
+        if self.solver is not None:
+            solver, model = self.solver.with_effects(self.effects), model_with(self.model, self.effects)
+            return solver.simulate(model, specimen, protocol, np.concatenate([parameters, values], axis=1)).force_N
+        return simulate_with(self.model, self.effects, specimen, protocol, parameters, values)
+
+    def unit(self, name: str, value: float) -> float:
+        """Where on the unit cube a parameter of an effect has a value."""
+        low, high = self.bounds()
+        index = len(self.varied) + [p.name for effect in self.effects for p in effect.parameters].index(name)
+        return float(np.clip((value - low[index]) / (high[index] - low[index]), 0.0, 1.0))
+
+    def null(self) -> Array:
+        """The effects' values ``[m]`` on the unit cube at which they do nothing."""
+        return np.array([self.unit(n, v) for e in self.effects for n, v in zip(e.names, e.null_values, strict=True)])
+
+    def typical(self) -> Array:
+        """The effects' typical values ``[m]`` on the unit cube."""
+        return np.array([self.unit(n, v) for e in self.effects for n, v in zip(e.names, e.typical, strict=True)])
+
+
+def errors(candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve]) -> Array:
+    """Whitened errors ``[n, all measured points]`` at points ``[n, k]``; what fails is far away."""
+    parts = []
+    for curve in curves:
+        force = candidate.forces(measured.specimen, curve.protocol, at)
+        white = measured.whitened(curve, force - curve.force_N)
+        parts.append(np.where(np.isfinite(white), white, FAR))
+    return np.concatenate(parts, axis=1)
+
+
+def residuals(candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve]) -> Array:
+    """Whitened residuals ``[n, groups of all curves]`` at points ``[n, k]``; what fails is far away."""
+    parts = []
+    for curve in curves:
+        thin = measured.thinned[curve.name]
+        white = thin.residuals(candidate.forces(measured.specimen, thin.protocol, at))
+        parts.append(np.where(np.isfinite(white), white, FAR))
+    return np.concatenate(parts, axis=1)
+
+
+Whitened = Callable[[Candidate, Measured, Array, Sequence[Curve]], Array]
+
+
+def derivatives(
+    candidate: Candidate,
+    measured: Measured,
+    at: Array,
+    curves: Sequence[Curve],
+    of: Whitened = residuals,
+    fixed: Sequence[int] = (),
+) -> tuple[Array, Array]:
+    """Residuals ``[t]`` at a point ``[k]`` of the unit cube, and their derivatives ``[t, v]`` by what is not fixed.
+
+    Derivatives are always the embedded simulator's.
+    """
+    steps = np.delete(np.where(at + STEP <= 1.0, STEP, -STEP), fixed)
+    moves = np.delete(np.eye(at.size), fixed, axis=0) * steps[:, np.newaxis]
+    moved = of(candidate.embedded, measured, np.concatenate([at[np.newaxis], at + moves]), curves)
+    slopes = ((moved[1:] - moved[0]) / steps[:, np.newaxis]).T
+    return moved[0] if candidate.solver is None else of(candidate, measured, at[np.newaxis], curves)[0], slopes
+
+
+def fit(
+    candidate: Candidate,
+    measured: Measured,
+    start: Array,
+    curves: Sequence[Curve] | None = None,
+    *,
+    fixed: Sequence[int] = (),
+) -> Fitted:
+    """The nearest minimum to ``start`` ``[k]`` on the unit cube, over ``curves`` (all of the specimen's).
+
+    What is ``fixed``, by number, stays where it is. A fit with a solver goes on from where that with the embedded
+    simulator ended, and takes its derivatives from there: near the minimum they need not be exact.
+    """
+    chosen = measured.curves if curves is None else curves
+    if candidate.solver is not None:
+        start = fit(candidate.embedded, measured, start, chosen, fixed=fixed).at
+    free = np.delete(np.arange(start.size), fixed)
+
+    def whole(at: Array) -> Array:
+        every = start.copy()
+        every[free] = at
+        return every
+
+    def loss(at: Array) -> Array:
+        return residuals(candidate, measured, whole(at)[np.newaxis], chosen)[0]
+
+    def slope(at: Array) -> Array:
+        return derivatives(candidate.embedded, measured, whole(at), chosen, fixed=fixed)[1]
+
+    solution = least_squares(
+        loss, np.clip(start[free], 1e-6, 1 - 1e-6), jac=slope, bounds=(0.0, 1.0), ftol=TOLERANCE, xtol=1e-7,
+        gtol=1e-7, max_nfev=EVALUATIONS, x_scale=1.0,
+    )  # fmt: skip
+    spread, pull = np.zeros((2, start.size))
+    spread[free] = spreads(solution.jac)
+    pull[free] = _pulls(solution.x, solution.grad, solution.jac)
+    return Fitted(whole(solution.x), float(2.0 * solution.cost), int(solution.fun.size), spread, pull)
+
+
+def on_bound(at: Array) -> Array:
+    """Which coordinates of a point are on a bound of the unit cube."""
+    touching: Array = (at < 1e-3) | (at > 1.0 - 1e-3)
+    return touching
+
+
+def spreads(slopes: Array) -> Array:
+    """Standard deviations ``[k]`` on the unit cube of slopes ``[t, k]``."""
+    deviations: Array = np.sqrt(np.diag(covariance(slopes)))
+    return deviations
+
+
+def covariance(slopes: Array) -> Array:
+    """``[k, k]`` on the unit cube, all of which is as likely before the data, of slopes ``[t, k]``.
+
+    Slopes towards points where the model fails are so large that, squared, they would swamp the prior's precision.
+    """
+    _, sizes, directions = np.linalg.svd(np.linalg.qr(slopes, mode="r"))
+    precision = np.full(slopes.shape[1], WIDTH)
+    precision[: sizes.size] += sizes**2
+    inverse: Array = (directions.T / precision) @ directions
+    return inverse
+
+
+def _pulls(at: Array, gradient: Array, slopes: Array) -> Array:
+    """How much the loss would fall if one parameter on a bound were free to move with those that are on none."""
+    falls = np.zeros(at.size)
+    on = on_bound(at)
+    outward = np.where(at < 0.5, gradient, -gradient)
+    for number in np.flatnonzero(on & (outward > 0.0)):
+        moving = ~on
+        moving[number] = True
+        within = moving[:number].sum()
+        falls[number] = outward[number] ** 2 * covariance(slopes[:, moving])[within, within]
+    return falls
+
+
+def look_ahead(
+    base: Candidate, at: Array, effect: Effect, measured: Measured, curves: Sequence[Curve] | None = None
+) -> tuple[float, Array]:
+    """A prediction of the loss with one more effect, and the start of its fit.
+
+    From the fit ``at`` ``[k]`` of ``base``, with a fraction of the effect's typical size, one bounded step of linear
+    least squares predicts a loss. Returns the smallest over the fractions, and the point ``[k + m]`` of that fraction.
+    """
+    candidate, alone = base.embedded.having(*base.effects, effect), base.having(effect)
+    null, typical = alone.null(), alone.typical()
+    attempts = []
+    for part in PARTS:
+        point = np.clip(np.concatenate([at, null + part * (typical - null)]), 1e-6, 1.0 - 1e-6)
+        seen, slopes = derivatives(candidate, measured, point, measured.curves if curves is None else curves)
+        basis, upper = np.linalg.qr(slopes)
+        along = basis.T @ seen
+        step = lsq_linear(upper, -along, bounds=(-point - 1e-9, 1.0 - point + 1e-9))
+        attempts.append((float(seen @ seen - along @ along + 2.0 * step.cost), point))
+    return min(attempts, key=lambda one: one[0])
+
+
+def extended(base: Candidate, at: Array, effect: Effect, measured: Measured) -> Fitted:
+    """The best fit of ``base``, which has its fit at ``at`` ``[k]``, with one more effect.
+
+    It is started from the point of :func:`look_ahead` and, for the first effect, also from a gentle model with a
+    typical effect, because the fit without the effect may have ended in the wrong place.
+    """
+    candidate = base.having(*base.effects, effect)
+    begins = [look_ahead(base, at, effect, measured)[1]]
+    if not base.effects:
+        begins.append(np.concatenate([gentle(candidate), candidate.typical()]))
+    return min((fit(candidate, measured, begin) for begin in begins), key=lambda one: one.loss)
+
+
+def gentle(candidate: Candidate) -> Array:
+    """The middle of the bare model's ranges, with a gentle toe: a fit started with a sharp toe stays there."""
+    return np.where(np.array(candidate.varied) == TOE, GENTLE, 0.5)
+
+
+def starts(candidate: Candidate, rng: np.random.Generator, count: int) -> list[Array]:
+    """Starts ``[k]`` for fits of the bare model: the middle, exchanged relaxation times, and random points."""
+    names = list(candidate.varied)
+    points = [np.full(candidate.size, 0.5), gentle(candidate)]
+    pairs = [pair for pair in ALIKE if set(pair) <= set(names)]
+    chosen = [names.index(name) for pair in pairs for name in pair]
+    for ends in product(((FAST, SLOW), (SLOW, FAST)), repeat=len(pairs)):
+        point = gentle(candidate)
+        point[chosen] = np.concatenate(ends) if ends else []
+        points.append(point)
+    while len(points) < count:
+        points.append(rng.random(candidate.size))
+    return points[:count]

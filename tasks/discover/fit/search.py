@@ -1,0 +1,248 @@
+"""The candidates of a cohort: all single effects and the most promising pairs, each fitted to every specimen."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+from sinew.runner.evaluation.adaptive import Session
+from sinew.tasks.discover.fit.fit import Candidate, Fitted, starts
+from sinew.tasks.discover.fit.sizes import library_for
+from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
+from sinew.tasks.discover.judge.rules import second_effect_possible
+from sinew.tasks.discover.judge.scores import Score, Scores, criterion
+from sinew.tasks.discover.settings import Settings
+from sinew.tasks.model.effect import Effect
+from sinew.tasks.model.parameters import Parameter
+from sinew.tasks.simulate import Array
+from sinew.tasks.study.streams import Stream, generator
+from sinew.tasks.study.workspace import Workspace
+
+MAX_FIRST_EFFECTS = 3  # best single effects, from which pairs are formed
+FRESH_STARTS = slice(2, 4)  # of the starts of the bare model: those with exchanged relaxation times
+SMALL_PART = 0.2  # of an effect's typical size
+MAX_PAIRS = 10  # most promising pairs that are fitted
+
+
+@dataclass
+class Candidates:
+    """The candidates of a cohort: fits, in the order of the specimens, and scores.
+
+    ``bare`` holds the best fits of the model without effects, ``floor`` is the loss expected of a true model.
+    """
+
+    bare: list[Fitted]
+    fits: dict[Effects, list[Fitted]]
+    floor: float
+    scored: dict[Effects, Score] = field(default_factory=dict)
+
+    @property
+    def ordered(self) -> list[Effects]:
+        return sorted(self.scored, key=lambda effects: self.scored[effects].criterion)
+
+    @property
+    def scores(self) -> Scores:
+        """The scores as the rules of the verdict take them."""
+        loss = sum(one.loss for one in self.bare)
+        return Scores(Score((), loss, loss), tuple(self.scored.values()), self.floor)
+
+    def effects_of(self, score: Score) -> Effects:
+        """The effects, in their forms, of a candidate with this score; none for the bare model."""
+        return next((effects for effects, one in self.scored.items() if one is score), ())
+
+    def score(self) -> None:
+        """Score all fits against the bare model as it is fitted now."""
+        self.scored = _best_forms({effects: _score(effects, fits, self.bare) for effects, fits in self.fits.items()})
+
+
+def asked(settings: Settings, cohort: Sequence[SpecimenFits]) -> list[Effect]:
+    """The effects that the study asks for, with ranges for specimens of this size."""
+    slugs = settings.effects
+    known = library_for([one.measured.specimen for one in cohort])
+    return [effect for slug, effect in known.items() if slugs == "all" or slug in slugs]
+
+
+def search(
+    workspace: Workspace, settings: Settings, cohort: Sequence[SpecimenFits], bare_fits: list[Fitted]
+) -> Candidates:
+    """Fit and score all candidates; ``bare_fits`` holds the best fits of the bare model so far, by specimen."""
+    bare = Candidate(workspace.model)
+    forms: list[Effects] = [(form,) for effect in asked(settings, cohort) for form in (effect, *effect.other_forms)]
+    singles = [form for form in forms if _possible(form, cohort)]
+    best = list(bare_fits)
+
+    def with_one(i: int, effects: Effects, session: Session) -> Fitted:
+        fitted = cohort[i].extended(session, effects, bare_fits[i])
+        if fitted.loss < best[i].loss:
+            best[i] = fitted
+            note_fit(workspace, cohort[i].name, effects, fitted)
+        return fitted
+
+    columns = each_for_all(workspace, cohort, "one effect", singles, with_one)
+    floor = float(sum(fitted.points - bare.size for fitted in bare_fits))
+    candidates = Candidates(bare_fits, dict(zip(singles, columns, strict=True)), floor)
+    candidates.score()
+    _note_best(workspace, candidates)
+    firsts = candidates.ordered[:MAX_FIRST_EFFECTS]
+    elsewhere = starts(bare, generator(workspace.seed, Stream.FRESH_FIT_STARTS), FRESH_STARTS.stop)[FRESH_STARTS]
+
+    def begin(effects: Effects, at: Array, part: float) -> Array:
+        candidate = Candidate(workspace.model, effects)
+        return np.concatenate([at, candidate.null() + part * (candidate.typical() - candidate.null())])
+
+    _improve(workspace, cohort, candidates, firsts, lambda _, effects: [begin(effects, at, 1.0) for at in elsewhere])
+    # The bare model, started from a fit with an effect, may fit better than before, and candidates started from that
+    # fit may, too. No model must look worse than another only because of where its fit was started.
+    _bare_again(workspace, cohort, candidates, firsts)
+    _improve(
+        workspace, cohort, candidates, firsts,
+        lambda i, effects: [begin(effects, candidates.bare[i].at, SMALL_PART)],
+    )  # fmt: skip
+    both = [(*first, *other) for first in firsts for other in candidates.scored if other != first]
+    pairs = [each for each in both if _possible(each, cohort)]
+    if pairs and second_effect_possible(candidates.scores):
+        _add_pairs(workspace, cohort, candidates, pairs, singles)
+    return candidates
+
+
+def _add_pairs(
+    workspace: Workspace,
+    cohort: Sequence[SpecimenFits],
+    candidates: Candidates,
+    pairs: Sequence[Effects],
+    singles: Sequence[Effects],
+) -> None:
+    """Fit and score the most promising pairs."""
+    promises = each_for_all(
+        workspace, cohort, "looking ahead to two effects", pairs,
+        lambda i, effects, session: cohort[i].promise(session, effects, candidates.fits[effects[:1]][i]),
+    )  # fmt: skip
+    points = [one.points for one in candidates.bare]
+    wanted = _promising(pairs, [_criterion(*both, points) for both in zip(pairs, map(sum, promises), strict=True)])
+
+    def with_two(i: int, effects: Effects, session: Session) -> Fitted:
+        return cohort[i].extended(session, effects, candidates.fits[effects[:1]][i])
+
+    columns = each_for_all(workspace, cohort, "two effects", wanted, with_two)
+    candidates.fits |= dict(zip(wanted, columns, strict=True))
+    candidates.score()
+    # the form of an effect that fits best alone may not be the best one in a pair
+    first, second = next(effects for effects in candidates.ordered if len(effects) == 2)
+    forms = product(*([form for (form,) in singles if form.slug == one.slug] for one in (first, second)))
+    others: list[Effects] = [each for each in forms if each not in candidates.fits and _possible(each, cohort)]
+    if others:
+        columns = each_for_all(workspace, cohort, "two effects in other forms", others, with_two)
+        candidates.fits |= dict(zip(others, columns, strict=True))
+        candidates.score()
+    _note_best(workspace, candidates)
+    # a pair must not be preferred because one of its effects alone was fitted badly
+    pair = next(effects for effects in candidates.ordered if len(effects) == 2)
+    size = Candidate(workspace.model).size
+    ends = size + len(pair[0].parameters)
+    own: dict[Effects, slice] = {pair[:1]: slice(size, ends), pair[1:]: slice(ends, None)}
+
+    def apart(i: int, effects: Effects) -> list[Array]:
+        at = candidates.fits[pair][i].at
+        return [np.concatenate([at[:size], at[own[effects]]])]
+
+    _improve(workspace, cohort, candidates, list(own), apart)
+
+
+def _possible(effects: Effects, cohort: Sequence[SpecimenFits]) -> bool:
+    """Whether the solver can have these effects, all at once."""
+    return cohort[0].solver is None or cohort[0].solver.can_have(effects)
+
+
+def _improve(
+    workspace: Workspace,
+    cohort: Sequence[SpecimenFits],
+    candidates: Candidates,
+    chosen: Sequence[Effects],
+    begins: Callable[[int, Effects], list[Array]],
+) -> None:
+    """Refit the chosen candidates from ``begins(number of the specimen, effects)``, and keep the better fits."""
+    columns = each_for_all(
+        workspace, cohort, "again from elsewhere", chosen,
+        lambda i, effects, session: cohort[i].refitted(
+            session, effects, candidates.fits[effects][i], begins(i, effects)
+        ),
+    )  # fmt: skip
+    candidates.fits |= dict(zip(chosen, columns, strict=True))
+    candidates.score()
+    _note_best(workspace, candidates)
+
+
+def _bare_again(
+    workspace: Workspace, cohort: Sequence[SpecimenFits], candidates: Candidates, chosen: Sequence[Effects]
+) -> None:
+    """Refit the bare model, started from its parameters in the fits with the chosen effects."""
+    size = Candidate(workspace.model).size
+    (candidates.bare,) = each_for_all(
+        workspace, cohort, "the model as it is, again", [None],
+        lambda i, _, session: cohort[i].refitted(
+            session, (), candidates.bare[i], [candidates.fits[effects][i].at[:size] for effects in chosen]
+        ),
+    )  # fmt: skip
+    candidates.score()
+
+
+def note_fit(workspace: Workspace, specimen: str, effects: Effects, fitted: Fitted) -> None:
+    """Show the best fit to a specimen so far; the loss of a true model is about the number of points."""
+    having = " + ".join(effect.name for effect in effects) or "the model as it is"
+    words = f"loss {fitted.loss:,.0f} with {having}; {fitted.points:,} points"
+    workspace.note("discover", specimen, words, value=fitted.loss, points=fitted.points)
+
+
+def _note_best(workspace: Workspace, candidates: Candidates) -> None:
+    """Show which candidate is the best of the cohort so far."""
+    effects = candidates.ordered[0]
+    best, bare = candidates.scored[effects], candidates.scores.bare
+    words = " + ".join(effect.name for effect in effects)
+    words += f": loss {best.loss:,.0f}, {bare.loss:,.0f} without; a true model's is about {candidates.floor:,.0f}"
+    workspace.note("discover", "all specimens", words, value=best.loss, without=bare.loss, floor=candidates.floor)
+
+
+def _best_forms(scored: dict[Effects, Score]) -> dict[Effects, Score]:
+    """Of each effect, the form that fits best."""
+    best: dict[tuple[str, ...], Effects] = {}
+    for effects, one in scored.items():
+        if one.effects not in best or one.criterion < scored[best[one.effects]].criterion:
+            best[one.effects] = effects
+    return {effects: scored[effects] for effects in best.values()}
+
+
+def _criterion(effects: Effects, loss: float, points: Sequence[int]) -> float:
+    return criterion(loss, sum(len(effect.parameters) for effect in effects), points)
+
+
+def _promising(pairs: Sequence[Effects], promises: Sequence[float]) -> list[Effects]:
+    """The most promising pairs, each in one order only."""
+    chosen: dict[frozenset[str], Effects] = {}
+    for number in np.argsort(promises, kind="stable"):
+        chosen.setdefault(frozenset(effect.slug for effect in pairs[number]), pairs[number])
+    return list(chosen.values())[:MAX_PAIRS]
+
+
+def _at_limit(effect: Effect, parameter: Parameter, at: float) -> bool:
+    """Whether the bound that a parameter is on is its null value or a limit of the law, with nothing beyond."""
+    end = parameter.minimum if at < 0.5 else parameter.maximum
+    return end in (effect.null.get(parameter.name), parameter.floor)
+
+
+def _score(effects: Effects, fitted: Sequence[Fitted], bare_fits: Sequence[Fitted]) -> Score:
+    points = [one.points for one in bare_fits]
+    parameters = [(effect, parameter) for effect in effects for parameter in effect.parameters]
+    first = len(fitted[0].at) - len(parameters)
+    on_bound = [
+        parameter.name
+        for k, (effect, parameter) in enumerate(parameters, first)
+        if any(one.pressed[k] and not _at_limit(effect, parameter, one.at[k]) for one in fitted)
+    ]
+    gains = [
+        alone.loss - criterion(one.loss, len(parameters), [count])
+        for one, alone, count in zip(fitted, bare_fits, points, strict=True)
+    ]
+    loss = sum(one.loss for one in fitted)
+    names = tuple(effect.slug for effect in effects)
+    return Score(names, _criterion(effects, loss, points), loss, tuple(gains), on_bound=tuple(on_bound))

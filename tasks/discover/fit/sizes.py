@@ -1,0 +1,77 @@
+"""How large effects may be. Their ranges are for tendons of 10 mm and about 1,000 N, and are scaled to other cohorts.
+
+A slip in millimetres or an offset in newtons means nothing without the size of the specimen. Ranges are multiplied by
+the nearest power of ten of the ratio of lengths, forces or stresses. Most cohorts keep the ranges as written; a
+fascicle of 5 N gets ranges of a hundredth of the force.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sinew.tasks.model import Specimen
+from sinew.tasks.model.effect import Effect
+from sinew.tasks.model.effects import library
+from sinew.tasks.model.parameters import Parameter
+
+LENGTH_MM, FORCE_N, AREA_MM2 = 10.0, 1000.0, 32.0
+
+
+@dataclass(frozen=True)
+class Size:
+    """A cohort's length, peak force and peak stress, as powers of ten of those that the ranges are for."""
+
+    length: float = 1.0
+    force: float = 1.0
+    stress: float = 1.0
+
+    def of(self, unit: str) -> float:
+        """The factor of a range in ``unit``; 1 for units without a length, force or stress."""
+        return {
+            "mm": self.length,
+            "N": self.force,
+            "N/s": self.force,
+            "mm/N": self.length / self.force,
+            "mm/(N s)": self.length / self.force,
+            "MPa": self.stress,
+            "MPa s": self.stress,
+            "MPa^0.5": self.stress**0.5,
+        }.get(unit, 1.0)
+
+
+def size_of(specimens: Sequence[Specimen]) -> Size:
+    """The size of a cohort, by the median of its specimens."""
+    peaks = np.array([max(float(np.abs(curve.force_N).max()) for curve in one.curves) for one in specimens])
+    areas = np.array([one.area_mm2 for one in specimens])
+    return Size(
+        _power_of_ten(np.median([one.length_mm for one in specimens]) / LENGTH_MM),
+        _power_of_ten(np.median(peaks) / FORCE_N),
+        _power_of_ten(np.median(peaks / areas) / (FORCE_N / AREA_MM2)),
+    )
+
+
+def _power_of_ten(ratio: float) -> float:
+    return float(10.0 ** round(float(np.log10(ratio)))) if ratio > 0 else 1.0
+
+
+def library_for(specimens: Sequence[Specimen]) -> dict[str, Effect]:
+    """All effects by slug, with ranges for specimens of this size."""
+    size = size_of(specimens)
+    return {slug: sized(effect, size) for slug, effect in library().items()}
+
+
+def sized(effect: Effect, size: Size) -> Effect:
+    """The effect, and its other forms, with the ranges of a cohort's size."""
+    parameters = tuple(_sized(parameter, size) for parameter in effect.parameters)
+    forms = tuple(sized(form, size) for form in effect.other_forms)
+    if parameters == effect.parameters and all(a is b for a, b in zip(forms, effect.other_forms, strict=True)):
+        return effect
+    null = {one.name: effect.null[one.name] * size.of(one.unit) for one in parameters if one.name in effect.null}
+    return replace(effect, parameters=parameters, null=null, other_forms=forms)
+
+
+def _sized(parameter: Parameter, size: Size) -> Parameter:
+    factor = size.of(parameter.unit)
+    low, high, typical = (factor * each for each in (parameter.minimum, parameter.maximum, parameter.reference))
+    return replace(parameter, minimum=low, maximum=high, reference=typical)

@@ -1,0 +1,202 @@
+"""The fits of a discovery, on the study's cluster.
+
+For each specimen: the bare model from several starts, then with one effect, starting from the bare fit, then with two
+effects, then without the held-out data. Fits are kept beside the store, so an interrupted run does not repeat them.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import partial
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
+from sinew.tasks.data.noise import noise_of_each
+from sinew.tasks.discover.fit.fit import Candidate, Fitted, errors, extended, fit, look_ahead, starts
+from sinew.tasks.discover.fit.intervals import Profiled, profiled
+from sinew.tasks.discover.measure.measured import Measured
+from sinew.tasks.discover.measure.splits import SPECIMEN, splits
+from sinew.tasks.model import Model, Specimen, file_name
+from sinew.tasks.model.effect import Effect
+from sinew.tasks.simulate import Array, TakesEffects, taking_effects
+from sinew.tasks.simulate.effects import VERSION
+from sinew.tasks.study.checkpoint import Checkpoint
+from sinew.tasks.study.files import digest
+from sinew.tasks.study.workspace import Workspace
+
+MAX_STARTS_RATIO = 4  # times the starts, while no two fits of the bare model agree
+MAX_SAME_LOSS = 2.0  # difference of whitened sums of squares of two fits that found the same minimum
+MAX_PARALLEL_FITS = 4  # of one specimen
+
+Effects = tuple[Effect, ...]
+
+
+def agree(fits: Sequence[Fitted]) -> bool:
+    """Whether the best of fits from different starts, the best first, was found twice."""
+    return len(fits) > 1 and fits[1].loss - fits[0].loss < MAX_SAME_LOSS
+
+
+@dataclass(frozen=True, eq=False)
+class SpecimenFits:
+    """The fits of one specimen: made on the cluster, or read from ``folder``, which keeps those made before.
+
+    ``solver``: what solves the model; None for the embedded simulator.
+    """
+
+    measured: Measured
+    model: Model
+    folder: Path
+    solver: TakesEffects | None = None
+
+    @property
+    def name(self) -> str:
+        return self.measured.specimen.name
+
+    def candidate(self, effects: Effects = ()) -> Candidate:
+        """The model with ``effects``."""
+        return Candidate(self.model, effects, self.solver)
+
+    def _checkpoint(self, *what: Any) -> Checkpoint:
+        """The file of one kind of fits."""
+        bounds = [[p.minimum, p.maximum] for p in self.model.parameters]
+        solver = self.solver.identity() if self.solver else None
+        how = [asdict(self.measured.noise), solver, VERSION, [each.name for each in fields(Fitted)]]
+        inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, *how, what)
+        return Checkpoint(self.folder / f"{file_name(self.name)}.{digest(what)[:12]}.jsonl", inputs)
+
+    def _fitted(self, checkpoint: Checkpoint, number: int, session: Session, *arguments: Any) -> Fitted:
+        """Fit ``number`` of a checkpoint: read back, or computed on a worker by a function and its arguments."""
+        if number == len(checkpoint):
+            fitted = session.compute(*arguments)
+            checkpoint.append(fitted.numbers())
+        return Fitted.of(checkpoint.kept[number])
+
+    def bare(self, session: Session, count: int, seed: tuple[int, ...]) -> list[Fitted]:
+        """Fits of the model without effects, the best first, from ``count`` starts and, until two agree, some more."""
+        candidate = self.candidate()
+        checkpoint = self._checkpoint("bare", seed)
+        fits: list[Fitted] = []
+        for i, at in enumerate(starts(candidate, np.random.default_rng(seed), MAX_STARTS_RATIO * count)):
+            if i >= count and agree(fits):
+                break
+            fits.append(self._fitted(checkpoint, i, session, fit, candidate, self.measured, at))
+            fits.sort(key=lambda one: one.loss)
+        return fits
+
+    def alone(self, session: Session, pooled: Fitted) -> list[Fitted]:
+        """Fits of the model without effects to each curve alone, from where the fit to all of them ended."""
+        candidate = self.candidate()
+        checkpoint = self._checkpoint("alone", digest(pooled.at))
+        return [
+            self._fitted(checkpoint, i, session, fit, candidate, self.measured, pooled.at, [curve])
+            for i, curve in enumerate(self.measured.curves)
+        ]
+
+    def extended(self, session: Session, effects: Effects, base: Fitted) -> Fitted:
+        """The best fit with ``effects``, of which all but the last were fitted in ``base``."""
+        candidate, before = self.candidate(effects), self.candidate(effects[:-1])
+        checkpoint = self._checkpoint("extended", _forms(effects), digest(base.at, *candidate.bounds()))
+        return self._fitted(checkpoint, 0, session, extended, before, base.at, effects[-1], self.measured)
+
+    def refitted(self, session: Session, effects: Effects, before: Fitted, begins: Sequence[Array]) -> Fitted:
+        """The better of ``before`` and fits with ``effects`` from ``begins``, each ``[k]``."""
+        candidate = self.candidate(effects)
+        checkpoint = self._checkpoint("refitted", _forms(effects), digest(*begins, *candidate.bounds()))
+        fits = [self._fitted(checkpoint, i, session, fit, candidate, self.measured, at) for i, at in enumerate(begins)]
+        return min([before, *fits], key=lambda one: one.loss)
+
+    def profiled(self, session: Session, effects: Effects, fitted: Fitted) -> Profiled:
+        """The fit with ``effects``, or a better one, and 90 % intervals of the effects' parameters."""
+        candidate = self.candidate(effects)
+        checkpoint = self._checkpoint("profiled", _forms(effects), digest(fitted.at, *candidate.bounds()))
+        if not len(checkpoint):
+            profile = session.compute(profiled, candidate, self.measured, fitted)
+            checkpoint.append(np.concatenate([profile.ends.ravel(), profile.fitted.numbers()]))
+        kept = checkpoint.kept[0]
+        ends = 2 * (candidate.size - len(candidate.varied))
+        return Profiled(Fitted.of(kept[ends:]), kept[:ends].reshape(-1, 2))
+
+    def promise(self, session: Session, effects: Effects, base: Fitted) -> float:
+        """The loss that a fit with ``effects`` may reach, predicted from ``base``, which lacks the last of them."""
+        candidate, before = self.candidate(effects), self.candidate(effects[:-1])
+        checkpoint = self._checkpoint("promise", _forms(effects), digest(base.at, *candidate.bounds()))
+        if not len(checkpoint):
+            ahead = session.compute(look_ahead, before, base.at, effects[-1], self.measured)
+            checkpoint.append(np.array([ahead[0]]))
+        return float(checkpoint.kept[0][0])
+
+    def held_out(self, session: Session, effects: Effects, start: Array) -> dict[str, dict[str, Array]]:
+        """By kind of split and curve: whitened squared errors ``[t]`` of what a fit of the rest predicts."""
+        candidate = self.candidate(effects)
+        checkpoint = self._checkpoint("held out", _forms(effects), digest(start, *candidate.bounds()))
+        squares: dict[str, dict[str, Array]] = {}
+        for i, split in enumerate(splits(self.measured)):
+            fitted = self._fitted(checkpoint, i, session, fit, candidate, split.seen, start)
+            for curve in self.measured.curves:
+                if curve.name in split.judged:
+                    white = errors(candidate, self.measured, fitted.at[np.newaxis], [curve])[0]
+                    squares.setdefault(split.kind, {})[curve.name] = white[split.judged[curve.name] :] ** 2
+        return squares
+
+    def of_others(self, session: Session, effects: Effects, start: Array, values: Array) -> dict[str, dict[str, Array]]:
+        """As :meth:`held_out`, with the effects at ``values`` ``[m]`` (unit cube) fitted to other specimens."""
+        candidate = self.candidate(effects)
+        begin = np.concatenate([start[: start.size - values.size], values])
+        checkpoint = self._checkpoint("of others", _forms(effects), digest(begin, *candidate.bounds()))
+        how = (_fit_beside, candidate, self.measured, begin, values.size)
+        fitted = self._fitted(checkpoint, 0, session, *how)
+        return {
+            SPECIMEN: {
+                curve.name: errors(candidate, self.measured, fitted.at[np.newaxis], [curve])[0] ** 2
+                for curve in self.measured.curves
+            }
+        }
+
+
+def _fit_beside(candidate: Candidate, measured: Measured, start: Array, last: int) -> Fitted:
+    """A fit with the ``last`` values fixed."""
+    return fit(candidate, measured, start, fixed=range(start.size - last, start.size))
+
+
+def _forms(effects: Effects) -> list[str]:
+    """The name and equation of each effect's form."""
+    return [f"{effect.name}: {effect.equation}" for effect in effects]
+
+
+def fits_of_each(workspace: Workspace, chosen: Sequence[Specimen]) -> list[SpecimenFits]:
+    """The fits of each specimen, with the noise of all of its curves together."""
+    folder = workspace.out / "discover"
+    noise = noise_of_each([one.curves for one in chosen])
+    solver = taking_effects(workspace.simulator)
+    return [
+        SpecimenFits(Measured(one, level), workspace.model, folder, solver)
+        for one, level in zip(chosen, noise, strict=True)
+    ]
+
+
+def each_for_all(
+    workspace: Workspace,
+    cohort: Sequence[SpecimenFits],
+    title: str,
+    items: Sequence[Any],
+    work: Callable[[int, Any, Session], Any],
+) -> list[list[Any]]:
+    """Results ``[item][specimen]`` of ``work(number of specimen, item, session)``, many of which run at a time."""
+    jobs = [(i, k) for k in range(len(items)) for i in range(len(cohort))]
+    results: dict[tuple[int, int], Any] = {}
+    lanes = min(len(jobs), MAX_PARALLEL_FITS * len(cohort))
+    with workspace.progress(f"discover: {title}", len(jobs), of="fits") as report:
+        lock = Lock()
+
+        def lane(number: int, session: Session) -> None:
+            for i, k in jobs[number::lanes]:
+                done = work(i, items[k], session)
+                with lock:
+                    results[i, k] = done
+                    report(len(results), 0, lanes)
+
+        workspace.run_adaptive([AdaptiveRun([], 0, partial(lane, number)) for number in range(lanes)], title)
+    return [[results[i, k] for i in range(len(cohort))] for k in range(len(items))]

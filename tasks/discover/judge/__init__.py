@@ -1,0 +1,1 @@
+"""From fits to a verdict, and how far it can be trusted."""

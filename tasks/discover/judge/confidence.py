@@ -1,0 +1,42 @@
+"""How far a verdict can be trusted: how often verdicts of the same word were true in cases with known answers.
+
+No number of a fit is the probability of being right: each is computed as if nature had one of the library's forms. The
+blind benchmark (docs/discover_benchmark.md) counts how verdicts of each word did, on effects in other forms and on
+other cases than the rules were tuned on. The counts hold for cohorts like those.
+"""
+
+from collections.abc import Mapping
+
+from scipy.stats import binomtest
+
+from sinew.tasks.discover.result import Confidence
+
+MEANING: Mapping[str, str] = {
+    "NAMED": "every name was true",
+    "AMBIGUOUS": "something was there, and all of it in the set",
+    "OUTSIDE": "the library did not have what was there",
+    "NONE": "there was nothing, or nothing that could be seen",
+}
+#: By word: how many verdicts of the benchmark's 101 cases were true in that sense, of how many.
+RECORD: Mapping[str, tuple[int, int]] = {"NAMED": (55, 55), "AMBIGUOUS": (5, 6), "OUTSIDE": (6, 9), "NONE": (30, 31)}
+
+
+def confidence(word: str) -> Confidence:
+    """What the record says of verdicts with this word."""
+    true, of = RECORD[word]
+    return Confidence(MEANING[word], true, of, true / of, clopper_pearson(true, of))
+
+
+def clopper_pearson(count: int, of: int) -> tuple[float, float]:
+    """95 % interval of a share (Clopper and Pearson 1934)."""
+    interval = binomtest(count, of).proportion_ci(confidence_level=0.95, method="exact")
+    return float(interval.low), float(interval.high)
+
+
+def in_words(record: Confidence) -> str:
+    """A confidence in one line."""
+    low, high = record.interval
+    return (
+        f"{record.true} of {record.of} such verdicts were true in the blind benchmark (95 %: {100 * low:.0f} to "
+        f"{100 * high:.0f} %): {record.means}"
+    )

@@ -1,0 +1,1 @@
+"""Where model and measurement disagree, and by how much more than noise."""

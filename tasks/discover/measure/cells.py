@@ -1,0 +1,140 @@
+"""Cells of a test in which model and measurement can disagree, and how large a disagreement is by chance.
+
+A cell is a part of one curve: the toe, ramp or peak of a loading, the early, middle or late part of a hold, an
+unloading, or the valley after it, each with the number of its step or cycle. Its misfit is the sum of the whitened
+residuals in it over the root of their number: about standard normal where the model is true, and a little less because
+parameters were fitted to the same points. What the fit takes away is taken from the simulated noise, too: residuals of
+a fit are the noise without its projection on the derivatives (the parametric bootstrap with refit, linearised at the
+fit). The largest misfit over all cells of that noise gives the limit that is crossed by chance in one of twenty tests
+of a whole cohort (Westfall and Young 1993, max T).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sinew.tasks.discover.fit.fit import Candidate, Fitted, derivatives, errors
+from sinew.tasks.discover.measure.measured import Measured
+from sinew.tasks.discover.result import CellMisfit, InPlace
+from sinew.tasks.model import Curve
+from sinew.tasks.model.phases import Phase, phases
+from sinew.tasks.simulate import Array
+
+TOE, PEAK = 0.3, 0.1  # fractions of a loading: its beginning, and its end
+HOLD_PARTS = ("early hold", "middle hold", "late hold")  # thirds of the logarithm of the time
+MIN_POINTS = 3  # of a cell
+DRAWS = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """Points of a curve (numbers ``[k]``)."""
+
+    protocol: str
+    phase: str
+    number: int
+    points: Array
+
+    @property
+    def name(self) -> str:
+        return f"{self.protocol}: {self.phase} {self.number}"
+
+
+def cells(curve: Curve) -> list[Cell]:
+    """All cells of a curve that have enough points, in order of time. No point is in two of them."""
+    cells = []
+    taken = 0
+    for phase in phases(curve.protocol):
+        begin = max(phase.start, taken)  # the corner belongs to the phase before it
+        taken = phase.stop
+        points = np.arange(begin, phase.stop)
+        for name, part in _parts(phase, curve, points):
+            if part.size >= MIN_POINTS:
+                cells.append(Cell(curve.name, name, phase.number, part))
+    return cells
+
+
+def _parts(phase: Phase, curve: Curve, points: Array) -> list[tuple[str, Array]]:
+    if not points.size:
+        return []
+    time, moved = curve.protocol.time_s[points], curve.protocol.displacement_mm[points]
+    if phase.kind == "hold":
+        since = np.log1p((time - time[0]) / max(float(np.median(np.diff(curve.protocol.time_s))), 1e-12))
+        third = np.minimum((3 * since / max(since[-1], 1e-12)).astype(int), 2)
+        return [(name, points[third == i]) for i, name in enumerate(HOLD_PARTS)]
+    way = np.abs(moved - moved[0]) / max(float(np.abs(moved[-1] - moved[0])), 1e-12)
+    if phase.kind == "load":
+        middle = (way >= TOE) & (way < 1 - PEAK)
+        return [("toe", points[way < TOE]), ("ramp", points[middle]), ("peak", points[way >= 1 - PEAK])]
+    return [("unload", points[way < 1 - TOE]), ("valley", points[way >= 1 - TOE])]
+
+
+def misfits(inside: Array, errors: Array) -> Array:
+    """Misfit ``[c]`` of cells, from whitened residuals ``errors`` ``[t]``; ``inside`` ``[c, t]``: where they are."""
+    z: Array = (inside @ errors) / np.sqrt(inside.sum(axis=1))
+    return z
+
+
+def limits_by_chance(
+    inside: Array, derivatives: Array, chances: Sequence[float], rng: np.random.Generator
+) -> list[float]:
+    """The limits that the largest of all misfits exceeds with probabilities ``chances`` if the model is true.
+
+    ``derivatives`` ``[t, k]`` are those of the whitened residuals at the fit.
+    """
+    basis, _ = np.linalg.qr(derivatives)
+    # only the sums of the noise over cells and along the basis matter; they are few, however many points there are
+    shares = inside / np.sqrt(inside.sum(axis=1))[:, np.newaxis]
+    left = shares - (shares @ basis) @ basis.T
+    root = np.linalg.cholesky(left @ left.T + 1e-9 * np.eye(len(left)))
+    largest = np.abs(root @ rng.standard_normal((len(left), DRAWS))).max(axis=0)
+    return [float(np.quantile(largest, 1.0 - chance)) for chance in chances]
+
+
+def misfit_map(
+    measured: Measured, candidate: Candidate, fitted: Fitted, chance: float, far: float, seed: tuple[int, ...]
+) -> tuple[CellMisfit, ...]:
+    """The misfit in every cell of a specimen, in newton and in units of chance.
+
+    ``limit`` is crossed by chance in some cell with the probability ``chance``, ``sure`` with ``far`` times that.
+    """
+    every: list[Cell] = []
+    inside: list[Array] = []
+    newtons: list[float] = []
+    total, first = sum(curve.force_N.size for curve in measured.curves), 0
+    for curve in measured.curves:
+        error = curve.force_N - candidate.forces(measured.specimen, curve.protocol, fitted.at[np.newaxis])[0]
+        for cell in cells(curve):
+            every.append(cell)
+            row = np.zeros(total)
+            row[first + cell.points] = 1.0
+            inside.append(row)
+            newtons.append(float(error[cell.points].mean()))
+        first += curve.force_N.size
+    which = np.array(inside)
+    white, slopes = derivatives(candidate, measured, fitted.at, measured.curves, errors)
+    z = -misfits(which, white)  # measured minus simulated
+    limit, sure = limits_by_chance(which, slopes, [chance, far * chance], np.random.default_rng(seed))
+    return tuple(
+        CellMisfit(cell.protocol, cell.phase, cell.number, float(z[c]), newtons[c], limit, sure)
+        for c, cell in enumerate(every)
+    )
+
+
+def located_part(before: Sequence[Sequence[CellMisfit]], after: Sequence[Sequence[CellMisfit]]) -> InPlace | None:
+    """The fraction of the improvement in cells that were beyond chance before, and the fraction of such cells.
+
+    None where there was none.
+    """
+    gains = [
+        (b.z**2 - a.z**2, b.beyond_chance)
+        for old, new in zip(before, after, strict=True)
+        for b, a in zip(old, new, strict=True)
+    ]
+    share = sum(located for _, located in gains) / len(gains)
+    if not share:
+        return None
+    better = sum(gain for gain, _ in gains if gain > 0)
+    part = sum(gain for gain, located in gains if located and gain > 0) / better if better else 0.0
+    return InPlace(float(part), float(share))

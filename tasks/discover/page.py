@@ -1,0 +1,223 @@
+"""Discovery: where model and measurements disagree, and which effect would explain it."""
+
+from typing import Any
+
+import numpy as np
+from bokeh.models import LinearColorMapper
+from bokeh.models.annotations import ColorBar
+
+from sinew.tasks.discover.figures import FAR
+from sinew.tasks.discover.judge.confidence import in_words
+from sinew.tasks.discover.result import CandidateResult, DiscoverResult
+from sinew.tasks.discover.show import UNLIKELY, held_out, unlikely
+from sinew.tasks.drawing import plots
+from sinew.tasks.drawing.blocks import Block, Code, Facts, Plot, Plots, Section, Table, Words, number, percent
+from sinew.tasks.drawing.figures import COLOURS
+from sinew.tasks.model import file_name
+from sinew.tasks.report.folder import ResultFolder, spread
+
+NAME = "discovery"
+POINTS = 800  # of a curve
+MEANING = {
+    "NONE": "Nothing disagrees beyond chance, and no effect improves the fit clearly.",
+    "NAMED": "The named effects explain the disagreement, nothing else does as well, and they predict unseen data.",
+    "AMBIGUOUS": "The data cannot tell a set of effects apart, or the best one fails a check.",
+    "OUTSIDE": "Model and data disagree, and nothing in the library explains it.",
+}
+#: Blue to red through white (RdBu of ColorBrewer), for colour-blind readers too; dots say what is beyond chance.
+_COLOURS = ("#2166ac", "#4393c3", "#92c5de", "#d1e5f0", "#f7f7f7", "#fddbc7", "#f4a582", "#d6604d", "#b2182b")
+
+
+def section(found: ResultFolder) -> Section:
+    """Everything of ``discover.json``, and the curves with and without the effects."""
+    title, question = "Discovery", "Where do model and measurements disagree, and what is missing?"
+    result = found.result(DiscoverResult)
+    if result is None:
+        return Section("discovery", title, question, missing=found.missing("discover"))
+    blocks: list[Block] = [_verdict(result)]
+    if found.store is not None:
+        blocks.append(_curves(found, result))
+    blocks += [_cells(result), _candidates(result), *_others(result)]
+    gap = result.gap
+    sure = f"misfit explained: {percent(result.explained)}" if result.explained is not None else ""
+    if gap.closed is not None:
+        sure = (
+            f"held-out error {gap.before:.2f} without, {gap.after:.2f} with it, in units of noise "
+            f"(a true model: {gap.floor:.2f})"
+        )
+    bounds = [name for one in result.candidates[:1] for name in one.on_bound]
+    return Section(
+        "discovery", title, question, blocks,
+        found=f"{_answer(result)}; {result.why}",
+        sure=sure,
+        failed=f"on a bound: {', '.join(bounds)}" if bounds else "",
+    )  # fmt: skip
+
+
+def _answer(result: DiscoverResult) -> str:
+    return f"{result.verdict}: {result.answer}" if result.answer else result.verdict
+
+
+def _verdict(result: DiscoverResult) -> Facts:
+    gap, conflict = result.gap, result.conflict
+    rows = [
+        ("verdict", _answer(result)),
+        ("because", result.why),
+        ("that means", MEANING[result.verdict]),
+        ("how far to trust it", in_words(result.confidence)),
+    ]
+    if gap.closed is not None:
+        ends = f"a true model: {gap.floor:.2f}; gap closed: {gap.closed:.2f}"
+        both = f"{gap.before:.2f} as it is, {gap.after:.2f} with {result.shown_name}"
+        rows.append(("held-out error, in units of noise", f"{both}; {ends}"))
+    worst = conflict.worst
+    if conflict.p < UNLIKELY and worst is not None:
+        rows.append(("conflict of protocols", f"{unlikely(conflict.p)}: most of all {worst.parameter}, "
+                     f"{number(worst.values[0])} in {worst.curves[0]}, {number(worst.values[1])} in "
+                     f"{worst.curves[1]}"))  # fmt: skip
+    noise = [f"{name} {number(one.sd_N)} N" for name, one in result.noise.items()]
+    rows.append(("noise (standard deviation)", ", ".join(noise)))
+    return Facts(rows)
+
+
+def _curves(found: ResultFolder, result: DiscoverResult) -> Plots:
+    assert found.store is not None
+    effects = result.shown_name
+    models = {"bare": "the model as it is"} | ({"having": f"with {effects}"} if effects else {})
+    data: dict[str, dict[str, Any]] = {}
+    protocols = list(dict.fromkeys(cell.protocol for cells in result.cells.values() for cell in cells))
+    for name in result.cells:
+        kept = found.store.read_result(f"discover/{file_name(name)}")
+        data[name] = {}
+        for protocol in protocols:
+            columns = {key: np.zeros(0) for key in ("time", "measured", *models, *(f"left_{key}" for key in models))}
+            if f"time_{protocol}" in kept.variables:
+                time, measured = (kept[f"{key}_{protocol}"].to_numpy() for key in ("time", "measured"))
+                keep = spread(time, POINTS)
+                columns = {"time": time[keep], "measured": measured[keep]}
+                for key in models:
+                    force = kept[f"{key}_{protocol}"].to_numpy()
+                    columns |= {key: force[keep], f"left_{key}": (measured - force)[keep]}
+            data[name][protocol] = columns
+
+    def draw(sources: plots.Sources) -> list[Plot]:
+        drawn: list[Plot] = []
+        for protocol in protocols:
+            source = sources[protocol]
+            plot = plots.figure(f"time (s), {protocol.replace('_', ' ')}", "force (N)")
+            line = plot.line("time", "measured", source=source, color=plots.MEASURED, line_width=3.4)
+            entries = [("measured", [line])]
+            left = plots.figure("time (s)", "measured less model (N)", height=230, x_range=plot.x_range)
+            rows = [("time", "@time{0.00} s"), ("measured", "@measured{0.0} N")]
+            leftovers = []
+            for key, label in models.items():
+                colour = COLOURS[1] if key == "bare" else COLOURS[0]
+                style = {"color": colour, "line_dash": "dashed" if key == "bare" else "solid"}
+                entries.append((label, [plot.line("time", key, source=source, line_width=1.4, **style)]))
+                rest = left.line("time", f"left_{key}", source=source, line_width=1.0, **style)
+                leftovers.append((label, [rest]))
+                plots.hover(left, rest, [(label, f"@left_{key}{{0.00}} N"), ("time", "@time{0.00} s")])
+                rows.append((label, f"@{key}{{0.0}} N"))
+            plots.hover(plot, line, rows)
+            left.hspan(0.0, line_color=plots.INK, line_width=0.7)
+            plots.legend(plot, entries)
+            plots.legend(left, leftovers)
+            label = f"{protocol}: forces with and without effects, and what either model leaves"
+            drawn.append(plots.plot(f"discovery-curves-{len(drawn)}", plot, label, below=left))
+        return drawn
+
+    notes = {name: f"noise {number(result.noise[name].sd_N)} N (standard deviation)" for name in data}
+    caption = "Measured and modelled forces, and below what either model leaves."
+    return plots.picked("discovery-curves", caption, "Specimen", data, draw, notes)
+
+
+def _cells(result: DiscoverResult) -> Plots:
+    """Misfit by specimen and cell: a row for the model as it is, one with the effects."""
+    effects = result.shown_name
+    rows = [(f"{name}, as it is", cells) for name, cells in result.cells.items()]
+    rows += [(f"{name}, with {effects}", cells) for name, cells in (result.after or {}).items()]
+    columns: dict[str, list[Any]] = {key: [] for key in ("cell", "row", "z", "shade", "limit", "mean", "beyond")}
+    for name, cells in rows:
+        for cell in cells:
+            columns["cell"].append(f"{cell.protocol.replace('_', ' ')}: {cell.phase} {cell.number}")
+            columns["row"].append(name)
+            columns["z"].append(cell.z)
+            columns["shade"].append(float(np.clip(cell.z, -FAR, FAR)))
+            columns["limit"].append(cell.limit)
+            columns["mean"].append(cell.mean_N)
+            columns["beyond"].append(0.3 if cell.beyond_chance else 0.0)
+    labels = list(dict.fromkeys(columns["cell"]))
+    plot = plots.figure(
+        "", "", height=190 + 34 * len(rows), x_range=[*map(plots.plain, labels)],
+        y_range=[*map(plots.plain, dict.fromkeys(columns["row"]))][::-1],
+    )  # fmt: skip
+    mapper = LinearColorMapper(palette=_COLOURS, low=-FAR, high=FAR)
+    source = plots.source("cells", columns)
+    boxes = plot.rect(
+        "cell", "row", 1, 1, source=source, fill_color={"field": "shade", "transform": mapper}, line_color="white"
+    )
+    beyond: dict[str, list[str]] = {"row": [], "cell": []}
+    for cell, row, flag in zip(columns["cell"], columns["row"], columns["beyond"], strict=True):
+        if flag:
+            beyond["row"].append(row)
+            beyond["cell"].append(cell)
+    plot.scatter("cell", "row", source=plots.source("beyond", beyond), size=4, color=plots.INK)
+    plot.xaxis.major_label_orientation = 1.4
+    plot.xaxis.major_label_text_font_size = "9px"
+    bar = ColorBar(color_mapper=mapper, title="units of chance", height=10, width=220, location=(0, 0), padding=4)
+    plot.add_layout(bar, "above")
+    hover = [("cell", "@cell"), ("", "@row"), ("misfit", "@z{0.0} (limit @limit{0.0})"), ("mean", "@mean{0.0} N")]
+    plots.hover(plot, boxes, hover)
+    shown = plots.plot(
+        "discovery-cells", plot, "Misfit of each part of each test, before and with the effects", wide=True
+    )
+    words = "Misfit of each part of each test: measured above (red) or below (blue) the model; dots: beyond chance."
+    return Plots("discovery-map", words, [shown])
+
+
+def _candidates(result: DiscoverResult) -> Table:
+    rows = [
+        [
+            one.name,
+            number(one.gain),
+            percent(one.explained),
+            held_out(one) or "–",
+            " ".join(one.on_bound) or "–",
+        ]
+        for one in result.candidates
+    ]
+    header = ["effects", "gain", "misfit explained", "held-out gain", "on a bound"]
+    return Table("Candidates, the best first", header, rows, words=(4,), open=len(rows) <= 8)
+
+
+def _others(result: DiscoverResult) -> list[Block]:
+    """Parameters of the effects, and what goes with the verdict."""
+    blocks: list[Block] = [] if result.judged is None else [_parameters(result.judged)]
+    if result.outside:
+        nearest = result.outside.similar[0]
+        lines = [f"What is left looks most like {nearest.effect} (cosine {nearest.cosine:.2f}). That is a "
+                 "description, no mechanism."]  # fmt: skip
+        lines += [f"{one.specimen}: {one.sentence}" for one in result.outside.corrections]
+        blocks += [Words(line, "note") for line in lines]
+    if experiment := result.next_experiment:
+        words = (
+            f"What would tell: {experiment.name} ({experiment.words}). Then the wrong one is off by up to "
+            f"{experiment.newtons:.1f} N, {experiment.at_s:.0f} s into the test."
+        )
+        blocks.append(Words(words, "note"))
+    if result.model:
+        blocks.append(Code(f"The study with it, {result.model.path}", result.model.difference, open=False))
+    return blocks
+
+
+def _parameters(judged: CandidateResult) -> Table:
+    rows = [
+        [specimen, name, number(one.value, 4), one.unit, *(number(end, 4) for end in one.interval)]
+        for specimen, every in judged.parameters.items()
+        for name, one in every.items()
+    ]
+    header = ["specimen", "parameter", "value", "unit", "from", "to"]
+    caption = f"Parameters of {judged.name}, with 90 % intervals"
+    if judged.on_bound:
+        caption += f"; {' '.join(judged.on_bound)} ended on a bound, where an interval is open"
+    return Table(caption, header, rows, words=(1, 3), open=len(rows) <= 8)

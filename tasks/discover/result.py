@@ -1,0 +1,304 @@
+"""The result of a discovery: what ``discover.json`` and its copy ``verdict.json`` hold."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from sinew.tasks.discover.follow_up import AddedModel, NextExperiment, Outside
+from sinew.tasks.model.effects import named
+from sinew.tasks.study.files import digest, write_json
+from sinew.tasks.study.result import OMIT, Number, Result, plain
+
+Word = Literal["NONE", "NAMED", "AMBIGUOUS", "OUTSIDE"]
+COPY = "verdict.json"
+
+
+@dataclass(frozen=True)
+class Confidence:
+    """How often verdicts of the same word were true in the blind benchmark: ``true`` ``of`` so many.
+
+    ``means`` says in words when such a verdict is true; ``interval`` is the 95 % interval of the ``share``.
+    """
+
+    means: str
+    true: int
+    of: int
+    share: float
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class BareFit:
+    """The fit of the model without effects: its ``loss`` over all specimens, and the loss expected of a true model.
+
+    Losses are whitened sums of squares. ``trusted``: for every specimen, two starts led to the same fit. ``starts``
+    holds the loss from each start, the best first, by specimen.
+    """
+
+    loss: float
+    floor: float
+    trusted: bool
+    starts: Mapping[str, tuple[Number, ...]]
+
+
+@dataclass(frozen=True)
+class Apart:
+    """How far two curves' own best values of a parameter are apart: in ``errors`` (standard), and the ``values``."""
+
+    parameter: str
+    errors: Number
+    curves: tuple[str, str]
+    values: tuple[Number, Number]
+
+
+@dataclass(frozen=True)
+class SpecimenConflict:
+    """The ``statistic`` T of a specimen (in squares of the noise), its degrees of ``freedom``, and the ``p`` value.
+
+    ``by_curve``: what each curve loses in the fit to all; they add up to T. ``apart``: each parameter, the one whose
+    own best values are farthest apart first.
+    """
+
+    statistic: Number
+    freedom: int
+    p: Number
+    by_curve: tuple[tuple[str, Number], ...]
+    apart: tuple[Apart, ...]
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """Whether one set of parameters can be right for all protocols: all specimens together, and each of them."""
+
+    statistic: Number
+    freedom: int
+    p: Number
+    specimens: Mapping[str, SpecimenConflict]
+
+    @property
+    def worst(self) -> Apart | None:
+        """The parameter on which the curves of the worst specimen disagree most; None with one curve each."""
+        worst = max(self.specimens.values(), key=lambda one: one.statistic)
+        return worst.apart[0] if worst.apart else None
+
+
+@dataclass(frozen=True)
+class NoiseLevel:
+    """Noise of a specimen's curves: standard deviation at rest (N), lag-one correlation, growth with the force."""
+
+    sd_N: Number
+    ar1: Number
+    proportional: Number
+
+
+@dataclass(frozen=True)
+class Gain:
+    """How much better held-out data are predicted (whitened sum of squares), and the standard ``error`` of that.
+
+    The error is NaN where there are too few points for one.
+    """
+
+    gain: Number
+    error: Number
+
+
+@dataclass(frozen=True)
+class InPlace:
+    """Part of the ``improvement`` that lies in cells which disagree, and part of all ``cells`` that these are."""
+
+    improvement: float
+    cells: float
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter's value and its 90 % interval."""
+
+    value: Number
+    unit: str
+    interval: tuple[Number, Number]
+
+
+@dataclass(frozen=True)
+class SharedEstimate(Estimate):
+    """A parameter of the test machine, as one value for all specimens; ``p``: of values so far apart by chance."""
+
+    p: Number
+
+
+@dataclass(frozen=True)
+class CandidateResult:
+    """The model with one or two effects, fitted to every specimen.
+
+    ``forms`` are the forms of the effects that fit best. ``free`` counts the effects' parameters over all specimens.
+    ``gain`` is the improvement of the criterion over the bare model, in all and by specimen (``gains``); ``explained``
+    the part of the misfit beyond noise that the effects take away, None where there is hardly any. ``held_out`` and its
+    error: the gain on held-out protocols, or else on later cycles, None where neither was asked. ``splits`` has the
+    gain by kind of split; ``beyond_one`` the same for a pair against the better of its effects alone. ``on_bound``
+    names parameters that ended on a bound. ``parameters`` are by specimen and name.
+    """
+
+    effects: tuple[str, ...]
+    forms: tuple[str, ...]
+    loss: float
+    free: int
+    gain: float
+    gains: Mapping[str, Number]
+    explained: float | None
+    held_out: float | None
+    held_out_error: float | None
+    splits: Mapping[str, Gain]
+    beyond_one: Mapping[str, Gain]
+    in_place: InPlace | None
+    on_bound: tuple[str, ...]
+    parameters: Mapping[str, Mapping[str, Estimate]]
+    shared: Mapping[str, SharedEstimate]
+
+    @property
+    def name(self) -> str:
+        return " + ".join(self.effects)
+
+
+@dataclass(frozen=True)
+class CellMisfit:
+    """The misfit of one part of a test: ``z`` in units of chance, ``mean_N`` (N); measured minus simulated.
+
+    ``number`` is that of the step or cycle. Chance alone takes some cell of the cohort beyond ``limit`` with the
+    probability of the study's setting, and beyond ``sure`` in one of fifty of these cases.
+    """
+
+    protocol: str
+    phase: str
+    number: int
+    z: Number
+    mean_N: Number
+    limit: Number
+    sure: Number
+
+    @property
+    def beyond_chance(self) -> bool:
+        return abs(self.z) > self.limit
+
+    @property
+    def far_beyond_chance(self) -> bool:
+        return abs(self.z) > self.sure
+
+
+Cells = Mapping[str, tuple[CellMisfit, ...]]
+
+
+@dataclass(frozen=True)
+class SplitGap:
+    """Held-out error in units of noise (root mean square), without and with the effects.
+
+    ``floor`` is what a true model would come to; ``closed`` the part of the gap to it that the effects close, None
+    where there is no gap.
+    """
+
+    before: Number
+    after: Number
+    floor: Number
+    closed: float | None
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The gap on the most telling ``split`` that there is, and on all ``splits``. All None where nothing was held out.
+
+    See :class:`SplitGap`.
+    """
+
+    split: str | None = None
+    before: float | None = None
+    after: float | None = None
+    floor: float | None = None
+    closed: float | None = None
+    splits: Mapping[str, SplitGap] | None = field(default=None, metadata=OMIT)
+
+
+@dataclass(frozen=True, eq=False)
+class DiscoverResult(Result):
+    """The verdict on a cohort, and everything that it rests on.
+
+    ``effects`` are those that are named, ``set`` those that cannot be told apart. ``located``: some cell disagrees
+    beyond chance; ``surely``: so far beyond that a laboratory can rely on it. ``candidates`` come the best first,
+    ``cells`` by specimen for the bare model, and ``after`` with the effects ``shown``, which are those of the candidate
+    that the verdict is about. Of the last fields, ``next_experiment`` goes with AMBIGUOUS, ``outside`` with OUTSIDE,
+    ``model`` with NAMED.
+
+    ``VERSION`` covers fits, rules, thresholds and the record of :mod:`sinew.tasks.discover.judge.confidence`, and the
+    noise that is taken from the curves.
+    """
+
+    TASK = "discover"
+    LIBRARIES = ("scikit-learn",)
+
+    verdict: Word
+    effects: tuple[str, ...]
+    set: tuple[str, ...]
+    why: str
+    confidence: Confidence
+    explained: float | None
+    null: BareFit
+    conflict: Conflict
+    located: bool
+    surely: bool
+    noise: Mapping[str, NoiseLevel]
+    candidates: tuple[CandidateResult, ...]
+    cells: Cells
+    shown: tuple[str, ...]
+    gap: Gap
+    next_experiment: NextExperiment | None
+    outside: Outside | None
+    model: AddedModel | None
+    inputs: str
+    after: Cells | None = field(default=None, metadata=OMIT)
+
+    @property
+    def answer(self) -> str:
+        """The named effects, or those that cannot be told apart; empty where there are none."""
+        return " + ".join(self.effects) or " or ".join(self.set)
+
+    @property
+    def headline(self) -> str:
+        """The word of the verdict with its effects."""
+        return f"{self.verdict} {self.answer}".strip()
+
+    @property
+    def shown_name(self) -> str:
+        return " + ".join(self.shown)
+
+    @property
+    def judged(self) -> CandidateResult | None:
+        """The candidate that the verdict is about, None where that is the bare model."""
+        return next((one for one in self.candidates if one.effects == self.shown), None)
+
+    @classmethod
+    def method(cls) -> dict[str, Any]:
+        """As for every result, and what else a verdict depends on: forces with effects, and the library of effects."""
+        from sinew.tasks.simulate.effects import VERSION  # its kernels are slow to import
+
+        return {**super().method(), "forces": VERSION, "effects": digest(_library())}
+
+    def write(self, folder: Path) -> None:
+        """Write ``discover.json`` and its copy, each whole or not at all."""
+        super().write(folder)
+        write_json(folder / COPY, {**plain(self), "version": self.VERSION})
+
+
+def _library() -> dict[str, Any]:
+    """What a discovery takes from each effect of the library, besides the forces that it computes."""
+    return {
+        name: [
+            effect.equation,
+            [[one.name, one.unit, one.minimum, one.maximum, one.reference] for one in effect.parameters],
+            dict(effect.null),
+            list(effect.shared),
+            dict(effect.febio),
+        ]
+        for name, effect in named().items()
+    }
+
+
+RESULT = DiscoverResult

@@ -1,0 +1,28 @@
+"""The section ``discover`` of a study."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator
+
+from sinew.runner.errors import shown
+from sinew.tasks.model.effects import library
+from sinew.tasks.study.fields import Specimens, TaskSettings
+
+
+class Settings(TaskSettings):
+    """Which ``effects`` of the library are candidates, and from how many ``starts`` the model without them is fitted.
+
+    ``chance``: how often some cell of the whole cohort may look wrong where nothing is.
+    """
+
+    specimens: Specimens = "all"
+    effects: Literal["all"] | Annotated[list[str], Field(min_length=1)] = "all"
+    starts: Annotated[int, Field(ge=1, le=100)] = 4
+    chance: Annotated[float, Field(gt=0, lt=0.5)] = 0.05
+
+    @field_validator("effects")
+    @classmethod
+    def _known(cls, value: list[str] | str) -> list[str] | str:
+        if isinstance(value, list) and (unknown := [slug for slug in value if slug not in library()]):
+            raise ValueError(f"{shown(unknown[0])} is no effect; expected some of {', '.join(library())}")
+        return value

@@ -1,0 +1,111 @@
+"""How a discovery is shown: as tables and on the console."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pandas as pd
+import xarray as xr
+from rich.table import Table as Grid
+
+from sinew.runner.console import Console
+from sinew.tasks.discover.judge.confidence import in_words
+from sinew.tasks.discover.result import CandidateResult, DiscoverResult
+
+SHOWN = 6  # candidates
+UNLIKELY = 0.001  # p value below which a conflict of the protocols is reported
+
+
+def table(result: DiscoverResult) -> pd.DataFrame:
+    """The candidates, the best first: gain of the criterion, part of the misfit explained, gain on held-out data."""
+    keys = ("gain", "explained", "held_out", "held_out_error")
+    rows = {one.name: {key: getattr(one, key) for key in keys} for one in result.candidates}
+    return pd.DataFrame.from_dict(rows, orient="index", dtype=float).rename_axis("effects")
+
+
+def headline(result: DiscoverResult) -> str:
+    """What came out, in one line."""
+    return f"{result.headline}: {result.why}"
+
+
+def cells_table(result: DiscoverResult) -> pd.DataFrame:
+    """Misfit of every cell, for the model as it is and with the effects."""
+    rows = []
+    for model, cells in (("as it is", result.cells), (result.shown_name, result.after or {})):
+        rows += [{"specimen": name, "model": model, **vars(cell)} for name, every in cells.items() for cell in every]
+    return pd.DataFrame(rows)
+
+
+def curves_table(kept: xr.Dataset) -> pd.DataFrame:
+    """Measured and modelled forces of a specimen before and after."""
+    parts = []
+    for dim in sorted(str(name) for name in kept.dims if str(name).startswith("time_")):
+        protocol = dim.removeprefix("time_")
+        columns = {"protocol": protocol, "time_s": kept[dim].to_numpy()}
+        named = (("displacement", "displacement_mm"), ("measured", "measured_N"))
+        for kind, name in (*named, ("bare", "as_it_is_N"), ("having", "with_effects_N")):
+            if f"{kind}_{protocol}" in kept:
+                columns[name] = kept[f"{kind}_{protocol}"].to_numpy()
+        parts.append(pd.DataFrame(columns))
+    return pd.concat(parts, ignore_index=True)
+
+
+def summary(result: DiscoverResult, folder: Path, console: Console) -> None:
+    """Print the verdict, how the best candidates did, and what goes with the verdict."""
+    grid = Grid("candidate", "gain", "explained", "held-out gain", "on a bound", title="Candidates, the best first")
+    for one in result.candidates[:SHOWN]:
+        explained = "" if one.explained is None else f"{100 * one.explained:.0f} %"
+        grid.add_row(one.name, f"{one.gain:,.0f}", explained, held_out(one), " ".join(one.on_bound))
+    console.print(grid)
+    console.print(f"[bold]{result.verdict}[/bold] {result.answer}: {result.why}")
+    console.print(in_words(result.confidence))
+    gap = result.gap
+    if gap.closed is not None:
+        console.print(
+            f"held-out error in units of noise: {gap.before:.2f} without, {gap.after:.2f} with {result.shown_name} "
+            f"(a true model: {gap.floor:.2f}); gap closed: {gap.closed:.2f}"
+        )
+    for line in (*_conflict_lines(result), *_outside_lines(result), *_next_lines(result, folder)):
+        console.print(line, markup=False)
+
+
+def held_out(one: CandidateResult) -> str:
+    """A candidate's gain on held-out data with its standard error; empty where nothing was held out."""
+    if one.held_out is None:
+        return ""
+    error = "unknown" if one.held_out_error is None else f"{one.held_out_error:,.0f}"
+    return f"{one.held_out:,.0f} ± {error}"
+
+
+def _conflict_lines(result: DiscoverResult) -> Iterator[str]:
+    worst = result.conflict.worst
+    if result.conflict.p < UNLIKELY and worst is not None:
+        yield (
+            f"the protocols want different parameters ({unlikely(result.conflict.p)}): most of all {worst.parameter}, "
+            f"{worst.values[0]:.4g} in {worst.curves[0]}, {worst.values[1]:.4g} in {worst.curves[1]}"
+        )
+
+
+def _outside_lines(result: DiscoverResult) -> Iterator[str]:
+    if result.outside:
+        nearest = result.outside.similar[0]
+        yield (
+            f"what is left looks most like {nearest.effect} (cosine {nearest.cosine:.2f} of at most "
+            f"{result.outside.largest_cosine:.2f}); a description, no mechanism:"
+        )
+        yield from (f"  {one.specimen}: {one.sentence}" for one in result.outside.corrections)
+
+
+def _next_lines(result: DiscoverResult, folder: Path) -> Iterator[str]:
+    """The experiment to do next, or the study with the effects."""
+    if experiment := result.next_experiment:
+        yield (
+            f"what would tell: {experiment.name} ({experiment.words}); then the wrong one is off by up to "
+            f"{experiment.newtons:.1f} N, {experiment.at_s:.0f} s into the test"
+        )
+    if result.model:
+        yield f"the study with it: {folder / result.model.path}\n{result.model.difference}"
+
+
+def unlikely(p: float) -> str:
+    """A probability that may be too small for a number of the machine."""
+    return f"p {p:.1g}" if p > 0.0 else "p below 1e-300"

@@ -1,0 +1,313 @@
+"""Where the model and the measurements disagree, which effect of the library is missing, and the model with it.
+
+Writes ``discover.json`` (also as ``verdict.json``) and, when an effect is named, ``discover/model.yaml``: the study
+with the effect in its model. The store keeps the curves of each specimen, ``discover/SPECIMEN``. See docs/discover.md.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from sinew.runner.errors import BadInput
+from sinew.runner.evaluation.adaptive import Session
+from sinew.tasks.discover.after.added import checks, study_with
+from sinew.tasks.discover.after.curves import simulated, stored_as
+from sinew.tasks.discover.after.estimates import candidate_result
+from sinew.tasks.discover.after.experiment import Experiment, Rival, next_experiment
+from sinew.tasks.discover.after.gap import gap
+from sinew.tasks.discover.after.solver import in_febio
+from sinew.tasks.discover.fit.fit import Fitted
+from sinew.tasks.discover.fit.held_out import SquaredErrors, hold_out
+from sinew.tasks.discover.fit.intervals import Profiled
+from sinew.tasks.discover.fit.search import Candidates, asked, note_fit, search
+from sinew.tasks.discover.fit.sizes import library_for
+from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, agree, each_for_all, fits_of_each
+from sinew.tasks.discover.follow_up import AddedModel, NextExperiment, Outside
+from sinew.tasks.discover.judge.confidence import confidence
+from sinew.tasks.discover.judge.rules import Evidence, Verdict, rivals, verdict
+from sinew.tasks.discover.judge.scores import Score
+from sinew.tasks.discover.measure.cells import located_part, misfit_map
+from sinew.tasks.discover.measure.conflict import conflict, together
+from sinew.tasks.discover.measure.shape import shape
+from sinew.tasks.discover.result import COPY, BareFit, CandidateResult, CellMisfit, Conflict, DiscoverResult, NoiseLevel
+from sinew.tasks.discover.settings import Settings
+from sinew.tasks.model import Specimen
+from sinew.tasks.simulate.build import febio_of
+from sinew.tasks.study import streams
+from sinew.tasks.study.cached import cached, commit, key
+from sinew.tasks.study.streams import Stream
+from sinew.tasks.study.workspace import Workspace, attempts_folder
+
+MAX_RIVALS = 4  # candidates that the next experiment has to separate
+MAX_SPECIMENS = 4  # for which the next experiment and the shape of the misfit are computed
+FAR_BEYOND = 0.02  # of the probability ``chance``: that of the second, farther limit of a cell
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """All that the verdict rests on.
+
+    ``bare``: fits of the bare model from each start, the best first, by specimen. ``candidates`` also hold the final
+    fits of the bare model. ``held_out``: squared errors on held-out data. ``before`` and ``after``: misfit maps
+    of the specimens, for the bare model and for the candidates that the verdict may be about.
+    """
+
+    cohort: list[SpecimenFits]
+    bare: list[list[Fitted]]
+    candidates: Candidates
+    held_out: SquaredErrors
+    conflict: Conflict
+    before: list[tuple[CellMisfit, ...]]
+    after: dict[Effects, list[tuple[CellMisfit, ...]]]
+
+    @property
+    def names(self) -> list[str]:
+        return [one.name for one in self.cohort]
+
+    @property
+    def evidence(self) -> Evidence:
+        """The evidence that the rules of the verdict are applied to."""
+        cells = [cell for every in self.before for cell in every]
+        ended = [
+            agree(sorted([*fits, last], key=lambda one: one.loss))
+            for fits, last in zip(self.bare, self.candidates.bare, strict=True)
+        ]
+        return Evidence(
+            self.candidates.scores,
+            located=any(cell.beyond_chance for cell in cells),
+            surely=any(cell.far_beyond_chance for cell in cells),
+            trusted=all(ended),
+        )
+
+
+def run(workspace: Workspace, settings: Settings) -> DiscoverResult:
+    """The verdict on a cohort.
+
+    Raises :class:`BadInput` when the study's model has effects already, for effects that its simulator does not have,
+    and when the noise cannot be estimated from the curves.
+    """
+    specimens = workspace.specimens(settings.specimens, "discover.specimens")
+    inputs = inputs_of(workspace, settings, specimens)
+    if (known := _known(workspace, specimens, inputs)) is not None:
+        return known
+    cohort = _ready(workspace, settings, specimens)
+    findings = _findings(workspace, settings, cohort)
+    decided = verdict(findings.evidence)
+    scores = findings.candidates.scores
+    judged = next((one for one in scores.candidates if one.effects == decided.judged), scores.bare)
+    result = _result(workspace, findings, decided, judged, inputs)
+    shown = findings.candidates.effects_of(judged)
+    curves = {
+        stored_as(one.name): simulated(
+            one, findings.candidates.bare[i], shown, findings.candidates.fits[shown][i] if shown else None
+        )
+        for i, one in enumerate(cohort)
+    }
+    commit(workspace, result, curves)
+    return result
+
+
+# ---- a verdict that is known already
+
+
+def inputs_of(workspace: Workspace, settings: Settings, specimens: Sequence[Specimen]) -> str:
+    """The key of all that a verdict depends on, and of nothing else.
+
+    These are the settings and the seed, the model with its ranges, the curves, the simulator, the solver that checks
+    the effect, and the method's version. Where files lie, and how the code is written, are not among them.
+    """
+    model = workspace.model
+    ranges = [[one.name, one.minimum, one.maximum, one.reference] for one in model.parameters]
+    data = [[specimen.name, specimen.identity()] for specimen in specimens]
+    solver = febio_of(workspace.study, (), attempts_folder(workspace.out)).identity()
+    simulators = [workspace.simulator.identity(), solver]
+    return key(DiscoverResult, settings.model_dump(), workspace.seed, model.identity(), ranges, data, simulators)
+
+
+def _known(workspace: Workspace, specimens: Sequence[Specimen], inputs: str) -> DiscoverResult | None:
+    """The verdict on the same inputs, if all of its files are there and nothing is to be tried again."""
+    if workspace.retry_failed:
+        return None
+    known = cached(workspace, DiscoverResult, inputs, [stored_as(one.name) for one in specimens], [COPY])
+    if known is None or (workspace.out / COPY).read_bytes() != DiscoverResult.path(workspace.out).read_bytes():
+        return None
+    if known.model is None or known.judged is None:
+        return known
+    if not all((workspace.out / path).is_file() for path in known.model.febio.inputs):
+        return None
+    forms = {form.name: form for each in library_for(specimens).values() for form in (each, *each.other_forms)}
+    path, difference = study_with(workspace, tuple(forms[name] for name in known.judged.forms))
+    if (path, difference) == (known.model.path, known.model.difference):
+        return known
+    # the study was renamed or moved, so the study with the effects changes as well
+    moved = replace(known, model=replace(known.model, path=path, difference=difference))
+    moved.write(workspace.out)
+    return moved
+
+
+# ---- fits and measures
+
+
+def _ready(workspace: Workspace, settings: Settings, specimens: Sequence[Specimen]) -> list[SpecimenFits]:
+    """The specimens, after checks that a verdict on them is possible."""
+    study = workspace.study
+    if study.model.effects:
+        raise BadInput(f"{study.path}: model.effects", "is not empty", "a model without effects to begin with")
+    cohort = fits_of_each(workspace, specimens)
+    missing = [effect.slug for effect in asked(settings, cohort) if not effect.febio]
+    if missing and cohort[0].solver is not None:
+        expected = "effects with a FEBio partial (docs/effects.md), or simulator: uniaxial"
+        raise BadInput(f"{study.path}: discover.effects", f"{', '.join(missing)}: not in FEBio", expected)
+    for one in cohort:
+        if not one.measured.noise.sd_N > 0:
+            raise BadInput(workspace.cohort.folder / one.name, "no noise can be seen in its curves", "measured curves")
+    return cohort
+
+
+def _findings(workspace: Workspace, settings: Settings, cohort: list[SpecimenFits]) -> Findings:
+    """Fit the bare model and the candidates, predict held-out data with the best, and map the misfit."""
+    bare = _bare_fits(workspace, settings, cohort)
+    candidates = search(workspace, settings, cohort, [fits[0] for fits in bare])
+    held_out = hold_out(workspace, cohort, candidates)
+    conflicts = _conflicts(workspace, cohort, candidates.bare)
+    chance, seed = settings.chance / len(cohort), workspace.seed
+
+    def misfits(effects: Effects, fits: Sequence[Fitted], stream: Stream) -> list[tuple[CellMisfit, ...]]:
+        return [
+            misfit_map(one.measured, one.candidate(effects), fitted, chance, FAR_BEYOND, streams.key(seed, stream, i))
+            for i, (one, fitted) in enumerate(zip(cohort, fits, strict=True))
+        ]
+
+    before = misfits((), candidates.bare, Stream.MISFIT_BEFORE)
+    fits = candidates.fits
+    after = {effects: misfits(effects, fits[effects], Stream.MISFIT_AFTER) for effects in held_out if effects}
+    for effects, cells in after.items():
+        candidates.scored[effects] = replace(candidates.scored[effects], in_place=located_part(before, cells))
+    return Findings(cohort, bare, candidates, held_out, conflicts, before, after)
+
+
+def _bare_fits(workspace: Workspace, settings: Settings, cohort: Sequence[SpecimenFits]) -> list[list[Fitted]]:
+    """Fits of the model without effects, the best first, by specimen."""
+
+    def work(i: int, _: None, session: Session) -> list[Fitted]:
+        seed = streams.key(workspace.seed, Stream.BARE_FIT_STARTS, i)
+        fits = cohort[i].bare(session, settings.starts, seed)
+        note_fit(workspace, cohort[i].name, (), fits[0])
+        return fits
+
+    fits: list[list[Fitted]] = each_for_all(workspace, cohort, "the model as it is", [None], work)[0]
+    return fits
+
+
+def _conflicts(workspace: Workspace, cohort: Sequence[SpecimenFits], bare_fits: Sequence[Fitted]) -> Conflict:
+    """Whether one set of parameters can be right for all protocols, by specimen and for all of them."""
+    title = "the model as it is, for each curve alone"
+    (alone,) = each_for_all(
+        workspace, cohort, title, [None], lambda i, _, session: cohort[i].alone(session, bare_fits[i])
+    )
+    return together(
+        {
+            one.name: conflict(one.candidate(), one.measured, fitted, own)
+            for one, fitted, own in zip(cohort, bare_fits, alone, strict=True)
+        }
+    )
+
+
+# ---- after the verdict
+
+
+def _result(workspace: Workspace, findings: Findings, decided: Verdict, judged: Score, inputs: str) -> DiscoverResult:
+    """The result with what its verdict comes with: intervals, the next experiment, a description, or the new model."""
+    cohort, candidates, names = findings.cohort, findings.candidates, findings.names
+    evidence = findings.evidence
+    shown = candidates.effects_of(judged)
+    noise = {one.name: one.measured.noise for one in cohort}
+    return DiscoverResult(
+        verdict=decided.word,
+        effects=decided.effects,
+        set=decided.alike,
+        why=decided.why,
+        confidence=confidence(decided.word),
+        explained=decided.explained,
+        null=BareFit(
+            candidates.scores.bare.loss,
+            candidates.floor,
+            evidence.trusted,
+            {name: tuple(one.loss for one in fits) for name, fits in zip(names, findings.bare, strict=True)},
+        ),
+        conflict=findings.conflict,
+        located=evidence.located,
+        surely=evidence.surely,
+        noise={name: NoiseLevel(one.sd_N, one.ar1, one.proportional) for name, one in noise.items()},
+        candidates=_candidates(workspace, findings, decided, shown),
+        cells=dict(zip(names, findings.before, strict=True)),
+        shown=judged.effects,
+        gap=gap(findings.held_out, shown, cohort, candidates.fits[shown] if shown else candidates.bare),
+        next_experiment=_experiment(workspace, findings, judged) if decided.word == "AMBIGUOUS" and shown else None,
+        outside=_outside(workspace, findings) if decided.word == "OUTSIDE" else None,
+        model=_model(workspace, findings, shown) if decided.word == "NAMED" else None,
+        inputs=inputs,
+        after=dict(zip(names, findings.after[shown], strict=True)) if shown in findings.after else None,
+    )
+
+
+def _candidates(
+    workspace: Workspace, findings: Findings, decided: Verdict, shown: Effects
+) -> tuple[CandidateResult, ...]:
+    """All candidates, the best first."""
+    cohort, candidates = findings.cohort, findings.candidates
+    named_or_ambiguous = decided.word in ("NAMED", "AMBIGUOUS")
+    intervals = _intervals(workspace, findings, shown) if shown and named_or_ambiguous else {}
+    scores = candidates.scores
+    return tuple(
+        candidate_result(candidates.scored[each], scores, each, cohort, candidates.fits[each], intervals.get(each))
+        for each in candidates.ordered
+    )
+
+
+def _intervals(workspace: Workspace, findings: Findings, shown: Effects) -> Mapping[Effects, list[Profiled]]:
+    """Intervals by profile likelihood of the candidate that the verdict is about, by specimen.
+
+    With the real solver they would take hours: those from the curvature have to do.
+    """
+    cohort, fits = findings.cohort, findings.candidates.fits[shown]
+    if cohort[0].solver is not None:
+        return {}
+    (column,) = each_for_all(
+        workspace, cohort, "intervals", [shown],
+        lambda i, effects, session: cohort[i].profiled(session, effects, fits[i]),
+    )  # fmt: skip
+    return {shown: column}
+
+
+def _experiment(workspace: Workspace, findings: Findings, judged: Score) -> NextExperiment | None:
+    """The experiment that separates the rivals; without rivals, the best candidate from the bare model."""
+    candidates, cohort = findings.candidates, findings.cohort[:MAX_SPECIMENS]
+    close = rivals(candidates.scores, judged)
+    several = [candidates.effects_of(one) for one in (judged, *close[: MAX_RIVALS - 1])]
+    models = [Rival(effects, tuple(one.at for one in candidates.fits[effects][:MAX_SPECIMENS])) for effects in several]
+    if not close:
+        models.append(Rival((), tuple(one.at for one in candidates.bare[:MAX_SPECIMENS])))
+    measured = [one.measured for one in cohort]
+
+    def work(_: int, __: None, session: Session) -> Experiment | None:
+        answer: Experiment | None = session.compute(next_experiment, workspace.model, models, measured)
+        return answer
+
+    ((experiment,),) = each_for_all(workspace, cohort[:1], "the experiment that would tell", [None], work)
+    return experiment.result() if experiment else None
+
+
+def _outside(workspace: Workspace, findings: Findings) -> Outside:
+    """A description of the misfit."""
+    measured = [one.measured for one in findings.cohort]
+    points = [one.at for one in findings.candidates.bare[:MAX_SPECIMENS]]
+    known = library_for([one.specimen for one in measured])
+    return shape(workspace.model, measured[:MAX_SPECIMENS], points, known)
+
+
+def _model(workspace: Workspace, findings: Findings, shown: Effects) -> AddedModel:
+    """The study with the named effects, written and checked."""
+    cohort, fits = findings.cohort, findings.candidates.fits[shown]
+    path, difference = study_with(workspace, shown)
+    febio = in_febio(workspace, cohort[0], shown, fits[0])
+    return AddedModel(path, difference, checks(cohort, shown, fits), febio)

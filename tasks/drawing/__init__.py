@@ -1,0 +1,1 @@
+"""What figures, tables and pages are drawn with; nothing here knows a task."""

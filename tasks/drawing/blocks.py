@@ -1,0 +1,134 @@
+"""What a section of the page is made of: plain data, which the template turns into HTML and escapes."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+Data = Mapping[str, Mapping[str, Sequence[Any]]]  # columns by name of the source
+
+
+@dataclass(frozen=True)
+class Words:
+    """A paragraph; ``tone`` is plain, note or warning."""
+
+    text: str
+    tone: str = "plain"
+    kind: ClassVar[str] = "words"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: the first column names the row, the others are numbers unless ``words`` says which are not."""
+
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    words: Sequence[int] = ()
+    open: bool = True
+    kind: ClassVar[str] = "table"
+
+
+@dataclass(frozen=True)
+class Code:
+    """Text to be shown as it is: a study, a difference, commands."""
+
+    caption: str
+    text: str
+    open: bool = True
+    kind: ClassVar[str] = "code"
+
+
+@dataclass(frozen=True)
+class Plot:
+    """An interactive plot: ``item`` from :func:`sinew.tasks.drawing.plots.item`; ``label`` for screen readers."""
+
+    name: str
+    item: Mapping[str, Any]
+    label: str
+    height: int
+    wide: bool = False
+
+
+@dataclass(frozen=True)
+class Plots:
+    """Plots side by side. With ``options``, a person picks one of them: ``data`` and ``notes`` hold what it shows."""
+
+    name: str
+    caption: str
+    plots: Sequence[Plot]
+    pick: str = ""
+    options: Sequence[str] = ()
+    data: Mapping[str, Data] = field(default_factory=dict)
+    notes: Mapping[str, str] = field(default_factory=dict)
+    kind: ClassVar[str] = "plots"
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Names and values."""
+
+    rows: Sequence[tuple[str, str]]
+    kind: ClassVar[str] = "facts"
+
+
+Block = Words | Table | Code | Plots | Facts
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of the page. ``found``, ``sure`` and ``failed`` are its line in the summary."""
+
+    name: str
+    title: str
+    question: str
+    blocks: Sequence[Block] = ()
+    found: str = ""
+    sure: str = ""
+    failed: str = ""
+    missing: str = ""
+
+
+def number(value: Any, digits: int = 3) -> str:
+    """A number for a person, a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == int(value) and abs(value) < 1e15:
+        return f"{int(value):,}"
+    if abs(value) >= 10**digits:
+        return f"{value:,.0f}"
+    return f"{value:.{digits}g}"
+
+
+def percent(part: Any, digits: int = 0) -> str:
+    """A part of one as percent."""
+    return "–" if part is None or not math.isfinite(part) else f"{round(100 * part, digits) + 0.0:.{digits}f} %"
+
+
+def beyond(part: Any) -> str:
+    """How far above a reference something is, from the part of it by which it is."""
+    if part is None:
+        return "–"
+    return f"{100 * part:+.1f} %" if part < 1.0 else f"{1.0 + part:.3g} times it"
+
+
+def listed(names: Sequence[str], most: int = 4) -> str:
+    """Names in a sentence; of many, the first."""
+    if len(names) > most:
+        return f"{', '.join(names[:most])} and {len(names) - most} more"
+    return ", ".join(names[:-1]) + " and " + names[-1] if len(names) > 1 else "".join(names)
+
+
+def plural(count: int, word: str) -> str:
+    """``3 rows``, ``1 row``."""
+    return f"{count:,} {word}{'' if count == 1 else 's'}"
+
+
+def duration(seconds: float | None) -> str:
+    """Seconds in the unit that suits them."""
+    if seconds is None:
+        return "–"
+    for size, unit in ((86_400, "d"), (3600, "h"), (60, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.3g} s"

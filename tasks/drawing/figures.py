@@ -1,0 +1,49 @@
+"""The style of all figures, in the colours of Okabe and Ito (2008) that colour-blind readers tell apart."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import pandas as pd
+from cycler import cycler
+
+if "inline" not in os.environ.get("MPLBACKEND", ""):  # a notebook shows figures by its own, which draws as Agg does
+    matplotlib.use("Agg")
+from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
+
+from sinew.tasks.drawing.formats import FORMATS
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
+_LABELS = {"E": "E", "alpha": r"\alpha", "g": "g", "tau": r"\tau", "nu": r"\nu"}
+STYLE: Any = {
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.prop_cycle": cycler(color=COLOURS),
+    "legend.frameon": False,
+    "figure.constrained_layout.use": True,
+}
+
+
+def symbol(name: str) -> str:
+    """``tau_1f`` as a formula."""
+    stem, line, index = name.partition("_")
+    if stem not in _LABELS or (line and not index.isalnum()):
+        return name
+    return rf"${_LABELS[stem]}_{{{index}}}$" if line else f"${_LABELS[stem]}$"
+
+
+def save(figure: Figure, folder: Path, name: str, shown: pd.DataFrame) -> list[Path]:
+    """Write ``FOLDER/NAME.png``, ``.pdf`` and, with the numbers that are ``shown``, ``.csv``.
+
+    Equal figures give equal bytes.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    png, pdf, csv = (folder / f"{name}.{kind}" for kind in FORMATS)
+    figure.savefig(png, dpi=150, metadata={"Software": None})
+    figure.savefig(pdf, metadata={"CreationDate": None, "Producer": None})
+    plt.close(figure)
+    shown.to_csv(csv, index=False, lineterminator="\n", float_format="%.8g")
+    return [png, pdf, csv]

@@ -1,0 +1,64 @@
+"""The result of random forest importance: what ``importance.json`` holds."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sinew.tasks.simulate.objective import panels
+from sinew.tasks.study.result import OMIT, Number, Numbers, Result
+
+KEYS = ("impurity_percent", "impurity_sd", "permutation", "permutation_sd")
+
+
+@dataclass(frozen=True, eq=False)
+class Forest:
+    """Importance ``[d]`` of each parameter for one output, and how well its forest predicts unseen rows.
+
+    Impurity importance in percent with its standard deviation over the trees; permutation importance as a loss of R2
+    with its standard deviation over the permutations.
+    """
+
+    impurity_percent: Numbers
+    impurity_sd: Numbers
+    permutation: Numbers
+    permutation_sd: Numbers
+    r2_on_unseen: Number
+
+
+@dataclass(frozen=True, eq=False)
+class ImportanceResult(Result):
+    """Importance of the free parameters for the total objective, each protocol's, and each of a template's outputs.
+
+    ``field`` is what the store calls the quantity under study and ``objective`` says it in words.
+    """
+
+    TASK = "importance"
+    LIBRARIES = ("scikit-learn", "SALib")
+
+    names: list[str]
+    impurity_percent: Numbers
+    impurity_sd: Numbers
+    permutation: Numbers
+    permutation_sd: Numbers
+    r2_on_unseen: Number
+    objective: str
+    field: str
+    protocols: Mapping[str, Forest]
+    rows_grown: int
+    rows_tested: int
+    failed: int
+    new_simulations: int
+    inputs: str
+    outputs: Mapping[str, Forest] | None = dataclasses.field(default=None, metadata=OMIT)
+
+    def by_output(self) -> dict[str, Any]:
+        """Importance by name: all together (``total``), each protocol, each of a template's outputs."""
+        return {"total": self, **self.protocols, **(self.outputs or {})}
+
+    def panels(self) -> dict[str, Any]:
+        """Importance by the title under which a person sees it; what would be shown twice is left out."""
+        return panels(self, self.protocols, self.outputs or {}, self.field, self.objective)
+
+
+RESULT = ImportanceResult

@@ -1,0 +1,1 @@
+"""Each site's posterior by approximate Bayesian computation."""

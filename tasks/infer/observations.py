@@ -1,0 +1,120 @@
+"""One evaluation for all specimens of a site: a parameter set against every curve of each of them."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from sinew.runner.evaluation.batch import Outcome
+from sinew.runner.store.schema import STATUSES, Coordinate, Field, TableSpec
+from sinew.tasks.model import Curve, Model, Protocol, Specimen
+from sinew.tasks.simulate import Array, Simulator
+from sinew.tasks.simulate.evaluation import kept_points
+
+MOVED = 0.2  # share of a curve's displacement range; a smaller reversal is noise
+
+
+@dataclass(frozen=True, eq=False)
+class SiteEvaluation:
+    """Relative errors of all curves of ``specimens``, and the simulated forces at kept points of each.
+
+    A curve's relative error is the L2 norm of simulated minus measured force over that of the measured force, over
+    every measured point: 0.3 means 30 %. Geometry and displacement histories are each specimen's own.
+    """
+
+    model: Model
+    specimens: tuple[Specimen, ...]
+    simulator: Simulator
+    points_per_curve: int | Literal["all"]
+    title: str
+
+    def curves(self) -> list[tuple[Specimen, Curve]]:
+        """All curves, in the order of the outcome."""
+        return [(specimen, curve) for specimen in self.specimens for curve in specimen.curves]
+
+    def __call__(self, parameters: Array) -> Outcome:
+        count = len(parameters)
+        status = np.zeros(count, dtype=np.int8)
+        messages = [""] * count
+        errors, forces = [], []
+        for specimen, curve in self.curves():
+            keep = kept_points(curve.protocol, self.points_per_curve)
+            compared = self.simulator.compare(self.model, specimen, curve, parameters, keep)
+            errors.append(compared.rmse_N / root_mean_square(curve.force_N))
+            forces.append(compared.force_N)
+            for row in np.flatnonzero((compared.status > 0) & (status == 0)):
+                status[row] = compared.status[row]
+                messages[row] = f"{specimen.name} {curve.name}: {compared.messages[row]}"
+        values = {"relative_error": np.stack(errors, axis=1), "force": np.concatenate(forces, axis=1)}
+        return Outcome(values, status, tuple(messages) if status.any() else ())
+
+    def points(self) -> tuple[Array, Array]:
+        """For each kept point, the number of its curve and the measured force there (N)."""
+        of, measured = [], []
+        for number, (_, curve) in enumerate(self.curves()):
+            keep = kept_points(curve.protocol, self.points_per_curve)
+            of.append(np.full(keep.size, number))
+            measured.append(curve.force_N[keep])
+        return np.concatenate(of), np.concatenate(measured)
+
+    def table(self) -> TableSpec:
+        """The store's table for this evaluation."""
+        curves = self.curves()
+        of, measured = self.points()
+        kept = [kept_points(curve.protocol, self.points_per_curve) for _, curve in curves]
+        histories = [curve.protocol for _, curve in curves]
+        times = np.concatenate([history.time_s[keep] for history, keep in zip(histories, kept, strict=True)])
+        moved = np.concatenate([history.displacement_mm[keep] for history, keep in zip(histories, kept, strict=True)])
+        names = np.array([f"{specimen.name} {curve.name}" for specimen, curve in curves], dtype=object)
+        return TableSpec(
+            title=f"site {self.title} {self.simulator.name}",
+            identity={
+                "model": self.model.identity(),
+                "specimens": [specimen.identity() for specimen in self.specimens],
+                "simulator": self.simulator.identity(),
+                "points_per_curve": self.points_per_curve,
+                "statuses": list(STATUSES),
+            },
+            parameters=self.model.names,
+            units=tuple(parameter.unit for parameter in self.model.parameters),
+            fields=(
+                Field("relative_error", ("curve",), "1", "L2 norm of the force's error over that of the force"),
+                Field("force", ("point",), "N", "simulated force"),
+            ),
+            coordinates=(
+                Coordinate("curve", "curve", names),
+                Coordinate("curve_of_point", "point", of.astype(float), "1"),
+                Coordinate("time", "point", times, "s"),
+                Coordinate("displacement", "point", moved, "mm"),
+                Coordinate("measured", "point", measured, "N"),
+            ),
+        )
+
+
+def root_mean_square(force_N: Array) -> float:
+    """Root mean square (N); 1 for a curve of zeros, whose errors are then in newton."""
+    return float(np.sqrt(np.mean(force_N**2))) or 1.0
+
+
+def observed(specimen: Specimen, protocols: tuple[str, ...] | None, single_cycle: tuple[str, ...]) -> Specimen:
+    """The specimen with the curves that an inference uses: of ``single_cycle`` the first load and unload only.
+
+    ``protocols``: names, or None for all of them.
+    """
+    curves = [curve for curve in specimen.curves if protocols is None or curve.name in protocols]
+    cut = tuple(first_cycle(curve) if curve.name in single_cycle else curve for curve in curves)
+    return Specimen(specimen.name, specimen.length_mm, specimen.width_mm, specimen.thickness_mm, cut, specimen.donor)
+
+
+def first_cycle(curve: Curve) -> Curve:
+    """The curve up to the end of its first unloading; all of it when it never unloads."""
+    moved = curve.protocol.displacement_mm
+    enough = MOVED * float(np.ptp(moved))
+    back = np.flatnonzero(np.maximum.accumulate(moved) - moved > enough)
+    if not back.size:
+        return curve
+    unloading = moved[back[0] :]
+    again = np.flatnonzero(unloading - np.minimum.accumulate(unloading) > enough)
+    end = back[0] + (int(np.argmin(unloading[: again[0]])) if again.size else unloading.size - 1) + 1
+    protocol = Protocol(curve.name, curve.protocol.time_s[:end], moved[:end])
+    return Curve(protocol, curve.force_N[:end])

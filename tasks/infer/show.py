@@ -1,0 +1,51 @@
+"""How posteriors are shown: as tables and on the console."""
+
+from pathlib import Path
+
+import pandas as pd
+from rich.table import Table as Grid
+
+from sinew.runner.console import Console
+from sinew.tasks.infer.result import InferResult
+
+
+def table(result: InferResult) -> pd.DataFrame:
+    """Mean, standard deviation and highest density interval by site and parameter."""
+    rows = {
+        (site, name): {
+            "unit": unit,
+            "mean": marginal.mean,
+            "sd": marginal.sd,
+            "hdi_low": marginal.hdi[0],
+            "hdi_high": marginal.hdi[1],
+            "prior_mean": marginal.prior_mean,
+            "prior_sd": marginal.prior_sd,
+        }
+        for site, posterior in result.sites.items()
+        for name, unit in zip(result.names, result.units, strict=True)
+        for marginal in [posterior.parameters[name]]
+    }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis(["site", "parameter"])
+
+
+def headline(result: InferResult) -> str:
+    """What came out, in one line."""
+    sizes = ", ".join(f"{site} {one.effective_sample_size:.0f}" for site, one in result.sites.items())
+    return f"{result.population} particles for each site; effective sample sizes: {sizes}"
+
+
+def summary(result: InferResult, folder: Path, console: Console) -> None:
+    """Print the posterior of each site, and how its inference went."""
+    percent = round(100 * result.interval)
+    grid = Grid("parameter", *result.sites, title=f"Posterior: mean ± sd ({percent} % HDI)")
+    for name in result.names:
+        marginals = [posterior.parameters[name] for posterior in result.sites.values()]
+        cells = (f"{m.mean:.4g} ± {m.sd:.3g} ({m.hdi[0]:.4g}, {m.hdi[1]:.4g})" for m in marginals)
+        grid.add_row(name, *cells)
+    console.print(grid)
+    for site, posterior in result.sites.items():
+        console.print(
+            f"{site}: {len(posterior.generations)} generations, {posterior.judged:,} proposals, "
+            f"threshold {posterior.epsilon[-1]:.3g}, "
+            f"effective sample size {posterior.effective_sample_size:.0f} of {result.population}"
+        )

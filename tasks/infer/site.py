@@ -1,0 +1,17 @@
+"""A site whose parameters are inferred."""
+
+from dataclasses import dataclass
+
+from sinew.tasks.infer.observations import SiteEvaluation
+from sinew.tasks.infer.prior import Prior
+from sinew.tasks.model import Specimen
+
+
+@dataclass(frozen=True)
+class Site:
+    """A site to infer: its specimens, the evaluation that compares all of them, and the prior."""
+
+    name: str
+    specimens: tuple[Specimen, ...]
+    evaluation: SiteEvaluation
+    prior: Prior

@@ -1,0 +1,1 @@
+"""Elementary effects (Morris): a cheap screening before a Sobol study."""

@@ -1,0 +1,74 @@
+"""The result of a PAWN analysis: what ``pawn.json`` holds."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sinew.tasks.simulate.objective import panels
+from sinew.tasks.study.result import OMIT, Number, Numbers, Result
+
+KEYS = ("median", "median_low", "median_high", "maximum", "mean", "CV")
+
+
+@dataclass(frozen=True, eq=False)
+class Pawn:
+    """Kolmogorov-Smirnov distances ``[d]`` between the outcome and the outcome within one slide of a parameter.
+
+    Of the slides: ``median`` with its interval, ``maximum``, ``mean`` and coefficient of variation ``CV``.
+    ``no_influence``: a median below it cannot be told from that of a parameter without any influence.
+    """
+
+    median: Numbers
+    median_low: Numbers
+    median_high: Numbers
+    maximum: Numbers
+    mean: Numbers
+    CV: Numbers
+    no_influence: Number
+
+
+@dataclass(frozen=True, eq=False)
+class PawnResult(Result):
+    """PAWN indices of the free parameters for the total objective, each protocol's, and each of a template's outputs.
+
+    ``rows`` of the Sobol study's first and last matrix are used, without those that ``failed``. ``field`` is what the
+    store calls the quantity under study and ``objective`` says it in words.
+    """
+
+    TASK = "pawn"
+    LIBRARIES = ("SALib",)
+
+    names: list[str]
+    median: Numbers
+    median_low: Numbers
+    median_high: Numbers
+    maximum: Numbers
+    mean: Numbers
+    CV: Numbers
+    no_influence: Number
+    slides: int
+    confidence: Number
+    rows: int
+    failed: int
+    objective: str
+    field: str
+    protocols: Mapping[str, Pawn]
+    inputs: str
+    outputs: Mapping[str, Pawn] | None = dataclasses.field(default=None, metadata=OMIT)
+
+    @property
+    def total(self) -> Pawn:
+        """The indices of the objective of all protocols together."""
+        return Pawn(**{field.name: getattr(self, field.name) for field in dataclasses.fields(Pawn)})
+
+    def by_output(self) -> dict[str, Pawn]:
+        """Indices by name: all together (``total``), each protocol, each of a template's outputs."""
+        return {"total": self.total, **self.protocols, **(self.outputs or {})}
+
+    def panels(self) -> dict[str, Any]:
+        """Indices by the title under which a person sees them; what would be shown twice is left out."""
+        return panels(self.total, self.protocols, self.outputs or {}, self.field, self.objective)
+
+
+RESULT = PawnResult

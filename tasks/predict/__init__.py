@@ -1,0 +1,1 @@
+"""Bands around the curves from the posterior."""

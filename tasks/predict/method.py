@@ -1,0 +1,113 @@
+"""Bands around measured force curves, at the kept points, and the share of the points that they cover.
+
+=========  ============================================================================================================
+``hdi``    from the lowest to the highest of three simulations: at the posterior mean, and at the low and at the high
+           bounds of the highest density intervals of all parameters (Pekedis 2025, first case)
+``draws``  the pointwise middle 95 % of 40 simulations with draws from the posterior (second case; both numbers are
+           settings)
+``new``    the band of a specimen that was not measured yet
+=========  ============================================================================================================
+
+The first two are the paper's, and neither is about a single tendon. One parameter set for all specimens of a site
+describes their mean, and the more specimens there are, the narrower its posterior: see ``coverage``. The third takes
+its spread from the specimens themselves: those of the site *but this one*, each with its calibrated parameters, are
+simulated with this one's geometry and displacements. With n - 1 such curves, the next one lies within mean ± t sd
+sqrt(1 + 1 / (n - 1)), t with n - 2 degrees of freedom: the prediction interval of a normal sample (Geisser 1993,
+Predictive Inference). Stiffnesses scatter by factors rather than by newtons, and the force of an unloaded tendon
+changes sign, hence asinh: a logarithm for large forces, linear near zero. The noise of the others' curves is added in
+squares. Of the specimen itself, only geometry and displacements enter.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from scipy.special import ndtri, stdtrit
+
+from sinew.tasks.data.noise import noise_of
+from sinew.tasks.model import Specimen
+from sinew.tasks.predict.result import BANDS, Coverage
+
+FEWEST = 4  # specimens of a site for the band of a new one: two others would say nothing of the spread
+BENDS = 0.2  # share of the largest force at which asinh turns from a line to a logarithm
+Array = np.ndarray[Any, Any]
+Band = tuple[Array, Array]
+
+
+def bands_of(simulated: dict[str, Array], noise: float, probability: float) -> dict[str, Band | None]:
+    """Each band from its simulations ``[n, t]``; None where too few of them are left."""
+    three, drawn, others = (simulated[name] for name in BANDS)
+    return {
+        "hdi": (three.min(axis=0), three.max(axis=0)) if len(three) > 1 else None,
+        "draws": pointwise(drawn, probability) if len(drawn) > 1 else None,
+        "new": next_curve(others, noise, probability) if len(others) >= FEWEST - 1 else None,
+    }
+
+
+def pointwise(curves: Array, probability: float) -> Band:
+    """Bounds ``[t]`` that hold the middle ``probability`` of ``curves`` ``[n, t]`` at each point."""
+    low, high = np.quantile(curves, [(1 - probability) / 2, (1 + probability) / 2], axis=0)
+    return low, high
+
+
+def next_curve(curves: Array, noise: float, probability: float) -> Band:
+    """Bounds ``[t]`` for one more of ``curves`` ``[n, t]`` that is measured with ``noise`` (standard deviation).
+
+    The prediction interval of a normal sample, of asinh of the curves; the bend is at ``BENDS`` of their largest
+    values' mean.
+    """
+    n = len(curves)
+    bend = 2.0 * BENDS * float(np.abs(curves).max(axis=1).mean()) or 1.0
+    bent = np.arcsinh(curves / bend)
+    mean = bent.mean(axis=0)
+    reach = float(stdtrit(n - 1, 0.5 + probability / 2)) * np.sqrt(1.0 + 1.0 / n) * bent.std(axis=0, ddof=1)
+    middle, low, high = (bend * np.sinh(each) for each in (mean, mean - reach, mean + reach))
+    measured = float(ndtri(0.5 + probability / 2)) * noise
+    return middle - np.hypot(middle - low, measured), middle + np.hypot(high - middle, measured)
+
+
+def noise_of_others(specimens: Sequence[Specimen], specimen: Specimen, protocol: str) -> float:
+    """Standard deviation (N) of the noise of the other specimens' curves of a protocol; 0 where it is unknown."""
+    sd = [
+        noise_of(curve, other.curves).sd_N
+        for other in specimens
+        if other.name != specimen.name
+        for curve in other.curves
+        if curve.name == protocol
+    ]
+    known = np.array([value for value in sd if np.isfinite(value)])
+    return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
+
+
+def typical(specimens: Sequence[Specimen]) -> Specimen:
+    """The specimen of most protocols and, of these, median cross-section: stresses depend on strains only."""
+    most = max(len(one.curves) for one in specimens)
+    ordered = sorted((one for one in specimens if len(one.curves) == most), key=lambda one: one.area_mm2)
+    return ordered[(len(ordered) - 1) // 2]
+
+
+def coverage(dataset: xr.Dataset) -> dict[str, Coverage]:
+    """The share of the measured points inside each band, each point once.
+
+    ``dataset`` holds ``measured``, ``BAND_low`` and ``BAND_high`` ``[point]`` with the coordinates ``protocol`` and
+    ``specimen``. Points where a band is NaN do not count for it.
+    """
+    measured = dataset["measured"].to_numpy()
+    protocols, specimens = dataset["protocol"].to_numpy(), dataset["specimen"].to_numpy()
+    found = {}
+    for name in BANDS:
+        low, high = dataset[f"{name}_low"].to_numpy(), dataset[f"{name}_high"].to_numpy()
+        given = np.isfinite(low)
+        inside = given & (measured >= low) & (measured <= high)
+        found[name] = Coverage(
+            all=_share(inside[given]),
+            points=int(given.sum()),
+            protocols={str(each): _share(inside[given & (protocols == each)]) for each in dict.fromkeys(protocols)},
+            specimens={str(each): _share(inside[given & (specimens == each)]) for each in dict.fromkeys(specimens)},
+        )
+    return found
+
+
+def _share(inside: Array) -> float | None:
+    return float(inside.sum() / inside.size) if inside.size else None

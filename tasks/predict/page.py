@@ -1,0 +1,108 @@
+"""Prediction: bands around the curves, and how many of the measured points they hold."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from sinew.tasks.drawing import plots
+from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, Words, number, percent, plural
+from sinew.tasks.drawing.figures import COLOURS
+from sinew.tasks.predict.result import BANDS, Coverage, PredictResult, bands_group
+from sinew.tasks.report.folder import ResultFolder
+
+NAME = "prediction"
+COLOUR = {"new": "#9aa4ad", "hdi": COLOURS[5], "draws": COLOURS[4]}  # the widest band first, which is drawn behind
+
+
+def section(folder: ResultFolder) -> Section:
+    """Everything of ``predict.json`` and the bands in the store."""
+    title, question = "Prediction", "Do the bands hold the measured curves, also of specimens that they do not know?"
+    result = folder.result(PredictResult)
+    if result is None:
+        return Section("prediction", title, question, missing=folder.missing("predict"))
+    blocks: list[Block] = [_table(result)]
+    if folder.store is not None:
+        kept = [folder.store.read_result(bands_group(site)) for site in result.sites]
+        blocks.insert(0, _bands(result, kept))
+    for site, prediction in result.sites.items():
+        blocks += [Words(f"{site}: {why}", "note") for why in prediction.gaps]
+    shares = [f"{percent(one.all)} in the band of {BANDS[band]}" for band, one in _given(result).items()]
+    points = plural(max(one.points for one in result.coverage.values()), "point")
+    return Section(
+        "prediction", title, question, blocks,
+        found=f"measured points inside: {', '.join(shares)}",
+        sure=f"{percent(result.probability)} would be right for a new measurement; {points}",
+        failed=f"{result.failed:,} of {result.rows:,} simulations failed" if result.failed else "",
+    )  # fmt: skip
+
+
+def _given(result: PredictResult) -> dict[str, Coverage]:
+    """Coverage by band, of the bands that are given anywhere."""
+    return {band: result.coverage[band] for band in BANDS if result.coverage[band].all is not None}
+
+
+def _bands(result: PredictResult, kept: Sequence[xr.Dataset]) -> Block:
+    given = _given(result)
+    bands = [band for band in COLOUR if band in given]
+    data, protocols = _columns(kept, bands)
+
+    def draw(sources: plots.Sources) -> list[Plot]:
+        drawn: list[Plot] = []
+        for protocol in protocols:
+            plot = plots.figure(f"time (s), {protocol.replace('_', ' ')}", "force (N)", height=320)
+            source, entries = sources[protocol], []
+            for band in bands:
+                colour, ends = COLOUR[band], (f"{band}_low", f"{band}_high")
+                area = plot.varea("time", *ends, source=source, color=colour, alpha=0.35)
+                style = {"color": colour, "line_width": 1.2, "line_dash": plots.dash(bands.index(band))}
+                edges = [plot.line("time", end, source=source, **style) for end in ends]
+                entries.append((BANDS[band], [area, *edges]))
+            line = plot.line("time", "measured", source=source, color=plots.INK, line_width=1.6)
+            rows = [("time", "@time{0.0} s"), ("measured", "@measured{0.0} N")]
+            rows += [(BANDS[band], f"@{band}_low{{0.0}} to @{band}_high{{0.0}} N") for band in bands]
+            plots.hover(plot, line, rows)
+            plots.legend(plot, [("measured", [line]), *entries])
+            label = f"{protocol}: measured curve and predicted bands"
+            drawn.append(plots.plot(f"prediction-{len(drawn)}", plot, label))
+        return drawn
+
+    words = {}
+    for name in data:
+        shares = [
+            f"{BANDS[band]} {percent(one.specimens[name])}" for band, one in given.items() if name in one.specimens
+        ]
+        words[name] = f"measured points inside: {', '.join(shares)}" if shares else ""
+    caption = (
+        f"Measured curve and {percent(result.probability)} bands. The band of a new specimen is predicted from the "
+        "other specimens of its site."
+    )
+    return plots.picked("prediction-bands", caption, "Specimen", data, draw, words)
+
+
+def _columns(
+    kept: Sequence[xr.Dataset], bands: Sequence[str]
+) -> tuple[dict[str, dict[str, dict[str, Any]]], list[str]]:
+    """Measured curves and bands by specimen and protocol, and the names of all protocols."""
+    names = ["time", "measured", *(f"{band}_{end}" for band in bands for end in ("low", "high"))]
+    curves: dict[str, dict[str, Any]] = {}
+    protocols: dict[str, None] = {}
+    for dataset in kept:
+        specimens, kinds = (np.array([*map(str, dataset[name].to_numpy())]) for name in ("specimen", "protocol"))
+        for specimen, protocol in dict.fromkeys(zip(specimens.tolist(), kinds.tolist(), strict=True)):
+            at = np.flatnonzero((specimens == specimen) & (kinds == protocol))
+            curves.setdefault(specimen, {})[protocol] = {name: dataset[name].to_numpy()[at] for name in names}
+            protocols[protocol] = None
+    empty = {name: np.zeros(0) for name in names}
+    data = {name: {each: every.get(each, empty) for each in protocols} for name, every in sorted(curves.items())}
+    return data, list(protocols)
+
+
+def _table(result: PredictResult) -> Table:
+    rows = []
+    for row in result.shares():
+        cells = ["–" if share is None else percent(share, 1) for share in (row["share"], *row["by_protocol"])]
+        rows.append([row["site"], BANDS[row["band"]], *cells, number(row["points"])])
+    header = ["site", "band", "all protocols", *result.protocols, "points"]
+    return Table("Measured points inside the bands", header, rows, words=(1,))

@@ -1,0 +1,93 @@
+"""The result of a prediction: what ``predict.json`` holds."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sinew.tasks.study.result import Number, Result
+
+BANDS = {"hdi": "mean and HDI bounds", "draws": "draws from the posterior", "new": "a new specimen"}
+"""The bands, and what each is called: see :mod:`sinew.tasks.predict.method`."""
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """The share of measured points inside a band: of all points, by protocol and by specimen.
+
+    None where the band is not given; ``points`` counts the measured points where it is.
+    """
+
+    all: Number | None
+    points: int
+    protocols: Mapping[str, Number | None]
+    specimens: Mapping[str, Number | None]
+
+
+@dataclass(frozen=True)
+class SitePrediction:
+    """The bands of one site. ``failed`` counts failed rows by specimen and status, ``coverage`` is by band.
+
+    ``no_new`` and ``no_stresses`` say why the band for a new specimen or the stresses are missing. ``typical`` is the
+    specimen that is drawn, ``stresses_of`` the one along whose displacements the stresses are.
+    """
+
+    specimens: list[str]
+    failed: Mapping[str, Mapping[str, int]]
+    no_new: str | None
+    coverage: Mapping[str, Coverage]
+    typical: str
+    stresses_of: str | None
+    no_stresses: str | None
+
+    @property
+    def gaps(self) -> list[str]:
+        """Why something is missing, a sentence for each."""
+        return [why for why in (self.no_new, self.no_stresses) if why is not None]
+
+
+@dataclass(frozen=True, eq=False)
+class PredictResult(Result):
+    """Bands around the curves of each site, from ``rows`` simulations, and how many measured points they cover."""
+
+    TASK = "predict"
+
+    probability: Number
+    draws: int
+    rows: int
+    failed: int
+    sites: Mapping[str, SitePrediction]
+    coverage: Mapping[str, Coverage]
+    inputs: str
+
+    @property
+    def by_site(self) -> dict[str, Mapping[str, Coverage]]:
+        """Coverage by site and band; ``all`` is that of all sites together."""
+        return {site: one.coverage for site, one in self.sites.items()} | {"all": self.coverage}
+
+    @property
+    def protocols(self) -> list[str]:
+        """Names of all protocols."""
+        return list(self.coverage["hdi"].protocols)
+
+    def shares(self) -> list[dict[str, Any]]:
+        """A row for each site and band that is given: ``share`` of all points, ``by_protocol``, and ``points``."""
+        return [
+            {
+                "site": site,
+                "band": band,
+                "share": one.all,
+                "by_protocol": [one.protocols.get(name) for name in self.protocols],
+                "points": one.points,
+            }
+            for site, bands in self.by_site.items()
+            for band, one in bands.items()
+            if one.all is not None
+        ]
+
+
+RESULT = PredictResult
+
+
+def bands_group(site: str) -> str:
+    """Where the store keeps the bands of a site."""
+    return f"predict/{site}"

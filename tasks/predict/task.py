@@ -1,0 +1,273 @@
+"""Forces that the posterior of a site predicts for each of its specimens: plan, evaluate, make bands, commit.
+
+Every specimen is simulated with its own geometry and all of its displacement histories. The store keeps
+``predict/SITE``.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from sinew.runner.errors import BadInput
+from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
+from sinew.runner.evaluation.ensemble import failures
+from sinew.runner.store.table import Table
+from sinew.tasks.calibrate.result import CalibrateResult, SpecimenFit
+from sinew.tasks.data.sites import by_site
+from sinew.tasks.infer.result import InferResult, draws, particles_group
+from sinew.tasks.model import Specimen
+from sinew.tasks.predict.method import FEWEST, Band, bands_of, coverage, noise_of_others, typical
+from sinew.tasks.predict.result import BANDS, PredictResult, SitePrediction, bands_group
+from sinew.tasks.predict.settings import Settings
+from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.evaluation import SpecimenEvaluation, kept_points
+from sinew.tasks.study import streams
+from sinew.tasks.study.cached import cached, commit, key
+from sinew.tasks.study.streams import Stream
+from sinew.tasks.study.workspace import Workspace
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Full parameter sets ``[n, d]`` that are simulated for one specimen, by the band that they are for."""
+
+    hdi: Array
+    draws: Array
+    new: Array
+
+    @property
+    def all(self) -> Array:
+        return np.concatenate([self.hdi, self.draws, self.new])
+
+    def split(self, values: Array) -> dict[str, Array]:
+        """``values`` ``[n, ...]`` of all rows, by band."""
+        ends = np.cumsum([len(self.hdi), len(self.draws)])
+        return dict(zip(BANDS, np.split(values, ends), strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """The simulations of one specimen: ``rows``, and their places ``at`` in the store's table."""
+
+    evaluation: SpecimenEvaluation
+    rows: Rows
+    table: Table
+    at: Array
+
+    @property
+    def specimen(self) -> Specimen:
+        return self.evaluation.specimen
+
+
+@dataclass(frozen=True, eq=False)
+class CurvePoints:
+    """Kept points of several curves, one after the other, with labels and arrays."""
+
+    labels: dict[str, list[Any]] = field(default_factory=dict)  # one item for each curve
+    sizes: list[int] = field(default_factory=list)
+    arrays: dict[str, list[Array]] = field(default_factory=dict)
+
+    def add(self, size: int, labels: dict[str, Any], arrays: dict[str, Array]) -> None:
+        """Append a curve of ``size`` points."""
+        self.sizes.append(size)
+        for into, items in ((self.labels, labels), (self.arrays, arrays)):
+            for name, item in items.items():
+                into.setdefault(name, []).append(item)
+
+    def dataset(self, dim: str, unit: str, prefix: str = "") -> xr.Dataset:
+        """All points along ``dim``; ``unit`` is that of the bands."""
+        units = {"time": "s", "displacement": "mm"}
+        variables = {
+            f"{prefix}{name}": (dim, np.concatenate(parts), {"units": units.get(name, unit)})
+            for name, parts in self.arrays.items()
+        }
+        labels = {f"{prefix}{name}": (dim, np.repeat(items, self.sizes)) for name, items in self.labels.items()}
+        return xr.Dataset(variables, labels)
+
+
+def run(workspace: Workspace, settings: Settings) -> PredictResult:
+    """Bands of the force for every specimen, their coverage, and bands of the stresses by site.
+
+    Raises :class:`BadInput` when there is no inference, or when it was of another model.
+    """
+    sites = _planned(workspace, settings)
+    every = [one for planned in sites.values() for one in planned]
+    _evaluate(workspace, every)
+    inputs = key(
+        PredictResult,
+        settings.model_dump(),
+        {site: [one.specimen.name for one in planned] for site, planned in sites.items()},
+        [one.table.key for one in every],
+        *(one.rows.all for one in every),
+        *(one.table.status[one.at] for one in every),
+    )
+    arrays = [bands_group(site) for site in sites]
+    if (known := cached(workspace, PredictResult, inputs, arrays)) is not None:
+        return known
+    predicted = [_site(workspace, planned, settings.probability) for planned in sites.values()]
+    forces = [dataset.drop_dims("stress_point", errors="ignore") for _, dataset in predicted]
+    result = PredictResult(
+        probability=settings.probability,
+        draws=settings.draws,
+        rows=sum(len(one.rows.all) for one in every),
+        failed=sum(int((one.table.status[one.at] > 0).sum()) for one in every),
+        sites={site: found for site, (found, _) in zip(sites, predicted, strict=True)},
+        coverage=coverage(xr.concat(forces, "point")),
+        inputs=inputs,
+    )
+    commit(workspace, result, {name: dataset for name, (_, dataset) in zip(arrays, predicted, strict=True)})
+    return result
+
+
+def _planned(workspace: Workspace, settings: Settings) -> dict[str, list[Planned]]:
+    """The simulations of each specimen by site, from the posterior and the calibration."""
+    path = InferResult.path(workspace.out)
+    inferred = InferResult.read(workspace.out)
+    if inferred is None:
+        raise BadInput(path, "is not there", "`sinew infer` on this study first")
+    calibration = CalibrateResult.read(workspace.out)
+    if calibration is None:
+        raise BadInput(CalibrateResult.path(workspace.out), "is not there", "`sinew calibrate` on this study first")
+    names = tuple(parameter.name for parameter in workspace.model.free)
+    if tuple(inferred.names) != names:
+        problem = f"is of the parameters {', '.join(inferred.names)}"
+        raise BadInput(path, problem, f"{', '.join(names)} (`sinew infer` again)")
+    members = [name for posterior in inferred.sites.values() for name in posterior.specimens]
+    planned: dict[str, list[Planned]] = {}
+    for number, (site, specimens) in enumerate(by_site(workspace.cohort.choose(members, str(path))).items()):
+        seed = streams.key(workspace.seed, Stream.PREDICTION, number)
+        hdi, drawn = _of_posterior(workspace, inferred, site, settings.draws, seed)
+        planned[site] = []
+        for one in specimens:
+            rows = Rows(hdi, drawn, _others(workspace, calibration.specimens, specimens, one))
+            evaluation = workspace.evaluation(one)
+            planned[site].append(Planned(evaluation, rows, *workspace.plan(evaluation, rows.all)))
+    return planned
+
+
+def _of_posterior(
+    workspace: Workspace, inferred: InferResult, site: str, count: int, seed: tuple[int, ...]
+) -> tuple[Array, Array]:
+    """Full parameter sets ``[n, d]`` of a posterior: mean and both bounds of the intervals, and draws."""
+    marginals = [inferred.sites[site].parameters[name] for name in inferred.names]
+    three = np.array([[each.mean, *each.hdi] for each in marginals], dtype=float).T
+    particles = workspace.store.read_result(particles_group(site)).sel(parameter=inferred.names)
+    names = tuple(inferred.names)
+    return workspace.model.full(names, three), workspace.model.full(names, draws(particles, count, seed))
+
+
+def _others(
+    workspace: Workspace, calibrated: Mapping[str, SpecimenFit], specimens: Sequence[Specimen], specimen: Specimen
+) -> Array:
+    """Calibrated parameters ``[n - 1, d]`` of the other specimens; none where they are too few."""
+    others = [one.name for one in specimens if one.name != specimen.name]
+    missing = [name for name in others if name not in calibrated]
+    if missing:
+        raise BadInput(
+            CalibrateResult.path(workspace.out), f"{missing[0]} is not calibrated", "`sinew calibrate` with it"
+        )
+    names = list(workspace.model.names)
+    chosen = others if len(specimens) >= FEWEST else []
+    rows = [calibrated[name].values(names) for name in chosen]
+    return np.array(rows, dtype=float).reshape(-1, len(names))
+
+
+def _evaluate(workspace: Workspace, every: Sequence[Planned]) -> None:
+    """Evaluate all rows: all specimens at once, unless that takes less time than starting a cluster."""
+    if workspace.simulator.capabilities.quick:
+        for one in every:
+            title = f"predict {one.specimen.name}"
+            workspace.evaluate(one.evaluation, one.table, one.at, title, here=True, brief=True)
+        return
+    runs = [
+        AdaptiveRun([(one.table, one.evaluation)], pending.size, _ask_all(one.table.parameters(pending)))
+        for one in every
+        if (pending := one.table.pending(np.unique(one.at))).size
+    ]
+    if runs:
+        workspace.run_adaptive(runs, "predict")
+
+
+def _ask_all(parameters: Array) -> Callable[[Session], None]:
+    def work(session: Session) -> None:
+        session.ask_all(parameters)
+
+    return work
+
+
+def _site(workspace: Workspace, planned: Sequence[Planned], probability: float) -> tuple[SitePrediction, xr.Dataset]:
+    """The bands of one site and what they cover."""
+    specimens = [one.specimen for one in planned]
+    points = _forces(workspace, planned, probability)
+    shown = typical(specimens)
+    stresses, no_stresses = _stresses(workspace, planned[specimens.index(shown)], probability)
+    few = f"{len(specimens)} specimens; a band for a new one needs {FEWEST} or more"
+    dataset = xr.merge([points.dataset("point", "N"), stresses.dataset("stress_point", "MPa", "stress_")])
+    prediction = SitePrediction(
+        specimens=[one.name for one in specimens],
+        failed={one.specimen.name: failures(one.table, one.at) for one in planned},
+        no_new=few if len(specimens) < FEWEST else None,
+        coverage=coverage(dataset),
+        typical=shown.name,
+        stresses_of=shown.name if no_stresses is None else None,
+        no_stresses=no_stresses,
+    )
+    return prediction, dataset
+
+
+def _forces(workspace: Workspace, planned: Sequence[Planned], probability: float) -> CurvePoints:
+    """Measured forces and their bands (N) at the kept points of every curve of a site."""
+    points = CurvePoints()
+    specimens = [one.specimen for one in planned]
+    for one in planned:
+        ok = one.rows.split(one.table.status[one.at] == 0)
+        for curve in one.specimen.curves:
+            keep = kept_points(curve.protocol, workspace.study.store.points_per_curve)
+            force = one.rows.split(one.table.read(f"force_{curve.name}", one.at))
+            noise = noise_of_others(specimens, one.specimen, curve.name)
+            bands = bands_of({name: force[name][ok[name]] for name in BANDS}, noise, probability)
+            arrays = {
+                "time": curve.protocol.time_s[keep],
+                "displacement": curve.protocol.displacement_mm[keep],
+                "measured": curve.force_N[keep],
+                **_bounds(bands, keep.size),
+            }
+            points.add(keep.size, {"specimen": one.specimen.name, "protocol": curve.name}, arrays)
+    return points
+
+
+def _bounds(bands: dict[str, Band | None], size: int, prefix: str = "") -> dict[str, Array]:
+    """``NAME_low`` and ``NAME_high`` ``[t]`` of every band; NaN for one that is not given."""
+    nothing = np.full(size, np.nan)
+    named = {}
+    for name, band in bands.items():
+        for bound, values in zip(("low", "high"), band or (nothing, nothing), strict=True):
+            named[f"{prefix}{name}_{bound}"] = values
+    return named
+
+
+def _stresses(workspace: Workspace, planned: Planned, probability: float) -> tuple[CurvePoints, str | None]:
+    """Bands of both constituents' second Piola-Kirchhoff stress (MPa) along a specimen's protocols, or why not.
+
+    ``new`` comes from the other specimens' parameters as for forces, but without noise: nobody measures these stresses.
+    """
+    points = CurvePoints()
+    if not workspace.simulator.capabilities.stresses:
+        return points, f"the simulator {workspace.simulator.name} does not tell the constituents' stresses"
+    specimen, rows = planned.specimen, planned.rows
+    for curve in specimen.curves:
+        keep = kept_points(curve.protocol, workspace.study.store.points_per_curve)
+        done = workspace.simulator.simulate(workspace.model, specimen, curve.protocol, rows.all, stresses=True)
+        assert done.matrix_MPa is not None
+        assert done.fibre_MPa is not None
+        ok = rows.split(done.status == 0)
+        arrays = {"time": curve.protocol.time_s[keep], "displacement": curve.protocol.displacement_mm[keep]}
+        for constituent, stress in (("matrix", done.matrix_MPa), ("fibre", done.fibre_MPa)):
+            each = rows.split(stress[:, keep])
+            bands = bands_of({name: each[name][ok[name]] for name in BANDS}, 0.0, probability)
+            arrays |= _bounds(bands, keep.size, f"{constituent}_")
+        points.add(keep.size, {"specimen": specimen.name, "protocol": curve.name}, arrays)
+    return points, None

@@ -1,0 +1,197 @@
+"""What a result folder holds and what works on it, read from its files alone: it works where nothing runs."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table as Grid
+
+from sinew.runner.cluster.job_table import JobTable
+from sinew.runner.console import Console
+from sinew.runner.errors import StoreError, one_line
+from sinew.runner.progress import RUNNING, is_here, read_progress
+from sinew.runner.store.schema import PENDING, STATUSES, Array
+from sinew.runner.store.segment import Segment
+from sinew.runner.store.store import open_store
+from sinew.runner.store.table import Table
+from sinew.tasks.registry import TASKS
+
+PAGE = "report.html"
+SILENT_S = 60.0  # who works tells of it every few seconds
+JOBS_SHOWN = 12
+FAILURES_SHOWN = 5
+
+
+def read_status(folder: Path) -> dict[str, Any]:
+    """Rows done, failed, running and left; rate and time left; what it cost; jobs, and the last failures."""
+    now = time.time()
+    jobs = JobTable(folder / "jobs").read()
+    store = None if jobs and not (folder / "store.zarr").is_dir() else open_store(folder)  # None: it waits in the queue
+    tables, by_job, failures = [], dict.fromkeys(jobs, 0), []
+    for table in store.tables() if store is not None else ():
+        outcomes = _Outcomes(table)
+        failed = {name: int((outcomes.status == i).sum()) for i, name in enumerate(STATUSES) if i}
+        for worker, count in zip(*np.unique(outcomes.worker, return_counts=True), strict=True):
+            job = split_worker(str(worker))[2]
+            by_job[job] = by_job.get(job, 0) + int(count)
+        for at in np.flatnonzero(outcomes.status > 0)[-FAILURES_SHOWN:]:
+            node, _, job = split_worker(str(outcomes.worker[at]))
+            status, message = STATUSES[outcomes.status[at]], str(outcomes.message[at])
+            failure = {"table": table.title, "row": int(outcomes.rows[at]), "status": status, "message": message}
+            failures.append(failure | {"node": node, "job": job})
+        tables.append(
+            {
+                "table": table.title,
+                "rows": max(
+                    len(table), int(outcomes.rows.size)
+                ),  # the journal may be ahead of what is planned in the store
+                "done": int(outcomes.rows.size),
+                "failed": {name: count for name, count in failed.items() if count},
+                "core_hours": float(np.nansum(outcomes.seconds)) / 3600,
+            }
+        )
+    by_job.pop("", None)
+    return {
+        "folder": str(folder),
+        "study": "waiting" if store is None else store.study,
+        "tables": tables,
+        "now": sign_of_life(folder, now),
+        "jobs": [
+            {
+                "job": record.job,
+                "role": record.role,
+                "nodes": record.nodes,
+                "state": record.end if record.ended else "running" if record.started else "waiting",
+                "core_hours": record.core_hours(now),
+                "rows": by_job.get(record.job, 0),
+            }
+            for record in jobs.values()
+        ],
+        "last_failures": failures,
+        "core_hours": {
+            "evaluations": sum(table["core_hours"] for table in tables),
+            "jobs": sum(record.core_hours(now) for record in jobs.values()),
+        },
+        "results": [path.stem for path in _results(folder)],
+    }
+
+
+def _results(folder: Path) -> list[Path]:
+    """The files of finished tasks."""
+    files = (folder / f"{task}.json" for task in (*TASKS, "simulate"))
+    return [file for file in files if file.is_file()]
+
+
+def current_page(folder: Path) -> Path | None:
+    """The page of a result folder, if it is there and was built from the results that are there now."""
+    page = folder / PAGE
+    newest = max((file.stat().st_mtime_ns for file in _results(folder)), default=0)
+    return page if page.is_file() and page.stat().st_mtime_ns >= newest else None
+
+
+class _Outcomes:
+    """All rows of a table that have an outcome, with those that are not folded in yet."""
+
+    def __init__(self, table: Table) -> None:
+        parts: list[tuple[Array, ...]] = []
+        for path in table.segments():
+            try:
+                segment = Segment.read(path)
+            except StoreError:  # folded in meanwhile
+                continue
+            count = segment.rows.size
+            messages = segment.messages or ("",) * count
+            words = np.array([segment.worker] * count, dtype=object), np.array(messages, dtype=object)
+            parts.append((segment.rows, segment.status, segment.wall_seconds, segment.attempts, *words))
+        waiting = np.concatenate([part[0] for part in parts]) if parts else np.zeros(0, dtype=np.int64)
+        rows = np.setdiff1d(np.flatnonzero(table.status != PENDING), waiting)
+        names = ("wall_seconds", "attempts", "worker", "message")
+        parts.insert(0, (rows, table.status[rows], *(table.read(name, rows) for name in names)))
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        order = np.argsort(columns[0], kind="stable")
+        self.rows, self.status, self.seconds, self.attempts, self.worker, self.message = (c[order] for c in columns)
+
+
+def split_worker(worker: str) -> tuple[str, str, str]:
+    """Node, process and job of the worker that evaluated a row; the job is empty outside of a batch system."""
+    place, _, job = worker.partition(" job ")
+    node, _, process = place.rpartition(":")
+    return node, process, job
+
+
+def rows_as_csv(folder: Path) -> Iterator[str]:
+    """A line for each finished row: who evaluated it, where, and what came of it."""
+    yield "table,row,status,attempts,seconds,node,process,job"
+    for table in open_store(folder).tables():
+        outcomes = _Outcomes(table)
+        for i, row in enumerate(outcomes.rows):
+            node, process, job = split_worker(str(outcomes.worker[i]))
+            title, status = table.title.replace(",", " "), STATUSES[outcomes.status[i]]
+            yield f"{title},{row},{status},{outcomes.attempts[i]},{outcomes.seconds[i]:.6g},{node},{process},{job}"
+
+
+def sign_of_life(folder: Path, now: float) -> dict[str, Any] | None:
+    facts = read_progress(folder)
+    if facts is None:
+        return None
+    age = now - facts["time"]
+    alive = age < SILENT_S and facts.get("state", RUNNING) == RUNNING and is_here(facts.get("process")) is not False
+    if "state" not in facts:  # written by an older version, which did not record how it ended
+        alive = alive and facts["done"] < facts["total"]
+    return {**facts, "age_s": round(age, 1), "alive": alive}
+
+
+def print_status(found: dict[str, Any]) -> None:
+    """The same for a person."""
+    console = Console(highlight=False)
+    title = escape(one_line(f"{found['study']}: {found['folder']}"))
+    grid = Grid("evaluations", "rows", "done", "failed", "left", "core-hours", title=title)
+    for table in found["tables"]:
+        failed = sum(table["failed"].values())
+        cells = (table["rows"], table["done"], failed, table["rows"] - table["done"])
+        grid.add_row(escape(one_line(table["table"])), *(f"{cell:,}" for cell in cells), f"{table['core_hours']:.3g}")
+    console.print(grid)
+    console.print(_now(found["now"]), markup=False)
+    if found["jobs"]:
+        _print_jobs(console, found)
+    for failure in found["last_failures"]:
+        place = f" ({failure['node']}{', job ' + failure['job'] if failure['job'] else ''})"
+        words = f"{failure['table']}, row {failure['row']}: {failure['status']}: {failure['message']}"
+        console.print(one_line(words + place), markup=False)
+    console.print(f"finished: {', '.join(found['results']) or 'nothing yet'}", markup=False)
+
+
+def _now(progress: dict[str, Any] | None) -> str:
+    if progress is None:
+        return "nothing runs"
+    line = one_line(f"{progress['title']}: {progress['done']:,} of {progress['total']:,} rows")
+    if not progress["alive"]:
+        return f"nothing runs; last sign of life {duration(progress['age_s'])} ago ({line})"
+    left = f", {duration(progress['eta_s'])} left" if progress.get("eta_s") is not None else ""
+    return f"{line}, {progress.get('running', 0):,} running, {progress.get('rows_per_s', 0):.4g} rows/s{left}"
+
+
+def duration(seconds: float) -> str:
+    for size, unit in ((86_400, "d"), (3600, "h"), (60, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+def _print_jobs(console: Console, found: dict[str, Any]) -> None:
+    jobs = found["jobs"]
+    shown = [job for job in jobs if job["state"] in ("running", "waiting")]
+    ended = [job for job in jobs if job not in shown]
+    shown = ended[-max(JOBS_SHOWN - len(shown), 3) :] + shown
+    grid = Grid("job", "role", "node", "state", "rows", "core-hours")
+    for job in shown:
+        words = (escape(one_line(str(job[name]))) for name in ("job", "role", "nodes", "state"))
+        grid.add_row(*words, f"{job['rows']:,}", f"{job['core_hours']:.3g}")
+    console.print(grid)
+    if len(shown) < len(jobs):
+        console.print(f"{len(jobs) - len(shown)} more jobs, all ended: see --json")
+    cost = found["core_hours"]
+    console.print(f"cost: {cost['jobs']:.3g} core-hours of jobs, {cost['evaluations']:.3g} of them in evaluations")

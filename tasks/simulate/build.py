@@ -1,0 +1,58 @@
+"""From a study to its simulator."""
+
+from pathlib import Path
+
+from sinew.runner.errors import BadInput, shown
+from sinew.tasks.model.effect import Effect
+from sinew.tasks.simulate import Simulator
+from sinew.tasks.simulate.febio.attempt import solver_version
+from sinew.tasks.simulate.febio.settings import FEBioSettings, SolverSettings
+from sinew.tasks.simulate.febio.simulator import FEBio
+from sinew.tasks.simulate.registry import kinds, of_the_tissue
+from sinew.tasks.simulate.settings import Purpose, SimulatorSettings
+from sinew.tasks.study.model import effects_of, model_of
+from sinew.tasks.study.study import Study
+from sinew.tasks.study.trust import Request
+
+
+def simulator_of(study: Study, name: str | None, scratch: Path) -> Simulator:
+    """The study's simulator, or that called ``name`` with its default settings; solvers run below ``scratch``.
+
+    Raises :class:`BadInput` when the solver or its template cannot be used.
+    """
+    settings: SimulatorSettings = study.simulator
+    if name not in (None, settings.name):
+        if settings.law != "tendon":
+            raise BadInput("--simulator", f"{name} cannot run a study with a template", "no --simulator")
+        if name not in of_the_tissue():
+            raise BadInput("--simulator", shown(name), f"one of {', '.join(of_the_tissue())}")
+        settings = kinds()[name].model_validate({})
+    return settings.build(_purpose(study, effects_of(study.model), scratch))
+
+
+def febio_of(study: Study, effects: tuple[Effect, ...], scratch: Path) -> FEBio:
+    """FEBio with ``effects`` and the study's settings, to render its input and, if it is installed, to run it.
+
+    Raises :class:`BadInput` for effects that have no FEBio input.
+    """
+    settings = study.simulator if isinstance(study.simulator, FEBioSettings) else FEBioSettings()
+    purpose = _purpose(study, effects, scratch)
+    template = settings.read_template(purpose)
+    found = settings.found(purpose, template)
+    version = solver_version(found) if found else ""
+    name = str(found or purpose.solver or settings.executable)
+    return settings.with_solver(template, name, version, scratch)
+
+
+def solver_request(study: Study) -> Request | None:
+    """What a study asks to run as its solver, if only the user may allow it. Raises :class:`BadInput`."""
+    settings = study.simulator
+    if not isinstance(settings, SolverSettings):
+        return None
+    purpose = _purpose(study, effects_of(study.model), Path())
+    return settings.request(purpose, settings.read_template(purpose))
+
+
+def _purpose(study: Study, effects: tuple[Effect, ...], scratch: Path) -> Purpose:
+    sized = study.protocols is None or study.specimen is not None
+    return Purpose(study.path, model_of(study.model, study.simulator.law), effects, sized, scratch, study.solver)

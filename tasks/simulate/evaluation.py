@@ -1,0 +1,134 @@
+"""One evaluation: a parameter set against every measured curve of a specimen."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Literal
+
+import numpy as np
+
+from sinew.runner.evaluation.batch import Outcome
+from sinew.runner.store.schema import STATUSES, Coordinate, Field, TableSpec
+from sinew.tasks.model import Model, Protocol, Specimen
+from sinew.tasks.simulate import Array, Capabilities, Simulator
+
+
+@dataclass(frozen=True, eq=False)
+class SpecimenEvaluation:
+    """The objective of Pekedis (2025), f(x), curve by curve: RMSE in newton, and points of the simulated forces.
+
+    A parameter set that fails on one curve is a failed row: an objective over the other curves is another objective.
+    There is no objective where nothing was measured. Of a simulator's other outputs there are points of their course,
+    ``OUTPUT_PROTOCOL``, and one number by protocol, ``summary_OUTPUT``.
+    """
+
+    model: Model
+    specimen: Specimen
+    simulator: Simulator
+    points_per_curve: int | Literal["all"]
+
+    def __call__(self, parameters: Array) -> Outcome:
+        count = len(parameters)
+        status = np.zeros(count, dtype=np.int8)
+        messages = [""] * count
+        curves = len(self.specimen.curves)
+        objective = np.empty((count, curves))
+        values: dict[str, Array] = {"objective": objective} if self.scored else {}
+        values |= {f"summary_{output.name}": np.empty((count, curves)) for output in self._can.outputs}
+        for column, curve in enumerate(self.specimen.curves):
+            keep = kept_points(curve.protocol, self.points_per_curve)
+            compared = self.simulator.compare(self.model, self.specimen, curve, parameters, keep)
+            objective[:, column] = compared.rmse_N
+            values |= {self._field(name, curve.name): course for name, course in compared.outputs.items()}
+            for name, summary in compared.summaries.items():
+                values[f"summary_{name}"][:, column] = summary
+            if self._can.force is not None:
+                values[f"force_{curve.name}"] = compared.force_N
+            for row in np.flatnonzero((compared.status > 0) & (status == 0)):
+                status[row] = compared.status[row]
+                messages[row] = f"{curve.name}: {compared.messages[row]}"
+        return Outcome(values, status, tuple(messages) if status.any() else ())
+
+    @property
+    def _can(self) -> Capabilities:
+        return self.simulator.capabilities
+
+    @property
+    def scored(self) -> bool:
+        """Whether there are measured forces, and simulated ones to compare with them."""
+        return self.specimen.measured and self._can.force is not None
+
+    def _field(self, output: str, protocol: str) -> str:
+        """The name of an output's curve in the store; that of the force is the same for every simulator."""
+        return f"force_{protocol}" if output == self._can.force else f"{output}_{protocol}"
+
+    def courses(self, protocol: str) -> dict[str, str]:
+        """Fields of the store that hold points along a protocol, and what each is of (``force``, or an output)."""
+        found = {f"force_{protocol}": "force"} if self._can.force is not None else {}
+        return {self._field(output.name, protocol): output.name for output in self._can.outputs} | found
+
+    def table(self) -> TableSpec:
+        """The store's table for this evaluation."""
+        names = [curve.name for curve in self.specimen.curves]
+        coordinates = [Coordinate("protocol", "protocol", np.array(names, dtype=object))]
+        fields = [Field("objective", ("protocol",), "N", "root mean square error of the force")] if self.scored else []
+        outputs = self._can.outputs
+        for output in outputs:
+            words = f"{output.summary} of {output.name} over the protocol"
+            fields.append(Field(f"summary_{output.name}", ("protocol",), output.unit, words))
+        for curve in self.specimen.curves:
+            keep = kept_points(curve.protocol, self.points_per_curve)
+            dim = f"time_{curve.name}"
+            history = curve.protocol
+            coordinates += [
+                Coordinate(dim, dim, history.time_s[keep], "s"),
+                Coordinate(f"displacement_{curve.name}", dim, history.displacement_mm[keep], "mm"),
+            ]
+            if curve.measured:
+                coordinates.append(Coordinate(f"measured_{curve.name}", dim, curve.force_N[keep], "N"))
+            if self._can.force is not None:
+                fields.append(Field(f"force_{curve.name}", (dim,), "N", f"simulated force, {curve.name}"))
+            named = [(self._field(output.name, curve.name), output) for output in outputs]
+            others = [(name, output) for name, output in named if name != f"force_{curve.name}"]
+            fields += [Field(name, (dim,), one.unit, f"{one.name}, {curve.name}") for name, one in others]
+        return TableSpec(
+            title=f"{self.specimen.name} {self.simulator.name}",
+            identity=self.identity(),
+            parameters=self.model.names,
+            units=tuple(parameter.unit for parameter in self.model.parameters),
+            fields=tuple(fields),
+            coordinates=tuple(coordinates),
+        )
+
+    def identity(self) -> dict[str, Any]:
+        """All that the outcome depends on, except the parameters."""
+        return {
+            "model": self.model.identity(),
+            "specimen": self.specimen.identity(),
+            "simulator": self.simulator.identity(),
+            "points_per_curve": self.points_per_curve,
+            "statuses": list(STATUSES),
+        }
+
+
+@lru_cache(maxsize=256)
+def kept_points(protocol: Protocol, count: int | Literal["all"]) -> Array:
+    """Rows of a protocol that represent it: half of them spread evenly along the path of the displacement, half along
+    the logarithm of the time since it last moved, where relaxation happens. First and last row are among them.
+    """
+    rows = protocol.time_s.size
+    if count == "all" or rows <= count:
+        return np.arange(rows)
+    step = np.diff(protocol.time_s)
+    path = np.abs(np.diff(protocol.displacement_mm))
+    moving = path > 0.1 * np.median(path[path > 0]) if (path > 0).any() else np.zeros(rows - 1, dtype=bool)
+    last_moved = np.maximum.accumulate(np.where(moving, protocol.time_s[1:], protocol.time_s[0]))
+    waiting = np.where(moving, 0.0, step / (1.0 + protocol.time_s[1:] - last_moved))
+    parts = [part / part.sum() for part in (path, waiting) if part.sum() > 0]
+    along = np.concatenate([[0.0], np.cumsum(sum(parts, np.zeros(rows - 1)))])
+    targets = np.linspace(0.0, along[-1], count)
+    keep = np.unique(np.concatenate([[0], np.searchsorted(along, targets[1:-1]), [rows - 1]]))
+    missing = count - keep.size  # a jump can contain several targets
+    if missing > 0:
+        others = np.setdiff1d(np.arange(rows), keep)
+        keep = np.union1d(keep, others[np.linspace(0, others.size - 1, missing).astype(int)])
+    return keep

@@ -1,0 +1,1 @@
+"""The solver FEBio: its input, its runs, its output."""

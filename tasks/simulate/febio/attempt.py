@@ -1,0 +1,240 @@
+"""One run of the solver for one row, in its own directory. Failed runs are kept for inspection."""
+
+import errno
+import hashlib
+import json
+import os
+import re
+import shutil
+import stat
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Protocol as Interface
+from typing import TypeVar
+
+import numpy as np
+
+from sinew.runner.errors import BadInput
+from sinew.runner.evaluation import external
+from sinew.runner.files import what_is
+from sinew.runner.store.schema import STATUSES
+from sinew.tasks.model import Model
+from sinew.tasks.simulate import Array, impossible
+
+INPUT, LOG = "model.feb", "model.log"
+VERSION_TRIES, VERSION_S = 3, 20.0
+_ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+
+
+class Solver(Interface):
+    """A solver program and how its runs are limited; ``scratch`` holds the attempts, at most ``keep_failed`` failed."""
+
+    @property
+    def executable(self) -> str: ...
+
+    @property
+    def scratch(self) -> Path: ...
+
+    @property
+    def timeout_s(self) -> float: ...
+
+    @property
+    def max_file_bytes(self) -> int: ...
+
+    @property
+    def keep_failed(self) -> int: ...
+
+
+class Failed(Exception):
+    """A run that gave no curve: ``status`` as in :data:`sinew.runner.store.schema.STATUSES`; the solver's ``words``."""
+
+    def __init__(self, status: str, words: str) -> None:
+        super().__init__(status, words)
+        self.status = status
+        self.words = " ".join(words.split())[:500]
+
+
+T = TypeVar("T")
+
+
+def row_by_row(
+    model: Model, parameters: Array, solve: Callable[[Array], Array], found: Array
+) -> tuple[Array, tuple[str, ...]]:
+    """Write what ``solve`` makes of each parameter set ``[d]`` into ``found`` ``[n, ...]``; rows that fail stay as is.
+
+    Returns status ``[n]`` and messages.
+    """
+    status = np.zeros(len(parameters), dtype=np.int8)
+    messages = [""] * len(parameters)
+    wrong = impossible(model, parameters)
+    for row, values in enumerate(parameters):
+        try:
+            if row in wrong:
+                raise Failed("bad_input", wrong[row])
+            found[row] = solve(values)
+        except Failed as failed:
+            status[row] = STATUSES.index(failed.status)
+            messages[row] = failed.words
+    return status, tuple(messages)
+
+
+def attempt(
+    solver: Solver, prepare: Callable[[Path], None], read: Callable[[Path], T], parameters: Mapping[str, float]
+) -> T:
+    """Run the solver in a directory of its own, on the input that ``prepare`` writes there; returns what ``read`` says.
+
+    ``parameters`` are written beside a failed attempt that is kept. Raises :class:`Failed`, and ``OSError`` for a full
+    disk.
+    """
+    scratch = external.scratch(solver.scratch)
+    scratch.mkdir(parents=True, exist_ok=True)
+    directory = Path(tempfile.mkdtemp(prefix="attempt-", dir=scratch))
+    folder = _identity(directory)
+    try:
+        prepare(directory)
+        finished = _run(solver, directory, "-silent")
+        if finished.returncode == 1 and folder == _identity(directory) and not os.path.lexists(directory / LOG):
+            finished = _run(solver, directory)  # refused: with -silent it does not say why
+        if folder != _identity(directory):
+            raise Failed("crashed", f"the solver removed or replaced its own folder. {finished.output}")
+        _check_end(finished, directory, solver.timeout_s)
+        found = read(directory)
+    except Failed as failed:
+        if _is_full(scratch):
+            shutil.rmtree(directory, ignore_errors=True)
+            raise _no_space(scratch) from None
+        if folder == _identity(directory):
+            _keep(solver, directory, failed, parameters)
+        raise
+    except OSError:
+        full = _is_full(scratch)
+        shutil.rmtree(directory, ignore_errors=True)
+        if full:
+            raise _no_space(scratch) from None
+        raise
+    shutil.rmtree(directory, ignore_errors=True)
+    return found
+
+
+def _identity(directory: Path) -> tuple[int, int] | None:
+    """Which folder a path leads to without links; None for none."""
+    try:
+        status = os.lstat(directory)
+    except OSError:
+        return None
+    return (status.st_dev, status.st_ino) if stat.S_ISDIR(status.st_mode) else None
+
+
+def _run(solver: Solver, directory: Path, *options: str) -> external.Finished:
+    return external.run(
+        [solver.executable, "-i", INPUT, "-o", LOG, *options],
+        directory,
+        timeout_s=solver.timeout_s,
+        environment=_ENVIRONMENT,
+        max_file_bytes=solver.max_file_bytes,
+    )
+
+
+def _keep(solver: Solver, directory: Path, failed: Failed, parameters: Mapping[str, float]) -> None:
+    """Keep a failed attempt with its parameters for inspection, unless there are many already."""
+    solver.scratch.mkdir(parents=True, exist_ok=True)
+    if sum(1 for _ in solver.scratch.glob("failed-*")) >= solver.keep_failed:
+        shutil.rmtree(directory, ignore_errors=True)
+        return
+    _leave_only_files(directory)
+    report = {"status": failed.status, "message": failed.words, "parameters": dict(parameters)}
+    (directory / "failure.json").write_text(json.dumps(report, indent=1) + "\n", "utf-8")
+    shutil.move(directory, solver.scratch / directory.name.replace("attempt-", f"failed-{failed.status}-"))
+
+
+def _leave_only_files(directory: Path) -> None:
+    """Remove links, pipes, devices, and what stands where ``failure.json`` is written: a solver may leave anything."""
+    for folder, folders, files in os.walk(directory):
+        for path in [Path(folder, name) for name in (*folders, *files)]:
+            mode = os.lstat(path).st_mode
+            if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+                path.unlink()
+    failure = directory / "failure.json"
+    if failure.is_dir():
+        shutil.rmtree(failure)
+    failure.unlink(missing_ok=True)
+
+
+_BOX = re.compile(r"^ \* {10,}ERROR {10,}\*\n((?: \* .*\*\n)+)", re.MULTILINE)
+_MEMORY = re.compile(r"bad_alloc|memory allocation fail|out of memory|cannot allocate memory", re.IGNORECASE)
+
+
+def _check_end(finished: external.Finished, directory: Path, timeout_s: float) -> None:
+    """Say how a run failed. Raises :class:`Failed` unless the solver ended normally."""
+    if os.path.lexists(directory / LOG) and not stat.S_ISREG(mode := os.lstat(directory / LOG).st_mode):
+        raise Failed("bad_output", f"{LOG} is {what_is(mode)}, not a file")
+    log = external.tail(directory / LOG, 20_000)
+    words = _last_words(log, finished.output)
+    if finished.timed_out:
+        raise Failed("timeout", f"no end after {timeout_s:g} s. {words}")
+    if _MEMORY.search(log) or _MEMORY.search(finished.output):
+        raise Failed("out_of_memory", words)
+    if finished.killed_by == "SIGXFSZ":
+        raise Failed("bad_output", "the solver wrote a file larger than max_file_mb")
+    if finished.killed_by is not None:
+        raise Failed("crashed", f"ended by {finished.killed_by}. {words}")
+    if "E R R O R   T E R M I N A T I O N" in log:
+        if re.search(r"negative jacobian", words, re.IGNORECASE):
+            raise Failed("negative_jacobian", words)
+        stepped = re.search(r"===== beginning time step|Retrying time step|AUTO STEPPER|Nonlinear solution", log)
+        raise Failed("diverged" if stepped else "bad_input", words)
+    if finished.returncode == 1 and not (directory / LOG).exists():
+        raise Failed("bad_input", words or "the solver could not read its input")
+    if finished.returncode != 0:
+        refused = re.search(r"initializ|FATAL ERROR|Failed reading|failed to read|parse|syntax", words, re.IGNORECASE)
+        raise Failed("bad_input" if refused else "crashed", f"exit code {finished.returncode}. {words}")
+    if "N O R M A L   T E R M I N A T I O N" not in log:
+        raise Failed("crashed", f"ended without NORMAL TERMINATION. {words}")
+
+
+def _last_words(log: str, output: str) -> str:
+    """The solver's own error message: its last error boxes, or else the last lines that it wrote."""
+    boxes = [" ".join(line.strip(" *") for line in box.splitlines()) for box in _BOX.findall(f"{log}\n{output}")]
+    if boxes:
+        return "; ".join(dict.fromkeys(" ".join(box.split()) for box in boxes[-3:]))
+    lines = [line.strip() for line in f"{log}\n{output}".splitlines() if line.strip(" *=-\t")]
+    return "; ".join(line for line in lines[-3:] if not line.startswith("Reading configuration"))
+
+
+def _is_full(scratch: Path) -> bool:
+    """Stop the run when the disk is full, instead of failing rows by the thousand."""
+    return shutil.disk_usage(scratch).free < 2**20
+
+
+def _no_space(scratch: Path) -> OSError:
+    return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(scratch))
+
+
+def solver_version(executable: Path) -> str:
+    """The version that ``febio4 -info`` reports, or a hash of the program when it ends well without naming one.
+
+    The version is part of every result's identity: results of another solver are never taken for this one's, and those
+    of this one are found again. So a program that fails, is killed or does not end in time is asked again. Raises
+    :class:`BadInput` when it cannot be run, or never answers.
+    """
+    reason = ""
+    for _ in range(VERSION_TRIES):
+        with tempfile.TemporaryDirectory() as directory:
+            try:
+                finished = external.run([str(executable), "-info"], Path(directory), timeout_s=VERSION_S)
+            except external.Stopped as stopped:
+                reason = str(stopped)
+                continue
+            except OSError as error:
+                raise BadInput(executable, f"cannot be run ({error.strerror})", "a solver program") from None
+        said = re.search(r"version\s*=?\s*(\d+\.\d+[\w.]*)", finished.output)
+        if said:
+            return said.group(1)
+        if finished.returncode == 0:
+            with open(executable, "rb") as file:
+                return f"unknown-{hashlib.file_digest(file, 'blake2b').hexdigest()[:16]}"
+        code = finished.killed_by or f"exit code {finished.returncode}"
+        reason = f"no answer in {VERSION_S:g} s" if finished.timed_out else code
+    problem = f"asked {VERSION_TRIES} times for its version by `-info`, it does not answer ({reason})"
+    raise BadInput(executable, problem, "a solver that answers; on a busy machine, the same command again")

@@ -1,0 +1,129 @@
+"""What the solver logs: which quantities, and reading them from its log files."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from sinew.runner.files import NotReadable, read_regular
+from sinew.tasks.simulate import Array, Output
+from sinew.tasks.simulate.febio.attempt import Failed
+
+Reduce = Literal["single", "sum", "mean", "max", "min"]
+_REDUCE: dict[str, Callable[..., Array]] = {
+    "single": np.sum,
+    "sum": np.sum,
+    "mean": np.mean,
+    "max": np.max,
+    "min": np.min,
+}
+
+
+@dataclass(frozen=True)
+class Logged(Output):
+    """An output of the solver's log: ``item`` of ``data`` for some ``ids`` or a named ``set``, reduced to one number.
+
+    The number is multiplied by ``scale``. ``at_rest`` is its value at time 0, which the solver does not log.
+    """
+
+    data: Literal["node_data", "element_data", "rigid_body_data"] = "node_data"
+    item: str = ""
+    ids: tuple[int, ...] = ()
+    set: str | None = None
+    reduce: Reduce = "single"
+    scale: float = 1.0
+    at_rest: float = 0.0
+
+
+def slack(end_s: float) -> float:
+    """The largest difference between two times that count as equal (s): FEBio logs at most nine digits."""
+    return 1e-7 * max(1.0, end_s)
+
+
+def read_output(path: Path, output: Logged, max_bytes: int, end_s: float) -> tuple[Array, Array]:
+    """Times ``[t]`` (s, increasing, up to ``end_s``) and values ``[t]`` of an output that sinew added to the log.
+
+    The solver may have stopped at other times than it was asked to. Raises :class:`Failed` unless the file is complete.
+    """
+    found, table = _records(path, output, max_bytes)
+    if table.shape[1] != 2:
+        raise Failed("bad_output", f"{output.name}: {found.size} steps of {table.shape[1]} numbers a line, not 2")
+    if not (np.isfinite(found).all() and (np.diff(found) > 0).all() and found[0] >= 0):
+        raise Failed("bad_output", f"{output.name}: times do not increase")
+    if found[-1] < end_s - slack(end_s):
+        raise Failed("bad_output", f"{output.name} ends at {found[-1]:g} s, the protocol at {end_s:g} s")
+    ids = table[:, 0].reshape(found.size, -1)
+    if not (ids == ids[0]).all() or (output.ids and set(ids[0]) != set(output.ids)):
+        raise Failed("bad_output", f"{output.name}: logged for other ids than asked")
+    return found, _reduced(output, found, table)
+
+
+def read_output_at(path: Path, output: Logged, max_bytes: int, times: Array) -> Array:
+    """Values ``[t]`` of an output that the template itself logs, at exactly the asked ``times`` ``[t]`` (s).
+
+    The last number of each line counts. Raises :class:`Failed` unless every step is there, at its time.
+    """
+    found, table = _records(path, output, max_bytes)
+    if found.size != times.size:
+        raise Failed("bad_output", f"{output.name}: {path.name} holds {found.size} of {times.size} steps")
+    late = np.flatnonzero(~(np.abs(found - times) <= slack(float(times[-1]))))
+    if late.size:
+        i = int(late[0])
+        raise Failed("bad_output", f"{output.name}: step {i + 1} is at {found[i]:g} s, not at {times[i]:g} s")
+    return _reduced(output, found, table)
+
+
+def _reduced(output: Logged, times: Array, table: Array) -> Array:
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = output.scale * _REDUCE[output.reduce](table[:, -1].reshape(times.size, -1), axis=1)
+    if not np.isfinite(total).all():
+        at = times[np.flatnonzero(~np.isfinite(total))[0]]
+        raise Failed("bad_output", f"{output.name} is not finite at {at:g} s")
+    return total
+
+
+def _records(path: Path, output: Logged, max_bytes: int) -> tuple[Array, Array]:
+    """Times ``[t]`` (s) and all lines of numbers ``[lines, columns]``, equally many for each time."""
+    try:
+        times, table, even = read_records(path, max_bytes)
+    except Failed as failed:
+        raise Failed(failed.status, f"{output.name}: {failed.words}") from None
+    if not times.size or not even or not len(table) or len(table) % times.size:
+        raise Failed("bad_output", f"{output.name}: {path.name} holds {times.size} steps and {len(table)} lines")
+    return times, table
+
+
+def read_records(path: Path, max_bytes: int) -> tuple[Array, Array, bool]:
+    """What the solver logged: times ``[t]`` (s), all lines of numbers ``[lines, columns]``, and whether every step has
+    equally many lines. Raises :class:`Failed`.
+    """
+    try:
+        text = read_regular(path, max_bytes).decode("ascii").replace("\r\n", "\n")
+    except FileNotFoundError:
+        raise Failed("bad_output", f"the solver wrote no {path.name}") from None
+    except NotReadable as odd:
+        raise Failed("bad_output", f"{path.name} is {odd}") from None
+    except OSError as error:
+        raise Failed("bad_output", f"{path.name} cannot be read ({error.strerror})") from None
+    except UnicodeDecodeError:
+        raise Failed("bad_output", f"{path.name} is not text") from None
+    if text and not text.endswith("\n"):
+        raise Failed("bad_output", f"{path.name} ends in the middle of a line")
+    # whole-text operations: a loop over the lines of a long run takes as long as some solver runs
+    records = [record.count("\n") for record in text.split("*Step")[1:]]
+    try:
+        found = np.array(_STAMP.findall(text), dtype=np.float64)
+        table = pd.read_csv(StringIO(text), comment="*", header=None, dtype=np.float64).to_numpy()
+    except pd.errors.EmptyDataError:
+        table = np.zeros((0, 1))
+    except ValueError as error:
+        raise Failed("bad_output", f"{path.name} holds something else than numbers ({error})") from None
+    return found, table, len(records) == found.size and len(set(records)) == 1
+
+
+_STAMP = re.compile(r"^\*Time\s*=\s*(\S+)$", re.MULTILINE)

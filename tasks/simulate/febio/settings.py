@@ -1,0 +1,215 @@
+"""The settings of FEBio in a study: the solver, with the tendon's template or a template of the user's own."""
+
+import hashlib
+import re
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from sinew.runner.errors import shown
+from sinew.tasks.simulate import Summary
+from sinew.tasks.simulate.febio.attempt import solver_version
+from sinew.tasks.simulate.febio.files import read_files
+from sinew.tasks.simulate.febio.output import Logged, Reduce
+from sinew.tasks.simulate.febio.renderer import Allowance
+from sinew.tasks.simulate.febio.simulator import FEBio, Template
+from sinew.tasks.simulate.febio.template import OwnTemplate, check_template
+from sinew.tasks.simulate.febio.tendon import read_template
+from sinew.tasks.simulate.settings import Law, Purpose, SimulatorSettings, SolverMissing
+from sinew.tasks.study.fields import Finite
+from sinew.tasks.study.settings_file import FieldError, Section
+from sinew.tasks.study.trust import Request, require
+
+Seconds = Annotated[float, Field(gt=0, le=86_400 * 30, allow_inf_nan=False)]
+Executable = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f-][^\x00-\x1f]*$")]
+Unit = Annotated[str, Field(min_length=1, max_length=24, pattern=r"^[^\x00-\x1f]*$")]
+
+FEBIO = "febio4"  # what a study may run without its user's consent
+IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+OF_THE_STORE = ("objective", "measured", "displacement", "time", "wall", "summary", "conf", "total")
+
+
+class TimeSteps(Section):
+    """The time steps of the solver. Each step ends at a measured row; between steps the force is interpolated.
+
+    ``ramp_s``: longest step while the displacement moves (0: every row). ``hold_growth``: in a hold, a step may grow to
+    this fraction of the time since the hold began (0: every row). ``still_mm``: how far the displacement may stray
+    from a constant for a stretch of time to count as a hold.
+    """
+
+    ramp_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    hold_growth: Annotated[float, Field(ge=0, le=0.5, allow_inf_nan=False)] = 0.02
+    still_mm: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+
+
+class SolverSettings(SimulatorSettings):
+    """The solver: ``executable`` by name or path, where it stops, and how a run is limited."""
+
+    executable: Executable = FEBIO
+    timeout_s: Seconds = 600.0
+    max_file_mb: Annotated[int, Field(gt=0, le=1_000_000)] = 4096
+    time_steps: TimeSteps = TimeSteps()
+    keep_failed: Annotated[int, Field(ge=0, le=10_000)] = 20
+
+    def build(self, purpose: Purpose) -> FEBio:
+        template = self.read_template(purpose)  # before the solver, which may be on another machine only
+        found = self.found(purpose, template)
+        if found is None:
+            where = f"{purpose.study}: simulator.executable" if purpose.solver is None else "--solver"
+            problem = f"{shown(purpose.solver or self.executable)} was not found"
+            raise SolverMissing(where, problem, "febio4 on the PATH, or the path of the solver")
+        return self.with_solver(template, str(found), solver_version(found), purpose.scratch)
+
+    def read_template(self, purpose: Purpose) -> Template:
+        """The template, checked. Raises :class:`BadInput`."""
+        raise NotImplementedError
+
+    def found(self, purpose: Purpose, template: Template) -> Path | None:
+        """Where the solver is on this machine. Raises :class:`BadInput` for a program that the user does not trust."""
+        require(self.request(purpose, template))
+        return _program(purpose.solver or self.executable)
+
+    def request(self, purpose: Purpose, template: Template) -> Request | None:
+        """What only the user may allow: to run another program than ``febio4`` on what ``template`` renders."""
+        program = _program(self.executable)
+        if purpose.solver is not None or program is None:
+            return None
+        if self.executable == FEBIO and Path(str(shutil.which(FEBIO))).is_absolute():  # not by a PATH such as ".:/bin"
+            return None
+        return Request(
+            purpose.study,
+            "simulator.executable",
+            f"{shown(self.executable)} would run on this machine",
+            f"{FEBIO}, --solver",
+            (str(program).encode(), _hash(program), *_as_bytes(template.files)),
+        )
+
+    def with_solver(self, template: Template, executable: str, version: str, scratch: Path) -> FEBio:
+        """The simulator with a solver that is known, by these settings."""
+        return FEBio(
+            executable,
+            version,
+            template,
+            scratch,
+            timeout_s=self.timeout_s,
+            max_file_bytes=self.max_file_mb * 2**20,
+            ramp_s=self.time_steps.ramp_s,
+            hold_growth=self.time_steps.hold_growth,
+            still_mm=self.time_steps.still_mm,
+            keep_failed=self.keep_failed,
+        )
+
+
+def _program(executable: str) -> Path | None:
+    found = shutil.which(executable)
+    return None if found is None or not Path(found).is_file() else Path(found).resolve()
+
+
+def _hash(program: Path) -> bytes:
+    with open(program, "rb") as file:
+        return hashlib.file_digest(file, "blake2b").digest()
+
+
+def _as_bytes(files: Mapping[str, str]) -> tuple[bytes, ...]:
+    return tuple(part.encode() for name, text in sorted(files.items()) for part in (name, text))
+
+
+class FEBioSettings(SolverSettings):
+    """The tendon in FEBio: ``template`` beside the study file, by default the built-in one."""
+
+    name: Literal["febio"] = "febio"
+    template: str | None = None
+
+    def read_template(self, purpose: Purpose) -> Template:
+        return read_template(purpose.study.parent, self.template).with_effects(purpose.effects)
+
+
+class OutputSettings(Section):
+    """A quantity of the solver's log file: ``item`` of ``data``, of a ``set`` or some ``ids``, made one number.
+
+    ``reduce`` says how; that is times ``scale``, in ``unit``. ``at_rest`` is its value before the first step, of which
+    FEBio logs nothing. ``summary`` makes one number of its course, for the tasks that need one.
+    """
+
+    data: Literal["node_data", "element_data", "rigid_body_data"]
+    item: Annotated[str, Field(max_length=64, pattern=r"^[A-Za-z][A-Za-z0-9_ .\[\]()^*/+-]*$")]
+    set: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    ids: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1, max_length=100_000)] | None = None
+    reduce: Reduce = "single"
+    scale: Finite = 1.0
+    unit: Unit = "1"
+    at_rest: Finite = 0.0
+    summary: Summary = "max"
+
+    @model_validator(mode="after")
+    def _one_choice(self) -> Self:
+        if (self.set is None) == (self.ids is None):
+            raise FieldError("ids", "beside set" if self.ids else "missing", "either ids or the name of a set")
+        if self.ids is not None and len(set(self.ids)) < len(self.ids):
+            raise FieldError("ids", "one of them is given twice", "each id once")
+        return self
+
+    def logged(self, name: str) -> Logged:
+        """These settings for the simulator."""
+        fields = self.model_dump(exclude={"ids"})
+        return Logged(name=name, ids=tuple(self.ids or ()), **fields)
+
+
+class TemplateSettings(SolverSettings):
+    """The user's own model in FEBio: the template ``file``, and the ``outputs`` to read from the solver's log.
+
+    ``force`` names the output that is compared with measured forces. ``settle_s``: how long the solver waits at the
+    first displacement of a protocol that does not start at rest.
+    """
+
+    law: ClassVar[Law] = "template"
+
+    name: Literal["template"] = "template"
+    file: Annotated[str, Field(min_length=1)]
+    outputs: Annotated[dict[str, OutputSettings], Field(min_length=1, max_length=100)]
+    force: str | None = None
+    max_file_mb: Annotated[int, Field(gt=0, le=1_000_000)] = 1024
+    settle_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        return tuple(self.outputs)
+
+    @property
+    def gives_force(self) -> bool:
+        return self.force is not None
+
+    def read_template(self, purpose: Purpose) -> Template:
+        allowance = Allowance()
+        main, files = read_files(purpose.study.parent, self.file, allowance)
+        outputs = tuple(output.logged(name) for name, output in self.outputs.items())
+        template = OwnTemplate(files, main, outputs, self.force, self.settle_s)
+        check_template(
+            purpose.study,
+            template,
+            purpose.model,
+            sized=purpose.sized,
+            moved=self.gives_force,
+            allowance=allowance,
+        )
+        return template
+
+    @model_validator(mode="after")
+    def _names(self) -> Self:
+        if self.force is not None:
+            if self.force not in self.outputs:
+                raise FieldError("force", shown(self.force), f"one of the outputs {', '.join(self.outputs)}")
+            if self.outputs[self.force].unit != "N":
+                problem = f"the force is in {self.outputs[self.force].unit!r}"
+                expected = "'N', with a scale if the model has other units"
+                raise FieldError(f"outputs.{self.force}.unit", problem, expected)
+        for name in self.outputs:
+            if not IDENTIFIER.fullmatch(name) or name in OF_THE_STORE:
+                expected = "letters, digits and '_', no word of the store's"
+                raise FieldError(f"outputs.{name}", "cannot be a name", expected)
+            if name == "force" and self.force != "force":
+                raise FieldError(f"outputs.{name}", "is not said to be the force", "force: force, or another name")
+        return self

@@ -1,0 +1,68 @@
+"""The settings of a simulator in a study: their base class, and those of the embedded simulator."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Literal
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.model import Model
+from sinew.tasks.model.effect import Effect
+from sinew.tasks.simulate import Simulator
+from sinew.tasks.study.settings_file import Section
+
+Law = Literal["tendon", "template"]
+"""The parameters that a study varies: those of sinew's own tissue, or those of the study's own template."""
+
+
+class SolverMissing(BadInput):
+    """The solver is not on this machine."""
+
+
+@dataclass(frozen=True)
+class Purpose:
+    """What a simulator is built for.
+
+    ``study`` is the study's file, beside which templates lie. ``sized``: the specimens have a size. ``scratch`` is the
+    folder of solver runs. ``solver`` is the program that the user names, in place of the study's.
+    """
+
+    study: Path
+    model: Model
+    effects: tuple[Effect, ...]
+    sized: bool
+    scratch: Path
+    solver: str | None = None
+
+
+class SimulatorSettings(Section):
+    """The settings of a kind of simulator. Subclasses have a literal ``name`` and are listed in the registry."""
+
+    law: ClassVar[Law] = "tendon"
+
+    name: str
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the quantities that are stored besides the force of sinew's own tissue."""
+        return ()
+
+    @property
+    def gives_force(self) -> bool:
+        """Whether there is a force to compare with a measured one."""
+        return True
+
+    def build(self, purpose: Purpose) -> Simulator:
+        """The simulator. Raises :class:`BadInput`, and :class:`SolverMissing` once all else has been checked."""
+        raise NotImplementedError
+
+
+class UniaxialSettings(SimulatorSettings):
+    """The embedded simulator."""
+
+    name: Literal["uniaxial"] = "uniaxial"
+
+    def build(self, purpose: Purpose) -> Simulator:
+        from sinew.tasks.simulate.effects import UniaxialWith
+        from sinew.tasks.simulate.uniaxial import Uniaxial
+
+        return UniaxialWith(tuple(effect.name for effect in purpose.effects)) if purpose.effects else Uniaxial()

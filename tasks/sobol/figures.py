@@ -1,0 +1,126 @@
+"""Figures of Sobol indices: by parameter, along time, and how they settle with the size of the design."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
+
+from sinew.runner.store.store import open_store
+from sinew.tasks.drawing.figures import COLOURS, STYLE, save, symbol
+from sinew.tasks.drawing.formats import protocols_of
+from sinew.tasks.drawing.views import FigureKind
+from sinew.tasks.sobol.result import SobolResult
+from sinew.tasks.sobol.show import beside, convergence_table, stored, table, time_table
+from sinew.tasks.study.workspace import Workspace
+
+SHOWN = 6  # parameters in figures along time and of the convergence
+_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
+_MARKERS = "osv^D*"
+
+
+def draw(workspace: Workspace, result: SobolResult) -> None:
+    """Write all figures, each with its table."""
+    folder = workspace.out / "figures"
+    shown = table(result).rename_axis(["objective", "parameter"]).reset_index()
+    save(indices(result), folder, "sobol", shown)
+    save(convergence(result), folder, "sobol_convergence", convergence_table(result))
+    for specimen, output in result.courses().values():
+        name = result.tables[specimen]
+        dataset = workspace.store.read_result(f"sobol_time/{name}")
+        ending = "" if output is None else f"_{output}"
+        figure = along_time(dataset, result.names, output)
+        save(figure, folder, f"sobol_time_{name}{ending}", time_table(dataset, output))
+
+
+def _along_time(result: SobolResult, folder: Path, course: str) -> Figure:
+    specimen, output = result.courses()[course]
+    dataset = open_store(folder).read_result(f"sobol_time/{result.tables[specimen]}")
+    return along_time(dataset, result.names, output)
+
+
+def indices(result: SobolResult) -> Figure:
+    """First and total order indices with intervals: the total objective above, each protocol below."""
+    shown = result.panels()
+    with plt.rc_context(STYLE):
+        height = 2.1 * len(shown) + 0.4
+        figure, axes = plt.subplots(len(shown), 1, figsize=(7.5, height), sharex=True, squeeze=False)
+        at = np.arange(len(result.names))
+        for axis, (title, values) in zip(axes[:, 0], shown.items(), strict=True):
+            for key, label, shift, colour in (("S1", "first order", -0.2, 0), ("ST", "total order", 0.2, 1)):
+                bars, errors = getattr(values, key), getattr(values, f"{key}_conf")
+                axis.bar(at + shift, bars, 0.38, yerr=errors, color=COLOURS[colour], label=label, error_kw={"lw": 0.8})
+            axis.axhline(0, color="black", lw=0.6)
+            axis.set_title(title.replace("_", " "), loc="left", fontsize=9)
+            axis.set_ylabel("Sobol index")
+        axes[0, 0].legend(ncols=2)
+        axes[-1, 0].set_xticks(at, [symbol(name) for name in result.names])
+        percent = round(100 * result.confidence)
+        figure.suptitle(
+            f"{result.rows:,} rows, {result.failed:,} failed; bars: {percent} % bootstrap interval", fontsize=9
+        )
+    return figure
+
+
+def along_time(dataset: xr.Dataset, names: list[str], output: str | None = None) -> Figure:
+    """Total order indices of the force, or of an ``output``, along each protocol, for those that matter most anywhere.
+
+    Below is what was measured, or the displacement where nothing was.
+    """
+    protocols = protocols_of(dataset)
+    strongest = np.zeros(len(names))
+    for protocol in protocols:
+        index = dataset[stored("ST", protocol, output)].to_numpy()
+        strongest = np.fmax(strongest, np.nan_to_num(index).max(axis=1))
+    chosen = np.argsort(-strongest)[:SHOWN]
+    with plt.rc_context(STYLE):
+        size = (3.4 * len(protocols) + 0.6, 4.6)
+        figure, axes = plt.subplots(2, len(protocols), figsize=size, squeeze=False, sharex="col", height_ratios=(3, 1))
+        for (above, below), protocol in zip(axes.T, protocols, strict=True):
+            time = dataset[f"time_{protocol}"].to_numpy()
+            for rank, j in enumerate(chosen):
+                index, conf = (dataset[stored(key, protocol, output)].to_numpy()[j] for key in ("ST", "ST_conf"))
+                colour = COLOURS[rank % len(COLOURS)]
+                dash = _DASHES[rank % len(_DASHES)]
+                above.plot(time, index, linestyle=dash, color=colour, label=symbol(names[j]), lw=1.3)
+                above.fill_between(time, index - conf, index + conf, color=colour, alpha=0.15, lw=0)
+            above.set_title(protocol.replace("_", " "), loc="left", fontsize=9)
+            above.set_ylim(-0.02, None)
+            kind, unit = beside(dataset, protocol, output)
+            below.plot(time, dataset[f"{kind}_{protocol}"], color="black", lw=0.9)
+            below.set_xlabel("time (s)")
+        axes[0, 0].set_ylabel(f"total order index of {'the force' if output is None else output.replace('_', ' ')}")
+        axes[1, 0].set_ylabel(f"{'measured' if kind == 'measured' else 'moved'} ({unit})")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(chosen))
+        figure.supxlabel(f"specimen {dataset.attrs['specimen']}", fontsize=8, x=0.99, ha="right")
+    return figure
+
+
+def convergence(result: SobolResult) -> Figure:
+    """How the total order indices settle as the design grows."""
+    curve = result.convergence
+    sizes = np.array(curve.base_samples)
+    chosen = np.argsort(-np.nan_to_num(curve.ST[-1]))[:SHOWN]
+    with plt.rc_context(STYLE):
+        figure, axis = plt.subplots(figsize=(6, 3.6))
+        for rank, j in enumerate(chosen):
+            at = sizes * (1 + 0.02 * (rank - SHOWN / 2))
+            label, marker = symbol(result.names[j]), _MARKERS[rank % len(_MARKERS)]
+            axis.errorbar(at, curve.ST[:, j], curve.ST_conf[:, j], label=label, marker=marker, ms=4, lw=1, capsize=2)
+        axis.set_xscale("log", base=2)
+        axis.set_xticks(sizes, [f"{size:,}" for size in sizes], rotation=30)
+        axis.minorticks_off()
+        axis.set_xlabel("base samples")
+        axis.set_ylabel(f"total order index, {result.total}")
+        axis.legend(ncols=3)
+    return figure
+
+
+FIGURES: Mapping[str, FigureKind[SobolResult]] = {
+    "indices": FigureKind(lambda result, folder, _: indices(result)),
+    "convergence": FigureKind(lambda result, folder, _: convergence(result)),
+    "time": FigureKind(_along_time, lambda result: list(result.courses())),
+}

@@ -1,0 +1,183 @@
+"""Sensitivity: Sobol indices of the objectives, along the protocols, and how far they are settled."""
+
+from typing import Any
+
+import numpy as np
+from bokeh.transform import dodge
+
+from sinew.tasks.drawing import plots
+from sinew.tasks.drawing.blocks import Block, Plot, Plots, Section, Words, listed, percent, plural
+from sinew.tasks.drawing.figures import COLOURS
+from sinew.tasks.drawing.formats import protocols_of
+from sinew.tasks.report.folder import ResultFolder
+from sinew.tasks.sobol.result import SobolResult
+from sinew.tasks.sobol.show import stored
+
+NAME = "sensitivity"
+SHOWN = 6  # lines in a plot along time
+
+
+def section(folder: ResultFolder) -> Section:
+    """Everything of ``sobol.json`` and the indices along time."""
+    title, question = "Sensitivity", "Which parameters decide how well the model fits, alone and together?"
+    result = folder.result(SobolResult)
+    if result is None:
+        return Section("sensitivity", title, question, missing=folder.missing("sobol"))
+    if result.outputs:
+        question = "Which parameters decide each output, alone and together?"
+    level = percent(result.confidence)
+    blocks: list[Block] = [_indices(result, level)]
+    blocks += [block for block in (_along_time(folder, result, level), _convergence(result, level)) if block]
+    total, conf = result.ST, result.ST_conf
+    order = np.argsort(-np.nan_to_num(total))[:3]
+    first = [f"{result.names[j]} {total[j]:.2f} ± {conf[j]:.2f}" for j in order if np.isfinite(total[j])]
+    small = [name for name, value in zip(result.names, total, strict=True) if value < 0.01]
+    failed = ""
+    if result.failed:
+        failed = f"{result.failed:,} of {result.rows:,} rows; {result.failures.rule}"
+        blocks.append(Words(f"Failed rows: {failed}.", "warning"))
+    sure = f"{level} intervals from {result.base_samples_used:,} base samples"
+    if small:
+        sure += f"; below 0.01: {listed(small, 3)}"
+    return Section(
+        "sensitivity", title, question, blocks,
+        found=f"total order indices: {', '.join(first)}" if first else "the objective does not vary",
+        sure=sure,
+        failed=failed,
+    )  # fmt: skip
+
+
+def _indices(result: SobolResult, level: str) -> Block:
+    names = result.names
+    shown = result.panels() | (dict(result.specimens) if len(result.specimens) > 1 else {})
+
+    def columns(values: Any) -> dict[str, Any]:
+        indices: dict[str, Any] = {"parameter": names}
+        for key in ("S1", "ST"):
+            index, conf = (getattr(values, each) for each in (key, f"{key}_conf"))
+            indices |= {key: index, f"{key}_conf": conf, f"{key}_low": index - conf, f"{key}_high": index + conf}
+        return {"indices": indices}
+
+    def draw(sources: plots.Sources) -> list[Plot]:
+        plot = plots.figure("Sobol index", "", height=110 + 24 * len(names), y_range=[*map(plots.plain, names)][::-1])
+        plot.vspan(0.0, line_color=plots.MUTED, line_width=0.8)
+        entries = []
+        for key, label, shift, colour, marker, fill in (
+            ("S1", "first order: alone", 0.17, COLOURS[0], "square", "white"),
+            ("ST", "total order: with all its interactions", -0.17, COLOURS[1], "circle", COLOURS[1]),
+        ):
+            up = dodge("parameter", shift, range=plot.y_range)
+            bar = plot.segment(
+                f"{key}_low", up, f"{key}_high", up, source=sources["indices"], color=colour, line_width=1.5
+            )
+            dots = plot.scatter(
+                key, up, source=sources["indices"], marker=marker, size=8, line_color=colour, fill_color=fill
+            )
+            entries.append((label, [bar, dots]))
+            plots.hover(plot, dots, [("parameter", "@parameter"), (key, f"@{key}{{0.0000}} ± @{key}_conf{{0.0000}}")])
+        plots.legend(plot, entries)
+        return [
+            plots.plot("sensitivity-indices", plot, "Sobol indices of the picked objective by parameter", wide=True)
+        ]
+
+    caption = f"Sobol indices of the {result.objective}; lines: {level} intervals. {result.rows:,} rows."
+    data = {name: columns(values) for name, values in shown.items()}
+    return plots.picked("sensitivity-objectives", caption, "Objective", data, draw)
+
+
+def _along_time(folder: ResultFolder, result: SobolResult, level: str) -> Block | None:
+    if folder.store is None or not result.tables:
+        return None
+    names = result.names
+    kept = {name: folder.store.read_result(f"sobol_time/{table}") for name, table in result.tables.items()}
+    protocols = list(dict.fromkeys(name for each in kept.values() for name in protocols_of(each)))
+    outputs = bool(result.outputs)
+    of, beside, unit = ("the picked output", "displacement", "mm") if outputs else ("the force", "measured", "N")
+    digits = "0.000" if outputs else "0.0"
+    shown = result.courses()
+    strongest = np.zeros(len(names))
+    for specimen, output in shown.values():
+        for protocol in protocols:
+            if (key := stored("ST", protocol, output)) in kept[specimen]:
+                index = np.nan_to_num(kept[specimen][key].to_numpy())
+                strongest = np.maximum(strongest, index.max(axis=1))
+    chosen = [int(j) for j in np.argsort(-strongest)[:SHOWN]]
+
+    def columns(dataset: Any, output: str | None) -> dict[str, Any]:
+        curves: dict[str, Any] = {}
+        for protocol in protocols:
+            if stored("ST", protocol, output) not in dataset:
+                curves[protocol] = {"time": [], beside: []} | {f"{kind}{j}": [] for j in chosen for kind in "vlh"}
+                continue
+            index, conf = (dataset[stored(key, protocol, output)].to_numpy() for key in ("ST", "ST_conf"))
+            curves[protocol] = {
+                "time": dataset[f"time_{protocol}"].to_numpy(),
+                beside: dataset[f"{beside}_{protocol}"].to_numpy(),
+                **{f"v{j}": index[j] for j in chosen},
+                **{f"l{j}": index[j] - conf[j] for j in chosen},
+                **{f"h{j}": index[j] + conf[j] for j in chosen},
+            }
+        return curves
+
+    def draw(sources: plots.Sources) -> list[Plot]:
+        drawn: list[Plot] = []
+        for protocol in protocols:
+            across = f"time (s), {protocol.replace('_', ' ')}"
+            plot = plots.figure(across, "total order index" + ("" if outputs else " of the force"), height=330)
+            entries = []
+            for rank, j in enumerate(chosen):
+                colour = plots.colour(rank)
+                band = plot.varea("time", f"l{j}", f"h{j}", source=sources[protocol], color=colour, alpha=0.15)
+                style = {"color": colour, "line_dash": plots.dash(rank), "line_width": 1.6}
+                line = plot.line("time", f"v{j}", source=sources[protocol], **style)
+                rows = [("parameter", names[j]), ("time", "@time{0.0} s"), ("index", f"@v{j}{{0.000}}"),
+                        (beside, f"@{beside}{{{digits}}} {unit}")]  # fmt: skip
+                plots.hover(plot, line, rows)
+                entries.append((names[j], [line, band]))
+            plots.legend(plot, entries)
+            plot.y_range.start = -0.05
+            label = f"{protocol}: which parameters decide {of}, along time"
+            drawn.append(plots.plot(f"sensitivity-time-{len(drawn)}", plot, label))
+        return drawn
+
+    caption = f"Total order indices of {of} along each protocol, the {len(chosen)} largest; bands: {level} intervals."
+    data = {name: columns(kept[specimen], output) for name, (specimen, output) in shown.items()}
+    return plots.picked("sensitivity-times", caption, "Output" if outputs else "Specimen", data, draw)
+
+
+def _convergence(result: SobolResult, level: str) -> Block | None:
+    curve = result.convergence
+    sizes = curve.base_samples
+    if len(sizes) < 2:
+        return None
+    total, conf = curve.ST, curve.ST_conf
+    chosen = np.argsort(-np.nan_to_num(total[-1]))[:SHOWN]
+
+    plot = plots.figure("base samples", "total order index", x_axis_type="log", height=300)
+    plot.xaxis.ticker = list(sizes)
+    entries = []
+    for rank, j in enumerate(chosen):
+        index, half = total[:, j], conf[:, j]
+        columns: dict[str, Any] = {
+            "size": sizes,
+            "index": index,
+            "conf": half,
+            "low": index - half,
+            "high": index + half,
+        }
+        source = plots.source(f"convergence-{j}", columns)
+        colour = plots.colour(rank)
+        line = plot.line("size", "index", source=source, color=colour, line_dash=plots.dash(rank))
+        bar = plot.segment("size", "low", "size", "high", source=source, color=colour)
+        dots = plot.scatter("size", "index", source=source, color=colour, marker=plots.MARKERS[rank], size=7)
+        rows = [("parameter", result.names[j]), ("base samples", "@size"), ("index", "@index{0.000} ± @conf{0.000}")]
+        plots.hover(plot, dots, rows)
+        entries.append((result.names[j], [line, bar, dots]))
+    plots.legend(plot, entries)
+    shown = plots.plot(
+        "sensitivity-convergence", plot, "Total order indices over the number of base samples", wide=True
+    )
+    words = (
+        f"How the largest indices settle as the design grows; lines: {level} intervals, {plural(len(sizes), 'size')}."
+    )
+    return Plots("sensitivity-settling", words, [shown])

@@ -1,0 +1,159 @@
+"""The result of a Sobol study: what ``sobol.json`` holds."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sinew.tasks.simulate.objective import panels
+from sinew.tasks.study.result import OMIT, Number, Numbers, Result
+
+Array = np.ndarray[Any, Any]
+KEYS = ("S1", "S1_conf", "ST", "ST_conf")
+
+
+@dataclass(frozen=True, eq=False)
+class Indices:
+    """First and total order indices ``[d]`` with the half-widths of their intervals; NaN where nothing varies."""
+
+    S1: Numbers
+    S1_conf: Numbers
+    ST: Numbers
+    ST_conf: Numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis(Indices):
+    """SALib's analysis of one output; second order indices ``[d, d]`` if they were asked for."""
+
+    S2: Numbers | None = dataclasses.field(default=None, metadata=OMIT)
+    S2_conf: Numbers | None = dataclasses.field(default=None, metadata=OMIT)
+
+
+@dataclass(frozen=True, eq=False)
+class OfProtocol(Analysis):
+    """The indices of one protocol's objective, and the size of the design."""
+
+    rows: int = 0
+    failed: int = 0
+    base_samples: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class OfSpecimen(Indices):
+    """The indices of one specimen's objective, in all and by protocol; ``failed`` counts its rows by status."""
+
+    failed: Mapping[str, int]
+    protocols: Mapping[str, Indices]
+
+
+@dataclass(frozen=True, eq=False)
+class OfOutput:
+    """The indices of one of a template's outputs, made one number by ``summary``; ``is_force``: it is the force."""
+
+    summary: str
+    unit: str
+    is_force: bool
+    S1: Numbers
+    S1_conf: Numbers
+    ST: Numbers
+    ST_conf: Numbers
+    protocols: Mapping[str, Indices]
+
+
+@dataclass(frozen=True, eq=False)
+class Failures:
+    """Rows that failed, and the indices if all of them had the smallest, the mean or the largest outcome."""
+
+    rule: str
+    rows: int
+    base_samples_left_out: int
+    by_status: Mapping[str, Mapping[str, int]]
+    S1_if_smallest: Numbers | None = dataclasses.field(default=None, metadata=OMIT)
+    ST_if_smallest: Numbers | None = dataclasses.field(default=None, metadata=OMIT)
+    S1_if_mean: Numbers | None = dataclasses.field(default=None, metadata=OMIT)
+    ST_if_mean: Numbers | None = dataclasses.field(default=None, metadata=OMIT)
+    S1_if_largest: Numbers | None = dataclasses.field(default=None, metadata=OMIT)
+    ST_if_largest: Numbers | None = dataclasses.field(default=None, metadata=OMIT)
+
+    def outcomes(self, key: str) -> list[Array]:
+        """The indices ``key`` (``S1`` or ``ST``) under each assumption; empty where nothing failed."""
+        found = (getattr(self, f"{key}_if_{outcome}") for outcome in ("smallest", "mean", "largest"))
+        return [values for values in found if values is not None]
+
+
+@dataclass(frozen=True, eq=False)
+class Convergence:
+    """Indices ``[sizes, d]`` of the total objective from the first ``base_samples`` ``[sizes]`` of the design."""
+
+    base_samples: list[int]
+    S1: Numbers
+    S1_conf: Numbers
+    ST: Numbers
+    ST_conf: Numbers
+
+
+@dataclass(frozen=True, eq=False)
+class SobolResult(Result):
+    """Sobol indices of the total objective, and of each protocol, specimen and output.
+
+    ``names`` and ``bounds`` are of the ``d`` free parameters. ``field`` is what the store calls the quantity under
+    study and ``objective`` says it in words. ``tables`` names each specimen's evaluations in the store.
+    """
+
+    TASK = "sobol"
+    LIBRARIES = ("SALib",)
+
+    names: list[str]
+    bounds: list[list[int | float]]
+    seed: int
+    S1: Numbers
+    S1_conf: Numbers
+    ST: Numbers
+    ST_conf: Numbers
+    S2: Numbers | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
+    S2_conf: Numbers | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
+    rows: int
+    failed: int
+    base_samples: int
+    base_samples_used: int
+    points_asked: int | None
+    confidence: Number
+    objective: str
+    field: str
+    evaluations: int
+    protocols: Mapping[str, OfProtocol]
+    specimens: Mapping[str, OfSpecimen]
+    outputs: Mapping[str, OfOutput] | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
+    failures: Failures
+    convergence: Convergence
+    tables: Mapping[str, str]
+    inputs: str
+
+    @property
+    def total(self) -> str:
+        """What the indices of all protocols together are called."""
+        return next(iter(self.panels()))
+
+    def by_output(self) -> dict[str, Any]:
+        """Indices by name: all together (``total``), each protocol, each of a template's outputs."""
+        return {"total": self, **self.protocols, **(self.outputs or {})}
+
+    def panels(self) -> dict[str, Any]:
+        """Indices by the title under which a person sees them; what would be shown twice is left out."""
+        return panels(self, self.protocols, self.outputs or {}, self.field, self.objective)
+
+    def courses(self) -> dict[str, tuple[str, str | None]]:
+        """What has indices along time, by a name for a person: a specimen, and an output (None: the force)."""
+        outputs = {None if one.is_force else name: name for name, one in (self.outputs or {}).items()} or {None: ""}
+        found = {}
+        for specimen in self.tables:
+            for output, name in outputs.items():
+                both = f"{specimen}: {name}" if len(self.tables) > 1 else name
+                found[both if name else specimen] = (specimen, output)
+        return found
+
+
+RESULT = SobolResult

@@ -1,0 +1,238 @@
+"""Sobol indices of a study: plan and evaluate a Saltelli design, analyse it, commit.
+
+The indices are of the objectives (or outputs) in total, by protocol and by specimen, and along time of the force and of
+a template's other outputs. The store keeps ``sobol`` (indices and convergence) and ``sobol_time/SPECIMEN``.
+"""
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+
+from sinew.runner.errors import BadInput
+from sinew.runner.evaluation.ensemble import failures
+from sinew.runner.store.table import Table
+from sinew.tasks.model import Specimen
+from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.design import Design, base_samples, saltelli
+from sinew.tasks.simulate.evaluation import SpecimenEvaluation
+from sinew.tasks.simulate.objective import objectives_by_output, quantity
+from sinew.tasks.sobol.method import (
+    RULE,
+    Bootstrap,
+    analyse,
+    column,
+    convergence,
+    indices,
+    indices_if_failed_had,
+)
+from sinew.tasks.sobol.result import KEYS, Failures, Indices, OfOutput, OfProtocol, OfSpecimen, SobolResult
+from sinew.tasks.sobol.settings import Settings
+from sinew.tasks.study.cached import cached, commit, key
+from sinew.tasks.study.files import digest
+from sinew.tasks.study.workspace import Workspace
+
+log = logging.getLogger("sinew")
+BYTES_AT_A_TIME = 2**26  # of curves, when indices along time are computed
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluated:
+    """A specimen's evaluations: its table in the store and the row ``at`` ``[n]`` of each row of the design."""
+
+    evaluation: SpecimenEvaluation
+    table: Table
+    at: Array
+
+    @property
+    def specimen(self) -> Specimen:
+        return self.evaluation.specimen
+
+
+def run(workspace: Workspace, settings: Settings, *, extend: bool = False) -> SobolResult:
+    """Sobol indices of the study; ``extend`` doubles the base samples of the last result."""
+    base = _base_samples(workspace, settings, extend=extend)
+    if not extend and settings.points is not None:
+        _say_size(workspace, settings, base)
+    design = saltelli(workspace.model, base, settings.second_order, workspace.seed)
+    drawn = digest(design.rows)
+    specimens = workspace.specimens(settings.specimens, "sobol.specimens")
+    log.info("sobol", extra={"rows": len(design.rows), "base_samples": base, "specimens": len(specimens)})
+    planned = [Evaluated(one, *workspace.plan(one, design.rows)) for one in map(workspace.evaluation, specimens)]
+    design = replace(design, rows=design.rows[:0])  # they are in the store now; a large design need not stay in memory
+    for one in planned:
+        workspace.evaluate(one.evaluation, one.table, one.at, f"sobol {one.specimen.name}")
+    bounds = [[parameter.minimum, parameter.maximum] for parameter in workspace.model.free]
+    statuses = [one.table.status[one.at] for one in planned]
+    tables = [one.table.key for one in planned]
+    inputs = key(SobolResult, settings.model_dump(), workspace.seed, drawn, bounds, tables, *statuses)
+    arrays = ["sobol", *map(_course_name, planned)]
+    if (known := cached(workspace, SobolResult, inputs, arrays)) is not None:
+        return known
+    ok = np.asarray((np.stack(statuses) == 0).all(axis=0))
+    return _analysed(workspace, settings, design, planned, ok, inputs)
+
+
+def _base_samples(workspace: Workspace, settings: Settings, *, extend: bool) -> int:
+    if extend:
+        previous = SobolResult.read(workspace.out)
+        assert previous is not None, "checked before the store was opened"
+        return 2 * previous.base_samples
+    count = len(workspace.model.free)
+    return settings.base_samples or base_samples(settings.points or 20_000, count, settings.second_order)
+
+
+def _say_size(workspace: Workspace, settings: Settings, base: int) -> None:
+    count = len(workspace.model.free)
+    rows = base * ((2 if settings.second_order else 1) * count + 2)
+    workspace.say(
+        f"sobol: {settings.points:,} points asked; the next power of two is {base:,} base samples, "
+        f"{rows:,} rows for {count} parameters"
+    )
+
+
+def _analysed(
+    workspace: Workspace, settings: Settings, design: Design, planned: Sequence[Evaluated], ok: Array, inputs: str
+) -> SobolResult:
+    """Analyse finished rows and commit the result. ``ok`` ``[n]``: rows that no specimen failed."""
+    whole = np.asarray(ok.reshape(design.base_samples, design.block).all(axis=1))
+    failed = int((~ok).sum())
+    if whole.sum() < 2:
+        raise BadInput(
+            workspace.out, f"{failed} of {ok.size} rows failed and no two base samples are whole",
+            "a model that can be evaluated within its bounds (see `sinew status`)",
+        )  # fmt: skip
+    bootstrap = Bootstrap(settings.resamples, settings.confidence, workspace.seed)
+    weights = bootstrap.weights(int(whole.sum()))
+    specimens = tuple(one.specimen for one in planned)
+    studied, words = quantity(planned[0].evaluation, settings.output)
+    objectives = [one.table.read(studied, one.at) for one in planned]
+    outcomes = objectives_by_output(specimens, objectives)
+    found = {name: analyse(design, values, whole, bootstrap) for name, values in outcomes.items()}
+    total = found.pop("total")
+    outputs, by_output = _of_outputs(workspace, design, planned, whole, weights, bootstrap.z)
+    result = SobolResult(
+        names=list(design.names),
+        bounds=[[parameter.minimum, parameter.maximum] for parameter in workspace.model.free],
+        seed=workspace.seed,
+        **{name: getattr(total, name) for name in (*KEYS, "S2", "S2_conf")},
+        rows=ok.size,
+        failed=failed,
+        base_samples=design.base_samples,
+        base_samples_used=int(whole.sum()),
+        points_asked=settings.points,
+        confidence=settings.confidence,
+        objective=words + (", mean of the specimens" if len(specimens) > 1 else ""),
+        field=studied,
+        evaluations=ok.size * len(specimens),
+        protocols={name: OfProtocol(**vars(each), rows=ok.size, failed=failed, base_samples=design.base_samples)
+                   for name, each in found.items()},
+        specimens=_of_specimens(design, planned, objectives, whole, weights, bootstrap.z),
+        outputs=outputs or None,
+        failures=_failures(design, planned, outcomes["total"], ok, whole),
+        convergence=convergence(design, outcomes["total"], whole, bootstrap),
+        tables={one.specimen.name: one.table.name for one in planned},
+        inputs=inputs,
+    )  # fmt: skip
+    for one in planned:
+        workspace.store.write_result(_course_name(one), _along_time(design, one, whole, weights, bootstrap.z))
+    commit(workspace, result, {"sobol": _arrays(design, result, {"total": total, **found, **by_output})})
+    return result
+
+
+def _course_name(one: Evaluated) -> str:
+    """What the store calls a specimen's indices along time."""
+    return f"sobol_time/{one.table.name}"
+
+
+def _of_outputs(
+    workspace: Workspace, design: Design, planned: Sequence[Evaluated], whole: Array, weights: Array, z: float
+) -> tuple[dict[str, OfOutput], dict[str, Indices]]:
+    """Indices of each of a template's outputs, and the same by the name that the store gives them."""
+    outputs: dict[str, OfOutput] = {}
+    named: dict[str, Indices] = {}
+    specimens = tuple(one.specimen for one in planned)
+    can = workspace.simulator.capabilities
+    for output in can.outputs:
+        summaries = [one.table.read(f"summary_{output.name}", one.at) for one in planned]
+        each = {
+            name: column(indices(design.blocks(values[:, np.newaxis], whole), weights, z), 0)
+            for name, values in objectives_by_output(specimens, summaries).items()
+        }
+        named |= {f"{output.name} {name}": found for name, found in each.items()}
+        total = vars(each.pop("total"))
+        is_force = output.name == can.force
+        outputs[output.name] = OfOutput(output.summary, output.unit, is_force, **total, protocols=each)
+    return outputs, named
+
+
+def _of_specimens(
+    design: Design, planned: Sequence[Evaluated], objectives: Sequence[Array], whole: Array, weights: Array, z: float
+) -> dict[str, OfSpecimen]:
+    specimens = {}
+    for one, values in zip(planned, objectives, strict=True):
+        columns = np.column_stack([values.sum(axis=1), values])
+        found = indices(design.blocks(columns, whole), weights, z)
+        specimens[one.specimen.name] = OfSpecimen(
+            **vars(column(found, 0)),
+            failed=failures(one.table, one.at),
+            protocols={curve.name: column(found, 1 + i) for i, curve in enumerate(one.specimen.curves)},
+        )
+    return specimens
+
+
+def _failures(design: Design, planned: Sequence[Evaluated], total: Array, ok: Array, whole: Array) -> Failures:
+    return Failures(
+        rule=RULE,
+        rows=int((~ok).sum()),
+        base_samples_left_out=design.base_samples - int(whole.sum()),
+        by_status={one.specimen.name: failures(one.table, one.at) for one in planned},
+        **indices_if_failed_had(design, total, ok),
+    )
+
+
+def _arrays(design: Design, result: SobolResult, analyses: Mapping[str, Indices]) -> xr.Dataset:
+    """Indices of all outputs ``[output, parameter]`` and the convergence, for the store."""
+    parts, settled = list(analyses.values()), result.convergence
+    return xr.Dataset(
+        {
+            **{name: (("output", "parameter"), np.stack([getattr(part, name) for part in parts])) for name in KEYS},
+            **{f"convergence_{name}": (("base_samples", "parameter"), getattr(settled, name)) for name in KEYS},
+        },
+        {
+            "parameter": np.array(design.names, dtype=str),
+            "output": list(analyses),
+            "base_samples": settled.base_samples,
+        },
+        {
+            "rows": design.base_samples * design.block,
+            "method": "Saltelli 2010 by SALib",
+            "failed_rows": RULE,
+        },
+    )
+
+
+def _along_time(design: Design, one: Evaluated, whole: Array, weights: Array, z: float) -> xr.Dataset:
+    """Indices of the force, and of other outputs, at each kept point, a few points at a time: memory stays flat."""
+    variables = {}
+    coordinates: dict[str, object] = {"parameter": np.array(design.names, dtype=str)}
+    dataset = one.table.dataset()
+    per_pass = max(1, BYTES_AT_A_TIME // (8 * max(1, one.at.size)))
+    for curve in one.specimen.curves:
+        dim = f"time_{curve.name}"
+        points = dataset.sizes[dim]
+        for field, course in one.evaluation.courses(curve.name).items():
+            parts = []
+            for start in range(0, points, per_pass):
+                columns = one.table.read(field, one.at, slice(start, start + per_pass))
+                parts.append(indices(design.blocks(columns, whole), weights, z))
+            of = curve.name if field == f"force_{curve.name}" else f"{course}_{curve.name}"
+            for name in KEYS:
+                both = np.concatenate([part[name] for part in parts], axis=1)
+                variables[f"{name}_{of}"] = (("parameter", dim), both)
+        for name in (dim, f"displacement_{curve.name}", f"measured_{curve.name}"):
+            if name in dataset:
+                coordinates[name] = (dim, dataset[name].to_numpy(), {"units": dataset[name].attrs["units"]})
+    return xr.Dataset(variables, coordinates, {"specimen": one.specimen.name})

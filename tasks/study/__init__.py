@@ -1,0 +1,1 @@
+"""The study file, validated, and the open result folder that every task works in."""

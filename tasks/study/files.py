@@ -1,0 +1,59 @@
+"""Small files of a result folder: JSON and text, written whole or not at all; keys of what results are made from."""
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sinew.runner.files import NotReadable, read_regular
+
+MAX_JSON_BYTES = 64 * 2**20
+
+
+def digest(*parts: Any) -> str:
+    """A key for inputs of an analysis, so that an unchanged one is not done again."""
+    hashed = hashlib.blake2b(digest_size=16)
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            hashed.update(np.ascontiguousarray(part).tobytes())
+        else:
+            hashed.update(json.dumps(part, sort_keys=True, default=str).encode())
+    return hashed.hexdigest()
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Write JSON, whole or not at all; numbers that are not finite become null."""
+    write_text(path, json.dumps(_finite(content), indent=1, allow_nan=False) + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file, whole or not at all."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary.write_text(text, "utf-8")
+    os.replace(temporary, path)
+
+
+def read_json(path: Path) -> dict[str, Any] | None:
+    """A JSON object that was written before, or None when there is none that can be read."""
+    try:
+        content = json.loads(read_regular(path, MAX_JSON_BYTES))
+    except (OSError, NotReadable, ValueError, RecursionError):
+        return None
+    return content if isinstance(content, dict) else None
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _finite(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, np.generic):
+        return _finite(value.item())
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value

@@ -1,0 +1,130 @@
+"""Results of tasks: frozen dataclasses, each the owner of its ``TASK.json``.
+
+A result is written field by field in the order of its class; arrays become lists, and numbers that are not finite
+become null. Reading checks types and says which field is wrong, so that whoever holds a result can rely on it.
+"""
+
+import dataclasses
+import json
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Self, cast
+
+import numpy as np
+from pydantic import BeforeValidator, GetPydanticSchema, TypeAdapter, ValidationError
+from pydantic_core import core_schema
+
+from sinew.runner.errors import BadInput, shown
+from sinew.runner.files import NotReadable, read_regular
+from sinew.tasks.study.files import MAX_JSON_BYTES, write_json
+
+#: Libraries whose version changes what any task computes.
+ALWAYS = ("numpy", "scipy", "numba")
+
+OMIT = {"omit": True}
+"""Metadata of a field that is left out of the file where it is None: ``field(default=None, metadata=OMIT)``."""
+
+
+def _array(value: Any) -> np.ndarray[Any, Any]:
+    try:
+        return np.array(value, dtype=np.float64)  # null becomes NaN
+    except (TypeError, OverflowError):
+        raise ValueError("expected numbers in lists of equal lengths") from None
+
+
+Numbers = Annotated[
+    np.ndarray[Any, Any], GetPydanticSchema(lambda *_: core_schema.no_info_plain_validator_function(_array))
+]
+"""An array of float64; null in the file is NaN."""
+
+Number = Annotated[float, BeforeValidator(lambda value: np.nan if value is None else value)]
+"""A float; null in the file is NaN."""
+
+
+class Result:
+    """What a task found. Subclasses are dataclasses, ``@dataclass(frozen=True, eq=False)``.
+
+    ``TASK`` names the task. ``VERSION`` is that of the method: raise it whenever the same inputs give other numbers, so
+    that results of the former version are made anew. ``LIBRARIES``: packages that the numbers depend on, by
+    distribution name. ``inputs``, a field of every result, is the key of everything that it was made from.
+    """
+
+    TASK: ClassVar[str]
+    VERSION: ClassVar[int] = 1
+    LIBRARIES: ClassVar[tuple[str, ...]] = ()
+    inputs: str
+
+    @classmethod
+    def path(cls, folder: Path) -> Path:
+        """Where a result folder keeps it."""
+        return folder / f"{cls.TASK}.json"
+
+    @classmethod
+    def method(cls) -> dict[str, Any]:
+        """What the numbers depend on besides study and data: versions of the method and of its libraries."""
+        return {"version": cls.VERSION, "libraries": {name: version(name) for name in (*ALWAYS, *cls.LIBRARIES)}}
+
+    @classmethod
+    def parse(cls, content: Any, where: Path) -> Self:
+        """A result from the content of its file. Raises :class:`BadInput` for the first field that is wrong."""
+        try:
+            return cast(Self, _adapter(cls).validate_python(content))
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            field = ".".join(str(part) for part in first["loc"]) or "content"
+            problem = "missing" if first["type"] == "missing" else f"{shown(first['input'])}: {first['msg'].lower()}"
+            expected = f"what this version's `sinew {cls.TASK}` writes; run it again"
+            raise BadInput(f"{where}: {field}", problem, expected) from None
+
+    @classmethod
+    def read(cls, folder: Path) -> Self | None:
+        """The result in a folder, or None when there is none. Raises :class:`BadInput` when it is damaged."""
+        path = cls.path(folder)
+        content = read_object(path, f"what `sinew {cls.TASK}` writes; run it again")
+        return None if content is None else cls.parse(content, path)
+
+    def write(self, folder: Path) -> None:
+        """Write ``TASK.json``, whole or not at all."""
+        write_json(self.path(folder), {**plain(self), "version": self.VERSION})
+
+
+def read_object(path: Path, expected: str) -> dict[str, Any] | None:
+    """A JSON object from a file, or None when there is no file. Raises :class:`BadInput` when it is damaged."""
+    try:
+        content = json.loads(read_regular(path, MAX_JSON_BYTES).decode("utf-8"))
+    except FileNotFoundError:
+        return None
+    except json.JSONDecodeError as error:
+        raise BadInput(f"{path}: line {error.lineno}", f"damaged, no JSON ({error.msg})", expected) from None
+    except NotReadable as problem:
+        raise BadInput(path, str(problem), expected) from None
+    except UnicodeDecodeError:
+        raise BadInput(path, "damaged, no UTF-8 text", expected) from None
+    except RecursionError:
+        raise BadInput(path, "damaged, nested without end", expected) from None
+    except OSError as error:
+        raise BadInput(path, error.strerror or "cannot be read", expected) from None
+    if not isinstance(content, dict):
+        raise BadInput(path, f"holds {shown(content)}", expected)
+    return content
+
+
+def plain(value: Any) -> Any:
+    """Dataclasses and arrays as dictionaries and lists of plain numbers; fields of :data:`OMIT` that are None go."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        found = ((field, getattr(value, field.name)) for field in dataclasses.fields(value))
+        return {field.name: plain(item) for field, item in found if not (item is None and field.metadata.get("omit"))}
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return value
+
+
+def _adapter(kind: type[Any]) -> TypeAdapter[Any]:
+    if kind not in _ADAPTERS:
+        _ADAPTERS[kind] = TypeAdapter(kind)
+    return _ADAPTERS[kind]
+
+
+_ADAPTERS: dict[type[Any], TypeAdapter[Any]] = {}

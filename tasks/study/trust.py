@@ -1,0 +1,69 @@
+"""What a study asks of this machine that only its user may allow, and what the user has allowed.
+
+A study file may come from somebody else. It may ask for the solver ``febio4`` by its plain name; any other program, a
+scheduler at some address, or traffic without TLS could run code of the study's author here. Such requests are refused
+until the user confirms them by ``sinew trust STUDY``. A confirmation holds for this very content: the study file at
+this place, and the program and template that the request is about. It is kept by its hash in
+``$XDG_STATE_HOME/sinew/trusted``, by default in ``~/.local/state``.
+"""
+
+import hashlib
+import os
+import stat
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from sinew.runner.errors import BadInput
+
+
+@dataclass(frozen=True)
+class Request:
+    """What ``field`` of a study asks for, in ``words``; ``contents`` are the files that it is about, as bytes."""
+
+    study: Path
+    field: str
+    words: str
+    instead: str
+    contents: tuple[bytes, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """The hash under which a confirmation is kept."""
+        text = self.study.read_bytes() if self.study.is_file() else b""
+        parts = (str(self.study.resolve()).encode(), text, self.field.encode(), *self.contents)
+        hashed = hashlib.blake2b(digest_size=32)
+        for part in parts:
+            hashed.update(len(part).to_bytes(8, "big") + part)
+        return hashed.hexdigest()
+
+
+def allow(requests: Sequence[Request]) -> None:
+    """Remember that the user confirms these requests. Raises ``OSError``."""
+    folder = _folder()
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    for request in requests:
+        descriptor = os.open(folder / request.key, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o600)
+        with open(descriptor, "w", encoding="utf-8") as file:
+            file.write(f"{request.study.resolve()}: {request.field}\n")
+
+
+def is_allowed(request: Request) -> bool:
+    """Whether the user has confirmed this very request; what other users wrote does not count."""
+    try:
+        status = os.lstat(_folder() / request.key)
+    except OSError:
+        return False
+    return stat.S_ISREG(status.st_mode) and status.st_uid == os.geteuid()
+
+
+def require(request: Request | None) -> None:
+    """Refuse a request that the user has not confirmed. Raises :class:`BadInput`."""
+    if request is not None and not is_allowed(request):
+        expected = f"{request.instead}, or your consent: `sinew trust {request.study}`"
+        raise BadInput(f"{request.study}: {request.field}", request.words, expected)
+
+
+def _folder() -> Path:
+    state = Path(os.environ.get("XDG_STATE_HOME", ""))
+    return (state if state.is_absolute() else Path.home() / ".local" / "state") / "sinew" / "trusted"

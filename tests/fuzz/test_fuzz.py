@@ -1,0 +1,68 @@
+"""Whatever stands in a file, the command reads it or refuses it in one line: 2,000 damaged files of all kinds."""
+
+from pathlib import Path
+from random import Random
+
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+
+from tests.fuzz.limits import Broken, attempt
+from tests.fuzz.mutations import mutated
+from tests.fuzz.targets import Target, corpus, targets
+
+INPUTS = 2000
+CORPUS = Path(__file__).parent / "corpus"
+NAMES = ("study", "profile", "cohort", "export", "parameters", "template", "output", "checkpoint", "results",
+         "result folder")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def every(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Target]:
+    return targets(tmp_path_factory.mktemp("fuzz"))
+
+
+def test_each_target_is_listed(every):
+    assert tuple(every) == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_valid_files_are_read(every, name):
+    for seed in every[name].seeds:
+        attempt(every[name], seed, every[name].files[seed])
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.filterwarnings("ignore")
+def test_damaged_files_are_read_or_refused(every, name):
+    target = every[name]
+    count = INPUTS * target.share // sum(one.share for one in every.values())
+
+    @settings(max_examples=count, deadline=None, derandomize=True, database=None, phases=[Phase.generate],
+              suppress_health_check=list(HealthCheck))  # fmt: skip
+    @given(st.sampled_from(target.seeds), st.integers(0, 2**64))
+    def fuzz(seed, number):
+        attempt(target, seed, mutated(target.files[seed], Random(number)))
+
+    fuzz()
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "content"), [pytest.param(*one, id=f"{one[0]}-{i}") for i, one in enumerate(corpus(CORPUS))]
+)
+@pytest.mark.filterwarnings("ignore")
+def test_what_was_found_stays_mended(every, name, file, content):
+    attempt(every[name], file, content)
+
+
+def test_what_breaks_a_limit_is_seen(every):
+    def endless(*_):
+        while True:
+            pass
+
+    for read, words in ((lambda *_: [0] * 2**28, "traceback: MemoryError"), (lambda *_: {}[1], "traceback: KeyError")):
+        with pytest.raises(Broken, match=words):
+            attempt(Target("x", {"a": b""}, read), "a", b"")
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(Broken, match="longer than"):
+        patch.setattr("tests.fuzz.limits.SLOWER", 0.1)
+        attempt(Target("x", {"a": b""}, endless), "a", b"")

@@ -1,0 +1,59 @@
+"""Mutation testing: ``python -m tests.mutants [TARGET ...]`` breaks the code in small ways and runs the tests.
+
+A mutant that no test notices has survived. Interrupt a run at any time: the next one goes on from there.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.mutants.outcome import SURVIVORS, Outcome, exit_codes, forget, outcome, row, survivors, table, unlisted
+from tests.mutants.working_copy import HERE, Target, targets, update
+
+PROCESSES = os.environ.get("PROCESSES", "2")
+LEAST_PERCENT = 90.0
+
+
+def main() -> None:
+    """Test the mutants of the named targets, of all where none is named; fails where too few are killed."""
+    known = targets()
+    names = sys.argv[1:] or list(known)
+    if wrong := [name for name in names if name not in known]:
+        sys.exit(f"no target {wrong[0]}; there are {', '.join(known)}")
+    outcomes = [_test(known[name]) for name in names]
+    print(table(outcomes))
+    sys.exit(1 if any(one.percent < LEAST_PERCENT for one in outcomes) else 0)
+
+
+def _test(target: Target) -> Outcome:
+    update(target)
+    forget(target.folder)
+    mutmut = Path(sys.executable).with_name("mutmut")
+    subprocess.run([mutmut, "run", "--max-children", PROCESSES], cwd=target.folder, check=True)
+    codes = exit_codes(target.folder)
+    diffs = _diffs(target.folder, survivors(codes))
+    found = HERE / f"{target.name}.survivors"
+    found.write_text("\n\n".join(diffs) + "\n")
+    new = unlisted([row(diff) for diff in diffs], SURVIVORS.read_text())
+    print(f"{target.name}: {len(diffs)} survivors in {found}, {len(new)} of them not in {SURVIVORS}")
+    for one in new:
+        print(f"  {one}")
+    return outcome(target.name, codes)
+
+
+def _diffs(folder: Path, names: list[str]) -> list[str]:
+    """What the named mutants change."""
+    from mutmut.configuration import reset_config
+    from mutmut.mutation.diff_apply import get_diff_for_mutant
+
+    reset_config()  # it is that of another target
+    os.chdir(folder)
+    try:
+        return [f"# {name}\n{get_diff_for_mutant(name)}" for name in names]
+    finally:
+        os.chdir(HERE.parent)
+
+
+if __name__ == "__main__":
+    main()

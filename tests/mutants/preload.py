@@ -1,0 +1,3 @@
+"""A plugin of pytest that imports what `tests/conftest.py` needs, once, before mutmut forks for each mutant."""
+
+import sinew.tasks.pipeline  # noqa: F401

@@ -1,0 +1,48 @@
+"""The table of jobs: incomplete lines, requeued jobs, and what a job has cost."""
+
+import json
+
+import pytest
+
+from sinew.runner.cluster.job_table import COORDINATOR, WORKER, JobRecord, JobTable, noted
+
+
+def test_the_table_of_jobs_survives_lines_that_are_cut_short(tmp_path):
+    table = JobTable(tmp_path / "jobs")
+    assert table.read() == {}
+    table.note("7", "submitted", role=WORKER, name="sinew-a-worker", cores=4)
+    table.note("7", "started", nodes="n3")
+    table.note("7", "ended", end="PREEMPTED", unknown=1)
+    with open(table.path, "a") as file:
+        file.write('{"time": 1, "job": "8", "ev')
+    record = table.read()["7"]
+    assert (record.role, record.cores, record.nodes, record.end) == (WORKER, 4, "n3", "PREEMPTED")
+    assert record.core_hours(0.0) == pytest.approx(4 * (record.ended - record.started) / 3600)
+    assert list(table.read()) == ["7"]
+
+
+def test_a_requeued_job_runs_again_and_counts_from_its_first_start(tmp_path):
+    table = JobTable(tmp_path)
+    facts = {"role": COORDINATOR, "name": "sinew-a", "cores": 1}
+    lines = [(0, "submitted"), (10, "started"), (70, "ended"), (200, "started")]
+    table.path.write_text("".join(json.dumps({"time": t, "job": "5", "event": e, **facts}) + "\n" for t, e in lines))
+    record = table.read()["5"]
+    assert record.ended is None
+    assert record.core_hours(270.0) == pytest.approx((60 + 70) / 3600)
+
+
+def test_the_table_names_the_batch_system_unless_it_is_slurm(tmp_path):
+    table = JobTable(tmp_path)
+    table.note("1", "submitted", **noted("slurm"))
+    table.note("2", "submitted", **noted("grid_engine"))
+    assert "batch_system" not in table.path.read_text().splitlines()[0]
+    assert [record.batch_system for record in table.read().values()] == ["slurm", "grid_engine"]
+
+
+@pytest.mark.parametrize(
+    ("noted_name", "in_queue", "same"),
+    [("sinew-a", "sinew-a", True), ("sinew-a", "sinew-b", False), ("training", "training", False), ("", "", False)],
+)
+def test_only_a_job_of_this_program_is_one_of_a_table(noted_name, in_queue, same):
+    """A table that came with somebody's result folder may name any of the user's jobs."""
+    assert JobRecord("7", name=noted_name).is_job(in_queue) == same

@@ -1,0 +1,145 @@
+"""Local workers that are killed while they start: they are started anew, and the terminal shows nothing of it."""
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import psutil
+import pytest
+
+from sinew.runner.cluster import local
+from sinew.runner.cluster.client import Address, ask_for, open_client
+from sinew.runner.cluster.local import Local
+from sinew.runner.errors import ClusterError
+
+
+def worker_processes() -> list[psutil.Process]:
+    """Workers of this process that start, or that run and have given themselves a title."""
+    found = []
+    for process in psutil.Process().children():
+        with suppress(psutil.Error):
+            if any(words in " ".join(process.cmdline()) for words in ("spawn_main", "dask worker")):
+                found.append(process)
+    return found
+
+
+@contextmanager
+def sends(number: int, count: int) -> Iterator[list[int]]:
+    """Send a signal to each of the next ``count`` worker processes as soon as it is there; yields whom it hit."""
+    hit: list[int] = []
+    end = threading.Event()
+
+    def watch() -> None:
+        while not end.is_set() and len(hit) < count:
+            for process in worker_processes():
+                if process.pid not in hit and len(hit) < count:
+                    os.kill(process.pid, number)
+                    hit.append(process.pid)
+            time.sleep(0.005)
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    try:
+        yield hit
+    finally:
+        end.set()
+        thread.join()
+
+
+def becomes_two(client) -> bool:
+    until = time.monotonic() + 120
+    while len(client.scheduler_info()["workers"]) < 2 and time.monotonic() < until:
+        time.sleep(0.1)
+    return len(client.scheduler_info()["workers"]) == 2
+
+
+@pytest.mark.parametrize(("number", "count"), [(signal.SIGKILL, 1), (signal.SIGTERM, 2), (signal.SIGKILL, 5)])
+def test_workers_killed_while_they_start_are_started_again(capfd, number, count):
+    """The first, both, and both twice and one of them once more."""
+    with sends(number, count) as hit, open_client(Local(2)) as client:
+        assert client.submit(sum, (1, 2)).result(60) == 3
+        assert becomes_two(client)
+    assert len(hit) == count
+    assert capfd.readouterr().err == ""
+
+
+def test_an_interrupt_does_not_reach_workers_that_start(capfd):
+    """Ctrl-C is for the main process alone: these workers come up, the very processes that got the signal."""
+    with sends(signal.SIGINT, 2) as hit, open_client(Local(2)) as client:
+        assert becomes_two(client)
+        assert {info["pid"] for info in client.run(lambda: {"pid": os.getpid()}).values()} == set(hit)
+    assert capfd.readouterr().err == ""
+
+
+def test_workers_that_never_start_end_the_run_with_one_line(monkeypatch, capfd):
+    monkeypatch.setattr(local, "TRIES", 2)
+    with (
+        sends(signal.SIGKILL, 1000),
+        pytest.raises(ClusterError, match=r"cluster: 2 local workers could not be started \(.+\)"),
+        open_client(Local(2)),
+    ):
+        pytest.fail("no worker is there")
+    assert not worker_processes()
+    assert capfd.readouterr().err == ""
+
+
+def test_a_run_whose_workers_all_die_and_never_start_again_ends(monkeypatch, capfd):
+    monkeypatch.setattr(local, "TRIES", 2)
+    monkeypatch.setattr(local, "LOOK_S", 0.1)
+    with open_client(Local(2)) as client:
+        ask_for(client, 2)  # all is well
+        with sends(signal.SIGKILL, 1000), pytest.raises(ClusterError, match="2 local workers could not be started"):
+            for nanny in list(client.cluster.workers.values()):  # otherwise it starts them again itself
+                client.sync(nanny.close)
+            until = time.monotonic() + 120
+            while time.monotonic() < until:
+                ask_for(client, 2)
+                time.sleep(0.05)
+    assert capfd.readouterr().err == ""
+
+
+def test_workers_killed_later_are_replaced(capfd):
+    """Two that work, and their first successors while these start."""
+    with open_client(Local(2)) as client:
+        with sends(signal.SIGKILL, 6) as hit:
+            until = time.monotonic() + 120
+            while len(hit) < 6 and time.monotonic() < until:
+                time.sleep(0.05)
+        assert client.submit(sum, (1, 2)).result(60) == 3
+        assert becomes_two(client)
+        assert not set(client.run(os.getpid).values()) & set(hit)
+    assert len(hit) == 6
+    assert capfd.readouterr().err == ""
+
+
+def test_what_workers_write_stays_in_the_folder_and_goes_with_it(tmp_path):
+    """Otherwise it would stay among the system's temporary files."""
+    place = tmp_path / "workers"
+    with open_client(Local(2), place) as client:
+        folders = client.run(lambda dask_worker: dask_worker.local_directory).values()
+        assert all(Path(folder).is_relative_to(place) for folder in folders)
+    assert not place.exists()
+
+
+def test_an_encrypted_scheduler_without_a_certificate_is_one_line():
+    words = r"cluster.address: tls://127.0.0.1:1 is encrypted, but Dask's configuration names no certificate"
+    with pytest.raises(ClusterError, match=words), open_client(Address("tls://127.0.0.1:1")):
+        pytest.fail("there is no scheduler")
+
+
+def test_nobody_else_writes_into_the_folder_of_local_workers(tmp_path):
+    """Dask puts it on the path from which modules are imported."""
+    (tmp_path / "theirs").mkdir()
+    (tmp_path / "theirs").chmod(0o777)
+    with pytest.raises(PermissionError), open_client(Local(1), tmp_path / "theirs"):
+        pass
+    before = os.umask(0)
+    try:
+        with open_client(Local(1), tmp_path / "out" / "mine"):
+            assert (tmp_path / "out" / "mine").stat().st_mode & 0o777 == 0o700
+    finally:
+        os.umask(before)

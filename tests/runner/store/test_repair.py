@@ -1,0 +1,179 @@
+"""A table whose arrays are missing or laid out wrongly is refused in one line; a repair makes its rows pending."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zarr
+
+from sinew.runner.errors import StoreError
+from sinew.runner.store.segment import Segment
+from sinew.runner.store.store import Store, open_store
+from tests.runner.evaluations import Quick, table_spec
+from tests.runner.stores import fill, some
+
+ROWS = 40
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A store with a table of 40 rows in chunks of 16."""
+    monkeypatch.setattr("sinew.runner.store.schema.CHUNK_ROWS", 16)
+    with Store.writing(tmp_path, "study") as store:
+        fill(store.table(table_spec()), some(ROWS))
+    return tmp_path
+
+
+def table_folder(folder: Path) -> Path:
+    (found,) = (folder / "store.zarr" / "evaluations").glob("specimen-*")
+    return found
+
+
+def edit(path: Path, **changes: Any) -> None:
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+
+def grid(*chunks: Any) -> dict[str, Any]:
+    return {"name": "regular", "configuration": {"chunk_shape": list(chunks)}}
+
+
+def read_all(folder: Path) -> None:
+    for table in open_store(folder).tables():
+        for name in ("parameters", *table.fields, "attempts", "wall_seconds", "worker", "message"):
+            table.read(name, np.arange(len(table)))
+        for name in ("parameter", "protocol", "time"):
+            table.coordinate(name)
+
+
+def repaired_and_run_again(folder: Path) -> tuple[int, int]:
+    """Rows that the repair made pending, and rows that the next run computed; afterwards all is as it was."""
+    notes = folder / "notes"
+    with Store.writing(folder, "study") as store:
+        lost = store.repair()
+        table = store.table(table_spec())
+        rows = fill(table, some(ROWS), Quick(notes))
+        expected = Quick()(some(ROWS)).values["force"]
+        assert np.array_equal(table.read("force", rows), expected)
+        assert store.repair().rows == 0
+    read_all(folder)
+    return lost.rows, len(notes.read_text().splitlines()) if notes.exists() else 0
+
+
+BROKEN = {
+    "text shape": {"shape": ["many"]},
+    "text as shape": {"shape": "forty"},
+    "two dimensions": {"shape": [ROWS, 3], "chunk_grid": grid(16, 3), "dimension_names": ["row", "parameter"]},
+    "no dimension": {"shape": [], "chunk_grid": grid(), "dimension_names": []},
+    "zero chunk": {"chunk_grid": grid(0)},
+    "another chunk": {"chunk_grid": grid(3)},
+    "huge shape": {"shape": [10**13]},
+    "negative shape": {"shape": [-3]},
+    "other numbers": {"data_type": "complex128"},
+    "no codecs": {"codecs": []},
+    "unknown codec": {"codecs": [{"name": "none of these"}]},
+}
+
+
+@pytest.mark.parametrize("array", ["status", "attempts", "worker"])
+@pytest.mark.parametrize("how", BROKEN)
+def test_a_column_laid_out_wrongly_is_named_and_created_again(folder, how, array):
+    edit(table_folder(folder) / array / "zarr.json", **BROKEN[how])
+    with pytest.raises(StoreError, match=rf"{array}: damaged \(.*`sinew repair {folder}`"):
+        read_all(folder)
+    assert repaired_and_run_again(folder) == (0, 0), "its chunks were whole"
+
+
+@pytest.mark.parametrize("array", ["force", "objective", "parameters"])
+@pytest.mark.parametrize("how", BROKEN)
+def test_numbers_laid_out_wrongly_are_named_and_computed_again(folder, how, array):
+    edit(table_folder(folder) / array / "zarr.json", **BROKEN[how])
+    with pytest.raises(StoreError, match=rf"{array}: damaged \(.*`sinew repair {folder}`"):
+        read_all(folder)
+    assert repaired_and_run_again(folder)[1] == ROWS
+
+
+@pytest.mark.parametrize(
+    ("array", "again"),
+    [("force", ROWS), ("parameters", ROWS), ("status", ROWS), ("protocol", ROWS), ("worker", 0), ("wall_seconds", 0)],
+)
+def test_a_missing_array_is_named_and_created_again(folder, array, again):
+    shutil.rmtree(table_folder(folder) / array)
+    if array != "protocol":  # which is looked for where it is read
+        with pytest.raises(StoreError, match=rf"{array}: damaged \(the array is missing\); `sinew repair {folder}`"):
+            read_all(folder)
+    assert repaired_and_run_again(folder)[1] == again
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{", '{"zarr_format": 3, "node_type": "array"}', "null"])
+def test_a_table_whose_own_metadata_are_damaged_is_computed_again(folder, content):
+    (table_folder(folder) / "zarr.json").write_text(content)
+    with pytest.raises(StoreError, match="damaged"):
+        read_all(folder)
+    with Store.writing(folder, "study") as store:
+        (line,) = store.repair().removed
+    assert "cannot be mended, all of its rows are computed again" in line
+    assert repaired_and_run_again(folder)[1] == ROWS
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value"),
+    [
+        *(("chunk_rows", value) for value in ("many", None, 0, [], [3], 10**12)),
+        *(("fields", value) for value in ("many", None, 0, [3], 10**12)),  # a table without fields is one
+    ],
+)
+def test_attributes_of_a_table_are_checked(folder, attribute, value):
+    path = table_folder(folder) / "zarr.json"
+    content = json.loads(path.read_text())
+    content["attributes"][attribute] = value
+    path.write_text(json.dumps(content))
+    with pytest.raises(StoreError, match=f"damaged .*{attribute}"):
+        read_all(folder)
+    assert repaired_and_run_again(folder)[1] == ROWS
+
+
+def test_a_status_that_there_is_not_is_damage(folder):
+    status = zarr.open_array(table_folder(folder) / "status", mode="r+")
+    status[3] = 55
+    with pytest.raises(StoreError, match=r"status: damaged \(a status is 55\)"):
+        read_all(folder)
+    assert repaired_and_run_again(folder) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    "error", [MemoryError(), RuntimeError("can't start new thread"), OSError(24, "Too many files")]
+)
+def test_no_chunk_is_deleted_because_memory_or_threads_are_short(folder, monkeypatch, error):
+    before = {path: path.read_bytes() for path in (folder / "store.zarr").rglob("*") if path.is_file()}
+
+    def short(*_args: Any, **_kwargs: Any) -> Any:
+        raise error
+
+    with Store.writing(folder, "study") as store:
+        for place in ("zarr.Array.__getitem__", "zarr.Group.get", "zarr.Group.__getitem__"):
+            with monkeypatch.context() as patch:
+                patch.setattr(place, short)
+                with pytest.raises(StoreError, match=r"cannot be (checked|read) now|Too many files"):
+                    store.repair()
+    assert {path: path.read_bytes() for path in (folder / "store.zarr").rglob("*") if path.is_file()} == before
+
+
+def test_a_damaged_segment_is_removed_by_a_repair(folder):
+    with Store.writing(folder, "study") as store:
+        table = store.table(table_spec())
+        rows = table.plan(some(ROWS + 2))[-2:]
+        table.journal.mkdir(parents=True, exist_ok=True)
+        outcome = Quick()(some(ROWS + 2)[-2:])
+        path = table.journal / "rows-000000040-00002.safetensors"
+        ones = np.ones(2)
+        Segment(rows, outcome.status, ones.astype(np.int16), ones, outcome.values, (), "w").write(path)
+        assert store.repair().removed == ()
+        content = path.read_bytes()
+        path.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+        (line,) = store.repair().removed
+        assert line.startswith(f"{path}: not a whole segment (a wrong checksum of ")
+        assert not path.exists()
+        assert fill(table, some(ROWS + 2))[-2:].tolist() == [40, 41]

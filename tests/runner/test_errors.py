@@ -1,0 +1,18 @@
+"""An error is one printable line that is not too long."""
+
+from sinew.runner.errors import LONGEST, brief
+
+
+def test_a_long_error_keeps_its_beginning_and_its_end():
+    line = brief("study.yaml: name: " + 10**6 * "x\n" + "; expected a name")
+    assert len(line) == LONGEST
+    assert line.startswith("study.yaml: name: x\\nx\\n")
+    assert line.endswith("\\n; expected a name")
+    assert " ... " in line
+
+
+def test_a_short_error_stays():
+    assert brief("a: b; expected c") == "a: b; expected c"
+    assert brief("x" * LONGEST) == "x" * LONGEST
+    assert len(brief("\x00" * LONGEST)) == LONGEST
+    assert brief("x" * 2 * LONGEST).count(" ... ") == 1

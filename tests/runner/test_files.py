@@ -1,0 +1,125 @@
+"""Only regular files of a bounded size are read, whatever stands in their place."""
+
+import os
+import socket
+
+import pytest
+
+from sinew.runner.files import NotReadable, own_folder, read_regular, strange_entry, temporary_folder
+
+
+def pipe(path):
+    os.mkfifo(path)
+
+
+def unix_socket(path):
+    server = socket.socket(socket.AF_UNIX)
+    server.bind(str(path))
+    server.close()
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (pipe, "a named pipe"),
+        (lambda path: path.mkdir(), "a folder"),
+        (unix_socket, "a socket"),
+        (lambda path: path.symlink_to("/dev/zero"), "a link"),
+        (lambda path: path.symlink_to(path), "a link"),
+        (lambda path: path.symlink_to("/etc/hostname"), "a link"),
+    ],
+)
+def test_what_is_no_regular_file_is_named(tmp_path, make, words):
+    make(tmp_path / "odd")
+    with pytest.raises(NotReadable, match=words):
+        read_regular(tmp_path / "odd", 100)
+
+
+@pytest.mark.parametrize(("device", "words"), [("/dev/zero", "a device"), ("/dev/urandom", "a device")])
+def test_devices_are_not_read_where_links_are_followed_either(tmp_path, device, words):
+    (tmp_path / "odd").symlink_to(device)
+    with pytest.raises(NotReadable, match=words):
+        read_regular(tmp_path / "odd", 100, follow=True)
+
+
+def test_a_link_that_may_be_followed_is_read(tmp_path):
+    (tmp_path / "file").write_bytes(b"content")
+    (tmp_path / "link").symlink_to("file")
+    assert read_regular(tmp_path / "link", 7, follow=True) == b"content"
+
+
+def test_the_size_is_bounded(tmp_path):
+    (tmp_path / "file").write_bytes(b"content")
+    assert read_regular(tmp_path / "file", 7) == b"content"
+    with pytest.raises(NotReadable, match="7 bytes, more than 6"):
+        read_regular(tmp_path / "file", 6)
+    with pytest.raises(NotReadable, match="more than 3 bytes"):  # its size is said to be 0
+        read_regular(tmp_path.joinpath("/proc/self/status"), 3)
+
+
+def test_the_end_of_a_large_file_can_be_read(tmp_path):
+    (tmp_path / "file").write_bytes(b"0123456789")
+    assert read_regular(tmp_path / "file", 0, last=4) == b"6789"
+    assert read_regular(tmp_path / "file", 0, last=40) == b"0123456789"
+
+
+def test_a_file_that_is_missing_is_said_to_be_missing(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        read_regular(tmp_path / "gone", 10)
+    (tmp_path / "link").symlink_to("gone")
+    with pytest.raises(FileNotFoundError):
+        read_regular(tmp_path / "link", 10, follow=True)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [(pipe, "a named pipe"), (lambda path: path.symlink_to("/etc"), "a link"), (unix_socket, "a socket")],
+)
+def test_what_is_neither_file_nor_folder_is_found_at_any_depth(tmp_path, make, words):
+    (tmp_path / "a" / "b").mkdir(parents=True)
+    (tmp_path / "a" / "file").touch()
+    assert strange_entry(tmp_path) is None
+    make(tmp_path / "a" / "b" / "odd")
+    assert strange_entry(tmp_path) == (tmp_path / "a" / "b" / "odd", words)
+    assert strange_entry(tmp_path, closed=["a"]) is None
+    assert strange_entry(tmp_path, closed=["b"]) is not None, "a name directly below the folder"
+    make(tmp_path / "attempts")
+    assert strange_entry(tmp_path, closed=["a", "attempts"]) == (tmp_path / "attempts", words)
+
+
+def test_the_folder_itself_may_be_a_link_and_a_link_that_goes_round_ends(tmp_path):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to("real")
+    assert strange_entry(tmp_path / "link") is None
+    (tmp_path / "real" / "again").symlink_to("..")
+    assert strange_entry(tmp_path / "link") == (tmp_path / "link" / "again", "a link")
+
+
+@pytest.mark.parametrize("kind", ["link", "open to others", "of another user", "a file"])
+def test_a_folder_that_others_can_write_to_is_refused(tmp_path, monkeypatch, kind):
+    """In a folder that all users share, another user may have made it first."""
+    folder = tmp_path / "folder"
+    if kind == "link":
+        folder.symlink_to(tmp_path)
+    elif kind == "a file":
+        folder.write_text("")
+    else:
+        folder.mkdir()
+        folder.chmod(0o777 if kind == "open to others" else 0o755)
+    if kind == "of another user":
+        other = folder.stat().st_uid + 1
+        monkeypatch.setattr(os, "geteuid", lambda: other)
+    with pytest.raises(PermissionError, match="no folder that only you can write to"):
+        own_folder(folder)
+
+
+def test_the_temporary_folder_is_the_user_s_own(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    before = os.umask(0)
+    try:
+        folder = temporary_folder()
+    finally:
+        os.umask(before)
+    assert folder.parent == tmp_path
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert temporary_folder() == folder, "it is there already"

@@ -1,0 +1,407 @@
+"""The blind benchmark: what a verdict is worth, each row of its table, and what it says of wrong input."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from sinew.tasks.benchmark import discover
+from sinew.tasks.benchmark.answers import SAME_FORM, Answer, read_answers
+from sinew.tasks.benchmark.discover import result_of
+from sinew.tasks.benchmark.score import (
+    Case,
+    Median,
+    Share,
+    by_word,
+    class_of,
+    medians,
+    null_rejected,
+    outcome_of,
+    shares,
+)
+from sinew.tasks.benchmark.selectors import SELECTORS, compare, selected
+from sinew.tasks.benchmark.show import markdown, tell
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.discover.judge.confidence import RECORD, confidence, in_words
+from sinew.tasks.discover.result import Gap
+from sinew.tasks.model.effects import library
+from tests.conftest import SHARED
+from tests.hidden.make import Plan, write
+from tests.tasks.discover.results import candidate as option
+from tests.tasks.discover.results import discovery
+from tests.tasks.test_pipeline import sinew
+
+FLOOR = 1000.0
+SLACK, SOFT, LAG = "toe-slack", "softening", "time-lag"
+
+
+CLEAR = (option(SLACK, loss=1010.0), option(LAG, loss=4000.0), option(SLACK, LAG, loss=1000.0, free=4))
+BLURRED = (option(SLACK, loss=1010.0), option(LAG, loss=1015.0))
+NOTHING = (option(SLACK, loss=1000.0), option(LAG, loss=1005.0))
+PAIRED = (option(SLACK, loss=3000.0), option(LAG, loss=3500.0), option(SLACK, LAG, loss=1005.0, free=4))
+
+
+def judged(word, options, null=5000.0, effects=(), alike=(), closed=None):
+    """A discovery with these candidates, whose gains are over the model without effects."""
+    candidates = tuple(replace(one, gain=null - one.loss - 8.0 * one.free) for one in options)
+    gap = Gap("protocol", 2.0, 1.0, 1.0, closed)
+    return discovery(word, null, FLOOR, effects=tuple(effects), set=tuple(alike), candidates=candidates, gap=gap)
+
+
+def case(truth, word, effects=(), alike=(), options=CLEAR, null=5000.0, closed=None, **more):
+    truth = (truth,) if isinstance(truth, str) else tuple(truth)
+    answer = Answer("folder", "case_01", truth, same_form=more.pop("same_form", {}))
+    return Case(answer, judged(word, options, null, effects, alike, closed), **more)
+
+
+def named(truth, *effects, **more):
+    return case(truth, "NAMED", effects, **more)
+
+
+FAILED = Case(Answer("folder", "case_02", (SLACK,)), None, None, "boom")
+NO_MISFIT = {"null": 1010.0, "options": NOTHING}
+
+
+@pytest.mark.parametrize(
+    ("one", "kind"),
+    [
+        (named(SLACK, SLACK), "detectable"),
+        (named(SLACK, LAG), "detectable"),
+        (case(SLACK, "NONE"), "detectable"),
+        (named(SLACK, SLACK, options=BLURRED), "indistinguishable"),
+        (named(SLACK, SLACK, **NO_MISFIT), "undetectable"),
+        (case("OUTSIDE", "OUTSIDE"), "outside"),
+        (case("OUTSIDE", "OUTSIDE", **NO_MISFIT), "undetectable"),
+        (named((SLACK, LAG), SLACK, options=PAIRED), "two effects"),
+        (named((SLACK, LAG), SLACK, **NO_MISFIT), "undetectable"),
+        (named((), SLACK), "null"),
+        (named(SOFT, SLACK), "not a candidate"),
+        (FAILED, "failed"),
+    ],
+)
+def test_what_could_have_been_seen_is_judged_without_the_verdict(one, kind):
+    assert class_of(one) == kind
+    if one.result:
+        for word in ("NONE", "AMBIGUOUS", "OUTSIDE"):
+            assert class_of(replace(one, result=replace(one.result, verdict=word, effects=(), set=()))) == kind
+
+
+def test_a_truth_of_another_form_must_be_clearly_better_than_its_rivals():
+    """What it leaves itself counts: 1,000 beyond noise against 1,500 is a clear likelihood, and no clear difference."""
+    worse = (option(SLACK, loss=2000.0), option(LAG, loss=2500.0))
+    assert class_of(named(SLACK, SLACK, options=worse)) == "indistinguishable"
+    assert class_of(named(SLACK, SLACK, options=(worse[0], option(LAG, loss=3100.0)))) == "detectable"
+    assert class_of(named(LAG, SLACK, options=worse)) == "indistinguishable"
+
+
+def test_a_gain_far_beyond_chance_rejects_the_model_even_where_its_misfit_is_within_noise():
+    assert null_rejected(judged("NONE", (option(SLACK, loss=1000.0),), null=1100.0))
+    assert not null_rejected(judged("NONE", (option(SLACK, loss=1000.0),), null=1030.0))
+    assert null_rejected(judged("NONE", (option(SLACK, loss=1299.0),), null=1300.0))
+
+
+@pytest.mark.parametrize(
+    ("one", "outcome"),
+    [
+        (named(SLACK, SLACK), "right"),
+        (named(SLACK, LAG), "wrong name"),
+        (named(SLACK, SLACK, LAG), "wrong name"),
+        (case(SLACK, "AMBIGUOUS", alike=(SLACK, LAG)), "open"),
+        (case(SLACK, "AMBIGUOUS", alike=(LAG, SOFT)), "astray"),
+        (case(SLACK, "OUTSIDE"), "astray"),
+        (case(SLACK, "NONE"), "missed"),
+        (case(SLACK, "AMBIGUOUS", alike=(SLACK, LAG), options=BLURRED), "right"),
+        (case(SLACK, "NONE", **NO_MISFIT), "right"),
+        (case(SLACK, "AMBIGUOUS", alike=(LAG,), **NO_MISFIT), "right"),
+        (case(SLACK, "OUTSIDE", **NO_MISFIT), "astray"),
+        (named(SLACK, LAG, **NO_MISFIT), "wrong name"),
+        (case((), "NONE"), "right"),
+        (case((), "AMBIGUOUS"), "right"),
+        (case((), "AMBIGUOUS", alike=(SLACK,)), "false alarm"),
+        (case((), "OUTSIDE"), "false alarm"),
+        (named((), SLACK), "wrong name"),
+        (case("OUTSIDE", "OUTSIDE"), "right"),
+        (case("OUTSIDE", "AMBIGUOUS", alike=(SLACK,)), "missed"),
+        (named("OUTSIDE", SLACK), "wrong name"),
+        (named((SLACK, LAG), SLACK, LAG, options=PAIRED), "right"),
+        (named((SLACK, LAG), LAG, SLACK, options=PAIRED), "right"),
+        (named((SLACK, LAG), SLACK, options=PAIRED), "one of two"),
+        (named((SLACK, LAG), SOFT, options=PAIRED), "wrong name"),
+        (case((SLACK, LAG), "AMBIGUOUS", alike=(SLACK, LAG, SOFT), options=PAIRED), "open"),
+        (case((SLACK, LAG), "AMBIGUOUS", alike=(SLACK, SOFT), options=PAIRED), "astray"),
+        (case(SOFT, "OUTSIDE"), "right"),
+        (FAILED, "failed"),
+    ],
+)
+def test_what_a_verdict_is_worth(one, outcome):
+    assert outcome_of(one) == outcome
+
+
+def rows(*cases):
+    return {row.name: (row.count, row.of) for row in shares(cases)}
+
+
+CASES = (
+    named(SLACK, SLACK, closed=0.9, seconds=10.0),
+    named(SLACK, LAG, closed=0.5, seconds=30.0),
+    case(SLACK, "AMBIGUOUS", alike=(SLACK, LAG)),
+    case(SLACK, "AMBIGUOUS", alike=(LAG,), options=BLURRED),
+    case(SLACK, "NONE", **NO_MISFIT),
+    named((), LAG, closed=None),
+    case((), "NONE", seconds=20.0),
+    case((), "NONE"),
+    case("OUTSIDE", "OUTSIDE"),
+    case("OUTSIDE", "NONE"),
+    case("OUTSIDE", "NONE", **NO_MISFIT),
+    named((SLACK, LAG), SLACK, LAG, options=PAIRED),
+    named((SLACK, LAG), SOFT, options=PAIRED),
+    case((SLACK, LAG), "AMBIGUOUS", alike=(SLACK, LAG), options=PAIRED),
+    named((SLACK, LAG), SLACK, options=(option(SLACK, loss=1100.0), *PAIRED[1:])),
+    FAILED,
+)
+
+
+def test_each_row_of_the_table_counts_what_it_says():
+    assert rows(*CASES) == {
+        "named correctly, clearly detectable single effects": (1, 4),  # a failed case counts against it
+        "wrong confident name, all but two effects": (2, 11),
+        "false alarm on nulls": (1, 3),
+        "truth inside the set when AMBIGUOUS": (2, 3),
+        "outside the library, called OUTSIDE": (1, 2),
+        "both of two effects named": (1, 4),
+        "both of two effects named, where one alone is rejected": (1, 3),
+        "wrong confident name, two effects": (1, 4),
+        "named correctly, all single effects": (1, 6),
+        "NONE or AMBIGUOUS where nothing can be seen": (2, 2),
+        "90 % interval holds the effect's parameter (same form)": (0, 0),
+        "NAMED: every name was true": (3, 6),
+        "AMBIGUOUS: something was there, and all of it in the set": (2, 3),
+        "OUTSIDE: the library did not have what was there": (1, 1),
+        "NONE: there was nothing, or nothing that could be seen": (4, 5),
+    }
+    closed, seconds = medians(CASES)
+    assert (closed.median, closed.values) == (0.7, (0.9, 0.5))
+    assert (seconds.median, seconds.range) == (20.0, (10.0, 30.0))
+
+
+def test_intervals_are_those_of_clopper_and_pearson():
+    low, high = Share("", 0, 10).interval
+    assert (low, high) == pytest.approx((0.0, 1 - 0.025 ** (1 / 10)))
+    assert Share("", 3, 10).interval == pytest.approx((0.0667, 0.6525), abs=1e-4)
+    assert (Share("", 0, 0).share, Share("", 0, 0).interval) == (None, None)
+    values = tuple(np.random.default_rng(1).normal(5.0, 1.0, 40))
+    low, high = Median("", values).interval
+    assert low < np.median(values) < high
+    assert high - low < 1.5
+    assert (Median("", ()).median, Median("", (1.0,)).interval) == (None, None)
+
+
+def test_intervals_of_parameters_count_where_the_form_is_the_librarys_and_the_name_is_right():
+    options = (option(SLACK, loss=1010.0, slack_stretch=(0.98, 0.99)), option(LAG, loss=4000.0, force_lag=(0.1, 0.2)))
+    name = "90 % interval holds the effect's parameter (same form)"
+    right = named(SLACK, SLACK, options=options, same_form={"slack_stretch": 0.985})
+    assert rows(right)[name] == (2, 2)
+    assert rows(replace(right, answer=replace(right.answer, same_form={"slack_stretch": 0.992})))[name] == (0, 2)
+    assert rows(replace(right, answer=replace(right.answer, same_form={})))[name] == (0, 0)
+    assert rows(named(SLACK, LAG, options=options, same_form={"slack_stretch": 0.985}))[name] == (0, 0)
+    assert rows(case(SLACK, "NONE", options=options, same_form={"slack_stretch": 0.985}))[name] == (0, 0)
+
+
+def test_selectors_take_the_smallest_number():
+    options = (
+        option(SLACK, loss=1010.0, held_out=50.0),
+        option(LAG, loss=1005.0, free=6, held_out=90.0),
+        option(SLACK, LAG, loss=1000.0, free=8),
+    )
+    one = judged("NONE", options)
+    training, aic, bic, held_out = (number for _, number in SELECTORS)
+    assert selected(one, training, singles=False) == (SLACK, LAG)
+    assert selected(one, training, singles=True) == (LAG,)
+    assert selected(one, aic, singles=True) == (SLACK,)
+    assert selected(one, bic, singles=False) == (SLACK,)
+    assert selected(one, held_out, singles=False) == (LAG,)
+    assert selected(judged("NONE", options, null=1012.0), bic, singles=False) == ()
+    assert selected(judged("NONE", options, null=1012.0), training, singles=True) == (LAG,)
+
+
+def test_selectors_are_compared_on_the_same_cases():
+    told = {row.name: row for row in compare(CASES)}
+    own = told["sinew discover (names)"]
+    assert [(row.count, row.of) for row in (own.right, own.wrong, own.alarms)] == [(1, 3), (2, 11), (1, 3)]
+    bic = told["smallest BIC, one effect"]
+    assert (bic.right.count, bic.right.of) == (3, 3)
+    assert (bic.alarms.count, bic.alarms.of) == (3, 3), "the made-up nulls have candidates that fit far better"
+    assert told["smallest training error, one or two effects"].right.count == 0
+
+
+def test_how_often_each_word_was_true():
+    said = [
+        named(SLACK, SLACK),
+        named((SLACK, LAG), SLACK, options=PAIRED),
+        named((), SLACK),
+        case((), "NONE"),
+        case(SLACK, "NONE"),
+        case("OUTSIDE", "OUTSIDE"),
+        case(SLACK, "OUTSIDE"),
+        case(SOFT, "OUTSIDE"),
+        case((), "AMBIGUOUS", alike=(SLACK,)),
+        case(SLACK, "AMBIGUOUS", alike=(SLACK, LAG), options=BLURRED),
+        FAILED,
+    ]
+    counted = {word: (row.count, row.of) for word, row in by_word(said).items()}
+    assert counted == {"NAMED": (2, 3), "NONE": (1, 2), "OUTSIDE": (2, 3), "AMBIGUOUS": (1, 2)}
+
+
+def test_a_verdict_is_worth_what_others_of_its_word_were():
+    found = confidence("OUTSIDE")
+    true, of = RECORD["OUTSIDE"]
+    assert found.share == true / of
+    assert found.interval == Share("", true, of).interval
+    assert found.interval[0] < found.share < found.interval[1]
+    assert f"{true} of {of} such verdicts were true" in in_words(found)
+
+
+def test_the_table_is_told_and_written(capsys):
+    result = json.loads(json.dumps(result_of(CASES, mixed=1)))
+    tell(result, Console(width=200, highlight=False))
+    said = capsys.readouterr().out
+    text = markdown(result)
+    for shown in (said, text):
+        assert "boom" in shown
+        assert "25 %" in shown
+        assert "1 of 4" in shown
+        assert "3 detectable" in shown
+        assert "new --out" in shown
+    assert text.count("| folder/case_01 |") == len(CASES) - 1
+    assert "| false alarm on nulls | 33 % | 1 to 91 % | 1 of 3 |" in text
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder of one case, with one specimen."""
+    specimens, _ = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
+    write_cohort(tmp_path / "hidden" / "case_01", specimens[:1])
+    (tmp_path / "hidden" / "answers.json").write_text('{"case_01": {"truth": []}}')
+    return tmp_path / "hidden"
+
+
+@pytest.mark.parametrize(
+    ("answers", "words"),
+    [
+        (None, "answers.json: is not there"),
+        ("{", "not valid JSON"),
+        ("[]", "holds []"),
+        ("{}", "holds no case"),
+        ('{"case_01": 3}', "case_01: holds 3"),
+        ('{"case_01": {}}', "case_01.truth: missing"),
+        ('{"case_01": {"truth": "softening"}}', "case_01.truth: 'softening'"),
+        ('{"case_01": {"truth": ["magic"]}}', "'magic' is no effect"),
+        ('{"case_01": {"truth": ["OUTSIDE", "softening"]}}', "'OUTSIDE' is no effect"),
+        ('{"case_01": {"truth": ["softening", "softening"]}}', "expected each effect once"),
+        ('{"case_01": {"truth": [], "magnitude": {"a": "much"}}}', "case_01.magnitude.a: 'much'"),
+        ('{"case_01": {"truth": [], "same_form": {"a": 1}}}', "case_01.same_form.a: unknown parameter"),
+        ('{"case_01": {"truth": []}, "case_02": {"truth": []}}', "case_02: is not there"),
+        ('{"../case_01": {"truth": []}}', "a name that cannot be used"),
+    ],
+)
+def test_answers_that_cannot_be_used_are_one_line(folder, tmp_path, capsys, answers, words):
+    (folder / "answers.json").unlink()
+    if answers is not None:
+        (folder / "answers.json").write_text(answers)
+    with pytest.raises(SystemExit) as ended:
+        sinew("benchmark", "discover", folder, "--out", tmp_path / "out")
+    said = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert words in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists(), "nothing was run"
+
+
+def test_folders_and_studies_that_cannot_be_used_are_one_line(folder, tmp_path, capsys):
+    study = tmp_path / "study.yaml"
+    study.write_text("name: a\nmodel: {effects: [softening]}\n")
+    twin = tmp_path / "other" / "hidden"
+    twin.mkdir(parents=True)
+    for words, expected in [
+        ((tmp_path / "nowhere",), "nowhere: is not there"),
+        ((folder, twin), "two folders are called 'hidden'"),
+        ((folder, "--only", "case_09"), "--only: no case 'case_09'"),
+        ((folder, "--study", study), "model.effects: is not empty"),
+        ((folder, "--study", tmp_path / "no.yaml"), "no.yaml"),
+        ((folder, "--out", folder / "out"), "lies inside"),
+        ((), "Missing argument"),
+    ]:
+        with pytest.raises(SystemExit) as ended:
+            sinew("benchmark", "discover", *words)
+        said = capsys.readouterr().err
+        assert ended.value.code == 2
+        assert expected in said
+        assert said.count("\n") == 1
+
+
+def test_true_values_of_the_librarys_own_forms_are_known(folder):
+    for slug, names in SAME_FORM.items():
+        assert set(names) <= set(library()[slug].names)
+    told = {"truth": ["toe-slack", "force-drift"], "magnitude": {"stretch": 0.99, "offset_N": 1.0, "N_per_s": 0.02}}
+    (folder / "answers.json").write_text(json.dumps({"case_01": told}))
+    assert read_answers(folder)[0].same_form == {"slack_stretch": 0.99, "force_offset": 1.0, "force_slope": 0.02}
+    (folder / "answers.json").write_text(json.dumps({"case_01": told | {"same_form": {"slack_stretch": 0.98}}}))
+    assert read_answers(folder)[0].same_form == {"slack_stretch": 0.98}
+
+
+@pytest.mark.shared
+def test_the_shared_answers_can_be_read():
+    answers = [one for name in ("dev-1", "dev-null") for one in read_answers(SHARED / "hidden" / name)]
+    assert len(answers) == 40
+    outside = {one.name for one in answers if one.outside}
+    assert outside == {"dev-1/case_05", "dev-1/case_09", "dev-1/case_15", "dev-1/case_22"}
+
+
+STUDY = """
+name: few
+seed: 3
+tasks: [discover]
+discover: {effects: [toe-slack], starts: 2}
+"""
+
+
+def test_cases_are_run_blind_scored_and_not_run_again(tmp_path, capsys, monkeypatch):
+    folder, out, study = tmp_path / "hidden", tmp_path / "out", tmp_path / "study.yaml"
+    write(folder, [Plan(("slack-gauss",)), Plan(())], seed=2, rate_hz=2.0)
+    for case_folder in (folder / "case_01", folder / "case_02"):
+        shutil.rmtree(case_folder / "s02")  # one specimen with two curves is enough here
+        (case_folder / "s01" / "two_step.csv").unlink()
+    study.write_text(STUDY)
+    command = ("benchmark", "discover", folder, "--out", out, "--study", study, "--workers", 1)
+    sinew(*command)
+    said = capsys.readouterr().out
+    assert "1 of 2  hidden/case_01: " in said
+    result = json.loads((out / "benchmark.json").read_text())
+    first, second = result["cases"]
+    assert (first["truth"], first["class"], first["error"]) == (["toe-slack"], "detectable", None)
+    assert (second["truth"], second["class"], second["verdict"]) == ([], "null", "NONE")
+    assert first["seconds"] > 0
+    assert result["mixed"] == 0
+    assert "| false alarm on nulls | 0 % |" in (out / "benchmark.md").read_text()
+    assert "truth" not in (out / "hidden" / "case_01" / "study.yaml").read_text()
+
+    def never(*_):
+        raise AssertionError("it was run again")
+
+    monkeypatch.setattr(discover, "_discover", never)
+    sinew(*command, "--quiet")
+    assert capsys.readouterr().out == f"next: read {out / 'benchmark.md'}\n"
+    assert json.loads((out / "benchmark.json").read_text()) == result
+    monkeypatch.undo()
+
+    (folder / "case_02" / "s01" / "cyclic.csv").write_text("broken")
+    sinew(*command)
+    said = capsys.readouterr().out
+    assert "2 of 2  hidden/case_02: failed: BadInput: " in said
+    broken = json.loads((out / "benchmark.json").read_text())["cases"]
+    assert broken[0] == first
+    assert (broken[1]["class"], broken[1]["outcome"]) == ("failed", "failed")

@@ -1,0 +1,85 @@
+"""What the command prints: in every locale, in lines of a bounded length, and nothing that steers the terminal."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from sinew.runner.evaluation.external import Stopped
+from sinew.runner.store.store import Store
+from sinew.tasks.cli import main
+from tests.runner.evaluations import table_spec
+from tests.runner.stores import fill, some
+
+LINE = (
+    "from sinew.tasks.cli.main import _print_anything; _print_anything(); "
+    "print('12 \\u00b1 3 \\u00b5m'); print('na\\u00efve \\u529b')"
+)
+
+
+@pytest.mark.parametrize(
+    ("locale", "encoding", "printed"),
+    [
+        ({"LC_ALL": "C"}, "utf-8", "12 ± 3 µm\nnaïve 力\n"),
+        ({"PYTHONIOENCODING": "latin-1"}, "latin-1", "12 ± 3 µm\nnaïve ?\n"),
+        ({"LC_ALL": "C.UTF-8"}, "utf-8", "12 ± 3 µm\nnaïve 力\n"),
+    ],
+)
+def test_units_are_printed_in_every_locale(locale, encoding, printed):
+    plain = {name: value for name, value in os.environ.items() if not name.startswith(("LC_", "LANG", "PYTHON"))}
+    environment = plain | {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"} | locale
+    done = subprocess.run([sys.executable, "-c", LINE], env=environment, capture_output=True, check=True)
+    assert done.stdout.decode(encoding) == printed
+    assert done.stderr == b""
+
+
+def test_an_error_without_a_file_is_said_without_one(monkeypatch, capsys):
+    """A solver that somebody stopped has no file name."""
+    monkeypatch.setattr(main, "sinew", type("Command", (), {"main": stops}))
+    with pytest.raises(SystemExit, match="2"):
+        main.main()
+    assert capsys.readouterr().err == "sinew: solver was ended by SIGTERM\n"
+
+
+def stops(**_: object) -> None:
+    raise Stopped("solver was ended by SIGTERM")
+
+
+def refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    monkeypatch.setattr(sys, "argv", ["sinew", *words])
+    with pytest.raises(SystemExit) as left:
+        main.main()
+    assert left.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert len(line) <= 300
+    return line
+
+
+def test_a_long_error_is_shortened(monkeypatch, capsys, tmp_path):
+    (tmp_path / "study.yaml").write_text(f"name: a\n? {'k' * 900}\n: 1\n")
+    line = refused(monkeypatch, capsys, "run", str(tmp_path / "study.yaml"))
+    assert line.startswith(f"sinew: {tmp_path}/study.yaml: ")
+    assert refused(monkeypatch, capsys, "x" * 100_000)
+    assert refused(monkeypatch, capsys, "run", "y" * 100_000)
+
+
+@pytest.mark.parametrize(
+    "words", [("cohort", "--out", ""), ("run", ""), ("status", ""), ("import", "a.csv", "--out", "")]
+)
+def test_an_empty_path_is_no_path(monkeypatch, capsys, tmp_path, words):
+    monkeypatch.chdir(tmp_path)
+    assert "an empty path; expected a name" in refused(monkeypatch, capsys, *words)
+    assert not list(tmp_path.iterdir())
+
+
+def test_titles_do_not_steer_the_terminal(monkeypatch, capsys, tmp_path):
+    with Store.writing(tmp_path, "study \x1b[2J") as store:
+        fill(store.table(table_spec("\x1b]0;title\x07")), some(2))
+    for options in (["--rows"], [], ["--json"]):
+        monkeypatch.setattr(sys, "argv", ["sinew", "status", str(tmp_path), *options])
+        main.main()
+        shown = capsys.readouterr().out
+        assert "\x1b" not in shown
+        assert "\x07" not in shown
+        assert "title" in shown

@@ -1,0 +1,70 @@
+"""The folder in which the command is started, and that for temporary files, may hold what somebody else wrote."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sinew.tasks.cli.main import main
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.virtual import virtual_cohort
+
+COMMAND = Path(sys.executable).with_name("sinew")
+MODULES = ("multiprocessing", "signal", "psutil", "bokeh", "matplotlib", "numba", "pandas", "SALib", "skopt")
+
+
+def plant(folder: Path, marks: Path) -> None:
+    """Modules that leave a mark and then fail, by the names of those that the program imports."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in MODULES:
+        (folder / f"{name}.py").write_text(f"open({str(marks / name)!r}, 'w').close()\nraise ImportError\n")
+
+
+@pytest.fixture
+def study(tmp_path) -> Path:
+    specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
+    write_cohort(tmp_path / "study" / "cohort", specimens[:1], truth)
+    path = tmp_path / "study" / "study.yaml"
+    path.write_text(
+        "name: strange\ncohort: cohort\nsobol: {base_samples: 2}\ntasks: [sobol]\ncluster: {name: local, workers: 1}\n"
+    )
+    return path
+
+
+def test_no_module_is_imported_from_there(study, tmp_path):
+    """Dask puts its own folder below the temporary one on the path, and starts workers by ``python -c``."""
+    marks, shared = tmp_path / "marks", tmp_path / "tmp"
+    marks.mkdir()
+    plant(study.parent, marks)
+    plant(shared / "dask-scratch-space", marks)
+    (shared / "dask-scratch-space").chmod(0o777)
+    environment = {**os.environ, "TMPDIR": str(shared)}
+    command = [COMMAND, "sobol", "study.yaml", "--out", tmp_path / "out"]
+    done = subprocess.run(command, cwd=study.parent, env=environment, capture_output=True, text=True)
+    assert [path.name for path in marks.iterdir()] == [], done.stderr
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", ["matplotlibrc", ".numba_config.yaml"])
+def test_settings_of_libraries_that_lie_there_are_refused(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["sinew", "status", "out"])
+    (tmp_path / name).symlink_to("gone")
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.startswith(f"sinew: {tmp_path / name}: ")
+
+
+def test_modules_that_a_result_folder_brings_are_removed_unread(study, tmp_path):
+    """Local workers keep their files there, in a folder that Dask puts on the path."""
+    marks, out = tmp_path / "marks", tmp_path / "out"
+    marks.mkdir()
+    plant(out / ".workers" / "dask-scratch-space", marks)
+    command = [COMMAND, "sobol", study, "--out", out]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert [path.name for path in marks.iterdir()] == [], done.stderr
+    assert done.returncode == 0, done.stderr
+    assert not (out / ".workers").exists()

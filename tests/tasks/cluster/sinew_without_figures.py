@@ -1,0 +1,13 @@
+"""``sinew`` without figures and page, which take longer than all else in the small studies of these tests.
+
+A run that fails still tries to build its page.
+"""
+
+if __name__ == "__main__":  # worker processes import this file, too, and need none of it
+    from sinew.tasks import pipeline
+    from sinew.tasks.cli.main import main
+
+    build = pipeline.report
+    pipeline._draw = lambda *_: None
+    pipeline.report = lambda folder, console, silent=False: build(folder, console, silent=True) if silent else None
+    main()

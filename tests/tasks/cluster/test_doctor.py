@@ -1,0 +1,120 @@
+"""What the doctor sees: a cluster that will do, and everything about one that will not."""
+
+import re
+
+import pytest
+
+from sinew.tasks.cluster.doctor import examine
+from sinew.tasks.cluster.profile import read_profile
+from sinew.tasks.study.study import read_study
+from tests.batch import places
+from tests.tasks.cluster.slurm_studies import ALLOCATION, PROFILE, live, prepare, profile_with, sinew_process, until
+from tests.trusting import trusted
+
+LOOKED_AT = (
+    "study and cohort",
+    "disk",
+    "quota",
+    "clock of the disk",
+    "SLURM",
+    "profile",
+    "TLS",
+    "worker",
+    "clock of the worker",
+    "result folder",
+    "threads",
+    "network interface",
+    "scratch",
+    "solver",
+    "canary",
+    "size",
+)
+
+
+def findings_of(folder):
+    """What the doctor finds good, and what bad, about the study in a folder: its words by the name of the finding."""
+    study, profile = read_study(folder / "study.yaml"), read_profile(folder / "profile.yaml")
+    out = folder / "out"
+    with places.a_place():
+        found = examine(study, profile, profile.one_job(study.name, out), out, lambda finding: None)
+    assert not out.exists(), "it leaves nothing behind"
+    good = {finding.name: finding.words for finding in found if finding.good}
+    return good, {finding.name: finding.words for finding in found if not finding.good}
+
+
+def doctor(folder, expect=0):
+    """What the command prints on the study in a folder."""
+    profile = folder / "profile.yaml"
+    return sinew_process("doctor", folder / "study.yaml", "--profile", profile, "--out", folder / "out", expect=expect)
+
+
+@pytest.mark.takes(12)
+def test_a_cluster_that_will_do(tmp_path, slurm_cluster):
+    prepare(tmp_path, PROFILE + "scratch: /tmp\n")
+    said = doctor(tmp_path)
+    found = dict(re.findall(r"^ok   ([^:]+): (.*)$", said, re.MULTILINE))
+    assert tuple(found) == LOOKED_AT
+    assert "BAD" not in said
+    assert "slurm" in found["SLURM"]
+    assert re.match(r"n\d, job \d+, Python 3", found["worker"])
+    assert found["solver"] == f"{tmp_path / 'solver'}, version 9.9.9"
+    assert found["canary"].startswith("distal/1: ok in ")
+    assert found["threads"] == "2 workers with 1 thread each on 2 CPUs"
+    assert found["scratch"].startswith("/tmp/sinew-")
+    assert not (tmp_path / "out").exists(), "it leaves nothing behind"
+    until(lambda: not live(), "the end of its job", 30)
+
+
+@pytest.mark.takes(8)
+def test_a_site_with_allocations_is_examined_by_a_job_of_the_same_kind(tmp_path, slurm_cluster):
+    prepare(tmp_path, ALLOCATION)
+    good, bad = findings_of(tmp_path)
+    assert not bad
+    assert good["threads"] == "1 workers with 1 thread each on 1 CPUs"
+    assert good["canary"].startswith("distal/1: ok in ")
+
+
+@pytest.mark.takes(8)
+def test_a_solver_that_fails_and_a_cluster_without_tls(tmp_path, slurm_cluster):
+    study = prepare(tmp_path, profile_with(tls=False))
+    solver = tmp_path / "solver"
+    solver.write_text(solver.read_text().replace("stiffness = ", "sys.exit(139); stiffness = "))
+    trusted(study)
+    _, bad = findings_of(tmp_path)
+    assert set(bad) == {"TLS", "canary"}
+    assert "a stranger can connect" in bad["TLS"]
+    assert "exit code 139" in bad["canary"]
+
+
+@pytest.mark.takes(8)
+def test_a_solver_that_is_not_there(tmp_path, slurm_cluster):
+    study = prepare(tmp_path, profile_with())
+    (tmp_path / "solver").unlink()
+    _, bad = findings_of(tmp_path)
+    assert set(bad) == {"solver"}
+    assert f"{study}: simulator.executable: " in bad["solver"]
+
+
+@pytest.mark.takes(8)
+def test_jobs_that_do_not_start(tmp_path, slurm_cluster):
+    prepare(tmp_path, profile_with(prologue=["echo the module system is away >&2", "exit 3"]))
+    _, bad = findings_of(tmp_path)
+    assert set(bad) == {"worker"}
+    assert "ended before it came to work: the module system is away" in bad["worker"]
+
+
+@pytest.mark.takes(5)
+def test_what_is_bad_is_said_with_exit_code_2(tmp_path, slurm_cluster):
+    """Jobs that SLURM refuses."""
+    prepare(tmp_path, PROFILE + "partition: nowhere\n")
+    said = doctor(tmp_path, expect=2)
+    assert said == "sinew: 2 of 7 checks failed: profile, worker\n"
+    _, bad = findings_of(tmp_path)
+    assert set(bad) == {"profile", "worker"}
+    assert "profile.yaml: partition: SLURM refuses the job" in bad["profile"]
+
+
+def test_an_interface_that_this_machine_does_not_have(tmp_path, slurm_cluster):
+    prepare(tmp_path, PROFILE.replace("interface: lo", "interface: ib7"))
+    _, bad = findings_of(tmp_path)
+    assert "network interface 'ib7' is not on" in bad["worker"]

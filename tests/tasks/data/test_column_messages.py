@@ -1,0 +1,89 @@
+"""What is said of columns that cannot be told, word for word, with what would tell them."""
+
+import pytest
+
+from sinew.runner.errors import BadInput
+from tests.tasks.data.test_columns import columns
+
+TIMES = "s, sec, secs, second, seconds, ms, msec, min, minutes, us, µs, h"
+FORCES = "N, kN, mN, uN, µN, lbf, kgf, kp, gf, newton, newtons"
+LOADS = f"{FORCES}, Pa, kPa, MPa, GPa, N/mm2, N/mm^2, N/mm², psi"
+
+
+@pytest.mark.parametrize(
+    ("titles", "hints", "words"),
+    [
+        ("a|b|", {}, ": row 1: no column of time among 'a, b, (no name)'; expected --time-column NAME or NUMBER"),
+        ("", {}, ": no column of time among '(no name), (no name), (no name)'; expected --time-column NAME or NUMBER"),
+        (
+            "time_s|b|force_N", {},
+            ": row 1: no column of displacement, length or strain among 'time_s, b, force_N'; expected "
+            "--displacement-column NAME or NUMBER",
+        ),
+        (
+            "time_s|u_mm|c", {},
+            ": row 1: no column of force or stress among 'time_s, u_mm, c'; expected --force-column NAME or NUMBER",
+        ),
+        (
+            "time_s|u_mm|F_N|F (N)", {},
+            ": 'F_N' and 'F (N)' may both be the force; expected --force-column NUMBER, from 1",
+        ),
+        (
+            "time_s|u_mm|F_N", {"time_column": "4"},
+            ": --time-column: '4' is no column; expected a number from 1 to 3, or one of 'time_s', 'u_mm', 'F_N'",
+        ),
+        (
+            "t_s|u_mm|F_N|F_N", {"force_column": "F_N"},
+            ": --force-column: 'F_N' names 2 columns; expected a number from 1 to 4, or one of 't_s', 'u_mm', 'F_N', "
+            "'F_N'",
+        ),
+        (
+            "time_s|u_mm|F_N", {"time_column": "2"},
+            f": column '2': no unit of the time can be found; expected --time-unit, one of {TIMES}",
+        ),
+        (
+            "time_s|u_mm|c", {"force_column": "c"},
+            f": column 'c': no unit of the force or stress can be found; expected --force-unit, one of {LOADS}",
+        ),
+        (
+            "time_s|u|F", {"displacement_column": "2", "force_column": "2", "displacement_unit": "mm",
+                           "force_unit": "N"},
+            ": one column is taken for two things; expected three columns; name them by --time-column and the like",
+        ),
+        ("time|u_mm|F_N", {}, f": 'time': no unit of the time can be found; expected --time-unit, one of {TIMES}"),
+        (
+            "|u_mm|F_N", {"time_column": "1"},
+            f": column '1': no unit of the time can be found; expected --time-unit, one of {TIMES}",
+        ),
+        ("time (h:m)|u_mm|F_N", {}, f": 'time (h:m)': unit 'h:m'; expected one of {TIMES}"),
+        (
+            "time_s|u_mm|F_N", {"time_unit": "min"},
+            ": 'time_s': unit 's', but --time-unit says min; expected one and the same unit",
+        ),
+        (
+            "time|u_mm|F_N", {"time_unit": "mm"},
+            f": 'time': a time, but --time-unit says 'mm'; expected one of {TIMES}",
+        ),
+        (
+            "time_s|u_mm|force (MN)", {},
+            ": 'force (MN)': unit 'MN' may stand for milli or for mega; expected --force-unit, one of mN",
+        ),
+        (
+            "time_s|u_mm|force (mn)", {"force_unit": "N"},
+            ": 'force (mn)': unit 'mn' may stand for milli or for mega; expected --force-unit, one of mN",
+        ),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_told_is_said_with_what_would_tell_it(titles, hints, words):
+    with pytest.raises(BadInput) as refused:
+        columns(titles, numbers=None if titles else 3, **hints)
+    assert str(refused.value) == f"test.csv{words}"
+
+
+def test_titles_that_do_not_fit_are_said_with_the_usual_reason():
+    with pytest.raises(BadInput) as refused:
+        columns("time_s|u_mm|F_N", numbers=6)
+    assert str(refused.value) == (
+        "test.csv: row 2: 3 names above 6 columns of numbers; expected as many; commas cannot separate columns and be "
+        "decimal marks at the same time"
+    )

@@ -1,0 +1,150 @@
+"""What files are taken for: columns, units and sizes that are right, or a question."""
+
+import json
+import tracemalloc
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.inspection import inspect
+from tests.conftest import SHARED
+
+EXPORTS = SHARED / "real" / "exports"
+SIZES = ("length_mm", "width_mm", "thickness_mm", "diameter_mm", "area_mm2")
+
+
+def taken(folder: Path, text: str, encoding: str = "utf-8") -> dict[str, Any]:
+    path = folder / "export.csv"
+    path.write_bytes(text.encode(encoding))
+    return inspect(path).content()
+
+
+def test_a_german_export(tmp_path):
+    found = taken(
+        tmp_path,
+        '"Messlänge"\t20\t"mm"\n"Probenbreite b0"\t5,96\t"mm"\n"Probendicke a0"\t0,1\t"cm"\n'
+        '"Prüfzeit"\t"Standardweg"\t"Standardkraft"\n"s"\t"mm"\t"kN"\n'
+        "0,5\t0\t0,1464\n0,6\t0,1\t0,2\n0,7\t0,2\t-0,3\n",
+        "cp1252",
+    )
+    assert found["time"] == {"column": "Prüfzeit", "unit": "s"}
+    assert found["displacement"] == {"column": "Standardweg", "unit": "mm"}
+    assert found["force"] == {"column": "Standardkraft", "unit": "kN"}
+    assert [found[name] for name in SIZES] == [20.0, 5.96, 1.0, None, pytest.approx(5.96)]
+    assert (found["rows"], found["first"], found["peak_force_N"]) == (3, [0.5, 0.0, 146.4], -300.0)
+    assert (found["specimens"], found["ask"]) == (1, [])
+
+
+@pytest.mark.parametrize(
+    ("titles", "encoding"),
+    [("时间,位移,力", "gb18030"), ("時間,ストローク,試験力", "shift_jis"), ("Temps,Course standard,Force", "cp1252")],
+)
+def test_titles_in_other_languages(tmp_path, titles, encoding):
+    found = taken(tmp_path, f"\n{titles}\n(s),(mm),(N)\n0,0,1\n1,1,2\n2,2,3\n", encoding)
+    columns = [found[name]["column"] for name in ("time", "displacement", "force")]
+    assert columns == titles.split(",")
+    assert len(found["ask"]) == 2, "length and cross-section"
+
+
+def test_set_values_and_counters_are_not_taken(tmp_path):
+    text = "S/No;C_1_Temps[s];C_1_Valeur de consigne[];C_1_Force[kN];C_1_Déplacement[mm];\n"
+    found = taken(tmp_path, text + "".join(f"{i};{i / 10};{i};{i / 50};{i / 20};\n" for i in range(1, 6)))
+    assert found["time"]["column"] == "C_1_Temps[s]"
+    assert found["force"] == {"column": "C_1_Force[kN]", "unit": "kN"}
+    assert found["first"] == [0.1, 0.05, 20.0]
+
+
+def test_tests_beside_each_other_and_one_under_another(tmp_path):
+    beside = (
+        "a,,,b,,\nTime,Force,Stroke,Time,Force,Stroke\ns,N,mm,s,N,mm\n0,1,0,0,1,0\n1,2,1,1,2,1\n2,3,2,2,3,2\n,,,3,4,3\n"
+    )
+    found = taken(tmp_path, beside)
+    assert (found["specimens"], found["rows"]) == (2, 3)
+    block = "{},Time,Force,Stroke\n,(s),(N),(mm)\n,0,1,0\n,1,2,1\n,2,3,2\n"
+    found = taken(tmp_path, block.format(1) + block.format(2))
+    assert (found["specimens"], found["rows"]) == (2, 3)
+    again = taken(tmp_path, "time s,force N,stroke mm\n" + "0,1,0\n1,2,1\n2,3,2\n" * 2)
+    assert "time: goes back 1 times, first in row 5" in again["ask"][0]
+
+
+def test_a_length_that_contradicts_the_strains_is_asked_for(tmp_path):
+    table = "Time (s),Stroke (mm),Force (N),Strain (%)\n0,0,0,0\n1,0.4,1,0.5\n2,0.8,2,1\n"
+    assert taken(tmp_path, "Length,80,mm\n" + table)["length_mm"] == 80.0
+    found = taken(tmp_path, "Length,832,mm\n" + table)
+    assert found["length_mm"] is None
+    assert found["ask"][0] == "length: 832 mm in the lines above, but 80 mm by 'Strain (%)'; --length-mm"
+
+
+def test_a_column_of_current_lengths_tells_the_gauge_length(tmp_path):
+    found = taken(tmp_path, "Time_S,Size_mm,Displacement_mm,Force_N\n0,12.5,0,1\n1,12.6,0.1,2\n2,12.7,0.2,3\n")
+    assert (found["length_mm"], found["time"]["unit"]) == (12.5, "s")
+
+
+def test_units_that_a_file_does_not_tell_are_asked_for(tmp_path):
+    found = taken(tmp_path, "Time,Load,Extension (mm)\n0,1,0\n1,2,1\n2,3,2\n")
+    assert (found["time"], found["force"]) == ({"column": "Time", "unit": None}, {"column": "Load", "unit": None})
+    assert [question.partition(";")[2] for question in found["ask"][:2]] == [" --time-unit", " --force-unit"]
+
+
+def test_a_cell_without_a_number_is_null(tmp_path):
+    found = taken(tmp_path, "time s,force N,stroke mm,n\n,1,0,1\n1,2,1,2\n2,3,2,3\n3,4,3,4\n")
+    assert found["first"] == [None, 0.0, 1.0]
+
+
+def test_many_tables_take_no_memory_of_the_square_of_their_number(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("".join(f"a{i},b{i},c{i}\n0,1,0\n1,2,1\n2,3,2\n" for i in range(3000)))
+    tracemalloc.start()
+    with pytest.raises(BadInput):
+        inspect(path)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 100 * 2**20
+
+
+def test_what_is_no_test_is_refused(tmp_path):
+    with pytest.raises(BadInput, match="no columns of a test"):
+        taken(tmp_path, "Temperature,Humidity,Pressure\n1,2,3\n1,2,3\n1,2,3\n")
+
+
+@pytest.mark.shared
+def test_real_exports_are_right_or_asked_for():
+    """Never a silent wrong column, unit or size; of the files, most are right in everything that can be told."""
+    wrong, right, files = [], 0, 0
+    for truth in sorted(EXPORTS.glob("*/expected.json")):
+        for name, expected in json.loads(truth.read_text()).items():
+            files += 1
+            try:
+                found = inspect(truth.parent / name).content()
+            except BadInput:
+                right += expected["rows"] == 0
+                continue
+            problems = list(silently_wrong(found, expected))
+            wrong += [f"{name}: {problem}" for problem in problems]
+            right += not problems and not missed(found, expected)
+    assert wrong == []
+    assert right >= 29, f"{right} of {files}"
+
+
+def silently_wrong(found: dict[str, Any], expected: dict[str, Any]):
+    for name in ("time", "displacement", "strain", "stretch", "force", "stress"):
+        got, want = found.get(name), expected.get(name)
+        if isinstance(got, dict) and isinstance(want, dict):
+            if got["column"] != want["column"] and got["column"] not in str(want.get("alternatives")):
+                yield f"{name} from {got['column']}, not {want['column']}"
+            elif got["unit"] not in (None, want["unit"]) and "?" not in want["unit"] and want["unit"] != "-":
+                yield f"{name} in {got['unit']}, not {want['unit']}"
+    for name in SIZES:
+        if found[name] is not None and found[name] != pytest.approx(expected.get(name) or 0.0, rel=1e-4):
+            yield f"{name} {found[name]}, not {expected.get(name)}"
+    peak = expected.get("peak_force_N")
+    if None not in (peak, found.get("peak_force_N")) and found["peak_force_N"] != pytest.approx(peak, rel=1e-4):
+        yield f"peak {found['peak_force_N']}, not {peak}"
+
+
+def missed(found: dict[str, Any], expected: dict[str, Any]) -> bool:
+    """Whether something that the file tells was not found."""
+    sizes = any(found[name] is None and expected.get(name) is not None for name in SIZES)
+    return sizes or found["rows"] != expected["rows"] or found["specimens"] != expected["specimens"]

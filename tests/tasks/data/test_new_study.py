@@ -1,0 +1,84 @@
+"""What `sinew init` writes and says."""
+
+import json
+
+import numpy as np
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.cohort import read_cohort, write_cohort
+from sinew.tasks.data.columns import Hints
+from sinew.tasks.data.names import FileName
+from sinew.tasks.data.new_study import NewSpecimen, ReadFile, describe, leave_open, write_study
+from sinew.tasks.data.recordings import Bar, curve_of, read_recording
+from sinew.tasks.model import Curve, Protocol, Specimen
+from sinew.tasks.registry import TASKS
+from sinew.tasks.study.study import read_study
+
+OF_TEMPLATES = {"protocols", "specimen", "output"}  # no study of measured tissue has them
+TIME = np.arange(4.0)
+
+
+def specimen(name: str, *protocols: str) -> Specimen:
+    curves = tuple(Curve(Protocol(protocol, TIME, TIME / 10), TIME * (1 + i)) for i, protocol in enumerate(protocols))
+    return Specimen(name, 10.0, 8.0, 4.0, curves)
+
+
+def test_the_study_explains_every_field_and_holds_every_task(tmp_path):
+    (tmp_path / "my study").mkdir()
+    path = write_study(tmp_path / "my study", "cohort", [specimen("d/x", "cyclic", "ramp"), specimen("p/x", "cyclic")])
+    study = read_study(path)
+    assert study.name == "my_study"
+    assert study.cohort_path == tmp_path / "my study" / "cohort"
+    assert study.tasks == ["sobol", "importance", "calibrate", "infer", "predict", "compare", "discover"]
+    assert study.infer.single_cycle == ["cyclic"]
+    text = path.read_text("utf-8")
+    for name, section in type(study).model_fields.items():
+        if name in OF_TEMPLATES or (name in TASKS and TASKS[name].optional):
+            continue
+        assert f"\n{name}:" in text
+        own = set(getattr(type(section.default), "model_fields", {})) if name not in ("simulator", "cluster") else set()
+        for field in own - OF_TEMPLATES:
+            assert f" {field}: " in text or f"{{{field}: " in text or f"\n  {field}:\n" in text
+    fields = [line for line in text.splitlines() if line.startswith("  ") and ":" in line and "#" not in line]
+    assert {line.strip() for line in fields} == {"specimens: all", "bayesian:"}
+
+
+def test_sites_are_compared_where_there_are_two(tmp_path):
+    assert (
+        "compare" not in read_study(write_study(tmp_path, "cohort", [specimen("d/x", "a"), specimen("d/y", "a")])).tasks
+    )
+
+
+def test_sizes_that_nobody_knows_are_left_open(tmp_path):
+    write_cohort(tmp_path, [specimen("T1", "relax")])
+    described = tmp_path / "T1" / "specimen.json"
+    leave_open(described, ("width", "thickness"))
+    content = json.loads(described.read_text())
+    assert (content["length_mm"], content["width_mm"], content["thickness_mm"]) == (10.0, None, None)
+    assert content["note"].startswith("fill in width_mm, thickness_mm")
+    with pytest.raises(BadInput, match="width_mm: is not filled in; expected a length in mm, such as"):
+        read_cohort(tmp_path)
+    described.write_text(json.dumps(content | {"width_mm": 8, "thickness_mm": 4}))
+    assert read_cohort(tmp_path).specimens[0].area_mm2 == 32
+
+
+def test_what_was_guessed_is_said(tmp_path):
+    path = tmp_path / "T1_relax.csv"
+    path.write_text("Time (min),Standardweg [um],Load (kN),SD\n0,0,0,1\n1,100,5,1\n11,400,80,1\n")
+    recording = read_recording(path, Hints())
+    curve = curve_of(recording, Bar(10.0, 8.0, 4.0), "relax")
+    file = ReadFile(recording, FileName("T1", "relax"))
+    known = NewSpecimen(Specimen("T1", 10.0, 8.0, 4.0, (curve,)), (file,), (), ("a note",))
+    assert list(describe([known])) == [
+        "specimen T1: 10 x 8 x 4 mm (length x width x thickness)",
+        f"  {path}: protocol relax (likely); time from 'Time (min)' in min (sure), "
+        "displacement from 'Standardweg [um]' in um (likely), force from 'Load (kN)' in kN (sure)",
+        "    3 points, 660 s, displacement 0 to 0.4 mm (strain to 4 %), force 0 to 8e+04 N",
+        "    left out: SD",
+        "    a note",
+    ]
+    unknown = NewSpecimen(known.specimen, known.tests, ("length",), ())
+    lines = list(describe([unknown]))
+    assert lines[0] == "specimen T1: ? x 8 x 4 mm (length x width x thickness)"
+    assert "strain" not in lines[2]

@@ -1,0 +1,99 @@
+"""Noise of known level and correlation is found again, on top of signals that move, hold and cycle."""
+
+import numpy as np
+import pytest
+
+from sinew.tasks.data.noise import noise_of, noise_of_all, noise_of_each
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.model import Curve, Protocol
+
+
+def noisy(moved: np.ndarray, signal: np.ndarray, sd: float, ar1: float, seed: int) -> Curve:
+    rng = np.random.default_rng(seed)
+    noise = np.empty(signal.size)
+    noise[0] = rng.normal(0, sd)
+    for i in range(1, signal.size):
+        noise[i] = ar1 * noise[i - 1] + rng.normal(0, sd * np.sqrt(1 - ar1**2))
+    time_s = np.arange(signal.size) / 100
+    return Curve(Protocol("pull", time_s, moved), signal + noise)
+
+
+@pytest.mark.parametrize("ar1", [0.0, 0.3, 0.7])
+@pytest.mark.parametrize("shape", ["ramp and hold", "cycles"])
+def test_known_noise_is_found_again(shape, ar1):
+    t = np.arange(6_000 if shape == "ramp and hold" else 20_000) / 100
+    moved = np.minimum(t / 7, 1) if shape == "ramp and hold" else 0.5 * (1 - np.cos(t / 3))
+    signal = 300 * moved**1.5 * np.exp(-np.maximum(t - 7, 0) / 80)
+    found = [noise_of(noisy(moved, signal, 1.5, ar1, seed)) for seed in range(6)]
+    assert np.mean([noise.sd_N for noise in found]) == pytest.approx(1.5, rel=0.05)
+    assert np.mean([noise.ar1 for noise in found]) == pytest.approx(ar1, abs=0.06)
+
+
+@pytest.mark.parametrize("rate_hz", [1.0, 10.0])
+def test_a_slow_rate_does_not_take_ramps_for_noise(rate_hz):
+    """All curves of a specimen together: those that hold know, those with few points to each ramp say little."""
+    specimens, truth = virtual_cohort(seed=5, per_site=2, rate_hz=rate_hz)
+    found = [noise_of_all(specimen.curves) for specimen in specimens]
+    ratios = [n.sd_N / truth["specimens"][s.name]["noise_sd_N"] for n, s in zip(found, specimens, strict=True)]
+    assert np.all(np.abs(np.array(ratios) - 1) < 0.15)
+    assert np.mean([noise.ar1 for noise in found]) == pytest.approx(0.3, abs=0.1)
+
+
+def test_cycles_of_few_points_take_the_noise_of_the_holds_beside_them():
+    specimens, truth = virtual_cohort(seed=5, per_site=1, rate_hz=2.0)
+    for specimen in specimens:
+        for curve in specimen.curves:
+            made = truth["specimens"][specimen.name]["noise_sd_N"]
+            assert noise_of(curve, specimen.curves).sd_N == pytest.approx(made, rel=0.2), curve.name
+    cycles = next(curve for curve in specimen.curves if curve.name == "cyclic")
+    assert noise_of(cycles).sd_N > 10.0 * made, "alone, their toe is taken for noise"
+
+
+def test_noise_that_grows_with_the_force_is_told_apart():
+    t = np.arange(4000) / 10
+    moved = np.interp(t, [0, 5, 200, 210], [0, 1, 1, 3])
+    signal = 100 * moved * np.exp(-t / 500)
+    rng = np.random.default_rng(3)
+    for additive, proportional in ((0.8, 0.0), (0.2, 0.01)):
+        noise = np.hypot(additive, proportional * signal) * rng.standard_normal(t.size)
+        found = noise_of_all([Curve(Protocol("pull", t, moved), signal + noise)])
+        assert found.proportional == pytest.approx(proportional, abs=0.002)
+        assert found.sd_at(np.array([200.0]))[0] == pytest.approx(np.hypot(additive, proportional * 200), rel=0.1)
+
+
+@pytest.mark.parametrize("proportional", [0.0, 0.01])
+def test_specimens_of_one_machine_have_levels_and_growth_of_their_own(proportional):
+    t = np.arange(3000) / 10
+    moved = np.interp(t, [0, 5, 150, 160], [0, 1, 1, 3])
+    rng = np.random.default_rng(4)
+    groups = []
+    for level in (1.0, 2.0):
+        signal = 100 * level * moved * np.exp(-t / 500)
+        noise = level * np.hypot(0.2, proportional * signal / level) * rng.standard_normal(t.size)
+        groups.append([Curve(Protocol("pull", t, moved), signal + noise)])
+    found = noise_of_each(groups)
+    assert [noise.ar1 for noise in found] == pytest.approx([0.0, 0.0], abs=0.06)
+    for noise, level in zip(found, (1.0, 2.0), strict=True):
+        forces = level * np.array([80.0, 250.0])
+        assert noise.sd_at(forces) == pytest.approx(np.hypot(0.2 * level, proportional * forces), rel=0.1)
+        assert (noise.proportional > 0.0) == (proportional > 0.0)
+
+
+def test_a_virtual_specimen_has_the_noise_that_was_put_on():
+    specimens, truth = virtual_cohort(seed=5, per_site=1, rate_hz=15.0)
+    for specimen in specimens:
+        made = truth["specimens"][specimen.name]
+        for curve in specimen.curves:
+            noise = noise_of(curve)
+            assert noise.sd_N == pytest.approx(made["noise_sd_N"], rel=0.1)
+            assert noise.ar1 == pytest.approx(made["noise_ar1"], abs=0.08)
+
+
+def test_a_curve_without_noise_and_one_that_is_too_short():
+    t = np.arange(500) / 100
+    assert noise_of(Curve(Protocol("pull", t, t), 3 * t)).sd_N == pytest.approx(0, abs=1e-9)
+    short = Curve(Protocol("pull", t[:10], t[:10]), t[:10])
+    assert np.isnan(noise_of(short).sd_N)
+    rng = np.random.default_rng(1)
+    long = Curve(Protocol("pull", t, t), 3 * t + 0.5 * rng.standard_normal(t.size))
+    assert noise_of(short, [short, long]) == noise_of(long)

@@ -1,0 +1,81 @@
+"""CSV files of numbers are read strictly: what is wrong is named with its row and column."""
+
+import numpy as np
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.numeric_csv import read_header, read_numbers
+
+
+def written(folder, content):
+    path = folder / "numbers.csv"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "a,b\n1,2\n3,4.5\n",
+        "a,b\r\n1,2\r\n3,4.5\r\n\r\n\r\n",
+        " a , b\n 1, 2\n3, 4.5",
+        "\ufeffa,b\n1,2\n3,4.5\n",
+        'a,b\n"1",2\n3,4.5\n',
+        "a,b\n1,2\n3,4.5\n , \n",
+    ],
+)
+def test_numbers_below_their_header(tmp_path, content):
+    path = written(tmp_path, content)
+    assert read_numbers(path, ["a", "b"]).tolist() == [[1.0, 2.0], [3.0, 4.5]]
+    assert read_numbers(path, None).tolist() == [[1.0, 2.0], [3.0, 4.5]]
+    assert read_header(path) == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("content", "where", "words"),
+    [
+        ("b,a\n1,2\n", ": row 1", "header 'b,a'; expected a,b"),
+        ("a,b\n", "", "holds a header but no numbers; expected rows of numbers below the header"),
+        ("a,b\n1,2\n1,x\n", ": row 3, b", "'x'; expected a finite number such as 1.25"),
+        ("a,b\n1, x \n", ": row 2, b", "'x'; expected a finite number such as 1.25"),
+        ("a,b\n1,\n", ": row 2, b", "''; expected a finite number such as 1.25"),
+        ("a,b\nNA,1\n", ": row 2, a", "'NA'; expected a finite number such as 1.25"),
+        ("a,b\nnan,1\n", ": row 2, a", "'nan'; expected a finite number such as 1.25"),
+        ("a,b\n1,2\ninf,1\n", ": row 3, a", "'inf'; expected a finite number such as 1.25"),
+        ("a,b\n1_0,1\n", ": row 2, a", "'1_0'; expected a finite number such as 1.25"),
+        ("a,b\n1,2,3\n", ": row 2", "3 cells; expected 2, as in the header"),
+        ("a,b\n1,2\n1\n", ": row 3", "1 cells; expected 2, as in the header"),
+        ("a,b\n1,2\n\n1,2\n", ": row 3", "a blank row between rows of numbers; expected numbers"),
+        ("a,b\n1,2\n , \n\n1,2\n", ": row 3", "a blank row between rows of numbers; expected numbers"),
+        (b"a,b\n1,\xff\n", ": row 2, b", "'\ufffd'; expected a finite number such as 1.25"),
+        ("", "", "empty; expected a header and numbers"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, content, where, words):
+    path = written(tmp_path, content)
+    with pytest.raises(BadInput) as refused:
+        read_numbers(path, ["a", "b"])
+    assert str(refused.value) == f"{path}{where}: {words}"
+
+
+@pytest.mark.parametrize(
+    "content", ["a,b\n1,2\n3,4.5\n", " a , b\r\n 1, 2\r\n3, 4.5\r\n", "\ufeffa,b\n1,2\n3,4.5", 'a,b\n"1",2\n3,"4.5"\n']
+)
+def test_files_without_a_fault_are_read_at_once_and_not_row_by_row(tmp_path, monkeypatch, content):
+    monkeypatch.setattr("sinew.tasks.data.numeric_csv._read_carefully", None)
+    assert read_numbers(written(tmp_path, content), ["a", "b"]).tolist() == [[1.0, 2.0], [3.0, 4.5]]
+
+
+def test_a_cell_that_never_ends_is_no_csv(tmp_path):
+    path = written(tmp_path, "a,b\n1," + "1" * 200_000 + "\n")
+    with pytest.raises(BadInput) as refused:
+        read_numbers(path, ["a", "b"])
+    assert str(refused.value).startswith(f"{path}: not a CSV file (field larger than field limit")
+    assert str(refused.value).endswith("; expected comma-separated numbers")
+
+
+def test_a_file_has_at_most_as_many_bytes_as_asked(tmp_path):
+    path = written(tmp_path, "a,b\n1,2\n")
+    assert np.array_equal(read_numbers(path, None, max_bytes=8), [[1.0, 2.0]])
+    with pytest.raises(BadInput, match="MB; expected at most"):
+        read_numbers(path, None, max_bytes=7)

@@ -1,0 +1,337 @@
+"""A file becomes the same recording whatever its separator, marks, titles, units and encoding; and that a curve."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.columns import Hints, UnknownUnit
+from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recording, remarks
+
+TIME_S = np.array([0.0, 0.5, 1.0, 1.5, 2.0])
+MOTION = np.array([0.0, 0.125, 0.25, 0.25, 0.2])
+LOAD = np.array([0.0, 5.5, 9.75, 8.5, 7.25])
+PLAIN = "time_s,displacement_mm,force_N\n0,0,0\n1,0.1,5\n2,0.2,9\n"
+BAR = Bar(10.0, 8.0, 4.0)
+SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0}
+MILLIMETRES = {"mm": 1.0, "um": 1e-3, "µm": 1e-3, "m": 1e3, "cm": 10.0}
+NEWTONS = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665, "gf": 9.80665e-3}
+many = settings(
+    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
+
+
+def read(folder: Path, content: str | bytes, **hints: str) -> Recording:
+    path = folder / "test.csv"
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return read_recording(path, Hints(**hints))
+
+
+@st.composite
+def header(draw: st.DrawFn, separator: str) -> list[str]:
+    lines = ["Test report", "Specimen properties : Length,10,mm", "", "Operator: me", '"Results Table 1",,,']
+    return [line.replace(",", separator) for line in draw(st.lists(st.sampled_from(lines), max_size=3))]
+
+
+@st.composite
+def files(draw: st.DrawFn) -> bytes:
+    """The same test in one of very many forms."""
+    separator, decimal = draw(
+        st.sampled_from([(",", "."), (";", ","), (";", "."), ("\t", "."), ("\t", ","), (" ", "."), ("|", ",")])
+    )
+    units = [draw(st.sampled_from(list(each))) for each in (SECONDS, MILLIMETRES, NEWTONS)]
+    names = [draw(st.sampled_from(each)) for each in (
+        ["Time", "time", "Zeit", "t", "Elapsed Time"],
+        ["Displacement", "Extension", "disp", "Standardweg"],
+        ["Force", "Load", "Kraft", "F"],
+    )]  # fmt: skip
+    form = draw(st.sampled_from(["{0} ({1})", "{0} [{1}]", "{0}_{1}", "{0}/{1}", '"{0}\n({1})"', "{1}", "({1})"]))
+    if separator == " ":
+        names = [name.replace("Elapsed Time", "Time") for name in names]
+        form = draw(st.sampled_from(["{0}({1})", "{0}_{1}"]))
+    factors = [SECONDS[units[0]], MILLIMETRES[units[1]], NEWTONS[units[2]]]
+    columns = [
+        [repr(float(value)).replace(".", decimal) for value in np.asarray(each) / factor]
+        for each, factor in zip((TIME_S, MOTION, LOAD), factors, strict=True)
+    ]
+    below = "{0}" not in form
+    titles = [name if below else form.format(name, unit) for name, unit in zip(names, units, strict=True)]
+    table = [[title, form.format("", unit), *cells] for title, unit, cells in zip(titles, units, columns, strict=True)]
+    if separator != " ":
+        more = [[], ["Cycle", "", *"11111"], ["", "", *[""] * 5], ["Note", "", *"abcde"], ["SD", "(N)", *"12345"]]
+        table += draw(st.lists(st.sampled_from(more[1:]), max_size=2))
+    table = draw(st.permutations(table))
+    rows = [separator.join(cells) for cells in zip(*table, strict=True)]
+    lines = [*draw(header(separator)), rows[0], *(rows[1:2] if below else []), *rows[2:]]
+    end = draw(st.sampled_from(["\n", "\r\n", "\r"]))
+    text = end.join(lines) + draw(st.sampled_from(["", end, end * 3, end + separator * 3]))
+    return text.encode(draw(st.sampled_from(["utf-8", "utf-8-sig", "cp1252", "utf-16"])))
+
+
+@many
+@given(files())
+def test_the_same_numbers_come_out(tmp_path, content):
+    found = read(tmp_path, content)
+    np.testing.assert_allclose(found.numbers, np.stack([TIME_S, MOTION, LOAD], axis=1), rtol=1e-12)
+    assert [column.quantity.name for column in found.columns] == ["time", "displacement", "force"]
+
+
+@many
+@given(
+    st.binary(max_size=400)
+    | st.text(max_size=400).map(str.encode)
+    | st.text("0123456789.,;\t -+eE\nNaN", max_size=300).map(str.encode)
+)
+def test_whatever_a_file_holds_it_is_understood_or_refused_in_a_line(tmp_path, content):
+    try:
+        found = read(tmp_path, content)
+    except BadInput as refused:
+        assert "test.csv" in str(refused)
+        assert str(refused).isprintable()
+    else:
+        assert np.isfinite(found.numbers).all()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (PLAIN + "3,nan,9\n", "row 5, displacement_mm: 'nan'"),
+        (PLAIN.replace("0,0,0", "0,NaN,0") + "3,0.3,9\n", "row 2, displacement_mm: 'NaN'; expected a finite number"),
+        (PLAIN.replace("0.1", "0.1 mm") + "3,0.3,9\n4,0.3,9\n", "row 3, displacement_mm: '0.1 mm'; expected a finite"),
+        (PLAIN.replace("1,0.1", "\n1,0.1") + "3,0.3,9\n", "row 3, time_s: ''; expected a finite number"),
+        (PLAIN + "3,,9\n", "row 5, displacement_mm"),
+        (PLAIN + "3,inf,9\n", "row 5, displacement_mm"),
+        (PLAIN + "3,1e999,9\n", "row 5, displacement_mm"),
+        (PLAIN + "3,0.1\n", "row 5, force_N: ''"),
+        (PLAIN + "\n3,0.3,9\n", "row 5"),
+        (PLAIN + "the end\n", "row 5"),
+        (PLAIN.replace("2,0.2,9\n", ""), "2 rows of numbers; expected at least 3"),
+        (PLAIN.replace("_N", "_kN").replace("9", "9e98"), "row 4, force_kN: 9e+101; expected a number below 1e100"),
+        ("time_s;disp_mm;force_N\n0,5;1,5;2,5\n1,5;1,5;2,5\n2,5;1,5;2,5\n3,5;1.234;2,5\n", "row 5"),
+        ("time_s,disp_mm,force_N\n0,5,1,5,2,5\n1,5,1,5,2,5\n2,5,1,5,2,5\n", "3 names above 6 columns"),
+        ("time_s,disp_mm,\n0,5,1\n1,5,1\n2,5,1\n", "no column of force"),
+    ],
+)
+def test_broken_files_are_refused_in_one_line(tmp_path, content, words):
+    with pytest.raises(BadInput) as refused:
+        read(tmp_path, content)
+    assert words in str(refused.value)
+    assert str(refused.value).isprintable()
+
+
+def test_the_first_table_with_all_columns_counts(tmp_path):
+    summary = (
+        "Results Table 1,,,\n,Maximum (N),Rate,Time at break\n1,9,5,2\n2,8,5,2\n3,7,5,2\n,,,\nResults Table 2,,,\n"
+    )
+    found = read(tmp_path, summary + "1,Time,Displacement,Force\n,(s),(mm),(N)\n,0,0,0\n,1,0.1,5\n,2,0.2,9\n")
+    assert found.numbers[:, 2].tolist() == [0, 5, 9]
+    assert found.first == 10
+    with pytest.raises(BadInput, match="row 5: no column of time among 'n, Maximum"):
+        read(tmp_path, "Results\n\n\n\nn,Maximum (N),Rate\n1,9,5\n2,8,5\n3,7,5\n")
+
+
+def test_what_is_left_out_is_told(tmp_path):
+    found = read(tmp_path, "time_s,strain (%),SD,force_N,disp_mm\n0,1,1,0,0\n1,1,1,5,1\n2,1,1,9,2\n")
+    assert found.left_out == ("strain (%)", "SD")
+    assert found.spreads == ("SD",)
+
+
+def test_sizes_come_from_the_lines_above_the_table(tmp_path):
+    found = read(tmp_path, "Length,12,mm\nWidth: 5.1 mm\n" + PLAIN)
+    assert {name: size.mm for name, size in found.sizes.items()} == {"length": 12, "width": 5.1}
+
+
+def test_a_unit_that_is_missing_can_be_answered(tmp_path):
+    with pytest.raises(UnknownUnit) as asked:
+        read(tmp_path, PLAIN.replace("_N", ""))
+    assert asked.value.option == "--force-unit"
+    assert read(tmp_path, PLAIN.replace("_N", ""), force_unit="kN").numbers[-1, 2] == 9000
+
+
+# ---- curves
+
+
+@pytest.mark.parametrize(
+    ("title", "values", "displacement"),
+    [
+        ("strain (%)", "0 1 2", [0, 0.1, 0.2]),
+        ("strain (1)", "0 0.01 0.02", [0, 0.1, 0.2]),
+        ("Stretch", "1 1.01 1.02", [0, 0.1, 0.2]),
+        ("Length (mm)", "10 10.1 10.2", [0, 0.1, 0.2]),
+        ("Position (mm)", "5 5.1 5.2", [0, 0.1, 0.2]),
+        ("displacement_mm", "1 1.1 1.2", [1, 1.1, 1.2]),
+    ],
+)
+def test_displacements_from_the_reference(tmp_path, title, values, displacement):
+    rows = [f"{i + 5},{value},{i}" for i, value in enumerate(values.split())]
+    found = read(tmp_path, "\n".join([f"time_s,{title},force_N", *rows]))
+    curve = curve_of(found, BAR, "pull")
+    np.testing.assert_allclose(curve.protocol.displacement_mm, displacement, atol=1e-12)
+    assert curve.protocol.time_s.tolist() == [0, 1, 2]
+    assert curve.name == "pull"
+    if title == "Stretch":
+        curve = curve_of(found, BAR, "pull", reference=0.5)
+        np.testing.assert_allclose(curve.protocol.displacement_mm, [10, 10.2, 10.4])
+    else:
+        with pytest.raises(BadInput, match="which --reference does not apply to; expected a stretch"):
+            curve_of(found, BAR, "pull", reference=0.5)
+
+
+def test_a_stress_becomes_a_force_with_the_cross_section(tmp_path):
+    found = read(tmp_path, PLAIN.replace("force_N", "stress (kPa)"))
+    assert curve_of(found, BAR, "pull").force_N.tolist() == pytest.approx([0, 0.16, 0.288])
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (PLAIN.replace("\n2,", "\n1,"), "row 4, time: 1 s after 1 s; expected increasing times"),
+        (PLAIN.replace("0.1", "-10"), "row 3, displacement: -10 mm shortens a gauge of 10 mm to nothing"),
+        (PLAIN.replace("displacement_mm", "Stretch"), "row 2, stretch: 0; expected a length over the reference length"),
+        (PLAIN.replace("displacement_mm", "Stretch").replace(",0,0", ",114,0"), "row 2, stretch: 114; expected"),
+        (PLAIN.replace("displacement_mm", "strain (1)").replace(",0,0", ",-1,0"), "row 2, strain: -10 mm shortens"),
+    ],
+)
+def test_curves_that_cannot_be(tmp_path, content, words):
+    with pytest.raises(BadInput) as refused:
+        curve_of(read(tmp_path, content), BAR, "pull")
+    assert words in str(refused.value)
+
+
+def test_remarks(tmp_path):
+    assert remarks(read(tmp_path, PLAIN)) == []
+    (remark,) = remarks(read(tmp_path, PLAIN.replace("5", "-5").replace("9", "-9")))
+    assert "forces are below 0" in remark
+    (remark,) = remarks(read(tmp_path, PLAIN.replace("displacement", "position")))
+    assert "positions, likely" in remark
+    path = tmp_path / "test.csv"
+    path.write_text("time_s,disp_mm,Load (N),Load (N)\n0,0,0,1\n1,1,1,1\n2,2,2,1\n")
+    (remark,) = remarks(read_recording(path, Hints(), first_of_alike=True))
+    assert remark == "force from column 3; it may be in another: 'Load (N)'"
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (
+            PLAIN + "3,nan,9\n",
+            "row 5, displacement_mm: 'nan'; expected a finite number with a point as decimal mark, like those above",
+        ),
+        (
+            PLAIN + "3,0.1\n",
+            "row 5, force_N: ''; expected a finite number with a point as decimal mark, like those above",
+        ),
+        (
+            "time_s;disp_mm;force_N\n0,5;1,5;2,5\n1,5;1,5;2,5\n2,5;1,5;2,5\n3,5;1.234;2,5\n",
+            "row 5, disp_mm: '1.234'; expected a finite number with a comma as decimal mark, like those above",
+        ),
+        (PLAIN.replace("2,0.2,9\n", ""), "2 rows of numbers; expected at least 3"),
+        (
+            PLAIN.replace("_N", "_kN").replace("9", "9e98"),
+            "row 4, force_kN: 9e+101; expected a number below 1e100",
+        ),
+        (
+            PLAIN.replace("_s", "_min").replace("\n2,", "\n-9e99,"),
+            "row 4, time_min: -5.4e+101; expected a number below 1e100",
+        ),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_said(tmp_path, content, words):
+    with pytest.raises(BadInput) as refused:
+        read(tmp_path, content)
+    assert str(refused.value) == f"{tmp_path / 'test.csv'}: {words}"
+
+
+def test_a_column_without_a_title_is_called_by_what_it_is(tmp_path):
+    content = "0,0,0\n1,0.1,5\n2,0.2,9\n3,x,9\n"
+    with pytest.raises(BadInput, match="row 4, displacement: 'x'; expected a finite number"):
+        read(
+            tmp_path, content, time_column="1", displacement_column="2", force_column="3", time_unit="s",
+            displacement_unit="mm", force_unit="N",
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("content", "reference", "words"),
+    [
+        (PLAIN.replace("\n2,", "\n1,"), None, ": row 4, time: 1 s after 1 s; expected increasing times"),
+        (PLAIN.replace("\n1,", "\n3.5,"), None, ": row 4, time: 2 s after 3.5 s; expected increasing times"),
+        (
+            PLAIN.replace("0.1", "-10"), None,
+            ": row 3, displacement: -10 mm shortens a gauge of 10 mm to nothing; expected another gauge length, unit "
+            "or column",
+        ),
+        (
+            PLAIN.replace("displacement_mm", "Stretch").replace(",0,0", ",1,0").replace("0.1", "10.5"), None,
+            ": row 3, stretch: 10.5; expected a length over the reference length, above 0 and at most 10",
+        ),
+        (PLAIN, 0.5, ": holds displacements, which --reference does not apply to; expected a stretch"),
+    ],
+)  # fmt: skip
+def test_why_a_curve_cannot_be_is_said(tmp_path, content, reference, words):
+    with pytest.raises(BadInput) as refused:
+        curve_of(read(tmp_path, content), BAR, "pull", reference=reference)
+    assert str(refused.value) == f"{tmp_path / 'test.csv'}{words}"
+
+
+def test_a_stretch_of_ten_and_nearly_no_length_are_possible(tmp_path):
+    stretch = "time_s,Stretch,force_N\n0,1,0\n1,10,5\n2,0.001,9\n"
+    assert curve_of(read(tmp_path, stretch), BAR, "pull").protocol.displacement_mm.tolist() == [0.0, 90.0, -9.99]
+    assert curve_of(read(tmp_path, PLAIN.replace("0.1", "-9.999")), BAR, "pull").protocol.displacement_mm[1] == -9.999
+
+
+def test_a_curve_keeps_no_hold_of_its_recording(tmp_path):
+    found = read(tmp_path, PLAIN)
+    curve_of(found, BAR, "pull").force_N[:] = 0.0
+    assert found.numbers[:, 2].tolist() == [0, 5, 9]
+
+
+def test_what_a_recording_tells_of_its_file(tmp_path):
+    found = read(tmp_path, "Length,12,mm\n\n" + PLAIN.replace("force_N", "force_N,,Note"))
+    assert found.path == tmp_path / "test.csv"
+    assert (found.first, found.left_out) == (4, ("Note",))
+    assert found.header == (("Length", "12", "mm"), ())
+    assert (found.motion.title, found.load.title) == ("displacement_mm", "force_N")
+
+
+def test_the_first_missing_column_is_told_of_several_tables(tmp_path):
+    with pytest.raises(BadInput, match="row 1: no column of time among 'a, b, c'"):
+        read(tmp_path, "a,b,c\n1,2,3\n2,3,4\n3,4,5\n\nt_s,b,c\n1,2,3\n2,3,4\n3,4,5\n")
+
+
+def test_every_remark_in_words(tmp_path):
+    pushed = PLAIN.replace("displacement", "position").replace("5", "-5").replace("9", "-9")
+    assert remarks(read(tmp_path, pushed)) == [
+        "positions, likely to count from the first one",
+        "forces are below 0; tension is positive here, so look at the machine's sign",
+    ]
+    path = tmp_path / "test.csv"
+    path.write_text("time_s,disp_mm,Load (N),Load (N),Load (N)\n0,0,0,1,1\n1,1,1,1,1\n2,2,2,1,1\n")
+    assert remarks(read_recording(path, Hints(), first_of_alike=True)) == [
+        "force from column 3; it may be in another: 'Load (N)', 'Load (N)'"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("forces", "told"),
+    [
+        ("0 -5 -9", True),
+        ("0 5 -9", False),
+        ("1.8 -5 -9", False),
+        ("1.7 -5 -9", True),
+        ("-50 0.5 0.6", False),
+        ("-9 0 0", False),
+    ],
+)
+def test_forces_are_below_zero_if_most_are_and_by_far(tmp_path, forces, told):
+    rows = [f"{i},{i},{force}" for i, force in enumerate(forces.split())]
+    assert bool(remarks(read(tmp_path, "\n".join(["time_s,u_mm,force_N", *rows])))) == told
+
+
+def test_of_columns_alike_none_is_taken_unless_that_is_asked_for(tmp_path):
+    (tmp_path / "test.csv").write_text("time_s,disp_mm,F_N,F_N\n0,0,0,1\n1,1,1,1\n2,2,2,1\n")
+    with pytest.raises(BadInput, match="may both be the force"):
+        read_recording(tmp_path / "test.csv", Hints())

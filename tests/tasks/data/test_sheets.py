@@ -1,0 +1,107 @@
+"""Spreadsheets: their cells as texts, and files that are refused."""
+
+import zipfile
+from pathlib import Path
+from xml.sax.saxutils import escape
+
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data import sheets
+from sinew.tasks.data.exports import read_export
+from sinew.tasks.data.inspection import inspect
+from sinew.tasks.data.sheets import read_sheets
+
+MAIN = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
+OFFICE = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
+PACKAGE = "http://schemas.openxmlformats.org/package/2006"
+
+
+def write_workbook(path: Path, **tables: list[list[object]]) -> Path:
+    """A workbook with a sheet for each of ``tables``; rows of numbers, texts and None."""
+    names = list(tables)
+    sheet_list = "".join(f'<sheet name="{n}" sheetId="{i}" r:id="r{i}"/>' for i, n in enumerate(names, start=1))
+    links = "".join(
+        f'<Relationship Id="r{i}" Type="{OFFICE}/worksheet" Target="worksheets/sheet{i}.xml"/>'
+        for i in range(1, len(names) + 1)
+    )
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("[Content_Types].xml", f'<Types xmlns="{PACKAGE}/content-types"/>')
+        archive.writestr(
+            "_rels/.rels",
+            f'<Relationships xmlns="{PACKAGE}/relationships"><Relationship Id="r0" Type="{OFFICE}/officeDocument" '
+            'Target="xl/workbook.xml"/></Relationships>',
+        )
+        archive.writestr(
+            "xl/workbook.xml", f'<workbook xmlns="{MAIN}" xmlns:r="{OFFICE}"><sheets>{sheet_list}</sheets></workbook>'
+        )
+        archive.writestr(
+            "xl/_rels/workbook.xml.rels", f'<Relationships xmlns="{PACKAGE}/relationships">{links}</Relationships>'
+        )
+        for i, name in enumerate(names, start=1):
+            rows = "".join(f"<row>{''.join(map(cell, row))}</row>" for row in tables[name])
+            archive.writestr(
+                f"xl/worksheets/sheet{i}.xml",
+                f'<worksheet xmlns="{MAIN}"><sheetData>{rows}</sheetData></worksheet>',
+            )
+    return path
+
+
+def cell(value: object) -> str:
+    if value is None:
+        return "<c/>"
+    if isinstance(value, str):
+        return f'<c t="inlineStr"><is><t>{escape(value)}</t></is></c>'
+    return f"<c><v>{value!r}</v></c>"
+
+
+RESULTS = [[None, "Fmax", "a0", "b0", "L0 SW"], [None, "N", "mm", "mm", "mm"], [None, 30, 0.9, 5.9, 20]]
+VALUES = [["one"] * 3, ["Temps d'essai", "Course standard", "Force standard"], ["s", "mm", "N"]]
+VALUES += [[0.5 * i, 0.01 * i, 3.25 * i] for i in range(5)]
+
+
+def test_cells_are_texts(tmp_path):
+    path = write_workbook(tmp_path / "a.xlsx", first=[["a", 1.5, None, 2], [None, "b & c"]], second=[[1e-7]])
+    assert dict(read_sheets(path)) == {
+        "first": [("a", "1.5", "", "2"), ("", "b & c", "", "")],
+        "second": [("1e-07",)],
+    }
+
+
+def test_a_test_in_a_workbook_and_its_sizes_in_another_sheet(tmp_path):
+    path = write_workbook(tmp_path / "tail.xlsx", Results=RESULTS, Values=VALUES)
+    specimen = read_export(path)
+    assert (specimen.length_mm, specimen.width_mm, specimen.thickness_mm) == (20.0, 5.9, 0.9)
+    (curve,) = specimen.curves
+    assert curve.protocol.time_s.tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
+    assert curve.protocol.displacement_mm.tolist() == [0.01 * i for i in range(5)]
+    assert curve.force_N.tolist() == [3.25 * i for i in range(5)]
+    found = inspect(path).content()
+    assert (found["sheet"], found["specimens"], found["ask"]) == ("Values", 1, [])
+
+
+def test_each_sheet_may_hold_a_test(tmp_path):
+    path = write_workbook(tmp_path / "a.xlsx", one=VALUES, two=VALUES)
+    assert inspect(path).specimens == 2
+
+
+@pytest.mark.parametrize("name", ["a.xlsx", "a.xls", "a.ods", "a.XLSB"])
+def test_what_is_no_spreadsheet_is_one_line(tmp_path, name):
+    for content in (b"time,force\n1,2\n", b"PK\x03\x04 no archive", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600)):
+        path = tmp_path / name
+        path.write_bytes(content)
+        with pytest.raises(BadInput, match="not a spreadsheet that can be read") as error:
+            list(read_sheets(path))
+        assert "\n" not in str(error.value)
+
+
+def test_a_workbook_that_unpacks_to_gigabytes_is_refused_unread(tmp_path, monkeypatch):
+    path = write_workbook(tmp_path / "a.xlsx", one=VALUES)
+    monkeypatch.setattr(sheets, "MAX_UNPACKED_BYTES", 1000)
+    with pytest.raises(BadInput, match="MB when unpacked"):
+        list(read_sheets(path))
+
+
+def test_a_workbook_without_numbers(tmp_path):
+    with pytest.raises(BadInput, match="no sheet has a table of numbers"):
+        inspect(write_workbook(tmp_path / "a.xlsx", one=[["a", "b"], ["c", "d"]]))

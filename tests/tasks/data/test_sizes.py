@@ -1,0 +1,135 @@
+"""Sizes in the lines above a table."""
+
+import time
+
+import pytest
+
+from sinew.tasks.data.sizes import Size, read_sizes, square_side
+
+
+def sizes(*lines: str) -> dict[str, float | None]:
+    return {name: size.mm for name, size in read_sizes([tuple(line.split("|")) for line in lines]).items()}
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ("Gauge length (mm)|12", "Width (mm)|8.5", "Thickness (mm)|4"),
+        ("Operator: mk", "length_mm: 12", "width_mm: 8,5", "thickness_mm: 4"),
+        ("Sample length = 1.2 cm", "Breite [mm]|8.5", "Dicke|4|mm"),
+        ("Initial gauge length / mm|12", "Specimen width|8.5|(mm)", "Thickness: 4000 um"),
+        ("Specimen properties : Length|12.0|mm", "Width|8.5|mm|cut by hand", "Épaisseur|0.4|CM"),
+        ("length|1.2e1|mm", "Width|850e-2|mm", "Thickness|4|mm|"),
+    ],
+)
+def test_lines_that_tell_sizes(lines):
+    found = sizes(*lines)
+    assert (found["length"], found["width"], found["thickness"]) == pytest.approx((12, 8.5, 4))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        *(
+            "Length at break (mm)|12",
+            "Length (mm)|about 12",
+            "Length (N)|12",
+            "Lengths|12|mm",
+            "Parallel length:|30|mm",
+        ),
+        *("Cross-section after fracture:|8.76|mm²", "Capteur de course|"),
+    ],
+)
+def test_lines_that_tell_no_size(line):
+    assert sizes(line) == {}
+
+
+@pytest.mark.parametrize("line", ["Length|ten|mm", "Length|0|mm", "Length|10.0|ft", "Length|-1|mm", "Length|1e9|mm"])
+def test_a_size_that_makes_no_sense_is_kept_as_text(line):
+    assert read_sizes([tuple(line.split("|"))])["length"].mm is None
+
+
+@pytest.mark.parametrize(
+    ("line", "name", "size"),
+    [
+        ("Probenbreite b0|11.4|mm", "width", 11.4),
+        ("Largeur éprouvette|5.96|mm", "width", 5.96),
+        ("Épaisseur éprouvette|1|mm", "thickness", 1.0),
+        ("L0 - course standard|25|mm", "length", 25.0),
+        ("Gage length, standard travel|30|mm", "length", 30.0),
+        ("Specimen properties : Anvil height|6.08000|mm", "length", 6.08),
+        ("Original cross-section:|19.65|mm²", "area", 19.65),
+        ("Section|0.0596|cm²", "area", 5.96),
+        ("Durchmesser :|100,1", "diameter", 100.1),
+    ],
+)
+def test_labels_of_several_machines(line, name, size):
+    assert sizes(line) == {name: pytest.approx(size)}
+
+
+def test_sizes_in_a_table_of_results():
+    labels, below = ("", "Fmax", "d0", "S0", "Le"), ("", "N", "mm", "mm²", "mm")
+    found = read_sizes([labels, below, ("", "14839.9", "6", "28.27", "")])
+    assert {name: size.mm for name, size in found.items()} == {"diameter": 6.0, "area": 28.27}
+    assert read_sizes([labels, ("", "", "", "", ""), ("", "14839.9", "6", "28.27", "")]) == {}
+
+
+def test_a_size_without_a_unit_and_several_of_one_name():
+    assert read_sizes([("Length", "12")])["length"] == Size(12.0, False, "12")
+    assert sizes("Length|12", "Length|1|cm", "Length|2|cm") == {"length": 10.0}
+    assert sizes("Length|ten", "Length|12") == {"length": 12.0}
+
+
+def test_a_round_bar_becomes_a_square_one_of_equal_area():
+    assert square_side(2.0) ** 2 == pytest.approx(3.14159265, rel=1e-8)
+
+
+def test_a_long_line_costs_no_time():
+    started = time.process_time()
+    assert sizes("length" + " :" * 40_000, "gauge " * 30 + "lengt") == {}
+    assert time.process_time() - started < 5
+
+
+@pytest.mark.parametrize(
+    ("row", "name", "size"),
+    [
+        ("Length|12", "length", Size(12.0, False, "12")),
+        ("Length :|12|mm", "length", Size(12.0, True, "12 mm")),
+        ("Gauge length|1,2|mm|cut", "length", Size(1.2, True, "1,2 mm")),
+        ("Diameter:| 3|cm", "diameter", Size(30.0, True, "3 cm")),
+        ("Width|0.5|in", "width", Size(12.7, True, "0.5 in")),
+        ("DICKE|2|MM", "thickness", Size(2.0, True, "2 MM")),
+        ("Length|9999|mm", "length", Size(9999.0, True, "9999 mm")),
+        ("Length|10000|mm", "length", Size(None, True, "10000 mm")),
+        ("Length|0|mm", "length", Size(None, True, "0 mm")),
+        ("Length|ten|mm|more", "length", Size(None, False, "ten mm")),
+        ("Length|10|ft", "length", Size(None, False, "10 ft")),
+        ("Length||mm", "length", Size(None, False, "mm")),
+        ("Length", "length", Size(None, False, "")),
+    ],
+)
+def test_a_size_is_kept_as_it_is_written(row, name, size):
+    found = read_sizes([tuple(row.split("|"))])
+    assert list(found) == [name]
+    assert found[name].mm == pytest.approx(size.mm)
+    assert (found[name].has_unit, found[name].text) == (size.has_unit, size.text)
+
+
+def test_of_several_rows_the_first_with_number_and_unit_counts():
+    rows = [("Width", "wide"), ("Width", "1"), ("Width", "2", "mm"), ("Width", "3", "mm"), ("Length", "4")]
+    found = read_sizes(rows)
+    assert found["width"].text == "2 mm"
+    assert found["length"].text == "4"
+    assert read_sizes(rows[:2])["width"].text == "1"
+    assert read_sizes([("Width", "thin"), ("Width", "wide")])["width"].text == "thin"
+
+
+def test_a_line_of_200_characters_tells_no_size():
+    note = "x" * 185
+    assert sizes(f"{note}: Length 12 mm") == {"length": 12.0}
+    assert sizes(f"{note}x: Length 12 mm") == {}
+    assert sizes(f"Length|12|mm|{'x' * 200}") == {"length": 12.0}, "what stands behind does not count"
+
+
+def test_the_side_of_a_square_is_rounded_to_what_can_be_measured():
+    assert square_side(2.0) == 1.772453851

@@ -1,0 +1,193 @@
+"""Text files: what is refused unread, encodings, lines, cells and numbers."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.text import HUGE, cells, check_text, is_blank, is_number, number, read_lines, records
+
+
+def written(folder: Path, content: bytes, name: str = "test.csv") -> Path:
+    path = folder / name
+    path.write_bytes(content)
+    return path
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252", "utf-16"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_lines_in_every_encoding(tmp_path, encoding, end):
+    path = written(tmp_path, end.join(["Prüfzeit [µs]", "", "1,2", ",,", ""]).encode(encoding))
+    assert read_lines(path) == ["Prüfzeit [µs]", "", "1,2"]
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "empty"),
+        (b"\n ;\n", "holds no text"),
+        (b"\0\1\2" * 50, "not a text file"),
+        (b"\xff\xfe\0", "not valid UTF-16 text"),
+        (b"Time \x81", "neither UTF-8 nor Windows text"),
+        (b"a\n" + b"a" * 200_000, "row 2: a line of 200,000 characters"),
+        (b"a" * 5000 + b"\n\0", "row 2: not text"),
+    ],
+)
+def test_what_is_no_text_is_refused(tmp_path, content, words):
+    with pytest.raises(BadInput, match="test") as refused:
+        read_lines(written(tmp_path, content))
+    assert words in str(refused.value)
+
+
+def test_pickled_files_are_refused_unread(tmp_path):
+    with pytest.raises(BadInput, match="never read"):
+        read_lines(tmp_path / "test.npy")
+
+
+@pytest.mark.parametrize(
+    ("line", "separator", "expected"),
+    [
+        ('"b,c",d', ",", ["b,c", "d"]),
+        (" 1 \t2  3", " ", ["1", "2", "3"]),
+        ("1;;3", ";", ["1", "", "3"]),
+        ("", ",", []),
+        ("a" * 140_000, ",", ["a" * 140_000]),  # csv refuses such a field
+    ],
+)
+def test_cells(line, separator, expected):
+    assert cells(line, separator) == expected
+
+
+def test_a_quoted_cell_may_hold_line_breaks():
+    lines = ['"Time', '(s)","Load', '(N)"', "1,2", 'width 5"', 'a,"open', "1", "2", "3", "4", "5"]
+    found = records(lines)
+    assert found[0] == (1, '"Time\n(s)","Load\n(N)"')
+    assert [at for at, _ in found] == [1, 4, 5, 6, 7, 8, 9, 10, 11], "an open quote does not swallow the file"
+    assert cells(found[0][1], ",") == ["Time\n(s)", "Load\n(N)"]
+
+
+@settings(deadline=None)
+@given(st.floats(-1e99, 1e99), st.sampled_from(".,"))
+def test_every_float_is_a_number(value, decimal):
+    assert number(repr(value).replace(".", decimal), decimal) == value
+
+
+@pytest.mark.parametrize(
+    "cell", ["", "nan", "inf", "1e999", "1_0", "1 2", "1.2.3", "1,234", "12,34.5", "0x10", "--1", "1e100"]
+)
+def test_what_is_no_finite_number(cell):
+    assert number(cell, ".") is None
+
+
+@pytest.mark.parametrize(("cell", "decimal"), [("1,5", "."), ("1.5", ","), ("1,", "."), (".5", ",")])
+def test_a_decimal_mark_is_not_the_other_one(cell, decimal):
+    assert not is_number(cell, decimal)
+    assert is_number(cell, "," if decimal == "." else ".")
+
+
+@settings(deadline=None)
+@given(st.text(max_size=12), st.sampled_from(".,"))
+def test_a_number_is_finite_and_has_one_decimal_mark(cell, decimal):
+    value = number(cell, decimal)
+    assert value is None or (math.isfinite(value) and abs(value) < HUGE)
+    assert value is None or is_number(cell, decimal)
+    assert not (is_number(cell, decimal) and ("," if decimal == "." else ".") in cell)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", ": empty; expected a header and numbers"),
+        (b"\n ;\n", ": holds no text; expected a header and numbers"),
+        (b"\0\1\2" * 50, ": not a text file; expected text in UTF-8"),
+        (b"\xff\xfe\0", ": not valid UTF-16 text; expected a text export"),
+        (b"Time \x81", ": neither UTF-8 nor Windows text; expected a text export"),
+        (b"a\n" + b"a" * 100_001, ": row 2: a line of 100,001 characters; expected a table, row by row"),
+        (b"a" * 5000 + b"\n\0", ": row 2: not text; expected a text export"),
+    ],
+)
+def test_why_a_file_is_no_text_is_said(tmp_path, content, words):
+    path = written(tmp_path, content)
+    with pytest.raises(BadInput) as refused:
+        read_lines(path)
+    assert str(refused.value) == f"{path}{words}"
+
+
+def test_why_a_file_is_not_read_is_said(tmp_path, monkeypatch):
+    def said(path: Path, max_bytes: int = 2 * 2**20) -> str:
+        with pytest.raises(BadInput) as refused:
+            check_text(path, max_bytes)
+        return str(refused.value).removeprefix(f"{path}: ")
+
+    assert said(tmp_path / "x.PKL") == "pickled and binary data are never read; expected a CSV file"
+    assert said(tmp_path / "x.csv") == "no such file or directory; expected a file"
+    assert said(tmp_path) == "not a regular file; expected a text file"
+    large = written(tmp_path, b"a" * (2 * 2**20 + 1))
+    assert said(large) == "2 MB; expected at most 2 MB"
+    check_text(large, 2 * 2**20 + 1)
+    assert said(written(tmp_path, "a".encode("utf-16"))) == "not a text file; expected text in UTF-8"
+    check_text(tmp_path / "test.csv", 100, utf16=True)
+    check_text(written(tmp_path, b"a" * 4096 + b"\0"), 10_000)
+    assert said(written(tmp_path, b"a" * 4095 + b"\0"), 10_000) == "not a text file; expected text in UTF-8"
+
+    def fails(*_args, **_kwargs):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("builtins.open", fails)
+    assert said(tmp_path / "test.csv") == "permission denied; expected a readable file"
+
+
+def test_the_longest_line_is_read(tmp_path):
+    assert read_lines(written(tmp_path, b"a" * 100_000)) == ["a" * 100_000]
+
+
+def test_a_quoted_cell_has_five_lines_at_most():
+    five = ['"a', "b", "c", "d", 'e"', "1"]
+    assert records(five) == [(1, '"a\nb\nc\nd\ne"'), (6, "1")]
+    six = ['"a', "b", "c", "d", "e", 'f"', "1"]
+    assert len(records(six)) == 7
+
+
+def test_a_line_of_separators_is_blank():
+    assert is_blank(" \t,;| ")
+    assert is_blank("")
+    assert not is_blank(" 1 ")
+    assert not is_blank("X")
+
+
+@pytest.mark.parametrize(("cell", "decimal", "value"), [("1e99", ".", 1e99), ("-1e99", ".", -1e99), ("1,5", ",", 1.5)])
+def test_numbers_up_to_the_limit(cell, decimal, value):
+    assert number(cell, decimal) == value
+    assert number("-1e100", decimal) is None
+
+
+def test_a_number_of_hundreds_of_digits_is_none():
+    assert number("1." + "0" * 397, ".") == 1.0
+    assert number("1." + "0" * 398, ".") is None
+
+
+@pytest.mark.parametrize(("cell", "decimal"), [("1,367.91", "."), ("1.367,91", ","), ("1,001,367.91", ".")])
+def test_thousands_may_be_marked(cell, decimal):
+    assert number(cell, decimal) == float(cell.replace("," if decimal == "." else ".", "").replace(",", "."))
+    assert number(cell, "," if decimal == "." else ".") is None
+
+
+@pytest.mark.parametrize(
+    ("encoding", "words"),
+    [
+        ("cp1252", "Prüfzeit,Standardweg,Kraft"),
+        ("cp1252", "Index,Force [ kN ],Déplacement [ mm ]"),
+        ("cp1252", "Section,7.335,mm²"),
+        ("gb18030", "时间,位移,力"),
+        ("big5", "時間,位移,載荷"),
+        ("shift_jis", "時間,ストローク,試験力"),
+        ("euc_kr", "시간,변위,하중"),
+    ],
+)
+def test_the_encoding_is_that_in_which_words_of_exports_stand(tmp_path, encoding, words):
+    path = tmp_path / "export.csv"
+    path.write_bytes(f"{words}\n0,0,0\n".encode(encoding))
+    assert read_lines(path)[0] == words

@@ -1,0 +1,33 @@
+"""Parameters that belong to the machine have one value for all specimens."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sinew.tasks.discover.after.estimates import shared_estimates
+from sinew.tasks.discover.fit.fit import Fitted
+from sinew.tasks.discover.fit.specimen_fits import SpecimenFits
+from sinew.tasks.model import Model
+from sinew.tasks.model.effects import library
+
+LAG, SLACK = library()["time-lag"], library()["toe-slack"]
+
+
+def fits(*values: float, error: float = 0.01) -> list[Fitted]:
+    size = SpecimenFits(None, Model(), Path()).candidate((LAG,)).size
+    return [Fitted(np.full(size, value), 1.0, 10, np.full(size, error)) for value in values]
+
+
+@pytest.mark.parametrize(("values", "one"), [((0.20, 0.21), True), ((0.20, 0.40), False)])
+def test_one_value_for_all_specimens_and_whether_there_is_one(values, one):
+    candidate = SpecimenFits(None, Model(), Path()).candidate((LAG,))
+    estimate = shared_estimates((LAG,), candidate, fits(*values))["force_lag"]
+    assert estimate.value == pytest.approx(np.mean(values))
+    low, high = estimate.interval
+    assert (high - low) / 2 == pytest.approx(1.645 * 0.01 / np.sqrt(2.0))
+    assert (estimate.p > 0.05) is one
+
+
+def test_a_specimens_own_parameters_are_notshared_estimates():
+    assert shared_estimates((SLACK,), SpecimenFits(None, Model(), Path()).candidate((SLACK,)), fits(0.2, 0.3)) == {}

@@ -1,0 +1,53 @@
+"""What a candidate's score takes note of."""
+
+import numpy as np
+import pytest
+
+from sinew.tasks.discover.fit.fit import Fitted
+from sinew.tasks.discover.fit.search import MAX_PAIRS, _criterion, _promising, _score
+from sinew.tasks.discover.fit.sizes import Size, sized
+from sinew.tasks.model.effects import library
+
+PRESSED = 100.0  # the loss would fall by so much beyond a bound
+
+
+def fitted(effect, **ends: float) -> Fitted:
+    """A fit of two parameters of the tissue and those of an effect, in the middle of their ranges but for ``ends``."""
+    at = np.array([0.5, 0.5, *(ends.get(parameter.name, 0.5) for parameter in effect.parameters)])
+    pull = np.where((at == 0.0) | (at == 1.0), PRESSED, 0.0)
+    return Fitted(at, 90.0, 100, np.full(at.size, 0.1), pull)
+
+
+@pytest.mark.parametrize(
+    ("slug", "ends", "expected"),
+    [
+        ("permanent-set", {"yield_stress": 1.0}, ("yield_stress",)),
+        ("permanent-set", {"yield_spread": 1.0}, ("yield_spread",)),
+        ("permanent-set", {"yield_spread": 0.0}, ()),  # all bonds yield at once: a limit of the law
+        ("permanent-set", {"yielding_part": 0.0}, ()),  # its null
+        ("permanent-set", {"yielding_part": 1.0}, ("yielding_part",)),
+        ("toe-slack", {"slack_stretch": 1.0}, ()),  # its null
+        ("toe-slack", {"slack_stretch": 0.0}, ("slack_stretch",)),
+        ("softening", {"softening_shape": 0.0, "softening_strain": 1.0}, ("softening_shape", "softening_strain")),
+    ],
+)
+@pytest.mark.parametrize("stress", [1.0, 0.1, 10.0])
+def test_a_bound_counts_unless_it_is_a_null_or_a_limit_of_the_law(slug, ends, expected, stress):
+    effect = sized(library()[slug], Size(stress=stress))
+    null = Fitted(np.full(2, 0.5), 200.0, 100, np.full(2, 0.1), np.zeros(2))
+    one = fitted(effect)
+    assert _score((effect,), [one, one], [null, null]).on_bound == ()
+    assert _score((effect,), [one, fitted(effect, **ends)], [null, null]).on_bound == expected
+
+
+def test_a_pair_with_more_parameters_must_promise_more():
+    slack, lag, flow = (library()[slug] for slug in ("toe-slack", "time-lag", "fluid-flow"))
+    pairs, points = [(slack, flow), (slack, lag), (lag, slack)], [1000, 1000]
+    worth = float(np.log(1000.0) * 2)
+    for gain, first in ((0.9 * worth, lag), (1.1 * worth, flow)):
+        promises = [_criterion(pair, 500.0 - gain * (flow in pair), points) for pair in pairs]
+        found = _promising(pairs, promises)
+        assert found[0] == (slack, first)
+        assert len(found) == 2, "in one order only"
+    others = [(slack, effect) for slug, effect in library().items() if slug != "toe-slack"]
+    assert _promising(others, list(range(len(others), 0, -1))) == others[: -MAX_PAIRS - 1 : -1]

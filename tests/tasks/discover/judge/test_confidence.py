@@ -1,0 +1,32 @@
+"""How far a verdict can be trusted is said with the record's numbers and their interval."""
+
+import pytest
+
+from sinew.tasks.discover.judge.confidence import MEANING, RECORD, clopper_pearson, confidence, in_words
+
+
+def test_an_interval_is_that_of_the_tables():
+    """Five of six, and all of 55: Clopper and Pearson's exact 95 % intervals."""
+    assert clopper_pearson(5, 6) == pytest.approx((0.3588, 0.9958), abs=1e-4)
+    assert clopper_pearson(55, 55) == pytest.approx((0.9351, 1.0), abs=1e-4)
+
+
+@pytest.mark.parametrize("word", RECORD)
+def test_a_confidence_is_what_the_record_says_of_the_word(word):
+    true, of = RECORD[word]
+    found = confidence(word)
+    assert (found.means, found.true, found.of) == (MEANING[word], true, of)
+    assert found.share == true / of
+    assert found.interval == clopper_pearson(true, of)
+
+
+@pytest.mark.parametrize(
+    ("word", "words"),
+    [
+        ("AMBIGUOUS", "5 of 6 such verdicts were true in the blind benchmark (95 %: 36 to 100 %): "),
+        ("OUTSIDE", "6 of 9 such verdicts were true in the blind benchmark (95 %: 30 to 93 %): "),
+        ("NONE", "30 of 31 such verdicts were true in the blind benchmark (95 %: 83 to 100 %): "),
+    ],
+)
+def test_it_is_said_in_one_line(word, words):
+    assert in_words(confidence(word)) == words + MEANING[word]

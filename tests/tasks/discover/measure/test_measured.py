@@ -1,0 +1,100 @@
+"""Curves as fits see them: fewer points, the same likelihood."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sinew.tasks.data.noise import Noise
+from sinew.tasks.discover.fit.fit import Candidate, Fitted, errors, fit, residuals, spreads
+from sinew.tasks.discover.measure.measured import Measured, groups, thinned
+from sinew.tasks.model import Curve, Model, Protocol, Specimen
+from sinew.tasks.model.effects import library
+from sinew.tasks.model.protocols import STANDARD
+from sinew.tasks.simulate.effects import simulate_with
+
+
+def specimen(rng, effects=(), values=(), ar1=0.5, sd=1.0):
+    bare = Specimen("s", 10.0, 4.0, 1.0)
+    model = Model()
+    parameters = np.array([[p.minimum + 0.4 * (p.maximum - p.minimum) for p in model.parameters]])
+    parameters[:, model.names.index("alpha_f")] = 900.0
+    curves = []
+    for make in STANDARD:
+        protocol = make(10.0, 10.0)
+        force = simulate_with(model, effects, bare, protocol, parameters, np.array([values]))[0]
+        noise = np.empty(force.size)
+        noise[0] = rng.standard_normal()
+        for t in range(1, force.size):
+            noise[t] = ar1 * noise[t - 1] + np.sqrt(1 - ar1**2) * rng.standard_normal()
+        curves.append(Curve(protocol, force + sd * noise))
+    return Specimen("s", 10.0, 4.0, 1.0, tuple(curves))
+
+
+@pytest.mark.parametrize("make", STANDARD)
+@pytest.mark.parametrize("rate_hz", [2.0, 10.0, 100.0])
+def test_groups_are_in_order_and_hold_every_point(make, rate_hz):
+    protocol = make(10.0, rate_hz)
+    first = groups(protocol)
+    assert first[0] == 0
+    assert (np.diff(first) > 0).all()
+    assert first.size < 10_000
+    if make is not STANDARD[2]:
+        assert first.size < 0.25 * protocol.time_s.size or rate_hz == 2.0
+
+
+def test_where_the_displacement_wobbles_points_are_kept():
+    protocol = STANDARD[0](10.0, 10.0)
+    wobbly = protocol.displacement_mm + 1e-3 * np.sin(np.arange(protocol.time_s.size))
+    assert groups(Protocol("wobbly", protocol.time_s, wobbly)).size > 0.99 * protocol.time_s.size
+
+
+def test_thinned_residuals_are_sums_of_whitened_errors():
+    rng = np.random.default_rng(1)
+    one = Measured(specimen(rng), Noise(1.0, 0.5))
+    candidate = Candidate(Model(), (library()["toe-slack"],))
+    at = np.full((1, candidate.size), 0.45)
+    for curve in one.curves:
+        first = groups(curve.protocol)
+        white = errors(candidate, one, at, [curve])[0]
+        sums = np.add.reduceat(white, first) / np.sqrt(np.diff(first, append=white.size))
+        thin = residuals(candidate, one, at, [curve])[0]
+        assert np.abs(thin - sums).max() < 1e-3 * np.abs(sums).max()
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(-0.4, 0.95), st.integers(0, 2**32 - 1))
+def test_whitened_noise_is_white(ar1, seed):
+    rng = np.random.default_rng(seed)
+    one = specimen(rng, ar1=ar1)
+    bare = Specimen("s", 10.0, 4.0, 1.0)
+    curve = one.curves[1]
+    model = Model()
+    parameters = np.array([[p.minimum + 0.4 * (p.maximum - p.minimum) for p in model.parameters]])
+    parameters[:, model.names.index("alpha_f")] = 900.0
+    force = simulate_with(model, (), bare, curve.protocol, parameters, np.zeros((1, 0)))[0]
+    noise = Curve(curve.protocol, curve.force_N - force)
+    white = thinned(noise, Noise(1.0, ar1)).target
+    assert np.mean(white**2) == pytest.approx(1.0, abs=6 * np.sqrt(2 / white.size))
+    assert abs(np.mean(white[1:] * white[:-1])) < 6 / np.sqrt(white.size)
+
+
+def test_a_fit_finds_an_effect_and_says_how_well():
+    effect = library()["toe-slack"]
+    one = Measured(specimen(np.random.default_rng(2), (effect,), (0.991,)), Noise(1.0, 0.5))
+    candidate = Candidate(Model(), (effect,))
+    found = fit(candidate, one, np.concatenate([np.full(candidate.size - 1, 0.4), candidate.typical()]))
+    assert isinstance(found, Fitted)
+    low, high = candidate.bounds()
+    value, spread = (low + (high - low) * found.at)[-1], ((high - low) * found.uncertainty)[-1]
+    assert abs(value - 0.991) < 4 * spread < 0.004
+    freedom = found.points - candidate.size
+    assert found.loss == pytest.approx(freedom, abs=5 * np.sqrt(2 * freedom))
+    held = fit(candidate, one, np.concatenate([found.at[:-1], [0.2]]), fixed=[found.at.size - 1])
+    assert held.at[-1] == 0.2
+    assert held.uncertainty[-1] == 0.0
+    assert held.loss > found.loss + 10
+
+
+def test_without_data_everything_is_possible():
+    assert spreads(np.zeros((5, 2))) == pytest.approx(np.full(2, np.sqrt(1 / 12)))

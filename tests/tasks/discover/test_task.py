@@ -1,0 +1,355 @@
+"""`sinew discover` from end to end: a hidden effect is named and added, and where nothing is hidden, nothing is."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+
+from sinew.runner.cluster.local import Local
+from sinew.tasks import pipeline
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.virtual import autoregressive, virtual_cohort
+from sinew.tasks.discover import task
+from sinew.tasks.discover.result import DiscoverResult
+from sinew.tasks.discover.settings import Settings
+from sinew.tasks.discover.task import inputs_of
+from sinew.tasks.model import Curve, Model, Protocol, Specimen
+from sinew.tasks.model.effects import library, named
+from sinew.tasks.model.protocols import cyclic, one_step
+from sinew.tasks.report.folder import read_folder
+from sinew.tasks.simulate.effects import simulate_with
+from sinew.tasks.study.result import plain
+from sinew.tasks.study.study import read_study
+from sinew.tasks.study.workspace import Workspace, open_workspace
+from tests.conftest import SHARED
+from tests.tasks.discover.results import MODEL, candidate, discovery
+from tests.tasks.test_pipeline import new_simulations, sinew
+
+STUDY = """
+name: hidden
+seed: 3
+cohort: cohort
+tasks: [discover]
+discover: {effects: [force-drift, time-lag, toe-slack], starts: 2}
+"""
+
+
+def pulled(bare: Specimen, truth: dict[str, float], slack: float | None, seed: int) -> Specimen:
+    """The specimen pulled anew at 4 Hz, with slack fibres if wanted, and noise."""
+    model, rng = Model(), np.random.default_rng(seed)
+    effects = () if slack is None else (library()["toe-slack"],)
+    values = np.zeros((1, 0)) if slack is None else np.array([[slack]])
+    parameters = np.array([[min(truth[p.name], p.maximum) for p in model.parameters]])
+    curves = []
+    for make in (one_step, cyclic):
+        protocol = make(bare.length_mm, 4.0)
+        force = simulate_with(model, effects, bare, protocol, parameters, values)[0]
+        curves.append(Curve(protocol, force + 1.5 * autoregressive(rng, force.size, 0.3)))
+    return Specimen(bare.name, bare.length_mm, bare.width_mm, bare.thickness_mm, tuple(curves))
+
+
+@pytest.fixture
+def study(tmp_path):
+    def make(slack):
+        specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
+        told = [truth["specimens"][one.name]["parameters"] for one in specimens[:2]]
+        write_cohort(tmp_path / "cohort", [pulled(o, t, slack, i) for i, (o, t) in enumerate(zip(specimens, told))])  # noqa: B905
+        (tmp_path / "study.yaml").write_text(STUDY)
+        return tmp_path / "study.yaml"
+
+    return make
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """Evaluates in this process, and draws nothing."""
+    monkeypatch.setattr(Workspace, "client", lambda _: None)
+    monkeypatch.setattr(pipeline, "_draw", lambda *_: None)
+
+
+def test_a_hidden_effect_is_named_added_and_shown(study, tmp_path, capsys, monkeypatch):
+    path, out = study(0.99), tmp_path / "out"
+    sinew("discover", path, "--out", out, "--workers", 2)
+    monkeypatch.setattr(Workspace, "client", lambda _: None)  # what follows is little work
+    printed = capsys.readouterr().out
+    assert "NAMED toe-slack" in printed
+    assert "such verdicts were true in the blind benchmark" in " ".join(printed.split())
+    for figure in ("discover_cells", "discover_distal_1", "discover_middle_1"):
+        assert (out / "figures" / f"{figure}.png").stat().st_size > 5000
+    result = json.loads((out / "verdict.json").read_text())
+    check_verdict(result)
+    check_added_model(result["model"], out)
+    check_stored_curves(out)
+    check_simulation(out / result["model"]["path"], tmp_path)
+    check_nothing_is_repeated(path, out)
+    check_a_moved_study(tmp_path)
+
+
+def check_verdict(result):
+    assert (result["verdict"], result["effects"], result["set"]) == ("NAMED", ["toe-slack"], [])
+    assert result["confidence"]["interval"][0] > 0.5
+    best = result["candidates"][0]
+    assert best["effects"] == ["toe-slack"]
+    for estimates in best["parameters"].values():
+        low, high = estimates["slack_stretch"]["interval"]
+        assert low - 0.0005 < 0.99 < high + 0.0005
+    assert set(best["splits"]) == {"protocol", "later cycles", "specimen"}
+    assert all(split["gain"] > 2 * split["error"] for split in best["splits"].values())
+    assert result["gap"]["closed"] > 0.9
+    assert any(abs(cell["z"]) > cell["limit"] for cells in result["cells"].values() for cell in cells)
+    after = [abs(cell["z"]) > cell["limit"] for cells in result["after"].values() for cell in cells]
+    assert np.mean(after) < 0.05
+
+
+def check_added_model(model, out):
+    assert yaml.safe_load((out / model["path"]).read_text())["model"] == {"effects": ["toe-slack"]}
+    assert "+  - toe-slack" in model["difference"]
+    checks, solver = model["checks"], model["febio"]
+    assert checks["at_null_N"] == 0.0
+    assert checks["not_inert"]
+    assert len(solver["inputs"]) == 2
+    assert all("prestrain" in (out / path).read_text() for path in solver["inputs"])
+    if solver["ran"]:
+        assert all(run["deviation"] < 1e-6 < 0.01 < run["change"] for run in solver["runs"].values())
+    else:
+        assert "not on the PATH" in solver["why"]
+
+
+def check_stored_curves(out):
+    kept = xr.open_datatree(out / "store.zarr", engine="zarr", consolidated=False)["discover/distal_1"]
+    left = {name: np.std((kept["measured_cyclic"] - kept[f"{name}_cyclic"]).to_numpy()) for name in ("bare", "having")}
+    assert left["having"] < 1.7 < 2.5 < left["bare"], "noise of 1.5 N is left"
+    measured = read_folder(out).measured["distal/1"]
+    assert sorted(measured) == ["cyclic", "one_step"]
+    for protocol, curve in measured.items():
+        assert np.isin(curve.displacement_mm, kept[f"displacement_{protocol}"].to_numpy()).all()
+        assert curve.displacement_mm.max() == kept[f"displacement_{protocol}"].max() > 0.1
+
+
+def check_simulation(added, folder):
+    rows = folder / "rows.csv"
+    rows.write_text("E_f,slack_stretch\n200,1.0\n200,0.985\n")
+    sinew("simulate", added, "--parameters", rows, "--out", folder / "simulated", "--quiet")
+    forces = np.loadtxt(folder / "simulated" / "distal" / "1.one_step.csv", delimiter=",", skiprows=1)
+    assert np.abs(forces[:, 2] - forces[:, 3]).max() > 10.0, "the added effect changes the force"
+
+
+def check_nothing_is_repeated(path, out):
+    """Without its copy a verdict is made from the fits that are kept; with it, fits are not even looked for."""
+    first = (out / "verdict.json").read_bytes()
+    (out / "verdict.json").unlink()
+    sinew("discover", path, "--out", out, "--quiet")
+    assert new_simulations(out)[-1] == 0
+    assert (out / "verdict.json").read_bytes() == first
+    fitted = sorted((out / "discover").glob("*.jsonl"))
+    assert fitted
+    for checkpoint in fitted:
+        checkpoint.unlink()
+    sinew("discover", path, "--out", out, "--quiet")
+    assert not any(checkpoint.exists() for checkpoint in fitted)
+
+
+def check_a_moved_study(folder):
+    """In another place too, nothing is made again: the study with the effect refers to the cohort beside it."""
+    moved = folder / "moved"
+    moved.mkdir()
+    for name in ("study.yaml", "cohort", "out"):
+        (folder / name).rename(moved / name)
+    files = ("discover.json", "verdict.json", "discover/model.yaml")
+    before = [(moved / "out" / name).read_bytes() for name in files]
+    sinew("discover", moved / "study.yaml", "--out", moved / "out", "--quiet")
+    assert not list((moved / "out" / "discover").glob("*.jsonl"))
+    assert [(moved / "out" / name).read_bytes() for name in files] == before
+    again = read_study(moved / "out" / "discover" / "model.yaml")
+    assert again.cohort_path.resolve() == (moved / "cohort").resolve()
+
+
+def a_study(folder, effects=("toe-slack",)):
+    """One specimen of one short curve, and a study of it."""
+    time = np.arange(40.0)
+    protocol = Protocol("ramp", time, 0.02 * np.minimum(time, 10.0))
+    write_cohort(folder / "cohort", [Specimen("a/1", 10.0, 4.0, 1.0, (Curve(protocol, 10.0 * time),))])
+    study = folder / "study.yaml"
+    study.write_text(f"name: small\nseed: 3\ncohort: cohort\ndiscover: {{effects: [{', '.join(effects)}]}}\n")
+    return study
+
+
+def key_of(study, settings=None, **changes):
+    """The key of a study's discovery, in a result folder beside it."""
+    out = study.parent / "out"
+    with open_workspace(read_study(study), out=out, cluster=Local(1), quiet=True) as workspace:
+        chosen = settings or workspace.study.section(Settings)
+        return inputs_of(replace(workspace, **changes), chosen, workspace.cohort.specimens)
+
+
+def noting(read, original):
+    """A method of a path that notes which kinds of files are read."""
+
+    def noted(path, *how, **more):
+        read.append(path.suffix)
+        return original(path, *how, **more)
+
+    return noted
+
+
+def test_a_comment_or_a_place_changes_no_key(tmp_path, monkeypatch):
+    (tmp_path / "one").mkdir()
+    study = a_study(tmp_path / "one")
+    first = key_of(study)
+    read = []
+    with monkeypatch.context() as patch:
+        for name in ("read_text", "read_bytes"):
+            patch.setattr(Path, name, noting(read, getattr(Path, name)))
+        assert key_of(study) == first
+    assert read
+    assert ".py" not in read, "what the code's files hold does not matter"
+    study.write_text(study.read_text().replace("name: small", "name: small  # a comment"))
+    assert key_of(study) == first
+    (tmp_path / "one").rename(tmp_path / "two")
+    assert key_of(tmp_path / "two" / "study.yaml") == first
+
+
+def test_whatever_a_verdict_depends_on_changes_its_key(tmp_path, monkeypatch):
+    study = a_study(tmp_path)
+    keys = [key_of(study)]
+    keys.append(key_of(study, Settings(effects=["toe-slack"], starts=2)))
+    keys.append(key_of(study, simulator=SimpleNamespace(identity=lambda: {"name": "another"})))
+    curve = next((tmp_path / "cohort").rglob("ramp.csv"))
+    text = curve.read_text()
+    for old, new in (("seed: 3", "seed: 4"), ("name: small", "model: {parameters: {E_f: {min: 170}}}\nname: small")):
+        changed = tmp_path / "changed.yaml"
+        changed.write_text(study.read_text().replace(old, new))
+        keys.append(key_of(changed))
+    curve.write_text(text.replace(",100", ",101"))
+    keys.append(key_of(study))
+    curve.write_text(text)
+    specimen = curve.parent
+    specimen.rename(specimen.with_name("7"))
+    keys.append(key_of(study))
+    specimen.with_name("7").rename(specimen)
+    assert key_of(study) == keys[0]
+    monkeypatch.setattr(DiscoverResult, "VERSION", DiscoverResult.VERSION + 1)
+    keys.append(key_of(study))
+    assert len(set(keys)) == len(keys) == 8
+
+
+def test_a_changed_range_of_an_effect_is_another_method(monkeypatch):
+    first = DiscoverResult.method()
+    slack = library()["toe-slack"]
+    (parameter,) = slack.parameters
+    wider = replace(slack, parameters=(replace(parameter, minimum=0.9),))
+    monkeypatch.setattr("sinew.tasks.discover.result.named", lambda: {**named(), "toe-slack": wider})
+    assert DiscoverResult.method() != first
+    reworded = replace(slack, description="in other words")
+    monkeypatch.setattr("sinew.tasks.discover.result.named", lambda: {**named(), "toe-slack": reworded})
+    assert DiscoverResult.method() == first
+
+
+@pytest.mark.parametrize(
+    ("spoil", "kept"),
+    [
+        (lambda out, work: None, True),
+        (lambda out, work: (out / "one.feb").unlink(), False),
+        (lambda out, work: (out / "verdict.json").unlink(), False),
+        (lambda out, work: (out / "verdict.json").write_text('{"inputs": "former"}'), False),
+        (lambda out, work: work.store.root.clear(), False),
+        (lambda out, work: setattr(work, "retry_failed", True), False),
+    ],
+)
+def test_a_verdict_is_kept_with_all_that_goes_with_it(tmp_path, monkeypatch, spoil, kept):
+    slack = candidate("toe-slack", loss=1010.0)
+    found = discovery("NAMED", effects=("toe-slack",), shown=("toe-slack",), model=MODEL, candidates=(slack,))
+    found.write(tmp_path)
+    (tmp_path / "one.feb").write_text("input")
+    specimens = [SimpleNamespace(name="a/1")]
+    monkeypatch.setattr(task, "library_for", lambda _: library())
+    monkeypatch.setattr(task, "study_with", lambda _, effects: (MODEL.path, MODEL.difference))
+    root = {"discover/a_1": SimpleNamespace(attrs={"inputs": "these"})}
+    work = SimpleNamespace(out=tmp_path, retry_failed=False, store=SimpleNamespace(root=root))
+    spoil(tmp_path, work)
+    known = task._known(work, specimens, "these")
+    assert (known is not None and plain(known) == plain(found)) is kept
+    assert task._known(work, specimens, "others") is None
+
+
+def test_where_nothing_is_hidden_nothing_is_named(study, tmp_path, here):
+    path, out = study(None), tmp_path / "out"
+    path.write_text(STUDY.replace("starts: 2", "starts: 2, specimens: [distal/1]"))
+    sinew("discover", path, "--out", out, "--quiet")
+    result = json.loads((out / "verdict.json").read_text())
+    assert (result["verdict"], result["effects"], result["set"]) == ("NONE", [], [])
+    assert result["model"] is None
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(("case", "effects"), [("case_18", ["toe-slack"]), ("case_07", [])])
+def test_cohorts_that_others_made(tmp_path, here, case, effects):
+    """One specimen of a development case whose truth comes from another integration."""
+    path = tmp_path / "study.yaml"
+    text = STUDY.replace("cohort: cohort", f"cohort: {SHARED}/hidden/dev-1/{case}").replace("time-lag, ", "")
+    path.write_text(text.replace("starts: 2", "starts: 2, specimens: [s01]"))
+    sinew("discover", path, "--out", tmp_path / "out", "--quiet")
+    result = json.loads((tmp_path / "out" / "verdict.json").read_text())
+    assert result["effects"] == effects
+    assert result["verdict"] == ("NAMED" if effects else "NONE")
+
+
+@pytest.mark.febio
+def test_the_real_solver_names_a_hidden_effect(study, tmp_path):
+    path, out = study(0.99), tmp_path / "out"
+    text = STUDY.replace("[force-drift, time-lag, toe-slack], starts: 2", "[softening, toe-slack], starts: 1")
+    path.write_text(
+        text.replace("tasks:", "simulator: febio\ntasks:").replace("starts: 1", "starts: 1, specimens: [distal/1]")
+    )
+    sinew("discover", path, "--out", out, "--quiet")
+    result = json.loads((out / "verdict.json").read_text())
+    assert (result["verdict"], result["effects"]) == ("NAMED", ["toe-slack"])
+    assert result["model"]["checks"]["at_null_N"] < 1e-3, "an effect at its null value changes nothing in the solver"
+    (run, *_) = result["model"]["febio"]["runs"].values()
+    assert run["deviation"] < 1e-5
+    first = (out / "verdict.json").read_bytes()
+    sinew("discover", path, "--out", out, "--quiet")
+    assert (out / "verdict.json").read_bytes() == first, "its fits are kept"
+
+
+@pytest.mark.febio
+def test_effects_that_the_real_solver_does_not_have_are_one_line(study, tmp_path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        sinew("discover", study(None), "--out", tmp_path / "out", "--simulator", "febio")
+    assert ended.value.code == 2
+    assert "discover.effects: force-drift, time-lag: not in FEBio; expected" in capsys.readouterr().err
+
+
+def test_a_model_that_has_effects_already_is_one_line(study, tmp_path, capsys):
+    path = study(None)
+    path.write_text(STUDY + "model: {effects: [softening]}\n")
+    with pytest.raises(SystemExit) as ended:
+        sinew("discover", path, "--out", tmp_path / "out")
+    assert ended.value.code == 2
+    assert "model.effects" in capsys.readouterr().err
+    path.write_text(STUDY.replace("time-lag", "magic"))
+    with pytest.raises(SystemExit):
+        sinew("discover", path, "--out", tmp_path / "out")
+    assert "'magic' is no effect" in capsys.readouterr().err
+
+
+def test_a_cohort_with_an_effect_that_is_told_in_its_truth_only(tmp_path, capsys):
+    for name, options in (("bare", ()), ("slack", ("--effect", "toe-slack"))):
+        sinew("cohort", "--out", tmp_path / name, "--per-site", 1, "--rate", 2, *options)
+    told = [json.loads((tmp_path / name / "truth.json").read_text()) for name in ("bare", "slack")]
+    assert "effects" not in told[0]
+    assert told[1]["effects"] == {"toe-slack": {"slack_stretch": 0.99}}
+    assert told[0]["specimens"].keys() == told[1]["specimens"].keys()
+    forces = [np.loadtxt(tmp_path / name / "distal" / "1" / "one_step.csv", delimiter=",", skiprows=1)[:, 2]
+              for name in ("bare", "slack")]  # fmt: skip
+    assert forces[1].max() < 0.9 * forces[0].max()
+    with pytest.raises(SystemExit) as ended:
+        sinew("cohort", "--out", tmp_path / "magic", "--effect", "magic")
+    assert ended.value.code == 2
+    assert "--effect: 'magic' is no effect; expected one of area-error" in capsys.readouterr().err
+    assert not (tmp_path / "magic").exists()

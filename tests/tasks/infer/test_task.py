@@ -1,0 +1,238 @@
+"""`sinew infer` in a result folder: posteriors that pyABC and ArviZ read, resumed in mid-generation, clear refusals."""
+
+import json
+import shutil
+
+import numpy as np
+import pyabc
+import pytest
+import xarray as xr
+
+from sinew.runner.store.store import open_store
+from sinew.tasks import pipeline
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.infer.result import InferResult
+from sinew.tasks.infer.sampler import StoreSampler
+from sinew.tasks.study.workspace import Workspace
+from tests.runner.stores import contents
+from tests.tasks.test_pipeline import new_simulations, sinew
+
+STUDY = """
+name: inferred
+seed: 5
+cohort: cohort
+tasks: [calibrate, infer, predict, compare]
+calibrate: {methods: [least_squares], evaluations: 60, starts: 1}
+infer: {population: 12, generations: 3, epsilon: 0.5, pending: 16}
+"""
+
+
+NO_TAIL = STUDY.replace(", predict, compare", "")
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory):
+    """A study whose cohort is calibrated in ``out``."""
+    folder = tmp_path_factory.mktemp("calibrated")
+    specimens, truth = virtual_cohort(seed=1, per_site=2, rate_hz=1.0)
+    write_cohort(folder / "cohort", [s for s in specimens if s.site != "middle"], truth)
+    (folder / "study.yaml").write_text(STUDY)
+    with pytest.MonkeyPatch.context() as patch:
+        in_this_process(patch)
+        sinew("calibrate", folder / "study.yaml", "--out", folder / "out", "--quiet")
+    return folder
+
+
+@pytest.fixture
+def study(calibrated, tmp_path):
+    """A copy of it: a test may change what it likes."""
+    shutil.copytree(calibrated, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "study.yaml"
+
+
+@pytest.fixture(scope="module")
+def inferred(calibrated, tmp_path_factory):
+    """A copy of it with an inference and what builds upon it, drawn."""
+    folder = tmp_path_factory.mktemp("inferred")
+    shutil.copytree(calibrated, folder, dirs_exist_ok=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Workspace, "client", lambda self: None)
+        patch.setattr("sinew.tasks.pipeline.report", lambda folder, console, **_: None)
+        draw = pipeline._draw
+        patch.setattr(pipeline, "_draw", lambda work, name, result: name == "infer" and draw(work, name, result))
+        sinew("run", folder / "study.yaml", "--out", folder / "out", "--quiet")
+    return folder
+
+
+def in_this_process(patch):
+    """No cluster, no figures, no page."""
+    patch.setattr(Workspace, "client", lambda self: None)
+    patch.setattr(pipeline, "_draw", lambda *_: None)
+    patch.setattr("sinew.tasks.pipeline.report", lambda folder, console, **_: None)
+
+
+@pytest.fixture
+def here(monkeypatch):
+    in_this_process(monkeypatch)
+
+
+def test_the_posteriors_open_in_xarray_pyabc_and_arviz(inferred):
+    out = inferred / "out"
+    result = InferResult.read(out)
+    assert set(result.sites) == {"distal", "proximal"}
+    for site, posterior in result.sites.items():
+        assert list(posterior.epsilon) == sorted(posterior.epsilon, reverse=True)
+        assert posterior.epsilon[0] == 0.5
+        assert [generation.accepted for generation in posterior.generations] == [12, 12, 12]
+        asked, judged = (np.cumsum([getattr(g, what) for g in posterior.generations]) for what in ("asked", "judged"))
+        assert ((judged <= asked) & (asked <= judged + 16)).all()
+        particles = xr.open_zarr(out / "store.zarr", group=f"infer/{site}", consolidated=False).load()
+        assert particles["parameters"].dims == ("generation", "particle", "parameter")
+        assert particles["weight"].sum("particle").values == pytest.approx(1.0)
+        assert (particles["distance"] <= particles["epsilon"]).all()
+        mean = float(particles["weight"].values[-1] @ particles["parameters"].sel(parameter="E_f").values[-1])
+        marginal = posterior.parameters["E_f"]
+        assert marginal.mean == pytest.approx(mean)
+        assert marginal.hdi[0] <= marginal.hdi[1]
+
+        history = pyabc.History(f"sqlite:///{out}/infer/{site}.db", create=False)
+        frame, _ = history.get_distribution(m=0)
+        assert len(frame) == 12
+        assert sorted(frame["E_f"]) == pytest.approx(sorted(particles["parameters"].sel(parameter="E_f").values[-1]))
+        history.done()
+        with xr.open_dataset(out / "infer" / f"{site}.nc", group="posterior", engine="h5netcdf") as drawn:
+            assert drawn["E_f"].dims == ("chain", "draw")
+            assert float(drawn["E_f"].mean()) == pytest.approx(mean, rel=0.02)
+    for name in ("infer_distal_marginals", "infer_distal_joint", "infer_proximal_thresholds"):
+        assert (out / "figures" / f"{name}.png").stat().st_size > 5000
+    for name in ("predict", "compare"):
+        assert (out / f"{name}.json").is_file()
+    table = (out / "infer.csv").read_text().splitlines()
+    assert table[0].startswith("parameter,unit,distal_mean,distal_sd,distal_hdi_low,distal_hdi_high,proximal_mean")
+    assert len(table) == 17
+
+
+def test_what_is_gone_is_made_again_without_a_simulation(inferred, tmp_path, here):
+    """The result, its files, its arrays: whatever is missing, the same inference is run on the stored rows."""
+    shutil.copytree(inferred, tmp_path, dirs_exist_ok=True)
+    study, out = tmp_path / "study.yaml", tmp_path / "out"
+    first = (out / "infer.json").read_bytes()
+    kept = contents(out / "store.zarr")
+    for gone in ("infer.json", "infer.csv", "infer/distal.db", "infer/proximal.nc", "store.zarr/infer/distal"):
+        path = out / gone
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+        sinew("infer", study, "--out", out, "--quiet")
+        assert new_simulations(out)[-1] == 0, "its rows are in the store"
+        assert path.exists(), gone
+        assert (out / "infer.json").read_bytes() == first
+    assert contents(out / "store.zarr") == kept
+
+
+def test_pyabcs_own_sampler_infers_the_same_sites(study, tmp_path, monkeypatch):
+    monkeypatch.setattr(pipeline, "_draw", lambda *_: None)
+    study.write_text(
+        STUDY.replace(
+            "population: 12, generations: 3", "specimens: [distal/1], sampler: dask, population: 4, generations: 1"
+        )
+    )
+    out = tmp_path / "out"
+    sinew("infer", study, "--out", out, "--workers", 1, "--quiet")
+    assert new_simulations(out)[-1] == 0, "pyABC's own sampler stores no rows"
+    result = InferResult.read(out)
+    assert result.sampler == "dask"
+    (posterior,) = result.sites.values()
+    assert [generation.accepted for generation in posterior.generations] == [4]
+    assert all(g.judged <= g.asked for g in posterior.generations)
+    marginal = posterior.parameters["E_f"]
+    assert marginal.mean == pytest.approx(marginal.prior_mean, abs=4 * marginal.prior_sd)
+
+
+class Killed(Exception):
+    pass
+
+
+def test_interrupted_in_mid_generation_it_ends_with_the_same_bytes(study, tmp_path, here, monkeypatch):
+    study.write_text(NO_TAIL)
+    cut = tmp_path / "out"
+    shutil.copytree(cut, tmp_path / "whole")
+    sinew("run", study, "--out", tmp_path / "whole", "--quiet")
+    judged, judge = 0, StoreSampler._judge
+
+    def dies(self, *arguments):
+        nonlocal judged
+        judged += 1
+        if judged == 60:
+            raise Killed
+        return judge(self, *arguments)
+
+    monkeypatch.setattr(StoreSampler, "_judge", dies)
+    with pytest.raises(Killed):
+        sinew("run", study, "--out", cut, "--quiet")
+    monkeypatch.setattr(StoreSampler, "_judge", judge)
+    assert not (cut / "infer.json").exists()
+    sinew("run", study, "--out", cut, "--quiet")
+    assert (cut / "infer.json").read_bytes() == (tmp_path / "whole" / "infer.json").read_bytes()
+    assert contents(cut / "store.zarr") == contents(tmp_path / "whole" / "store.zarr")
+    assert any(table.title.startswith("site ") for table in open_store(cut).tables())
+
+
+@pytest.mark.parametrize(
+    ("change", "out", "words"),
+    [
+        (("epsilon: 0.5", "epsilon: 0.0001"), "out", ["infer.epsilon", "the closest was at", "a larger epsilon"]),
+        (("population: 12", "population: 12, protocols: [creep]"), "out", ["infer.protocols", "no curve of"]),
+        (("[calibrate, infer, predict, compare]", "[infer]"), "new", ["calibrate.json", "`sinew calibrate`"]),
+        (("[calibrate, infer, predict, compare]", "[infer, calibrate]"), "new", ["calibrate first"]),
+    ],
+)
+def test_bad_input_is_one_line(study, tmp_path, capsys, here, change, out, words):
+    study.write_text(STUDY.replace(*change))
+    with pytest.raises(SystemExit) as ended:
+        sinew("run", study, "--out", tmp_path / out, "--quiet")
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    for word in words:
+        assert word in said
+
+
+def test_pyabcs_adaptive_distance_works_and_is_kept(study, tmp_path, here):
+    study.write_text(NO_TAIL.replace("epsilon: 0.5", "distance: adaptive, specimens: [distal/1]"))
+    out = tmp_path / "out"
+    sinew("run", study, "--out", out, "--quiet")
+    first = (out / "infer.json").read_bytes()
+    weights = json.loads(first)["sites"]["distal"]["distance_weights"]
+    assert set(weights) == {"0", "1", "2"}
+    assert weights["0"] != weights["2"], "it adapts"
+    (out / "infer.json").unlink()
+    sinew("run", study, "--out", out, "--quiet")
+    assert (out / "infer.json").read_bytes() == first
+
+
+@pytest.mark.febio
+@pytest.mark.timeout(900)
+def test_both_simulators_lead_to_the_same_posterior(study, tmp_path):
+    study.write_text(
+        STUDY.replace("evaluations: 60", "evaluations: 30")
+        + "compare: {permutations: 20}\nsimulator: {name: febio, time_steps: {hold_growth: 0.1}}\n"
+    )
+    results = []
+    for engine in ("uniaxial", "febio"):
+        out = tmp_path / engine
+        sinew("calibrate", study, "--out", out, "--simulator", engine, "--quiet")
+        found = json.loads((out / "calibrate.json").read_text())["specimens"]
+        assert all(0 < told["total_N"] < np.inf for told in found.values())
+        # few evaluations lead to fits that differ with the last digits of a force: priors are those of one of them
+        (out / "calibrate.json").write_bytes((tmp_path / "uniaxial" / "calibrate.json").read_bytes())
+        for task in ("infer", "predict", "compare"):
+            sinew(task, study, "--out", out, "--simulator", engine, "--quiet")
+        results.append({name: json.loads((out / f"{name}.json").read_text()) for name in ("infer", "predict")})
+    embedded, solver = results
+    for site, found in embedded["infer"]["sites"].items():
+        for name, told in found["parameters"].items():
+            beside = solver["infer"]["sites"][site]["parameters"][name]
+            assert beside["mean"] == pytest.approx(told["mean"], abs=0.05 * told["prior_sd"]), (site, name)
+    assert solver["predict"]["coverage"]["draws"]["all"] == pytest.approx(
+        embedded["predict"]["coverage"]["draws"]["all"], abs=0.05
+    )

@@ -1,0 +1,42 @@
+"""Results of inferences for tests of the tasks that read them, made from numbers that are known."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import xarray as xr
+
+from sinew.tasks.infer.result import Distance, InferResult, Marginal, Posterior, particles_group
+from sinew.tasks.study.workspace import Workspace
+
+
+def posterior_of(
+    specimens: list[str], names: Iterable[str], mean: Iterable[float], *, half_width: float = 0.1
+) -> Posterior:
+    """A posterior with the given means; intervals reach ``half_width`` of the mean to both sides."""
+    marginals = {
+        name: Marginal(value, 0.05 * value, np.array([1 - half_width, 1 + half_width]) * value, value, value)
+        for name, value in zip(names, mean, strict=True)
+    }
+    return Posterior(specimens, marginals, 30.0, np.array([0.5]), Distance(0.1), {}, [])
+
+
+def write_inference(
+    workspace: Workspace,
+    names: list[str],
+    sites: Mapping[str, Posterior],
+    particles: Mapping[str, tuple[np.ndarray, np.ndarray]],
+) -> InferResult:
+    """Leave what an inference leaves; ``particles`` holds values ``[g, n, d]`` and weights ``[g, n]`` by site."""
+    for site, (values, weight) in particles.items():
+        dataset = xr.Dataset(
+            {
+                "parameters": (("generation", "particle", "parameter"), values),
+                "weight": (("generation", "particle"), weight),
+            },
+            coords={"parameter": names},
+        )
+        workspace.store.write_result(particles_group(site), dataset)
+    texts = ["1"] * len(names), [""] * len(names)
+    result = InferResult("store", names, *texts, population=40, interval=0.95, sites=sites, inputs="known")
+    result.write(workspace.out)
+    return result

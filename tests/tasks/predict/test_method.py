@@ -1,0 +1,98 @@
+"""Bands of curves and their coverage, against known answers."""
+
+import functools
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from sinew.tasks.data.noise import noise_of
+from sinew.tasks.data.sites import by_site
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.model import Model
+from sinew.tasks.predict import method
+from sinew.tasks.predict.method import coverage, next_curve, noise_of_others, pointwise
+from sinew.tasks.simulate.evaluation import kept_points
+from sinew.tasks.simulate.uniaxial import Uniaxial
+
+
+def test_the_band_of_a_new_curve_is_the_textbook_one_where_asinh_is_a_line():
+    """Mean 0 and values far below the bend: t(0.975, 4) = 2.7764 for five curves."""
+    curves = np.zeros((5, 2))
+    curves[:, 0] = 1000.0
+    curves[:, 1] = np.array([-0.2, -0.1, 0.0, 0.1, 0.2])
+    low, high = next_curve(curves, 0.0, 0.95)
+    reach = 2.776445 * np.std(curves[:, 1], ddof=1) * np.sqrt(1.2)
+    assert (low[1], high[1]) == pytest.approx((-reach, reach), rel=1e-4)
+    assert (low[0], high[0]) == pytest.approx((1000.0, 1000.0)), "curves that agree leave nothing but noise"
+    low, high = next_curve(curves, 2.0, 0.95)
+    assert (low[0], high[0]) == pytest.approx((1000 - 3.919928, 1000 + 3.919928))
+    assert high[1] == pytest.approx(np.hypot(reach, 3.919928), rel=1e-4)
+
+
+@pytest.mark.parametrize("members", [3, 5, 8])
+@pytest.mark.parametrize("kind", ["factors", "newtons"])
+def test_the_band_of_a_new_curve_holds_as_many_as_it_says(members, kind):
+    """Tendons that differ by factors, or by a force; one is left out, and measured with noise."""
+    rng = np.random.default_rng(5)
+    along = np.abs(np.sin(np.linspace(0.3, 9.0, 40))) * 800.0 + 20.0
+    held = []
+    for _ in range(500):
+        by = rng.normal(0, 0.25, (members + 1, 1))
+        curves = along * np.exp(by) if kind == "factors" else along + 150.0 * by
+        measured = curves[0] + rng.normal(0, 5.0, 40)
+        low, high = next_curve(curves[1:], 5.0, 0.95)
+        held.append(np.mean((measured >= low) & (measured <= high)))
+    assert 0.925 <= np.mean(held) <= 0.975
+
+
+def inside_of_new(specimen, others, parameters):
+    """The share of a specimen's measured points inside the band that the others give, for each of its curves."""
+    rows = np.array([[parameters[other.name]["parameters"][name] for name in Model().names] for other in others])
+    shares = []
+    for curve in specimen.curves:
+        keep = kept_points(curve.protocol, 96)
+        simulated = Uniaxial().simulate(Model(), specimen, curve.protocol, rows).force_N[:, keep]
+        noise = noise_of_others([specimen, *others], specimen, curve.name)
+        low, high = next_curve(simulated, noise, 0.95)
+        shares.append(np.mean((curve.force_N[keep] >= low) & (curve.force_N[keep] <= high)))
+    return shares
+
+
+def test_the_band_of_a_new_tendon_covers_those_left_out(monkeypatch):
+    """All 27 virtual tendons with their true parameters: about 95 % of the measured points, each once."""
+    monkeypatch.setattr(method, "noise_of", functools.cache(noise_of))  # asked for once with each of the others
+    specimens, truth = virtual_cohort(seed=2503, per_site=9, rate_hz=1.0)
+    sites = {
+        site: [
+            inside_of_new(specimen, [other for other in members if other is not specimen], truth["specimens"])
+            for specimen in members
+        ]
+        for site, members in by_site(specimens).items()
+    }
+    covered = {site: np.mean(shares) for site, shares in sites.items()}
+    assert {np.shape(shares) for shares in sites.values()} == {(9, 3)}
+    assert 0.92 <= np.mean(list(covered.values())) <= 0.98, covered
+    assert all(0.85 <= share <= 1.0 for share in covered.values()), covered
+
+
+def test_pointwise_bounds_leave_out_the_same_on_both_sides():
+    low, high = pointwise(np.arange(101.0)[:, np.newaxis] * [1.0, -2.0], 0.95)
+    assert (low[0], high[0]) == pytest.approx((2.5, 97.5))
+    assert (low[1], high[1]) == pytest.approx((-195.0, -5.0))
+
+
+def test_each_point_counts_once_and_a_band_that_is_not_given_not_at_all():
+    nothing = np.full(4, np.nan)
+    bands = {"hdi_low": np.zeros(4), "hdi_high": np.array([1.0, 1.0, 1.0, 0.4]), "draws_low": nothing}
+    bands |= {"draws_high": nothing, "new_low": np.array([0, 0, 0, np.nan]), "new_high": np.array([9, 9, 0.1, np.nan])}
+    dataset = xr.Dataset(
+        {"measured": ("point", np.full(4, 0.5)), **{name: ("point", values) for name, values in bands.items()}},
+        {"protocol": ("point", ["pull", "pull", "hold", "hold"]), "specimen": ("point", ["a", "b", "a", "b"])},
+    )
+    found = coverage(dataset)
+    assert found["hdi"].all == 0.75
+    assert found["hdi"].protocols == {"pull": 1.0, "hold": 0.5}
+    assert found["hdi"].specimens == {"a": 1.0, "b": 0.5}
+    assert (found["draws"].all, found["draws"].points) == (None, 0)
+    assert (found["new"].all, found["new"].points) == (pytest.approx(2 / 3), 3)

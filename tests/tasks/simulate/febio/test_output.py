@@ -1,0 +1,90 @@
+"""Reading what the solver logged."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sinew.tasks.simulate.febio.attempt import Failed
+from sinew.tasks.simulate.febio.output import Logged, read_output
+from tests.tasks.simulate.febio.dogbone import FORCE
+
+
+def logged(times, ids, values) -> str:
+    text = ""
+    for step, (at, row) in enumerate(zip(times, values, strict=True), 1):
+        text += f"*Step  = {step}\n*Time  = {at!r}\n*Data  = q\n"
+        text += "".join(f"{each},{value!r}\n" for each, value in zip(ids, row, strict=True))
+    return text
+
+
+NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
+
+
+@st.composite
+def logs(draw):
+    steps, count = draw(st.integers(1, 8)), draw(st.integers(1, 5))
+    times = np.cumsum(draw(st.lists(st.floats(1e-3, 10.0), min_size=steps, max_size=steps)))
+    ids = draw(st.lists(st.integers(1, 999), min_size=count, max_size=count, unique=True))
+    values = draw(st.lists(st.lists(NUMBERS, min_size=count, max_size=count), min_size=steps, max_size=steps))
+    return times, ids, np.array(values)
+
+
+@given(logs(), st.sampled_from(["sum", "mean", "max", "min"]), st.floats(-10, 10))
+@settings(deadline=None)
+def test_what_was_logged_is_read(tmp_path_factory, log, reduce, scale):
+    times, ids, values = log
+    path = tmp_path_factory.mktemp("log") / "q.txt"
+    path.write_text(logged(times.tolist(), ids, values.tolist()))
+    at, found = read_output(
+        path, Logged("q", "1", "max", "node_data", "uz", tuple(ids), None, reduce, scale), 10**6, times[-1]
+    )
+    assert np.array_equal(at, times)
+    assert np.allclose(found, scale * getattr(np, reduce)(values, axis=1), rtol=1e-12, atol=1e-6)
+
+
+@given(logs(), st.data())
+@settings(deadline=None)
+def test_a_log_with_a_piece_missing_is_never_read_as_a_whole(tmp_path_factory, log, data):
+    times, ids, values = log
+    text = logged(times.tolist(), ids, values.tolist())
+    begin = data.draw(st.integers(0, len(text) - 1))
+    cut = text[:begin] + text[data.draw(st.integers(begin + 1, len(text))) :]
+    path = tmp_path_factory.mktemp("log") / "q.txt"
+    path.write_text(cut)
+    try:
+        at, found = read_output(path, Logged("q", "1", "max", "node_data", "uz", tuple(ids), None, "sum"), 10**6, 0.0)
+    except Failed as failed:
+        assert failed.status == "bad_output"
+    else:  # whole steps or digits can be missing without a trace
+        assert 1 <= at.size <= times.size
+        assert np.isfinite(found).all()
+
+
+@given(st.binary(max_size=300))
+@settings(deadline=None)
+def test_garbage_is_a_failure(tmp_path_factory, garbage):
+    path = tmp_path_factory.mktemp("log") / "q.txt"
+    path.write_bytes(garbage)
+    with pytest.raises(Failed) as failed:
+        read_output(path, FORCE, 10**6, 1.0)
+    assert failed.value.status == "bad_output"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (logged([1.0, 2.0], [1], [[1.0], [float("nan")]]), "not finite at 2 s"),
+        (logged([1.0], [1, 2], [[1e308, 1e308]]), "not finite"),
+        (logged([2.0, 1.0], [1], [[1.0], [1.0]]), "times do not increase"),
+        (logged([1.0], [3], [[1.0]]), "other ids"),
+        (logged([1.0], [1], [[1.0]]).replace("1,1.0", "1,1.0,2.0"), "3 numbers"),
+        ("", "q: q.txt holds 0 steps"),
+        (logged([0.5], [1], [[1.0]]), "q ends at 0.5 s, the protocol at 1 s"),
+    ],
+)
+def test_what_is_amiss_in_a_log_is_told(tmp_path, text, told):
+    (tmp_path / "q.txt").write_text(text)
+    ids = (1, 2) if "1e+308" in text else (1,)
+    with pytest.raises(Failed, match=told):
+        read_output(tmp_path / "q.txt", Logged("q", "1", "max", "node_data", "uz", ids, None, "sum"), 10**6, 1.0)

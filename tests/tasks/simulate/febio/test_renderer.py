@@ -1,0 +1,144 @@
+"""The rendering process of a worker: its limits, and that it is kept."""
+
+import os
+import signal
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from threading import Timer
+
+import numpy as np
+import pytest
+
+from sinew.runner.evaluation.external import Stopped
+from sinew.runner.store.schema import STATUSES
+from sinew.tasks.simulate.febio import rendering
+from sinew.tasks.simulate.febio.attempt import Failed
+from sinew.tasks.simulate.febio.renderer import _Renderer, render
+from tests.tasks.simulate.febio.dogbone import BAR, OWN, RELAX, dogbone
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    {
+        "time": ("{% for a in range(99999) %}{% for b in range(99999) %}{% endfor %}{% endfor %}", "more than 1 s"),
+        "a constant": ("{{ 10 ** (10 ** 10) }}", "more than 1 s|more than 1 GB"),
+        "memory": ("{{ 'x' * 10 ** 11 }}", "more than 1 GB"),
+        "doubling": (
+            "{% set ns = namespace(x='x' * 99) %}{% for i in range(99) %}{% set ns.x = ns.x ~ ns.x %}{% endfor %}",
+            "more than 1 GB|more than 1 s",
+        ),
+        "endless macro": ("{% macro m() %}{{ m() }}{% endmacro %}{{ m() }}", "recursion"),
+    }.values(),
+)  # fmt: skip
+def test_a_template_is_bounded_in_time_and_memory(tmp_path, monkeypatch, text, told):
+    """In its own process; one second of processor time instead of ten, so that the test does not take that long."""
+    monkeypatch.setattr(rendering, "SECONDS", 1)
+    simulator = dogbone(tmp_path, f"<febio_spec>{{{{ E_matrix }}}}{text}</febio_spec>")
+    found = simulator.simulate(OWN, BAR, RELAX, OWN.reference[np.newaxis])
+    assert STATUSES[found.status[0]] == "bad_input"
+    assert any(each in found.messages[0] for each in told.split("|")), found.messages
+
+
+FILES = {"a": "<febio_spec><E>{{ E }}</E></febio_spec>"}
+
+
+def text(files: dict[str, str] = FILES, **variables) -> str:
+    (found,) = render(files, "a", [variables], None)["texts"]
+    return str(found)
+
+
+@pytest.fixture
+def own(monkeypatch) -> Iterator[_Renderer]:
+    """A renderer for one test, in place of that of this process."""
+    renderer = _Renderer()
+    monkeypatch.setattr("sinew.tasks.simulate.febio.renderer._renderer", renderer)
+    yield renderer
+    renderer.close()
+
+
+def test_one_process_renders_many_rows(own):
+    processes = set()
+    for value in (1.5, 2.5, -0.0):
+        assert text(E=value) == f"<febio_spec><E>{value}</E></febio_spec>"
+        processes.add(own._process.pid)
+    with pytest.raises(Failed, match="division by zero"):
+        text({"a": "<febio_spec>{{ 1 / E }}</febio_spec>"}, E=0)
+    assert text(E=3) == "<febio_spec><E>3</E></febio_spec>", "the files of the job before are not used"
+    assert processes == {own._process.pid}
+
+
+def test_nothing_of_a_row_reaches_the_next(own):
+    library = "{% set ns = namespace(n=0) %}{% macro count() %}{% set ns.n = ns.n + 1 %}{{ ns.n }}{% endmacro %}"
+    files = {"a": "{% from 'b' import count %}<febio_spec>{{ count() }}{{ count() }}</febio_spec>", "b": library}
+    assert [text(files) for _ in range(3)] == ["<febio_spec>12</febio_spec>"] * 3
+
+
+def test_a_process_that_took_much_memory_is_replaced(own):
+    text(E=1)
+    first = own._process.pid
+    large = {"a": "{% set x = 'x' * n %}<febio_spec>{{ x | length }}</febio_spec>"}
+    assert text(large, n=700_000_000) == "<febio_spec>700000000</febio_spec>"
+    text(E=1)
+    assert own._process.pid != first
+
+
+def test_a_process_that_is_gone_is_replaced(own):
+    text(E=1)
+    own._process.kill()
+    own._process.wait()
+    assert text(E=2) == "<febio_spec><E>2</E></febio_spec>"
+
+
+ENDLESS = {"a": "{% for a in range(99999) %}{% for b in range(99999) %}{% endfor %}{% endfor %}<febio_spec/>"}
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_process_that_a_batch_system_ends_fails_no_row(own, number):
+    text(E=1)
+    Timer(0.3, own._process.send_signal, [number]).start()
+    with pytest.raises(Stopped, match=f"ended by {number.name}"):
+        text(ENDLESS)
+
+
+def test_a_process_that_dies_is_a_crash(own):
+    text(E=1)
+    Timer(0.3, own._process.send_signal, [signal.SIGSEGV]).start()
+    with pytest.raises(Failed, match="rendering a ended by SIGSEGV") as failed:
+        text(ENDLESS)
+    assert failed.value.status == "crashed"
+
+
+def test_a_render_that_waits_is_bounded_by_the_clock(own, monkeypatch):
+    monkeypatch.setattr("sinew.tasks.simulate.febio.renderer.WALL_S", 0.3)
+    with pytest.raises(Failed, match="a: takes more than 10 s of a processor") as failed:
+        text(ENDLESS)
+    assert failed.value.status == "bad_input"
+
+
+def test_threads_take_turns(own):
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda value: text(E=value), range(40)))
+    assert found == [f"<febio_spec><E>{value}</E></febio_spec>" for value in range(40)]
+
+
+def test_a_forked_process_starts_its_own(own):
+    text(E=1)
+    owner = own._process.pid
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if text(E=5) == "<febio_spec><E>5</E></febio_spec>" and own._process.pid != owner else 1)
+    assert os.waitpid(child, 0)[1] == 0
+    assert text(E=2) == "<febio_spec><E>2</E></febio_spec>"
+    assert own._process.pid == owner
+
+
+@pytest.mark.parametrize("body", ["{{ " + "9" * 5000 + " }}", "{{ " + "x" * 10**6 + " }}", "{{ " + "(" * 3000])
+def test_a_template_that_cannot_be_read_is_bad_input_in_few_words(own, body):
+    """Python refuses integers of thousands of digits by an error of its own, which ended the process."""
+    text(E=1)
+    first = own._process.pid
+    with pytest.raises(Failed) as failed:
+        render({"a": f"<febio_spec>{body}</febio_spec>"}, "a", [{}], None, known=[])
+    assert failed.value.status == "bad_input"
+    assert len(failed.value.words) < 500
+    assert own._process.pid == first, "the process goes on"

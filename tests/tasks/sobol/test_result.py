@@ -1,0 +1,53 @@
+"""What a Sobol result offers by name: panels, outputs, courses along time, and what failed rows could change."""
+
+import numpy as np
+
+from sinew.tasks.sobol.result import Failures, OfProtocol
+from tests.tasks.sobol.results import ZEROS, of_output, sobol_result
+
+
+def test_indices_are_found_by_the_name_of_what_they_are_of():
+    pull, stretch = OfProtocol(**ZEROS), of_output()
+    result = sobol_result(protocols={"pull": pull}, outputs={"stretch": stretch})
+    assert result.by_output() == {"total": result, "pull": pull, "stretch": stretch}
+    assert list(sobol_result().by_output()) == ["total", "pull"]
+
+
+def test_a_person_sees_each_of_them_once():
+    measured = sobol_result()
+    assert list(measured.panels()) == ["total objective", "pull"]
+    assert measured.panels()["total objective"] is measured
+    assert measured.total == "total objective"
+    words = "largest force in N"
+    unmeasured = sobol_result(
+        outputs={"force": of_output(is_force=True), "stretch": of_output()}, field="summary_force", objective=words
+    )
+    assert list(unmeasured.panels()) == [words, "stretch"], "the one protocol and the force are the same"
+    assert unmeasured.total == words
+
+
+def test_courses_of_the_force_are_called_by_the_specimen_alone():
+    assert sobol_result().courses() == {"s01": ("s01", None)}
+    two = sobol_result(tables={"s01": "a", "s02": "b"})
+    assert two.courses() == {"s01": ("s01", None), "s02": ("s02", None)}
+
+
+def test_courses_of_outputs_are_called_by_their_name_and_the_specimen_where_there_are_several():
+    outputs = {"pull_force": of_output(is_force=True), "stretch": of_output()}
+    one = sobol_result(outputs=outputs)
+    assert one.courses() == {"pull_force": ("s01", None), "stretch": ("s01", "stretch")}
+    two = sobol_result(outputs=outputs, tables={"s01": "a", "s02": "b"})
+    assert two.courses() == {
+        "s01: pull_force": ("s01", None),
+        "s01: stretch": ("s01", "stretch"),
+        "s02: pull_force": ("s02", None),
+        "s02: stretch": ("s02", "stretch"),
+    }
+
+
+def test_what_failed_rows_could_change_is_there_for_each_assumption():
+    smallest, mean, largest = (np.full(2, float(i)) for i in range(3))
+    some = Failures("", 1, 1, {}, ST_if_smallest=smallest, ST_if_mean=mean, ST_if_largest=largest, S1_if_mean=mean)
+    assert [values[0] for values in some.outcomes("ST")] == [0.0, 1.0, 2.0]
+    assert [values[0] for values in some.outcomes("S1")] == [1.0]
+    assert Failures("", 0, 0, {}).outcomes("ST") == []

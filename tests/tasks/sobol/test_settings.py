@@ -1,0 +1,53 @@
+"""What a study may ask of Sobol indices."""
+
+import pytest
+
+import sinew
+from sinew.runner.errors import BadInput
+from sinew.tasks.model import Model
+from sinew.tasks.sobol.settings import Settings, check
+from sinew.tasks.study.settings_file import FieldError
+
+
+def study(folder, *, free: int = 2, simulator: str = ""):
+    fixed = "".join(f"    {p.name}: {{fixed: {p.reference}}}\n" for p in Model().parameters[free:])
+    (folder / "study.yaml").write_text(f"name: small\ncohort: cohort\n{simulator}model:\n  parameters:\n{fixed}")
+    return sinew.read_study(folder / "study.yaml")
+
+
+def test_two_free_parameters_are_enough(tmp_path):
+    check(study(tmp_path), tmp_path)
+    with pytest.raises(BadInput) as error:
+        check(study(tmp_path, free=1), tmp_path)
+    assert str(error.value) == (
+        f"{tmp_path / 'study.yaml'}: model.parameters: one free parameter; expected at least two for Sobol indices"
+    )
+
+
+def test_only_a_finished_study_is_extended(tmp_path):
+    with pytest.raises(BadInput) as error:
+        check(study(tmp_path), tmp_path, extend=True)
+    where = tmp_path / "sobol.json"
+    assert str(error.value) == f"{where}: is not there; expected a finished `sinew sobol` to extend"
+    where.write_text("{}")
+    check(study(tmp_path), tmp_path, extend=True)
+
+
+def test_an_output_is_one_that_the_simulator_has(tmp_path):
+    known = study(tmp_path)
+    Settings().check_study(known)
+    with pytest.raises(FieldError) as error:
+        Settings(output="torque").check_study(known)
+    assert (error.value.field, error.value.problem) == ("output", "no output 'torque'")
+    assert error.value.expected == "nothing; only templates have outputs"
+
+
+def test_a_name_that_no_output_has_is_told_the_names_that_are_there(tmp_path):
+    class Template:
+        class simulator:
+            output_names = ("force", "stretch")
+
+    Settings(output="stretch").check_study(Template)
+    with pytest.raises(FieldError) as error:
+        Settings(output="torque").check_study(Template)
+    assert error.value.expected == "one of force, stretch"

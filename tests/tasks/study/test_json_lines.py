@@ -1,0 +1,29 @@
+"""Log records as lines of JSON."""
+
+import json
+import logging
+import sys
+
+from sinew.tasks.study.json_lines import JsonLines
+
+
+def record(message: str, arguments: tuple = (), extra: dict | None = None, error=None) -> logging.LogRecord:
+    return logging.getLogger("sinew").makeRecord("sinew", 30, "f", 1, message, arguments, error, extra=extra)
+
+
+def test_a_record_is_one_line_with_its_fields_in_order():
+    line = JsonLines().format(record("job %s", ("a\n",), {"rows": (1, 2.5), "error": "\u2028é"}))
+    assert "\n" not in line
+    assert list(json.loads(line).items())[1:] == [
+        *(("levelname", "WARNING"), ("name", "sinew"), ("message", "job a\n")),
+        *(("rows", [1, 2.5]), ("error", "\u2028é")),
+    ]
+    assert line.isascii()
+
+
+def test_an_exception_is_a_field():
+    try:
+        raise ValueError("wrong")
+    except ValueError:
+        found = json.loads(JsonLines().format(record("m", error=sys.exc_info())))
+    assert found["exc_info"].endswith("ValueError: wrong")

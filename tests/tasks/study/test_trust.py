@@ -1,0 +1,194 @@
+"""A study from somebody else runs no program, and opens no door, that its user did not confirm."""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from sinew.runner.cluster.client import Address
+from sinew.runner.cluster.local import Local
+from sinew.runner.errors import BadInput
+from sinew.tasks.cli.main import main
+from sinew.tasks.cluster.spec import cluster_of
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.simulate.build import febio_of, simulator_of
+from sinew.tasks.study.resources import resource
+from sinew.tasks.study.study import read_study
+from sinew.tasks.study.trust import Request, allow, is_allowed
+from tests.trusting import trusted
+
+EVIL = "#!/bin/sh\ntouch {folder}/ran\necho version 4.11.0\n"
+# a FEBio template whose first lines are a comment to XML and commands to a shell
+HIDDEN = "<!--\ntouch {folder}/ran\nexit\n-->\n"
+
+
+@pytest.fixture
+def study(tmp_path, monkeypatch):
+    """Writes a study with these settings, beside an evil program and an evil template, into the current folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    for name in ("evil.sh", "febio4"):
+        program = tmp_path / name
+        program.write_text(EVIL.format(folder=tmp_path))
+        program.chmod(0o755)
+    text = resource("templates/tendon.feb.j2").read_text()
+    (tmp_path / "evil.feb.j2").write_text(HIDDEN.format(folder=tmp_path) + text.partition("\n")[2])
+    specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
+    write_cohort(tmp_path / "cohort", specimens[:1], truth)
+
+    def write(settings: str) -> Path:
+        path = tmp_path / "study.yaml"
+        path.write_text(f"name: evil\ncohort: cohort\nsobol: {{base_samples: 2}}\n{settings}\n")
+        return path
+
+    return write
+
+
+def ends(monkeypatch, *arguments) -> int:
+    monkeypatch.setattr(sys, "argv", ["sinew", *map(str, arguments)])
+    try:
+        main()
+    except SystemExit as ended:
+        return int(ended.code or 0)
+    return 0
+
+
+SOLVERS = ["simulator: {name: febio, executable: ./evil.sh}", "simulator: {name: febio, executable: /bin/sh}"]
+
+
+@pytest.mark.parametrize("settings", SOLVERS)
+@pytest.mark.parametrize("command", ["run", "sobol", "discover", "doctor", "simulate", "submit"])
+def test_no_command_runs_a_program_that_a_study_brings(study, tmp_path, monkeypatch, capsys, settings, command):
+    path = study(settings)
+    (tmp_path / "rows.csv").write_text("E_f\n200\n")
+    (tmp_path / "profile.yaml").write_text("name: here\n")
+    more = {"simulate": ("--parameters", "rows.csv"), "submit": ("--profile", "profile.yaml", "--dry-run")}
+    assert ends(monkeypatch, command, path, "--out", "out", *more.get(command, ())) == 2
+    out, err = capsys.readouterr()
+    said = out if command == "doctor" else err  # which goes on with its other checks
+    assert "study.yaml: simulator.executable: " in said
+    assert f"or your consent: `sinew trust {path}`" in said
+    assert err.count("\n") == 1
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_template_that_a_shell_understands_is_not_given_to_one(study, tmp_path):
+    path = study("simulator: {name: febio, executable: sh, template: evil.feb.j2}")
+    with pytest.raises(BadInput, match=r"simulator\.executable: 'sh' would run on this machine"):
+        simulator_of(read_study(path), None, tmp_path / "attempts")
+
+
+def test_discovery_with_the_embedded_simulator_does_not_ask_an_evil_solver_for_its_version(study, tmp_path):
+    read = read_study(study(SOLVERS[0]))
+    simulator_of(read, "uniaxial", tmp_path / "attempts")
+    with pytest.raises(BadInput, match=r"simulator\.executable"):
+        febio_of(read, (), tmp_path / "attempts")
+    assert not (tmp_path / "ran").exists()
+
+
+def test_febio4_by_its_plain_name_needs_no_consent(study, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    read = read_study(study("simulator: {name: febio}"))
+    assert simulator_of(read, None, tmp_path / "attempts").version == "4.11.0"
+
+
+def test_febio4_that_a_path_finds_in_the_current_folder_needs_consent(study, tmp_path, monkeypatch):
+    """With a PATH such as ``.:/bin``, the plain name may be a program that came with the study."""
+    monkeypatch.setenv("PATH", f".{os.pathsep}{os.environ['PATH']}")
+    path = study("simulator: {name: febio}")
+    with pytest.raises(BadInput, match="'febio4' would run on this machine"):
+        simulator_of(read_study(path), None, tmp_path / "attempts")
+    assert not (tmp_path / "ran").exists()
+
+
+def test_the_user_s_own_solver_needs_no_consent_and_replaces_the_study_s(study, tmp_path):
+    path = study("simulator: {name: febio, executable: /bin/sh}")
+    for given in ("./evil.sh", str(tmp_path / "evil.sh")):
+        solver = simulator_of(read_study(path, solver=given), None, tmp_path / "attempts")
+        assert solver.executable == str(tmp_path / "evil.sh")
+    with pytest.raises(BadInput, match="--solver: 'gone' was not found"):
+        simulator_of(read_study(path, solver="gone"), None, tmp_path / "attempts")
+    plain = read_study(study(""), solver="./evil.sh")
+    assert simulator_of(plain, "febio", tmp_path / "attempts").executable == str(tmp_path / "evil.sh")
+
+
+def test_consent_holds_until_the_study_the_template_or_the_program_changes(study, tmp_path, monkeypatch, capsys):
+    path = study("simulator: {name: febio, executable: ./evil.sh, template: evil.feb.j2}")
+
+    def refused() -> bool:
+        try:
+            simulator_of(read_study(path), None, tmp_path / "attempts")
+        except BadInput as error:
+            assert "sinew trust" in str(error)
+            return True
+        return False
+
+    def changed(file: str, change: str) -> bool:
+        before = (tmp_path / file).read_text()
+        (tmp_path / file).write_text(before + change)
+        asked = refused()
+        (tmp_path / file).write_text(before)
+        return asked
+
+    assert refused()
+    assert ends(monkeypatch, "trust", path) == 0
+    assert capsys.readouterr().out == "allowed: simulator.executable: './evil.sh' would run on this machine\n"
+    assert not (tmp_path / "ran").exists(), "what is allowed need not run now"
+    assert not refused()
+    assert changed("study.yaml", "retries: 0\n")
+    assert changed("evil.sh", "# more\n")
+    assert changed("evil.feb.j2", "<!-- more -->\n")
+    assert not refused()
+    moved = tmp_path / "elsewhere"
+    moved.mkdir()
+    path = path.rename(moved / "study.yaml")
+    (tmp_path / "evil.feb.j2").rename(moved / "evil.feb.j2")
+    assert refused()
+
+
+def test_a_study_that_asks_for_nothing_is_told_so(study, monkeypatch, capsys):
+    path = study("")
+    assert ends(monkeypatch, "trust", path) == 0
+    assert capsys.readouterr().out == f"{path} asks for nothing that needs your consent\n"
+
+
+@pytest.mark.parametrize(
+    ("cluster", "words", "spec"),
+    [
+        ("{name: address, address: 'tcp://127.0.0.1:9'}", r"cluster\.address: work would be", Address("tcp://127.0.0.1:9")),
+        ("{name: local, workers: 2, tls: false}", r"cluster\.tls: false: any user of", Local(2, tls=False)),
+    ],
+)  # fmt: skip
+def test_schedulers_and_open_doors_need_consent(study, cluster, words, spec):
+    path = study(f"cluster: {cluster}")
+    with pytest.raises(BadInput, match=words):
+        cluster_of(read_study(path))
+    assert cluster_of(read_study(path), scheduler="tls://here:1") == Address("tls://here:1")
+    assert cluster_of(read_study(trusted(path))) == spec
+
+
+def test_a_scheduler_s_address_is_checked(study):
+    with pytest.raises(BadInput, match="--scheduler: 'http://x:1'; expected tls://HOST:PORT"):
+        cluster_of(read_study(study("")), scheduler="http://x:1")
+
+
+def test_consent_that_somebody_else_wrote_does_not_count(study, tmp_path):
+    request = Request(study(""), "field", "words", "instead")
+    folder = tmp_path / "state" / "sinew" / "trusted"
+    allow([request])
+    assert is_allowed(request)
+    kept = folder / request.key
+    assert folder.stat().st_mode & 0o077 == 0
+    kept.rename(tmp_path / "kept")
+    kept.symlink_to(tmp_path / "kept")
+    assert not is_allowed(request), "a link"
+    kept.unlink()
+    kept.mkdir()
+    assert not is_allowed(request), "a folder"
+    if os.geteuid() == 0:
+        kept.rmdir()
+        kept.write_text("")
+        os.chown(kept, 1, 1)
+        assert not is_allowed(request), "another user's"

@@ -1,0 +1,32 @@
+"""Folders of workers that were killed: gone before a run, and after it."""
+
+from pathlib import Path
+
+from sinew.runner.cluster.local import Local
+from sinew.tasks.study.study import read_study
+from sinew.tasks.study.workspace import open_workspace
+from tests.tasks.stand_in import prepare
+
+
+def test_folders_that_killed_workers_left_are_removed_before_a_run_and_after_it(tmp_path):
+    study, cohort, _ = prepare(tmp_path)
+    out = tmp_path / "out"
+    left = [out / "attempts" / "attempt-1" / "model.feb", out / ".workers" / "dask-scratch-space" / "global.lock"]
+    kept = out / "attempts" / "failed-crashed-2" / "failure.json"
+
+    def leave(paths: list[Path]) -> None:
+        for path in paths:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.touch()
+
+    def folders() -> set[str]:
+        return {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_dir()}
+
+    leave([*left, kept])
+    gone = {"attempts/attempt-1", ".workers", ".workers/dask-scratch-space"}
+    assert gone < folders()
+    with open_workspace(read_study(study), data=cohort, out=out, cluster=Local(1), quiet=True):
+        assert not gone & folders()
+        leave(left)
+    assert not gone & folders()
+    assert kept.exists()

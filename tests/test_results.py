@@ -1,0 +1,261 @@
+"""``import sinew``: results that print and plot, and open as the objects of the libraries that others work with."""
+
+import json
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
+
+import sinew
+from sinew.runner.errors import SinewError
+from sinew.runner.store.schema import STATUSES
+from sinew.tasks.model import Model
+from sinew.tasks.registry import TASKS
+from sinew.tasks.study.files import read_json, write_json
+from sinew.tasks.study.workspace import Workspace
+from tests.golden.study import FREE, make
+from tests.tasks.calibrations import calibration_of, fit_of
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of every task over two specimens of two sites."""
+    return make(tmp_path_factory.mktemp("notebook"))
+
+
+@pytest.fixture
+def results(folder: Path) -> sinew.Results:
+    return sinew.results(folder)
+
+
+@pytest.fixture(autouse=True)
+def no_figures_left_open():
+    yield
+    plt.close("all")
+
+
+def test_importing_the_package_imports_no_library():
+    code = "import sys, sinew; print(sorted({'numpy', 'pandas', 'distributed', 'matplotlib'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("name", sinew.__all__)
+def test_every_public_name_is_there_and_says_what_it_is(name):
+    assert getattr(sinew, name).__doc__
+    assert name in dir(sinew)
+
+
+def test_a_name_that_is_not_there():
+    with pytest.raises(AttributeError, match="no attribute 'sobols'"):
+        sinew.sobols  # noqa: B018
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_every_task_prints_and_plots(results, task):
+    one = getattr(results, task)
+    assert task in repr(one)
+    assert len(one.table)
+    html = one._repr_html_()
+    assert html.count("<table") == html.count("</table>") == 1
+    for name, each in one.plots.items():
+        if (task, name) == ("calibrate", "correlations"):
+            continue
+        figure = one.plot(name, each[-1] if each else None)
+        assert isinstance(figure, Figure)
+        figure.canvas.draw()
+    assert not plt.get_fignums(), "a notebook would show them twice"
+
+
+def test_results_tell_what_is_there(results):
+    assert results.finished == tuple(TASKS)
+    for words in (repr(results), results._repr_html_()):
+        assert "golden" in words
+        assert "largest total indices" in words
+        assert results.discover.content["verdict"] in words
+
+
+def test_tables_hold_the_numbers_of_the_files(results, folder):
+    told = json.loads((folder / "sobol.json").read_text())
+    assert results.sobol.table.loc[("total", "E_f"), "ST"] == told["ST"][0]
+    assert list(results.sobol.table.index.get_level_values("output").unique()) == ["total", *told["protocols"]]
+    csv = pd.read_csv(folder / "calibrate.csv", index_col="specimen").astype(float)
+    pd.testing.assert_frame_equal(results.calibrate.table[list(csv)].astype(float), csv, rtol=1e-5)
+    table3 = pd.read_csv(folder / "infer.csv", index_col="parameter")
+    assert results.infer.table.loc[("distal", "E_f"), "mean"] == pytest.approx(table3.loc["E_f", "distal_mean"], 1e-5)
+
+
+def test_what_is_missing_is_said(results, tmp_path):
+    with pytest.raises(SinewError, match="one of indices, convergence, time"):
+        results.sobol.plot("pie")
+    with pytest.raises(SinewError, match="of 'nobody'; expected one of distal/1, middle/1"):
+        results.sobol.plot("time", "nobody")
+    with pytest.raises(SinewError, match="expected nothing"):
+        results.sobol.plot("indices", "distal/1")
+    with pytest.raises(SinewError, match="holds no correlations"):
+        results.calibrate.plot("correlations")
+    with pytest.raises(SinewError, match="is not there"):
+        sinew.results(tmp_path / "nowhere")
+    with pytest.raises(SinewError, match="neither a store nor results"):
+        sinew.results(tmp_path)
+    for call in (results.arviz, results.abc_history):
+        with pytest.raises(SinewError, match=r"no posterior of '\.\./x'; expected one of distal, middle"):
+            call("../x")
+    with pytest.raises(SinewError, match="expected one of distal/1, middle/1"):
+        results.skopt_result("nobody")
+    with pytest.raises(SinewError, match="expected one of total, "):
+        results.salib_result("nothing")
+
+
+def test_an_unfinished_folder_opens(tmp_path):
+    write_json(tmp_path / "importance.json", {"names": ["E_f"]})
+    partial = sinew.results(tmp_path)
+    assert partial.finished == ("importance",)
+    with pytest.raises(SinewError, match=r"importance\.json: impurity_percent: missing; expected what this version's"):
+        partial.importance  # noqa: B018
+    with pytest.raises(SinewError, match=r"sobol\.json: is not there; expected a finished `sinew sobol`"):
+        partial.sobol  # noqa: B018
+
+
+def test_words_from_a_result_cannot_become_html(tmp_path):
+    evil = "<script>alert(1)</script>"
+    calibration_of({evil: fit_of({evil: 1.0}, site=evil, method=evil)}).write(tmp_path)
+    one = sinew.results(tmp_path)
+    assert "<script" not in one._repr_html_() + one.calibrate._repr_html_()
+    assert "&lt;script" in one.calibrate._repr_html_()
+
+
+def test_run_refuses_what_the_command_refuses(folder, tmp_path):
+    study = sinew.read_study(folder.parent / "study.yaml")
+    with pytest.raises(sinew.BadInput, match="some of sobol, importance"):
+        sinew.run(study, "sobols", out=tmp_path)
+    for task, before in {name: task.needs for name, task in TASKS.items() if task.needs}.items():
+        with pytest.raises(sinew.BadInput, match=f"`sinew {before}` on this study first"):
+            sinew.run(study, task, out=tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_running_again_evaluates_nothing(folder, monkeypatch):
+    monkeypatch.setattr(Workspace, "client", lambda self: pytest.fail("a cluster was started"))
+    before = (folder / "sobol.json").read_bytes()
+    again = sinew.run(
+        sinew.read_study(folder.parent / "study.yaml"), "sobol", "importance", out=str(folder), figures=True
+    )
+    assert again == sinew.results(folder)
+    assert before == (folder / "sobol.json").read_bytes()
+    assert {"sobol.png", "importance.png"} <= {path.name for path in again.figures}
+
+
+# ---- other libraries
+
+
+def test_the_store_opens_in_xarray(results, folder):
+    tree = results.xarray()
+    assert tree["sobol"]["ST"].sel(output="total", parameter="E_f").item() == results.sobol.content["ST"][0]
+    tables = [name for name in tree["evaluations"].children if name.startswith("distal-1")]
+    one = xr.open_zarr(folder / "store.zarr", group=f"evaluations/{tables[0]}", consolidated=False)
+    assert one["force_cyclic"].attrs["units"] == "N"
+
+
+def test_salib_analyses_the_sample_and_finds_the_indices(results):
+    from SALib import ProblemSpec
+    from SALib.analyze import sobol
+
+    problem = results.salib_problem()
+    assert problem["names"] == list(FREE)
+    by_name = {parameter.name: parameter for parameter in Model().parameters}
+    assert problem["bounds"] == [[by_name[name].minimum, by_name[name].maximum] for name in FREE]
+    x, y = results.salib_samples("distal/1")
+    assert x.shape == (16 * 5, 3)
+    found = sobol.analyze(problem, y, calc_second_order=False, num_resamples=20, seed=1)
+    stored = results.sobol.content["specimens"]["distal/1"]
+    assert np.allclose(found["S1"], stored["S1"])
+    assert np.allclose(found["ST"], stored["ST"])
+    spec = ProblemSpec(problem).set_samples(x).set_results(y)
+    assert np.allclose(spec.analyze_sobol(calc_second_order=False, num_resamples=20).analysis["ST"], stored["ST"])
+
+
+def test_salib_results_plot_themselves(results):
+    for output in ("total", "cyclic"):
+        found = results.salib_result(output)
+        total, first = found.to_df()
+        assert list(total.index) == list(FREE)
+        assert np.allclose(first["S1"], results.sobol.table.loc[output, "S1"])
+        axes = found.plot()
+        assert len(axes) == 2
+
+
+def test_the_history_is_pyabcs_own(results):
+    import pyabc.visualization as visualization
+
+    history = results.abc_history("distal")
+    frame, weight = history.get_distribution(m=0)
+    kept = results.xarray()["infer/distal"]
+    assert np.array_equal(frame[list(FREE)].to_numpy(), kept["parameters"].values[-1])
+    assert weight.sum() == pytest.approx(1)
+    assert history.max_t == 1
+    visualization.plot_epsilons(history)
+    visualization.plot_kde_1d(frame, weight, x="E_f")
+
+
+def test_the_posterior_is_arvizs_own(results):
+    data = results.arviz("distal")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)
+        import arviz
+    told = arviz.summary(data, kind="stats")
+    for name in FREE:
+        assert told.loc[name, "mean"] == pytest.approx(results.infer.table.loc[("distal", name), "mean"], rel=0.05)
+
+
+def test_the_search_is_skopts_own(results, folder):
+    from skopt.plots import plot_convergence, plot_evaluations, plot_objective
+
+    found = results.skopt_result("distal/1")
+    totals = found.func_vals
+    assert len(found.x_iters) == totals.size == 12
+    assert found.fun == totals.min()
+    assert found.space.dimension_names == list(FREE)
+    assert all(
+        low <= value <= high for x in found.x_iters for value, (low, high) in zip(x, found.space.bounds, strict=True)
+    )
+    plot_convergence(found)
+    plot_evaluations(found)
+    told = read_json(folder / "calibrate.json")["specimens"]["distal/1"]["methods"]["bayesian"]
+    assert found.fun == pytest.approx(told["total_N"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a process that is fitted to few points
+        learned = results.skopt_result("distal/1", surrogate=True)
+    plot_objective(learned, n_points=5, n_samples=5)
+
+
+@pytest.mark.parametrize("format", ["csv", "parquet"])
+def test_tables_go_into_files_and_come_back(results, tmp_path, format):
+    paths = results.export(tmp_path / "tables", format)
+    assert {path.suffix for path in paths} == {f".{format}"}
+    assert {path.stem for path in paths} == set(results.tables())
+    read = {"csv": pd.read_csv, "parquet": pd.read_parquet}[format]
+    found = {path.stem: read(path) for path in paths}
+    particles = found["particles_distal"]
+    assert particles.groupby("generation")["weight"].sum().to_numpy() == pytest.approx(1)
+    assert np.allclose(particles["E_f"], results.particles("distal")["E_f"], rtol=1e-14)
+    name = next(name for name in found if name.startswith("samples_distal-1"))
+    samples = found[name]
+    assert set(samples["status"]) <= {"pending", *STATUSES}
+    protocols = [column for column in samples if column.startswith("rmse_")]
+    assert samples[protocols].sum(axis=1).to_numpy() == pytest.approx(samples["total_N"].to_numpy())
+    assert "E_f" in set(found["sobol"]["parameter"])
+
+
+def test_a_format_that_is_not_there(results, tmp_path):
+    with pytest.raises(SinewError, match="csv or parquet"):
+        results.export(tmp_path, "pickle")
+    with pytest.raises(SinewError, match="no evaluations 'x'"):
+        results.samples("x")
