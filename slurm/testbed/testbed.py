@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +21,8 @@ SEARCH_PATH = os.pathsep.join([os.environ.get("PATH", os.defpath), "/usr/sbin", 
 READY_SECONDS = 30
 PID_SECONDS = 5
 STOP_SECONDS = 3
+TRIES = 5  # with other ports: between the choice of a port and its use, another program may take it
+TAKEN = "Address already in use"
 LONGEST_ROOT = (
     60  # a step's socket is <root>/run/spool/n10/n10_123456.4294967291; a socket's path has at most 107 bytes
 )
@@ -88,12 +90,18 @@ def start(root: Path, nodes: int = 4, cpus: int = 2) -> Testbed:
         raise RuntimeError(f"there is a testbed in {root} already; stop it and use another folder")
     testbed = Testbed(root, nodes, cpus)
     try:
-        _configure(testbed)
+        _make_folders(testbed)
         _start_munge(testbed)
-        _daemon(testbed, "slurmctld", "-c")
-        for name in testbed.names:
-            _daemon(testbed, "slurmd", "-N", name)
-        _wait_until(testbed, lambda: _answers(testbed, "sinfo -h -p work -t idle -o %D") == str(nodes), testbed.names)
+        for ports_left in reversed(range(TRIES)):
+            _configure(testbed, _free_ports(nodes + 1))
+            try:
+                _start_slurm(testbed)
+                break
+            except RuntimeError as error:
+                if TAKEN not in str(error) or not ports_left:
+                    raise
+                for path in testbed.root.glob("slurm*.pid"):
+                    _kill(path)
     except BaseException:
         stop(testbed)
         raise
@@ -158,18 +166,23 @@ def restore_node(testbed: Testbed, node: str) -> None:
     _wait_until(testbed, lambda: _answers(testbed, f"sinfo -h -p work -n {node} -o %T") in usable, [node])
 
 
-def _configure(testbed: Testbed) -> None:
-    """Write slurm.conf and make the folders."""
-    root, host = testbed.root, socket.gethostname().split(".")[0]
+def _make_folders(testbed: Testbed) -> None:
+    """Make the folders that daemons need, and write what `load` reads."""
+    root = testbed.root
     if len(os.fsencode(root)) > LONGEST_ROOT:
         (root / "run").symlink_to(tempfile.mkdtemp(prefix="slurm-"))
     run = (root / "run").resolve()
     for folder in (run, root / "munge", root / "state", *(run / "spool" / name for name in testbed.names)):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    ports = _free_ports(testbed.nodes + 1)
-    user = pwd.getpwuid(os.geteuid()).pw_name
     (root / "jobcomp.log").touch()
     (root / "testbed.json").write_text(json.dumps({"nodes": testbed.nodes, "cpus": testbed.cpus}))
+    (root / "job_submit.lua").write_text((HERE / "job_submit.lua").read_text())
+
+
+def _configure(testbed: Testbed, ports: Sequence[int]) -> None:
+    """Write slurm.conf, with a port for the controller and one for each node."""
+    root, host = testbed.root, socket.gethostname().split(".")[0]
+    run, user = (root / "run").resolve(), pwd.getpwuid(os.geteuid()).pw_name
     nodes = [
         NODE.format(name=name, host=host, port=port, cpus=testbed.cpus)
         for name, port in zip(testbed.names, ports[1:], strict=True)
@@ -179,7 +192,15 @@ def _configure(testbed: Testbed) -> None:
     for key, value in {"host": host, "controller_port": ports[0], "user": user, "run": run, "root": root}.items():
         text = text.replace(f"{{{key}}}", str(value))
     testbed.configuration.write_text(text)
-    (root / "job_submit.lua").write_text((HERE / "job_submit.lua").read_text())
+
+
+def _start_slurm(testbed: Testbed) -> None:
+    """Start the controller and the nodes; returns when all nodes are idle."""
+    _daemon(testbed, "slurmctld", "-c")
+    for name in testbed.names:
+        _daemon(testbed, "slurmd", "-N", name)
+    idle = str(testbed.nodes)
+    _wait_until(testbed, lambda: _answers(testbed, "sinfo -h -p work -t idle -o %D") == idle, testbed.names)
 
 
 def _free_ports(count: int) -> list[int]:

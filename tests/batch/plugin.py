@@ -132,7 +132,10 @@ def _lives(testbed: Any, daemon: str) -> bool:
 def grid_engine_for_all(tmp_path_factory: pytest.TempPathFactory) -> Iterator[grid_engine.Testbed]:
     if missing := grid_engine.missing():
         pytest.skip(f"Grid Engine is not installed ({', '.join(missing)})")
-    testbed = grid_engine.start(tmp_path_factory.mktemp("grid-engine"))
+    try:
+        testbed = grid_engine.start(tmp_path_factory.mktemp("grid-engine"))
+    except RuntimeError:  # another program may have taken a port between its choice and its use
+        testbed = grid_engine.start(tmp_path_factory.mktemp("grid-engine"))
     try:
         yield testbed
     finally:
