@@ -20,6 +20,7 @@ def work_in_process(run: Run) -> None:
                 run.note(source, batch)
             except OSError as error:
                 raise store_error(error, batch) from error
+        run.commit()
     finally:
         for source in run.sources:
             del evaluations[source.key]

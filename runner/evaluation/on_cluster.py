@@ -65,6 +65,7 @@ class WorkOnCluster:
         if self.ending:
             raise self.run.walltime_reached()
         ask_for(self.client, 0)
+        self.run.commit()
         self._raise_for_given_up()
 
     @property

@@ -65,6 +65,11 @@ class Run:
             self.counts.failed += failed
             self.counts.show()
 
+    def commit(self) -> None:
+        """Commit what is complete: no batch is left."""
+        for source in self.sources:
+            source.commit()
+
     def sync(self) -> None:
         """Bring finished rows to the disk, in a thread of its own. A disk that cannot is noticed by who writes."""
         for source in list(self.sources):

@@ -28,6 +28,7 @@ class Source:
     first: int = 0
     left_in_chunk: dict[int, int] = field(default_factory=dict)
     finished: dict[int, dict[Path, Segment]] = field(default_factory=dict)
+    complete: int = 0  # chunks in ``finished`` with all their rows, which are not committed yet
     waiting: set[int] = field(default_factory=set)  # rows that a session has asked for and that have no outcome yet
     results: dict[int, RowResult] = field(default_factory=dict)
     known: dict[int, tuple[Array, dict[str, Array]]] = field(default_factory=dict)  # chunks read back
@@ -64,7 +65,7 @@ class Source:
     def note(self, batch: Batch) -> int:
         """Take in a batch whose segment is in the journal; returns how many of its rows failed.
 
-        The chunk is committed once it is complete.
+        Chunks are committed once they are complete, some at a time.
         """
         segment = Segment.read(batch.segment, whole=self.open)
         self.sizes.measured(float(segment.wall_seconds.mean()))
@@ -73,23 +74,28 @@ class Source:
         self.left_in_chunk[chunk] -= batch.rows.size
         if self.open:
             self._take_results(segment, batch.segment)
-        complete = self.left_in_chunk[chunk] == 0
-        if self.open:  # more rows of this chunk may come
-            complete = len(self.finished[chunk]) >= SEGMENTS_KEPT
-        if complete:  # a chunk is written once, or now and then while rows are added
-            self._fold(chunk)
+        if self.open:  # more rows of this chunk may come: it is written now and then
+            if len(self.finished[chunk]) >= SEGMENTS_KEPT:
+                self._fold([chunk])
+        elif self.left_in_chunk[chunk] == 0:
+            self.complete += 1
+            if self.complete >= self.table.fold_chunks:
+                self.commit()
         return int((segment.status > 0).sum())
 
     def close(self) -> None:
         """Commit what is complete; no session will ask for more rows."""
         self.open = False
-        for chunk in list(self.finished):
-            if self.left_in_chunk[chunk] == 0:
-                self._fold(chunk)
+        self.commit()
 
-    def _fold(self, chunk: int) -> None:
-        self.table.fold(self.finished.pop(chunk))
-        self.fresh = {row: path for row, path in self.fresh.items() if row // self.table.chunk_rows != chunk}
+    def commit(self) -> None:
+        """Commit the chunks that are complete: each is written once."""
+        self._fold([chunk for chunk in self.finished if self.left_in_chunk[chunk] == 0])
+        self.complete = 0
+
+    def _fold(self, chunks: list[int]) -> None:
+        self.table.fold({path: segment for chunk in chunks for path, segment in self.finished.pop(chunk).items()})
+        self.fresh = {row: path for row, path in self.fresh.items() if row // self.table.chunk_rows not in chunks}
 
     # ---- results for sessions
 

@@ -1,6 +1,6 @@
 """Rows of parameters: their hashes, their grouping by chunk, and the index that finds a known row by its content."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import pandas as pd
@@ -54,3 +54,14 @@ def by_chunk(rows: Array, chunk_rows: int) -> Iterator[Array]:
         order = np.argsort(rows // chunk_rows, kind="stable")
         cuts = np.flatnonzero(np.diff(rows[order] // chunk_rows)) + 1
         yield from np.split(order, cuts)
+
+
+def spans(numbers: Iterable[int], most: int) -> list[tuple[int, int]]:
+    """First and last of the runs of consecutive ``numbers``, which are sorted; a run has at most ``most``."""
+    found: list[tuple[int, int]] = []
+    for number in numbers:
+        if found and number == found[-1][1] + 1 and number - found[-1][0] < most:
+            found[-1] = (found[-1][0], number)
+        else:
+            found.append((number, number))
+    return found

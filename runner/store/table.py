@@ -2,6 +2,7 @@
 
 import json
 import logging
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -26,13 +27,15 @@ from sinew.runner.store.layout import (
 )
 from sinew.runner.store.planned import PlannedRows
 from sinew.runner.store.repair import without_numbers
-from sinew.runner.store.rows import RowIndex, by_chunk, hash_rows, slices
-from sinew.runner.store.schema import PENDING, Array
+from sinew.runner.store.rows import RowIndex, by_chunk, hash_rows, slices, spans
+from sinew.runner.store.schema import CHUNK_BYTES, PENDING, Array
 from sinew.runner.store.segment import Segment
 
 log = logging.getLogger("sinew")
 
-Part = tuple[Segment, Array, Array]  # rows of a segment: their positions in it, and in the chunk
+FOLD_CHUNKS = 8  # a call of Zarr and the synchronisation of a folder cost more than the bytes of a chunk
+
+Part = tuple[Segment, Array, Array]  # rows of a segment: their positions in it, and among those that are written
 
 
 class Table:
@@ -148,6 +151,13 @@ class Table:
         """The segments in the journal, which are not folded in yet."""
         return sorted(self.journal.glob("rows-*.safetensors")) if self.journal.is_dir() else []
 
+    @property
+    def fold_chunks(self) -> int:
+        """How many chunks are written together: at most as many as take the memory of the largest one."""
+        chunks = (self._array(name) for name in self.fields)
+        largest = max((8 * math.prod(array.chunks) for array in chunks), default=1)
+        return max(1, min(FOLD_CHUNKS, CHUNK_BYTES // largest))
+
     def finished(self) -> int:
         """The number of rows with a committed outcome."""
         return int((self.status != PENDING).sum())
@@ -168,8 +178,8 @@ class Table:
             if int(segment.rows.max()) >= len(self):
                 raise StoreError(f"{path}: holds rows that were never planned; delete it, its rows are computed again")
         touched = {int(chunk) for _, segment in segments for chunk in np.unique(segment.rows // self.chunk_rows)}
-        for chunk in sorted(touched):
-            self._write_chunk(chunk, [segment for _, segment in segments])
+        for first, last in spans(sorted(touched), self.fold_chunks):
+            self._write_chunks(first, last, [segment for _, segment in segments])
         with store_errors(self._path("status")):
             sync_names(self.group)
         for path, _ in segments:
@@ -197,9 +207,9 @@ class Table:
                 path.unlink()
                 log.warning("segment", extra={"error": f"{path}: its rows were not planned; they are computed again"})
 
-    def _write_chunk(self, chunk: int, segments: list[Segment]) -> None:
-        start = chunk * self.chunk_rows
-        stop = min(start + self.chunk_rows, len(self))
+    def _write_chunks(self, first: int, last: int, segments: list[Segment]) -> None:
+        """Write the rows of ``segments`` in the chunks from ``first`` to ``last``: the columns, then the status."""
+        start, stop = first * self.chunk_rows, min((last + 1) * self.chunk_rows, len(self))
         status = self.status[start:stop].copy()
         parts: list[Part] = []
         for segment in segments:
@@ -218,7 +228,7 @@ class Table:
             with store_errors(self._path(name)):
                 array = self._array(name)
                 held = np.asarray(array[start:stop]) if had_some else None
-                array[start:stop] = _column_of_a_chunk(array, name, stop - start, held, parts)
+                array[start:stop] = _column(array, name, stop - start, held, parts)
         with store_errors(self._path("status")):
             sync_names(self.group)  # a row has its numbers before it has a status
             self._array("status")[start:stop] = status
@@ -369,12 +379,12 @@ class Table:
             sync_names(self.group)
 
 
-def _column_of_a_chunk(array: zarr.Array[Any], name: str, size: int, held: Array | None, parts: list[Part]) -> Array:
-    """The column ``name`` of a chunk of ``size`` rows: what the store ``held``, or nothing, and ``parts``."""
+def _column(array: zarr.Array[Any], name: str, size: int, held: Array | None, parts: list[Part]) -> Array:
+    """The column ``name`` of ``size`` rows: what the store ``held``, or nothing, and ``parts``."""
     columns = [segment.column(name, inside) for segment, inside, _ in parts]
     ascend = [(np.diff(rows) == 1).all() for _, _, rows in parts]
     if held is None and ascend[0] and np.shape(columns[0])[:1] == (size,):
-        return np.asarray(columns[0])  # these are the whole chunk
+        return np.asarray(columns[0])  # these are all
     block = np.full((size, *array.shape[1:]), array.fill_value, dtype=array.dtype) if held is None else held
     for (_, _, rows), column, together in zip(parts, columns, ascend, strict=True):
         block[slice(rows[0], rows[-1] + 1) if together else rows] = column

@@ -80,15 +80,28 @@ def test_the_size_of_a_batch_is_limited_by_the_chunk_and_shared(source, table):
     assert source.batch_size(1, 0.5, 40, 0) == 4, "many wait"
 
 
-def test_a_chunk_is_committed_when_it_is_complete(source, table):
-    source.put(table.plan(some(20)))
-    assert finish(source, 10) == 0
-    assert (table.finished(), table.waiting()) == (0, 10)
+def test_chunks_are_committed_together_once_they_are_complete(source, table, monkeypatch):
+    monkeypatch.setattr("sinew.runner.store.table.FOLD_CHUNKS", 2)
+    source.put(table.plan(some(60)))
+    seen = []
+    for _ in range(4):
+        assert finish(source, 10) == 0
+        seen.append((table.finished(), table.waiting()))
+    assert seen == [(0, 10), (0, 16), (0, 26), (32, 0)], "two chunks of 16 rows, the second in two batches"
+    for _ in range(3):
+        finish(source, 10)
+    assert (table.finished(), table.waiting(), len(source.finished)) == (32, 26, 2)
     finish(source, 10)
-    assert (table.finished(), table.waiting()) == (16, 0)
-    finish(source, 10)
-    assert (table.finished(), table.waiting()) == (20, 0)
-    assert source.finished == {}
+    assert (table.finished(), table.waiting(), len(source.finished)) == (60, 0, 0)
+
+
+def test_what_is_complete_at_the_end_is_committed_and_nothing_else(source, table):
+    source.put(table.plan(some(40)))
+    for _ in range(3):
+        finish(source, 10)
+    source.commit()
+    assert (table.finished(), table.waiting()) == (16, 10)
+    assert list(source.finished) == [1]
     assert len(source.sizes.slowest) == 3
 
 

@@ -1,8 +1,10 @@
 """Hashes of rows, their grouping by chunk, and the index of known rows."""
 
+import hypothesis.strategies as st
 import numpy as np
+from hypothesis import given
 
-from sinew.runner.store.rows import RowIndex, by_chunk, hash_rows, slices
+from sinew.runner.store.rows import RowIndex, by_chunk, hash_rows, slices, spans
 from tests.runner.stores import some
 
 
@@ -41,3 +43,12 @@ def test_positions_are_grouped_by_the_chunk_of_their_row():
     rows = np.array([9, 0, 5, 1, 4, 8])
     assert [rows[block].tolist() for block in by_chunk(rows, 4)] == [[0, 1], [5, 4], [9, 8]]
     assert list(by_chunk(np.array([], dtype=np.int64), 4)) == []
+
+
+@given(st.sets(st.integers(0, 40)), st.integers(1, 5))
+def test_spans_are_runs_of_consecutive_numbers_of_limited_length(numbers, most):
+    found = spans(sorted(numbers), most)
+    assert [n for first, last in found for n in range(first, last + 1)] == sorted(numbers)
+    lengths = [last - first + 1 for first, last in found]
+    assert all(length == most or last + 1 not in numbers for length, (_, last) in zip(lengths, found, strict=True))
+    assert max(lengths, default=0) <= most

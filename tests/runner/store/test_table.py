@@ -233,6 +233,30 @@ def test_a_committed_row_stays_as_it_is(tmp_path, together):
         assert table.read("worker", rows).tolist() == ["worker 1", "worker 1", "worker 2"]
 
 
+@pytest.mark.parametrize("most", [2, 8])
+def test_chunks_written_together_have_the_bytes_of_chunks_written_apart(tmp_path, monkeypatch, most):
+    monkeypatch.setattr("sinew.runner.store.schema.CHUNK_ROWS", 16)
+    batches = [range(16, 32), range(8), range(32, 60), range(100, 116), [9, 8, 70], range(12, 18)]
+    found = []
+    for together in (1, most):
+        monkeypatch.setattr("sinew.runner.store.table.FOLD_CHUNKS", together)
+        with Store.writing(tmp_path / str(together), "study") as store:
+            table = store.table(table_spec())
+            table.plan(some(120))
+            table.journal.mkdir()
+            paths = [table.journal / f"rows-00000000{i}-0-00002.safetensors" for i in range(len(batches))]
+            for i, (rows, path) in enumerate(zip(batches, paths, strict=True)):
+                outcomes(list(rows), float(i)).write(path)
+            table.fold(paths[:4])
+            table.fold(paths[4:])
+            assert not table.segments()
+            assert table.read("objective", np.array([5, 8, 9, 17, 59, 60, 70, 115]))[:, 0].tolist() == pytest.approx(
+                [1.0, 4.0, 4.0, 0.0, 2.0, np.nan, 4.0, 3.0], nan_ok=True
+            )
+        found.append(contents(tmp_path / str(together) / "store.zarr"))
+    assert found[0] == found[1]
+
+
 def test_two_parameter_sets_with_one_hash_are_reported(tmp_path, monkeypatch):
     monkeypatch.setattr("sinew.runner.store.table.hash_rows", lambda p, _: np.ones(len(p), dtype=np.uint64))
     with Store.writing(tmp_path, "study") as store:
