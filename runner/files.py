@@ -14,6 +14,8 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput
 
+PIECE = 2**20  # bytes that are read at once of a file that does not say its size
+
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a named pipe",
@@ -67,12 +69,15 @@ def read_regular(path: Path, max_bytes: int, *, last: int | None = None, follow:
             return file.read(last)
         if status.st_size > max_bytes:
             raise TooLarge(status.st_size, max_bytes)
-        content = file.read(max_bytes + 1)
-    if content is None:  # such as /proc/kmsg
-        raise NotReadable("a file that has nothing to read now")
-    if len(content) > max_bytes:  # it grew, or its size is not known before it is read, as in /proc
+        pieces, left, size = [], max_bytes + 1, status.st_size + 1  # as many bytes as are asked for take memory
+        while left and (piece := file.read(min(size, left))) != b"":
+            if piece is None:  # such as /proc/kmsg
+                raise NotReadable("a file that has nothing to read now")
+            pieces.append(piece)
+            left, size = left - len(piece), PIECE
+    if not left:  # it grew, or its size is not known before it is read, as in /proc
         raise NotReadable(f"a file of more than {max_bytes:,} bytes")
-    return content
+    return b"".join(pieces)
 
 
 def own_folder(folder: Path) -> Path:

@@ -78,13 +78,12 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         )
     numbers, rows = _numbers(table, columns)
     values = _sizes(table, columns, numbers[:rows])
-    doubts = _doubts(table, columns, values)
-    for name in doubts:
-        values[name] = None
     given = {"length": reading.length_mm, "area": reading.area_mm2}
     values |= {name: size for name, size in given.items() if size is not None}
-    doubts = {name: question for name, question in doubts.items() if values[name] is None}
-    questions = (*problems, *_times(table, numbers[:rows, 0]), *doubts.values(), *_missing(values, columns))
+    doubt = _doubt(table, columns, values["length"]) if reading.length_mm is None else ""
+    if doubt:
+        values["length"] = None
+    questions = (*problems, *_times(table, numbers[:rows, 0]), *_missing(values, columns, doubt))
     first = [float(number) if rows and np.isfinite(number) else None for number in numbers[0]]
     load = numbers[:rows, 2]
     peak = float(load[np.nanargmax(np.abs(load))]) if np.isfinite(load).any() else None
@@ -149,25 +148,23 @@ def _length_beside(table: Table, displacement: np.ndarray[Any, Any]) -> float | 
     return float(at_rest[0]) if same else None
 
 
-def _doubts(table: Table, columns: Sequence[Column | None], values: dict[str, float | None]) -> dict[str, str]:
-    """Sizes that contradict the numbers: strains times the length are the displacements."""
-    motion, length = columns[1], values["length"]
-    if motion is None or motion.quantity in (STRAIN, POSITION, LENGTH) or length is None:
-        return {}
+def _doubt(table: Table, columns: Sequence[Column | None], length_mm: float | None) -> str:
+    """The question for a length that contradicts the numbers, or nothing: it is displacement over strain."""
+    motion = columns[1]
+    if motion is None or motion.quantity in (STRAIN, POSITION, LENGTH) or length_mm is None:
+        return ""
     strains = partly(table, Hints(), only=STRAIN)[0][1]
     if strains is None:
-        return {}
+        return ""
     both = np.column_stack([_column(table, motion), _column(table, strains)])
     both = both[np.isfinite(both).all(axis=1)]
     large = both[np.abs(both[:, 1]) > 0.5 * np.abs(both[:, 1]).max()] if both.size else both
     if not large.size or not np.abs(large[:, 1]).max():
-        return {}
+        return ""
     implied = float(np.median(large[:, 0] / large[:, 1]))
-    if abs(implied - length) <= NEAR * length:
-        return {}
-    return {
-        "length": f"length: {length:g} mm in the lines above, but {implied:.4g} mm by '{strains.title}'; --length-mm"
-    }
+    if abs(implied - length_mm) <= NEAR * length_mm:
+        return ""
+    return f"length: {length_mm:g} mm in the lines above, but {implied:.4g} mm by '{strains.title}'; --length-mm"
 
 
 def _times(table: Table, time_s: np.ndarray[Any, Any]) -> Iterable[str]:
@@ -179,9 +176,9 @@ def _times(table: Table, time_s: np.ndarray[Any, Any]) -> Iterable[str]:
         yield "time: the same in all rows; --time-column"
 
 
-def _missing(values: dict[str, float | None], columns: Sequence[Column | None]) -> Iterable[str]:
+def _missing(values: dict[str, float | None], columns: Sequence[Column | None], doubt: str) -> Iterable[str]:
     if values["length"] is None:
-        yield "length: the file does not tell it; --length-mm"
+        yield doubt or "length: the file does not tell it; --length-mm"
     load = columns[2]
     if values["area"] is None and (load is None or load.quantity is not STRESS):
         yield "cross-section: the file does not tell it; --area-mm2"

@@ -37,9 +37,10 @@ _OTHER_UNIT = re.compile(r"[(\[][^)\]]*[)\]]")  # a label with its unit is read 
 
 @dataclass(frozen=True)
 class Size:
-    """A size as a file tells it. ``mm`` is None where its number or unit makes no sense; ``text`` is what is written.
+    """A size as a file tells it. ``text`` is what is written.
 
-    ``has_unit``: False where there is a number but no unit; ``mm`` takes it for millimetres then.
+    ``mm``: the size in mm, a cross-section in mm2; None where its number or unit makes no sense. ``has_unit``: False
+    where there is a number but no unit; ``mm`` takes it for millimetres then.
     """
 
     mm: float | None
@@ -118,13 +119,8 @@ def _read(row: Row) -> tuple[str, Size] | None:
         return None
     for text in (line, start) if len(line) < _LONGEST_LINE else (start,):
         if found := _SIZE.fullmatch(text):
-            unit = found["unit"] or found["behind"]
-            factor = units.factor(units.LENGTH, unit) if unit else 1.0
-            value = float(found["value"].replace(",", ".")) * (factor or math.nan)
-            size = Size(
-                value if 0 < value < LONGEST_MM else None, unit is not None, f"{found['value']} {unit or ''}".strip()
-            )
-            return _name(found["what"]), size
+            name = _name(found["what"])
+            return name, _size(name, found["value"], found["unit"] or found["behind"] or "")
     if found := _CELL.fullmatch(_joined(row[:1])):
         return _name(found["what"]), Size(None, False, _joined(row[1:3]))
     return None

@@ -2,9 +2,12 @@
 
 import os
 import socket
+import tracemalloc
+from pathlib import Path
 
 import pytest
 
+from sinew.runner import files
 from sinew.runner.files import NotReadable, own_folder, read_regular, strange_entry, temporary_folder
 
 
@@ -55,6 +58,23 @@ def test_the_size_is_bounded(tmp_path):
         read_regular(tmp_path / "file", 6)
     with pytest.raises(NotReadable, match="more than 3 bytes"):  # its size is said to be 0
         read_regular(tmp_path.joinpath("/proc/self/status"), 3)
+
+
+def test_a_file_that_does_not_say_its_size_is_read_within_the_bound(monkeypatch):
+    monkeypatch.setattr(files, "PIECE", 16)
+    content = Path("/proc/self/limits").read_bytes()
+    assert read_regular(Path("/proc/self/limits"), len(content)) == content
+    with pytest.raises(NotReadable, match=f"more than {len(content) - 1:,} bytes"):
+        read_regular(Path("/proc/self/limits"), len(content) - 1)
+
+
+def test_a_large_bound_takes_no_memory(tmp_path):
+    (tmp_path / "a").write_text("short")
+    tracemalloc.start()
+    assert read_regular(tmp_path / "a", 2**30) == b"short"
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 2**22
 
 
 def test_the_end_of_a_large_file_can_be_read(tmp_path):

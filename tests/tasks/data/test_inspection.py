@@ -74,7 +74,9 @@ def test_a_length_that_contradicts_the_strains_is_asked_for(tmp_path):
     assert taken(tmp_path, "Length,80,mm\n" + table)["length_mm"] == 80.0
     found = taken(tmp_path, "Length,832,mm\n" + table)
     assert found["length_mm"] is None
-    assert found["ask"][0] == "length: 832 mm in the lines above, but 80 mm by 'Strain (%)'; --length-mm"
+    assert [question for question in found["ask"] if question.startswith("length")] == [
+        "length: 832 mm in the lines above, but 80 mm by 'Strain (%)'; --length-mm"
+    ]
 
 
 def test_a_column_of_current_lengths_tells_the_gauge_length(tmp_path):
@@ -95,13 +97,13 @@ def test_a_cell_without_a_number_is_null(tmp_path):
 
 def test_many_tables_take_no_memory_of_the_square_of_their_number(tmp_path):
     path = tmp_path / "a.csv"
-    path.write_text("".join(f"a{i},b{i},c{i}\n0,1,0\n1,2,1\n2,3,2\n" for i in range(3000)))
+    path.write_text("".join(f"a{i},b{i},c{i}\n0,1,0\n1,2,1\n2,3,2\n" for i in range(1000)))
     tracemalloc.start()
     with pytest.raises(BadInput):
         inspect(path)
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert most < 100 * 2**20
+    assert most < 10 * 2**20
 
 
 def test_what_is_no_test_is_refused(tmp_path):
