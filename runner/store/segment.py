@@ -3,13 +3,13 @@
 import errno
 import json
 import os
-import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import google_crc32c
 import numpy as np
 import safetensors.numpy
 from safetensors import SafetensorError, safe_open
@@ -58,9 +58,8 @@ class Segment:
             checksums = _checksums(metadata)
             if checksums and set(checksums) != {"", *file.keys()}:
                 raise ValueError("its arrays have other names than its checksums")
-            values: Mapping[str, Array] = _LazyValues(path, tuple(names), checksums)
-            if whole:
-                values = {name: _checked(file, f"value:{name}", checksums) for name in names}
+            lazy = _LazyValues(path, tuple(names), checksums)
+            values = lazy.read() if whole else lazy
             own = {name: _checked(file, name, checksums) for name in OWN}
             messages, worker = json.loads(metadata["messages"]), metadata["worker"]
             segment = Segment(
@@ -68,6 +67,10 @@ class Segment:
             )
             _check_ranges(segment, {name: file.get_slice(f"value:{name}").get_shape() for name in names})
             return segment
+
+    def loaded(self) -> "Segment":
+        """The same segment with its values in memory: they are read together, not one after the other."""
+        return replace(self, values=self.values.read() if isinstance(self.values, _LazyValues) else self.values)
 
     def column(self, name: str, inside: Array) -> Any:
         """The table's column ``name`` at the positions ``inside`` of this segment."""
@@ -97,6 +100,11 @@ class _LazyValues(Mapping[str, Array]):
             raise KeyError(name)
         with _segment_errors(self.path), safe_open(self.path, framework="numpy") as file:
             return _checked(file, f"value:{name}", self.checksums)
+
+    def read(self) -> dict[str, Array]:
+        """All values."""
+        with _segment_errors(self.path), safe_open(self.path, framework="numpy") as file:
+            return {name: _checked(file, f"value:{name}", self.checksums) for name in self.names}
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.names)
@@ -139,11 +147,11 @@ def _checked(file: Any, name: str, checksums: Mapping[str, int]) -> Array:
 
 
 def _checksum(array: Array) -> int:
-    return zlib.crc32(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
+    return int(google_crc32c.value(np.ascontiguousarray(array).reshape(-1).view(np.uint8)))
 
 
 def _checksum_of_words(metadata: Mapping[str, str]) -> int:
-    return zlib.crc32(json.dumps(metadata, sort_keys=True).encode())
+    return int(google_crc32c.value(json.dumps(metadata, sort_keys=True).encode()))
 
 
 @contextmanager

@@ -33,7 +33,9 @@ from sinew.runner.store.segment import Segment
 
 log = logging.getLogger("sinew")
 
-FOLD_CHUNKS = 8  # a call of Zarr and the synchronisation of a folder cost more than the bytes of a chunk
+FOLD_CHUNKS = 4  # a call of Zarr and the synchronisation of a folder cost more than the bytes of a chunk
+
+LOADED_BYTES = 2 * CHUNK_BYTES  # of chunks whose segments are read as a whole, not one column after the other
 
 Part = tuple[Segment, Array, Array]  # rows of a segment: their positions in it, and among those that are written
 
@@ -154,9 +156,12 @@ class Table:
     @property
     def fold_chunks(self) -> int:
         """How many chunks are written together: at most as many as take the memory of the largest one."""
-        chunks = (self._array(name) for name in self.fields)
-        largest = max((8 * math.prod(array.chunks) for array in chunks), default=1)
+        largest = max((8 * math.prod(self._array(name).chunks) for name in self.fields), default=1)
         return max(1, min(FOLD_CHUNKS, CHUNK_BYTES // largest))
+
+    @property
+    def _row_bytes(self) -> int:
+        return sum(8 * math.prod(self._array(name).shape[1:]) for name in self.fields)
 
     def finished(self) -> int:
         """The number of rows with a committed outcome."""
@@ -220,6 +225,8 @@ class Table:
                 status[parts[-1][2]] = segment.status[inside]
         if not parts:
             return
+        if self._row_bytes * (stop - start) <= LOADED_BYTES:
+            parts = [(segment.loaded(), inside, rows) for segment, inside, rows in parts]
         had_some = bool((self.status[start:stop] != PENDING).any())
         names = [*self.fields, "attempts", "wall_seconds", "worker"]
         if had_some or any(segment.messages for segment, _, _ in parts):
