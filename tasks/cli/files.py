@@ -43,6 +43,7 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
 @click.option("--length-mm", type=float, help="Gauge length, where files do not say.")
 @click.option("--width-mm", type=float, help="Width, where files do not say.")
 @click.option("--thickness-mm", type=float, help="Thickness, where files do not say.")
+@click.option("--override", is_flag=True, help="Use these sizes also where files tell other ones.")
 @_column_options
 @click.option("--json", "as_json", is_flag=True, help="What was made, as a JSON object.")
 def init(
@@ -51,6 +52,7 @@ def init(
     length_mm: float | None,
     width_mm: float | None,
     thickness_mm: float | None,
+    override: bool,
     as_json: bool,
     **hints: str | None,
 ) -> None:
@@ -61,11 +63,11 @@ def init(
     given, never guessed. On a terminal, the command asks for what no file tells.
     """
     from sinew.tasks.data.columns import Hints
-    from sinew.tasks.data.init import Sizes
     from sinew.tasks.data.init import init as make
+    from sinew.tasks.data.specimen_sizes import Sizes
 
     asks = sys.stdin.isatty() and sys.stdout.isatty() and not as_json
-    sizes = Sizes(length_mm, width_mm, thickness_mm)
+    sizes = Sizes(length_mm, width_mm, thickness_mm, override)
     made = make(files, out, hints=Hints(**hints), sizes=sizes, ask=_ask if asks else None)
     if as_json:
         fill_in = [str(path) for path in made.to_fill_in]

@@ -10,38 +10,29 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sinew.runner.errors import BadInput, shown
-from sinew.tasks.data.cohort import GEOMETRY, Cohort, read_cohort, refuse_duplicates, write_cohort
-from sinew.tasks.data.columns import LENGTH, LIKELY, STRAIN, STRESS, STRETCH, Hints, UnknownUnit
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, write_cohort
+from sinew.tasks.data.columns import LENGTH, STRAIN, STRESS, STRETCH, Hints, UnknownUnit
 from sinew.tasks.data.names import FileName, names_of
-from sinew.tasks.data.new_study import NewSpecimen, ReadFile, describe, leave_open, write_study
+from sinew.tasks.data.new_study import (
+    LeftOut,
+    NewSpecimen,
+    ReadFile,
+    describe,
+    describe_left_out,
+    leave_open,
+    write_study,
+)
 from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recording, remarks
 from sinew.tasks.data.sheets import SUFFIXES
-from sinew.tasks.data.sizes import LONGEST_MM, SIZES, square_side
+from sinew.tasks.data.sizes import SIZES
+from sinew.tasks.data.specimen_sizes import Ask, Known, Sizes, ask_for_sizes, known_sizes
+from sinew.tasks.data.tables import NoTable
 from sinew.tasks.model import Specimen
 from sinew.tasks.study.workspace import check_folder
 
 TABLES = {".csv", ".txt", ".tsv", ".dat", ".asc", ".tra", *SUFFIXES}
 MOST_FILES, DEEPEST = 10_000, 4
-
-#: Asks a person for one answer (question, choices or none). Not given where nobody can answer.
-Ask = Callable[[str, Sequence[str]], str]
-
-
-@dataclass(frozen=True)
-class Sizes:
-    """Gauge length, width and thickness (mm) of all specimens. None: each file's own, or to be filled in."""
-
-    length_mm: float | None = None
-    width_mm: float | None = None
-    thickness_mm: float | None = None
-
-    def __post_init__(self) -> None:
-        """Raises :class:`BadInput` for a size that is impossible."""
-        for name in GEOMETRY:
-            value = getattr(self, name)
-            if value is not None and not 0 < value < LONGEST_MM:
-                raise BadInput(f"--{name.replace('_', '-')}", f"{value:g}", f"above 0 and below {LONGEST_MM:g} mm")
 
 
 @dataclass(frozen=True)
@@ -67,10 +58,9 @@ def init(
             raise BadInput(taken, "is there already", "a new folder for --out")
     if len(files) == 1 and (cohort := _ready_cohort(files[0])) is not None:
         return _study_of_cohort(cohort, out)
-    paths = list(find_tables(files))
-    recordings = read_all(paths, hints or Hints(), ask)
-    sizes = _ask_for_sizes(recordings, sizes or Sizes(), ask)
-    new = specimens_of(recordings, names_of(paths), sizes)
+    found = find_tables(files)
+    recordings, left_out = read_all(found, hints or Hints(), ask)
+    new = specimens_of(recordings, names_of([one.path for one in recordings]), sizes or Sizes(), ask)
     refuse_duplicates([one.specimen for one in new], {one.specimen.name: one.tests[0].path for one in new})
     out.mkdir(parents=True, exist_ok=True)
     write_cohort(out / "cohort", [one.specimen for one in new])
@@ -81,7 +71,7 @@ def init(
             leave_open(path, one.missing)
             to_fill_in.append(path)
     study = write_study(out, "cohort", [one.specimen for one in new])
-    return NewStudy(study, tuple(describe(new)), tuple(to_fill_in))
+    return NewStudy(study, (*describe(new), *describe_left_out(left_out)), tuple(to_fill_in))
 
 
 # ---- a cohort that is there already
@@ -107,27 +97,40 @@ def _study_of_cohort(cohort: Cohort, out: Path) -> NewStudy:
 # ---- which files
 
 
-def find_tables(files: Sequence[Path]) -> Iterator[Path]:
+@dataclass(frozen=True)
+class Files:
+    """Files with tables: those that a person ``named``, and those found in folders. ``left_out``: others, and why."""
+
+    named: tuple[Path, ...]
+    in_folders: tuple[Path, ...]
+    left_out: tuple[LeftOut, ...] = ()
+
+
+def find_tables(files: Sequence[Path]) -> Files:
     """The files, and those with tables in folders, each once. Raises :class:`BadInput` where there is none."""
     if not files:
         raise BadInput("init", "no files", "exported tests (CSV), or folders of them")
+    named: list[Path] = []
+    in_folders: list[Path] = []
+    left_out: list[LeftOut] = []
     seen: set[str] = set()
     for path in files:
         if not path.exists():
             raise BadInput(path, "is not there", "exported tests (CSV), or a folder of them")
-        found = list(_walk(path, _is_table)) if path.is_dir() else [path]
+        inside = list(_walk(path, Path.is_file)) if path.is_dir() else []
+        found = [one for one in inside if one.suffix.lower() in TABLES] if path.is_dir() else [path]
         if not found:
             raise BadInput(path, "holds no table", f"files ending in {', '.join(sorted(TABLES))}")
+        left_out += [
+            (one, f"{one.suffix or 'no ending'} is no ending of a table") for one in inside if one not in found
+        ]
         for one in found:
             if len(seen) >= MOST_FILES:
                 raise BadInput(path, f"more than {MOST_FILES:,} files", "the files of one study")
             if (real := os.path.realpath(one)) not in seen:
                 seen.add(real)
-                yield one
-
-
-def _is_table(path: Path) -> bool:
-    return path.suffix.lower() in TABLES and path.is_file()
+                (in_folders if path.is_dir() else named).append(one)
+    return Files(tuple(named), tuple(in_folders), tuple(left_out))
 
 
 def _walk(folder: Path, wanted: Callable[[Path], bool], depth: int = DEEPEST) -> Iterator[Path]:
@@ -145,87 +148,62 @@ def _walk(folder: Path, wanted: Callable[[Path], bool], depth: int = DEEPEST) ->
             yield child
 
 
-def read_all(paths: Sequence[Path], hints: Hints, ask: Ask | None = None) -> list[Recording]:
-    """Every file. A unit that one does not tell is asked for once, and holds for all files that do not tell it."""
+def read_all(files: Files, hints: Hints, ask: Ask | None = None) -> tuple[list[Recording], list[LeftOut]]:
+    """Every file, and what is left out: files found in folders without a table of numbers, such as notes.
+
+    A unit that a file does not tell is asked for once, and holds for all files that do not tell it.
+    """
     recordings: list[Recording] = []
-    for path in paths:
+    left_out = list(files.left_out)
+    for path in (*files.named, *files.in_folders):
         while True:
             try:
                 recordings.append(read_recording(path, hints))
-                break
             except UnknownUnit as unknown:
                 if ask is None:
                     raise
                 question = f"{unknown.quantity} in {path.name}: which unit? (for all files that do not say)"
                 hints = hints.answered(unknown.option, ask(question, unknown.choices))
-    return recordings
-
-
-# ---- sizes
-
-
-def _ask_for_sizes(recordings: Sequence[Recording], sizes: Sizes, ask: Ask | None) -> Sizes:
-    if ask is None:
-        return sizes
-    known = {name: getattr(sizes, name) for name in GEOMETRY}
-    for name in SIZES:
-        if known[f"{name}_mm"] is None and any(size_of(recording, name) is None for recording in recordings):
-            answer = ask(f"{name} of the specimens in mm? (empty: fill it in later)", ())
-            try:
-                known[f"{name}_mm"] = float(answer.replace(",", ".")) if answer.strip() else None
-            except ValueError:
-                raise BadInput(f"--{name}-mm", shown(answer), "a number of millimetres") from None
-    return Sizes(**known)
-
-
-def size_of(recording: Recording, name: str) -> float | None:
-    """A size (mm) that the file tells with its unit. A diameter is that of a bar with a square of equal area."""
-    diameter = recording.sizes.get("diameter")
-    if name != "length" and diameter is not None and diameter.mm is not None and diameter.has_unit:
-        return square_side(diameter.mm)
-    size = recording.sizes.get(name)
-    return size.mm if size is not None and size.has_unit else None
+                continue
+            except NoTable as none:
+                if path in files.named:
+                    raise
+                left_out.append((path, none.problem))
+            break
+    if not recordings:
+        path, problem = left_out[-1]
+        raise BadInput(path, problem, "at least one file with a table of numbers")
+    return recordings, left_out
 
 
 # ---- specimens
 
 
-def specimens_of(recordings: Sequence[Recording], names: Mapping[Path, FileName], sizes: Sizes) -> list[NewSpecimen]:
-    """Recordings grouped by specimen. ``sizes`` go before those of files. Raises :class:`BadInput`."""
+def specimens_of(
+    recordings: Sequence[Recording], names: Mapping[Path, FileName], sizes: Sizes, ask: Ask | None = None
+) -> list[NewSpecimen]:
+    """Recordings grouped by specimen, with their sizes. Raises :class:`BadInput`."""
     grouped: dict[str, list[ReadFile]] = {}
     for recording in recordings:
         name = names[recording.path]
         grouped.setdefault(name.specimen, []).append(ReadFile(recording, name))
-    return [_specimen(name, tests, sizes) for name, tests in sorted(grouped.items())]
+    tests = dict(sorted(grouped.items()))
+    known = {name: known_sizes(name, [one.recording for one in each], sizes) for name, each in tests.items()}
+    if ask is not None:
+        known = ask_for_sizes(known, ask)
+    return [_specimen(name, each, known[name]) for name, each in tests.items()]
 
 
-def _specimen(name: str, tests: Sequence[ReadFile], sizes: Sizes) -> NewSpecimen:
-    known = {size: _common_size(name, tests, size, getattr(sizes, f"{size}_mm")) for size in SIZES}
-    notes: list[str] = []
-    if known["length"] is None and all(test.recording.motion.quantity is LENGTH for test in tests):
-        known["length"] = float(tests[0].recording.numbers[0, 1])
-        notes.append(f"gauge length {known['length']:g} mm, {LIKELY}: the length in the first row")
+def _specimen(name: str, tests: Sequence[ReadFile], known: Known) -> NewSpecimen:
+    notes = list(known.notes)
     for test in tests:
-        _check_sizes(test.recording, known)
+        _check_sizes(test.recording, known.mm)
         notes += [f"{test.path.name}: {remark}" for remark in remarks(test.recording)]
-    length, width, thickness = known["length"] or math.inf, known["width"] or 1.0, known["thickness"] or 1.0
-    bar = Bar(length, width, thickness)
+    length, width, thickness = (known.mm[size] for size in SIZES)
+    bar = Bar(length or math.inf, width or 1.0, thickness or 1.0)
     curves = tuple(curve_of(test.recording, bar, test.name.protocol) for test in tests)
-    specimen = Specimen(name, known["length"] or 1.0, width, thickness, curves)
-    return NewSpecimen(specimen, tuple(tests), tuple(size for size in SIZES if known[size] is None), tuple(notes))
-
-
-def _common_size(name: str, tests: Sequence[ReadFile], size: str, given: float | None) -> float | None:
-    """A size of a specimen: the one ``given``, or that of its files. Raises :class:`BadInput` if these disagree."""
-    values: dict[float, Path] = {}
-    for test in tests:
-        if (value := size_of(test.recording, size)) is not None:
-            values.setdefault(value, test.path)
-    if given is None and len(values) > 1:
-        (first, one), (second, other), *_ = values.items()
-        problem = f"a {size} of {second:g} mm, but {first:g} mm in {one}, of the same specimen {name}"
-        raise BadInput(other, problem, f"files of one specimen, or --{size}-mm")
-    return given or next(iter(values), None)
+    specimen = Specimen(name, length or 1.0, width or 1.0, thickness or 1.0, curves)
+    return NewSpecimen(specimen, tuple(tests), tuple(size for size in SIZES if known.mm[size] is None), tuple(notes))
 
 
 def _check_sizes(recording: Recording, known: Mapping[str, float | None]) -> None:

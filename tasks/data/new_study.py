@@ -19,6 +19,9 @@ from sinew.tasks.study.files import write_text
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.study import read_study
 
+LeftOut = tuple[Path, str]  # a file, and why it is not used
+LISTED = 20  # files that are left out and named
+
 
 @dataclass(frozen=True, eq=False)
 class ReadFile:
@@ -84,6 +87,14 @@ def describe(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
             if test.recording.left_out:
                 yield one_line(f"    left out: {', '.join(test.recording.left_out[:20])}")
         yield from (one_line(f"    {note}") for note in new.notes)
+
+
+def describe_left_out(files: Sequence[LeftOut]) -> Iterator[str]:
+    """The files that are not used, each with the reason."""
+    for path, reason in files[:LISTED]:
+        yield one_line(f"left out: {path} ({reason})")
+    if len(files) > LISTED:
+        yield f"left out: {len(files) - LISTED:,} more"
 
 
 def _ranges(curve: Curve, length_mm: float | None) -> str:

@@ -22,6 +22,10 @@ RUN = 3  # rows that must agree for a table to begin
 Row = tuple[str, ...]
 
 
+class NoTable(BadInput):
+    """A file without a table of numbers."""
+
+
 @dataclass(frozen=True, eq=False)
 class Table:
     """A table of a file.
@@ -83,7 +87,7 @@ def read_tables(path: Path) -> Iterator[Table]:
             found = True
         before += tuple(row for row in texts[:HEAD_LINES] if any(row))
     if not found:
-        raise BadInput(path, "no sheet has a table of numbers with three columns", EXPECTED)
+        raise NoTable(path, "no sheet has a table of numbers with three columns", EXPECTED)
 
 
 def _tables(
@@ -149,7 +153,7 @@ def _layout(path: Path, lines: Sequence[tuple[int, str]]) -> tuple[str, str]:
                     best, length = (separator, decimal), longest
         if best is not None:
             return best
-    raise BadInput(path, "no table of numbers with three columns can be found", EXPECTED)
+    raise NoTable(path, "no table of numbers with three columns can be found", EXPECTED)
 
 
 def _runs(rows: Sequence[Sequence[str]], decimal: str) -> Iterator[_Run]:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,10 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.cohort import read_cohort
 from sinew.tasks.data.columns import Hints
-from sinew.tasks.data.init import Sizes, find_tables, init, read_all, size_of, specimens_of
+from sinew.tasks.data.init import Files, find_tables, init, read_all, specimens_of
 from sinew.tasks.data.names import names_of
 from sinew.tasks.data.new_study import NewSpecimen
+from sinew.tasks.data.specimen_sizes import Sizes, size_of
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace
 from tests.tasks.test_pipeline import sinew
@@ -30,7 +32,8 @@ def table(path: Path, header: str = "time_s,displacement_mm,force_N", scale: flo
 
 def new_specimens(*paths: Path, sizes: Sizes = BAR) -> list[NewSpecimen]:
     """What init makes of files, before it is written."""
-    return specimens_of(read_all(paths, Hints()), names_of(paths), sizes)
+    recordings, _ = read_all(Files(paths, ()), Hints())
+    return specimens_of(recordings, names_of(paths), sizes)
 
 
 def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
@@ -154,10 +157,38 @@ def test_files_and_folders_of_tables_are_found_once(tmp_path):
     for name in ("b/2.TXT", "b/1.csv", "b/.hidden.csv", "b/notes.md", "b/c/d/e/f/g/h.csv", "a.xyz"):
         table(tmp_path / name)
     (tmp_path / "link.csv").symlink_to(tmp_path / "b" / "1.csv")
-    found = list(find_tables([tmp_path / "a.xyz", tmp_path / "b", tmp_path / "link.csv", tmp_path / "b" / "1.csv"]))
-    assert [path.name for path in found] == ["a.xyz", "1.csv", "2.TXT"]
+    found = find_tables([tmp_path / "a.xyz", tmp_path / "b", tmp_path / "link.csv", tmp_path / "b" / "1.csv"])
+    assert [[path.name for path in paths] for paths in (found.named, found.in_folders)] == [
+        ["a.xyz"],
+        ["1.csv", "2.TXT"],
+    ]
+    assert found.left_out == ((tmp_path / "b" / "notes.md", ".md is no ending of a table"),)
     with pytest.raises(BadInput, match=r"holds no table; expected files ending in \.asc, \.csv"):
-        list(find_tables([table(tmp_path / "c" / "notes.md").parent]))
+        find_tables([table(tmp_path / "c" / "notes.md").parent])
+
+
+def test_files_of_a_folder_without_a_table_are_left_out_and_named(tmp_path, capsys):
+    table(tmp_path / "bench" / "T1.csv")
+    (tmp_path / "bench" / "SOURCE.txt").write_text("These are the tests of May.\nAsk the lab for more.\n")
+    (tmp_path / "bench" / "photo.png").write_bytes(b"x")
+    sinew("init", tmp_path / "bench", "--out", tmp_path / "out", *BAR_OPTIONS)
+    said = capsys.readouterr().out.splitlines()
+    assert [line for line in said if line.startswith("left out")] == [
+        f"left out: {tmp_path / 'bench' / 'photo.png'} (.png is no ending of a table)",
+        f"left out: {tmp_path / 'bench' / 'SOURCE.txt'} (no table of numbers with three columns can be found)",
+    ]
+    told = refused(capsys, "init", tmp_path / "bench" / "SOURCE.txt", "--out", tmp_path / "other")
+    assert "no table of numbers" in told
+    (tmp_path / "bench" / "T1.csv").unlink()
+    assert "at least one file with a table" in refused(capsys, "init", tmp_path / "bench", "--out", tmp_path / "other")
+
+
+def test_a_file_of_a_folder_with_a_broken_table_is_refused(tmp_path):
+    table(tmp_path / "bench" / "T1.csv")
+    broken = table(tmp_path / "bench" / "T2.csv")
+    broken.write_text(broken.read_text().replace("0.2,", "0.2x,"))
+    with pytest.raises(BadInput, match=r"T2\.csv: row"):
+        init([tmp_path / "bench"], tmp_path / "out", sizes=BAR)
 
 
 def answers(**known: str) -> tuple[Callable[[str, Sequence[str]], str], list[str]]:
@@ -184,7 +215,9 @@ def test_a_person_is_asked(tmp_path):
 def test_an_answer_holds_for_all_files_that_do_not_say(tmp_path):
     paths = [table(tmp_path / f"{name}.csv", "time_s,displacement_mm,force") for name in "ab"]
     ask, asked = answers(force="kN")
-    assert [recording.numbers[-1, 2] for recording in read_all(paths, Hints(), ask)] == [80_000, 80_000]
+    recordings, left_out = read_all(Files(tuple(paths), ()), Hints(), ask)
+    assert [recording.numbers[-1, 2] for recording in recordings] == [80_000, 80_000]
+    assert left_out == []
     assert asked == ["force in a.csv: which unit? (for all files that do not say)"]
 
 
@@ -202,7 +235,7 @@ def test_a_header_block_tells_sizes(tmp_path):
 @pytest.mark.parametrize("line", ["Length,12", "Length at break (mm),12", "Length (mm),about 12", "Length (N),12"])
 def test_a_size_without_a_clear_unit_and_number_is_not_known(tmp_path, line):
     path = table(tmp_path / "tail.csv", f"{line}\nTime (s),Extension (mm),Load (N)")
-    (recording,) = read_all([path], Hints())
+    (recording,) = read_all(Files((path,), ()), Hints())[0]
     assert size_of(recording, "length") is None
     (new,) = new_specimens(path, sizes=Sizes(None, 8.5, 4))
     assert new.missing == ("length",)
@@ -215,8 +248,11 @@ def test_sizes_that_disagree_are_told_with_both_files(tmp_path):
         new_specimens(first, other, sizes=Sizes())
     assert f"{other}: a width of 9 mm, but 8.5 mm in {first}, of the same specimen A" in str(told.value)
     assert "--width-mm" in str(told.value)
-    (new,) = new_specimens(first, other, sizes=BAR)
+    (new,) = new_specimens(first, other, sizes=replace(BAR, override=True))
     assert new.specimen.width_mm == 8.0
+    assert new.notes == tuple(
+        f"width 8 mm by --width-mm; A_{name} mm" for name in ("relax.csv tells 8.5", "cyclic.csv tells 9")
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,128 @@
+"""Sizes of the specimens of a new study: what a person gives, what files tell, and what must be asked for."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data.cohort import GEOMETRY
+from sinew.tasks.data.columns import LENGTH, LIKELY
+from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.sizes import LONGEST_MM, SIZES, square_side
+
+SAME = 1e-3  # two statements of a size that differ by less agree: 10 mm and 10.0005 mm
+FOR_ALL = "all"  # behind an answer: it holds for all specimens that are left
+
+#: Asks a person for one answer (question, choices or none). Not given where nobody can answer.
+Ask = Callable[[str, Sequence[str]], str]
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Gauge length, width and thickness (mm) of all specimens. None: each file's own, or to be filled in.
+
+    ``override``: they count where files tell other ones; else a contradiction is refused.
+    """
+
+    length_mm: float | None = None
+    width_mm: float | None = None
+    thickness_mm: float | None = None
+    override: bool = False
+
+    def __post_init__(self) -> None:
+        """Raises :class:`BadInput` for a size that is impossible."""
+        for name in GEOMETRY:
+            value = getattr(self, name)
+            if value is not None and not 0 < value < LONGEST_MM:
+                raise BadInput(f"--{name.replace('_', '-')}", f"{value:g}", f"above 0 and below {LONGEST_MM:g} mm")
+
+
+@dataclass(frozen=True)
+class Known:
+    """Sizes (mm) of one specimen by name, None for those that nobody tells, and notes for a person."""
+
+    mm: Mapping[str, float | None]
+    notes: tuple[str, ...] = ()
+
+
+def size_of(recording: Recording, name: str) -> float | None:
+    """A size (mm) that the file tells with its unit. A diameter is that of a bar with a square of equal area."""
+    diameter = recording.sizes.get("diameter")
+    if name != "length" and diameter is not None and diameter.mm is not None and diameter.has_unit:
+        return square_side(diameter.mm)
+    size = recording.sizes.get(name)
+    return size.mm if size is not None and size.has_unit else None
+
+
+def known_sizes(specimen: str, recordings: Sequence[Recording], given: Sizes) -> Known:
+    """Sizes of a specimen: those ``given``, else those of its files.
+
+    Raises :class:`BadInput` where files disagree with each other or, without ``given.override``, with what is given.
+    """
+    mm: dict[str, float | None] = {}
+    notes: list[str] = []
+    for size in SIZES:
+        told: dict[float, Path] = {}
+        for recording in recordings:
+            if (value := size_of(recording, size)) is not None:
+                told.setdefault(value, recording.path)
+        asked = getattr(given, f"{size}_mm")
+        mm[size] = asked or next(iter(told), None)
+        if asked is not None:
+            notes += _contradictions(size, asked, told, given.override)
+        elif len(told) > 1:
+            (first, one), (second, other), *_ = told.items()
+            problem = f"a {size} of {second:g} mm, but {first:g} mm in {one}, of the same specimen {specimen}"
+            raise BadInput(other, problem, f"files of one specimen, or --{size}-mm with --override")
+    if mm["length"] is None and all(recording.motion.quantity is LENGTH for recording in recordings):
+        mm["length"] = float(recordings[0].numbers[0, 1])
+        notes.append(f"gauge length {mm['length']:g} mm, {LIKELY}: the length in the first row")
+    return Known(mm, tuple(notes))
+
+
+def _contradictions(size: str, asked: float, told: Mapping[float, Path], override: bool) -> list[str]:
+    """A note for each file that tells another size than the one that was ``asked`` for."""
+    found = []
+    for value, path in told.items():
+        if abs(value - asked) <= SAME * value:
+            continue
+        if not override:
+            problem = f"a {size} of {value:g} mm, but --{size}-mm says {asked:g}"
+            raise BadInput(path, problem, f"no --{size}-mm, or --override to set it against the file")
+        found.append(f"{size} {asked:g} mm by --{size}-mm; {path.name} tells {value:g} mm")
+    return found
+
+
+def ask_for_sizes(known: Mapping[str, Known], ask: Ask) -> dict[str, Known]:
+    """Ask for each size that nobody tells, specimen by specimen; what is told is never asked for.
+
+    An empty answer leaves a size to be filled in. An answer that ends in "all" holds for all specimens that are left.
+    """
+    found = {specimen: dict(one.mm) for specimen, one in known.items()}
+    for size in SIZES:
+        left = [specimen for specimen, mm in found.items() if mm[size] is None]
+        while left:
+            value, for_all = _answer(size, left, ask)
+            for specimen in left if for_all else left[:1]:
+                found[specimen][size] = value
+            left = [] if for_all else left[1:]
+    return {specimen: Known(mm, known[specimen].notes) for specimen, mm in found.items()}
+
+
+def _answer(size: str, left: Sequence[str], ask: Ask) -> tuple[float | None, bool]:
+    """A size in mm, or None; and whether it holds for all specimens that are ``left``. Asks until it can be read."""
+    more = f"; '{FOR_ALL}' behind it: for all {len(left)} that are left" if len(left) > 1 else ""
+    question = f"{size} of {left[0]} in mm? (empty: fill it in later{more})"
+    wrong = ""
+    while True:
+        answer = ask(wrong + question, ()).strip()
+        number, for_all = answer.removesuffix(FOR_ALL).strip(), answer.endswith(FOR_ALL)
+        if not number:
+            return None, for_all
+        try:
+            value = float(number.replace(",", "."))
+        except ValueError:
+            value = 0.0
+        if 0 < value < LONGEST_MM:
+            return value, for_all
+        wrong = f"{shown(answer)} is no number of millimetres. "

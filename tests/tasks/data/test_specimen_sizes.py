@@ -1,0 +1,80 @@
+"""Sizes of new specimens: given, told by files, or asked for."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.columns import Hints
+from sinew.tasks.data.recordings import Recording, read_recording
+from sinew.tasks.data.specimen_sizes import Known, Sizes, ask_for_sizes, known_sizes
+
+
+def recording(folder: Path, *lines: str, name: str = "a.csv") -> Recording:
+    path = folder / name
+    path.write_text("\n".join([*lines, "Time (s),Stroke (mm),Load (N)", "0,0,1", "1,1,2", "2,2,3", ""]))
+    return read_recording(path, Hints())
+
+
+def person(*answers: str) -> tuple[Callable[[str, Sequence[str]], str], list[str]]:
+    """Somebody who gives these answers one after the other, and the questions."""
+    asked: list[str] = []
+    left = list(answers)
+
+    def ask(question: str, choices: Sequence[str]) -> str:
+        asked.append(question)
+        return left.pop(0)
+
+    return ask, asked
+
+
+def test_a_size_that_the_file_contradicts_is_refused_unless_it_shall_count(tmp_path):
+    measured = recording(tmp_path, "Width,8.0956,mm", "Length,1,cm")
+    with pytest.raises(BadInput) as told:
+        known_sizes("a", [measured], Sizes(width_mm=5.0))
+    assert str(told.value) == (
+        f"{measured.path}: a width of 8.0956 mm, but --width-mm says 5; expected no --width-mm, "
+        "or --override to set it against the file"
+    )
+    known = known_sizes("a", [measured], Sizes(width_mm=5.0, override=True))
+    assert known.mm == {"length": 10.0, "width": 5.0, "thickness": None}
+    assert known.notes == ("width 5 mm by --width-mm; a.csv tells 8.0956 mm",)
+
+
+@pytest.mark.parametrize("given", [8.0956, 8.1])
+def test_a_rounded_size_is_no_contradiction(tmp_path, given):
+    known = known_sizes("a", [recording(tmp_path, "Width,8.0956,mm")], Sizes(width_mm=given))
+    assert known == Known({"length": None, "width": given, "thickness": None})
+
+
+def test_only_what_nobody_tells_is_asked_for_specimen_by_specimen():
+    known = {
+        "A": Known({"length": 10.0, "width": None, "thickness": 1.0}),
+        "B": Known({"length": None, "width": None, "thickness": 2.0}, ("a note",)),
+    }
+    ask, asked = person("12", "8,5", "")
+    assert ask_for_sizes(known, ask) == {
+        "A": Known({"length": 10.0, "width": 8.5, "thickness": 1.0}),
+        "B": Known({"length": 12.0, "width": None, "thickness": 2.0}, ("a note",)),
+    }
+    assert [question.split(" (")[0] for question in asked] == [
+        "length of B in mm?", "width of A in mm?", "width of B in mm?",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("answer", "value"), [("7 all", 7.0), ("all", None), ("7.5all", 7.5)])
+def test_an_answer_may_hold_for_all_that_are_left(answer, value):
+    known = {name: Known({"length": 1.0, "width": None, "thickness": 1.0}) for name in "ABC"}
+    ask, asked = person("5", answer)
+    found = ask_for_sizes(known, ask)
+    assert [found[name].mm["width"] for name in "ABC"] == [5.0, value, value]
+    assert "'all' behind it: for all 2 that are left" in asked[1]
+
+
+@pytest.mark.parametrize("wrong", ["ten", "-1", "0", "nan", "1e9", "3 mm"])
+def test_an_answer_that_is_no_size_is_asked_for_again(wrong):
+    ask, asked = person(wrong, "3")
+    found = ask_for_sizes({"A": Known({"length": None, "width": 1.0, "thickness": 1.0})}, ask)
+    assert found["A"].mm["length"] == 3.0
+    assert asked[1].startswith(f"'{wrong}' is no number of millimetres. length of A")
