@@ -132,7 +132,7 @@ def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tu
     :class:`BadInput` if units contradict each other or a choice is not clear.
     """
     titles = _titles(table)
-    named = [_name_and_unit(title, below) for title, below in zip(titles, _below(table, len(titles)), strict=True)]
+    named = _named(table, titles)
     roles = _roles(hints)
     choices = [_choose(table, titles, named, role) for role in roles]
     if table.titles and not _by_number(hints):
@@ -160,7 +160,7 @@ def partly(
     A column whose unit only a person can tell has the unit ``""`` and the factor 1. ``only``: the motion must be this.
     """
     titles = _titles(table)
-    named = [_name_and_unit(title, below) for title, below in zip(titles, _below(table, len(titles)), strict=True)]
+    named = _named(table, titles)
     found: list[Column | None] = []
     problems = []
     for role in _roles(hints):
@@ -209,6 +209,12 @@ def _titles(table: Table) -> Row:
     """A title for each column that has one or holds numbers."""
     width = _width(table.rows[0][1])
     return (*table.titles, *[""] * (width - len(table.titles)))
+
+
+def _named(table: Table, titles: Row) -> list[tuple[str, str]]:
+    """Name and unit of each column; the unit may be empty."""
+    found = [_name_and_unit(title, below) for title, below in zip(titles, _below(table, len(titles)), strict=True)]
+    return [(name, "s" if table.has_clock(place) else unit) for place, (name, unit) in enumerate(found)]
 
 
 def _width(row: Sequence[str]) -> int:

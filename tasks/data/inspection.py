@@ -115,9 +115,10 @@ def _numbers(table: Table, columns: Sequence[Column | None]) -> tuple[np.ndarray
 
 
 def _column(table: Table, column: Column) -> np.ndarray[Any, Any]:
-    """The numbers ``[t]`` of a column, NaN where a cell has none."""
+    """The numbers ``[t]`` of a column, NaN where a cell has none; clock times since the first row."""
     cells = (table.number(row, column.place) for row in range(len(table.rows)))
-    return np.array([np.nan if cell is None else cell * column.factor for cell in cells])
+    found = np.array([np.nan if cell is None else cell * column.factor for cell in cells])
+    return found - found[0] if table.has_clock(column.place) else found
 
 
 def _sizes(table: Table, columns: Sequence[Column | None], numbers: np.ndarray[Any, Any]) -> dict[str, float | None]:

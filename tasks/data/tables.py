@@ -10,7 +10,7 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.sheets import is_sheet, read_sheets
-from sinew.tasks.data.text import SEPARATORS, cells, is_number, number, read_lines, records
+from sinew.tasks.data.text import SEPARATORS, cells, is_clock, is_number, number, read_lines, records
 from sinew.tasks.data.units import is_unit
 
 MOST_COLUMNS = 1000
@@ -54,6 +54,11 @@ class Table:
         """The number in a cell; None if there is none."""
         found = self.rows[row][1]
         return number(found[column], self.decimal) if column < len(found) else None
+
+    def has_clock(self, column: int) -> bool:
+        """Whether a column holds clock times: its numbers are seconds, whatever its title says."""
+        found = self.rows[0][1]
+        return column < len(found) and is_clock(found[column])
 
 
 @dataclass(frozen=True)

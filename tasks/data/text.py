@@ -21,7 +21,13 @@ _BYTES_WITH_WORDS = 2**20  # where lines with letters that English has not are l
 _LINES_WITH_WORDS = 50  # the most of them
 _QUOTED_LINES = 5  # the most lines of one quoted cell
 _OPEN_QUOTE = re.compile(r'(?:^|[\t;,|])\s*"[^"]*$')
+_LONGEST_CLOCK = 40  # characters
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?")
+#: A time of day or since the start, with a date in front or not: 00:42:18.872, 2024-05-03 10:22:33, 12:55.4.
+_CLOCK = re.compile(
+    r"(?:\d{4}-\d\d-\d\d[T ]|\d{1,2}[./]\d{1,2}[./]\d{4} )?"
+    r"(?:(\d{1,2}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)|(\d{1,3}):([0-5]\d[.,]\d+))"
+)
 _THOUSANDS = {".": re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+"), ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+")}
 
 
@@ -136,14 +142,34 @@ def _quotes(lines: list[str]) -> int:
 
 
 def is_number(cell: str, decimal: str) -> bool:
-    """Whether a cell is a number with this decimal mark, ``"."`` or ``","``; ``1,367.91`` is one with a point."""
+    """Whether a cell is a number with this decimal mark, ``"."`` or ``","``; ``1,367.91`` is one with a point.
+
+    A clock time is a number of seconds, with any mark.
+    """
     other = "," if decimal == "." else "."
-    return (other not in cell and bool(_NUMBER.fullmatch(cell))) or bool(_THOUSANDS[decimal].fullmatch(cell))
+    if other not in cell and _NUMBER.fullmatch(cell):
+        return True
+    return bool(_THOUSANDS[decimal].fullmatch(cell)) or is_clock(cell)
+
+
+def is_clock(cell: str) -> bool:
+    """Whether a cell is a clock time: hours, minutes and seconds, or minutes and seconds with decimals."""
+    return ":" in cell and len(cell) < _LONGEST_CLOCK and bool(_CLOCK.fullmatch(cell))
+
+
+def _seconds(clock: str) -> float:
+    """The seconds of a clock time since midnight, or since the start; a date does not count."""
+    found = _CLOCK.fullmatch(clock)
+    assert found is not None, "the caller has asked is_clock"
+    hours, minutes, seconds = (found[1], found[2], found[3]) if found[1] else ("0", found[4], found[5])
+    return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
 
 
 def number(cell: str, decimal: str) -> float | None:
-    """The number in a cell; None if it is no finite one below ``HUGE``."""
+    """The number in a cell; None if it is no finite one below ``HUGE``. A clock time is one of seconds."""
     if len(cell) >= 400 or not is_number(cell, decimal):
         return None
+    if is_clock(cell):
+        return _seconds(cell)
     value = float(cell.replace("," if decimal == "." else ".", "").replace(",", "."))
     return value if abs(value) < HUGE else None

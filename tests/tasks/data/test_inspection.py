@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data.exports import Reading, read_export
 from sinew.tasks.data.inspection import inspect
 from tests.conftest import SHARED
 
@@ -88,6 +89,26 @@ def test_units_that_a_file_does_not_tell_are_asked_for(tmp_path):
     found = taken(tmp_path, "Time,Load,Extension (mm)\n0,1,0\n1,2,1\n2,3,2\n")
     assert (found["time"], found["force"]) == ({"column": "Time", "unit": None}, {"column": "Load", "unit": None})
     assert [question.partition(";")[2] for question in found["ask"][:2]] == [" --time-unit", " --force-unit"]
+
+
+@pytest.mark.parametrize(
+    ("title", "clocks", "separator"),
+    [
+        ("Time", ("00:59:59.9", "01:00:00.0", "01:00:00.25"), ","),
+        ("Zeit (hh:mm:ss)", ("9:59:59,9", "10:00:00,0", "10:00:00,25"), ";"),
+        ("time (min)", ("59:59.90", "60:00.00", "60:00.25"), "\t"),
+        ("Time", ("2024-05-03 00:59:59.9", "2024-05-03 01:00:00", "2024-05-03 01:00:00.25"), ","),
+        ("Time", ("3.5.2024 10:22:33.9", "3.5.2024 10:22:34.0", "3.5.2024 10:22:34.25"), ";"),
+    ],
+)
+def test_clock_times_are_seconds_since_the_first_row(tmp_path, title, clocks, separator):
+    rows = [(title, "Stroke (mm)", "Load (N)"), *((clock, str(i), str(i + 1)) for i, clock in enumerate(clocks))]
+    text = "\n".join(separator.join(row) for row in rows)
+    found = taken(tmp_path, text)
+    assert found["time"] == {"column": title, "unit": "s"}
+    assert (found["rows"], found["first"]) == (3, [0.0, 0.0, 1.0])
+    curve = read_export(tmp_path / "export.csv", reading=Reading(length_mm=10, area_mm2=4)).curves[0]
+    assert curve.protocol.time_s.tolist() == pytest.approx([0.0, 0.1, 0.35])
 
 
 def test_a_cell_without_a_number_is_null(tmp_path):

@@ -80,7 +80,7 @@ def test_a_table_below_many_lines(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "lines", [["time_s,force_N", "0,1", "1,2", "2,3"], ["12:00:00,1,2"] * 3, ["text"], [",".join("1" * 1001)] * 3]
+    "lines", [["time_s,force_N", "0,1", "1,2", "2,3"], ["12-00-00,1,2"] * 3, ["text"], [",".join("1" * 1001)] * 3]
 )
 def test_a_file_without_a_table(tmp_path, lines):
     with pytest.raises(BadInput, match="no table of numbers with three columns"):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.text import HUGE, cells, check_text, is_blank, is_number, number, read_lines, records
+from sinew.tasks.data.text import HUGE, cells, check_text, is_blank, is_clock, is_number, number, read_lines, records
 
 
 def written(folder: Path, content: bytes, name: str = "test.csv") -> Path:
@@ -191,3 +191,22 @@ def test_the_encoding_is_that_in_which_words_of_exports_stand(tmp_path, encoding
     path = tmp_path / "export.csv"
     path.write_bytes(f"{words}\n0,0,0\n".encode(encoding))
     assert read_lines(path)[0] == words
+
+
+@pytest.mark.parametrize(
+    ("cell", "seconds"),
+    [("00:00:01", 1.0), ("1:02:03.5", 3723.5), ("1:02:03,5", 3723.5), ("02:03.5", 123.5), ("120:00,25", 7200.25),
+     ("2024-05-03T00:00:01.5", 1.5), ("3/5/2024 00:01:00", 60.0)],
+)  # fmt: skip
+def test_clock_times_are_numbers_of_seconds_with_any_decimal_mark(cell, seconds):
+    for decimal in ".,":
+        assert is_number(cell, decimal)
+        assert number(cell, decimal) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize(
+    "cell", ["10:22", "1:2:3", "10:60:00", "10:00:60", "10:22:33 pm", "-0:00:01", ":", "2024-05-03"]
+)
+def test_what_is_not_surely_a_clock_time_is_no_number(cell):
+    assert not is_clock(cell)
+    assert number(cell, ".") is None
