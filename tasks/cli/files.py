@@ -173,10 +173,11 @@ def import_(
     for one in found.specimens:
         for curve in one.curves:
             stretch = one.stretch(curve.protocol)
+            peak_N = max(curve.force_N.max(), curve.force_N.min(), key=abs)
             put(
                 f"{one.name}: {curve.name}, {curve.force_N.size:,} points, "
                 f"{one.length_mm:g} x {one.width_mm:.4g} x {one.thickness_mm:.4g} mm, "
-                f"stretch {stretch.min():.4g} to {stretch.max():.4g}, peak {curve.force_N.max():.4g} N"
+                f"stretch {stretch.min():.4g} to {stretch.max():.4g}, peak {peak_N:.4g} N"
             )
     for where, names in found.spreads.items():
         put(one_line(f"{where}: {', '.join(names)} left out; a cohort holds curves, and noise is estimated from them"))

@@ -99,7 +99,10 @@ def describe_left_out(files: Sequence[LeftOut]) -> Iterator[str]:
 
 def _ranges(curve: Curve, length_mm: float | None) -> str:
     time_s, displacement = curve.protocol.time_s, curve.protocol.displacement_mm
-    strain = "" if length_mm is None else f" (strain to {100 * displacement.max() / length_mm:.3g} %)"
+    strain = ""
+    if length_mm is not None:
+        low, high = 100 * displacement.min() / length_mm, 100 * displacement.max() / length_mm
+        strain = f" (strain {f'{low:.3g} ' if low < 0 else ''}to {high:.3g} %)"
     reach = f"displacement {displacement.min():.4g} to {displacement.max():.4g} mm{strain}"
     force = f"force {curve.force_N.min():.4g} to {curve.force_N.max():.4g} N"
     return f"{time_s.size:,} points, {time_s[-1]:,.4g} s, {reach}, {force}"

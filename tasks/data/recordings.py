@@ -182,7 +182,27 @@ def remarks(recording: Recording) -> list[str]:
             found.append(f"{column.quantity.name} from column {column.place + 1}; it may be in another: {others}")
     if recording.motion.quantity is POSITION:
         found.append(f"positions, {LIKELY} to count from the first one")
-    force = recording.numbers[:, 2]
-    if np.median(force) < 0 and abs(force.min()) > 5 * abs(force.max()):
-        found.append("forces are below 0; tension is positive here, so look at the machine's sign")
+    found += _signs(recording)
     return found
+
+
+def _signs(recording: Recording) -> list[str]:
+    """A remark where motion or load are below 0; positive is tension."""
+    motion, force = recording.numbers[:, 1], recording.numbers[:, 2]
+    if recording.motion.quantity in (POSITION, LENGTH):
+        motion = motion - motion[0]
+    elif recording.motion.quantity is STRETCH:
+        motion = motion - 1.0
+    shorter, pushed = _below(motion), _below(force)
+    if shorter and pushed:
+        fibres = "fibres carry no load then, so this test tells nothing of their parameters"
+        return [f"a compression: motion and forces are below 0; {fibres}"]
+    if shorter:
+        return ["the motion goes below 0 and forces do not; if this is a compression, its forces should be below 0"]
+    if pushed:
+        return ["forces are below 0; tension is positive here, so look at the machine's sign"]
+    return []
+
+
+def _below(values: np.ndarray[Any, Any]) -> bool:
+    return bool(np.median(values) < 0 and abs(values.min()) > 5 * abs(values.max()))

@@ -58,3 +58,13 @@ def test_without_a_dry_run_a_folder_is_needed(tmp_path, monkeypatch, capsys):
         main()
     assert stopped.value.code == 2
     assert "Missing option '--out'" in capsys.readouterr().err
+
+
+def test_the_peak_of_a_compression_is_its_largest_force(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.csv").write_text("Length,10,mm\ntime_s,displacement_mm,force_N\n0,0,0.1\n1,-1,-5\n2,-3,-9\n")
+    monkeypatch.setattr(sys, "argv", ["sinew", "import", "a.csv", "--area-mm2", "4", "--out", "cohort"])
+    main()
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].endswith("stretch 0.7 to 1, peak -9 N")
+    assert said[1].startswith("a/test: a compression: motion and forces are below 0")

@@ -78,6 +78,10 @@ def test_what_was_guessed_is_said(tmp_path):
         "    left out: SD",
         "    a note",
     ]
+    path.write_text("time_s,displacement_mm,force_N\n0,0,0\n1,-1,-5\n2,-3,-9\n")
+    pressed = curve_of(read_recording(path, Hints()), Bar(10.0, 8.0, 4.0), "relax")
+    lines = list(describe([NewSpecimen(Specimen("T1", 10.0, 8.0, 4.0, (pressed,)), (file,), (), ())]))
+    assert lines[2] == "    3 points, 2 s, displacement -3 to 0 mm (strain -30 to 0 %), force -9 to 0 N"
     unknown = NewSpecimen(known.specimen, known.tests, ("length",), ())
     lines = list(describe([unknown]))
     assert lines[0] == "specimen T1: ? x 8 x 4 mm (length x width x thickness)"

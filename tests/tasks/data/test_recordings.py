@@ -201,6 +201,27 @@ def test_curves_that_cannot_be(tmp_path, content, words):
     assert words in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("title", "motion"),
+    [
+        ("displacement_mm", (0, -1, -2)),
+        ("strain (%)", (0, -10, -30)),
+        ("stretch", (1, 0.9, 0.7)),
+        ("position (mm)", (37, 36, 35)),
+        ("length (mm)", (12, 11, 10)),
+    ],
+)
+def test_a_compression_is_said_to_be_one(tmp_path, title, motion):
+    rows = [f"{i},{x},{-i}" for i, x in enumerate(motion)]
+    (*_, remark) = remarks(read(tmp_path, "\n".join([f"time_s,{title},force_N", *rows, ""])))
+    assert remark.startswith("a compression: motion and forces are below 0; fibres carry no load then")
+
+
+def test_a_compression_with_forces_above_0_is_remarked_on(tmp_path):
+    (remark,) = remarks(read(tmp_path, "time_s,displacement_mm,force_N\n0,0,0\n1,-1,5\n2,-2,9\n"))
+    assert remark == "the motion goes below 0 and forces do not; if this is a compression, its forces should be below 0"
+
+
 def test_remarks(tmp_path):
     assert remarks(read(tmp_path, PLAIN)) == []
     (remark,) = remarks(read(tmp_path, PLAIN.replace("5", "-5").replace("9", "-9")))
