@@ -2,6 +2,8 @@
 
 import json
 import logging
+from contextlib import suppress
+from pathlib import Path
 
 _OF_EVERY_RECORD = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "taskName"}
 
@@ -20,3 +22,22 @@ class JsonLines(logging.Formatter):
         if record.exc_info:
             line["exc_info"] = self.formatException(record.exc_info)
         return json.dumps(line, default=str)
+
+
+class LogFile(logging.FileHandler):
+    """A file of such lines. What cannot be written, because the disk is full, is lost without a word.
+
+    Results are on the same disk: who cannot write those says so in one line, which tracebacks of the log would hide.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, encoding="utf-8")
+        self.setFormatter(JsonLines())
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Nothing, in place of a traceback on the terminal."""
+
+    def close(self) -> None:
+        """Close the file; lines that the disk did not take are still in its buffer."""
+        with suppress(OSError):
+            super().close()

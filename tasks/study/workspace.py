@@ -37,7 +37,7 @@ from sinew.tasks.simulate import Array, Simulator
 from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study.cohort import cohort_of
-from sinew.tasks.study.json_lines import JsonLines
+from sinew.tasks.study.json_lines import LogFile
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.study import Study
 
@@ -253,8 +253,7 @@ def check_folder(out: Path) -> None:
 
 @contextmanager
 def _log_to(path: Path) -> Iterator[None]:
-    handler = logging.FileHandler(path, encoding="utf-8")
-    handler.setFormatter(JsonLines())
+    handler = LogFile(path)
     logger = logging.getLogger("sinew")
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)

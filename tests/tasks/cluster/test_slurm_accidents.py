@@ -147,11 +147,11 @@ def test_the_leading_job_stops_before_its_walltime_and_goes_on(tmp_path, slurm_c
     _lives_of_two_walltimes(out)
 
 
-@pytest.mark.takes(100)
+@pytest.mark.takes(200)
 def test_an_allocation_that_is_too_short_for_everything(tmp_path, slurm_cluster, bed):
-    """One worker needs 64 s for all rows; the allocation has 60 s."""
-    profile = ALLOCATION.replace("10:00", "1:00").replace("tasks: 4", "tasks: 3") + JOB_SCRIPT
-    out = submit(prepare(tmp_path, profile, seconds=2.0, base_samples=2))
+    """One worker needs 128 s for all rows; the allocation has 120 s, of which a busy machine takes half to start."""
+    profile = ALLOCATION.replace("10:00", "2:00").replace("tasks: 4", "tasks: 3") + JOB_SCRIPT
+    out = submit(prepare(tmp_path, profile, seconds=4.0, base_samples=2))
     finished_well(out)
     once(out)
     _lives_of_two_walltimes(out)

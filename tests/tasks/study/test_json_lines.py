@@ -3,8 +3,9 @@
 import json
 import logging
 import sys
+from pathlib import Path
 
-from sinew.tasks.study.json_lines import JsonLines
+from sinew.tasks.study.json_lines import JsonLines, LogFile
 
 
 def record(message: str, arguments: tuple = (), extra: dict | None = None, error=None) -> logging.LogRecord:
@@ -27,3 +28,18 @@ def test_an_exception_is_a_field():
     except ValueError:
         found = json.loads(JsonLines().format(record("m", error=sys.exc_info())))
     assert found["exc_info"].endswith("ValueError: wrong")
+
+
+def test_a_full_disk_leaves_no_traceback_on_the_terminal(capsys):
+    handler = LogFile(Path("/dev/full"))
+    handler.handle(record("lost"))
+    handler.close()
+    assert capsys.readouterr() == ("", "")
+
+
+def test_the_lines_are_in_the_file(tmp_path):
+    handler = LogFile(tmp_path / "log.jsonl")
+    handler.handle(record("kept"))
+    handler.close()
+    (line,) = (tmp_path / "log.jsonl").read_text().splitlines()
+    assert json.loads(line)["message"] == "kept"
