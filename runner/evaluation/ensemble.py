@@ -52,7 +52,7 @@ def evaluate(
     Known rows cost a look-up. ``client`` is called only when rows are pending; when it returns None, the work is done
     in this process. After an interruption of any kind, committed outcomes stay and the same call goes on from there.
     Raises ``StoreError`` when results cannot be written, ``ClusterError`` when the cluster is lost, and
-    ``WalltimeReached`` when this process's own job must end; finished rows are committed in that case too.
+    ``WalltimeReached`` when this process's own job must end; finished rows are kept in that case too.
     """
     table.fold(table.segments())
     asked = np.unique(rows)

@@ -18,6 +18,7 @@ from sinew.runner.errors import StoreError
 from sinew.runner.store.damage import words
 from sinew.runner.store.schema import STATUSES, Array
 
+CHECKSUMS = "crc32c"  # the key of the checksums in a segment's metadata
 OWN = {"rows": "int64", "status": "int8", "attempts": "int16", "wall": "float64"}
 
 
@@ -42,7 +43,7 @@ class Segment:
         temporary = path.with_name(f".{path.name}.{os.getpid()}")
         try:
             try:
-                safetensors.numpy.save_file(arrays, temporary, {**metadata, "checksums": json.dumps(checksums)})
+                safetensors.numpy.save_file(arrays, temporary, {**metadata, CHECKSUMS: json.dumps(checksums)})
             except SafetensorError as error:  # the system's error number is only in its text
                 raise OSError(errno.ENOSPC if "os error 28" in str(error) else errno.EIO, str(error)) from error
             os.replace(temporary, path)
@@ -89,7 +90,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class _LazyValues(Mapping[str, Array]):
-    """The values of a segment, read field by field, so that a chunk is never in memory as a whole."""
+    """The values of a segment, read field by field, so that no large chunk is in memory as a whole."""
 
     path: Path
     names: tuple[str, ...]
@@ -131,9 +132,9 @@ def _check_ranges(segment: Segment, shapes: Mapping[str, list[int]]) -> None:
 
 def _checksums(metadata: Mapping[str, str]) -> dict[str, int]:
     """The checksums of a segment's arrays by name; none in those of versions that wrote none."""
-    if "checksums" not in metadata:
+    if CHECKSUMS not in metadata:
         return {}
-    found = json.loads(metadata["checksums"])
+    found = json.loads(metadata[CHECKSUMS])
     if found[""] != _checksum_of_words({name: metadata[name] for name in ("messages", "worker")}):
         raise ValueError("a wrong checksum of its words")
     return dict(found)

@@ -155,7 +155,7 @@ class Table:
 
     @property
     def fold_chunks(self) -> int:
-        """How many chunks are written together: at most as many as take the memory of the largest one."""
+        """How many chunks are written together: as many as fit into ``CHUNK_BYTES``, and at most ``FOLD_CHUNKS``."""
         largest = max((8 * math.prod(self._array(name).chunks) for name in self.fields), default=1)
         return max(1, min(FOLD_CHUNKS, CHUNK_BYTES // largest))
 

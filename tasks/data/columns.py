@@ -270,20 +270,30 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
     if role.wanted is not None:
         return _chosen_by_person(table, titles, named, role, role.wanted)
     found = [
-        (number, not (unit or role.given or quantity.bare), role.titles(quantity).index(name), place, quantity)
+        (_rank(table, role, number, place, *column), place, quantity)
         for number, quantity in enumerate(role.quantities)
-        for place, (name, unit) in enumerate(named)
-        if name in role.titles(quantity) and _possible(quantity, name, unit or role.given or "", unit)
+        for place, column in enumerate(named)
+        if column[0] in role.titles(quantity)
+        and _possible(quantity, column[0], column[1] or role.given or "", column[1])
     ]
     if not found:
         listed = ", ".join(title or "(no name)" for title in titles[:12])
         expected = f"--{role.option}-column NAME or NUMBER"
         raise NoColumn(_where(table), f"no column of {role.name} among {shown(listed, 200)}", expected)
-    best = min(found, key=lambda one: one[:4])
-    *_, rank, place, quantity = best
-    alike = tuple(titles[one[3]] for one in found if one[:3] == best[:3] and one[3] != place)
-    sure = len(found) == 1 and rank < _COMMON_TITLES and quantity in (TIME, DISPLACEMENT, FORCE)
+    rank, place, quantity = min(found, key=lambda one: one[:2])
+    alike = tuple(titles[other] for same, other, _ in found if same == rank and other != place)
+    sure = len(found) == 1 and rank[-1] < _COMMON_TITLES and quantity in (TIME, DISPLACEMENT, FORCE)
     return _Choice(quantity, place, SURE if sure else LIKELY, alike)
+
+
+def _rank(table: Table, role: _Role, number: int, place: int, name: str, unit: str) -> tuple[int, bool, bool, int]:
+    """The lower, the rather a column is meant: by its quantity, whether it has a unit, and how usual its title is.
+
+    A clock may stand beside the time since the start, which is finer.
+    """
+    quantity = role.quantities[number]
+    no_unit = not (unit or role.given or quantity.bare)
+    return number, table.has_clock(place), no_unit, role.titles(quantity).index(name)
 
 
 def _possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:

@@ -114,16 +114,15 @@ def find_tables(files: Sequence[Path]) -> Files:
     in_folders: list[Path] = []
     left_out: list[LeftOut] = []
     seen: set[str] = set()
-    for path in files:
+    for path in sorted(files, key=Path.is_dir):  # a file that is also in a folder was named
         if not path.exists():
             raise BadInput(path, "is not there", "exported tests (CSV), or a folder of them")
         inside = list(_walk(path, Path.is_file)) if path.is_dir() else []
         found = [one for one in inside if one.suffix.lower() in TABLES] if path.is_dir() else [path]
         if not found:
             raise BadInput(path, "holds no table", f"files ending in {', '.join(sorted(TABLES))}")
-        left_out += [
-            (one, f"{one.suffix or 'no ending'} is no ending of a table") for one in inside if one not in found
-        ]
+        others = [one for one in inside if one.suffix.lower() not in TABLES and one not in files]
+        left_out += [(one, f"{one.suffix or 'no ending'} is no ending of a table") for one in others]
         for one in found:
             if len(seen) >= MOST_FILES:
                 raise BadInput(path, f"more than {MOST_FILES:,} files", "the files of one study")

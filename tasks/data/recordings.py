@@ -187,18 +187,17 @@ def remarks(recording: Recording) -> list[str]:
 
 
 def _signs(recording: Recording) -> list[str]:
-    """A remark where motion or load are below 0; positive is tension."""
+    """A remark where the specimen gets shorter or is pushed; positive is tension."""
     motion, force = recording.numbers[:, 1], recording.numbers[:, 2]
-    if recording.motion.quantity in (POSITION, LENGTH):
+    if recording.motion.quantity in (POSITION, LENGTH, STRETCH):
         motion = motion - motion[0]
-    elif recording.motion.quantity is STRETCH:
-        motion = motion - 1.0
     shorter, pushed = _below(motion), _below(force)
     if shorter and pushed:
+        unless = "unless the machine counts tension as negative"
         fibres = "fibres carry no load then, so this test tells nothing of their parameters"
-        return [f"a compression: motion and forces are below 0; {fibres}"]
+        return [f"a compression, {unless}: it gets shorter, forces are below 0; {fibres}"]
     if shorter:
-        return ["the motion goes below 0 and forces do not; if this is a compression, its forces should be below 0"]
+        return ["the specimen gets shorter, but forces are above 0; in a compression they should be below 0"]
     if pushed:
         return ["forces are below 0; tension is positive here, so look at the machine's sign"]
     return []

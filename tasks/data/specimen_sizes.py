@@ -70,8 +70,8 @@ def known_sizes(specimen: str, recordings: Sequence[Recording], given: Sizes) ->
         mm[size] = asked or next(iter(told), None)
         if asked is not None:
             notes += _contradictions(size, asked, told, given.override)
-        elif len(told) > 1:
-            (first, one), (second, other), *_ = told.items()
+        elif told and max(told) - min(told) > SAME * max(told):
+            (first, one), (second, other) = ((value, told[value]) for value in (min(told), max(told)))
             problem = f"a {size} of {second:g} mm, but {first:g} mm in {one}, of the same specimen {specimen}"
             raise BadInput(other, problem, f"files of one specimen, or --{size}-mm with --override")
     if mm["length"] is None and all(recording.motion.quantity is LENGTH for recording in recordings):
@@ -88,7 +88,7 @@ def _contradictions(size: str, asked: float, told: Mapping[float, Path], overrid
             continue
         if not override:
             problem = f"a {size} of {value:g} mm, but --{size}-mm says {asked:g}"
-            raise BadInput(path, problem, f"no --{size}-mm, or --override to set it against the file")
+            raise BadInput(path, problem, f"no --{size}-mm, or --override to use it all the same")
         found.append(f"{size} {asked:g} mm by --{size}-mm; {path.name} tells {value:g} mm")
     return found
 

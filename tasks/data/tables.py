@@ -10,7 +10,7 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.sheets import is_sheet, read_sheets
-from sinew.tasks.data.text import SEPARATORS, cells, is_clock, is_number, number, read_lines, records
+from sinew.tasks.data.text import SEPARATORS, cells, is_clock, is_number, number, read_lines, records, same_day
 from sinew.tasks.data.units import is_unit
 
 MOST_COLUMNS = 1000
@@ -51,9 +51,16 @@ class Table:
         return self.rows[0][0]
 
     def number(self, row: int, column: int) -> float | None:
-        """The number in a cell; None if there is none."""
-        found = self.rows[row][1]
-        return number(found[column], self.decimal) if column < len(found) else None
+        """The number in a cell; None if there is none. Clock times count in a column of clock times of one day."""
+        found, first = self.rows[row][1], self.rows[0][1]
+        if column >= len(found):
+            return None
+        cell = found[column]
+        if (is_clock(cell) or self.has_clock(column)) and not same_day(
+            cell, first[column] if column < len(first) else ""
+        ):
+            return None
+        return number(cell, self.decimal)
 
     def has_clock(self, column: int) -> bool:
         """Whether a column holds clock times: its numbers are seconds, whatever its title says."""

@@ -25,7 +25,7 @@ _LONGEST_CLOCK = 40  # characters
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?")
 #: A time of day or since the start, with a date in front or not: 00:42:18.872, 2024-05-03 10:22:33, 12:55.4.
 _CLOCK = re.compile(
-    r"(?:\d{4}-\d\d-\d\d[T ]|\d{1,2}[./]\d{1,2}[./]\d{4} )?"
+    r"(?P<date>\d{4}-\d\d-\d\d[T ]|\d{1,2}[./]\d{1,2}[./]\d{4} )?"
     r"(?:(\d{1,2}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)|(\d{1,3}):([0-5]\d[.,]\d+))"
 )
 _THOUSANDS = {".": re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+"), ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+")}
@@ -157,11 +157,19 @@ def is_clock(cell: str) -> bool:
     return ":" in cell and len(cell) < _LONGEST_CLOCK and bool(_CLOCK.fullmatch(cell))
 
 
+def same_day(cell: str, other: str) -> bool:
+    """Whether both cells are clock times, and of one date if they have dates."""
+    if not (is_clock(cell) and is_clock(other)):
+        return False
+    one, two = _CLOCK.fullmatch(cell), _CLOCK.fullmatch(other)
+    return one is not None and two is not None and one["date"] == two["date"]
+
+
 def _seconds(clock: str) -> float:
     """The seconds of a clock time since midnight, or since the start; a date does not count."""
     found = _CLOCK.fullmatch(clock)
     assert found is not None, "the caller has asked is_clock"
-    hours, minutes, seconds = (found[1], found[2], found[3]) if found[1] else ("0", found[4], found[5])
+    hours, minutes, seconds = (found[2], found[3], found[4]) if found[2] else ("0", found[5], found[6])
     return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
 
 

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import sys
 from contextlib import suppress
 from pathlib import Path
 
@@ -35,7 +36,9 @@ class LogFile(logging.FileHandler):
         self.setFormatter(JsonLines())
 
     def handleError(self, record: logging.LogRecord) -> None:
-        """Nothing, in place of a traceback on the terminal."""
+        """Nothing for a disk that takes no more; a traceback for mistakes of the program."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handleError(record)
 
     def close(self) -> None:
         """Close the file; lines that the disk did not take are still in its buffer."""

@@ -233,9 +233,17 @@ def test_a_committed_row_stays_as_it_is(tmp_path, together):
         assert table.read("worker", rows).tolist() == ["worker 1", "worker 1", "worker 2"]
 
 
-@pytest.mark.parametrize("most", [2, 8])
-def test_chunks_written_together_have_the_bytes_of_chunks_written_apart(tmp_path, monkeypatch, most):
+def test_large_chunks_are_written_apart(tmp_path, monkeypatch):
     monkeypatch.setattr("sinew.runner.store.schema.CHUNK_ROWS", 16)
+    monkeypatch.setattr("sinew.runner.store.table.CHUNK_BYTES", 2 * 16 * POINTS * 8)
+    with Store.writing(tmp_path, "study") as store:
+        assert store.table(table_spec()).fold_chunks == 2
+
+
+@pytest.mark.parametrize(("most", "loaded"), [(2, 2**20), (8, 2**20), (8, 0)])
+def test_chunks_written_together_have_the_bytes_of_chunks_written_apart(tmp_path, monkeypatch, most, loaded):
+    monkeypatch.setattr("sinew.runner.store.schema.CHUNK_ROWS", 16)
+    monkeypatch.setattr("sinew.runner.store.table.LOADED_BYTES", loaded)
     batches = [range(16, 32), range(8), range(32, 60), range(100, 116), [9, 8, 70], range(12, 18)]
     found = []
     for together in (1, most):

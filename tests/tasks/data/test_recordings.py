@@ -214,12 +214,12 @@ def test_curves_that_cannot_be(tmp_path, content, words):
 def test_a_compression_is_said_to_be_one(tmp_path, title, motion):
     rows = [f"{i},{x},{-i}" for i, x in enumerate(motion)]
     (*_, remark) = remarks(read(tmp_path, "\n".join([f"time_s,{title},force_N", *rows, ""])))
-    assert remark.startswith("a compression: motion and forces are below 0; fibres carry no load then")
+    assert remark.startswith("a compression, unless the machine counts tension as negative: it gets shorter")
 
 
 def test_a_compression_with_forces_above_0_is_remarked_on(tmp_path):
     (remark,) = remarks(read(tmp_path, "time_s,displacement_mm,force_N\n0,0,0\n1,-1,5\n2,-2,9\n"))
-    assert remark == "the motion goes below 0 and forces do not; if this is a compression, its forces should be below 0"
+    assert remark == "the specimen gets shorter, but forces are above 0; in a compression they should be below 0"
 
 
 def test_remarks(tmp_path):
