@@ -28,7 +28,6 @@ class Source:
     first: int = 0
     left_in_chunk: dict[int, int] = field(default_factory=dict)
     finished: dict[int, dict[Path, Segment]] = field(default_factory=dict)
-    complete: int = 0  # chunks in ``finished`` with all their rows, which are not committed yet
     waiting: set[int] = field(default_factory=set)  # rows that a session has asked for and that have no outcome yet
     results: dict[int, RowResult] = field(default_factory=dict)
     known: dict[int, tuple[Array, dict[str, Array]]] = field(default_factory=dict)  # chunks read back
@@ -72,15 +71,12 @@ class Source:
         chunk = int(batch.rows[0]) // self.table.chunk_rows
         self.finished.setdefault(chunk, {})[batch.segment] = segment
         self.left_in_chunk[chunk] -= batch.rows.size
-        if self.open:
-            self._take_results(segment, batch.segment)
         if self.open:  # more rows of this chunk may come: it is written now and then
+            self._take_results(segment, batch.segment)
             if len(self.finished[chunk]) >= SEGMENTS_KEPT:
                 self._fold([chunk])
-        elif self.left_in_chunk[chunk] == 0:
-            self.complete += 1
-            if self.complete >= self.table.fold_chunks:
-                self.commit()
+        elif len(self._complete()) >= self.table.fold_chunks:
+            self.commit()
         return int((segment.status > 0).sum())
 
     def close(self) -> None:
@@ -90,8 +86,11 @@ class Source:
 
     def commit(self) -> None:
         """Commit the chunks that are complete: each is written once."""
-        self._fold([chunk for chunk in self.finished if self.left_in_chunk[chunk] == 0])
-        self.complete = 0
+        self._fold(self._complete())
+
+    def _complete(self) -> list[int]:
+        """The chunks with all their rows finished and not committed yet."""
+        return [chunk for chunk in self.finished if self.left_in_chunk[chunk] == 0]
 
     def _fold(self, chunks: list[int]) -> None:
         self.table.fold({path: segment for chunk in chunks for path, segment in self.finished.pop(chunk).items()})

@@ -71,26 +71,24 @@ def write_whole(path: Path, temporary: Path, content: bytes) -> None:
 
 def sync_file(path: Path) -> None:
     """Bring the content of a file to the disk, whoever wrote it; nothing if it is gone."""
-    try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
-    except FileNotFoundError:
-        return
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    _sync(path, os.O_NOFOLLOW)
 
 
 def sync_folder(path: Path) -> None:
     """Bring the names in a folder to the disk; nothing if it is gone, or its file system cannot."""
+    _sync(path, os.O_DIRECTORY, CANNOT)
+
+
+def _sync(path: Path, flags: int, tolerated: tuple[int, ...] = ()) -> None:
+    """``tolerated``: error numbers of fsync that do not count."""
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+        descriptor = os.open(path, os.O_RDONLY | flags)
     except FileNotFoundError:
         return
     try:
         os.fsync(descriptor)
     except OSError as error:
-        if error.errno not in CANNOT:
+        if error.errno not in tolerated:
             raise
     finally:
         os.close(descriptor)

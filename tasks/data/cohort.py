@@ -184,15 +184,17 @@ def _is_specimen(folder: Path) -> bool:
     return any(child.suffix.lower() == ".csv" or child.name == "specimen.json" for child in folder.iterdir())
 
 
-def _entries(folder: Path, root: Path) -> Iterator[Path]:
-    """What is in a folder, in order of name; hidden files are passed over, pickled ones refused."""
+def visible(folder: Path) -> list[Path]:
+    """What is in a folder, in order of name, without hidden files. Raises :class:`BadInput` if it cannot be read."""
     try:
-        children = sorted(folder.iterdir())
+        return sorted(child for child in folder.iterdir() if not child.name.startswith("."))
     except OSError as error:
         raise BadInput(folder, f"cannot be read ({error.strerror})", "a readable folder") from None
-    for child in children:
-        if child.name.startswith("."):
-            continue
+
+
+def _entries(folder: Path, root: Path) -> Iterator[Path]:
+    """What is in a folder, in order of name; hidden files are passed over, pickled ones refused."""
+    for child in visible(folder):
         if child.suffix.lower() in BINARY:
             raise BadInput(child, "pickled and binary data are never read", "the same numbers as CSV")
         check_inside(child, root)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, write_cohort
+from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, visible, write_cohort
 from sinew.tasks.data.columns import LENGTH, STRAIN, STRESS, STRETCH, Hints, UnknownUnit
 from sinew.tasks.data.names import FileName, names_of
 from sinew.tasks.data.new_study import (
@@ -134,13 +134,7 @@ def find_tables(files: Sequence[Path]) -> Files:
 
 def _walk(folder: Path, wanted: Callable[[Path], bool], depth: int = DEEPEST) -> Iterator[Path]:
     """Files in a folder and below; hidden ones and links to folders are passed over."""
-    try:
-        children = sorted(folder.iterdir())
-    except OSError as error:
-        raise BadInput(folder, f"cannot be read ({error.strerror})", "a readable folder") from None
-    for child in children:
-        if child.name.startswith("."):
-            continue
+    for child in visible(folder):
         if child.is_dir() and not child.is_symlink() and depth > 0:
             yield from _walk(child, wanted, depth - 1)
         elif wanted(child):
