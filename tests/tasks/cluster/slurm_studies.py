@@ -269,7 +269,7 @@ def finish(out: Path) -> None:
 
 def nothing_is_left(out: Path) -> None:
     """No job and no process of a job is left."""
-    until(lambda: not live() and not processes_of_jobs(), "the end of all processes", 30)
+    until(lambda: not live() and not processes_of_jobs(), "the end of all processes", 120)
     assert not stand_in.leftovers(study_of(out).with_name("solver"))
 
 
