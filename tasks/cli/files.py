@@ -31,6 +31,12 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
         click.option("--time-column", metavar="NAME", help="Title or number (from 1) of the column of time."),
         click.option("--displacement-column", metavar="NAME", help="The same for displacement, strain or stretch."),
         click.option("--force-column", metavar="NAME", help="The same for force or stress."),
+        click.option("--test-column", metavar="NAME", help="Column whose value tells the tests of one table apart."),
+        click.option("--cycle-column", metavar="NAME", help="Column of cycles, if times start again with a cycle."),
+        click.option("--rate-hz", type=float, help="Rows per second, for files without times."),
+        click.option(
+            "--speed", type=float, help="Speed of the motion (mm/s; 1/s for strains), for files without times."
+        ),
     ]
     for option in reversed(options):
         function = option(function)
@@ -45,6 +51,8 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
 @click.option("--thickness-mm", type=float, help="Thickness, where files do not say.")
 @click.option("--override", is_flag=True, help="Use these sizes also where files tell other ones.")
 @_column_options
+@click.option("--answers", type=PATH, help="answers.yaml of an earlier study: what was told then is not asked again.")
+@click.option("--yes", is_flag=True, help="Ask nothing, and take only what is certain; refuse the rest.")
 @click.option("--json", "as_json", is_flag=True, help="What was made, as a JSON object.")
 def init(
     files: tuple[Path, ...],
@@ -53,22 +61,36 @@ def init(
     width_mm: float | None,
     thickness_mm: float | None,
     override: bool,
+    answers: Path | None,
+    yes: bool,
     as_json: bool,
-    **hints: str | None,
+    **hints: Any,
 ) -> None:
     """Make a study of your own files: a cohort and a study.yaml.
 
     FILES are tables of tests (CSV, TSV, text, exports of testing machines), folders of them, or a cohort that has
     sinew's layout already. Columns, separators and names are guessed and listed. Units are read from the files or
-    given, never guessed. On a terminal, the command asks for what no file tells.
+    given, never guessed. On a terminal, the command asks for what no file tells. Answers are kept in answers.yaml
+    beside the study.
     """
+    from sinew.tasks.data.answers import read_answers
     from sinew.tasks.data.columns import Hints
     from sinew.tasks.data.init import init as make
+    from sinew.tasks.data.overview import draw_overview
     from sinew.tasks.data.specimen_sizes import Sizes
 
-    asks = sys.stdin.isatty() and sys.stdout.isatty() and not as_json
-    sizes = Sizes(length_mm, width_mm, thickness_mm, override)
-    made = make(files, out, hints=Hints(**hints), sizes=sizes, ask=_ask if asks else None)
+    asks = sys.stdin.isatty() and sys.stdout.isatty() and not (as_json or yes)
+    made = make(
+        files,
+        out,
+        hints=Hints(**hints),
+        sizes=Sizes(length_mm, width_mm, thickness_mm, override),
+        ask=_ask if asks else None,
+        answers=None if answers is None else read_answers(answers),
+        certain=yes,
+    )
+    overview = out / "tests.png"
+    drawn = draw_overview(overview, made.specimens)
     if as_json:
         fill_in = [str(path) for path in made.to_fill_in]
         put(json.dumps({"study": str(made.study), "told": made.lines, "fill_in": fill_in}))
@@ -77,6 +99,8 @@ def init(
         put(line)
     for path in made.to_fill_in:
         put(f"fill in: {path}")
+    tests = sum(len(one.curves) for one in made.specimens)
+    put(f"look at the {'tests' if drawn == tests else f'first {drawn} of {tests:,} tests'}: {overview}")
     put(f"study: {made.study}")
     run_it = command_line("run", made.study)
     say_next(f"fill in what is marked null there, then {run_it}" if made.to_fill_in else run_it)
@@ -147,7 +171,7 @@ def import_(
     reference: float | None,
     length_mm: float | None,
     area_mm2: float | None,
-    **hints: str | None,
+    **hints: Any,
 ) -> None:
     """Read the files of tests into a cohort, each file a specimen.
 

@@ -4,53 +4,29 @@ Columns are recognised by their titles. Units are read or given, never guessed: 
 that rest on it are worthless.
 """
 
-import re
-import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.data import units, words
+from sinew.tasks.data import units
+from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, LOADS, MOTIONS, STRESS, TIME, Quantity
 from sinew.tasks.data.tables import Row, Table
 from sinew.tasks.data.text import is_number
-from sinew.tasks.data.units import Units
+from sinew.tasks.data.timing import Timing
+from sinew.tasks.data.titles import name_and_unit
 
+NOWHERE = -1
 SURE, LIKELY, GIVEN = "sure", "likely", "as you said"
-#: Titles of columns with the spread of a mean.
-SPREADS = ("sd", "std", "se", "sem", "standard deviation", "standard error")
-_CHANNEL = re.compile(r"(?:c|ch|chan|channel|kanal|canal|voie) ?\d+ (?=\D)")  # "C_1_Force", "Ch 1 Kraft"
 _COMMON_TITLES = 6  # the first titles of a quantity leave no doubt
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """What a column may hold. ``titles``: in lower case, the better the earlier; ``units``: with their factors.
-
-    ``bare``: without a unit, the numbers are taken as they are.
-    """
-
-    name: str
-    titles: tuple[str, ...]
-    units: Units
-    bare: bool = False
-
-
-TIME = Quantity("time", words.TIME, units.TIME)
-DISPLACEMENT = Quantity("displacement", words.DISPLACEMENT, units.LENGTH)
-POSITION = Quantity("position", words.POSITION, units.LENGTH)
-LENGTH = Quantity("length", words.LENGTH, units.LENGTH)
-STRAIN = Quantity("strain", words.STRAIN, units.FRACTION)
-STRETCH = Quantity("stretch", words.STRETCH, units.FRACTION, bare=True)
-FORCE = Quantity("force", words.FORCE, units.FORCE)
-STRESS = Quantity("stress", words.STRESS, units.STRESS)
-MOTIONS, LOADS = (DISPLACEMENT, LENGTH, POSITION, STRETCH, STRAIN), (FORCE, STRESS)
 
 
 @dataclass(frozen=True)
 class Hints:
     """What a person says of a file: titles or numbers (from 1) of columns, and units that the file does not tell.
 
-    ``force_unit`` may be a unit of stress; the load is a stress then.
+    ``force_unit`` may be a unit of stress; the load is a stress then. ``test_column`` tells the tests of a table apart,
+    ``cycle_column`` its cycles, if their times start again. ``rate_hz`` and ``speed``: see :class:`Timing`.
     """
 
     time_column: str | None = None
@@ -59,10 +35,29 @@ class Hints:
     time_unit: str | None = None
     displacement_unit: str | None = None
     force_unit: str | None = None
+    test_column: str | None = None
+    cycle_column: str | None = None
+    rate_hz: float | None = None
+    speed: float | None = None
+
+    def __post_init__(self) -> None:
+        """Raises :class:`BadInput` for a rate or a speed that is impossible."""
+        if self.timing.given and self.time_column is not None:
+            raise BadInput(str(self.timing), "given together with --time-column", "one of them")
+
+    @property
+    def columns_given(self) -> bool:
+        """Whether a person names a column of the test."""
+        return any(one is not None for one in (self.time_column, self.displacement_column, self.force_column))
+
+    @property
+    def timing(self) -> Timing:
+        return Timing(self.rate_hz, self.speed)
 
     def answered(self, option: str, unit: str) -> "Hints":
         """The same, with the answer to an :class:`UnknownUnit`."""
-        return replace(self, **{option.removeprefix("--").replace("-", "_"): unit})
+        told: dict[str, Any] = {option.removeprefix("--").replace("-", "_"): unit}
+        return replace(self, **told)
 
 
 class UnknownUnit(BadInput):
@@ -75,14 +70,17 @@ class UnknownUnit(BadInput):
 
 
 class NoColumn(BadInput):
-    """A table that has no title of a quantity that is needed."""
+    """A table that has no title of a quantity that is needed. ``alone``: it has none of any quantity."""
+
+    alone = False
 
 
 @dataclass(frozen=True)
 class Column:
     """A column and what it is taken for. ``unit`` is that of the file, ``how`` says how sure the choice is.
 
-    ``alike``: titles of columns that could be taken as well as this one.
+    ``alike``: titles of columns that could be taken as well as this one. ``place`` is ``NOWHERE`` for times that are
+    not in the file.
     """
 
     quantity: Quantity
@@ -113,6 +111,11 @@ class _Role:
         return f"--{self.option}-unit"
 
     @property
+    def remedy(self) -> str:
+        """What a person can do where no column is recognised."""
+        return f"--{self.option}-column NAME or NUMBER{', --rate-hz or --speed' if self.option == 'time' else ''}"
+
+    @property
     def choices(self) -> tuple[str, ...]:
         return units.merged(quantity.units for quantity in self.quantities)
 
@@ -134,7 +137,7 @@ def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tu
     titles = _titles(table)
     named = _named(table, titles)
     roles = _roles(hints)
-    choices = [_choose(table, titles, named, role) for role in roles]
+    choices = _choices(table, titles, named, roles, hints)
     if table.titles and not _by_number(hints):
         _check_width(table)
     if not first_of_alike:
@@ -146,8 +149,10 @@ def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tu
     time, motion, load = (
         _column(table, titles, named, role, choice) for role, choice in zip(roles, choices, strict=True)
     )
+    if time.place == NOWHERE:
+        time = replace(time, title=str(hints.timing))
     if len({time.place, motion.place, load.place}) < 3:
-        expected = "three columns; name them by --time-column and the like"
+        expected = "a column for each; name them by --time-column and the like"
         raise BadInput(table.path, "one column is taken for two things", expected)
     return time, motion, load
 
@@ -170,7 +175,8 @@ def partly(
             choice = _choose(table, titles, named, role)
         except BadInput as error:
             found.append(None)
-            problems.append(f"{role.name}: {error.problem}; --{role.option}-column")
+            if role.quantities != (TIME,) or not hints.timing.given:
+                problems.append(f"{role.name}: {error.problem}; {role.remedy}")
             continue
         try:
             found.append(_column(table, titles, named, role, choice))
@@ -179,11 +185,6 @@ def partly(
             found.append(Column(choice.quantity, choice.place, title, "", 1.0, choice.how, choice.alike))
             problems.append(f"unit of '{title}' ({choice.quantity.name}): {error.problem}; {role.unit_option}")
     return (found[0], found[1], found[2]), tuple(problems)
-
-
-def is_spread(title: str) -> bool:
-    """Whether a column holds the spread of a mean, such as a standard deviation."""
-    return re.sub(r"\s*[(\[].*", "", title, flags=re.DOTALL).strip().lower() in SPREADS
 
 
 def _roles(hints: Hints) -> tuple[_Role, _Role, _Role]:
@@ -213,7 +214,7 @@ def _titles(table: Table) -> Row:
 
 def _named(table: Table, titles: Row) -> list[tuple[str, str]]:
     """Name and unit of each column; the unit may be empty."""
-    found = [_name_and_unit(title, below) for title, below in zip(titles, _below(table, len(titles)), strict=True)]
+    found = [name_and_unit(title, below) for title, below in zip(titles, _below(table, len(titles)), strict=True)]
     return [(name, "s" if table.has_clock(place) else unit) for place, (name, unit) in enumerate(found)]
 
 
@@ -243,27 +244,27 @@ def _where(table: Table) -> str:
     return f"{table.path}: row {table.title_row}" if table.titles else str(table.path)
 
 
-def _name_and_unit(title: str, below: str = "") -> tuple[str, str]:
-    """Name, in lower case, and unit (may be empty): ``Force (N)``, ``Kraft [kN]``, ``Zeit / s``, ``force_N``."""
-    title = unicodedata.normalize("NFC", title).strip().lstrip("#").strip().strip("\"'")
-    if title.lower() in STRETCH.titles:
-        return title.lower(), below
-    if brackets := re.findall(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]", title):
-        unit = next((text for text in brackets if units.is_unit(text)), below or brackets[0])
-        return _plain(re.split(r"[(\[]", title)[0]), unit
-    for pattern in (r"(.+?)\s*/\s*(\S+)", r"(.+?)\s*,\s*(\S+)", r"(.+)[_ -]([^\s_-]+)", r"(.+?)\s+in\s+(\S+)"):
-        if (found := re.fullmatch(pattern, title)) and units.is_unit(found[2]):
-            return _plain(found[1]), found[2]
-    return _plain(title), below
-
-
-def _plain(text: str) -> str:
-    text = re.sub(r"(?<=[a-zäöü])(?=[A-Z])", " ", text)
-    text = re.sub(r"[\s_.:-]+", " ", text).strip().lower().removesuffix(" in").strip()
-    return _CHANNEL.sub("", text)
-
-
 # ---- the choice of a column
+
+
+def _choices(
+    table: Table, titles: Row, named: Sequence[tuple[str, str]], roles: Sequence[_Role], hints: Hints
+) -> list[_Choice]:
+    """A column for each role. Times are nowhere if no column holds them and a person has told how they run."""
+    found: list[_Choice] = []
+    missing: NoColumn | None = None
+    for role in roles:
+        try:
+            found.append(_choose(table, titles, named, role))
+        except NoColumn as none:
+            if role.quantities == (TIME,) and hints.timing.given:
+                found.append(_Choice(TIME, NOWHERE, GIVEN))
+            else:
+                missing = missing or none
+    if missing is not None:
+        missing.alone = not found
+        raise missing
+    return found
 
 
 def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role) -> _Choice:
@@ -278,8 +279,7 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
     ]
     if not found:
         listed = ", ".join(title or "(no name)" for title in titles[:12])
-        expected = f"--{role.option}-column NAME or NUMBER"
-        raise NoColumn(_where(table), f"no column of {role.name} among {shown(listed, 200)}", expected)
+        raise NoColumn(_where(table), f"no column of {role.name} among {shown(listed, 200)}", role.remedy)
     rank, place, quantity = min(found, key=lambda one: one[:2])
     alike = tuple(titles[other] for same, other, _ in found if same == rank and other != place)
     sure = len(found) == 1 and rank[-1] < _COMMON_TITLES and quantity in (TIME, DISPLACEMENT, FORCE)
@@ -321,7 +321,7 @@ def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]
 
 def _place_of(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role, wanted: str) -> int:
     exact = [i for i, title in enumerate(titles) if title == wanted.strip()]
-    alike = exact or [i for i, (name, _) in enumerate(named) if name and name == _name_and_unit(wanted)[0]]
+    alike = exact or [i for i, (name, _) in enumerate(named) if name and name == name_and_unit(wanted)[0]]
     if len(alike) == 1:
         return alike[0]
     if not alike and wanted.isascii() and wanted.isdigit() and len(wanted) < 5 and 1 <= int(wanted) <= len(titles):
@@ -343,26 +343,33 @@ def _quantity_of_unit(quantities: Sequence[Quantity], unit: str) -> Quantity | N
 
 
 def _column(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role, choice: _Choice) -> Column:
+    if choice.place == NOWHERE:
+        return Column(TIME, NOWHERE, "", "s", 1.0, GIVEN)
     unit, title = named[choice.place][1], titles[choice.place]
     where = f"{table.path}: {shown(title or f'column {choice.place + 1}')}"
     factor = _factor(where, choice.quantity, unit, role)
+    if role.given is not None and not units.is_unit(unit):
+        unit = ""  # what stands there is no unit that is known, so a person has told it
     how = choice.how if unit or choice.quantity.bare else GIVEN
     return Column(choice.quantity, choice.place, title, unit or role.given or "1", factor, how, choice.alike)
 
 
 def _factor(where: str, quantity: Quantity, unit: str, role: _Role) -> float:
     given = role.given
-    listed = f"one of {', '.join(quantity.units)}"
+    listed = f"one of {', '.join(units.listed(quantity.units))}"
     if units.ambiguous(unit) and quantity in LOADS:
         choices = [name for name in quantity.units if name.lower() == unit.lower()]
         if given in choices:
             return quantity.units[given]
         problem = f"unit {shown(unit)} may stand for milli or for mega"
-        raise UnknownUnit(where, quantity.name, role.unit_option, choices or list(quantity.units), problem)
+        raise UnknownUnit(where, quantity.name, role.unit_option, choices or units.listed(quantity.units), problem)
     expected = None if given is None else units.factor(quantity.units, given)
     if given is not None and expected is None:
         raise BadInput(where, f"a {quantity.name}, but {role.unit_option} says {shown(given)}", listed)
-    if unit:
+    if unit and not units.is_unit(unit) and expected is None:
+        problem = f"unit {shown(unit)} of the {quantity.name} is not known"
+        raise UnknownUnit(where, quantity.name, role.unit_option, units.listed(quantity.units), problem)
+    if units.is_unit(unit):
         factor = units.factor(quantity.units, unit)
         if factor is None:
             raise BadInput(where, f"unit {shown(unit)}", listed)
@@ -373,4 +380,4 @@ def _factor(where: str, quantity: Quantity, unit: str, role: _Role) -> float:
         return expected
     if quantity.bare:
         return 1.0
-    raise UnknownUnit(where, quantity.name, role.unit_option, list(quantity.units))
+    raise UnknownUnit(where, quantity.name, role.unit_option, units.listed(quantity.units))

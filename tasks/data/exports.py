@@ -2,16 +2,17 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import NAME, refuse_duplicates
-from sinew.tasks.data.columns import LENGTH, STRAIN, STRESS, STRETCH, TIME, Hints
-from sinew.tasks.data.recordings import MOST_STRETCH, Bar, Recording, curve_of, read_recording, remarks
-from sinew.tasks.data.sizes import LARGEST_MM2, LONGEST_MM, square_side
-from sinew.tasks.data.units import factor
+from sinew.tasks.data.columns import Hints
+from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH, TIME
+from sinew.tasks.data.recordings import MOST_STRETCH, Bar, Recording, curve_of, read_recordings, remarks
+from sinew.tasks.data.sizes import LARGEST_MM2, LONGEST_MM, SAME, square_side
+from sinew.tasks.data.units import factor, listed
 from sinew.tasks.model import Curve, Specimen
 
 
@@ -46,7 +47,7 @@ class Reading:
             ("--stress", self.stress, STRESS.units, self.hints.force_unit, "--force-unit"),
         ):
             if short is not None and factor(known, short) is None:
-                raise BadInput(option, shown(short), f"one of {', '.join(known)}")
+                raise BadInput(option, shown(short), f"one of {', '.join(listed(known))}")
             if short is not None and long not in (None, short):
                 raise BadInput(option, f"{short}, but {long_option} says {shown(long)}", "one and the same unit")
 
@@ -74,10 +75,13 @@ def read_export(
     The lines above the table must give ``Length`` and either ``Diameter`` (a round bar becomes a square one of equal
     area) or ``Width`` and ``Thickness``, unless ``reading`` does. Without such lines, a stretch or strain is that of a
     bar of 1 mm, and a stress that of a bar of 1 mm2. The protocol is called ``relaxation`` if the lines above the table
-    mention a hold, else ``test``. Raises :class:`BadInput` naming the file and row.
+    mention a hold, else ``test``. Raises :class:`BadInput` naming the file and row, and for a file with several tests.
     """
     reading = reading or Reading()
-    return _specimen(_read(path, reading), protocol, name, reading)
+    recordings = _read(path, reading)
+    if len(recordings) > 1:
+        raise BadInput(path, f"{len(recordings)} tests", "one test, or read_exports for all of them")
+    return _specimen(recordings[0], protocol, name, reading)
 
 
 def read_exports(
@@ -85,7 +89,8 @@ def read_exports(
 ) -> Imported:
     """Several files, each a specimen named after its file; or all of them protocols of one ``specimen``.
 
-    Protocols of one specimen are named after their files. Raises :class:`BadInput` for two of one name.
+    Protocols of one specimen are named after their files. If a file holds several tests, each has its own name behind
+    that of the file. Raises :class:`BadInput` for two of one name.
     """
     for option, given in (("--protocol", protocol), ("--specimen", specimen)):
         if given is not None and not NAME.fullmatch(given):
@@ -93,32 +98,40 @@ def read_exports(
     if specimen is not None and protocol is not None and len(paths) > 1:
         raise BadInput("--protocol", f"one name for {len(paths)} files of one specimen", "names of files as protocols")
     reading = reading or Reading()
+    recordings = [recording for path in paths for recording in _read(path, reading)]
     parts: list[Specimen] = []
     spreads: dict[str, tuple[str, ...]] = {}
     noticed: dict[str, tuple[str, ...]] = {}
-    for path in paths:
-        recording = _read(path, reading)
-        named = protocol if specimen is None else protocol or _plain(path)
-        part = _specimen(recording, named, specimen, reading)
+    for recording in recordings:
+        own = _plain(recording)
+        part = (
+            _specimen(recording, protocol, own, reading)
+            if specimen is None
+            else _specimen(recording, protocol or own, specimen, reading)
+        )
         parts.append(part)
         where = f"{part.name}/{part.curves[0].name}"
         spreads |= {where: recording.spreads} if recording.spreads else {}
-        noticed |= {where: tuple(found)} if (found := remarks(recording)) else {}
+        found = [*remarks(recording), *_replaced(recording, part, reading)]
+        noticed |= {where: tuple(found)} if found else {}
+    sources = [recording.path for recording in recordings]
     if specimen is not None:
-        return Imported((_joined(paths, parts),), spreads, noticed)
-    for path, one in zip(paths, parts, strict=True):
+        return Imported((_joined(sources, parts),), spreads, noticed)
+    for path, one in zip(sources, parts, strict=True):
         if not NAME.fullmatch(one.name):
             raise BadInput(path, "a name that cannot be used for a specimen", "a letter or digit in front")
-    refuse_duplicates(parts, {one.name: path for path, one in zip(paths, parts, strict=True)})
+    refuse_duplicates(parts, {one.name: path for path, one in zip(sources, parts, strict=True)})
     return Imported(tuple(parts), spreads, noticed)
 
 
-def _plain(path: Path) -> str:
-    return re.sub(r"[^A-Za-z0-9_.+-]+", "_", path.stem)
+def _plain(recording: Recording) -> str:
+    """The name of a file, and of its test if it holds several, as a name that a cohort may have."""
+    name = f"{recording.path.stem}_{recording.test}" if recording.test else recording.path.stem
+    return re.sub(r"[^A-Za-z0-9_.+-]+", "_", name)
 
 
-def _read(path: Path, reading: Reading) -> Recording:
-    return read_recording(path, reading.all_hints, first_of_alike=True)
+def _read(path: Path, reading: Reading) -> list[Recording]:
+    return read_recordings(path, reading.all_hints, first_of_alike=True)
 
 
 def _specimen(recording: Recording, protocol: str | None, name: str | None, reading: Reading) -> Specimen:
@@ -128,7 +141,7 @@ def _specimen(recording: Recording, protocol: str | None, name: str | None, read
     curve = curve_of(recording, bar, protocol or usual, reference=reading.reference)
     if reading.tare:
         curve = Curve(curve.protocol, curve.force_N - curve.force_N[0])
-    return Specimen(name or _plain(recording.path), bar.length_mm, bar.width_mm, bar.thickness_mm, (curve,))
+    return Specimen(name or _plain(recording), bar.length_mm, bar.width_mm, bar.thickness_mm, (curve,))
 
 
 def _bar(recording: Recording, reading: Reading) -> Bar:
@@ -144,6 +157,18 @@ def _bar(recording: Recording, reading: Reading) -> Bar:
     else:
         return Bar(length, _size(recording, "width", "--area-mm2"), _size(recording, "thickness", "--area-mm2"))
     return Bar(length, side, side)
+
+
+def _replaced(recording: Recording, part: Specimen, reading: Reading) -> Iterator[str]:
+    """A remark for each size of the file that an option replaces with another one."""
+    if reading.length_mm is not None and "length" in recording.sizes:
+        told = recording.sizes["length"].mm
+        if told is not None and abs(told - reading.length_mm) > SAME * told:
+            yield f"length {reading.length_mm:g} mm by --length-mm; the file tells {told:g} mm"
+    if reading.area_mm2 is not None and _tells_area(recording):
+        told = _bar(recording, replace(reading, length_mm=part.length_mm, area_mm2=None)).area_mm2
+        if abs(told - reading.area_mm2) > SAME * told:
+            yield f"cross-section {reading.area_mm2:g} mm2 by --area-mm2; the file tells {told:.4g} mm2"
 
 
 def _tells_area(recording: Recording) -> bool:

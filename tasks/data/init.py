@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sinew.runner.errors import BadInput
+from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data.answers import Answers, with_answers, write_answers
 from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, visible, write_cohort
-from sinew.tasks.data.columns import LENGTH, STRAIN, STRESS, STRETCH, Hints, UnknownUnit
-from sinew.tasks.data.names import FileName, names_of
+from sinew.tasks.data.columns import LIKELY, Hints, NoColumn, UnknownUnit
+from sinew.tasks.data.names import UNSURE, FileName, names_of, of_test
 from sinew.tasks.data.new_study import (
     LeftOut,
     NewSpecimen,
@@ -23,7 +24,8 @@ from sinew.tasks.data.new_study import (
     leave_open,
     write_study,
 )
-from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recording, remarks
+from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH
+from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings, remarks
 from sinew.tasks.data.sheets import SUFFIXES
 from sinew.tasks.data.sizes import SIZES
 from sinew.tasks.data.specimen_sizes import Ask, Known, Sizes, ask_for_sizes, known_sizes
@@ -33,34 +35,50 @@ from sinew.tasks.study.workspace import check_folder
 
 TABLES = {".csv", ".txt", ".tsv", ".dat", ".asc", ".tra", *SUFFIXES}
 MOST_FILES, DEEPEST = 10_000, 4
+ANSWERS = "answers.yaml"
 
 
 @dataclass(frozen=True)
 class NewStudy:
-    """A study file that was written, what was guessed for it line by line, and the files to be filled in."""
+    """A study file that was written, what was guessed for it line by line, the files to be filled in, the specimens."""
 
     study: Path
     lines: tuple[str, ...]
     to_fill_in: tuple[Path, ...] = ()
+    specimens: tuple[Specimen, ...] = ()
 
 
 def init(
-    files: Sequence[Path], out: Path, *, hints: Hints | None = None, sizes: Sizes | None = None, ask: Ask | None = None
+    files: Sequence[Path],
+    out: Path,
+    *,
+    hints: Hints | None = None,
+    sizes: Sizes | None = None,
+    ask: Ask | None = None,
+    answers: Answers | None = None,
+    certain: bool = False,
 ) -> NewStudy:
     """Write ``out/study.yaml`` and, unless ``files`` is a cohort already, ``out/cohort``. Raises :class:`BadInput`.
 
-    ``ask`` is asked for units and sizes that no file tells. Without it, an unknown unit is refused, and an unknown size
-    is left to be filled in.
+    ``ask`` is asked for units and sizes that no file tells, and for which ``answers`` have none. Without it, an unknown
+    unit is refused, and an unknown size is left to be filled in. What was told is kept in ``out/answers.yaml``.
+    ``certain``: refuse what is only likely, and sizes that nobody tells.
     """
     check_folder(out)
-    for taken in (out / "study.yaml", out / "cohort"):
+    answers = answers or Answers()
+    for taken in (out / "study.yaml", out / "cohort", out / ANSWERS):
         if os.path.lexists(taken):
             raise BadInput(taken, "is there already", "a new folder for --out")
     if len(files) == 1 and (cohort := _ready_cohort(files[0])) is not None:
         return _study_of_cohort(cohort, out)
     found = find_tables(files)
-    recordings, left_out = read_all(found, hints or Hints(), ask)
-    new = specimens_of(recordings, names_of([one.path for one in recordings]), sizes or Sizes(), ask)
+    read = read_all(found, with_answers(hints or Hints(), answers.hints), ask)
+    names = names_of([one.path for one in read.recordings])
+    if certain:
+        refuse_doubts(read.recordings, names)
+    new = specimens_of(read.recordings, names, sizes or Sizes(), ask, answers.sizes)
+    if certain:
+        refuse_unknown_sizes(new)
     refuse_duplicates([one.specimen for one in new], {one.specimen.name: one.tests[0].path for one in new})
     out.mkdir(parents=True, exist_ok=True)
     write_cohort(out / "cohort", [one.specimen for one in new])
@@ -71,7 +89,9 @@ def init(
             leave_open(path, one.missing)
             to_fill_in.append(path)
     study = write_study(out, "cohort", [one.specimen for one in new])
-    return NewStudy(study, (*describe(new), *describe_left_out(left_out)), tuple(to_fill_in))
+    write_answers(out / ANSWERS, Answers(read.hints, {one.specimen.name: one.told for one in new}))
+    lines = (*describe(new), *describe_left_out(read.left_out))
+    return NewStudy(study, lines, tuple(to_fill_in), tuple(one.specimen for one in new))
 
 
 # ---- a cohort that is there already
@@ -91,7 +111,7 @@ def _study_of_cohort(cohort: Cohort, out: Path) -> NewStudy:
     study = write_study(out, os.path.relpath(cohort.folder.resolve(), out.resolve()), cohort.specimens)
     curves = sum(len(one.curves) for one in cohort.specimens)
     line = f"{cohort.folder}: a cohort of {len(cohort.specimens)} specimens, {curves} curves, used as it is"
-    return NewStudy(study, (line,))
+    return NewStudy(study, (line,), specimens=tuple(cohort.specimens))
 
 
 # ---- which files
@@ -141,47 +161,62 @@ def _walk(folder: Path, wanted: Callable[[Path], bool], depth: int = DEEPEST) ->
             yield child
 
 
-def read_all(files: Files, hints: Hints, ask: Ask | None = None) -> tuple[list[Recording], list[LeftOut]]:
-    """Every file, and what is left out: files found in folders without a table of numbers, such as notes.
+@dataclass(frozen=True)
+class Read:
+    """Tests of all files, files that are left out (in folders, without a table of a test), and all that was told."""
 
-    A unit that a file does not tell is asked for once, and holds for all files that do not tell it.
-    """
+    recordings: Sequence[Recording]
+    left_out: Sequence[LeftOut]
+    hints: Hints
+
+
+def read_all(files: Files, hints: Hints, ask: Ask | None = None) -> Read:
+    """Every file. A unit that one does not tell is asked for once, and holds for all files that do not tell it."""
     recordings: list[Recording] = []
     left_out = list(files.left_out)
     for path in (*files.named, *files.in_folders):
         while True:
             try:
-                recordings.append(read_recording(path, hints))
+                recordings += read_recordings(path, hints)
             except UnknownUnit as unknown:
                 if ask is None:
                     raise
                 question = f"{unknown.quantity} in {path.name}: which unit? (for all files that do not say)"
                 hints = hints.answered(unknown.option, ask(question, unknown.choices))
                 continue
-            except NoTable as none:
-                if path in files.named:
+            except (NoTable, NoColumn) as none:
+                if path in files.named or (isinstance(none, NoColumn) and not none.alone):
                     raise
                 left_out.append((path, none.problem))
             break
     if not recordings:
         path, problem = left_out[-1]
         raise BadInput(path, problem, "at least one file with a table of numbers")
-    return recordings, left_out
+    return Read(recordings, left_out, hints)
 
 
 # ---- specimens
 
 
 def specimens_of(
-    recordings: Sequence[Recording], names: Mapping[Path, FileName], sizes: Sizes, ask: Ask | None = None
+    recordings: Sequence[Recording],
+    names: Mapping[Path, FileName],
+    sizes: Sizes,
+    ask: Ask | None = None,
+    answers: Mapping[str, Mapping[str, float]] | None = None,
 ) -> list[NewSpecimen]:
-    """Recordings grouped by specimen, with their sizes. Raises :class:`BadInput`."""
+    """Recordings grouped by specimen, with their sizes; ``answers``: earlier ones (mm). Raises :class:`BadInput`."""
     grouped: dict[str, list[ReadFile]] = {}
     for recording in recordings:
-        name = names[recording.path]
-        grouped.setdefault(name.specimen, []).append(ReadFile(recording, name))
+        name = of_test(names[recording.path], recording.test)
+        ours = grouped.setdefault(name.specimen, [])
+        if any(one.name.protocol == name.protocol for one in ours):
+            problem = f"a second test {name.protocol} of specimen {name.specimen}"
+            raise BadInput(recording.path, problem, "other names of files, or of the tests in one file")
+        ours.append(ReadFile(recording, name))
     tests = dict(sorted(grouped.items()))
     known = {name: known_sizes(name, [one.recording for one in each], sizes) for name, each in tests.items()}
+    known = {name: one.answered((answers or {}).get(name, {})) for name, one in known.items()}
     if ask is not None:
         known = ask_for_sizes(known, ask)
     return [_specimen(name, each, known[name]) for name, each in tests.items()]
@@ -196,7 +231,26 @@ def _specimen(name: str, tests: Sequence[ReadFile], known: Known) -> NewSpecimen
     bar = Bar(length or math.inf, width or 1.0, thickness or 1.0)
     curves = tuple(curve_of(test.recording, bar, test.name.protocol) for test in tests)
     specimen = Specimen(name, length or 1.0, width or 1.0, thickness or 1.0, curves)
-    return NewSpecimen(specimen, tuple(tests), tuple(size for size in SIZES if known.mm[size] is None), tuple(notes))
+    missing = tuple(size for size in SIZES if known.mm[size] is None)
+    return NewSpecimen(specimen, tuple(tests), missing, tuple(notes), known.told)
+
+
+def refuse_doubts(recordings: Sequence[Recording], names: Mapping[Path, FileName]) -> None:
+    """Raises :class:`BadInput` for the first column or name that is not certain, with the option that confirms it."""
+    for recording in recordings:
+        for column, option in zip(recording.columns, ("time", "displacement", "force"), strict=True):
+            if column.how == LIKELY:
+                problem = f"{column.quantity.name} from {shown(column.title)} is likely, not certain"
+                raise BadInput(recording.path, problem, f"--{option}-column {shown(column.title)} to confirm it")
+        if names[recording.path].how == UNSURE:
+            raise BadInput(recording.path, "a number may be a specimen's or a trial's", "a name SPECIMEN_PROTOCOL")
+
+
+def refuse_unknown_sizes(specimens: Sequence[NewSpecimen]) -> None:
+    """Raises :class:`BadInput` for the first size that nobody tells."""
+    for one in specimens:
+        for size in one.missing:
+            raise BadInput(one.tests[0].path, f"does not tell the {size} of {one.specimen.name}", f"--{size}-mm")
 
 
 def _check_sizes(recording: Recording, known: Mapping[str, float | None]) -> None:

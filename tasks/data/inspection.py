@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS, Column, Hints, partly
+from sinew.tasks.data.columns import Column, Hints, partly
 from sinew.tasks.data.exports import Reading
+from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
+from sinew.tasks.data.several import beside, blocks_of_tests, told_apart
 from sinew.tasks.data.sizes import SIZES, read_sizes
 from sinew.tasks.data.tables import Row, Table, read_tables
 from sinew.tasks.data.units import usual
 
 SAME = 1e-3  # of a gauge length that two columns tell
 NEAR = 0.05  # by how much a length and the one that strains imply may differ
-_TITLED = 2  # columns that must be recognised for a table to be one of a test
 
 
 @dataclass(frozen=True)
@@ -64,15 +65,16 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     specimens.
     """
     reading = reading or Reading()
+    hints = reading.all_hints
     recognised = -1
     titles: Counter[Row] = Counter()
     for one in read_tables(path):  # only the best is kept: each may reach to the end of the file
         titles[one.titles[1:]] += 1
-        found = partly(one, reading.all_hints)
+        found = partly(one, hints)
         count = sum(column is not None for column in found[0])
         if count > recognised:
             recognised, table, (columns, problems) = count, one, found
-    if recognised < _TITLED and any(table.titles):
+    if recognised == 0 and any(table.titles):
         raise BadInput(
             path, f"no columns of a test: {'; '.join(problems)}", "time, displacement and force, with titles"
         )
@@ -83,14 +85,64 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     doubt = _doubt(table, columns, values["length"]) if reading.length_mm is None else ""
     if doubt:
         values["length"] = None
-    questions = (*problems, *_times(table, numbers[:rows, 0]), *_missing(values, columns, doubt))
+    one_below = titles[table.titles[1:]] if any(table.titles) else 1
+    if one_below > 1 and _go_on(path, table, columns):
+        one_below = 1
+    below, times = _below(table, columns, numbers[:rows, 0], hints)
+    questions = (*problems, *times, *_missing(values, columns, doubt))
     first = [float(number) if rows and np.isfinite(number) else None for number in numbers[0]]
     load = numbers[:rows, 2]
     peak = float(load[np.nanargmax(np.abs(load))]) if np.isfinite(load).any() else None
-    specimens = titles[table.titles[1:]] * _beside(table, columns)
+    specimens = one_below * below * (1 if hints.columns_given else beside(table, columns))
     return Inspection(
         path, table.sheet, columns, values, rows, (first[0], first[1], first[2]), peak, specimens, questions
     )
+
+
+def _go_on(path: Path, table: Table, columns: Sequence[Column | None]) -> bool:
+    """Whether times go on from each table with the titles of this one to the next: they are one test then."""
+    time, ends = columns[0], -np.inf
+    if time is None:
+        return False
+    names: set[str] = set()
+    for one in read_tables(path):
+        if one.titles[1:] != table.titles[1:]:
+            continue
+        if one.sheet != table.sheet:
+            return False
+        names.add(one.titles[0])
+        times = _column(one, time)
+        times = times[np.isfinite(times)]
+        if not times.size or times[0] <= ends:
+            return False
+        ends = times[-1]
+    return len(names) == 1
+
+
+def _below(
+    table: Table, columns: Sequence[Column | None], time_s: np.ndarray[Any, Any], hints: Hints
+) -> tuple[int, tuple[str, ...]]:
+    """How many tests stand one under another in a table, and what must be asked of its times."""
+    if hints.test_column is not None:
+        return len(blocks_of_tests(table, time_s.size, hints.test_column)), ()
+    back = [int(at) + 1 for at in np.flatnonzero(np.diff(time_s) < 0)]
+    taken = [column.place for column in columns if column is not None]
+    apart = None
+    if columns[0] is None or back:
+        apart = told_apart(table, time_s.size, back, taken)
+    if back and hints.cycle_column is None:
+        row = table.rows[back[0]][0]
+        remedy = f"one for each '{apart.title}'? {apart.option}" if apart else "one file for each"
+        question = (
+            f"time: goes back {len(back)} times, first in row {row}: several tests or cycles in one table? {remedy}"
+        )
+        return (apart.tests if apart else 1), (question,)
+    if apart is not None:
+        question = f"{apart.count:,} tests in one table, one for each '{apart.title}'? {apart.option}"
+        return apart.tests, (question,)
+    if time_s.size > 1 and not np.ptp(time_s) and not hints.timing.given:
+        return 1, ("time: the same in all rows; --time-column, --rate-hz or --speed",)
+    return 1, ()
 
 
 def _title(column: Column) -> str:
@@ -110,7 +162,8 @@ def _numbers(table: Table, columns: Sequence[Column | None]) -> tuple[np.ndarray
     for i, column in enumerate(columns):
         if column is not None:
             found[:, i] = _column(table, column)
-    filled = np.flatnonzero(np.isfinite(found).any(axis=1))
+    known = np.isfinite(found).any(axis=1) if any(columns) else [any(row) for _, row in table.rows]
+    filled = np.flatnonzero(known)
     return found, int(filled[-1]) + 1 if filled.size else 0
 
 
@@ -168,24 +221,9 @@ def _doubt(table: Table, columns: Sequence[Column | None], length_mm: float | No
     return f"length: {length_mm:g} mm in the lines above, but {implied:.4g} mm by '{strains.title}'; --length-mm"
 
 
-def _times(table: Table, time_s: np.ndarray[Any, Any]) -> Iterable[str]:
-    back = np.flatnonzero(np.diff(time_s) < 0)
-    if back.size:
-        row = table.rows[int(back[0]) + 1][0]
-        yield f"time: goes back {back.size} times, first in row {row}: several tests in one table? One file for each"
-    elif time_s.size > 1 and not np.ptp(time_s):
-        yield "time: the same in all rows; --time-column"
-
-
 def _missing(values: dict[str, float | None], columns: Sequence[Column | None], doubt: str) -> Iterable[str]:
     if values["length"] is None:
         yield doubt or "length: the file does not tell it; --length-mm"
     load = columns[2]
     if values["area"] is None and (load is None or load.quantity is not STRESS):
         yield "cross-section: the file does not tell it; --area-mm2"
-
-
-def _beside(table: Table, columns: Sequence[Column | None]) -> int:
-    """How many tests stand beside each other: how often the titles of the first one are repeated."""
-    titles = [column.title for column in columns if column is not None and column.title]
-    return max(1, min((sum(title == other for other in table.titles) for title in titles), default=1))

@@ -4,7 +4,7 @@ import os
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sinew.runner.errors import BadInput
@@ -54,6 +54,11 @@ def names_of(paths: Sequence[Path]) -> dict[Path, FileName]:
             problem = f"specimen {name.specimen}, protocol {name.protocol}, as {other}"
             raise BadInput(path, problem, "names such as SPECIMEN_PROTOCOL.csv, each pair once")
     return names
+
+
+def of_test(name: FileName, test: str) -> FileName:
+    """The name of one of several tests in a file, which are taken for tests of several specimens."""
+    return replace(name, specimen=f"{name.specimen}_{plain_name(test)}") if test else name
 
 
 def plain_name(text: str) -> str:

@@ -2,8 +2,8 @@
 
 import json
 import shlex
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import jinja2
@@ -37,12 +37,16 @@ class ReadFile:
 
 @dataclass(frozen=True, eq=False)
 class NewSpecimen:
-    """A specimen, the tests of its curves in the same order, the sizes that are missing, and notes for a person."""
+    """A specimen, the tests of its curves in the same order, the sizes that are missing, and notes for a person.
+
+    ``told``: sizes (mm) by name that a person has told.
+    """
 
     specimen: Specimen
     tests: tuple[ReadFile, ...]
     missing: tuple[str, ...]
     notes: tuple[str, ...]
+    told: Mapping[str, float] = field(default_factory=dict)
 
 
 def write_study(out: Path, cohort: str, specimens: Sequence[Specimen]) -> Path:

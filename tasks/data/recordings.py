@@ -1,32 +1,36 @@
 """What one test recorded: a file becomes a recording, and a recording of a bar of known size a curve."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.data.columns import (
-    LENGTH,
-    LIKELY,
-    POSITION,
-    STRAIN,
-    STRESS,
-    STRETCH,
-    Column,
-    Hints,
-    NoColumn,
-    is_spread,
-    recognise,
+from sinew.tasks.data.columns import LIKELY, NOWHERE, Column, Hints, NoColumn, recognise
+from sinew.tasks.data.quantities import LENGTH, POSITION, STRAIN, STRESS, STRETCH
+from sinew.tasks.data.several import (
+    Block,
+    Columns,
+    beside,
+    blocks_of_cycles,
+    blocks_of_tests,
+    columns_of,
+    going_on,
+    name_beside,
+    told_apart,
 )
 from sinew.tasks.data.sizes import Size, read_sizes
 from sinew.tasks.data.tables import Row, Table, read_tables
 from sinew.tasks.data.text import HUGE
+from sinew.tasks.data.timing import Timing
+from sinew.tasks.data.titles import is_spread
 from sinew.tasks.model import Curve, Protocol
 
 Array = np.ndarray[Any, np.dtype[Any]]
+MOST_TURNS = 0.1  # of the rows: a motion that turns more often is noisy, and its way is longer than that of the machine
 MOST_STRETCH = 10.0  # a ratio of lengths beyond it is in percent, or a length
 
 
@@ -34,18 +38,23 @@ MOST_STRETCH = 10.0  # a ratio of lengths beyond it is in percent, or a length
 class Recording:
     """What the file of one test holds.
 
-    ``numbers`` ``[t, 3]``: time (s), motion (mm, or 1 for strain and stretch) and load (N, or MPa for stress), from row
-    ``first`` of the file. ``columns`` says which columns these are, ``left_out`` names the others. ``header`` holds the
-    rows above the titles, and ``sizes`` what they tell of the specimen.
+    ``numbers`` ``[t, 3]``: time (s), motion (mm, or 1 for strain and stretch) and load (N, or MPa for stress), each
+    from one of the ``rows`` of the file. ``columns`` says which columns these are, ``left_out`` names the others.
+    ``header`` holds the rows above the titles, and ``sizes`` what they tell of the specimen. ``test`` is the name of
+    the test if its file holds several. ``notes``: what a person should know of how it was read. ``remedy``: what may
+    help if times do not increase.
     """
 
     path: Path
     numbers: Array
     columns: tuple[Column, Column, Column]
-    first: int
+    rows: tuple[int, ...]
     header: tuple[Row, ...]
     sizes: Mapping[str, Size]
     left_out: tuple[str, ...]
+    test: str = ""
+    notes: tuple[str, ...] = ()
+    remedy: str = ""
 
     @property
     def motion(self) -> Column:
@@ -69,51 +78,167 @@ class Bar:
     width_mm: float
     thickness_mm: float
 
+    @property
+    def area_mm2(self) -> float:
+        return self.width_mm * self.thickness_mm
 
-def read_recording(path: Path, hints: Hints, *, first_of_alike: bool = False) -> Recording:
-    """The first table of a file that has columns of time, motion and load.
 
-    Of columns with one title, the first counts if ``first_of_alike``, with a remark; else they are refused.
+def read_recordings(path: Path, hints: Hints, *, first_of_alike: bool = False) -> list[Recording]:
+    """The tests in a file: those of the first table with columns of time, motion and load, and of all further tables
+    with the same titles.
+
+    Tables whose times go on from one to the next are one test. Tests may also stand beside each other, or one under
+    another if ``hints.test_column`` tells them apart. Of other columns with one title, the first counts if
+    ``first_of_alike``, with a remark; else they are refused.
 
     Raises :class:`BadInput` naming file, row and column: :class:`UnknownUnit` for a unit that the file does not tell.
     """
     missing: NoColumn | None = None
+    found: list[tuple[Table, list[Recording]]] = []
     for table in read_tables(path):
+        if found and (not any(table.titles) or table.titles[1:] != found[0][0].titles[1:]):
+            continue  # of another kind
         try:
-            columns = recognise(table, hints, first_of_alike=first_of_alike)
+            columns = recognise(table, hints, first_of_alike=True)
+            count = 1 if hints.columns_given else beside(table, columns)
+            if count == 1 and not first_of_alike:
+                columns = recognise(table, hints)
         except NoColumn as error:
             missing = missing or error
             continue
-        return _recording(table, columns)
-    assert missing is not None, "a file without tables is refused by read_tables"
-    raise missing
+        found.append((replace(table, rows=table.rows[:1]), _tests(table, columns, count, hints)))
+    if not found:
+        assert missing is not None, "a file without tables is refused by read_tables"
+        raise missing
+    return _named(found)
 
 
-def _recording(table: Table, columns: tuple[Column, Column, Column]) -> Recording:
-    rows = _filled(table, columns)
-    numbers = np.array([[_number(table, row, column) for column in columns] for row in range(rows)])
+def _named(found: Sequence[tuple[Table, list[Recording]]]) -> list[Recording]:
+    """The tests of several tables, each with a name of its own if there are several."""
+    if len(found) == 1:
+        return found[0][1]
+    firsts = [table.titles[0] for table, _ in found]
+    apart = all(firsts) and len(set(firsts)) == len(found)
+    alone = [tests[0] for _, tests in found if len(tests) == 1]
+    one_sheet = len({table.sheet for table, _ in found}) == 1
+    if not apart and one_sheet and len(alone) == len(found) and _times_go_on(alone):
+        return [_joined(alone)]
+    sheets = [table.sheet for table, _ in found]
+    if apart:
+        names = firsts
+    else:
+        names = sheets if len(set(sheets)) == len(found) else [str(number) for number in range(1, len(found) + 1)]
+    return [
+        replace(test, test=f"{name}_{test.test}" if test.test else name)
+        for name, (_, tests) in zip(names, found, strict=True)
+        for test in tests
+    ]
+
+
+def _times_go_on(tests: Sequence[Recording]) -> bool:
+    """Whether each test begins after the end of the one before, by times of the file."""
+    in_file = tests[0].columns[0].place != NOWHERE
+    return in_file and all(other.numbers[0, 0] > one.numbers[-1, 0] for one, other in pairwise(tests))
+
+
+def _joined(tests: Sequence[Recording]) -> Recording:
+    note = f"{len(tests)} tables whose times go on: read as one test"
+    rows = tuple(row for test in tests for row in test.rows)
+    return replace(
+        tests[0], numbers=np.concatenate([test.numbers for test in tests]), rows=rows, notes=(*tests[0].notes, note)
+    )
+
+
+def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Recording]:
+    """The tests of one table, ``count`` beside each other, or one under another."""
+    found: list[Recording] = []
+    for number in range(count):
+        ours = columns_of(table, columns, number) if count > 1 else columns
+        name = name_beside(table, ours, number) if count > 1 else ""
+        rows = _filled(table, ours)
+        if hints.test_column is None:
+            found.append(_recording(table, ours, hints, Block(name, 0, rows)))
+            continue
+        for block in blocks_of_tests(table, rows, hints.test_column):
+            both = replace(block, name="_".join(filter(None, (name, block.name))))
+            found.append(_recording(table, ours, hints, both))
+    return found
+
+
+def _recording(table: Table, columns: Columns, hints: Hints, block: Block) -> Recording:
+    """The test in a block of rows of a table."""
+    numbers = np.array([[_number(table, row, column) for column in columns] for row in range(block.start, block.end)])
     numbers = numbers * [column.factor for column in columns]
     beyond = np.argwhere(~(np.abs(numbers) < HUGE))
     if beyond.size:
         row, column = beyond[0]
-        where = f"{table.path}: row {table.rows[row][0]}, {columns[column].title}"
+        where = f"{table.path}: row {table.rows[block.start + row][0]}, {columns[column].title}"
         raise BadInput(where, f"{numbers[row, column]:g}", "a number below 1e100")
     if len(numbers) < 3:
-        raise BadInput(table.path, f"{len(numbers)} rows of numbers", "at least 3")
+        raise BadInput(table.path, f"{len(numbers)} rows of numbers{_of(block)}", "at least 3")
     places = {column.place for column in columns}
     left_out = tuple(title for place, title in enumerate(table.titles) if place not in places and title)
-    return Recording(table.path, numbers, columns, table.first, table.header, read_sizes(table.header), left_out)
+    notes: tuple[str, ...] = ()
+    if hints.timing.given:
+        numbers, notes = _timed(table, columns, numbers, hints.timing, block)
+    if hints.cycle_column is not None:
+        numbers[:, 0] = going_on(numbers[:, 0], _within(blocks_of_cycles(table, block.end, hints.cycle_column), block))
+    back = [block.start + int(at) + 1 for at in np.flatnonzero(np.diff(numbers[:, 0]) < 0)]
+    apart = told_apart(table, block.end, back, list(places)) if back else None
+    return Recording(
+        table.path,
+        numbers,
+        columns,
+        tuple(at for at, _ in table.rows[block.start : block.end]),
+        table.header,
+        read_sizes(table.header),
+        left_out,
+        block.name,
+        notes,
+        "" if apart is None else f", or {apart.option} {shown(apart.title)}, which changes there",
+    )
+
+
+def _of(block: Block) -> str:
+    return f" of test {shown(block.name)}" if block.name else ""
+
+
+def _within(cycles: Sequence[Block], block: Block) -> list[Block]:
+    """The cycles that begin in a block, counted from its first row."""
+    first = block.start
+    return [Block(c.name, max(c.start - first, 0), c.end - first) for c in cycles if c.end > first]
+
+
+def _timed(
+    table: Table, columns: Columns, numbers: Array, timing: Timing, block: Block
+) -> tuple[Array, tuple[str, ...]]:
+    """The numbers with times that a person has told, and a note if the file has times of its own, which count."""
+    if columns[0].place != NOWHERE and np.ptp(numbers[:, 0]) > 0:
+        return numbers, (f"its own times count, not {timing}",)
+    numbers[:, 0] = times = timing.times(numbers[:, 1])
+    stays = np.flatnonzero(np.diff(times) <= 0)
+    if stays.size:
+        where = f"{table.path}: row {table.rows[block.start + int(stays[0]) + 1][0]}"
+        raise BadInput(where, "the same motion as in the row before, so a speed tells no time", "--rate-hz")
+    turns = np.count_nonzero(np.diff(np.sign(np.diff(numbers[:, 1]))))
+    if timing.speed is not None and turns > MOST_TURNS * len(numbers):
+        problem = f"the motion turns {turns:,} times in {len(numbers):,} rows, so a speed tells no time"
+        raise BadInput(table.path, problem, "--rate-hz")
+    return numbers, (f"times by {timing}",)
 
 
 def _filled(table: Table, columns: Sequence[Column]) -> int:
     """The number of rows up to the last with anything in these columns: the longest of several tests is beside them."""
     rows = len(table.rows)
-    while rows and not any(table.rows[rows - 1][1][column.place : column.place + 1] > ("",) for column in columns):
+    places = [column.place for column in columns if column.place != NOWHERE]
+    while rows and not any(table.rows[rows - 1][1][place : place + 1] > ("",) for place in places):
         rows -= 1
     return rows
 
 
 def _number(table: Table, row: int, column: Column) -> float:
+    if column.place == NOWHERE:
+        return 0.0
     value = table.number(row, column.place)
     if value is None:
         at, cells = table.rows[row]
@@ -134,7 +259,8 @@ def curve_of(recording: Recording, bar: Bar, protocol: str, *, reference: float 
     back = np.flatnonzero(np.diff(time_s) <= 0)
     if back.size:
         problem = f"{time_s[back[0] + 1]:g} s after {time_s[back[0]]:g} s"
-        raise BadInput(f"{recording.path}: row {recording.first + back[0] + 1}, time", problem, "increasing times")
+        where = f"{recording.path}: row {recording.rows[back[0] + 1]}, time"
+        raise BadInput(where, problem, f"increasing times{recording.remedy}")
     displacement = _displacement(recording, bar.length_mm, reference)
     stress = recording.load.quantity is STRESS
     force = load * bar.width_mm * bar.thickness_mm if stress else load.copy()
@@ -163,19 +289,19 @@ def _check_displacement(recording: Recording, displacement: Array, length_mm: fl
     motion, quantity = recording.numbers[:, 1], recording.motion.quantity
     wrong = np.flatnonzero((motion > MOST_STRETCH) | (motion <= 0)) if quantity is STRETCH else np.empty(0, int)
     if wrong.size:
-        where = f"{recording.path}: row {recording.first + wrong[0]}, {quantity.name}"
+        where = f"{recording.path}: row {recording.rows[wrong[0]]}, {quantity.name}"
         expected = f"a length over the reference length, above 0 and at most {MOST_STRETCH:g}"
         raise BadInput(where, f"{motion[wrong[0]]:g}", expected)
     crushed = np.flatnonzero(displacement <= -length_mm)
     if crushed.size:
-        where = f"{recording.path}: row {recording.first + crushed[0]}, {quantity.name}"
+        where = f"{recording.path}: row {recording.rows[crushed[0]]}, {quantity.name}"
         problem = f"{displacement[crushed[0]]:g} mm shortens a gauge of {length_mm:g} mm to nothing"
         raise BadInput(where, problem, "another gauge length, unit or column")
 
 
 def remarks(recording: Recording) -> list[str]:
     """What a person should check in a recording that was understood."""
-    found = []
+    found = list(recording.notes)
     for column in recording.columns:
         if column.alike:
             others = ", ".join(f"'{title}'" for title in column.alike)

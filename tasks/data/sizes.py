@@ -9,6 +9,7 @@ from sinew.tasks.data import units, words
 from sinew.tasks.data.tables import Row, is_row_of_units
 
 SIZES = ("length", "width", "thickness")
+SAME = 1e-3  # two statements of a size that differ by less agree: 10 mm and 10.0005 mm
 LONGEST_MM = 1e4
 LARGEST_MM2 = 1e8
 LARGEST = {**dict.fromkeys((*SIZES, "diameter"), LONGEST_MM), "area": LARGEST_MM2}

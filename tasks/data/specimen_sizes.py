@@ -1,16 +1,16 @@
 """Sizes of the specimens of a new study: what a person gives, what files tell, and what must be asked for."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import GEOMETRY
-from sinew.tasks.data.columns import LENGTH, LIKELY
+from sinew.tasks.data.columns import LIKELY
+from sinew.tasks.data.quantities import LENGTH
 from sinew.tasks.data.recordings import Recording
-from sinew.tasks.data.sizes import LONGEST_MM, SIZES, square_side
+from sinew.tasks.data.sizes import LONGEST_MM, SAME, SIZES, square_side
 
-SAME = 1e-3  # two statements of a size that differ by less agree: 10 mm and 10.0005 mm
 FOR_ALL = "all"  # behind an answer: it holds for all specimens that are left
 
 #: Asks a person for one answer (question, choices or none). Not given where nobody can answer.
@@ -39,10 +39,19 @@ class Sizes:
 
 @dataclass(frozen=True)
 class Known:
-    """Sizes (mm) of one specimen by name, None for those that nobody tells, and notes for a person."""
+    """Sizes (mm) of one specimen by name, None for those that nobody tells, and notes for a person.
+
+    ``told``: those that a person has told.
+    """
 
     mm: Mapping[str, float | None]
     notes: tuple[str, ...] = ()
+    told: Mapping[str, float] = field(default_factory=dict)
+
+    def answered(self, answers: Mapping[str, float | None]) -> "Known":
+        """The same with answers to what nobody tells."""
+        new = {size: mm for size, mm in answers.items() if mm is not None and self.mm.get(size) is None}
+        return Known({**self.mm, **new}, self.notes, {**self.told, **new})
 
 
 def size_of(recording: Recording, name: str) -> float | None:
@@ -77,7 +86,8 @@ def known_sizes(specimen: str, recordings: Sequence[Recording], given: Sizes) ->
     if mm["length"] is None and all(recording.motion.quantity is LENGTH for recording in recordings):
         mm["length"] = float(recordings[0].numbers[0, 1])
         notes.append(f"gauge length {mm['length']:g} mm, {LIKELY}: the length in the first row")
-    return Known(mm, tuple(notes))
+    asked = {size: value for size in SIZES if (value := getattr(given, f"{size}_mm")) is not None}
+    return Known(mm, tuple(notes), asked)
 
 
 def _contradictions(size: str, asked: float, told: Mapping[float, Path], override: bool) -> list[str]:
@@ -106,7 +116,7 @@ def ask_for_sizes(known: Mapping[str, Known], ask: Ask) -> dict[str, Known]:
             for specimen in left if for_all else left[:1]:
                 found[specimen][size] = value
             left = [] if for_all else left[1:]
-    return {specimen: Known(mm, known[specimen].notes) for specimen, mm in found.items()}
+    return {specimen: known[specimen].answered(mm) for specimen, mm in found.items()}
 
 
 def _answer(size: str, left: Sequence[str], ask: Ask) -> tuple[float | None, bool]:

@@ -14,10 +14,11 @@ from sinew.tasks.data.text import SEPARATORS, cells, is_clock, is_number, number
 from sinew.tasks.data.units import is_unit
 
 MOST_COLUMNS = 1000
-FEWEST_COLUMNS = 3  # time, motion and load
+FEWEST_COLUMNS = (3, 2)  # time, motion and load; where no table has three, motion and load
 HEAD_LINES = 450  # where separator and decimal mark are looked for first
 EXPECTED = "three columns or more: time, displacement (or strain) and force (or stress)"
-_UNKNOWN_UNIT = re.compile(r"[A-Za-z°µ%/²³]{1,3}")  # "d" or "°C", among units that are known
+#: "d", "°C" or "mm/min", among units that are known.
+_UNKNOWN_UNIT = re.compile(r"[A-Za-z°µ%/²³]{1,3}|[A-Za-z°µ%]{1,3}/[A-Za-z]{1,3}")
 RUN = 3  # rows that must agree for a table to begin
 Row = tuple[str, ...]
 
@@ -78,39 +79,49 @@ class _Run:
 
 
 def read_tables(path: Path) -> Iterator[Table]:
-    """The tables of a file, from top to bottom. Raises :class:`BadInput` if there is none.
+    """The tables of a file, from top to bottom. Raises :class:`NoTable` if there is none.
 
     Of all separators and decimal marks of a text, those count that give the longest table. A table begins where three
-    rows (or all that are left) have numbers in the same columns, three at least. It ends with the file or sheet, or
-    where titles and units are repeated. Above the tables of a sheet, its header also holds the sheets before it.
+    rows (or all that are left) have numbers in the same columns, three at least; two, in three rows or more, where no
+    table has three. It ends with the file or sheet, or where titles and units are repeated. Above the tables of a
+    sheet, its header also holds the sheets before it.
     """
-    if not is_sheet(path):
-        lines = records(read_lines(path))
-        separator, decimal = _layout(path, lines)
-        rows = [(at, tuple(cells(line, separator))) for at, line in lines]
-        titles = [_title_cells(line, separator) for _, line in lines] if separator == " " else [row for _, row in rows]
-        yield from _tables(path, rows, titles, separator, decimal)
-        return
-    before: tuple[Row, ...] = ()
-    found = False
-    for name, texts in read_sheets(path):
-        for table in _tables(path, list(enumerate(texts, start=1)), texts, "", "."):
-            yield replace(table, header=(*before, *table.header), sheet=name)
-            found = True
-        before += tuple(row for row in texts[:HEAD_LINES] if any(row))
-    if not found:
-        raise NoTable(path, "no sheet has a table of numbers with three columns", EXPECTED)
+    yield from _tables_of_sheets(path) if is_sheet(path) else _tables_of_text(path)
+
+
+def _tables_of_text(path: Path) -> Iterator[Table]:
+    lines = records(read_lines(path))
+    separator, decimal, fewest = _layout(path, lines)
+    rows = [(at, tuple(cells(line, separator))) for at, line in lines]
+    titles = [_title_cells(line, separator) for _, line in lines] if separator == " " else [row for _, row in rows]
+    yield from _tables(path, rows, titles, separator, decimal, fewest)
+
+
+def _tables_of_sheets(path: Path) -> Iterator[Table]:
+    for fewest in FEWEST_COLUMNS:
+        before: tuple[Row, ...] = ()
+        found = False
+        for name, texts in read_sheets(path):
+            for table in _tables(path, list(enumerate(texts, start=1)), texts, "", ".", fewest):
+                yield replace(table, header=(*before, *table.header), sheet=name)
+                found = True
+            before += tuple(row for row in texts[:HEAD_LINES] if any(row))
+        if found:
+            return
+    raise NoTable(path, "no sheet has a table of numbers", EXPECTED)
 
 
 def _tables(
-    path: Path, rows: list[tuple[int, Row]], titles: Sequence[Row], separator: str, decimal: str
+    path: Path, rows: list[tuple[int, Row]], titles: Sequence[Row], separator: str, decimal: str, fewest: int
 ) -> Iterator[Table]:
     """The tables of a text or of a sheet; ``titles``: how each row reads if it holds titles."""
     while rows and not any(rows[-1][1]):
         rows.pop()
     places: list[tuple[int, int]] = []
     end = 0
-    for run in _runs([row for _, row in rows], decimal):
+    for run in _runs([row for _, row in rows], decimal, fewest):
+        if fewest < FEWEST_COLUMNS[0] and run.end - run.start < RUN:
+            continue  # two numbers in a line of text
         start, titles_at = _top(rows, run, decimal)
         if start >= end:  # else it belongs to the table above, behind a broken row
             places.append((start, titles_at))
@@ -149,34 +160,40 @@ def _last_numbers(rows: Sequence[tuple[int, Row]], start: int, stop: int, decima
     return stop
 
 
-def _layout(path: Path, lines: Sequence[tuple[int, str]]) -> tuple[str, str]:
-    """The separator and the decimal mark. Whole numbers read alike with both marks; the point goes first then."""
-    for some in (lines[:HEAD_LINES], lines):
-        best, length = None, 0
-        for separator in (*SEPARATORS, " "):
-            split = [cells(line, separator) for _, line in some]
-            for decimal in ".,":
-                longest = (
-                    0
-                    if separator == decimal
-                    else max((run.end - run.start for run in _runs(split, decimal)), default=0)
-                )
-                if longest > length:
-                    best, length = (separator, decimal), longest
-        if best is not None:
-            return best
-    raise NoTable(path, "no table of numbers with three columns can be found", EXPECTED)
+def _layout(path: Path, lines: Sequence[tuple[int, str]]) -> tuple[str, str, int]:
+    """The separator, the decimal mark and the fewest columns of a table.
+
+    Whole numbers read alike with both marks; the point goes first then.
+    """
+    for fewest in FEWEST_COLUMNS:
+        for some in (lines[:HEAD_LINES], lines):
+            best, length = None, 0
+            for separator in (*SEPARATORS, " "):
+                split = [cells(line, separator) for _, line in some]
+                for decimal in ".,":
+                    longest = 0 if separator == decimal else _longest(split, decimal, fewest)
+                    if longest > length:
+                        best, length = (separator, decimal, fewest), longest
+            if best is not None:
+                return best
+    raise NoTable(path, "no table of numbers can be found", EXPECTED)
 
 
-def _runs(rows: Sequence[Sequence[str]], decimal: str) -> Iterator[_Run]:
+def _longest(rows: Sequence[Sequence[str]], decimal: str, fewest: int) -> int:
+    """The rows of the longest table; 0 if there is none."""
+    longest = max((run.end - run.start for run in _runs(rows, decimal, fewest)), default=0)
+    return longest if fewest == FEWEST_COLUMNS[0] or longest >= RUN else 0
+
+
+def _runs(rows: Sequence[Sequence[str]], decimal: str, fewest: int) -> Iterator[_Run]:
     """Where rows have numbers in the same columns, until a row lacks a number that the first rows of a run have."""
     start = 0
     while start < len(rows):
         common = _numeric(rows[start], decimal)
         for row in rows[start + 1 : start + RUN]:
-            if len(common) >= FEWEST_COLUMNS:
+            if len(common) >= fewest:
                 common &= _numeric(row, decimal)
-        if len(common) < FEWEST_COLUMNS:
+        if len(common) < fewest:
             start += 1
             continue
         end = start + 1

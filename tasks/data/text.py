@@ -61,7 +61,7 @@ def read_lines(path: Path) -> list[str]:
     characters.
     """
     check_text(path, MAX_TEXT_BYTES, utf16=True)
-    lines = re.split(r"\r\n|\n|\r", _decoded(path))
+    lines = re.split(r"\r*\n|\r", _decoded(path))  # Windows programs write \r\r\n where they convert twice
     while lines and is_blank(lines[-1]):
         lines.pop()
     for number, line in enumerate(lines, start=1):

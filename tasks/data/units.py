@@ -1,5 +1,6 @@
 """Units of measured quantities, and their factors to the units that sinew computes in: s, mm, N, MPa and 1."""
 
+import unicodedata
 from collections.abc import Iterable, Mapping
 
 Units = Mapping[str, float]
@@ -8,38 +9,36 @@ TIME: Units = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "min": 60.0,
     "minutes": 60.0, "us": 1e-6, "µs": 1e-6, "h": 3600.0,
 }  # fmt: skip
-LENGTH: Units = {"mm": 1.0, "m": 1000.0, "cm": 10.0, "um": 1e-3, "µm": 1e-3, "in": 25.4}
+LENGTH: Units = {
+    "mm": 1.0, "m": 1000.0, "cm": 10.0, "um": 1e-3, "µm": 1e-3, "nm": 1e-6, "in": 25.4, "mil": 0.0254, "ft": 304.8,
+}  # fmt: skip
 FORCE: Units = {
     "N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "lbf": 4.4482216152605, "kgf": 9.80665, "kp": 9.80665,
-    "gf": 9.80665e-3, "newton": 1.0, "newtons": 1.0,
+    "gf": 9.80665e-3, "ozf": 0.27801385095378125, "dyn": 1e-5, "newton": 1.0, "newtons": 1.0,
 }  # fmt: skip
 STRESS: Units = {
-    "Pa": 1e-6,
-    "kPa": 1e-3,
-    "MPa": 1.0,
-    "GPa": 1e3,
-    "N/mm2": 1.0,
-    "N/mm^2": 1.0,
-    "N/mm²": 1.0,
-    "psi": 6.894757293168e-3,
-}
+    "Pa": 1e-6, "kPa": 1e-3, "MPa": 1.0, "GPa": 1e3, "N/mm2": 1.0, "N/mm^2": 1.0, "N/mm²": 1.0, "N/cm2": 1e-2,
+    "kN/mm2": 1e3, "kgf/mm2": 9.80665, "kgf/cm2": 9.80665e-2, "bar": 0.1, "mbar": 1e-4, "psi": 6.894757293168e-3,
+    "ksi": 6.894757293168,
+}  # fmt: skip
 AREA: Units = {
-    "mm2": 1.0,
-    "mm^2": 1.0,
-    "mm²": 1.0,
-    "cm2": 100.0,
-    "cm^2": 100.0,
-    "cm²": 100.0,
-    "in2": 645.16,
-    "in²": 645.16,
-}
+    "mm2": 1.0, "mm^2": 1.0, "mm²": 1.0, "cm2": 100.0, "cm^2": 100.0, "cm²": 100.0, "um2": 1e-6, "µm²": 1e-6,
+    "m2": 1e6, "m²": 1e6, "in2": 645.16, "in²": 645.16,
+}  # fmt: skip
 NUMBER: Units = {"1": 1.0, "-": 1.0, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0, "L/L0": 1.0}
 FRACTION: Units = {"%": 0.01, "percent": 0.01, "pct": 0.01, **NUMBER}
 
 #: Other spellings, which no message lists.
 _SPELLINGS = {
-    "minute": "min", "hr": "h", "hours": "h", "秒": "s", "inch": "in", "inches": "in", "毫米": "mm", "lb": "lbf",
-    "lbs": "lbf", "牛": "N", "n/m2": "Pa", "n/m²": "Pa",
+    "minute": "min", "mins": "min", "minuten": "min", "minutos": "min", "分": "min", "分钟": "min",
+    "hr": "h", "hour": "h", "hours": "h", "sek": "s", "sekunden": "s", "secondes": "s", "segundos": "s",
+    "秒": "s", "초": "s", "毫秒": "ms", "millisecond": "ms", "milliseconds": "ms", "msecs": "ms",
+    "inch": "in", "inches": "in", '"': "in", "mils": "mil", "feet": "ft", "毫米": "mm", "厘米": "cm", "微米": "um",
+    "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm", "micron": "um", "microns": "um",
+    "lb": "lbf", "lbs": "lbf", "pounds": "lbf", "kilonewton": "kN", "牛": "N", "牛顿": "N", "千牛": "kN", "克力": "gf",
+    "grams force": "gf", "gram-force": "gf", "kg f": "kgf", "dyne": "dyn", "dynes": "dyn",
+    "n/m2": "Pa", "pascal": "Pa", "兆帕": "MPa", "千帕": "kPa", "帕": "Pa", "sq mm": "mm2", "sq in": "in2",
+    "per cent": "%", "prozent": "%",
 }  # fmt: skip
 _EVERY = (TIME, LENGTH, FORCE, STRESS, AREA, FRACTION)
 #: Spellings whose prefix may be milli or mega. The correct spelling "mN" has its factor; these have none.
@@ -50,12 +49,20 @@ def factor(units: Units, unit: str) -> float | None:
     """The factor of ``unit`` in a table; None if it is not there or ambiguous. Upper and lower case are the same."""
     if unit in units:
         return units[unit]
-    if unit in _AMBIGUOUS:
+    if ambiguous(unit):
         return None
-    folded = _SPELLINGS.get(
-        unit.casefold(), unit
-    ).casefold()  # this also makes one letter of the two characters for micro
-    return next((value for name, value in units.items() if name.casefold() == folded and name not in ("mN",)), None)
+    folded = _folded(unit)
+    folded = _folded(_SPELLINGS.get(folded, folded))
+    return next((value for name, value in units.items() if _folded(name) == folded and name not in ("mN",)), None)
+
+
+def _folded(name: str) -> str:
+    """In lower case, with plain digits for raised ones, and one letter for both characters for micro."""
+    return _plain(name).casefold().replace("^", "")
+
+
+def _plain(name: str) -> str:
+    return " ".join(unicodedata.normalize("NFKC", name).split())  # full-width letters become plain ones
 
 
 def usual(units: Units, unit: str) -> str:
@@ -66,7 +73,7 @@ def usual(units: Units, unit: str) -> str:
 
 def ambiguous(unit: str) -> bool:
     """Whether a spelling may mean two units, such as millinewton and meganewton."""
-    return unit in _AMBIGUOUS
+    return _plain(unit) in _AMBIGUOUS
 
 
 def is_unit(text: str) -> bool:
@@ -80,6 +87,14 @@ def belongs_elsewhere(units: Units, unit: str) -> bool:
     return known and factor(units, unit) is None
 
 
+def listed(units: Units) -> tuple[str, ...]:
+    """One name for each unit in a table, for messages and for answers."""
+    names: dict[float, str] = {}
+    for name, value in units.items():
+        names.setdefault(value, name)
+    return tuple(names.values())
+
+
 def merged(tables: Iterable[Units]) -> tuple[str, ...]:
-    """The names of all units in several tables, each once."""
-    return tuple(dict.fromkeys(name for units in tables for name in units))
+    """The same for several tables."""
+    return tuple(dict.fromkeys(name for units in tables for name in listed(units)))

@@ -57,6 +57,6 @@ def _content(path: Path) -> bytes:
 def _numbers(line: bytes) -> Array | None:
     try:
         numbers = np.array(json.loads(line), dtype=np.float64)
-    except (ValueError, TypeError, RecursionError):
+    except (ValueError, TypeError, OverflowError, RecursionError):
         return None
     return numbers if line.endswith(b"\n") and numbers.ndim == 1 and np.isfinite(numbers).all() else None

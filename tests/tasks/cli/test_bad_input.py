@@ -61,15 +61,15 @@ def test_parameters(refused, name, content, told):
 
 EXPORTS = {
     "nothing": ("", "test.csv: empty; expected"),
-    "no table": (EXPORT[: EXPORT.index("Time")], "test.csv: no table of numbers with three columns can be"),
+    "no table": (EXPORT[: EXPORT.index("Time")], "test.csv: no table of numbers can be"),
     "no load": (EXPORT.replace("Load", "Stress"), "test.csv: row 6: no column of force or stress among 'Time, Extens"),
     "no Length": (EXPORT.replace("Length", "Lenght"), "test.csv: Length: missing in the lines above the table; "),
     "no Width": (EXPORT.replace("Width", "Breadth"), "test.csv: Width: missing in the lines above the table; "),
     "Length of zero": (EXPORT.replace('"10.0"', '"0"'), "test.csv: Length: '0 mm'; expected a number above 0"),
     "Length is no number": (EXPORT.replace('"10.0"', "ten"), "test.csv: Length: 'ten mm'; expected a number"),
     "Length is NaN": (EXPORT.replace('"10.0"', "nan"), "test.csv: Length: 'nan mm'; expected a number above 0"),
-    "unit of Length": (EXPORT.replace('"10.0",mm', '"10.0",ft'), "test.csv: Length: '10.0 ft'; expected a number"),
-    "unit of time": (EXPORT.replace("(s)", "(d)"), "test.csv: 'Time': unit 'd'; expected one of s"),
+    "unit of Length": (EXPORT.replace('"10.0",mm', '"10.0",fur'), "test.csv: Length: '10.0 fur'; expected a number"),
+    "unit of time": (EXPORT.replace("(s)", "(d)"), "test.csv: 'Time': unit 'd' of the time is not known; expected"),
     "unit of load": (EXPORT.replace("(N)", "(MN)"), "test.csv: 'Load': unit 'MN' may stand for milli or for mega; exp"),
     "no units": (EXPORT.replace("(s),(mm),(N)\n", ""), "test.csv: 'Time': no unit of the time can be found; expect"),
     "text": (EXPORT.replace('"5.0"', '"5.0 N"'), "test.csv: row 9, Load: '5.0 N'; expected a finite number"),

@@ -5,16 +5,17 @@ import pytest
 from sinew.runner.errors import BadInput
 from tests.tasks.data.test_columns import columns
 
-TIMES = "s, sec, secs, second, seconds, ms, msec, min, minutes, us, µs, h"
-FORCES = "N, kN, mN, uN, µN, lbf, kgf, kp, gf, newton, newtons"
-LOADS = f"{FORCES}, Pa, kPa, MPa, GPa, N/mm2, N/mm^2, N/mm², psi"
+TIMES = "s, ms, min, us, h"
+TIMELESS = "--time-column NAME or NUMBER, --rate-hz or --speed"
+FORCES = "N, kN, mN, uN, lbf, kgf, gf, ozf, dyn"
+LOADS = f"{FORCES}, Pa, kPa, MPa, GPa, N/cm2, kgf/mm2, kgf/cm2, bar, mbar, psi, ksi"
 
 
 @pytest.mark.parametrize(
     ("titles", "hints", "words"),
     [
-        ("a|b|", {}, ": row 1: no column of time among 'a, b, (no name)'; expected --time-column NAME or NUMBER"),
-        ("", {}, ": no column of time among '(no name), (no name), (no name)'; expected --time-column NAME or NUMBER"),
+        ("a|b|", {}, f": row 1: no column of time among 'a, b, (no name)'; expected {TIMELESS}"),
+        ("", {}, f": no column of time among '(no name), (no name), (no name)'; expected {TIMELESS}"),
         (
             "time_s|b|force_N", {},
             ": row 1: no column of displacement, length or strain among 'time_s, b, force_N'; expected "
@@ -48,14 +49,17 @@ LOADS = f"{FORCES}, Pa, kPa, MPa, GPa, N/mm2, N/mm^2, N/mm², psi"
         (
             "time_s|u|F", {"displacement_column": "2", "force_column": "2", "displacement_unit": "mm",
                            "force_unit": "N"},
-            ": one column is taken for two things; expected three columns; name them by --time-column and the like",
+            ": one column is taken for two things; expected a column for each; name them by --time-column and the like",
         ),
         ("time|u_mm|F_N", {}, f": 'time': no unit of the time can be found; expected --time-unit, one of {TIMES}"),
         (
             "|u_mm|F_N", {"time_column": "1"},
             f": column '1': no unit of the time can be found; expected --time-unit, one of {TIMES}",
         ),
-        ("time (h:m)|u_mm|F_N", {}, f": 'time (h:m)': unit 'h:m'; expected one of {TIMES}"),
+        (
+            "time (h:m)|u_mm|F_N", {},
+            f": 'time (h:m)': unit 'h:m' of the time is not known; expected --time-unit, one of {TIMES}",
+        ),
         (
             "time_s|u_mm|F_N", {"time_unit": "min"},
             ": 'time_s': unit 's', but --time-unit says min; expected one and the same unit",

@@ -5,21 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import (
-    DISPLACEMENT,
-    FORCE,
-    LENGTH,
-    POSITION,
-    STRAIN,
-    STRESS,
-    STRETCH,
-    Column,
-    Hints,
-    NoColumn,
-    UnknownUnit,
-    is_spread,
-    recognise,
-)
+from sinew.tasks.data.columns import Column, Hints, NoColumn, UnknownUnit, recognise
+from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, POSITION, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.tables import Table
 
 NUMBERS = ["0", "1", "2", "3", "4", "5"]
@@ -186,7 +173,7 @@ def test_columns_by_number_title_or_name():
         ("time_s|u_mm|F_N|F_N", {"force_column": "F_N"}, "'F_N' names 2 columns"),
         ("time_s|u_mm|force_N", {"force_column": "u_mm"}, "no unit of the force or stress"),
         ("time_s|u_mm|c (N)", {"force_column": "3", "time_column": "3"}, "no unit of the time"),
-        ("time (h:m)|u (mm)|force (N)", {}, "unit 'h:m'; expected one of s"),
+        ("time (h:m)|u (mm)|force (N)", {}, "unit 'h:m' of the time is not known; expected --time-unit, one of s"),
     ],
 )
 def test_columns_that_cannot_be_told_are_refused(titles, hints, words):
@@ -207,13 +194,6 @@ def test_titles_that_do_not_fit_the_numbers_are_refused():
         columns("time_s|u| mm|F_N".replace(" ", ""), numbers=3, displacement_unit="mm")
     assert len(columns("time_s|u_mm|F_N|", numbers=4)) == 3, "a column without a title"
     assert len(columns("time_s|u_mm|F_N|comment", numbers=3)) == 3, "a column without numbers"
-
-
-def test_columns_of_spread():
-    assert is_spread("SD")
-    assert is_spread("SEM (kPa)")
-    assert is_spread("SD (kPa,\nof five)")
-    assert not is_spread("Temperature")
 
 
 def test_of_many_columns_the_first_twelve_are_listed():
@@ -316,4 +296,4 @@ def test_what_is_asked_is_told_apart():
     assert (asked.value.quantity, asked.value.option, asked.value.choices) == ("force", "--force-unit", ("mN",))
     with pytest.raises(UnknownUnit) as asked:
         columns("time|u_mm|F_N")
-    assert (asked.value.quantity, asked.value.choices[:2]) == ("time", ("s", "sec"))
+    assert (asked.value.quantity, asked.value.choices[:2]) == ("time", ("s", "ms"))

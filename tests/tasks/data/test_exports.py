@@ -152,7 +152,7 @@ def test_sizes_of_the_bar(tmp_path, content, reading, sizes):
         (EXTENSIONS, "Length: missing in the lines above the table; expected a length with its unit, or --length-mm"),
         ("Length,20,mm\n" + EXTENSIONS, "Width: missing in the lines above the table"),
         (BLOCK.replace("20", "ten") + EXTENSIONS, "Length: 'ten mm'; expected a number above 0 and below 10000 mm"),
-        (BLOCK.replace("20,mm", "20,ft") + EXTENSIONS, "Length: '20 ft'; expected"),
+        (BLOCK.replace("20,mm", "20,fur") + EXTENSIONS, "Length: '20 fur'; expected"),
         (BLOCK.replace("20", "0") + EXTENSIONS, "Length: '0 mm'; expected"),
     ],
 )
@@ -252,3 +252,25 @@ def test_means_of_relaxed_muscle(tmp_path):
         assert 0.005 < curve.force_N.max() < 0.02  # N on 1 mm2: 5 to 20 kPa
     noise = noise_of_all(specimen.curves, proportional=False)
     assert 1e-5 < noise.sd_N < 5e-4
+
+
+def test_each_of_several_tests_in_a_file_is_a_specimen_or_a_protocol(tmp_path):
+    path = exported(tmp_path, BLOCK + EXTENSIONS + EXTENSIONS.replace("9", "8"), "bench day.csv")
+    found = read_exports([path])
+    assert [one.name for one in found.specimens] == ["bench_day_1", "bench_day_2"]
+    assert [one.curves[0].force_N.tolist() for one in found.specimens] == [[0, 5, 9], [0, 5, 8]]
+    (one,) = read_exports([path], specimen="T1").specimens
+    assert [curve.name for curve in one.curves] == ["bench_day_1", "bench_day_2"]
+    with pytest.raises(BadInput, match="2 tests; expected one test, or read_exports for all of them"):
+        read_export(path)
+
+
+def test_a_size_that_an_option_replaces_is_remarked_on(tmp_path):
+    path = exported(tmp_path, BLOCK + EXTENSIONS)
+    for reading, told in (
+        (Reading(length_mm=20.01), ()),
+        (Reading(length_mm=5.0), ("length 5 mm by --length-mm; the file tells 20 mm",)),
+        (Reading(area_mm2=4.0), ("cross-section 4 mm2 by --area-mm2; the file tells 3.142 mm2",)),
+        (Reading(area_mm2=3.1416), ()),
+    ):
+        assert [*read_exports([path], reading=reading).remarks.values()] == ([told] if told else [])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data.answers import Answers, read_answers
 from sinew.tasks.data.cohort import read_cohort
 from sinew.tasks.data.columns import Hints
 from sinew.tasks.data.init import Files, find_tables, init, read_all, specimens_of
@@ -32,8 +33,7 @@ def table(path: Path, header: str = "time_s,displacement_mm,force_N", scale: flo
 
 def new_specimens(*paths: Path, sizes: Sizes = BAR) -> list[NewSpecimen]:
     """What init makes of files, before it is written."""
-    recordings, _ = read_all(Files(paths, ()), Hints())
-    return specimens_of(recordings, names_of(paths), sizes)
+    return specimens_of(read_all(Files(paths, ()), Hints()).recordings, names_of(paths), sizes)
 
 
 def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
@@ -142,6 +142,7 @@ def test_links_and_names_with_separators_stay_inside(tmp_path):
     init([path.parent], tmp_path / "out", sizes=BAR)
     written = {str(file.relative_to(tmp_path / "out")) for file in (tmp_path / "out").rglob("*")}
     assert written == {
+        "answers.yaml",
         "study.yaml",
         "cohort",
         "cohort/x_y",
@@ -175,12 +176,38 @@ def test_files_of_a_folder_without_a_table_are_left_out_and_named(tmp_path, caps
     said = capsys.readouterr().out.splitlines()
     assert [line for line in said if line.startswith("left out")] == [
         f"left out: {tmp_path / 'bench' / 'photo.png'} (.png is no ending of a table)",
-        f"left out: {tmp_path / 'bench' / 'SOURCE.txt'} (no table of numbers with three columns can be found)",
+        f"left out: {tmp_path / 'bench' / 'SOURCE.txt'} (no table of numbers can be found)",
     ]
     told = refused(capsys, "init", tmp_path / "bench" / "SOURCE.txt", "--out", tmp_path / "other")
     assert "no table of numbers" in told
     (tmp_path / "bench" / "T1.csv").unlink()
     assert "at least one file with a table" in refused(capsys, "init", tmp_path / "bench", "--out", tmp_path / "other")
+
+
+def test_several_tests_in_one_file_are_several_specimens(tmp_path):
+    one = "Time (s),Extension (mm),Load (N)\n0,0,0\n1,0.1,5\n2,0.2,{}\n"
+    path = tmp_path / "T1_relax.csv"
+    path.write_text(one.format(8) + one.format(9))
+    new = new_specimens(path, sizes=BAR)
+    assert [(each.specimen.name, each.specimen.curves[0].name) for each in new] == [
+        ("T1_1", "relax"),
+        ("T1_2", "relax"),
+    ]
+    with pytest.raises(BadInput, match=r"a second test relax of specimen T1_1"):
+        new_specimens(path, table(tmp_path / "T1_1_relax.csv"), sizes=BAR)
+
+
+def test_a_table_in_a_folder_that_says_nothing_of_a_test_is_left_out(tmp_path):
+    table(tmp_path / "bench" / "T1.csv")
+    (tmp_path / "bench" / "calibration.txt").write_text("1 2\n3 4\n5 6\n")
+    found = find_tables([tmp_path / "bench"])
+    read = read_all(found, Hints())
+    assert [one.path.name for one in read.recordings] == ["T1.csv"]
+    assert [path.name for path, _ in read.left_out] == ["calibration.txt"]
+    assert "no column of time" in read.left_out[0][1]
+    (tmp_path / "bench" / "half.csv").write_text("Time (s),a\n1,2\n3,4\n5,6\n")
+    with pytest.raises(BadInput, match=r"half\.csv: row 1: no column of displacement"):
+        read_all(find_tables([tmp_path / "bench"]), Hints())
 
 
 def test_a_file_of_a_folder_with_a_broken_table_is_refused(tmp_path):
@@ -210,14 +237,63 @@ def test_a_person_is_asked(tmp_path):
     specimen = json.loads((tmp_path / "out" / "cohort" / "T1" / "specimen.json").read_text())
     assert (specimen["length_mm"], specimen["width_mm"], specimen["thickness_mm"]) == (10, 8.5, None)
     assert made.to_fill_in == (tmp_path / "out" / "cohort" / "T1" / "specimen.json",)
+    kept = read_answers(tmp_path / "out" / "answers.yaml")
+    assert kept == Answers(Hints(force_unit="mN"), {"T1": {"length": 10.0, "width": 8.5}})
+
+
+def test_answers_are_kept_and_the_same_export_needs_none(tmp_path):
+    paths = [
+        table(tmp_path / f"{name}_relax.csv", "time_s,displacement_mm,force", scale)
+        for name, scale in (("T1", 1.0), ("T2", 2.0))
+    ]
+    ask, asked = answers(force="mN", length="10 all", width="8 all", thickness="4 all")
+    init(paths, tmp_path / "out", ask=ask)
+    assert len(asked) == 4
+    kept = read_answers(tmp_path / "out" / "answers.yaml")
+    init(paths, tmp_path / "again", answers=kept)
+    for name in ("answers.yaml", "cohort/T2/specimen.json", "cohort/T2/relax.csv"):
+        first, again = ((tmp_path / folder / name).read_text() for folder in ("out", "again"))
+        assert again == first
+    made = init(paths, tmp_path / "wide", answers=kept, sizes=Sizes(width_mm=9.0))
+    assert made.to_fill_in == ()
+    assert read_answers(tmp_path / "wide" / "answers.yaml").sizes["T1"]["width"] == 9.0, "what is given now counts"
+
+
+def test_a_study_that_needed_no_answers_keeps_none(tmp_path):
+    block = "Length,10,mm\nWidth,8,mm\nThickness,4,mm\n"
+    init([table(tmp_path / "T1.csv", f"{block}time_s,displacement_mm,force_N")], tmp_path / "out")
+    assert not (tmp_path / "out" / "answers.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [
+        ("time_s,Standardweg_mm,force_N", "displacement from 'Standardweg_mm' is likely, not certain; expected "
+         "--displacement-column 'Standardweg_mm' to confirm it"),
+        ("time_s,displacement_mm,force_N", "does not tell the length of T1; expected --length-mm"),
+    ],
+)  # fmt: skip
+def test_for_scripts_only_what_is_certain_is_taken(tmp_path, capsys, header, words):
+    path = table(tmp_path / "T1.csv", header)
+    assert words in refused(capsys, "init", path, "--out", tmp_path / "out", "--yes")
+    assert not (tmp_path / "out").exists()
+    sinew("init", path, "--out", tmp_path / "out", "--yes", "--displacement-column", "2", *BAR_OPTIONS)
+    assert (tmp_path / "out" / "study.yaml").exists()
+
+
+def test_a_trial_that_may_be_a_specimen_is_not_certain(tmp_path):
+    path = table(tmp_path / "cycle_2.csv")
+    with pytest.raises(BadInput, match="a number may be a specimen's or a trial's"):
+        init([path], tmp_path / "out", sizes=BAR, certain=True)
 
 
 def test_an_answer_holds_for_all_files_that_do_not_say(tmp_path):
     paths = [table(tmp_path / f"{name}.csv", "time_s,displacement_mm,force") for name in "ab"]
     ask, asked = answers(force="kN")
-    recordings, left_out = read_all(Files(tuple(paths), ()), Hints(), ask)
-    assert [recording.numbers[-1, 2] for recording in recordings] == [80_000, 80_000]
-    assert left_out == []
+    read = read_all(Files(tuple(paths), ()), Hints(), ask)
+    assert [recording.numbers[-1, 2] for recording in read.recordings] == [80_000, 80_000]
+    assert read.left_out == []
+    assert read.hints == Hints(force_unit="kN")
     assert asked == ["force in a.csv: which unit? (for all files that do not say)"]
 
 
@@ -235,7 +311,7 @@ def test_a_header_block_tells_sizes(tmp_path):
 @pytest.mark.parametrize("line", ["Length,12", "Length at break (mm),12", "Length (mm),about 12", "Length (N),12"])
 def test_a_size_without_a_clear_unit_and_number_is_not_known(tmp_path, line):
     path = table(tmp_path / "tail.csv", f"{line}\nTime (s),Extension (mm),Load (N)")
-    (recording,) = read_all(Files((path,), ()), Hints())[0]
+    (recording,) = read_all(Files((path,), ()), Hints()).recordings
     assert size_of(recording, "length") is None
     (new,) = new_specimens(path, sizes=Sizes(None, 8.5, 4))
     assert new.missing == ("length",)

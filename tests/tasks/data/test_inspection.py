@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data.columns import Hints
 from sinew.tasks.data.exports import Reading, read_export
 from sinew.tasks.data.inspection import inspect
 from tests.conftest import SHARED
@@ -68,6 +69,57 @@ def test_tests_beside_each_other_and_one_under_another(tmp_path):
     assert (found["specimens"], found["rows"]) == (2, 3)
     again = taken(tmp_path, "time s,force N,stroke mm\n" + "0,1,0\n1,2,1\n2,3,2\n" * 2)
     assert "time: goes back 1 times, first in row 5" in again["ask"][0]
+
+
+def test_tables_whose_times_go_on_are_one_test(tmp_path):
+    block = "Time (s),Load (N),Stroke (mm)\n{},1,0\n{},2,1\n{},3,2\n"
+    assert taken(tmp_path, block.format(0, 1, 2) + block.format(3, 4, 5))["specimens"] == 1
+    assert taken(tmp_path, block.format(0, 1, 2) + block.format(2, 4, 5))["specimens"] == 2
+
+
+@pytest.mark.parametrize(("title", "specimens", "remedy"), [("id", 3, "--test-column"), ("Cycle", 1, "--cycle-column")])
+def test_tests_and_cycles_that_a_column_tells_apart_are_asked_for(tmp_path, title, specimens, remedy):
+    rows = "".join(f"{name},{i},{i},{i}\n" for name in "abc" for i in range(4))
+    found = taken(tmp_path, f"{title},Time (s),Load (N),Stroke (mm)\n{rows}")
+    assert (found["specimens"], found["rows"]) == (specimens, 12)
+    assert found["ask"][0] == (
+        "time: goes back 2 times, first in row 6: several tests or cycles in one table? one for each "
+        f"'{title}'? {remedy}"
+    )
+
+
+def test_tests_without_times_are_told_apart_by_the_title_of_a_column(tmp_path):
+    rows = "".join(f"{name},{i},{i}\n" for name in "ab" for i in range(4))
+    found = taken(tmp_path, f"Specimen,Load (N),Stroke (mm)\n{rows}")
+    assert found["specimens"] == 2
+    assert "2 tests in one table, one for each 'Specimen'? --test-column" in found["ask"]
+    path = tmp_path / "export.csv"
+    answered = inspect(path, Reading(hints=Hints(test_column="Specimen", rate_hz=10.0))).content()
+    assert (answered["specimens"], [one.partition(":")[0] for one in answered["ask"]]) == (
+        2,
+        ["length", "cross-section"],
+    )
+
+
+def test_a_table_without_titles_is_asked_for(tmp_path):
+    found = taken(tmp_path, "0,1,2\n0.1,1.1,2.1\n0.2,1.2,2.2\n")
+    assert (found["rows"], found["time"], found["force"]) == (3, None, None)
+    assert [one.rpartition("; ")[2] for one in found["ask"][:3]] == [
+        "--time-column NAME or NUMBER, --rate-hz or --speed",
+        "--displacement-column NAME or NUMBER",
+        "--force-column NAME or NUMBER",
+    ]
+
+
+def test_two_columns_without_times_are_asked_for_a_rate(tmp_path):
+    found = taken(tmp_path, "Extension (mm),Load (N)\n0,0\n0.1,5\n0.3,9\n")
+    assert (found["rows"], found["peak_force_N"], found["first"]) == (3, 9.0, [None, 0.0, 0.0])
+    assert found["ask"][0].endswith("--time-column NAME or NUMBER, --rate-hz or --speed")
+
+
+def test_lines_that_end_in_two_returns_and_a_feed_are_one(tmp_path):
+    found = taken(tmp_path, "Time (s),Load (N),Stroke (mm)\r\r\n0,1,0\r\r\n1,2,1\r\r\n2,3,2\r\r\n")
+    assert found["rows"] == 3
 
 
 def test_a_length_that_contradicts_the_strains_is_asked_for(tmp_path):
@@ -173,7 +225,7 @@ def test_real_exports_are_right_or_asked_for():
             wrong += [f"{name}: {problem}" for problem in problems]
             right += not problems and not missed(found, expected)
     assert wrong == []
-    assert right >= 29, f"{right} of {files}"
+    assert right >= 39, f"{right} of {files}"
 
 
 def silently_wrong(found: dict[str, Any], expected: dict[str, Any]):
@@ -182,7 +234,7 @@ def silently_wrong(found: dict[str, Any], expected: dict[str, Any]):
         if isinstance(got, dict) and isinstance(want, dict):
             if got["column"] != want["column"] and got["column"] not in str(want.get("alternatives")):
                 yield f"{name} from {got['column']}, not {want['column']}"
-            elif got["unit"] not in (None, want["unit"]) and "?" not in want["unit"] and want["unit"] != "-":
+            elif got["unit"] not in (None, _seconds(want["unit"])) and "?" not in want["unit"] and want["unit"] != "-":
                 yield f"{name} in {got['unit']}, not {want['unit']}"
     for name in SIZES:
         if found[name] is not None and found[name] != pytest.approx(expected.get(name) or 0.0, rel=1e-4):
@@ -190,6 +242,11 @@ def silently_wrong(found: dict[str, Any], expected: dict[str, Any]):
     peak = expected.get("peak_force_N")
     if None not in (peak, found.get("peak_force_N")) and found["peak_force_N"] != pytest.approx(peak, rel=1e-4):
         yield f"peak {found['peak_force_N']}, not {peak}"
+
+
+def _seconds(unit: str) -> str:
+    """Clock times are read as seconds."""
+    return "s" if unit.startswith("clock") else unit
 
 
 def missed(found: dict[str, Any], expected: dict[str, Any]) -> bool:

@@ -10,7 +10,7 @@ from sinew.tasks.data.cohort import read_cohort, write_cohort
 from sinew.tasks.data.columns import Hints
 from sinew.tasks.data.names import FileName
 from sinew.tasks.data.new_study import NewSpecimen, ReadFile, describe, leave_open, write_study
-from sinew.tasks.data.recordings import Bar, curve_of, read_recording
+from sinew.tasks.data.recordings import Bar, curve_of, read_recordings
 from sinew.tasks.model import Curve, Protocol, Specimen
 from sinew.tasks.registry import TASKS
 from sinew.tasks.study.study import read_study
@@ -66,7 +66,7 @@ def test_sizes_that_nobody_knows_are_left_open(tmp_path):
 def test_what_was_guessed_is_said(tmp_path):
     path = tmp_path / "T1_relax.csv"
     path.write_text("Time (min),Standardweg [um],Load (kN),SD\n0,0,0,1\n1,100,5,1\n11,400,80,1\n")
-    recording = read_recording(path, Hints())
+    recording = read_recordings(path, Hints())[0]
     curve = curve_of(recording, Bar(10.0, 8.0, 4.0), "relax")
     file = ReadFile(recording, FileName("T1", "relax"))
     known = NewSpecimen(Specimen("T1", 10.0, 8.0, 4.0, (curve,)), (file,), (), ("a note",))
@@ -79,7 +79,7 @@ def test_what_was_guessed_is_said(tmp_path):
         "    a note",
     ]
     path.write_text("time_s,displacement_mm,force_N\n0,0,0\n1,-1,-5\n2,-3,-9\n")
-    pressed = curve_of(read_recording(path, Hints()), Bar(10.0, 8.0, 4.0), "relax")
+    pressed = curve_of(*read_recordings(path, Hints()), Bar(10.0, 8.0, 4.0), "relax")
     lines = list(describe([NewSpecimen(Specimen("T1", 10.0, 8.0, 4.0, (pressed,)), (file,), (), ())]))
     assert lines[2] == "    3 points, 2 s, displacement -3 to 0 mm (strain -30 to 0 %), force -9 to 0 N"
     unknown = NewSpecimen(known.specimen, known.tests, ("length",), ())

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.columns import Hints, UnknownUnit
-from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recording, remarks
+from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings, remarks
+from tests.tasks.data.test_sheets import write_workbook
 
 TIME_S = np.array([0.0, 0.5, 1.0, 1.5, 2.0])
 MOTION = np.array([0.0, 0.125, 0.25, 0.25, 0.2])
@@ -24,10 +25,11 @@ many = settings(
 )
 
 
-def read(folder: Path, content: str | bytes, **hints: str) -> Recording:
+def read(folder: Path, content: str | bytes, **hints: object) -> Recording:
     path = folder / "test.csv"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
-    return read_recording(path, Hints(**hints))
+    (found,) = read_recordings(path, Hints(**hints))
+    return found
 
 
 @st.composite
@@ -128,7 +130,7 @@ def test_the_first_table_with_all_columns_counts(tmp_path):
     )
     found = read(tmp_path, summary + "1,Time,Displacement,Force\n,(s),(mm),(N)\n,0,0,0\n,1,0.1,5\n,2,0.2,9\n")
     assert found.numbers[:, 2].tolist() == [0, 5, 9]
-    assert found.first == 10
+    assert found.rows[0] == 10
     with pytest.raises(BadInput, match="row 5: no column of time among 'n, Maximum"):
         read(tmp_path, "Results\n\n\n\nn,Maximum (N),Rate\n1,9,5\n2,8,5\n3,7,5\n")
 
@@ -230,7 +232,7 @@ def test_remarks(tmp_path):
     assert "positions, likely" in remark
     path = tmp_path / "test.csv"
     path.write_text("time_s,disp_mm,Load (N),Load (N)\n0,0,0,1\n1,1,1,1\n2,2,2,1\n")
-    (remark,) = remarks(read_recording(path, Hints(), first_of_alike=True))
+    (remark,) = remarks(*read_recordings(path, Hints(), first_of_alike=True))
     assert remark == "force from column 3; it may be in another: 'Load (N)'"
 
 
@@ -313,7 +315,7 @@ def test_a_curve_keeps_no_hold_of_its_recording(tmp_path):
 def test_what_a_recording_tells_of_its_file(tmp_path):
     found = read(tmp_path, "Length,12,mm\n\n" + PLAIN.replace("force_N", "force_N,,Note"))
     assert found.path == tmp_path / "test.csv"
-    assert (found.first, found.left_out) == (4, ("Note",))
+    assert (found.rows[0], found.left_out) == (4, ("Note",))
     assert found.header == (("Length", "12", "mm"), ())
     assert (found.motion.title, found.load.title) == ("displacement_mm", "force_N")
 
@@ -331,7 +333,7 @@ def test_every_remark_in_words(tmp_path):
     ]
     path = tmp_path / "test.csv"
     path.write_text("time_s,disp_mm,Load (N),Load (N),Load (N)\n0,0,0,1,1\n1,1,1,1,1\n2,2,2,1,1\n")
-    assert remarks(read_recording(path, Hints(), first_of_alike=True)) == [
+    assert remarks(*read_recordings(path, Hints(), first_of_alike=True)) == [
         "force from column 3; it may be in another: 'Load (N)', 'Load (N)'"
     ]
 
@@ -355,4 +357,117 @@ def test_forces_are_below_zero_if_most_are_and_by_far(tmp_path, forces, told):
 def test_of_columns_alike_none_is_taken_unless_that_is_asked_for(tmp_path):
     (tmp_path / "test.csv").write_text("time_s,disp_mm,F_N,F_N\n0,0,0,1\n1,1,1,1\n2,2,2,1\n")
     with pytest.raises(BadInput, match="may both be the force"):
-        read_recording(tmp_path / "test.csv", Hints())
+        read_recordings(tmp_path / "test.csv", Hints())
+
+
+# ---- several tests in one file
+
+ONE = "Time (s),Extension (mm),Load (N)\n0,0,0\n1,0.1,5\n2,0.2,9\n"
+
+
+def names_and_loads(folder: Path, content: str, **hints: object) -> list[tuple[str, list[float]]]:
+    path = folder / "test.csv"
+    path.write_text(content)
+    return [(one.test, one.numbers[:, 2].tolist()) for one in read_recordings(path, Hints(**hints))]
+
+
+def test_tables_with_the_same_titles_are_several_tests(tmp_path):
+    other = ONE.replace("5", "6")
+    assert names_and_loads(tmp_path, ONE + other) == [("1", [0, 5, 9]), ("2", [0, 6, 9])]
+    numbered = [f"{name},{one}".replace("\n", "\n,") for name, one in (("A", ONE), ("B", other))]
+    assert names_and_loads(tmp_path, "\n".join(numbered)) == [("A", [0, 5, 9]), ("B", [0, 6, 9])]
+
+
+def test_tables_of_another_kind_are_passed_over(tmp_path):
+    assert names_and_loads(tmp_path, "a,b,c\n1,2,3\n2,3,4\n3,4,5\n" + ONE) == [("", [0, 5, 9])]
+
+
+def test_tables_whose_times_go_on_are_one_test(tmp_path):
+    later = ONE.replace("\n0,", "\n3,").replace("\n1,", "\n4,").replace("\n2,", "\n5,")
+    path = tmp_path / "test.csv"
+    path.write_text(ONE + later)
+    (found,) = read_recordings(path, Hints())
+    assert found.numbers[:, 0].tolist() == [0, 1, 2, 3, 4, 5]
+    assert found.rows == (2, 3, 4, 6, 7, 8)
+    assert remarks(found) == ["2 tables whose times go on: read as one test"]
+    path.write_text(ONE + later.replace("\n4,", "\n3,"))
+    with pytest.raises(BadInput, match="row 7, time: 3 s after 3 s"):
+        curve_of(*read_recordings(path, Hints()), BAR, "pull")
+    named = ["A," + ONE.replace("\n", "\n,"), "B," + later.replace("\n", "\n,")]
+    assert [name for name, _ in names_and_loads(tmp_path, "\n".join(named))] == ["A", "B"], "they have names"
+
+
+def test_tests_on_several_sheets_have_the_names_of_their_sheets(tmp_path):
+    rows = [["Time (s)", "Extension (mm)", "Load (N)"], *([i, i / 10, 5 * i] for i in range(4))]
+    path = write_workbook(tmp_path / "test.xlsx", dermis=rows, belly=rows)
+    assert [one.test for one in read_recordings(path, Hints())] == ["dermis", "belly"]
+
+
+def test_tests_beside_each_other(tmp_path):
+    beside = "A,,,B\nTime (s),Extension (mm),Load (N),Time (s),Extension (mm),Load (N)\n"
+    beside += "0,0,0,0,0,1\n1,0.1,5,1,0.1,6\n2,0.2,9,2,0.2,7\n,,,3,0.3,8\n"
+    assert names_and_loads(tmp_path, beside) == [("A", [0, 5, 9]), ("B", [1, 6, 7, 8])]
+    (first,) = names_and_loads(tmp_path, beside, time_column="1", displacement_column="2", force_column="3")
+    assert first == ("", [0, 5, 9]), "who names columns means one test"
+
+
+BELOW = "id,Time (s),Extension (mm),Load (N)\n" + "".join(
+    f"{name},{i},{i / 10},{i * force}\n" for name, force in (("a", 5), ("b", 6)) for i in range(4)
+)
+
+
+def test_tests_one_under_another_by_a_column(tmp_path):
+    found = names_and_loads(tmp_path, BELOW, test_column="id")
+    assert found == [("a", [0, 5, 10, 15]), ("b", [0, 6, 12, 18])]
+    with pytest.raises(BadInput) as refused:
+        curve_of(read(tmp_path, BELOW), BAR, "pull")
+    assert str(refused.value).endswith(
+        "row 6, time: 0 s after 3 s; expected increasing times, or --test-column 'id', which changes there"
+    )
+    with pytest.raises(BadInput, match="2 rows of numbers of test 'c'; expected at least 3"):
+        read(tmp_path, BELOW + "c,0,0,0\nc,1,1,1\n", test_column="id")
+
+
+def test_cycles_whose_times_start_again_are_one_test(tmp_path):
+    cycles = BELOW.replace("id,", "Cycle,")
+    with pytest.raises(BadInput, match="or --cycle-column 'Cycle', which changes there"):
+        curve_of(read(tmp_path, cycles), BAR, "pull")
+    found = read(tmp_path, cycles, cycle_column="Cycle")
+    assert found.numbers[:, 0].tolist() == list(range(8))
+
+
+# ---- times that a person tells
+
+TIMELESS = "Extension (mm),Load (N)\n0,0\n0.1,5\n0.3,9\n"
+
+
+def test_times_by_a_rate_or_a_speed(tmp_path):
+    found = read(tmp_path, TIMELESS, rate_hz=10.0)
+    assert found.numbers.tolist() == [[0, 0, 0], [0.1, 0.1, 5], [0.2, 0.3, 9]]
+    assert remarks(found) == ["times by --rate-hz 10"]
+    assert found.columns[0].title == "--rate-hz 10"
+    found = read(tmp_path, TIMELESS, speed=0.1)
+    assert found.numbers[:, 0] == pytest.approx([0.0, 1.0, 3.0])
+    with pytest.raises(BadInput, match=r"no column of time among .*--rate-hz or --speed"):
+        read(tmp_path, TIMELESS)
+
+
+def test_a_column_of_times_counts_unless_it_stands_still(tmp_path):
+    found = read(tmp_path, PLAIN, rate_hz=10.0)
+    assert found.numbers[:, 0].tolist() == [0, 1, 2]
+    assert remarks(found) == ["its own times count, not --rate-hz 10"]
+    still = PLAIN.replace("\n1,", "\n0,").replace("\n2,", "\n0,")
+    assert read(tmp_path, still, rate_hz=10.0).numbers[:, 0].tolist() == [0, 0.1, 0.2]
+
+
+def test_a_speed_tells_no_times_of_a_motion_that_rests_or_is_noisy(tmp_path):
+    with pytest.raises(BadInput, match=r"row 4: the same motion as in the row before.*--rate-hz"):
+        read(tmp_path, TIMELESS.replace("0.3", "0.1"), speed=0.1)
+    noisy = "".join(f"{i / 10 + 0.2 * (-1) ** i},{i}\n" for i in range(30))
+    with pytest.raises(BadInput, match="the motion turns 28 times in 30 rows"):
+        read(tmp_path, "Extension (mm),Load (N)\n" + noisy, speed=0.1)
+
+
+def test_a_rate_and_a_column_of_times_contradict_each_other():
+    with pytest.raises(BadInput, match="--rate-hz 10: given together with --time-column"):
+        Hints(rate_hz=10.0, time_column="t")

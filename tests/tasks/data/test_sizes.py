@@ -44,7 +44,7 @@ def test_lines_that_tell_no_size(line):
     assert sizes(line) == {}
 
 
-@pytest.mark.parametrize("line", ["Length|ten|mm", "Length|0|mm", "Length|10.0|ft", "Length|-1|mm", "Length|1e9|mm"])
+@pytest.mark.parametrize("line", ["Length|ten|mm", "Length|0|mm", "Length|10.0|fur", "Length|-1|mm", "Length|1e9|mm"])
 def test_a_size_that_makes_no_sense_is_kept_as_text(line):
     assert read_sizes([tuple(line.split("|"))])["length"].mm is None
 
@@ -103,7 +103,7 @@ def test_a_long_line_costs_no_time():
         ("Length|10000|mm", "length", Size(None, True, "10000 mm")),
         ("Length|0|mm", "length", Size(None, True, "0 mm")),
         ("Length|ten|mm|more", "length", Size(None, False, "ten mm")),
-        ("Length|10|ft", "length", Size(None, False, "10 ft")),
+        ("Length|10|fur", "length", Size(None, False, "10 fur")),
         ("Length||mm", "length", Size(None, False, "mm")),
         ("Length", "length", Size(None, False, "")),
     ],

@@ -7,14 +7,14 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.columns import Hints
-from sinew.tasks.data.recordings import Recording, read_recording
+from sinew.tasks.data.recordings import Recording, read_recordings
 from sinew.tasks.data.specimen_sizes import Known, Sizes, ask_for_sizes, known_sizes
 
 
 def recording(folder: Path, *lines: str, name: str = "a.csv") -> Recording:
     path = folder / name
     path.write_text("\n".join([*lines, "Time (s),Stroke (mm),Load (N)", "0,0,1", "1,1,2", "2,2,3", ""]))
-    return read_recording(path, Hints())
+    return read_recordings(path, Hints())[0]
 
 
 def person(*answers: str) -> tuple[Callable[[str, Sequence[str]], str], list[str]]:
@@ -45,7 +45,7 @@ def test_a_size_that_the_file_contradicts_is_refused_unless_it_shall_count(tmp_p
 @pytest.mark.parametrize("given", [8.0956, 8.1])
 def test_a_rounded_size_is_no_contradiction(tmp_path, given):
     known = known_sizes("a", [recording(tmp_path, "Width,8.0956,mm")], Sizes(width_mm=given))
-    assert known == Known({"length": None, "width": given, "thickness": None})
+    assert known == Known({"length": None, "width": given, "thickness": None}, told={"width": given})
 
 
 def test_only_what_nobody_tells_is_asked_for_specimen_by_specimen():
@@ -55,8 +55,8 @@ def test_only_what_nobody_tells_is_asked_for_specimen_by_specimen():
     }
     ask, asked = person("12", "8,5", "")
     assert ask_for_sizes(known, ask) == {
-        "A": Known({"length": 10.0, "width": 8.5, "thickness": 1.0}),
-        "B": Known({"length": 12.0, "width": None, "thickness": 2.0}, ("a note",)),
+        "A": Known({"length": 10.0, "width": 8.5, "thickness": 1.0}, told={"width": 8.5}),
+        "B": Known({"length": 12.0, "width": None, "thickness": 2.0}, ("a note",), {"length": 12.0}),
     }
     assert [question.split(" (")[0] for question in asked] == [
         "length of B in mm?", "width of A in mm?", "width of B in mm?",

@@ -1,0 +1,163 @@
+"""Several tests in one table: beside each other, or one under another and told apart by a column."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data import words
+from sinew.tasks.data.columns import NOWHERE, Column
+from sinew.tasks.data.tables import Table
+from sinew.tasks.data.titles import name_and_unit
+
+Array = np.ndarray[Any, np.dtype[Any]]
+Columns = tuple[Column, Column, Column]
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows of a table, from ``start`` up to ``end``, that hold one test or cycle: what its column says of it."""
+
+    name: str
+    start: int
+    end: int
+
+
+def beside(table: Table, columns: Sequence[Column | None]) -> int:
+    """How many tests stand beside each other: how often titles and units of motion and load, and of time if it is not
+    shared, are repeated.
+    """
+    counts = [len(_places(table, column)) for column in columns if column is not None and column.place != NOWHERE]
+    shared = len(counts) == len(columns) and counts[0] == 1  # one column of times for all
+    told = counts[1:] if shared else counts
+    return told[0] if told and len(set(told)) == 1 else 1
+
+
+def columns_of(table: Table, columns: Columns, number: int) -> Columns:
+    """The columns of one of the tests that stand beside each other, by its ``number`` from 0."""
+    places = [_places(table, column) for column in columns]
+    time, motion, load = (
+        column if len(at) <= number else replace(column, place=at[number], alike=())
+        for column, at in zip(columns, places, strict=True)
+    )
+    return time, motion, load
+
+
+def name_beside(table: Table, columns: Sequence[Column], number: int) -> str:
+    """What stands above one of the tests beside each other: its name, or its number from 1."""
+    above = next((row for row in reversed(table.header) if any(row)), ())
+    names = {cell for cell in above if cell}
+    first = min(column.place for column in columns if column.place != NOWHERE)
+    name = above[first] if first < len(above) else ""
+    return name if name and len(names) > 1 else str(number + 1)
+
+
+def _places(table: Table, column: Column) -> list[int]:
+    """The columns that have the same title and the same unit below it."""
+    if column.place == NOWHERE or not column.title:
+        return [column.place]
+
+    def below(place: int) -> str:
+        return table.units[place] if place < len(table.units) else ""
+
+    same = [place for place, title in enumerate(table.titles) if title == column.title]
+    return [place for place in same if below(place) == below(column.place)]
+
+
+def blocks_of_tests(table: Table, rows: int, wanted: str) -> list[Block]:
+    """The tests in the first ``rows`` of a table, by a column that a person names by its title or number.
+
+    Raises :class:`BadInput` for no such column, and for a value that comes again after another one.
+    """
+    found = _blocks(table, rows, _place(table, wanted, "--test-column"))
+    seen: set[str] = set()
+    for block in found:
+        if block.name in seen:
+            where = f"{table.path}: row {table.rows[block.start][0]}, {wanted}"
+            raise BadInput(where, f"{shown(block.name)} again, after another value", "the rows of each test together")
+        seen.add(block.name)
+    return found
+
+
+def blocks_of_cycles(table: Table, rows: int, wanted: str) -> list[Block]:
+    """The same for the cycles of one test, whose numbers may come again."""
+    return _blocks(table, rows, _place(table, wanted, "--cycle-column"))
+
+
+def _blocks(table: Table, rows: int, place: int) -> list[Block]:
+    found: list[Block] = []
+    for row, name in enumerate(_cells(table, rows, place)):
+        if found and found[-1].name == name:
+            found[-1] = replace(found[-1], end=row + 1)
+        else:
+            found.append(Block(name, row, row + 1))
+    return found
+
+
+def _place(table: Table, wanted: str, option: str) -> int:
+    """The column of a title or number (from 1)."""
+    same = [place for place, title in enumerate(table.titles) if title == wanted.strip()]
+    if len(same) == 1:
+        return same[0]
+    width = max(len(table.titles), len(table.rows[0][1]))
+    if not same and wanted.isascii() and wanted.isdigit() and len(wanted) < 5 and 1 <= int(wanted) <= width:
+        return int(wanted) - 1
+    listed = ", ".join(shown(title) for title in table.titles[:12])
+    problem = f"{shown(wanted)} names {len(same)} columns" if same else f"{shown(wanted)} is no column"
+    raise BadInput(f"{table.path}: {option}", problem, f"a number from 1 to {width}, or one of {listed}")
+
+
+@dataclass(frozen=True)
+class Apart:
+    """A column that tells tests or cycles apart: its title, how many there are, and the option that uses it."""
+
+    title: str
+    count: int
+    option: str
+
+    @property
+    def tests(self) -> int:
+        return self.count if self.option == "--test-column" else 1
+
+
+def told_apart(table: Table, rows: int, back: Sequence[int], taken: Sequence[int]) -> Apart | None:
+    """The column that tells tests or cycles apart; None if none does.
+
+    Its value must change wherever the time goes ``back``. If time never goes back, or is not there, a column counts
+    whose title says that it tells tests apart. ``taken``: columns that hold something else.
+    """
+    found: list[tuple[int, int, Apart]] = []
+    for place, title in enumerate(table.titles):
+        name = name_and_unit(title)[0]
+        if not title or place in taken or (not back and name not in words.TESTS):
+            continue
+        if any(_cell(table, row - 1, place) == _cell(table, row, place) for row in back):
+            continue
+        values = [block.name for block in _blocks(table, rows, place)]
+        again = len(set(values)) < len(values)
+        if 1 < len(values) <= rows // 3 and (not again or name in words.CYCLES):
+            option = "--cycle-column" if name in words.CYCLES else "--test-column"
+            found.append((len(values), place, Apart(title, len(values), option)))
+    return min(found)[2] if found else None
+
+
+def _cells(table: Table, rows: int, place: int) -> list[str]:
+    return [_cell(table, row, place) for row in range(rows)]
+
+
+def _cell(table: Table, row: int, place: int) -> str:
+    cells = table.rows[row][1]
+    return cells[place] if place < len(cells) else ""
+
+
+def going_on(time_s: Array, cycles: Sequence[Block]) -> Array:
+    """Times ``[t]`` (s) that start again with some of the cycles, as one: the next row is one usual step later."""
+    going, steps = time_s.copy(), np.diff(time_s)
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    for cycle in cycles[1:]:
+        late = going[cycle.start - 1] - going[cycle.start]
+        if late >= 0:
+            going[cycle.start :] += late + usual
+    return going

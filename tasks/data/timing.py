@@ -1,0 +1,42 @@
+"""Times of files that have none, by what a person says: how often was sampled, or how fast the machine moved."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sinew.runner.errors import BadInput
+
+Array = np.ndarray[Any, np.dtype[Any]]
+
+
+@dataclass(frozen=True)
+class Timing:
+    """``rate_hz``: rows per second. ``speed``: of the motion, in mm/s, or 1/s for strain and stretch. At most one."""
+
+    rate_hz: float | None = None
+    speed: float | None = None
+
+    def __post_init__(self) -> None:
+        """Raises :class:`BadInput` for what is no rate, and where both are given."""
+        for option, value in (("--rate-hz", self.rate_hz), ("--speed", self.speed)):
+            if value is not None and not 0 < value < math.inf:
+                raise BadInput(option, f"{value:g}", "a number above 0")
+        if self.rate_hz is not None and self.speed is not None:
+            raise BadInput("--speed", "given together with --rate-hz", "one of them")
+
+    @property
+    def given(self) -> bool:
+        return self.rate_hz is not None or self.speed is not None
+
+    def __str__(self) -> str:
+        return f"--rate-hz {self.rate_hz:g}" if self.rate_hz is not None else f"--speed {self.speed:g}"
+
+    def times(self, motion: Array) -> Array:
+        """Times ``[t]`` (s) since the first row, for the ``motion`` ``[t]`` (mm, or 1). They may fail to increase."""
+        if self.rate_hz is not None:
+            return np.arange(motion.size) / self.rate_hz
+        assert self.speed is not None, "one of both is given"
+        way = np.abs(np.diff(motion, prepend=motion[:1]))
+        return np.asarray(np.cumsum(way) / self.speed)

@@ -1,0 +1,49 @@
+"""Answers are read as they were written; what is given now goes before them; files with anything else are refused."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.answers import Answers, read_answers, with_answers, write_answers
+from sinew.tasks.data.columns import Hints
+
+TEXTS = st.none() | st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs")), min_size=1, max_size=8)
+SIZES = st.dictionaries(st.sampled_from(["length", "width", "thickness"]), st.floats(0.01, 9999), min_size=1)
+
+
+@given(TEXTS, TEXTS, st.none() | st.floats(0.1, 1e4), st.dictionaries(st.sampled_from(["T1", "a/2"]), SIZES))
+def test_answers_are_read_as_they_were_written(tmp_path_factory, force_unit, test_column, rate, sizes):
+    path = tmp_path_factory.mktemp("answers") / "answers.yaml"
+    answers = Answers(Hints(force_unit=force_unit, test_column=test_column, rate_hz=rate), sizes)
+    write_answers(path, answers)
+    if answers == Answers():
+        assert not path.exists()
+    else:
+        assert read_answers(path) == answers
+
+
+def test_what_is_given_now_goes_before_answers():
+    kept = Hints(force_unit="N", time_unit="s", rate_hz=10.0)
+    assert with_answers(Hints(force_unit="kN"), kept) == Hints(force_unit="kN", time_unit="s", rate_hz=10.0)
+    assert with_answers(Hints(speed=1.0), kept) == Hints(force_unit="N", time_unit="s", speed=1.0)
+    assert with_answers(Hints(time_column="t"), kept).rate_hz is None
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("force: N", "line 1, force: unknown"),
+        ("specimens: {T1: {length_mm: 0}}", "specimens.T1.length_mm"),
+        ("specimens: {T1: {length_mm: ten}}", "specimens.T1.length_mm"),
+        ("rate_hz: -1", "--rate-hz: -1"),
+        ("- a", "not a mapping"),
+        ("a: !!python/object:os.system x", "the tag"),
+    ],
+)
+def test_what_is_no_answer_is_refused(tmp_path, text, words):
+    path = tmp_path / "answers.yaml"
+    path.write_text(text)
+    with pytest.raises(BadInput) as refused:
+        read_answers(path)
+    assert words in str(refused.value)

@@ -1,0 +1,116 @@
+"""Several tests in one table: how many there are, which columns and rows each has, and what it is called."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.columns import Hints, recognise
+from sinew.tasks.data.several import (
+    Block,
+    beside,
+    blocks_of_cycles,
+    blocks_of_tests,
+    columns_of,
+    going_on,
+    name_beside,
+    told_apart,
+)
+from sinew.tasks.data.tables import Table
+
+
+def table_of(titles: str, *rows: str, units: str = "", header: tuple[tuple[str, ...], ...] = ()) -> Table:
+    cells = [(at, tuple(row.split("|"))) for at, row in enumerate(rows, start=2)]
+    below = tuple(units.split("|")) if units else ()
+    return Table(Path("test.csv"), header, tuple(titles.split("|")), below, cells, "|", ".", 1)
+
+
+def found_in(table: Table):
+    return recognise(table, Hints(), first_of_alike=True)
+
+
+@pytest.mark.parametrize(
+    ("titles", "units", "count"),
+    [
+        ("t_s|u_mm|F_N", "", 1),
+        ("t_s|u_mm|F_N|t_s|u_mm|F_N", "", 2),
+        ("t_s|u_mm|F_N|u_mm|F_N|u_mm|F_N", "", 3),  # times for all
+        ("t_s|u_mm|F_N|F_N", "", 1),  # two sensors
+        ("Time|Stroke|Load|Time|Stroke|Load", "s|mm|N|s|mm|N", 2),
+        ("Time|Stroke|Load|Stroke|Load", "s|mm|N|mm|kN", 1),
+    ],
+)
+def test_how_many_tests_stand_beside_each_other(titles, units, count):
+    table = table_of(titles, *["|".join("1" * len(titles.split("|")))] * 3, units=units)
+    assert beside(table, found_in(table)) == count
+
+
+def test_each_test_beside_others_has_its_columns_and_its_name():
+    header = (("notes",), ("A1", "", "", "", "B", "", ""))
+    table = table_of("t_s|u_mm|F_N||t_s|u_mm|F_N", *["0|1|2||3|4|5"] * 3, header=header)
+    columns = found_in(table)
+    second = columns_of(table, columns, 1)
+    assert [column.place for column in second] == [4, 5, 6]
+    assert (name_beside(table, columns, 0), name_beside(table, second, 1)) == ("A1", "B")
+    unnamed = table_of("t_s|u_mm|F_N|u_mm|F_N", *["0|1|2|3|4"] * 3, header=(("one line",),))
+    shared = columns_of(unnamed, found_in(unnamed), 1)
+    assert [column.place for column in shared] == [0, 3, 4]
+    assert name_beside(unnamed, shared, 1) == "2"
+
+
+BLOCKS = ("a|0|1", "a|1|2", "b|0|3", "b|1|4", "b|2|5")
+
+
+def test_tests_by_the_value_of_a_column():
+    table = table_of("id|t_s|F_N", *BLOCKS)
+    expected = [Block("a", 0, 2), Block("b", 2, 5)]
+    assert blocks_of_tests(table, 5, "id") == blocks_of_tests(table, 5, "1") == expected
+    assert blocks_of_tests(table, 4, "id")[-1] == Block("b", 2, 4)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "words"),
+    [
+        ("name", "test.csv: --test-column: 'name' is no column; expected a number from 1 to 3, or one of 'id'"),
+        ("4", "test.csv: --test-column: '4' is no column"),
+    ],
+)
+def test_a_column_that_is_not_there_is_refused(wanted, words):
+    with pytest.raises(BadInput) as refused:
+        blocks_of_tests(table_of("id|t_s|F_N", *BLOCKS), 5, wanted)
+    assert str(refused.value).startswith(words)
+
+
+def test_a_test_in_two_places_is_refused_and_a_cycle_is_not():
+    table = table_of("id|t_s|F_N", *BLOCKS, "a|2|2")
+    with pytest.raises(BadInput, match="row 7, id: 'a' again, after another value"):
+        blocks_of_tests(table, 6, "id")
+    assert [block.name for block in blocks_of_cycles(table, 6, "id")] == ["a", "b", "a"]
+
+
+@pytest.mark.parametrize(
+    ("titles", "rows", "back", "found"),
+    [
+        ("x|t_s|F_N", BLOCKS * 1, [2], None),  # 5 rows in 2 blocks of less than 3
+        ("x|t_s|F_N", ["a|0|1"] * 4 + ["b|0|1"] * 4, [4], ("x", 2, "--test-column")),
+        ("x|t_s|F_N", ["a|0|1"] * 3 + ["b|0|1"] * 5, [4], None),  # changes elsewhere
+        ("x|t_s|F_N", ["a|0|1"] * 4 + ["b|0|1"] * 4, [], None),  # nothing says that it is of tests
+        ("Specimen ID|t_s|F_N", ["a|0|1"] * 4 + ["b|0|1"] * 4, [], ("Specimen ID", 2, "--test-column")),
+        ("id|t_s|F_N", ["a|0|1"] * 8, [], None),
+        ("Cycle|t_s|F_N", ["1|0|1"] * 4 + ["2|0|1"] * 4 + ["1|0|1"] * 4, [4, 8], ("Cycle", 3, "--cycle-column")),
+        ("x|t_s|F_N", ["1|0|1"] * 4 + ["2|0|1"] * 4 + ["1|0|1"] * 4, [4, 8], None),
+    ],
+)
+def test_the_column_that_tells_tests_or_cycles_apart(titles, rows, back, found):
+    apart = told_apart(table_of(titles, *rows), len(rows), back, taken=[1, 2])
+    assert (apart and (apart.title, apart.count, apart.option)) == found
+    if apart is not None:
+        assert apart.tests == (1 if apart.option == "--cycle-column" else apart.count)
+
+
+def test_times_that_start_again_with_a_cycle_go_on():
+    times = np.array([0.0, 1.0, 2.0, 0.0, 1.0, 5.0, 6.0])
+    cycles = [Block("1", 0, 3), Block("2", 3, 5), Block("3", 5, 7)]
+    assert going_on(times, cycles).tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 8.0, 9.0]
+    assert times[3] == 0.0, "a copy"

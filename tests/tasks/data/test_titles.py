@@ -1,0 +1,41 @@
+"""Titles of columns, taken apart into a name and a unit."""
+
+import pytest
+
+from sinew.tasks.data.titles import is_spread, name_and_unit
+
+
+@pytest.mark.parametrize(
+    ("title", "name", "unit"),
+    [
+        ("Force (N)", "force", "N"),
+        ("Kraft [kN]", "kraft", "kN"),
+        ("Zeit / s", "zeit", "s"),
+        ("force_N", "force", "N"),
+        ("变形（ｍｍ）", "变形", "mm"),
+        ("𝜆", "λ", ""),
+        ("Tensile strain (Extension) (%)", "tensile strain", "%"),
+        ("C_1_Force[kN]", "force", "kN"),
+        ("Running Time", "running time", ""),
+    ],
+)
+def test_a_title_has_a_name_and_a_unit(title, name, unit):
+    assert name_and_unit(title) == (name, unit)
+
+
+def test_the_unit_below_counts_where_the_title_has_none():
+    assert name_and_unit("Force", "kN") == ("force", "kN")
+    assert name_and_unit("Force (N)", "kN") == ("force", "N")
+
+
+def test_a_title_that_is_a_unit_is_told_from_a_letter():
+    assert [name_and_unit(title) for title in ("N", "mm", "s")] == [("(N)", "N"), ("(mm)", "mm"), ("(s)", "s")]
+    assert name_and_unit("n") == ("n", ""), "a number of samples, perhaps"
+    assert name_and_unit("d") == ("d", "")
+
+
+def test_columns_with_the_spread_of_a_mean():
+    titles = ("SD", "SEM (kPa)", "std", "Standard deviation", "SD (kPa,\nof five)")
+    assert [is_spread(title) for title in titles] == [True] * 5
+    assert not is_spread("SDF")
+    assert not is_spread("Temperature")
