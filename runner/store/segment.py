@@ -12,6 +12,7 @@ from typing import Any
 import google_crc32c
 import numpy as np
 import safetensors.numpy
+import zarr
 from safetensors import SafetensorError, safe_open
 
 from sinew.runner.errors import StoreError
@@ -173,3 +174,19 @@ def is_whole(path: Path) -> bool:
             return True
     except (SafetensorError, OSError):
         return False
+
+
+#: Rows of a segment: their positions in it, and among those that are written.
+Part = tuple[Segment, Array, Array]
+
+
+def column_of(parts: list[Part], array: zarr.Array[Any], name: str, size: int, held: Array | None) -> Array:
+    """The column ``name`` of ``size`` rows: what the store ``held``, or nothing, and ``parts``."""
+    columns = [segment.column(name, inside) for segment, inside, _ in parts]
+    ascend = [(np.diff(rows) == 1).all() for _, _, rows in parts]
+    if held is None and ascend[0] and np.shape(columns[0])[:1] == (size,):
+        return np.asarray(columns[0])  # these are all
+    block = np.full((size, *array.shape[1:]), array.fill_value, dtype=array.dtype) if held is None else held
+    for (_, _, rows), column, together in zip(parts, columns, ascend, strict=True):
+        block[slice(rows[0], rows[-1] + 1) if together else rows] = column
+    return block

@@ -29,15 +29,13 @@ from sinew.runner.store.planned import PlannedRows
 from sinew.runner.store.repair import without_numbers
 from sinew.runner.store.rows import RowIndex, by_chunk, hash_rows, slices, spans
 from sinew.runner.store.schema import CHUNK_BYTES, PENDING, Array
-from sinew.runner.store.segment import Segment
+from sinew.runner.store.segment import Part, Segment, column_of
 
 log = logging.getLogger("sinew")
 
 FOLD_CHUNKS = 4  # a call of Zarr and the synchronisation of a folder cost more than the bytes of a chunk
-
+PLANNED_CHUNKS = 16  # of parameters, which are small
 LOADED_BYTES = 2 * CHUNK_BYTES  # of chunks whose segments are read as a whole, not one column after the other
-
-Part = tuple[Segment, Array, Array]  # rows of a segment: their positions in it, and among those that are written
 
 
 class Table:
@@ -54,6 +52,7 @@ class Table:
         self._planned = PlannedRows(self.journal / "planned")
         self._arrays: dict[str, zarr.Array[Any]] = {}
         self._synced: set[Path] = set()
+        self._chunk: tuple[int, Array] = -1, np.empty((0, 0))  # the last one whose parameters were asked for
         self._unsettled: list[Array] = []  # parameters of the last rows, which are not in the arrays yet
         with store_errors(self._path("status")):
             status = status_array(group, self._path(""))
@@ -132,8 +131,9 @@ class Table:
 
     def pending(self, rows: Array) -> Array:
         """Those of ``rows`` that have no outcome, sorted and unique."""
-        rows = np.unique(rows)
-        return rows[self.status[rows] == PENDING]
+        asked = np.zeros(len(self), dtype=bool)
+        asked[rows] = True
+        return np.flatnonzero(asked & (self.status == PENDING))
 
     def reopen(self, rows: Array) -> None:
         """Make failed rows pending again, so that they are evaluated anew."""
@@ -235,7 +235,7 @@ class Table:
             with store_errors(self._path(name)):
                 array = self._array(name)
                 held = np.asarray(array[start:stop]) if had_some else None
-                array[start:stop] = _column(array, name, stop - start, held, parts)
+                array[start:stop] = column_of(parts, array, name, stop - start, held)
         with store_errors(self._path("status")):
             sync_names(self.group)  # a row has its numbers before it has a status
             self._array("status")[start:stop] = status
@@ -247,12 +247,22 @@ class Table:
         """Parameters ``[n, d]`` of ``rows``."""
         late = rows >= self.settled
         if not late.any():
-            return self.read("parameters", rows)
+            return self._planned_before(rows)
         found = np.empty((rows.size, self._width))
         self._unsettled = [np.concatenate(self._unsettled)]  # noted batch by batch, asked for row by row
         found[late] = self._unsettled[0][rows[late] - self.settled]
-        found[~late] = self.read("parameters", rows[~late])
+        found[~late] = self._planned_before(rows[~late])
         return found
+
+    def _planned_before(self, rows: Array) -> Array:
+        """Parameters ``[n, d]`` of ``rows`` that are in the arrays. Batches ask for one chunk, part by part."""
+        if not rows.size or int(rows.min()) // self.chunk_rows != int(rows.max()) // self.chunk_rows:
+            return self.read("parameters", rows)
+        start = int(rows[0]) // self.chunk_rows * self.chunk_rows
+        if self._chunk[0] != start or int(rows.max()) - start >= len(self._chunk[1]):
+            stop = min(start + self.chunk_rows, self.settled)
+            self._chunk = start, self.read("parameters", np.arange(start, stop))
+        return np.asarray(self._chunk[1][rows - start])
 
     def read(self, name: str, rows: Array, columns: slice = slice(None)) -> Array:
         """A field at ``rows``, ``[n, ...]``, NaN for pending rows; ``columns`` selects along its first own axis.
@@ -377,22 +387,11 @@ class Table:
                 array.resize((count, *array.shape[1:]))
             planned = self._array("parameters")
             start = first
-            while start < count:  # each chunk is written once
-                stop = min((start // self.chunk_rows + 1) * self.chunk_rows, count)
+            together = max(1, min(PLANNED_CHUNKS, CHUNK_BYTES // (8 * self._width * self.chunk_rows)))
+            while start < count:  # each chunk is written once, several of them together
+                stop = min((start // self.chunk_rows + together) * self.chunk_rows, count)
                 planned[start:stop] = parameters[chosen[start - first : stop - first]] + 0.0
                 start = stop
             sync_names(self.group)
             self._array("status").resize((count,))  # a row exists once it has a status
             sync_names(self.group)
-
-
-def _column(array: zarr.Array[Any], name: str, size: int, held: Array | None, parts: list[Part]) -> Array:
-    """The column ``name`` of ``size`` rows: what the store ``held``, or nothing, and ``parts``."""
-    columns = [segment.column(name, inside) for segment, inside, _ in parts]
-    ascend = [(np.diff(rows) == 1).all() for _, _, rows in parts]
-    if held is None and ascend[0] and np.shape(columns[0])[:1] == (size,):
-        return np.asarray(columns[0])  # these are all
-    block = np.full((size, *array.shape[1:]), array.fill_value, dtype=array.dtype) if held is None else held
-    for (_, _, rows), column, together in zip(parts, columns, ascend, strict=True):
-        block[slice(rows[0], rows[-1] + 1) if together else rows] = column
-    return block

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_TESTS, IN_A_ROW = 24, 3
+LONGEST_NAME = 32  # characters that fit above a plot
 MOST_POINTS = 20_000  # drawn of a test; a figure has fewer pixels
 KINDS = ("load", "unload", "hold")
 
@@ -28,10 +29,10 @@ def draw_overview(path: Path, specimens: Sequence[Specimen]) -> int:
     down = math.ceil(len(tests) / across)
     colours = dict(zip(KINDS, COLOURS, strict=False))
     with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(down, across, figsize=(2.4 * across, 1.9 * down + 0.4), squeeze=False)
+        figure, axes = plt.subplots(down, across, figsize=(2.4 * across, 2.0 * down + 0.4), squeeze=False)
         for (one, curve), place in zip(tests, axes.flat, strict=False):
             _draw(place, curve, colours)
-            place.set_title(f"{one.name}, {curve.name}".replace("$", r"\$"), fontsize=8)
+            place.set_title(f"{_short(one.name)}\n{_short(curve.name)}".replace("$", r"\$"), fontsize=7)
         for place in axes.flat[len(tests) :]:
             place.set_visible(False)
         figure.supxlabel("displacement (mm)", fontsize=9)
@@ -41,6 +42,11 @@ def draw_overview(path: Path, specimens: Sequence[Specimen]) -> int:
         figure.savefig(path, dpi=150, metadata={"Software": None})
         plt.close(figure)
     return len(tests)
+
+
+def _short(name: str) -> str:
+    """The end of a long name, which tells specimens of one folder apart."""
+    return name if len(name) <= LONGEST_NAME else f"…{name[1 - LONGEST_NAME :]}"
 
 
 def _draw(place: "Axes", curve: Curve, colours: dict[str, str]) -> None:

@@ -68,6 +68,18 @@ def test_any_sequence_of_requests_keeps_one_row_for_each_content(tmp_path_factor
             assert again.find(np.array([parameters])).tolist() == [row]
 
 
+def test_parameters_of_a_chunk_that_grows_are_read_anew(tmp_path):
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        first = table.plan(some(20)[:5])
+        assert np.array_equal(table.parameters(first[3:]), some(20)[3:5])
+        rows = table.plan(some(20))
+        assert np.array_equal(table.parameters(rows[4:8]), some(20)[4:8])
+        assert np.array_equal(table.parameters(rows[::-1]), some(20)[::-1])
+        table.parameters(rows[:2])[:] = 0.0
+        assert np.array_equal(table.parameters(rows[:2]), some(20)[:2]), "what was given is a copy"
+
+
 def test_numbers_that_are_not_finite_are_refused(tmp_path):
     with Store.writing(tmp_path, "study") as store, pytest.raises(ValueError, match="finite"):
         store.table(table_spec()).plan(np.array([[np.nan, 1.0]]))
