@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import Column, Hints, NoColumn, UnknownUnit, recognise
+from sinew.tasks.data.columns import GIVEN, Column, Hints, NoColumn, UnknownUnit, recognise
 from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, POSITION, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.tables import Table
 
@@ -288,6 +288,13 @@ def test_how_sure_a_choice_is():
     assert columns("time_s|Deformation (mm)|F_N")[1].how == "likely", "a title that may mean something else"
     assert columns("time_s|u|F_N", displacement_unit="mm")[1].how == "as you said"
     assert columns("time_s|Stretch|F_N")[1].how == "likely"
+
+
+def test_a_person_tells_what_an_unknown_unit_means():
+    time, _, _ = columns("time (h:m)|u_mm|F_N", time_unit="min")
+    assert (time.unit, time.factor, time.how) == ("min", 60.0, GIVEN)
+    with pytest.raises(BadInput, match="unit 's', but --time-unit says min"):
+        columns("time (s)|u_mm|F_N", time_unit="min")
 
 
 def test_what_is_asked_is_told_apart():

@@ -75,6 +75,8 @@ def test_tables_whose_times_go_on_are_one_test(tmp_path):
     block = "Time (s),Load (N),Stroke (mm)\n{},1,0\n{},2,1\n{},3,2\n"
     assert taken(tmp_path, block.format(0, 1, 2) + block.format(3, 4, 5))["specimens"] == 1
     assert taken(tmp_path, block.format(0, 1, 2) + block.format(2, 4, 5))["specimens"] == 2
+    named = "{},Time (s),Load (N),Stroke (mm)\n,{},1,0\n,{},2,1\n,{},3,2\n"
+    assert taken(tmp_path, named.format("A", 0, 1, 2) + named.format("B", 3, 4, 5))["specimens"] == 2
 
 
 @pytest.mark.parametrize(("title", "specimens", "remedy"), [("id", 3, "--test-column"), ("Cycle", 1, "--cycle-column")])

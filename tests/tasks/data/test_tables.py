@@ -88,6 +88,8 @@ def test_a_file_without_a_table(tmp_path, lines):
 
 
 def test_two_columns_are_a_table_where_none_has_three(tmp_path):
+    (table,) = tables(tmp_path, "u_mm,force_N", "0,1", "1,2", "2,3", "maxima", "2,3")
+    assert table.titles == ("u_mm", "force_N"), "two numbers in a line of text are no table"
     (table,) = tables(tmp_path, "note,1,2", "u_mm,force_N", "0,1", "1,2", "2,3")
     assert (table.titles, len(table.rows)) == (("u_mm", "force_N"), 3)
     (table,) = tables(tmp_path, "u_mm,force_N", "0,1", "1,2", "2,3", "t,u,F", "0,0,0", "1,1,1", "2,2,2")
