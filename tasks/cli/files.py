@@ -75,6 +75,7 @@ def init(
     """
     from sinew.tasks.data.answers import read_answers
     from sinew.tasks.data.columns import Hints
+    from sinew.tasks.data.init import OVERVIEW
     from sinew.tasks.data.init import init as make
     from sinew.tasks.data.overview import draw_overview
     from sinew.tasks.data.specimen_sizes import Sizes
@@ -89,7 +90,7 @@ def init(
         answers=None if answers is None else read_answers(answers),
         certain=yes,
     )
-    overview = out / "tests.png"
+    overview = out / OVERVIEW
     drawn = draw_overview(overview, made.specimens)
     if as_json:
         fill_in = [str(path) for path in made.to_fill_in]

@@ -262,7 +262,7 @@ def _choices(
             else:
                 missing = missing or none
     if missing is not None:
-        missing.alone = not found
+        missing.alone = all(choice.place == NOWHERE for choice in found)
         raise missing
     return found
 
@@ -286,14 +286,16 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
     return _Choice(quantity, place, SURE if sure else LIKELY, alike)
 
 
-def _rank(table: Table, role: _Role, number: int, place: int, name: str, unit: str) -> tuple[int, bool, bool, int]:
+def _rank(
+    table: Table, role: _Role, number: int, place: int, name: str, unit: str
+) -> tuple[bool, int, bool, bool, int]:
     """The lower, the rather a column is meant: by its quantity, whether it has a unit, and how usual its title is.
 
-    A clock may stand beside the time since the start, which is finer.
+    A title that is only a unit comes last. A clock may stand beside the time since the start, which is finer.
     """
     quantity = role.quantities[number]
     no_unit = not (unit or role.given or quantity.bare)
-    return number, table.has_clock(place), no_unit, role.titles(quantity).index(name)
+    return name.startswith("("), number, table.has_clock(place), no_unit, role.titles(quantity).index(name)
 
 
 def _possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:

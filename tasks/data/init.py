@@ -7,7 +7,7 @@ understood.
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
@@ -35,7 +35,7 @@ from sinew.tasks.study.workspace import check_folder
 
 TABLES = {".csv", ".txt", ".tsv", ".dat", ".asc", ".tra", *SUFFIXES}
 MOST_FILES, DEEPEST = 10_000, 4
-ANSWERS = "answers.yaml"
+ANSWERS, OVERVIEW = "answers.yaml", "tests.png"
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def init(
     """
     check_folder(out)
     answers = answers or Answers()
-    for taken in (out / "study.yaml", out / "cohort", out / ANSWERS):
+    for taken in (out / "study.yaml", out / "cohort", out / ANSWERS, out / OVERVIEW):
         if os.path.lexists(taken):
             raise BadInput(taken, "is there already", "a new folder for --out")
     if len(files) == 1 and (cohort := _ready_cohort(files[0])) is not None:
@@ -216,10 +216,16 @@ def specimens_of(
         ours.append(ReadFile(recording, name))
     tests = dict(sorted(grouped.items()))
     known = {name: known_sizes(name, [one.recording for one in each], sizes) for name, each in tests.items()}
-    known = {name: one.answered((answers or {}).get(name, {})) for name, one in known.items()}
+    known = {name: _with_answers(one, (answers or {}).get(name, {})) for name, one in known.items()}
     if ask is not None:
         known = ask_for_sizes(known, ask)
     return [_specimen(name, each, known[name]) for name, each in tests.items()]
+
+
+def _with_answers(known: Known, answers: Mapping[str, float]) -> Known:
+    """The sizes with earlier answers to what nobody tells, and a note on each."""
+    notes = [f"{size} {mm:g} mm, as answered before" for size, mm in answers.items() if known.mm[size] is None]
+    return replace(known.answered(answers), notes=(*known.notes, *notes))
 
 
 def _specimen(name: str, tests: Sequence[ReadFile], known: Known) -> NewSpecimen:

@@ -12,7 +12,8 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.data.columns import Column, Hints, partly
 from sinew.tasks.data.exports import Reading
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
-from sinew.tasks.data.several import beside, blocks_of_tests, told_apart
+from sinew.tasks.data.recordings import FEWEST_ROWS
+from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart
 from sinew.tasks.data.sizes import SIZES, read_sizes
 from sinew.tasks.data.tables import Row, Table, read_tables
 from sinew.tasks.data.units import usual
@@ -69,7 +70,7 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     recognised = -1
     titles: Counter[Row] = Counter()
     for one in read_tables(path):  # only the best is kept: each may reach to the end of the file
-        titles[one.titles[1:]] += 1
+        titles[one.titles[1:]] += len(one.rows) >= FEWEST_ROWS or not titles[one.titles[1:]]
         found = partly(one, hints)
         count = sum(column is not None for column in found[0])
         if count > recognised:
@@ -85,7 +86,7 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     doubt = _doubt(table, columns, values["length"]) if reading.length_mm is None else ""
     if doubt:
         values["length"] = None
-    one_below = titles[table.titles[1:]] if any(table.titles) else 1
+    one_below = titles[table.titles[1:]] if any(table.titles[1:]) else 1
     if one_below > 1 and _go_on(path, table, columns):
         one_below = 1
     below, times = _below(table, columns, numbers[:rows, 0], hints)
@@ -101,22 +102,22 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
 
 def _go_on(path: Path, table: Table, columns: Sequence[Column | None]) -> bool:
     """Whether times go on from each table with the titles of this one to the next: they are one test then."""
-    time, ends = columns[0], -np.inf
+    time = columns[0]
     if time is None:
         return False
-    names: set[str] = set()
+    times: list[np.ndarray[Any, Any]] = []
     for one in read_tables(path):
-        if one.titles[1:] != table.titles[1:]:
+        if one.titles[1:] != table.titles[1:] or len(one.rows) < FEWEST_ROWS:
             continue
-        if one.sheet != table.sheet:
+        between = any(cell for row in one.header[one.own :] for cell in row) if times else False
+        named = one.titles[0] != table.titles[0] and time.place != 0
+        if one.sheet != table.sheet or between or named:
             return False
-        names.add(one.titles[0])
-        times = _column(one, time)
-        times = times[np.isfinite(times)]
-        if not times.size or times[0] <= ends:
+        cells = (one.number(row, time.place) for row in range(len(one.rows)))
+        times.append(np.array([cell * time.factor for cell in cells if cell is not None]))
+        if not times[-1].size:
             return False
-        ends = times[-1]
-    return len(names) == 1
+    return go_on(times)
 
 
 def _below(
@@ -127,9 +128,7 @@ def _below(
         return len(blocks_of_tests(table, time_s.size, hints.test_column)), ()
     back = [int(at) + 1 for at in np.flatnonzero(np.diff(time_s) < 0)]
     taken = [column.place for column in columns if column is not None]
-    apart = None
-    if columns[0] is None or back:
-        apart = told_apart(table, time_s.size, back, taken)
+    apart = told_apart(table, time_s.size, back, taken)
     if back and hints.cycle_column is None:
         row = table.rows[back[0]][0]
         remedy = f"one for each '{apart.title}'? {apart.option}" if apart else "one file for each"
@@ -175,7 +174,7 @@ def _column(table: Table, column: Column) -> np.ndarray[Any, Any]:
 
 
 def _sizes(table: Table, columns: Sequence[Column | None], numbers: np.ndarray[Any, Any]) -> dict[str, float | None]:
-    told = read_sizes(table.header)
+    told = {**read_sizes(table.header[: table.own]), **read_sizes(table.header[table.own :])}
     values: dict[str, float | None] = {
         name: told[name].mm if name in told else None for name in (*SIZES, "diameter", "area")
     }

@@ -1,6 +1,7 @@
 """What the tests of a new study look like: force over displacement, coloured by phase, to be checked at a glance."""
 
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -39,7 +40,9 @@ def draw_overview(path: Path, specimens: Sequence[Specimen]) -> int:
         figure.supylabel("force (N)", fontsize=9)
         lines = [Line2D([], [], color=colours[kind], label=kind) for kind in KINDS]
         figure.legend(handles=lines, loc="outside upper center", ncols=len(KINDS))
-        figure.savefig(path, dpi=150, metadata={"Software": None})
+        drawn = path.with_name(f".{path.name}.{os.getpid()}")
+        figure.savefig(drawn, dpi=150, format="png", metadata={"Software": None})
+        os.replace(drawn, path)
         plt.close(figure)
     return len(tests)
 

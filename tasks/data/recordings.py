@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from sinew.tasks.data.several import (
     blocks_of_cycles,
     blocks_of_tests,
     columns_of,
+    go_on,
     going_on,
     name_beside,
     told_apart,
@@ -30,6 +30,7 @@ from sinew.tasks.data.titles import is_spread
 from sinew.tasks.model import Curve, Protocol
 
 Array = np.ndarray[Any, np.dtype[Any]]
+FEWEST_ROWS = 3
 MOST_TURNS = 0.1  # of the rows: a motion that turns more often is noisy, and its way is longer than that of the machine
 MOST_STRETCH = 10.0  # a ratio of lengths beyond it is in percent, or a length
 
@@ -95,8 +96,9 @@ def read_recordings(path: Path, hints: Hints, *, first_of_alike: bool = False) -
     """
     missing: NoColumn | None = None
     found: list[tuple[Table, list[Recording]]] = []
+    short = 0
     for table in read_tables(path):
-        if found and (not any(table.titles) or table.titles[1:] != found[0][0].titles[1:]):
+        if found and (not any(table.titles[1:]) or table.titles[1:] != found[0][0].titles[1:]):
             continue  # of another kind
         try:
             columns = recognise(table, hints, first_of_alike=True)
@@ -106,11 +108,16 @@ def read_recordings(path: Path, hints: Hints, *, first_of_alike: bool = False) -
         except NoColumn as error:
             missing = missing or error
             continue
+        if found and len(table.rows) < FEWEST_ROWS:
+            short += 1
+            continue
         found.append((replace(table, rows=table.rows[:1]), _tests(table, columns, count, hints)))
     if not found:
         assert missing is not None, "a file without tables is refused by read_tables"
         raise missing
-    return _named(found)
+    first, *others = _named(found)
+    note = (f"{short} further tables with fewer than {FEWEST_ROWS} rows are left out",) if short else ()
+    return [replace(first, notes=(*first.notes, *note)), *others]
 
 
 def _named(found: Sequence[tuple[Table, list[Recording]]]) -> list[Recording]:
@@ -118,10 +125,12 @@ def _named(found: Sequence[tuple[Table, list[Recording]]]) -> list[Recording]:
     if len(found) == 1:
         return found[0][1]
     firsts = [table.titles[0] for table, _ in found]
-    apart = all(firsts) and len(set(firsts)) == len(found)
+    taken = any(column.place == 0 for _, tests in found for column in tests[0].columns)  # a title, and not a name
+    apart = not taken and all(firsts) and len(set(firsts)) == len(found)
     alone = [tests[0] for _, tests in found if len(tests) == 1]
     one_sheet = len({table.sheet for table, _ in found}) == 1
-    if not apart and one_sheet and len(alone) == len(found) and _times_go_on(alone):
+    nothing_between = not any(cell for table, _ in found[1:] for row in table.header[table.own :] for cell in row)
+    if not apart and one_sheet and nothing_between and len(alone) == len(found) and _times_go_on(alone):
         return [_joined(alone)]
     sheets = [table.sheet for table, _ in found]
     if apart:
@@ -137,8 +146,7 @@ def _named(found: Sequence[tuple[Table, list[Recording]]]) -> list[Recording]:
 
 def _times_go_on(tests: Sequence[Recording]) -> bool:
     """Whether each test begins after the end of the one before, by times of the file."""
-    in_file = tests[0].columns[0].place != NOWHERE
-    return in_file and all(other.numbers[0, 0] > one.numbers[-1, 0] for one, other in pairwise(tests))
+    return tests[0].columns[0].place != NOWHERE and go_on([test.numbers[:, 0] for test in tests])
 
 
 def _joined(tests: Sequence[Recording]) -> Recording:
@@ -155,7 +163,9 @@ def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Rec
     for number in range(count):
         ours = columns_of(table, columns, number) if count > 1 else columns
         name = name_beside(table, ours, number) if count > 1 else ""
-        rows = _filled(table, ours)
+        rows = _filled(table, ours[1:] if count > 1 else ours)  # times may be shared with a longer test
+        if count > 1 and rows < FEWEST_ROWS:
+            continue  # of fewer tests than there is room for
         if hints.test_column is None:
             found.append(_recording(table, ours, hints, Block(name, 0, rows)))
             continue
@@ -174,8 +184,8 @@ def _recording(table: Table, columns: Columns, hints: Hints, block: Block) -> Re
         row, column = beyond[0]
         where = f"{table.path}: row {table.rows[block.start + row][0]}, {columns[column].title}"
         raise BadInput(where, f"{numbers[row, column]:g}", "a number below 1e100")
-    if len(numbers) < 3:
-        raise BadInput(table.path, f"{len(numbers)} rows of numbers{_of(block)}", "at least 3")
+    if len(numbers) < FEWEST_ROWS:
+        raise BadInput(table.path, f"{len(numbers)} rows of numbers{_of(block)}", f"at least {FEWEST_ROWS}")
     places = {column.place for column in columns}
     left_out = tuple(title for place, title in enumerate(table.titles) if place not in places and title)
     notes: tuple[str, ...] = ()
@@ -184,18 +194,20 @@ def _recording(table: Table, columns: Columns, hints: Hints, block: Block) -> Re
     if hints.cycle_column is not None:
         numbers[:, 0] = going_on(numbers[:, 0], _within(blocks_of_cycles(table, block.end, hints.cycle_column), block))
     back = [block.start + int(at) + 1 for at in np.flatnonzero(np.diff(numbers[:, 0]) < 0)]
-    apart = told_apart(table, block.end, back, list(places)) if back else None
+    apart = told_apart(table, block.end, back, list(places)) if hints.test_column is None else None
+    if apart is not None and not back:
+        notes += (f"{apart.count} values of '{apart.title}': {apart.option}, if each is a test of its own",)
     return Recording(
         table.path,
         numbers,
         columns,
         tuple(at for at, _ in table.rows[block.start : block.end]),
         table.header,
-        read_sizes(table.header),
+        {**read_sizes(table.header[: table.own]), **read_sizes(table.header[table.own :])},
         left_out,
         block.name,
         notes,
-        "" if apart is None else f", or {apart.option} {shown(apart.title)}, which changes there",
+        "" if apart is None or not back else f", or {apart.option} {shown(apart.title)}, which changes there",
     )
 
 

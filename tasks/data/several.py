@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from sinew.tasks.data.columns import NOWHERE, Column
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.titles import name_and_unit
 
+SOON = 10.0  # usual steps of time between two tables of one test
 Array = np.ndarray[Any, np.dtype[Any]]
 Columns = tuple[Column, Column, Column]
 
@@ -150,6 +152,15 @@ def _cells(table: Table, rows: int, place: int) -> list[str]:
 def _cell(table: Table, row: int, place: int) -> str:
     cells = table.rows[row][1]
     return cells[place] if place < len(cells) else ""
+
+
+def go_on(times_s: Sequence[Array]) -> bool:
+    """Whether each of several times ``[t]`` (s) begins soon after the end of the one before: they are of one test."""
+    for one, other in pairwise(times_s):
+        usual = float(np.median(np.diff(one))) if one.size > 1 else 0.0
+        if not one[-1] < other[0] <= one[-1] + SOON * usual:
+            return False
+    return True
 
 
 def going_on(time_s: Array, cycles: Sequence[Block]) -> Array:

@@ -70,12 +70,15 @@ def known_sizes(specimen: str, recordings: Sequence[Recording], given: Sizes) ->
     """
     mm: dict[str, float | None] = {}
     notes: list[str] = []
+    only_given: dict[str, float] = {}
     for size in SIZES:
         told: dict[float, Path] = {}
         for recording in recordings:
             if (value := size_of(recording, size)) is not None:
                 told.setdefault(value, recording.path)
         asked = getattr(given, f"{size}_mm")
+        if asked is not None and not told:
+            only_given[size] = asked
         mm[size] = asked or next(iter(told), None)
         if asked is not None:
             notes += _contradictions(size, asked, told, given.override)
@@ -86,8 +89,7 @@ def known_sizes(specimen: str, recordings: Sequence[Recording], given: Sizes) ->
     if mm["length"] is None and all(recording.motion.quantity is LENGTH for recording in recordings):
         mm["length"] = float(recordings[0].numbers[0, 1])
         notes.append(f"gauge length {mm['length']:g} mm, {LIKELY}: the length in the first row")
-    asked = {size: value for size in SIZES if (value := getattr(given, f"{size}_mm")) is not None}
-    return Known(mm, tuple(notes), asked)
+    return Known(mm, tuple(notes), only_given)
 
 
 def _contradictions(size: str, asked: float, told: Mapping[float, Path], override: bool) -> list[str]:

@@ -33,7 +33,8 @@ class Table:
 
     ``titles`` are in row ``title_row`` of the file, and ``units`` in the row below; both may be empty. ``rows`` holds
     the rows from the first one with numbers to the end of the table, each with its number in the file (from 1).
-    ``header`` holds the rows above the titles.
+    ``header`` holds the rows above the titles, without earlier tables of the same titles; those from ``own`` on stand
+    behind the last of these.
     """
 
     path: Path
@@ -45,6 +46,7 @@ class Table:
     decimal: str
     title_row: int = 0
     sheet: str = ""
+    own: int = 0
 
     @property
     def first(self) -> int:
@@ -103,7 +105,7 @@ def _tables_of_sheets(path: Path) -> Iterator[Table]:
         found = False
         for name, texts in read_sheets(path):
             for table in _tables(path, list(enumerate(texts, start=1)), texts, "", ".", fewest):
-                yield replace(table, header=(*before, *table.header), sheet=name)
+                yield replace(table, header=(*before, *table.header), sheet=name, own=len(before) + table.own)
                 found = True
             before += tuple(row for row in texts[:HEAD_LINES] if any(row))
         if found:
@@ -128,11 +130,16 @@ def _tables(
         end = run.end
     named = [_titles_and_units(titles, at) for _, at in places]
     stops = _stops([(at, *found) for (_, at), found in zip(places, named, strict=True)])
+    before: dict[Row, tuple[int, int]] = {}  # by titles: the top of the first table, and the end of the last one
     for (start, at), (words, units), stop in zip(places, named, stops, strict=True):
         end = len(rows) if stop is None else _last_numbers(rows, start, stop, decimal)
-        top = at - bool(units)
-        header = tuple(row for _, row in rows[: max(top, 0)])
-        yield Table(path, header, words, units, rows[start:end], separator, decimal, rows[top][0] if at >= 0 else 0)
+        top = max(at - bool(units), 0)
+        first, last = before.get(words[1:], (top, top)) if any(words[1:]) else (top, top)
+        before[words[1:]] = first, end
+        header = tuple(row for _, row in (*rows[:first], *rows[last:top]))
+        own = first if last < top or first < top else 0
+        title_row = rows[top][0] if at >= 0 else 0
+        yield Table(path, header, words, units, rows[start:end], separator, decimal, title_row, own=own)
 
 
 def _stops(named: Sequence[tuple[int, Row, Row]]) -> list[int | None]:
@@ -155,7 +162,7 @@ def _stops(named: Sequence[tuple[int, Row, Row]]) -> list[int | None]:
 
 def _last_numbers(rows: Sequence[tuple[int, Row]], start: int, stop: int, decimal: str) -> int:
     """Where the rows from ``start`` to ``stop`` end that are not blank or titles of what comes next."""
-    while stop > start and not _numeric(rows[stop - 1][1], decimal):
+    while stop > start and len(_numeric(rows[stop - 1][1], decimal)) < FEWEST_COLUMNS[-1]:  # "Length,20,mm" has one
         stop -= 1
     return stop
 

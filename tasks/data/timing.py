@@ -1,6 +1,5 @@
 """Times of files that have none, by what a person says: how often was sampled, or how fast the machine moved."""
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from sinew.runner.errors import BadInput
 
+LEAST, MOST = 1e-6, 1e9
 Array = np.ndarray[Any, np.dtype[Any]]
 
 
@@ -21,8 +21,8 @@ class Timing:
     def __post_init__(self) -> None:
         """Raises :class:`BadInput` for what is no rate, and where both are given."""
         for option, value in (("--rate-hz", self.rate_hz), ("--speed", self.speed)):
-            if value is not None and not 0 < value < math.inf:
-                raise BadInput(option, f"{value:g}", "a number above 0")
+            if value is not None and not LEAST <= value <= MOST:
+                raise BadInput(option, f"{value:g}", f"a number from {LEAST:g} to {MOST:g}")
         if self.rate_hz is not None and self.speed is not None:
             raise BadInput("--speed", "given together with --rate-hz", "one of them")
 

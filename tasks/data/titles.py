@@ -18,7 +18,7 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
     if brackets := re.findall(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]", title):
         unit = next((text for text in brackets if units.is_unit(text)), below or brackets[0])
         return _plain(re.split(r"[(\[]", title)[0]), unit
-    for pattern in (r"(.+?)\s*/\s*(\S+)", r"(.+?)\s*,\s*(\S+)", r"(.+)[_ -]([^\s_-]+)", r"(.+?)\s+in\s+(\S+)"):
+    for pattern in (r"(.+?)\s*/\s*(\S+)", r"(.+?)\s*,\s*(\S+)", r"(.+)[_ -](?!1$)([^\s_-]+)", r"(.+?)\s+in\s+(\S+)"):
         if (found := re.fullmatch(pattern, title)) and units.is_unit(found[2]):
             return _plain(found[1]), found[2]
     if title in words.UNITS_AS_TITLES:

@@ -42,7 +42,7 @@ _SPELLINGS = {
 }  # fmt: skip
 _EVERY = (TIME, LENGTH, FORCE, STRESS, AREA, FRACTION)
 #: Spellings whose prefix may be milli or mega. The correct spelling "mN" has its factor; these have none.
-_AMBIGUOUS = ("mn", "MN", "mPa")
+_AMBIGUOUS = ("mn", "MN", "mPa", "Mbar")
 
 
 def factor(units: Units, unit: str) -> float | None:

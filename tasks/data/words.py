@@ -3,6 +3,8 @@
 In lower case, the usual words first. English, German, French, Spanish, Italian, Chinese, Japanese and Korean.
 """
 
+import unicodedata
+
 TIME = (
     "time", "test time", "elapsed time", "total time", "t", "zeit", "prüfzeit", "temps", "tiempo",
     "running time", "step time", "time elapsed", "run time", "elapsed", "scan time", "machine time", "laufzeit",
@@ -25,7 +27,7 @@ DISPLACEMENT = (
     "拉伸位移", "压缩位移", "行程", "变形", "伸长", "伸长量", "伸長", "変位", "ストローク", "伸び", "변위", "신장",
     "クロスヘッド変位",
     "displ", "axial disp", "machine extension", "crosshead disp", "cross head displacement", "distance",
-    "(mm)", "(µm)", "(um)",
+    "(mm)", "(µm)", "(um)", "(μm)",
 )  # fmt: skip
 POSITION = (
     "position", "pos", "crosshead", "crosshead position", "actuator", "digital position", "crosshead absolute",
@@ -78,7 +80,10 @@ SIZES = {
 }  # fmt: skip
 #: Titles that are nothing but a unit, in the case that leaves no doubt: ``n`` may be a number of samples.
 UNITS_AS_TITLES = frozenset(
-    word[1:-1] for words in (TIME, DISPLACEMENT, FORCE, STRESS) for word in words if word.startswith("(")
+    unicodedata.normalize("NFKC", word[1:-1])
+    for words in (TIME, DISPLACEMENT, FORCE, STRESS)
+    for word in words
+    if word.startswith("(")
 )
 _ALL = (TIME, DISPLACEMENT, POSITION, LENGTH, STRAIN, STRETCH, FORCE, STRESS, *SIZES.values())
 #: Words with other letters than English has, by which the encoding of a file is told.

@@ -290,6 +290,18 @@ def test_how_sure_a_choice_is():
     assert columns("time_s|Stretch|F_N")[1].how == "likely"
 
 
+def test_a_title_that_is_only_a_unit_is_the_last_resort():
+    assert [one.title for one in columns("Time (s)|u_mm|N|Stress (MPa)")][2] == "Stress (MPa)"
+    time, _, _ = columns("t|s|u_mm|F_N", time_unit="s")
+    assert time.title == "t"
+    assert [one.title for one in columns("s|µm|N")] == ["s", "µm", "N"]
+
+
+def test_a_number_behind_a_title_is_no_unit():
+    _, motion, _ = columns("Time|Strain 1|Load", units="(s)|(%)|(N)")
+    assert (motion.unit, motion.factor) == ("%", 0.01)
+
+
 def test_a_person_tells_what_an_unknown_unit_means():
     time, _, _ = columns("time (h:m)|u_mm|F_N", time_unit="min")
     assert (time.unit, time.factor, time.how) == ("min", 60.0, GIVEN)

@@ -259,6 +259,24 @@ def test_answers_are_kept_and_the_same_export_needs_none(tmp_path):
     assert read_answers(tmp_path / "wide" / "answers.yaml").sizes["T1"]["width"] == 9.0, "what is given now counts"
 
 
+def test_sizes_that_were_answered_before_are_told(tmp_path):
+    path = table(tmp_path / "T1.csv", "Length,10,mm\ntime_s,displacement_mm,force_N")
+    kept = Answers(sizes={"T1": {"length": 12.0, "width": 8.0}})
+    made = init([path], tmp_path / "out", answers=kept, sizes=Sizes(thickness_mm=4.0))
+    assert [line for line in made.lines if "answered before" in line and "T1.csv" not in line] == [
+        "    width 8 mm, as answered before"
+    ]
+    assert made.specimens[0].length_mm == 10.0
+
+
+def test_a_file_of_notes_is_left_out_also_where_a_rate_is_told(tmp_path):
+    (tmp_path / "bench").mkdir()
+    (tmp_path / "bench" / "a.csv").write_text("u_mm,F_N\n0,0\n1,1\n2,2\n")
+    (tmp_path / "bench" / "notes.csv").write_text("a,b,c\n1,2,3\n2,3,4\n3,4,5\n")
+    read = read_all(find_tables([tmp_path / "bench"]), Hints(rate_hz=10.0))
+    assert ([one.path.name for one in read.recordings], len(read.left_out)) == (["a.csv"], 1)
+
+
 def test_a_study_that_needed_no_answers_keeps_none(tmp_path):
     block = "Length,10,mm\nWidth,8,mm\nThickness,4,mm\n"
     init([table(tmp_path / "T1.csv", f"{block}time_s,displacement_mm,force_N")], tmp_path / "out")

@@ -1,5 +1,6 @@
 """A file becomes the same recording whatever its separator, marks, titles, units and encoding; and that a curve."""
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -395,6 +396,66 @@ def test_tables_whose_times_go_on_are_one_test(tmp_path):
         curve_of(*read_recordings(path, Hints()), BAR, "pull")
     named = ["A," + ONE.replace("\n", "\n,"), "B," + later.replace("\n", "\n,")]
     assert [name for name, _ in names_and_loads(tmp_path, "\n".join(named))] == ["A", "B"], "they have names"
+
+
+OWN = "{}\nLength: {} mm\nWidth,{},mm\n" + ONE
+
+
+def sizes(one: Recording) -> dict[str, float | None]:
+    return {name: size.mm for name, size in one.sizes.items()}
+
+
+@pytest.mark.parametrize("name", ["", "Specimen B"])
+def test_each_of_several_tests_has_the_sizes_above_it(tmp_path, name):
+    path = tmp_path / "test.csv"
+    path.write_text(f"Diameter (mm): 3\n{OWN.format('', 10, 2)}\n{OWN.format(name, 20, 4)}\n{ONE}")
+    first, second, third = read_recordings(path, Hints())
+    assert sizes(first) == {"diameter": 3.0, "length": 10.0, "width": 2.0}
+    assert sizes(second) == {"diameter": 3.0, "length": 20.0, "width": 4.0}
+    assert sizes(third) == sizes(first), "those above the first test"
+    assert [one.numbers.shape for one in (first, second, third)] == [(3, 3)] * 3
+
+
+def test_each_sheet_has_its_own_sizes(tmp_path):
+    table = [["Time (s)", "Extension (mm)", "Load (N)"], *([i, i / 10, 5 * i] for i in range(4))]
+    sheets = {name: [["Length", length, "mm"], *table] for name, length in (("one", 10), ("two", 20))}
+    both = read_recordings(write_workbook(tmp_path / "test.xlsx", **sheets), Hints())
+    assert [sizes(one) for one in both] == [{"length": 10.0}, {"length": 20.0}]
+
+
+def test_tests_with_something_between_them_are_not_joined(tmp_path):
+    later = ONE.replace("\n0,", "\n3,").replace("\n1,", "\n4,").replace("\n2,", "\n5,")
+    assert [name for name, _ in names_and_loads(tmp_path, f"{ONE}Specimen B\n{later}")] == ["1", "2"]
+    pause = later.replace("\n3,", "\n30,").replace("\n4,", "\n31,").replace("\n5,", "\n32,")
+    assert [name for name, _ in names_and_loads(tmp_path, ONE + pause)] == ["1", "2"]
+
+
+def test_many_tests_in_a_file_take_no_time_of_the_square_of_their_number(tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_text(("Time (s),Extension (mm),Load (N)\n" + "".join(f"{i},{i},{i}\n" for i in range(50))) * 100)
+    tracemalloc.start()
+    found = read_recordings(path, Hints())
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(found) == 100
+    assert max(len(one.header) for one in found) == 0
+    assert most < 20 * 2**20
+
+
+def test_a_test_that_was_broken_off_is_left_out_with_a_remark(tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_text(ONE + "Time (s),Extension (mm),Load (N)\n0,0,0\n")
+    (found,) = read_recordings(path, Hints())
+    assert remarks(found) == ["1 further tables with fewer than 3 rows are left out"]
+    path.write_text("Time (s),Extension (mm),Load (N),Extension (mm),Load (N)\n0,0,0,,\n1,0.1,5,,\n2,0.2,9,,\n")
+    (found,) = read_recordings(path, Hints())
+    assert found.numbers[:, 2].tolist() == [0, 5, 9]
+
+
+def test_a_column_of_tests_is_remarked_on_where_times_go_on(tmp_path):
+    rows = "".join(f"{'AB'[i // 6]},{i},{i % 6},{i % 6}\n" for i in range(12))
+    found = read(tmp_path, f"Specimen,Time (s),Extension (mm),Load (N)\n{rows}")
+    assert remarks(found) == ["2 values of 'Specimen': --test-column, if each is a test of its own"]
 
 
 def test_tests_on_several_sheets_have_the_names_of_their_sheets(tmp_path):

@@ -13,6 +13,7 @@ from sinew.tasks.data.several import (
     blocks_of_cycles,
     blocks_of_tests,
     columns_of,
+    go_on,
     going_on,
     name_beside,
     told_apart,
@@ -107,6 +108,20 @@ def test_the_column_that_tells_tests_or_cycles_apart(titles, rows, back, found):
     assert (apart and (apart.title, apart.count, apart.option)) == found
     if apart is not None:
         assert apart.tests == (1 if apart.option == "--cycle-column" else apart.count)
+
+
+@pytest.mark.parametrize(
+    ("times", "one"),
+    [
+        ([[0, 1, 2], [3, 4, 5], [6, 7, 8]], True),
+        ([[0, 1, 2], [12, 13, 14]], True),
+        ([[0, 1, 2], [12.5, 13, 14]], False),  # a pause
+        ([[0, 1, 2], [2, 3, 4]], False),
+        ([[0, 1, 2], [0, 1, 2]], False),
+    ],
+)
+def test_times_of_one_test_go_on(times, one):
+    assert go_on([np.array(each, dtype=float) for each in times]) is one
 
 
 def test_times_that_start_again_with_a_cycle_go_on():

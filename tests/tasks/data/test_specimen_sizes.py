@@ -45,7 +45,7 @@ def test_a_size_that_the_file_contradicts_is_refused_unless_it_shall_count(tmp_p
 @pytest.mark.parametrize("given", [8.0956, 8.1])
 def test_a_rounded_size_is_no_contradiction(tmp_path, given):
     known = known_sizes("a", [recording(tmp_path, "Width,8.0956,mm")], Sizes(width_mm=given))
-    assert known == Known({"length": None, "width": given, "thickness": None}, told={"width": given})
+    assert known == Known({"length": None, "width": given, "thickness": None})
 
 
 def test_only_what_nobody_tells_is_asked_for_specimen_by_specimen():

@@ -46,6 +46,7 @@ def test_a_unit_has_its_factor(table, unit, factor):
         (units.FORCE, "Mn"),
         (units.STRESS, "mPa"),
         (units.STRESS, "ｍＰａ"),
+        (units.STRESS, "Mbar"),
         (units.FORCE, "stone"),
         (units.TIME, "mm"),
     ],
