@@ -5,13 +5,11 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Annotated
 
-import yaml
 from pydantic import Field
 
 from sinew.tasks.data.columns import Hints
 from sinew.tasks.data.sizes import LONGEST_MM
-from sinew.tasks.study.files import write_text
-from sinew.tasks.study.settings_file import Section, read_settings
+from sinew.tasks.study.settings_file import Section, read_settings, write_settings
 
 HEAD = """\
 # What the files did not tell, as it was answered. It is used again by
@@ -66,8 +64,7 @@ def write_answers(path: Path, answers: Answers) -> None:
     sizes = {name: {f"{size}_mm": value for size, value in one.items()} for name, one in answers.sizes.items() if one}
     content |= {"specimens": sizes} if sizes else {}
     if content:
-        dumped = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=1000)
-        write_text(path, HEAD.format(name=path.name) + dumped)
+        write_settings(path, HEAD.format(name=path.name), content)
 
 
 def with_answers(hints: Hints, answers: Hints) -> Hints:

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from sinew.runner.errors import BadInput, shown
 from sinew.runner.files import read_input
+from sinew.tasks.study.files import write_text
 
 MAX_BYTES = 2**18
 MAX_DEPTH = 12
@@ -66,6 +67,11 @@ def read_settings(path: Path, kind: type[S], what: str, overrides: Mapping[str, 
         return kind.model_validate({**content, **(overrides or {})}, context={"folder": path.parent})
     except ValidationError as error:
         raise _first_problem(path, kind, error, lines, what) from None
+
+
+def write_settings(path: Path, head: str, content: Mapping[str, Any]) -> None:
+    """Write settings as YAML that :func:`read_settings` reads, below the comment ``head``."""
+    write_text(path, head + yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=1000))
 
 
 class _Loader(yaml.SafeLoader):
