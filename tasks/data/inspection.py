@@ -174,7 +174,7 @@ def _column(table: Table, column: Column) -> np.ndarray[Any, Any]:
 
 
 def _sizes(table: Table, columns: Sequence[Column | None], numbers: np.ndarray[Any, Any]) -> dict[str, float | None]:
-    told = {**read_sizes(table.header[: table.own]), **read_sizes(table.header[table.own :])}
+    told = read_sizes(table.header, table.own)
     values: dict[str, float | None] = {
         name: told[name].mm if name in told else None for name in (*SIZES, "diameter", "area")
     }

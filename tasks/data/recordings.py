@@ -203,7 +203,7 @@ def _recording(table: Table, columns: Columns, hints: Hints, block: Block) -> Re
         columns,
         tuple(at for at, _ in table.rows[block.start : block.end]),
         table.header,
-        {**read_sizes(table.header[: table.own]), **read_sizes(table.header[table.own :])},
+        read_sizes(table.header, table.own),
         left_out,
         block.name,
         notes,

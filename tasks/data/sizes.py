@@ -49,12 +49,15 @@ class Size:
     text: str
 
 
-def read_sizes(header: Sequence[Row]) -> Mapping[str, Size]:
+def read_sizes(header: Sequence[Row], own: int = 0) -> Mapping[str, Size]:
     """The sizes in the rows above a table: ``length``, ``width``, ``thickness``, ``diameter``, ``area`` (mm2).
 
     A size stands in a row of its own, or in a table of results: a row of labels, one of units, one of numbers. If
-    several rows tell one size, the first of them with number and unit counts, else the first with a number.
+    several rows tell one size, the first of them with number and unit counts, else the first with a number. Rows from
+    ``own`` on go before those above them.
     """
+    if own:
+        return {**read_sizes(header[:own]), **read_sizes(header[own:])}
     found: dict[str, list[Size]] = {}
     for row in header:
         if read := _read(row) or _in_cells(row):
