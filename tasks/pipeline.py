@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sinew.runner.console import Console
-from sinew.runner.errors import BadInput, SinewError, WalltimeReached, one_line
+from sinew.runner.errors import BadInput, ClusterError, SinewError, StoreError, WalltimeReached, brief, one_line
 from sinew.runner.printing import put
 from sinew.runner.store.repair import Repaired
 from sinew.runner.store.store import Store, open_store
@@ -22,6 +22,7 @@ from sinew.tasks.study.study import Study
 from sinew.tasks.study.workspace import Workspace, check_folder
 
 DRAWN = ".drawn.json"  # in the folder of the figures: which results they and the page show
+NO_TASK_CAN = (ClusterError, StoreError, OSError)  # no later task would fare better
 
 log = logging.getLogger("sinew")
 
@@ -53,32 +54,68 @@ def check(study: Study, out: Path, tasks: Sequence[str], *, data: Path | None = 
 
 
 def run(workspace: Workspace, tasks: Sequence[str], *, figures: bool = True, **flags: bool) -> dict[str, Any]:
-    """Run tasks, draw figures, print summaries; what is done already is not done again. Returns results by task."""
+    """Run tasks, draw figures, print summaries; what is done already is not done again. Returns results by task.
+
+    A task that fails does not stop those that do not need its result; at the end its error is raised, the first of
+    several. An error of the store, the disk or the cluster ends the run at once.
+    """
     console = workspace.console
     log.info("run started", extra={"tasks": list(tasks), **provenance.facts(workspace)})
     results = {}
+    errors: dict[str, Exception] = {}
     states = dict.fromkeys(tasks, "waiting")
     for name in tasks:
+        if (before := _failed_before(name, errors)) is not None:
+            states[name] = "not run"
+            log.warning("task not run", extra={"task": name, "needs": before})
+            continue
         states[name] = "running"
         workspace.board.put(tasks=dict(states), task=name)
         try:
             results[name] = _run_one(workspace, name, console, figures=figures, flags=_flags(name, flags))
         except WalltimeReached:  # there is no time left for a page
             raise
-        except Exception as error:
-            why = str(error) if isinstance(error, SinewError) else f"{type(error).__name__}: {error}"
-            log.error("task failed", extra={"task": name, "reason": one_line(why)})
-            report(workspace.out, console, silent=True)
-            _remember(workspace.out, {PAGE: None})  # the page tells of a failure: the next run builds it anew
-            raise
-        states[name] = "finished"
+        except Exception as error:  # noqa: BLE001 - it is raised again once the other tasks have run
+            states[name] = "failed"
+            errors[name] = error
+            log.error("task failed", extra={"task": name, "reason": one_line(_why(error))})
+            later = [other for other in tasks[tasks.index(name) + 1 :] if _failed_before(other, errors) is None]
+            if isinstance(error, NO_TASK_CAN) or not later:
+                break
+            _say_what_goes_on(workspace, name, error, later)
+        else:
+            states[name] = "finished"
         workspace.board.put(tasks=dict(states))
+    if errors:
+        report(workspace.out, console, silent=True)
+        _remember(workspace.out, {PAGE: None})  # the page tells of a failure: the next run builds it anew
+        raise next(iter(errors.values()))
     where = _page(workspace, console) if figures else None
     page = "" if where is None else f"{where.name} to read, "
     console.print(
         f"results: {workspace.out}  ({page}figures in {workspace.out / 'figures'}, arrays in store.zarr)", markup=False
     )
     return results
+
+
+def _failed_before(name: str, errors: Mapping[str, Exception]) -> str | None:
+    """The failed task whose result a task needs, directly or through others; None where there is none."""
+    before = TASKS[name].needs
+    while before is not None and before not in errors:
+        before = TASKS[before].needs
+    return before
+
+
+def _why(error: Exception) -> str:
+    return str(error) if isinstance(error, SinewError) else f"{type(error).__name__}: {error}"
+
+
+def _say_what_goes_on(workspace: Workspace, name: str, error: Exception, later: Sequence[str]) -> None:
+    """Tell of a failed task while others run; its error is also the last thing that the command prints."""
+    workspace.event("task failed", task=name, reason=one_line(_why(error)))
+    if not workspace.quiet:
+        put(f"sinew: {name} failed: {brief(_why(error))}", error=True)
+        put(f"going on with {', '.join(later)}", error=True)
 
 
 def _flags(name: str, flags: Mapping[str, bool]) -> dict[str, bool]:

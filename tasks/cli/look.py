@@ -131,6 +131,8 @@ def _logged_tasks(folder: Path) -> dict[str, Any]:
                 task = str(event.get("task")) if isinstance(event, dict) else ""
                 if task in TASKS and event.get("message") == "task started":
                     tasks[task] = {"state": INTERRUPTED}
+                elif task in TASKS and event.get("message") == "task failed":
+                    tasks[task] = {"state": FAILED}
                 elif task in TASKS and event.get("message") == "task finished":
                     seconds = event.get("seconds")
                     usable = isinstance(seconds, int | float) and 0 <= seconds < 1e9
@@ -145,11 +147,12 @@ def _tasks(folder: Path, now: dict[str, Any] | None, logged: dict[str, Any], sta
     before = [task for task in TASKS if task not in wanted]
     before = [task for task in before if task in logged or (folder / f"{task}.json").is_file()]
     ended = {RUNNING: RUNNING, QUEUED: "waiting"}.get(state, state)
+    words = {"finished": FINISHED, "failed": FAILED, "not run": "not run", "running": ended}
     found = []
     for task in before + wanted:
         one = dict(logged.get(task, {"state": FINISHED}))
         if task in wanted:
-            one["state"] = {"finished": FINISHED, "running": ended}.get(str(states[task]), "waiting")
+            one["state"] = words.get(str(states[task]), "waiting")
         if one["state"] != FINISHED:
             one.pop("seconds", None)
         found.append({"task": task, **one})

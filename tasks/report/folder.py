@@ -130,6 +130,8 @@ class ResultFolder:
                 return f"Not run: it needs measured curves ({command[:-1]} --data COHORT`)."
         if task == "compare" and len({name.rpartition("/")[0] for name in self.measured}) == 1:
             return "Not run: it needs two sites, that is specimens in folders COHORT/SITE/SPECIMEN of two sites."
+        if why := self.states[task].why:
+            return f"Not run: {why}."
         return f"Not run yet: {command}."
 
 
@@ -255,6 +257,8 @@ def _state(task: str, folder: Path, results: dict[str, Any], events: list[dict[s
         return State("damaged", f"{task}.json cannot be read; run `sinew {task}` again", *how)
     if last is None or last["message"] == "task finished":
         return State("not run")
+    if last["message"] == "task not run":
+        return State("not run", f"it needs {one_line(str(last.get('needs')))}, which failed")
     if last["message"] == "task failed":
         return State("failed", _why(last))
     return State("running", "its rows are being evaluated") if alive else State("stopped", "ended before its result")

@@ -115,6 +115,13 @@ def test_how_a_run_is(tmp_path, facts, state, words):
     assert calibrate["state"] == {"finished": "finished"}.get(state, state)
 
 
+def test_a_task_that_failed_while_others_go_on(tmp_path):
+    states = {"sobol": "finished", "calibrate": "failed", "infer": "not run", "discover": "running"}
+    found = seen(folder_of(tmp_path / "out", tasks=states, task="discover"))
+    assert {one["task"]: one["state"] for one in found["tasks"]} == states
+    assert "calibrate failed  infer not run  discover running" in drawn(found)
+
+
 def test_a_study_that_waits_in_slurms_queue(tmp_path):
     jobs = tmp_path / "jobs" / "jobs.jsonl"
     jobs.parent.mkdir()

@@ -55,6 +55,24 @@ def test_a_run_that_ended_early_says_so(run_folder, message, word, words):
     assert f"infer: {word}" in seen.sections["failures"]
 
 
+def test_a_task_that_was_not_run_for_another_that_failed_names_it(run_folder):
+    keep_only(run_folder, "sobol")
+    log = run_folder / "log.jsonl"
+    lines = [
+        line for line in log.read_text().splitlines() if json.loads(line).get("task") not in ("calibrate", "infer")
+    ]
+    events = [
+        {"task": "calibrate", "message": "task failed", "reason": "no row"},
+        {"task": "infer", "message": "task not run", "needs": "calibrate"},
+    ]
+    log.write_text("\n".join([*lines, *map(json.dumps, events)]) + "\n")
+    build(run_folder)
+    seen = read(run_folder)
+    assert "infer not run" in " ".join(seen.sections["summary"].split())
+    assert "Not run: it needs calibrate, which failed." in seen.sections["posterior"]
+    assert "calibrate: failed" in seen.sections["failures"]
+
+
 def test_a_folder_that_only_just_began_has_a_page(tmp_path):
     with Store.writing(tmp_path / "out", "young"):
         pass

@@ -1,0 +1,93 @@
+"""What a task that fails does to the other tasks of a run."""
+
+import logging
+from types import SimpleNamespace
+
+import pytest
+from rich.console import Console
+
+from sinew.runner.errors import BadInput, ClusterError, StoreError, WalltimeReached
+from sinew.tasks import pipeline
+from sinew.tasks.study import provenance
+
+ALL = ("sobol", "importance", "calibrate", "infer", "predict", "compare", "discover")
+
+
+class Run:
+    """A run of tasks that do nothing, or raise what ``errors`` holds for them."""
+
+    def __init__(self, folder, monkeypatch, errors):
+        self.did, self.states, self.events, self.built = [], {}, [], []
+        board = SimpleNamespace(put=lambda **facts: self.states.update(facts.get("tasks", {})))
+        self.workspace = SimpleNamespace(
+            out=folder, console=Console(quiet=True), board=board, quiet=False,
+            event=lambda event, **facts: self.events.append((event, facts.get("task"))),
+        )  # fmt: skip
+
+        def one(workspace, name, *_, **__):
+            if name in errors:
+                raise errors[name]
+            self.did.append(name)
+            return name
+
+        monkeypatch.setattr(pipeline, "_run_one", one)
+        monkeypatch.setattr(pipeline, "report", lambda *_, **__: self.built.append("page"))
+        monkeypatch.setattr(provenance, "facts", lambda _: {})
+
+    def __call__(self, *tasks):
+        return pipeline.run(self.workspace, tasks)
+
+
+@pytest.mark.parametrize(
+    ("failing", "did", "not_run"),
+    [
+        ("sobol", ("calibrate", "infer", "predict", "compare", "discover"), ("importance",)),
+        ("importance", ("sobol", "calibrate", "infer", "predict", "compare", "discover"), ()),
+        ("calibrate", ("sobol", "importance", "discover"), ("infer", "predict", "compare")),
+        ("infer", ("sobol", "importance", "calibrate", "discover"), ("predict", "compare")),
+        ("discover", ("sobol", "importance", "calibrate", "infer", "predict", "compare"), ()),
+    ],
+)
+def test_only_tasks_that_need_the_result_are_not_run(tmp_path, monkeypatch, caplog, failing, did, not_run):
+    error = BadInput("study.yaml", "no particle was accepted", "other ranges")
+    run = Run(tmp_path, monkeypatch, {failing: error})
+    with pytest.raises(BadInput, match="no particle was accepted"), caplog.at_level(logging.INFO, "sinew"):
+        run(*ALL)
+    assert tuple(run.did) == did
+    assert run.built == ["page"]
+    if failing != "discover":  # nothing is left to go on with, and the state is told by the end of the run
+        words = dict.fromkeys(not_run, "not run") | {failing: "failed"} | dict.fromkeys(did, "finished")
+        assert run.states == words
+    logged = [(one.message, one.task) for one in caplog.records if "task" in vars(one)]
+    assert logged[0] == ("task failed", failing)
+    assert [task for message, task in logged if message == "task not run"] == list(not_run)
+
+
+def test_a_person_reads_of_it_at_once_and_of_the_first_error_at_the_end(tmp_path, monkeypatch, capsys):
+    run = Run(tmp_path, monkeypatch, {"infer": BadInput("a.yaml", "first", "x"), "discover": ValueError("second")})
+    with pytest.raises(BadInput, match="first"):
+        run("calibrate", "infer", "predict", "discover", "sobol")
+    said = capsys.readouterr().err.splitlines()
+    assert said == [
+        "sinew: infer failed: a.yaml: first; expected x",
+        "going on with discover, sobol",
+        "sinew: discover failed: ValueError: second",
+        "going on with sobol",
+    ]
+    assert run.events == [("task failed", "infer"), ("task failed", "discover")]
+
+
+@pytest.mark.parametrize("error", [StoreError("damaged"), ClusterError("no workers"), OSError(28, "No space left")])
+def test_what_no_task_can_do_without_ends_the_run(tmp_path, monkeypatch, capsys, error):
+    run = Run(tmp_path, monkeypatch, {"sobol": error})
+    with pytest.raises(type(error)):
+        run("sobol", "calibrate", "discover")
+    assert run.did == []
+    assert capsys.readouterr().err == ""
+
+
+def test_a_job_that_must_end_builds_no_page(tmp_path, monkeypatch):
+    run = Run(tmp_path, monkeypatch, {"sobol": WalltimeReached("time is up")})
+    with pytest.raises(WalltimeReached):
+        run("sobol", "calibrate")
+    assert (run.did, run.built) == ([], [])
