@@ -61,6 +61,9 @@ def run(workspace: Workspace, tasks: Sequence[str], *, figures: bool = True, **f
     """
     console = workspace.console
     log.info("run started", extra={"tasks": list(tasks), **provenance.facts(workspace)})
+    for remark in workspace.ranges.remarks() if workspace.ranges is not None else ():
+        log.warning("ranges", extra={"remark": remark})
+        console.print(remark, markup=False)
     results = {}
     errors: dict[str, Exception] = {}
     states = dict.fromkeys(tasks, "waiting")

@@ -52,7 +52,7 @@ def simulate(study: Path, parameters: Path, **options: Any) -> None:
 
     read = read_study(study)
     rows = read_parameters(parameters, model_of(read.model, read.simulator.law))
-    with open_study(study, [], **options) as workspace:
+    with open_study(study, [], judge_ranges=False, **options) as workspace:
         result = simulate_rows(workspace, rows)
         workspace.event("simulated", **{name: result[name] for name in ("rows", "failed", "files")})
         if not workspace.quiet:

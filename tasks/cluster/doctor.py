@@ -9,7 +9,7 @@ import socket
 import ssl
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,17 +23,20 @@ from sinew.runner.cluster import drain
 from sinew.runner.cluster.batch_systems import current, current_job, this_node
 from sinew.runner.cluster.client import ClusterSpec, ask_for, open_client, wait_for_workers
 from sinew.runner.cluster.jobs import Jobs
-from sinew.runner.errors import ClusterError, SinewError, one_line
+from sinew.runner.errors import BadInput, ClusterError, SinewError, one_line
 from sinew.runner.evaluation import external
 from sinew.runner.store.schema import STATUSES
 from sinew.tasks.cluster.profile import Profile
 from sinew.tasks.cluster.submission import check_scripts, job_scripts
+from sinew.tasks.data.cohort import Cohort
 from sinew.tasks.model import Specimen
+from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.design import base_samples
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.sobol.settings import Settings as SobolSettings
 from sinew.tasks.study.model import model_of
+from sinew.tasks.study.ranges import look
 from sinew.tasks.study.study import Study
 from sinew.tasks.study.workspace import attempts_folder, check_cohort
 
@@ -41,6 +44,7 @@ GIB = 2**30
 CLOCK_S = 5.0
 ALLOCATED_AT_MOST = GIB
 FILES_AT_MOST = 500
+FAR = 10.0  # between measured and simulated forces, which no reference values should be apart
 
 
 @dataclass(frozen=True)
@@ -73,8 +77,10 @@ def examine(
         findings.append(Finding(name, good, one_line(words)))
         tell(findings[-1])
 
-    specimens = check_cohort(study, data, out).specimens
+    cohort = check_cohort(study, data, out)
+    specimens = cohort.specimens
     note("study and cohort", True, f"{len(specimens)} specimens")
+    _look_at_the_ranges(study, cohort, out, note)
     with _temporary_folder(out) as folder:
         _look_at_the_disk(study, specimens, folder, note)
         if profile is not None:
@@ -103,6 +109,18 @@ def _temporary_folder(out: Path) -> Iterator[Path]:
 
 
 Note = Callable[[str, bool, str], None]
+
+
+def _look_at_the_ranges(study: Study, cohort: Cohort, out: Path, note: Note) -> None:
+    """Whether the ranges of the parameters can reach the measured forces, and which parameters no test sees."""
+    ranges = look(study, cohort, out)
+    if ranges is None:
+        return
+    try:
+        ranges.refuse(study.path, model_of(study.model, study.simulator.law))
+        note("ranges", not ranges.out_of_reach, "; ".join(ranges.remarks()) or "they reach every measured force")
+    except BadInput as error:
+        note("ranges", False, str(error))
 
 
 def _look_at_the_disk(study: Study, specimens: tuple[Specimen, ...], folder: Path, note: Note) -> None:
@@ -246,8 +264,31 @@ def _canary(study: Study, specimen: Specimen, simulator: str | None, folder: Pat
         "seconds": time.perf_counter() - started,
         "status": status,
         "message": outcome.messages[0] if outcome.messages else "",
+        "peaks_N": _peaks(specimen, outcome.values) if evaluation.scored else {},
         "walltime_s": drain.walltime_s(),
     }
+
+
+def _peaks(specimen: Specimen, values: Mapping[str, Array]) -> dict[str, tuple[float, float]]:
+    """The largest measured and simulated force (N) of each curve."""
+    peaks = {}
+    for curve in specimen.curves:
+        both = (curve.force_N, values[f"force_{curve.name}"][0])
+        measured, simulated = (float(force[np.abs(force).argmax()]) for force in both)
+        peaks[curve.name] = (measured, simulated)
+    return peaks
+
+
+def _note_peaks(peaks: Mapping[str, tuple[float, float]], note: Note) -> None:
+    """Nobody knows what the ranges of a template can reach; its reference values should be somewhere near."""
+    if not peaks:
+        return
+    apart = {name: abs(math.log(abs(one / other))) if one * other else math.inf for name, (one, other) in peaks.items()}
+    worst = max(apart, key=apart.__getitem__)
+    measured, simulated = peaks[worst]
+    words = f"{worst}: largest force {measured:.3g} N measured, {simulated:.3g} N at the reference values"
+    good = apart[worst] <= math.log(FAR)
+    note("forces", good, words if good else f"{words}: look at the units and at the ranges")
 
 
 def _note_canary(
@@ -263,6 +304,8 @@ def _note_canary(
     if outcome["message"]:
         words += f" ({outcome['message']})"
     note("canary", outcome["status"] == "ok", words)
+    if study.simulator.law == "template" and outcome["status"] == "ok":
+        _note_peaks(outcome["peaks_N"], note)
     if not fits:
         note("walltime", False, f"{outcome['walltime_s']:.0f} s are too short for an evaluation of {seconds:.3g} s")
     rows = _size(study, specimens)[0]

@@ -14,6 +14,7 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.answers import Answers, with_answers, write_answers
 from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, visible, write_cohort
 from sinew.tasks.data.columns import LIKELY, Hints, NoColumn, UnknownUnit
+from sinew.tasks.data.first_ranges import first_ranges
 from sinew.tasks.data.names import UNSURE, FileName, names_of, of_test
 from sinew.tasks.data.new_study import (
     LeftOut,
@@ -88,9 +89,10 @@ def init(
             path = out / "cohort" / one.specimen.name / "specimen.json"
             leave_open(path, one.missing)
             to_fill_in.append(path)
-    study = write_study(out, "cohort", [one.specimen for one in new])
+    ranges = first_ranges([one.specimen for one in new if not one.missing])
+    study = write_study(out, "cohort", [one.specimen for one in new], ranges)
     write_answers(out / ANSWERS, Answers(read.hints, {one.specimen.name: one.told for one in new}))
-    lines = (*describe(new), *describe_left_out(read.left_out))
+    lines = (*describe(new), *ranges.lines, *describe_left_out(read.left_out))
     return NewStudy(study, lines, tuple(to_fill_in), tuple(one.specimen for one in new))
 
 
@@ -108,10 +110,11 @@ def _study_of_cohort(cohort: Cohort, out: Path) -> NewStudy:
     if out.resolve().is_relative_to(cohort.folder.resolve()):
         raise BadInput(f"--out {out}", f"lies inside the cohort {cohort.folder}", "a folder beside it")
     out.mkdir(parents=True, exist_ok=True)
-    study = write_study(out, os.path.relpath(cohort.folder.resolve(), out.resolve()), cohort.specimens)
+    ranges = first_ranges(cohort.specimens)
+    study = write_study(out, os.path.relpath(cohort.folder.resolve(), out.resolve()), cohort.specimens, ranges)
     curves = sum(len(one.curves) for one in cohort.specimens)
     line = f"{cohort.folder}: a cohort of {len(cohort.specimens)} specimens, {curves} curves, used as it is"
-    return NewStudy(study, (line,), specimens=tuple(cohort.specimens))
+    return NewStudy(study, (line, *ranges.lines), specimens=tuple(cohort.specimens))
 
 
 # ---- which files

@@ -10,10 +10,11 @@ import jinja2
 from jinja2.sandbox import SandboxedEnvironment
 
 from sinew.runner.errors import one_line
+from sinew.tasks.data.first_ranges import FirstRanges
 from sinew.tasks.data.names import FileName, plain_name
 from sinew.tasks.data.recordings import Recording
 from sinew.tasks.data.sizes import SIZES
-from sinew.tasks.model import TENDON, Curve, Specimen
+from sinew.tasks.model import Curve, Specimen
 from sinew.tasks.registry import TASKS
 from sinew.tasks.study.files import write_text
 from sinew.tasks.study.resources import resource
@@ -49,7 +50,7 @@ class NewSpecimen:
     told: Mapping[str, float] = field(default_factory=dict)
 
 
-def write_study(out: Path, cohort: str, specimens: Sequence[Specimen]) -> Path:
+def write_study(out: Path, cohort: str, specimens: Sequence[Specimen], ranges: FirstRanges) -> Path:
     """Write ``out/study.yaml`` with every field explained. ``cohort`` is the path of the cohort, seen from there."""
     study = out / "study.yaml"
     several = len({one.site for one in specimens if one.site}) > 1
@@ -62,7 +63,7 @@ def write_study(out: Path, cohort: str, specimens: Sequence[Specimen]) -> Path:
     name = plain_name(out.resolve().name).replace("+", "-")[:64] or "study"
     values = {"name": name, "cohort": json.dumps(cohort), "tasks": tasks, "cyclic": map(json.dumps, cyclic)}
     command = one_line(shlex.quote(str(study)))
-    write_text(study, template.render(**values, study=command, parameters=TENDON))
+    write_text(study, template.render(**values, study=command, model=ranges.model, scaled=ranges.scaled))
     read_study(study)  # a study file that cannot be read must not be left behind unnoticed
     return study
 

@@ -38,6 +38,7 @@ class SimulatorSettings(Section):
     """The settings of a kind of simulator. Subclasses have a literal ``name`` and are listed in the registry."""
 
     law: ClassVar[Law] = "tendon"
+    like_embedded: ClassVar[bool] = False  # whether the embedded simulator gives nearly the same forces
 
     name: str
 
@@ -58,6 +59,8 @@ class SimulatorSettings(Section):
 
 class UniaxialSettings(SimulatorSettings):
     """The embedded simulator."""
+
+    like_embedded: ClassVar[bool] = True
 
     name: Literal["uniaxial"] = "uniaxial"
 

@@ -39,6 +39,7 @@ from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study.cohort import cohort_of
 from sinew.tasks.study.json_lines import LogFile
 from sinew.tasks.study.model import model_of
+from sinew.tasks.study.ranges import Ranges, keep, look
 from sinew.tasks.study.study import Study
 
 log = logging.getLogger("sinew")
@@ -62,6 +63,7 @@ class Workspace:
     out: Path
     cluster: ClusterSpec
     board: Board
+    ranges: Ranges | None = None
     show: Show = "words"
     retry_failed: bool = False
     simulations: int = 0
@@ -181,24 +183,33 @@ def open_workspace(
     quiet: bool = False,
     as_json: bool = False,
     retry_failed: bool = False,
+    judge_ranges: bool = True,
 ) -> Iterator[Workspace]:
     """Read what a study needs, check all of it, and only then open (or create) its result folder.
 
-    ``data`` replaces the study's cohort. ``quiet``: nothing is shown; ``as_json``: JSON lines are. Raises
-    :class:`BadInput` and :class:`sinew.runner.errors.StoreError`.
+    ``data`` replaces the study's cohort. ``quiet``: nothing is shown; ``as_json``: JSON lines are. ``judge_ranges``:
+    refuse ranges that cannot reach the measured forces. Raises :class:`BadInput` and
+    :class:`sinew.runner.errors.StoreError`.
     """
     cohort = check_cohort(study, data, out)
     chosen = simulator_of(study, simulator, attempts_folder(out))
+    model = model_of(study.model, study.simulator.law)
+    ranges = look(study, cohort, out) if judge_ranges else None
+    if ranges is not None:
+        ranges.refuse(study.path, model)
     with ExitStack() as stack:
         store = stack.enter_context(Store.writing(out, study.name))
         stack.enter_context(_log_to(out / "log.jsonl"))
         stack.enter_context(_no_abandoned_folders(out))
-        model = model_of(study.model, study.simulator.law)
+        if ranges is not None:
+            keep(ranges, out)
         board = stack.enter_context(open_board(out))
         if isinstance(cluster, Local):
             board.put(workers=cluster.workers)
         show: Show = "json" if as_json else "nothing" if quiet else "words"
-        yield Workspace(study, cohort, model, chosen, store, out, cluster, board, show, retry_failed, _stack=stack)
+        yield Workspace(
+            study, cohort, model, chosen, store, out, cluster, board, ranges, show, retry_failed, _stack=stack
+        )
 
 
 def check_cohort(study: Study, data: Path | None, out: Path) -> Cohort:

@@ -20,7 +20,7 @@ class Run:
         self.did, self.states, self.events, self.built = [], {}, [], []
         board = SimpleNamespace(put=lambda **facts: self.states.update(facts.get("tasks", {})))
         self.workspace = SimpleNamespace(
-            out=folder, console=Console(quiet=True), board=board, quiet=False,
+            out=folder, console=Console(quiet=True), board=board, ranges=None, quiet=False,
             event=lambda event, **facts: self.events.append((event, facts.get("task"))),
         )  # fmt: skip
 

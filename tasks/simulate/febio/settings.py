@@ -120,6 +120,8 @@ def _as_bytes(files: Mapping[str, str]) -> tuple[bytes, ...]:
 class FEBioSettings(SolverSettings):
     """The tendon in FEBio: ``template`` beside the study file, by default the built-in one."""
 
+    like_embedded: ClassVar[bool] = True
+
     name: Literal["febio"] = "febio"
     template: str | None = None
 

@@ -23,7 +23,7 @@ STUDY: dict[str, Any] = {
 }
 GEOMETRY = {"length_mm": 10.0, "width_mm": 8.0, "thickness_mm": 4.0}
 HEADER = "time_s,displacement_mm,force_N"
-ROWS = ("0,0,0", "1,0.1,5", "2,0.2,9", "3,0.2,8")
+ROWS = ("0,0,0", "1,0.1,500", "2,0.2,900", "3,0.2,800")
 PARAMETERS = "E_f,tau_1f,nu_m\n200,1,0.3\n210,1,0.3\n"
 EXPORT = """Results Table 1
 Specimen properties : Length,"10.0",mm
@@ -67,7 +67,7 @@ def write_study(field: str = "", value: Any = None) -> None:
     write("study.yaml", yaml.safe_dump(study, sort_keys=False, allow_unicode=True))
 
 
-def write_specimen(folder: str, force: str = "8") -> None:
+def write_specimen(folder: str, force: str = "800") -> None:
     write(f"{folder}/specimen.json", json.dumps(GEOMETRY))
     write(f"{folder}/pull.csv", curve(*ROWS, f"4,0.2,{force}"))
 

@@ -115,7 +115,8 @@ def test_a_cohort_is_used_where_it_is(tmp_path):
     init([table(tmp_path / "T1_relax.csv")], tmp_path / "first", sizes=BAR)
     cohort = tmp_path / "first" / "cohort"
     made = init([cohort], tmp_path / "second")
-    assert made.lines == (f"{cohort}: a cohort of 1 specimens, 1 curves, used as it is",)
+    assert made.lines[0] == f"{cohort}: a cohort of 1 specimens, 1 curves, used as it is"
+    assert made.lines[1].startswith("ranges: scaled to these tests (largest stress 2.5 MPa, strain 0 to 4 %)")
     study = read_study(made.study)
     assert study.cohort == "../first/cohort"
     assert study.cohort_path.resolve() == cohort.resolve()

@@ -1,6 +1,7 @@
 """What `sinew init` writes and says."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,15 +9,18 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.cohort import read_cohort, write_cohort
 from sinew.tasks.data.columns import Hints
+from sinew.tasks.data.first_ranges import FirstRanges
 from sinew.tasks.data.names import FileName
 from sinew.tasks.data.new_study import NewSpecimen, ReadFile, describe, leave_open, write_study
 from sinew.tasks.data.recordings import Bar, curve_of, read_recordings
-from sinew.tasks.model import Curve, Protocol, Specimen
+from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.registry import TASKS
+from sinew.tasks.study.model import model_of
 from sinew.tasks.study.study import read_study
 
 OF_TEMPLATES = {"protocols", "specimen", "output"}  # no study of measured tissue has them
 TIME = np.arange(4.0)
+PUBLISHED = FirstRanges(Model(), ())
 
 
 def specimen(name: str, *protocols: str) -> Specimen:
@@ -26,7 +30,9 @@ def specimen(name: str, *protocols: str) -> Specimen:
 
 def test_the_study_explains_every_field_and_holds_every_task(tmp_path):
     (tmp_path / "my study").mkdir()
-    path = write_study(tmp_path / "my study", "cohort", [specimen("d/x", "cyclic", "ramp"), specimen("p/x", "cyclic")])
+    path = write_study(
+        tmp_path / "my study", "cohort", [specimen("d/x", "cyclic", "ramp"), specimen("p/x", "cyclic")], PUBLISHED
+    )
     study = read_study(path)
     assert study.name == "my_study"
     assert study.cohort_path == tmp_path / "my study" / "cohort"
@@ -45,9 +51,21 @@ def test_the_study_explains_every_field_and_holds_every_task(tmp_path):
 
 
 def test_sites_are_compared_where_there_are_two(tmp_path):
-    assert (
-        "compare" not in read_study(write_study(tmp_path, "cohort", [specimen("d/x", "a"), specimen("d/y", "a")])).tasks
-    )
+    path = write_study(tmp_path, "cohort", [specimen("d/x", "a"), specimen("d/y", "a")], PUBLISHED)
+    assert "compare" not in read_study(path).tasks
+
+
+@pytest.mark.parametrize("scaled", [False, True])
+def test_the_study_has_the_ranges_that_it_is_given(tmp_path, scaled):
+    model = Model(lambda_0=1.24)
+    for name, low, high in (("E_m", 1.5e-5, 0.0123), ("alpha_f", 0.0, 14.0), ("nu_m", 0.2, 0.2)):
+        parameter = model.parameters[model.names.index(name)]
+        model = model.with_parameter(replace(parameter, minimum=low, maximum=high, reference=(low + high) / 2))
+    path = write_study(tmp_path, "cohort", [specimen("x", "a")], FirstRanges(model, (), scaled))
+    assert model_of(read_study(path).model, "tendon") == model
+    text = path.read_text("utf-8")
+    assert ("these are for human tendon" in text) != scaled
+    assert "nu_m: {fixed: 0.2" in text
 
 
 def test_sizes_that_nobody_knows_are_left_open(tmp_path):

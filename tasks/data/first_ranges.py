@@ -1,0 +1,162 @@
+"""The ranges that a new study starts with: the published ones of human tendon, or ones scaled to the measured curves.
+
+Tissue that is much softer, stiffer or more extensible than tendon gets ranges of its own. For many values of the toe
+and of the relaxation, both moduli are fitted to the curves, on which the force depends linearly; the moduli of the best
+fits, and a factor of three on both sides, are the ranges.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import nnls
+
+from sinew.tasks.model import Curve, Model, Parameter, Specimen
+from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.reach import Reach, reach, spread, thinned, unseen
+from sinew.tasks.simulate.uniaxial import Uniaxial
+from sinew.tasks.study.ranges import rounded
+
+EXTENSIBLE = 0.1  # strain from which on a toe that ends at 1 % is no toe
+TOE_ENDS = (0.25, 0.5, 0.75, 1.0)  # parts of the largest strain at which the toe may end
+STRONGEST = 5.0  # relaxation strength of tissue of which nothing is known
+ROWS = 64  # values of toe and relaxation that are tried
+BEST = 6  # of them, whose moduli count
+WIDER = 3.0  # on both sides of their moduli
+COMPRESSED = 20.0  # times farther than it is ever pulled: a test in compression
+LOOKED_AT = 12  # specimens, at most
+
+
+@dataclass(frozen=True)
+class FirstRanges:
+    """The ``model`` of a new study, and what a person should know about its ranges, line by line."""
+
+    model: Model
+    lines: tuple[str, ...]
+    scaled: bool = False
+
+
+def first_ranges(specimens: Sequence[Specimen]) -> FirstRanges:
+    """Ranges for the measured curves of specimens whose sizes are known."""
+    simulator, model = Uniaxial(), Model()
+    chosen = [one for one in specimens if one.measured and any(curve.force_N.any() for curve in one.curves)]
+    chosen = chosen[:: -(-len(chosen) // LOOKED_AT)] if chosen else []
+    if not chosen:
+        line = "ranges: those of human tendon; once all sizes are filled in, a run looks whether they reach the forces"
+        return FirstRanges(model, (line,))
+    reaches = [each for one in chosen for each in reach(simulator, model, one)]
+    squeezed = all(_compressed(curve) for one in chosen for curve in one.curves)
+    strains = [one.stretch(curve.protocol) - 1.0 for one in chosen for curve in one.curves]
+    strain = max(float(each.max()) for each in strains)
+    if squeezed or strain > EXTENSIBLE or not all(each.reached for each in reaches):
+        model, lines = _scaled(simulator, chosen, strain, squeezed=squeezed)
+        return _without_unseen(simulator, model, chosen, [_why(reaches, strains), *lines], scaled=True)
+    line = "ranges: those of human tendon (Pekedis 2025), which reach the measured forces"
+    return _without_unseen(simulator, model, chosen, [line], scaled=False)
+
+
+def _why(reaches: Sequence[Reach], strains: Sequence[Array]) -> str:
+    far = max(reaches, key=lambda one: max(one.ratios[0], -one.ratios[1]))
+    measured, near, most = far.stresses_MPa
+    low, high = 100 * min(each.min() for each in strains), 100 * max(each.max() for each in strains)
+    return (
+        f"ranges: scaled to these tests (largest stress {measured:.3g} MPa, strain {low:.3g} to {high:.3g} %), because "
+        f"those of human tendon give {near:.3g} to {most:.3g} MPa; look at them in study.yaml"
+    )
+
+
+def _without_unseen(
+    simulator: Uniaxial, model: Model, specimens: Sequence[Specimen], lines: list[str], *, scaled: bool
+) -> FirstRanges:
+    """The same with parameters fixed on which no measured force depends."""
+    if names := unseen(simulator, model, specimens):
+        for parameter in model.free:
+            if parameter.name in names:
+                model = model.with_parameter(_fixed(parameter, parameter.reference))
+        lines.append(f"ranges: no force of these tests depends on {', '.join(names)}; fixed")
+    return FirstRanges(model, tuple(lines), scaled)
+
+
+def _scaled(
+    simulator: Uniaxial, specimens: Sequence[Specimen], strain: float, *, squeezed: bool
+) -> tuple[Model, list[str]]:
+    """A model with moduli, toe and relaxation for these specimens, and what was done besides, line by line."""
+    models = [_unknown(Model(), squeezed=squeezed)]
+    if not squeezed and strain > EXTENSIBLE:
+        models += [_with_toe(models[0], 1.0 + part * strain) for part in TOE_ENDS]
+    fits = [[_moduli(simulator, model, one) for one in specimens] for model in models]
+    errors = [float(np.median([misfit for _, misfit in each])) for each in fits]
+    best = int(np.argmin(errors))
+    model, lines = models[best], []
+    if squeezed:
+        lines.append("ranges: every test is a compression, in which fibres carry nothing: E_f is fixed at 0")
+    elif model.lambda_0 != models[0].lambda_0:
+        lines.append(f"ranges: the toe ends at a stretch of {model.lambda_0:g} (lambda_0), where the model fits best")
+    moduli = np.vstack([found for found, _ in fits[best]])
+    for name, column in zip(("E_f", "E_m"), moduli.T, strict=True):
+        if name == "E_f" and squeezed:
+            continue
+        model = model.with_parameter(_range(model, name, column))
+    return model, lines
+
+
+def _unknown(model: Model, *, squeezed: bool) -> Model:
+    """Tissue of which nothing is known but that it relaxes within the published times."""
+    for parameter in model.parameters:
+        if parameter.name.startswith("g_"):
+            model = model.with_parameter(replace(parameter, minimum=0.0, maximum=STRONGEST, reference=1.0))
+        if parameter.name == "E_f" and squeezed:
+            model = model.with_parameter(_fixed(parameter, 0.0))
+    return model
+
+
+def _with_toe(model: Model, end: float) -> Model:
+    """The toe ends at a stretch of ``end``; its exponent has the same range of effects there as at 1.01."""
+    end = float(f"{end:.3g}")
+    alpha = model.parameters[model.names.index("alpha_f")]
+    strains = ((model.lambda_0**2 - 1.0) / (end**2 - 1.0)) ** model.beta
+    maximum = rounded(alpha.maximum * strains, up=True)
+    return replace(model.with_parameter(replace(alpha, maximum=maximum, reference=maximum / 2)), lambda_0=end)
+
+
+def _moduli(simulator: Uniaxial, model: Model, specimen: Specimen) -> tuple[Array, float]:
+    """Moduli ``[BEST, 2]`` (MPa) of fibres and matrix that fit best, and the relative misfit of these fits."""
+    rows = spread(model, ROWS)[-ROWS:]
+    fibre, matrix = model.names.index("E_f"), model.names.index("E_m")
+    basis, measured = [], []
+    for curve in map(thinned, specimen.curves):
+        size = float(np.sqrt(np.mean(curve.force_N**2))) or 1.0
+        weight = 1.0 / (size * np.sqrt(curve.force_N.size))
+        each = []
+        for column in (fibre, matrix):
+            one = rows.copy()
+            one[:, [fibre, matrix]] = 0.0
+            one[:, column] = 1.0
+            each.append(simulator.simulate(model, specimen, curve.protocol, one).force_N * weight)
+        basis.append(np.stack(each, axis=-1))
+        measured.append(curve.force_N * weight)
+    design, target = np.concatenate(basis, axis=1), np.concatenate(measured)
+    fits = [nnls(np.nan_to_num(one), target) for one in design]
+    misfits = np.array([misfit for _, misfit in fits])
+    best = np.argsort(misfits, kind="stable")[:BEST]
+    return np.array([fits[i][0] for i in best]), float(misfits[best].mean() / np.linalg.norm(target))
+
+
+def _range(model: Model, name: str, moduli: Array) -> Parameter:
+    """The modulus with a range around fitted ones; it may be 0 where some of them are."""
+    parameter = model.parameters[model.names.index(name)]
+    low, high = float(moduli.min()) / WIDER, float(moduli.max()) * WIDER
+    if high == 0.0:
+        return _fixed(parameter, 0.0)
+    minimum, maximum = rounded(low, up=False), rounded(high, up=True)
+    return replace(parameter, minimum=minimum, maximum=maximum, reference=(minimum + maximum) / 2)
+
+
+def _fixed(parameter: Parameter, value: float) -> Parameter:
+    return replace(parameter, minimum=value, maximum=value, reference=value)
+
+
+def _compressed(curve: Curve) -> bool:
+    """Whether a test pushes the specimen together, and pulls it by no more than the noise of the displacement."""
+    moved = curve.protocol.displacement_mm
+    return bool(moved.min() < 0 and -moved.min() > COMPRESSED * max(float(moved.max()), 0.0))

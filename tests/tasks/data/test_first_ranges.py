@@ -1,0 +1,88 @@
+"""The ranges of a new study, for curves of known tissues."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sinew.tasks.data.first_ranges import first_ranges
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.model import TENDON, Curve, Model, Protocol, Specimen
+from sinew.tasks.simulate.reach import reach
+from sinew.tasks.simulate.uniaxial import Uniaxial
+
+SPECIMENS, _ = virtual_cohort(seed=1, per_site=1, rate_hz=2.0)
+
+
+def tissue(strain, *, noise=0.0, lambda_0=1.01, **parameters) -> Specimen:
+    """A specimen of 10 x 5 x 2 mm, ramped to a strain in 20 s and held for 40 s."""
+    time = np.linspace(0.0, 60.0, 601)
+    rng = np.random.default_rng(4)
+    moved = 10.0 * strain * np.minimum(time / 20.0, 1.0) + noise * rng.standard_normal(time.size)
+    protocol = Protocol("relax", time, moved)
+    bare = Specimen("a", 10.0, 5.0, 2.0)
+    model = Model(lambda_0=lambda_0)
+    row = [[parameters.get(one.name, one.reference) for one in model.parameters]]
+    smooth = Protocol("relax", time, 10.0 * strain * np.minimum(time / 20.0, 1.0))
+    force = Uniaxial().simulate(model, bare, smooth, np.array(row)).force_N[0]
+    return replace(bare, curves=(Curve(protocol, force),))
+
+
+def range_of(model, name):
+    parameter = model.parameters[model.names.index(name)]
+    return parameter.minimum, parameter.maximum
+
+
+def test_human_tendon_keeps_the_published_ranges():
+    found = first_ranges(SPECIMENS)
+    assert not found.scaled
+    assert found.lines == (
+        "ranges: those of human tendon (Pekedis 2025), which reach the measured forces",
+        "ranges: no force of these tests depends on nu_m; fixed",
+    )
+    assert found.model.parameters[:-1] == TENDON[:-1]
+    assert found.model.lambda_0 == 1.01
+
+
+@pytest.mark.parametrize("factor", [1e-5, 1e-3, 20.0])
+def test_tissue_of_another_stiffness_gets_ranges_that_hold_its_moduli(factor):
+    truth = {"E_f": 200 * factor, "E_m": 40 * factor, "g_1f": 0.9, "g_2f": 1.0, "g_3f": 1.0, "alpha_f": 2000.0}
+    specimen = tissue(0.04, **truth)
+    found = first_ranges([specimen])
+    assert found.scaled
+    assert "because those of human tendon give" in found.lines[0]
+    low, high = range_of(found.model, "E_f")
+    assert low < truth["E_f"] < high
+    assert range_of(found.model, "E_m")[1] > truth["E_m"]
+    assert high / max(low, 1e-12) < 1000
+    assert all(one.reached for one in reach(Uniaxial(), found.model, specimen))
+
+
+def test_extensible_tissue_gets_a_longer_toe():
+    specimen = tissue(0.4, lambda_0=1.3, E_f=3.0, alpha_f=8.0, E_m=0.05)
+    found = first_ranges([specimen])
+    assert found.scaled
+    assert 1.2 <= found.model.lambda_0 <= 1.4
+    low, high = range_of(found.model, "alpha_f")
+    assert low <= 8.0 <= high < 100
+    assert f"({found.model.lambda_0:g})" not in found.lines[1]
+    assert f"a stretch of {found.model.lambda_0:g} (lambda_0)" in found.lines[1]
+
+
+@pytest.mark.parametrize("noise", [0.0, 2e-3])
+def test_compression_leaves_the_matrix_alone(noise):
+    found = first_ranges([tissue(-0.3, noise=noise, E_m=0.005)])
+    assert found.lines[1] == "ranges: every test is a compression, in which fibres carry nothing: E_f is fixed at 0"
+    fixed = [one.name for one in found.model.parameters if one.fixed]
+    assert fixed == ["E_f", "alpha_f", "g_1f", "g_2f", "g_3f", "tau_1f", "tau_2f", "tau_3f", "nu_m"]
+    assert range_of(found.model, "E_f") == (0.0, 0.0)
+    low, high = range_of(found.model, "E_m")
+    assert low < 0.005 < high
+
+
+def test_without_a_force_or_sizes_the_published_ranges_stand():
+    specimen = tissue(0.04)
+    for specimens in ([], [replace(specimen, curves=(Curve(specimen.curves[0].protocol, np.zeros(601)),))]):
+        found = first_ranges(specimens)
+        assert found.model == Model()
+        assert len(found.lines) == 1
