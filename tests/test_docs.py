@@ -160,7 +160,7 @@ def _export(path: Path, stiffness: float) -> None:
     extension = 0.5 * np.minimum(time_s / 6.0, 1.0)
     load = stiffness * extension * (0.7 + 0.3 * np.exp(-np.maximum(time_s - 6.0, 0.0) / 8.0))
     load += 0.002 * stiffness * np.sin(1e4 * time_s)
-    lines = ["Length,14.2,mm", "Diameter,0.4,mm", "Time (s),Extension (mm),Load (N)"]
+    lines = ["Length,14.2,mm", "Diameter,1.5,mm", "Time (s),Extension (mm),Load (N)"]
     lines += [f"{t:.3f},{u:.6f},{f:.6f}" for t, u, f in zip(time_s, extension, load, strict=True)]
     path.write_text("\n".join(lines) + "\n")
 

@@ -232,6 +232,7 @@ class DiscoverResult(Result):
     """
 
     TASK = "discover"
+    VERSION = 2
     LIBRARIES = ("scikit-learn",)
 
     verdict: Word

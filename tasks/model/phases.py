@@ -1,7 +1,8 @@
 """The phases of a displacement history: loading, unloading and holds, found from the displacement alone.
 
 A hold is a period in which the displacement changes much more slowly than usual and ends about where it began. A slow
-ramp among fast ones is therefore still a ramp.
+ramp among fast ones is therefore still a ramp. In a test that pushes the specimen together farther than it ever pulls
+it, getting shorter is loading.
 """
 
 from dataclasses import dataclass
@@ -39,6 +40,8 @@ class Phase:
 def phases(protocol: Protocol) -> tuple[Phase, ...]:
     """All phases in order. A history that never moves is one hold."""
     time, moved = protocol.time_s, protocol.displacement_mm
+    if -moved.min() > moved.max():
+        moved = -moved
     whole = float(np.ptp(moved))
     if moved.size < 3 or whole == 0.0:
         return (Phase("hold", 1, 0, moved.size),)

@@ -75,6 +75,8 @@ def accept(out: Path) -> list[str]:
         content = _read(out / f"{task}.json")
         version, path = str(content.get("version", 1)), EXPECTED / f"{task}.json"
         if path.exists() and not list(differences(_read(path), golden(content))):
+            # a new version may change the results of other studies only
+            accepted.setdefault(task, {}).setdefault(version, _digest(path))
             continue
         if version in accepted.get(task, {}):
             raise ValueError(f"{task}: the result changed, version {version} did not; raise VERSION in its result.py")

@@ -42,6 +42,9 @@ def test_a_changed_result_needs_another_version(out, tmp_path, monkeypatch):
         golden.accept(changed)
     (changed / "sobol.json").write_text(json.dumps(content | {"version": 2}))
     assert golden.accept(changed) == ["sobol"]
+    (changed / "sobol.json").write_text(json.dumps(content | {"version": 3}))  # results of other studies only
+    assert golden.accept(changed) == []
+    assert list(json.loads(golden.ACCEPTED.read_text())["sobol"]) == ["1", "2", "3"]
 
 
 A = {"a": [1, 2.0, None, "x"], "b": {"c": True}}

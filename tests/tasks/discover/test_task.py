@@ -173,7 +173,7 @@ def a_study(folder, effects=("toe-slack",)):
     """One specimen of one short curve, and a study of it."""
     time = np.arange(40.0)
     protocol = Protocol("ramp", time, 0.02 * np.minimum(time, 10.0))
-    write_cohort(folder / "cohort", [Specimen("a/1", 10.0, 4.0, 1.0, (Curve(protocol, 10.0 * time),))])
+    write_cohort(folder / "cohort", [Specimen("a/1", 10.0, 4.0, 1.0, (Curve(protocol, time),))])
     study = folder / "study.yaml"
     study.write_text(f"name: small\nseed: 3\ncohort: cohort\ndiscover: {{effects: [{', '.join(effects)}]}}\n")
     return study
@@ -225,7 +225,7 @@ def test_whatever_a_verdict_depends_on_changes_its_key(tmp_path, monkeypatch):
         changed = tmp_path / "changed.yaml"
         changed.write_text(study.read_text().replace(old, new))
         keys.append(key_of(changed))
-    curve.write_text(text.replace(",100", ",101"))
+    curve.write_text(text.replace(",39", ",38"))
     keys.append(key_of(study))
     curve.write_text(text)
     specimen = curve.parent

@@ -29,6 +29,21 @@ def test_the_standard_protocols(rate_hz, noise_mm):
         assert kinds(Protocol("any", clean.time_s, moved)) == known
 
 
+@pytest.mark.parametrize("noise_mm", [0.0, 0.0005])
+def test_in_compression_getting_shorter_is_loading(noise_mm):
+    rng = np.random.default_rng(1)
+    for make in (one_step, two_step, cyclic):
+        pulled = make(10.0, 10.0)
+        moved = -pulled.displacement_mm + noise_mm * rng.standard_normal(pulled.time_s.size) / 10.0
+        assert kinds(Protocol("any", pulled.time_s, moved)) == kinds(pulled)
+
+
+def test_a_test_that_pulls_farther_than_it_pushes_is_one_in_tension():
+    time = np.arange(0, 40, 0.5)
+    moved = np.interp(time, [0, 10, 20, 30, 40], [0, 1, -0.9, 0.5, 0])
+    assert kinds(Protocol("both", time, moved)) == [("load", 1), ("unload", 1), ("load", 2), ("unload", 2)]
+
+
 def test_phases_join_and_cover_everything():
     protocol = two_step(10.0, 10.0)
     found = phases(protocol)
