@@ -86,6 +86,8 @@ def coordinate(group: zarr.Group, name: str, folder: Path) -> Array:
     if _kind(array) not in ("float64", "text"):
         raise Damaged(f"it holds {array.dtype}")
     check_chunks(array, folder)
+    if not chunk_files(folder / "c"):  # Zarr would read NaN or empty names
+        raise Damaged("its chunk is missing")
     return np.asarray(array[:])
 
 

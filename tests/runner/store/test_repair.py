@@ -177,3 +177,57 @@ def test_a_damaged_segment_is_removed_by_a_repair(folder):
         assert line.startswith(f"{path}: not a whole segment (a wrong checksum of ")
         assert not path.exists()
         assert fill(table, some(ROWS + 2))[-2:].tolist() == [40, 41]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda table: shutil.rmtree(table / "protocol"), "protocol: the array is missing"),
+        (lambda table: shutil.rmtree(table / "protocol" / "c"), "protocol: its chunk is missing"),
+        (lambda table: shutil.rmtree(table / "time" / "c"), "time: its chunk is missing"),
+        (lambda table: edit(table / "force" / "zarr.json", **BROKEN["huge shape"]), "force: "),
+        (lambda table: edit(table / "force" / "zarr.json", **BROKEN["unknown codec"]), "force: "),
+        (lambda table: shutil.rmtree(table / "parameters"), "parameters: the array is missing"),
+        (lambda table: (table / "zarr.json").write_text("{"), "zarr.json: "),
+    ],
+)
+def test_a_repair_says_why_a_table_is_given_up_and_removes_its_segments_alone(folder, spoil, words):
+    with Store.writing(folder, "study") as store:
+        table = store.table(table_spec())
+        ours, another = table.journal / "rows-1", table.journal.with_name("another") / "rows-1"
+        for path in (ours, another):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text("")
+    spoil(table_folder(folder))
+    with Store.writing(folder, "study") as store:
+        repaired = store.repair()
+    (line,) = repaired.removed
+    assert line.startswith(f"{table_folder(folder)}: {words}")
+    assert line.endswith("; it cannot be mended, all of its rows are computed again")
+    assert "None" not in line
+    assert (ours.exists(), another.exists()) == (False, True)
+
+
+def test_tables_behind_one_without_metadata_are_repaired(folder):
+    (folder / "store.zarr" / "evaluations" / "a-foreign-folder").mkdir()
+    status = zarr.open_array(table_folder(folder) / "status", mode="r+")
+    status[3] = 55
+    with Store.writing(folder, "study") as store:
+        assert store.repair().rows == 1
+
+
+@pytest.mark.parametrize("array", ["force", "parameters", "attempts", "worker"])
+def test_an_array_that_says_to_be_shorter_is_as_long_as_the_status_again(folder, array):
+    path = table_folder(folder) / array / "zarr.json"
+    shape = json.loads(path.read_text())["shape"]
+    edit(path, shape=[16, *shape[1:]])
+    assert repaired_and_run_again(folder) == (0, 0), "its chunks were whole"
+    assert json.loads(path.read_text())["shape"] == shape
+
+
+def test_rows_lost_in_two_arrays_are_pending_once(folder):
+    status = zarr.open_array(table_folder(folder) / "status", mode="r+")
+    force = zarr.open_array(table_folder(folder) / "force", mode="r+")
+    status[3], status[20] = 55, 55
+    force[3:6] = np.nan
+    assert repaired_and_run_again(folder) == (4, 4)

@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as st_numpy
 from sinew.runner.errors import StoreError
 from sinew.runner.store.schema import CHUNK_ROWS, PENDING, STATUSES
 from sinew.runner.store.segment import Segment
-from sinew.runner.store.store import Store
+from sinew.runner.store.store import Store, open_store
 from sinew.runner.store.table import Table
 from tests.runner.evaluations import POINTS, Quick, table_spec
 from tests.runner.stores import contents, fill, some
@@ -296,3 +296,23 @@ def test_finished_rows_are_counted_before_and_after_they_are_folded_in(tmp_path)
         table.fold(table.segments())
         assert (table.finished(), table.waiting()) == (2, 0)
         assert table.pending(rows[::-1]).tolist() == [0, 2, 4]
+
+
+def test_a_table_knows_its_parameters_and_what_outcomes_depend_on(tmp_path):
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec("quick"))
+        fill(table, some(2))
+    (read,) = open_store(tmp_path).tables()
+    for one in (table, read):
+        assert one.names == ["a", "b"]
+        assert one.identity == {"evaluation": "quick"}
+    assert read.coordinate("none of these") is None
+
+
+@pytest.mark.parametrize("text", ["", "[", "null", "3"])
+def test_a_damaged_identity_is_one_line(tmp_path, text):
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        table.group.attrs["identity"] = text
+        with pytest.raises(StoreError, match=r"zarr\.json: "):
+            _ = table.identity
