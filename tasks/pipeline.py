@@ -131,7 +131,7 @@ def _run_one(workspace: Workspace, name: str, console: Console, *, figures: bool
     started = time.monotonic()
     workspace.event("task started", task=name)
     log.info("task started", extra={"task": name})
-    simulations = workspace.simulations
+    simulations, counted = workspace.simulations, dict(workspace.counted)
     result = task.module("task").run(workspace, workspace.study.section(task.settings), **flags)
     seconds = time.monotonic() - started
     if figures:
@@ -141,7 +141,11 @@ def _run_one(workspace: Workspace, name: str, console: Console, *, figures: bool
     workspace.event("task finished", **facts, result=str(workspace.out / f"{name}.json"))
     log.info("task finished", extra=facts)
     task.module("show").summary(result, workspace.out, console)
-    console.print(f"{name}: {new:,} new evaluations in {seconds:.1f} s\n")
+    other = {what: count - counted.get(what, 0) for what, count in workspace.counted.items()}
+    done = [f"{count:,} {what}" for what, count in other.items() if count]
+    if new or not done:
+        done.insert(0, f"{new:,} new evaluations")
+    console.print(f"{name}: {', '.join(done)} in {seconds:.1f} s\n")
     return result
 
 

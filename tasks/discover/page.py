@@ -9,7 +9,7 @@ from bokeh.models.annotations import ColorBar
 from sinew.tasks.discover.figures import FAR
 from sinew.tasks.discover.judge.confidence import in_words
 from sinew.tasks.discover.result import CandidateResult, DiscoverResult
-from sinew.tasks.discover.show import UNLIKELY, held_out, unlikely
+from sinew.tasks.discover.show import UNLIKELY, held_out, noise_words, unlikely
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Code, Facts, Plot, Plots, Section, Table, Words, number, percent
 from sinew.tasks.drawing.figures import COLOURS
@@ -75,7 +75,7 @@ def _verdict(result: DiscoverResult) -> Facts:
         rows.append(("conflict of protocols", f"{unlikely(conflict.p)}: most of all {worst.parameter}, "
                      f"{number(worst.values[0])} in {worst.curves[0]}, {number(worst.values[1])} in "
                      f"{worst.curves[1]}"))  # fmt: skip
-    noise = [f"{name} {number(one.sd_N)} N" for name, one in result.noise.items()]
+    noise = [f"{name} {noise_words(one)}" for name, one in result.noise.items()]
     rows.append(("noise (standard deviation)", ", ".join(noise)))
     return Facts(rows)
 
@@ -126,7 +126,7 @@ def _curves(found: ResultFolder, result: DiscoverResult) -> Plots:
             drawn.append(plots.plot(f"discovery-curves-{len(drawn)}", plot, label, below=left))
         return drawn
 
-    notes = {name: f"noise {number(result.noise[name].sd_N)} N (standard deviation)" for name in data}
+    notes = {name: f"noise {noise_words(result.noise[name])} (standard deviation)" for name in data}
     caption = "Measured and modelled forces, and below what either model leaves."
     return plots.picked("discovery-curves", caption, "Specimen", data, draw, notes)
 

@@ -9,7 +9,8 @@ from rich.table import Table as Grid
 
 from sinew.runner.console import Console
 from sinew.tasks.discover.judge.confidence import in_words
-from sinew.tasks.discover.result import CandidateResult, DiscoverResult
+from sinew.tasks.discover.result import CandidateResult, DiscoverResult, NoiseLevel
+from sinew.tasks.drawing.blocks import number
 
 SHOWN = 6  # candidates
 UNLIKELY = 0.001  # p value below which a conflict of the protocols is reported
@@ -104,6 +105,12 @@ def _next_lines(result: DiscoverResult, folder: Path) -> Iterator[str]:
         )
     if result.model:
         yield f"the study with it: {folder / result.model.path}\n{result.model.difference}"
+
+
+def noise_words(level: NoiseLevel) -> str:
+    """The noise of a specimen: its standard deviation at rest, and what it grows by with the force."""
+    grows = f" and {100 * level.proportional:.2g} % of the force" if level.proportional > 0 else ""
+    return f"{number(level.sd_N)} N{grows}"
 
 
 def unlikely(p: float) -> str:

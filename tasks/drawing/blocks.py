@@ -77,7 +77,10 @@ Block = Words | Table | Code | Plots | Facts
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the page. ``found``, ``sure`` and ``failed`` are its line in the summary."""
+    """A section of the page. ``found``, ``sure`` and ``failed`` are its line in the summary.
+
+    ``missing`` says why there is nothing to show; ``folded`` sections of that kind share one line of the page.
+    """
 
     name: str
     title: str
@@ -87,6 +90,7 @@ class Section:
     sure: str = ""
     failed: str = ""
     missing: str = ""
+    folded: bool = False
 
 
 def number(value: Any, digits: int = 3) -> str:

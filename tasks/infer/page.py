@@ -5,10 +5,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plot, Plots, Section, Table, Words, number, percent, plural
 from sinew.tasks.infer.figures import density
 from sinew.tasks.infer.result import FEW, InferResult, particles_group
+from sinew.tasks.infer.show import beyond_ranges
 from sinew.tasks.report.folder import ResultFolder
 
 NAME = "posterior"
@@ -30,6 +32,8 @@ def section(folder: ResultFolder) -> Section:
         particles = {site: folder.store.read_result(particles_group(site)) for site in sites}
         blocks.append(_marginals(result, particles))
     blocks += [_table(result), _thresholds(result)]
+    beyond = beyond_ranges(result, folder.result(CalibrateResult))
+    blocks += [Words(f"{remark}.", "warning") for remark in beyond]
     failed = sum(generation.failed for posterior in sites.values() for generation in posterior.generations)
     ends = ", ".join(f"{site} {number(posterior.epsilon[-1], 2)}" for site, posterior in sites.items())
     sizes = ", ".join(f"{site} {posterior.effective_sample_size:.0f}" for site, posterior in sites.items())
@@ -40,6 +44,7 @@ def section(folder: ResultFolder) -> Section:
         sure=f"effective sample size {sizes} of {result.population}",
         failed=", ".join(
             ([f"worth few particles: {', '.join(result.few)}"] if result.few else [])
+            + ([f"{plural(len(beyond), 'interval')} beyond the study's ranges"] if beyond else [])
             + ([f"{failed:,} proposals failed"] if failed else [])
         ),
     )  # fmt: skip

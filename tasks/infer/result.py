@@ -1,6 +1,6 @@
 """The result of an inference: what ``infer.json`` holds, and how the particles in the store are read."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -92,6 +92,17 @@ class InferResult(Result):
     def few(self) -> list[str]:
         """The sites whose particles are worth too few of equal weight."""
         return [site for site, posterior in self.sites.items() if posterior.has_few]
+
+    def beyond(self, free: Sequence[str], bounds: Sequence[tuple[float, float]]) -> list[str]:
+        """A sentence for each posterior whose interval leaves the study's range ``bounds`` of a ``free`` parameter."""
+        ranges = dict(zip(free, bounds, strict=True))
+        return [
+            f"{site}: {name} {marginal.hdi[0]:.4g} to {marginal.hdi[1]:.4g} leaves the study's range "
+            f"{ranges[name][0]:g} to {ranges[name][1]:g} (the prior is normal, and has no ends)"
+            for site, posterior in self.sites.items()
+            for name, marginal in posterior.parameters.items()
+            if name in ranges and not ranges[name][0] <= marginal.hdi[0] <= marginal.hdi[1] <= ranges[name][1]
+        ]
 
 
 RESULT = InferResult

@@ -6,6 +6,7 @@ import pandas as pd
 from rich.table import Table as Grid
 
 from sinew.runner.console import Console
+from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.infer.result import InferResult
 
 
@@ -34,6 +35,11 @@ def headline(result: InferResult) -> str:
     return f"{result.population} particles for each site; effective sample sizes: {sizes}"
 
 
+def beyond_ranges(result: InferResult, calibration: CalibrateResult | None) -> list[str]:
+    """A sentence for each posterior that leaves the range that its parameter had in the calibration."""
+    return [] if calibration is None else result.beyond(calibration.free, calibration.bounds)
+
+
 def summary(result: InferResult, folder: Path, console: Console) -> None:
     """Print the posterior of each site, and how its inference went."""
     percent = round(100 * result.interval)
@@ -43,6 +49,8 @@ def summary(result: InferResult, folder: Path, console: Console) -> None:
         cells = (f"{m.mean:.4g} ± {m.sd:.3g} ({m.hdi[0]:.4g}, {m.hdi[1]:.4g})" for m in marginals)
         grid.add_row(name, *cells)
     console.print(grid)
+    for remark in beyond_ranges(result, CalibrateResult.read(folder)):
+        console.print(remark, markup=False)
     for site, posterior in result.sites.items():
         console.print(
             f"{site}: {len(posterior.generations)} generations, {posterior.judged:,} proposals, "

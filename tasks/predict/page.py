@@ -28,13 +28,17 @@ def section(folder: ResultFolder) -> Section:
         blocks.insert(0, _bands(result, kept))
     for site, prediction in result.sites.items():
         blocks += [Words(f"{site}: {why}", "note") for why in prediction.gaps]
+    blocks += [Words(f"{remark}.", "warning") for remark in result.remarks]
     shares = [f"{percent(one.all)} in the band of {BANDS[band]}" for band, one in _given(result).items()]
     points = plural(max(one.points for one in result.coverage.values()), "point")
     return Section(
         "prediction", title, question, blocks,
         found=f"measured points inside: {', '.join(shares)}",
         sure=f"{percent(result.probability)} would be right for a new measurement; {points}",
-        failed=f"{result.failed:,} of {result.rows:,} simulations failed" if result.failed else "",
+        failed=", ".join(
+            ([f"{plural(len(result.remarks), 'band')} too narrow for the points"] if result.remarks else [])
+            + ([f"{result.failed:,} of {result.rows:,} simulations failed"] if result.failed else [])
+        ),
     )  # fmt: skip
 
 

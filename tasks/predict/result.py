@@ -8,6 +8,12 @@ from sinew.tasks.study.result import Number, Result
 
 BANDS = {"hdi": "mean and HDI bounds", "draws": "draws from the posterior", "new": "a new specimen"}
 """The bands, and what each is called: see :mod:`sinew.tasks.predict.method`."""
+TOO_NARROW = 0.1  # a share of the points below the probability of a band by more than this is remarked on
+WHY_NARROW = {
+    "hdi": "it shows the spread of the parameters only, not the noise and not what the model lacks",
+    "draws": "it shows the spread of the parameters only, not the noise and not what the model lacks",
+    "new": "specimens differ by more than this band knows",
+}
 
 
 @dataclass(frozen=True)
@@ -68,6 +74,17 @@ class PredictResult(Result):
     def protocols(self) -> list[str]:
         """Names of all protocols."""
         return list(self.coverage["hdi"].protocols)
+
+    @property
+    def remarks(self) -> list[str]:
+        """A sentence for each band of each site that holds far fewer points than it should."""
+        return [
+            f"{site}: the {100 * self.probability:.0f} % band of {BANDS[band]} holds {100 * float(one.all):.0f} % of "
+            f"the points: {WHY_NARROW[band]}"
+            for site, prediction in self.sites.items()
+            for band, one in prediction.coverage.items()
+            if one.all is not None and one.all < self.probability - TOO_NARROW
+        ]
 
     def shares(self) -> list[dict[str, Any]]:
         """A row for each site and band that is given: ``share`` of all points, ``by_protocol``, and ``points``."""

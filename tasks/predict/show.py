@@ -51,5 +51,7 @@ def summary(result: PredictResult, folder: Path, console: Console) -> None:
     for site, prediction in result.sites.items():
         for why in prediction.gaps:
             console.print(f"{site}: {why}", markup=False)
+    for remark in result.remarks:
+        console.print(remark, markup=False)
     if result.failed:
         console.print(f"[red]{result.failed:,} of {result.rows:,} simulations failed[/red]; bands do without them")

@@ -1,6 +1,7 @@
 """What a result folder holds, in whatever state it is: results, log, evaluations, measured curves."""
 
 import json
+import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -111,9 +112,18 @@ class ResultFolder:
         """The study file, as a person would name it in a command."""
         return str(self.runs[-1].get("study_file", "STUDY")) if self.runs else "STUDY"
 
+    def command(self, task: str) -> str:
+        """What a person types to run a task into this folder."""
+        last = self.runs[-1] if self.runs else {}
+        out = str(last.get("out", ""))
+        words = ["sinew", task, self.study]
+        if out and Path(out) != Path("results") / self.name:
+            words += ["--out", shlex.quote(one_line(out))]
+        return f"`{' '.join(words)}`"
+
     def missing(self, task: str) -> str:
         """Why a task has no result, and what to run."""
-        state, command = self.states[task], f"`sinew {task} {self.study}`"
+        state, command = self.states[task], self.command(task)
         sentences = {
             "not run": self._not_run(task, command),
             "running": "Running now: its section fills when it ends.",

@@ -4,7 +4,7 @@ import base64
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -14,7 +14,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from sinew.runner.errors import SinewError, one_line
-from sinew.tasks.drawing.blocks import Facts, Section, number
+from sinew.tasks.discover.result import DiscoverResult
+from sinew.tasks.drawing.blocks import Facts, Section, Words, number
 from sinew.tasks.drawing.formats import FORMATS
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.folder import ResultFolder, read_folder
@@ -66,9 +67,22 @@ def build(folder: Path) -> Built:
             line = _cannot_be_shown(found, part, error)
             found.trouble.append(line)
             sections.append(Section(part.name, part.name.capitalize(), "", missing=line))
+    sections = [_marked(found, part, section) for part, section in zip(parts, sections, strict=True)]
     page = _page(found, parts, sections)
     write_text(folder / PAGE, page.encode("utf-8", "replace").decode("utf-8"))  # half a character has no bytes
     return Built(folder / PAGE, tuple(found.trouble))
+
+
+def _marked(found: ResultFolder, part: _Part, section: Section) -> Section:
+    """The section, folded where its task was not run, and with a warning where its model lacks a named effect."""
+    if section.missing:
+        return replace(section, folded=bool(part.task) and found.states[part.task].word == "not run")
+    discovery = found.result(DiscoverResult)
+    if discovery is None or discovery.verdict != "NAMED" or not part.task or not TASKS[part.task].measured:
+        return section
+    lacks = f"This is of the model without {discovery.answer}, which discover found to be missing."
+    then = "" if discovery.model is None else f" The study with it is `{discovery.model.path}`."
+    return replace(section, blocks=[Words(lacks + then, "warning"), *section.blocks])
 
 
 def _cannot_be_shown(found: ResultFolder, part: _Part, error: Exception) -> str:

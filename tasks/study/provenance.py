@@ -43,6 +43,7 @@ def facts(workspace: Workspace) -> dict[str, Any]:
         "simulator": workspace.simulator.name,
         "seed": workspace.seed,
         "study_file": str(study.path),
+        "out": str(workspace.out),
         "study_hash": digest(text),
         "study_text": text,
         "cohort": "" if workspace.cohort.folder == study.path else str(workspace.cohort.folder),

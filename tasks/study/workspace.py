@@ -53,7 +53,10 @@ class Stored(Evaluation, Interface):
 
 @dataclass
 class Workspace:
-    """An open result folder. Use :func:`open_workspace`."""
+    """An open result folder. Use :func:`open_workspace`.
+
+    ``simulations`` counts the rows that were evaluated, ``counted`` other work by its name, such as fits.
+    """
 
     study: Study
     cohort: Cohort
@@ -67,6 +70,7 @@ class Workspace:
     show: Show = "words"
     retry_failed: bool = False
     simulations: int = 0
+    counted: dict[str, int] = field(default_factory=dict)
     _stack: ExitStack = field(default_factory=ExitStack, repr=False)
     _client: Client | None = field(default=None, repr=False)
 
@@ -95,6 +99,8 @@ class Workspace:
         self, title: str, total: int, *, of: str = "rows", done: int = 0, brief: bool = False
     ) -> AbstractContextManager[Report]:
         """Show how something that is counted comes along, see :func:`sinew.runner.progress.progress`."""
+        if of != "rows":
+            self.counted[of] = self.counted.get(of, 0) + total - done
         return progress(title, total, self.board, of=of, done=done, show="nothing" if brief else self.show)
 
     def note(self, part: str, name: str, words: str, **numbers: float | int | str | None) -> None:

@@ -7,7 +7,8 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.discover.follow_up import SolverCheck, SolverRun
-from sinew.tasks.discover.result import DiscoverResult, Gain, Gap
+from sinew.tasks.discover.result import DiscoverResult, Gain, Gap, NoiseLevel
+from sinew.tasks.discover.show import noise_words
 from sinew.tasks.study.result import plain
 from tests.tasks.discover.results import MODEL, candidate, discovery
 
@@ -62,3 +63,8 @@ def test_a_damaged_result_is_one_clear_line(tmp_path, path, value, words):
         DiscoverResult.read(tmp_path)
     assert words in str(wrong.value)
     assert "run it again" in str(wrong.value)
+
+
+def test_noise_is_told_with_what_it_grows_by():
+    assert noise_words(NoiseLevel(0.000133, 0.4, 0.0166)) == "0.000133 N and 1.7 % of the force"
+    assert noise_words(NoiseLevel(0.02, 0.4, 0.0)) == "0.02 N"

@@ -78,7 +78,7 @@ def test_a_hidden_effect_is_named_added_and_shown(study, tmp_path, capsys, monke
     monkeypatch.setattr(Workspace, "client", lambda _: None)  # what follows is little work
     printed = capsys.readouterr().out
     assert "NAMED toe-slack" in printed
-    assert "such verdicts were true in the blind benchmark" in " ".join(printed.split())
+    assert "such verdicts were true in the blind benchmark of virtual specimens" in " ".join(printed.split())
     for figure in ("discover_cells", "discover_distal_1", "discover_middle_1"):
         assert (out / "figures" / f"{figure}.png").stat().st_size > 5000
     result = json.loads((out / "verdict.json").read_text())

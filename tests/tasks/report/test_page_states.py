@@ -34,6 +34,8 @@ def test_sections_without_their_task_say_what_to_run(run_folder):
     assert sorted(commands) == sorted(TASKS)
     assert seen.sections["summary"].count("not run") == len(TASKS)
     assert "distal/1" in seen.sections["data"], "measured curves are there"
+    page = (run_folder / "report.html").read_text()
+    assert page.count('<details class="folded"><summary>Not run: Calibration, ') == 1
 
 
 @pytest.mark.parametrize(
@@ -73,6 +75,30 @@ def test_a_task_that_was_not_run_for_another_that_failed_names_it(run_folder):
     assert "calibrate: failed" in seen.sections["failures"]
 
 
+def test_commands_name_the_folder_unless_it_is_the_usual_one(run_folder):
+    (run_folder / "infer.json").unlink()
+    log = run_folder / "log.jsonl"
+    for out, words in (("results/x y", "--out 'results/x y'`"), ("results/small", "study.yaml`")):
+        events = [json.loads(line) for line in log.read_text().splitlines()]
+        runs = [event | {"out": out} if event["message"] == "run started" else event for event in events]
+        kept = [event for event in runs if event.get("task") != "infer"]
+        log.write_text("".join(json.dumps(event) + "\n" for event in kept))
+        build(run_folder)
+        told = (run_folder / "report.html").read_text()
+        assert words.replace("'", "&#39;").replace("`", "</code>") in told
+
+
+@pytest.mark.parametrize("verdict", ["NAMED", "OUTSIDE"])
+def test_results_of_a_model_that_lacks_a_named_effect_say_so(run_folder, verdict):
+    path = run_folder / "discover.json"
+    content = json.loads(path.read_text()) | {"verdict": verdict, "effects": ["toe-slack"] * (verdict == "NAMED")}
+    path.write_text(json.dumps(content))
+    build(run_folder)
+    seen = read(run_folder)
+    marked = [name for name, text in seen.sections.items() if "of the model without toe-slack" in text]
+    assert marked == (["calibration", "posterior", "prediction", "sites"] if verdict == "NAMED" else [])
+
+
 def test_a_folder_that_only_just_began_has_a_page(tmp_path):
     with Store.writing(tmp_path / "out", "young"):
         pass
@@ -107,7 +133,7 @@ def test_a_damaged_result_is_one_clear_line(run_folder, capsys, task, content, w
     assert f"{task}.json" in said.err
     assert words in said.err
     seen = read(run_folder)
-    assert tuple(seen.sections) == ("summary", *SECTIONS), "all others are there"
+    assert sorted(seen.sections) == sorted(("summary", *SECTIONS)), "all others are there"
     assert words in seen.sections["summary"]
 
 

@@ -23,9 +23,12 @@ def test_a_confidence_is_what_the_record_says_of_the_word(word):
 @pytest.mark.parametrize(
     ("word", "words"),
     [
-        ("AMBIGUOUS", "5 of 6 such verdicts were true in the blind benchmark (95 %: 36 to 100 %): "),
-        ("OUTSIDE", "6 of 9 such verdicts were true in the blind benchmark (95 %: 30 to 93 %): "),
-        ("NONE", "30 of 31 such verdicts were true in the blind benchmark (95 %: 83 to 100 %): "),
+        (
+            "AMBIGUOUS",
+            "5 of 6 such verdicts were true in the blind benchmark of virtual specimens (95 %: 36 to 100 %): ",
+        ),
+        ("OUTSIDE", "6 of 9 such verdicts were true in the blind benchmark of virtual specimens (95 %: 30 to 93 %): "),
+        ("NONE", "30 of 31 such verdicts were true in the blind benchmark of virtual specimens (95 %: 83 to 100 %): "),
     ],
 )
 def test_it_is_said_in_one_line(word, words):
