@@ -17,10 +17,7 @@ $(READY): requirements.lock pyproject.toml
 	touch $(READY)
 
 demo: $(READY)
-	test -d results/demo-cohort || $(BIN)/sinew cohort --out results/demo-cohort --per-site 1 --seed 2503
-	$(BIN)/sinew run configs/demo.yaml
-	test -d results/hidden-cohort || $(BIN)/sinew cohort --out results/hidden-cohort --per-site 1 --rate 10 --seed 2503 --effect toe-slack
-	$(BIN)/sinew run configs/hidden.yaml
+	$(BIN)/sinew demo
 
 test: $(READY)
 	$(BIN)/python -m pytest -m "not slurm" -n 2 --dist worksteal

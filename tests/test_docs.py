@@ -44,6 +44,7 @@ NEEDS_SLURM = "needs a SLURM cluster; tests/tasks/cluster/test_submission.py and
 LONG = "takes minutes to hours"
 NOT_RUN = {
     "make demo": "sets up its own environment and takes minutes; CI runs it by itself",
+    "sinew demo": "takes minutes; CI runs it by itself, as make demo",
     "make test": "these are the tests; CI runs it by itself",
     "make setup": LONG,
     "make check": "CI runs it by itself",

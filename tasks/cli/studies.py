@@ -8,7 +8,7 @@ import click
 
 from sinew.runner.errors import one_line
 from sinew.runner.printing import put
-from sinew.tasks.cli.group import PATH, open_study, study_command, to_see
+from sinew.tasks.cli.group import PATH, open_study, sinew, study_command, to_see
 from sinew.tasks.cli.terminal import command_line, say_next
 from sinew.tasks.registry import TASKS, Task
 
@@ -25,6 +25,24 @@ def _run(study: Path, tasks: Sequence[str] | None, flags: Mapping[str, bool], **
 @study_command("run", "Run all tasks of a study, in order.")
 def run(study: Path, **options: Any) -> None:
     _run(study, None, {}, **options)
+
+
+@sinew.command("demo")
+@click.option("--out", type=PATH, default=Path("results"), show_default=True, help="Folder of its studies and results.")
+@click.option("--workers", type=click.IntRange(1, 1024), help="Local worker processes.")
+@click.option("--quiet", is_flag=True, help="Nothing but errors and the last line.")
+def demo(out: Path, workers: int | None, quiet: bool) -> None:
+    """Try sinew on virtual tendons: which parameters matter, and which effect is the model missing?"""
+    from sinew.tasks import pipeline
+    from sinew.tasks.data.demo import demo_studies
+
+    options = {"seed": None, "scheduler": None, "profile": None, "solver": None}
+    pages = []
+    for study in demo_studies(out):
+        with open_study(study, None, out=out / study.stem, workers=workers, quiet=quiet, **options) as workspace:
+            pipeline.run(workspace, workspace.study.tasks)
+        pages.append(to_see(workspace.out))
+    say_next(", then ".join(pages))
 
 
 def _task_command(task: Task) -> None:

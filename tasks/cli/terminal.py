@@ -18,7 +18,7 @@ SHELLS = ("bash", "zsh", "fish")
 
 #: Commands as ``sinew --help`` lists them; whatever is in no group comes last.
 GROUPS: Mapping[str, Sequence[str]] = {
-    "Begin": ("init", "import", "cohort"),
+    "Begin": ("demo", "init", "import", "cohort"),
     "Run a study": ("run", *TASKS, "simulate"),
     "Look": ("watch", "status", "report"),
     "On a cluster": ("doctor", "submit", "cancel"),
@@ -27,6 +27,7 @@ GROUPS: Mapping[str, Sequence[str]] = {
 EXAMPLES: Mapping[str, Sequence[str]] = {
     "init": ("sinew init bench/*.csv --out study --length-mm 20 --width-mm 5 --thickness-mm 1.5",),
     "import": ("sinew import bench/*.csv --out data/tails --tare",),
+    "demo": ("sinew demo", "sinew demo --out /tmp/sinew-demo --workers 2"),
     "cohort": ("sinew cohort --out data/virtual --per-site 1",),
     "run": ("sinew run study.yaml", "sinew run study.yaml --data data/tails --out results/tails --workers 4"),
     **{name: task.examples or (f"sinew {name} study.yaml",) for name, task in TASKS.items()},

@@ -1,0 +1,46 @@
+"""The demo: two studies of virtual tendons, which need no data, no solver and no cluster."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.model.effects import named
+from sinew.tasks.study.files import write_text
+from sinew.tasks.study.resources import resource
+from sinew.tasks.study.workspace import check_folder
+
+SEED = 2503
+
+
+@dataclass(frozen=True)
+class Demo:
+    """A study that comes with sinew, ``configs/NAME.yaml``, and the specimens that it is about."""
+
+    name: str
+    rate_hz: float = 100.0
+    effects: tuple[str, ...] = ()
+
+
+DEMOS = (Demo("demo"), Demo("hidden", rate_hz=10.0, effects=("toe-slack",)))
+
+
+def demo_studies(out: Path) -> list[Path]:
+    """Write the studies and their cohorts into ``out``; what is there already stays. Returns the study files.
+
+    Raises :class:`sinew.runner.errors.BadInput`.
+    """
+    check_folder(out)
+    return [_write(out, demo) for demo in DEMOS]
+
+
+def _write(out: Path, demo: Demo) -> Path:
+    cohort, study = out / f"{demo.name}-cohort", out / f"{demo.name}.yaml"
+    if not cohort.exists():
+        effects = tuple(named()[name] for name in demo.effects)
+        specimens, truth = virtual_cohort(seed=SEED, per_site=1, rate_hz=demo.rate_hz, effects=effects)
+        write_cohort(cohort, specimens, truth)
+    if not study.exists():
+        text = resource(f"configs/{demo.name}.yaml").read_text("utf-8")
+        write_text(study, text.replace(f"../results/{cohort.name}", cohort.name))
+    return study
