@@ -8,7 +8,6 @@ row is to blame.
 import json
 import os
 import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from typing import Any
 import cloudpickle
 
 from sinew.runner.evaluation import external
+from sinew.runner.temporary import temporary_folder
 
 _NO_LIMIT_S = 10.0 * 365 * 86_400
 
@@ -25,17 +25,17 @@ def run_apart(work: Callable[[], Any]) -> str | None:
 
     ``work`` must write its results to files; its return value is lost. Raises the ``OSError`` that ``work`` raised.
     """
-    with tempfile.TemporaryDirectory(prefix="sinew-") as folder:
+    with temporary_folder() as folder:
         # pickled for the child, in a folder that nobody else can enter
-        (Path(folder) / "work").write_bytes(cloudpickle.dumps(work))
+        (folder / "work").write_bytes(cloudpickle.dumps(work))
         paths = os.pathsep.join(path for path in sys.path if path)
         finished = external.run(
             [sys.executable, "-m", "sinew.runner.evaluation.isolation", "work", "error"],
-            Path(folder),
+            folder,
             timeout_s=_NO_LIMIT_S,
             environment={"PYTHONPATH": paths},
         )
-        error = Path(folder) / "error"
+        error = folder / "error"
         if error.exists():
             number, text, name = json.loads(error.read_text("utf-8"))
             raise OSError(number, text, name)

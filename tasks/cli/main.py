@@ -4,12 +4,14 @@ import codecs
 import io
 import logging
 import os
+import signal
 import sys
+import threading
 from pathlib import Path
 
 import click
 
-from sinew.runner.errors import BadInput, SinewError, WalltimeReached, brief, of_the_system
+from sinew.runner.errors import BadInput, SinewError, WalltimeReached, brief, of_the_system, one_line
 from sinew.runner.printing import put
 from sinew.tasks.cli import benchmarks, clusters, files, results, studies, trust
 from sinew.tasks.cli.group import sinew
@@ -25,6 +27,7 @@ def main() -> None:
     """Entry point: one clear line and exit code 2 for whatever the user can mend, 130 for Ctrl-C."""
     logging.getLogger("sinew").addHandler(logging.NullHandler())
     _print_anything()
+    sys.unraisablehook = _unraisable
     try:
         _distrust_this_folder()
         sinew.main(standalone_mode=False, prog_name=PROGRAM, complete_var=COMPLETION)
@@ -61,6 +64,20 @@ def _print_anything() -> None:
         if isinstance(stream, io.TextIOWrapper):
             ascii_only = codecs.lookup(stream.encoding).name == "ascii"
             stream.reconfigure(encoding="utf-8" if ascii_only else None, errors="replace")
+
+
+def _unraisable(unraisable: "sys.UnraisableHookArgs") -> None:
+    """An error where Python cannot raise it, in a callback of the garbage collector for example: it is logged.
+
+    Ctrl-C at such a moment would be lost, so it is sent again.
+    """
+    if issubclass(unraisable.exc_type, KeyboardInterrupt):
+        again = threading.Timer(0.01, os.kill, (os.getpid(), signal.SIGINT))
+        again.daemon = True
+        again.start()
+        return
+    why = f"{unraisable.exc_type.__name__}: {unraisable.exc_value} in {unraisable.object!r}"
+    logging.getLogger("sinew").error("an error that could not be raised", extra={"reason": one_line(why)})
 
 
 def _fail(message: str, code: int) -> None:

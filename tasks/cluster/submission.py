@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from types import FrameType
 from typing import Any
 
@@ -23,6 +22,7 @@ from sinew.runner.evaluation import external
 from sinew.runner.files import read_input
 from sinew.runner.store.schema import PENDING
 from sinew.runner.store.store import open_store
+from sinew.runner.temporary import temporary_folder
 from sinew.tasks.cluster.profile import AllocationSettings, Profile
 from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.febio.attempt import Failed
@@ -143,8 +143,8 @@ def submit(study: Study, profile: Profile, out: Path, scripts: Scripts) -> str:
 
 def check_scripts(profile: Profile, scripts: Scripts) -> None:
     """Ask whether the jobs would be taken. Raises ``ClusterError`` that names the field of the profile to change."""
-    with TemporaryDirectory() as folder:
-        leader, worker = _written(scripts, Path(folder))
+    with temporary_folder() as folder:
+        leader, worker = _written(scripts, folder)
         if worker is not None:
             with _field_named(profile, "workers"):
                 profile.system.check_script(worker)

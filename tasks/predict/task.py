@@ -24,6 +24,7 @@ from sinew.tasks.predict.result import BANDS, PredictResult, SitePrediction, ban
 from sinew.tasks.predict.settings import Settings
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation, kept_points
+from sinew.tasks.simulate.retrying import simulate_patiently
 from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
 from sinew.tasks.study.streams import Stream
@@ -260,7 +261,10 @@ def _stresses(workspace: Workspace, planned: Planned, probability: float) -> tup
     specimen, rows = planned.specimen, planned.rows
     for curve in specimen.curves:
         keep = kept_points(curve.protocol, workspace.study.store.points_per_curve)
-        done = workspace.simulator.simulate(workspace.model, specimen, curve.protocol, rows.all, stresses=True)
+        done = simulate_patiently(
+            workspace.simulator, workspace.model, specimen, curve.protocol, rows.all,
+            retries=workspace.study.retries, stresses=True,
+        )  # fmt: skip
         assert done.matrix_MPa is not None
         assert done.fibre_MPa is not None
         ok = rows.split(done.status == 0)

@@ -5,6 +5,7 @@ must give the embedded force, and at their null values, which must give another.
 """
 
 import shutil
+from functools import partial
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from sinew.tasks.model import Curve, file_name
 from sinew.tasks.model.effect import model_with
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.build import febio_of
+from sinew.tasks.simulate.retrying import simulate_patiently
 from sinew.tasks.study.files import write_text
 from sinew.tasks.study.workspace import Workspace, attempts_folder
 
@@ -45,7 +47,8 @@ def in_febio(workspace: Workspace, one: SpecimenFits, effects: Effects, fitted: 
         return SolverCheck(tuple(inputs), ran=False, why=f"{solver.executable} is not on the PATH")
 
     def run(_: int, curve: Curve, session: Session) -> tuple[Array, tuple[str, ...]]:
-        done = session.compute(solver.simulate, model, specimen, curve.protocol, rows)
+        ask = partial(simulate_patiently, retries=workspace.study.retries)
+        done = session.compute(ask, solver, model, specimen, curve.protocol, rows)
         return done.force_N, done.messages
 
     runs = {}

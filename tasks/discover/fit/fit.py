@@ -14,6 +14,7 @@ from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect, model_with
 from sinew.tasks.simulate import Array, TakesEffects
 from sinew.tasks.simulate.effects import simulate_with
+from sinew.tasks.simulate.retrying import simulate_patiently
 
 BLIND = "nu_m"  # the force does not depend on it
 TOE, GENTLE = "alpha_f", 0.05
@@ -65,12 +66,14 @@ class Fitted:
 class Candidate:
     """The model with some effects: what a fit can vary is the model's free parameters and those of the effects.
 
-    Forces are those of the embedded simulator or, where there is one, of the ``solver``.
+    Forces are those of the embedded simulator or, where there is one, of the ``solver``. Its runs that fail by accident
+    are repeated up to ``retries`` times.
     """
 
     model: Model
     effects: tuple[Effect, ...] = ()
     solver: TakesEffects | None = None
+    retries: int = 0
 
     @property
     def embedded(self) -> "Candidate":
@@ -108,7 +111,8 @@ class Candidate:
         parameters, values = self.rows(at)
         if self.solver is not None:
             solver, model = self.solver.with_effects(self.effects), model_with(self.model, self.effects)
-            return solver.simulate(model, specimen, protocol, np.concatenate([parameters, values], axis=1)).force_N
+            rows = np.concatenate([parameters, values], axis=1)
+            return simulate_patiently(solver, model, specimen, protocol, rows, retries=self.retries).force_N
         return simulate_with(self.model, self.effects, specimen, protocol, parameters, values)
 
     def unit(self, name: str, value: float) -> float:

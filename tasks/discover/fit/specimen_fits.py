@@ -43,13 +43,14 @@ def agree(fits: Sequence[Fitted]) -> bool:
 class SpecimenFits:
     """The fits of one specimen: made on the cluster, or read from ``folder``, which keeps those made before.
 
-    ``solver``: what solves the model; None for the embedded simulator.
+    ``solver``: what solves the model; None for the embedded simulator. ``retries``: of runs that fail by accident.
     """
 
     measured: Measured
     model: Model
     folder: Path
     solver: TakesEffects | None = None
+    retries: int = 0
 
     @property
     def name(self) -> str:
@@ -57,7 +58,7 @@ class SpecimenFits:
 
     def candidate(self, effects: Effects = ()) -> Candidate:
         """The model with ``effects``."""
-        return Candidate(self.model, effects, self.solver)
+        return Candidate(self.model, effects, self.solver, self.retries)
 
     def _checkpoint(self, *what: Any) -> Checkpoint:
         """The file of one kind of fits."""
@@ -172,7 +173,7 @@ def fits_of_each(workspace: Workspace, chosen: Sequence[Specimen]) -> list[Speci
     noise = noise_of_each([one.curves for one in chosen])
     solver = taking_effects(workspace.simulator)
     return [
-        SpecimenFits(Measured(one, level), workspace.model, folder, solver)
+        SpecimenFits(Measured(one, level), workspace.model, folder, solver, workspace.study.retries)
         for one, level in zip(chosen, noise, strict=True)
     ]
 

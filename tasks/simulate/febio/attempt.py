@@ -19,6 +19,7 @@ from sinew.runner.errors import BadInput
 from sinew.runner.evaluation import external
 from sinew.runner.files import what_is
 from sinew.runner.store.schema import STATUSES
+from sinew.runner.temporary import temporary_folder
 from sinew.tasks.model import Model
 from sinew.tasks.simulate import Array, impossible
 
@@ -220,9 +221,9 @@ def solver_version(executable: Path) -> str:
     """
     reason = ""
     for _ in range(VERSION_TRIES):
-        with tempfile.TemporaryDirectory() as directory:
+        with temporary_folder() as directory:
             try:
-                finished = external.run([str(executable), "-info"], Path(directory), timeout_s=VERSION_S)
+                finished = external.run([str(executable), "-info"], directory, timeout_s=VERSION_S)
             except external.Stopped as stopped:
                 reason = str(stopped)
                 continue

@@ -3,6 +3,8 @@
 import os
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import pytest
 
@@ -83,3 +85,40 @@ def test_titles_do_not_steer_the_terminal(monkeypatch, capsys, tmp_path):
         assert "\x1b" not in shown
         assert "\x07" not in shown
         assert "title" in shown
+
+
+def test_ctrl_c_in_a_callback_that_cannot_raise_is_not_lost():
+    script = (
+        "import gc, signal, sys, time\n"
+        "from sinew.tasks.cli import main as cli\n"
+        "def callback(phase, info):\n"
+        "    if phase == 'start' and not done: done.append(1); signal.raise_signal(signal.SIGINT)\n"
+        "def work(*_, **__):\n"
+        "    gc.callbacks.append(callback); gc.collect(); print('went on', flush=True); time.sleep(60)\n"
+        "done = []\n"
+        "cli.sinew.main = work\n"
+        "cli.main()\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=50)
+    assert ended.returncode == 130
+    assert ended.stderr.splitlines() == [
+        "sinew: interrupted; run the same command again to go on, finished rows are kept"
+    ]
+
+
+def test_other_errors_that_cannot_be_raised_are_logged_and_not_printed():
+    script = (
+        "import gc, logging\n"
+        "from sinew.tasks.cli import main as cli\n"
+        "class Odd:\n"
+        "    def __del__(self): raise ValueError('odd\\n')\n"
+        "def work(*_, **__):\n"
+        "    log = logging.getLogger('sinew'); log.addHandler(logging.FileHandler('log')); odd = Odd(); del odd\n"
+        "cli.sinew.main = work\n"
+        "cli.main()\n"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=50, cwd=folder)
+        logged = Path(folder, "log").read_text()
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
+    assert "an error that could not be raised" in logged
