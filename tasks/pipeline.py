@@ -82,23 +82,32 @@ def run(workspace: Workspace, tasks: Sequence[str], *, figures: bool = True, **f
             states[name] = "failed"
             errors[name] = error
             log.error("task failed", extra={"task": name, "reason": one_line(_why(error))})
-            later = [other for other in tasks[tasks.index(name) + 1 :] if _failed_before(other, errors) is None]
-            if isinstance(error, NO_TASK_CAN) or not later:
+            if isinstance(error, NO_TASK_CAN):
                 break
-            _say_what_goes_on(workspace, name, error, later)
+            _say_what_goes_on(workspace, name, tasks[tasks.index(name) + 1 :], errors)
         else:
             states[name] = "finished"
-        workspace.board.put(tasks=dict(states))
+    workspace.board.put(tasks=dict(states))
     if errors:
         report(workspace.out, console, silent=True)
         _remember(workspace.out, {PAGE: None})  # the page tells of a failure: the next run builds it anew
-        raise next(iter(errors.values()))
+        raise _to_raise(errors)
     where = _page(workspace, console) if figures else None
     page = "" if where is None else f"{where.name} to read, "
     console.print(
         f"results: {workspace.out}  ({page}figures in {workspace.out / 'figures'}, arrays in store.zarr)", markup=False
     )
     return results
+
+
+def _to_raise(errors: Mapping[str, Exception]) -> Exception:
+    """The error that ends the run: what ended it early, else the first one. The others are printed."""
+    *_, last = errors.values()
+    raised = last if isinstance(last, NO_TASK_CAN) else next(iter(errors.values()))
+    for name, error in errors.items():
+        if error is not raised:
+            put(f"sinew: {name} failed: {brief(_why(error))}", error=True)
+    return raised
 
 
 def _failed_before(name: str, errors: Mapping[str, Exception]) -> str | None:
@@ -113,12 +122,13 @@ def _why(error: Exception) -> str:
     return str(error) if isinstance(error, SinewError) else f"{type(error).__name__}: {error}"
 
 
-def _say_what_goes_on(workspace: Workspace, name: str, error: Exception, later: Sequence[str]) -> None:
-    """Tell of a failed task while others run; its error is also the last thing that the command prints."""
-    workspace.event("task failed", task=name, reason=one_line(_why(error)))
-    if not workspace.quiet:
-        put(f"sinew: {name} failed: {brief(_why(error))}", error=True)
-        put(f"going on with {', '.join(later)}", error=True)
+def _say_what_goes_on(workspace: Workspace, name: str, others: Sequence[str], errors: Mapping[str, Exception]) -> None:
+    """Tell of a task that has just failed while others run; its error is also printed at the end."""
+    why = one_line(_why(errors[name]))
+    workspace.event("task failed", task=name, reason=why)
+    later = [other for other in others if _failed_before(other, errors) is None]
+    if later and not workspace.quiet:
+        put(f"sinew: {name} failed: {brief(why)}; going on with {', '.join(later)}", error=True)
 
 
 def _flags(name: str, flags: Mapping[str, bool]) -> dict[str, bool]:

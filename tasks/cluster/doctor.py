@@ -117,7 +117,7 @@ def _look_at_the_ranges(study: Study, cohort: Cohort, out: Path, note: Note) -> 
     if ranges is None:
         return
     try:
-        ranges.refuse(study.path, model_of(study.model, study.simulator.law))
+        ranges.refuse(study.path)
         note("ranges", not ranges.out_of_reach, "; ".join(ranges.remarks()) or "they reach every measured force")
     except BadInput as error:
         note("ranges", False, str(error))
@@ -281,14 +281,21 @@ def _peaks(specimen: Specimen, values: Mapping[str, Array]) -> dict[str, tuple[f
 
 def _note_peaks(peaks: Mapping[str, tuple[float, float]], note: Note) -> None:
     """Nobody knows what the ranges of a template can reach; its reference values should be somewhere near."""
-    if not peaks:
+    apart = {name: _apart(*both) for name, both in peaks.items() if both[0]}
+    if not apart:
         return
-    apart = {name: abs(math.log(abs(one / other))) if one * other else math.inf for name, (one, other) in peaks.items()}
     worst = max(apart, key=apart.__getitem__)
     measured, simulated = peaks[worst]
     words = f"{worst}: largest force {measured:.3g} N measured, {simulated:.3g} N at the reference values"
     good = apart[worst] <= math.log(FAR)
-    note("forces", good, words if good else f"{words}: look at the units and at the ranges")
+    note("forces", good, words if good else f"{words}: look at the sign, the units and the ranges")
+
+
+def _apart(measured: float, simulated: float) -> float:
+    """The logarithm of the factor between two forces; infinite where one pulls and the other pushes."""
+    if not math.copysign(1.0, measured) * simulated > 0:
+        return math.inf
+    return abs(math.log(abs(measured)) - math.log(abs(simulated)))
 
 
 def _note_canary(

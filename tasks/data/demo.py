@@ -1,5 +1,6 @@
 """The demo: two studies of virtual tendons, which need no data, no solver and no cluster."""
 
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,7 +40,10 @@ def _write(out: Path, demo: Demo) -> Path:
     if not cohort.exists():
         effects = tuple(named()[name] for name in demo.effects)
         specimens, truth = virtual_cohort(seed=SEED, per_site=1, rate_hz=demo.rate_hz, effects=effects)
-        write_cohort(cohort, specimens, truth)
+        partial = out / f".{cohort.name}"
+        shutil.rmtree(partial, ignore_errors=True)
+        write_cohort(partial, specimens, truth)
+        partial.rename(cohort)
     if not study.exists():
         text = resource(f"configs/{demo.name}.yaml").read_text("utf-8")
         write_text(study, text.replace(f"../results/{cohort.name}", cohort.name))

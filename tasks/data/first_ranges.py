@@ -11,11 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import nnls
 
-from sinew.tasks.model import Curve, Model, Parameter, Specimen
+from sinew.tasks.model import Model, Parameter, Specimen
+from sinew.tasks.model.parameters import LARGEST_LAMBDA_0
+from sinew.tasks.model.phases import is_compression
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.reach import Reach, reach, spread, thinned, unseen
+from sinew.tasks.simulate.reach import reach, spread, thinned, unseen
 from sinew.tasks.simulate.uniaxial import Uniaxial
-from sinew.tasks.study.ranges import rounded
+from sinew.tasks.study.ranges import out_of_reach, rounded, words
 
 EXTENSIBLE = 0.1  # strain from which on a toe that ends at 1 % is no toe
 TOE_ENDS = (0.25, 0.5, 0.75, 1.0)  # parts of the largest strain at which the toe may end
@@ -23,17 +25,20 @@ STRONGEST = 5.0  # relaxation strength of tissue of which nothing is known
 ROWS = 64  # values of toe and relaxation that are tried
 BEST = 6  # of them, whose moduli count
 WIDER = 3.0  # on both sides of their moduli
-COMPRESSED = 20.0  # times farther than it is ever pulled: a test in compression
 LOOKED_AT = 12  # specimens, at most
 
 
 @dataclass(frozen=True)
 class FirstRanges:
-    """The ``model`` of a new study, and what a person should know about its ranges, line by line."""
+    """The ``model`` of a new study, and what a person should know about its ranges, line by line.
+
+    ``scaled``: its ranges are not the published ones. ``unseen``: parameters on which no force of the tests depends.
+    """
 
     model: Model
     lines: tuple[str, ...]
     scaled: bool = False
+    unseen: tuple[str, ...] = ()
 
 
 def first_ranges(specimens: Sequence[Specimen]) -> FirstRanges:
@@ -41,39 +46,41 @@ def first_ranges(specimens: Sequence[Specimen]) -> FirstRanges:
     simulator, model = Uniaxial(), Model()
     chosen = [one for one in specimens if one.measured and any(curve.force_N.any() for curve in one.curves)]
     chosen = chosen[:: -(-len(chosen) // LOOKED_AT)] if chosen else []
-    if not chosen:
+    reaches = [each for one in chosen for each in reach(simulator, model, one)]
+    if not reaches:
         line = "ranges: those of human tendon; once all sizes are filled in, a run looks whether they reach the forces"
         return FirstRanges(model, (line,))
-    reaches = [each for one in chosen for each in reach(simulator, model, one)]
-    squeezed = all(_compressed(curve) for one in chosen for curve in one.curves)
+    if all(each.other_sign for each in reaches):
+        line = "ranges: those of human tendon, which give forces of the other sign; tension is positive"
+        return FirstRanges(model, (f"{line}, so look at the machine's sign",))
+    squeezed = all(is_compression(curve.protocol) for one in chosen for curve in one.curves)
     strains = [one.stretch(curve.protocol) - 1.0 for one in chosen for curve in one.curves]
     strain = max(float(each.max()) for each in strains)
-    if squeezed or strain > EXTENSIBLE or not all(each.reached for each in reaches):
-        model, lines = _scaled(simulator, chosen, strain, squeezed=squeezed)
-        return _without_unseen(simulator, model, chosen, [_why(reaches, strains), *lines], scaled=True)
-    line = "ranges: those of human tendon (Pekedis 2025), which reach the measured forces"
-    return _without_unseen(simulator, model, chosen, [line], scaled=False)
-
-
-def _why(reaches: Sequence[Reach], strains: Sequence[Array]) -> str:
-    far = max(reaches, key=lambda one: max(one.ratios[0], -one.ratios[1]))
-    measured, near, most = far.stresses_MPa
-    low, high = 100 * min(each.min() for each in strains), 100 * max(each.max() for each in strains)
-    return (
-        f"ranges: scaled to these tests (largest stress {measured:.3g} MPa, strain {low:.3g} to {high:.3g} %), because "
-        f"those of human tendon give {near:.3g} to {most:.3g} MPa; look at them in study.yaml"
-    )
+    far = out_of_reach(reaches)
+    if not squeezed and strain <= EXTENSIBLE and not far:
+        line = "ranges: those of human tendon (Pekedis 2025), which reach the measured forces"
+        return _without_unseen(simulator, model, chosen, [line], scaled=False)
+    because = [f"strain {100 * min(e.min() for e in strains):.3g} to {100 * strain:.3g} %"]
+    because += [words(max(far, key=lambda one: one.distance))] if far else []
+    lines = [f"ranges: scaled to these tests, as those of human tendon do not fit ({'; '.join(because)})"]
+    model, more = _scaled(simulator, chosen, strain, squeezed=squeezed)
+    again = [each for one in chosen for each in reach(simulator, model, one)]
+    if left := out_of_reach(again):
+        more.append(f"ranges: widen them in study.yaml: they do not reach {left[0].specimen} {left[0].protocol}")
+    return _without_unseen(simulator, model, chosen, [*lines, *more], scaled=True)
 
 
 def _without_unseen(
     simulator: Uniaxial, model: Model, specimens: Sequence[Specimen], lines: list[str], *, scaled: bool
 ) -> FirstRanges:
     """The same with parameters fixed on which no measured force depends."""
-    if names := unseen(simulator, model, specimens):
+    names = unseen(simulator, model, specimens)
+    if names and len(names) < len(model.free):
         for parameter in model.free:
             if parameter.name in names:
                 model = model.with_parameter(_fixed(parameter, parameter.reference))
         lines.append(f"ranges: no force of these tests depends on {', '.join(names)}; fixed")
+        return FirstRanges(model, tuple(lines), scaled, names)
     return FirstRanges(model, tuple(lines), scaled)
 
 
@@ -83,7 +90,8 @@ def _scaled(
     """A model with moduli, toe and relaxation for these specimens, and what was done besides, line by line."""
     models = [_unknown(Model(), squeezed=squeezed)]
     if not squeezed and strain > EXTENSIBLE:
-        models += [_with_toe(models[0], 1.0 + part * strain) for part in TOE_ENDS]
+        ends = [1.0 + part * strain for part in TOE_ENDS]
+        models += [_with_toe(models[0], end) for end in ends if end < LARGEST_LAMBDA_0]
     fits = [[_moduli(simulator, model, one) for one in specimens] for model in models]
     errors = [float(np.median([misfit for _, misfit in each])) for each in fits]
     best = int(np.argmin(errors))
@@ -93,10 +101,12 @@ def _scaled(
     elif model.lambda_0 != models[0].lambda_0:
         lines.append(f"ranges: the toe ends at a stretch of {model.lambda_0:g} (lambda_0), where the model fits best")
     moduli = np.vstack([found for found, _ in fits[best]])
+    if not moduli.any():
+        return Model(), ["ranges: no moduli fit these forces; those of human tendon are left"]
     for name, column in zip(("E_f", "E_m"), moduli.T, strict=True):
         if name == "E_f" and squeezed:
             continue
-        model = model.with_parameter(_range(model, name, column))
+        model = model.with_parameter(_range(model, name, column, float(moduli.max())))
     return model, lines
 
 
@@ -142,21 +152,13 @@ def _moduli(simulator: Uniaxial, model: Model, specimen: Specimen) -> tuple[Arra
     return np.array([fits[i][0] for i in best]), float(misfits[best].mean() / np.linalg.norm(target))
 
 
-def _range(model: Model, name: str, moduli: Array) -> Parameter:
-    """The modulus with a range around fitted ones; it may be 0 where some of them are."""
+def _range(model: Model, name: str, moduli: Array, largest: float) -> Parameter:
+    """The modulus with a range around fitted ones; up to the ``largest`` one where all of them are 0."""
     parameter = model.parameters[model.names.index(name)]
-    low, high = float(moduli.min()) / WIDER, float(moduli.max()) * WIDER
-    if high == 0.0:
-        return _fixed(parameter, 0.0)
+    low, high = float(moduli.min()) / WIDER, (float(moduli.max()) or largest) * WIDER
     minimum, maximum = rounded(low, up=False), rounded(high, up=True)
     return replace(parameter, minimum=minimum, maximum=maximum, reference=(minimum + maximum) / 2)
 
 
 def _fixed(parameter: Parameter, value: float) -> Parameter:
     return replace(parameter, minimum=value, maximum=value, reference=value)
-
-
-def _compressed(curve: Curve) -> bool:
-    """Whether a test pushes the specimen together, and pulls it by no more than the noise of the displacement."""
-    moved = curve.protocol.displacement_mm
-    return bool(moved.min() < 0 and -moved.min() > COMPRESSED * max(float(moved.max()), 0.0))

@@ -81,6 +81,7 @@ def init(
     if certain:
         refuse_unknown_sizes(new)
     refuse_duplicates([one.specimen for one in new], {one.specimen.name: one.tests[0].path for one in new})
+    ranges = first_ranges([one.specimen for one in new if not one.missing])
     out.mkdir(parents=True, exist_ok=True)
     write_cohort(out / "cohort", [one.specimen for one in new])
     to_fill_in = []
@@ -89,7 +90,6 @@ def init(
             path = out / "cohort" / one.specimen.name / "specimen.json"
             leave_open(path, one.missing)
             to_fill_in.append(path)
-    ranges = first_ranges([one.specimen for one in new if not one.missing])
     study = write_study(out, "cohort", [one.specimen for one in new], ranges)
     write_answers(out / ANSWERS, Answers(read.hints, {one.specimen.name: one.told for one in new}))
     lines = (*describe(new), *ranges.lines, *describe_left_out(read.left_out))
@@ -109,8 +109,8 @@ def _ready_cohort(folder: Path) -> Cohort | None:
 def _study_of_cohort(cohort: Cohort, out: Path) -> NewStudy:
     if out.resolve().is_relative_to(cohort.folder.resolve()):
         raise BadInput(f"--out {out}", f"lies inside the cohort {cohort.folder}", "a folder beside it")
-    out.mkdir(parents=True, exist_ok=True)
     ranges = first_ranges(cohort.specimens)
+    out.mkdir(parents=True, exist_ok=True)
     study = write_study(out, os.path.relpath(cohort.folder.resolve(), out.resolve()), cohort.specimens, ranges)
     curves = sum(len(one.curves) for one in cohort.specimens)
     line = f"{cohort.folder}: a cohort of {len(cohort.specimens)} specimens, {curves} curves, used as it is"

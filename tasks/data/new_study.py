@@ -63,7 +63,7 @@ def write_study(out: Path, cohort: str, specimens: Sequence[Specimen], ranges: F
     name = plain_name(out.resolve().name).replace("+", "-")[:64] or "study"
     values = {"name": name, "cohort": json.dumps(cohort), "tasks": tasks, "cyclic": map(json.dumps, cyclic)}
     command = one_line(shlex.quote(str(study)))
-    write_text(study, template.render(**values, study=command, model=ranges.model, scaled=ranges.scaled))
+    write_text(study, template.render(**values, study=command, ranges=ranges))
     read_study(study)  # a study file that cannot be read must not be left behind unnoticed
     return study
 

@@ -47,6 +47,9 @@ class Parameter:
         return bool(above and value < self.ceiling)
 
 
+LARGEST_LAMBDA_0 = 2.0  # the stretch at which the toe of a study may end at most
+
+
 def _parameter(name: str, unit: str, minimum: float, maximum: float, description: str, **physical: Any) -> Parameter:
     return Parameter(name, unit, minimum, maximum, (minimum + maximum) / 2, description, **physical)
 

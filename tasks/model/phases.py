@@ -1,8 +1,7 @@
 """The phases of a displacement history: loading, unloading and holds, found from the displacement alone.
 
 A hold is a period in which the displacement changes much more slowly than usual and ends about where it began. A slow
-ramp among fast ones is therefore still a ramp. In a test that pushes the specimen together farther than it ever pulls
-it, getting shorter is loading.
+ramp among fast ones is therefore still a ramp. In a compression, getting shorter is loading.
 """
 
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from sinew.tasks.model.specimen import Array, Protocol
 Kind = Literal["load", "unload", "hold"]
 SLOW = 0.1  # of the usual speed of the ramps
 STAYS = 0.02  # of the whole range of the displacement
+PUSHES = 5.0  # times farther than it pulls: a compression
 SMOOTHED = 5  # points of the median filter of the speed, against noise of the displacement
 
 
@@ -37,10 +37,17 @@ class Phase:
         return slice(self.start, self.stop)
 
 
+def is_compression(protocol: Protocol) -> bool:
+    """Whether a test pushes the specimen together: from about its length, and far more than it ever pulls it."""
+    moved = protocol.displacement_mm
+    shortest = float(-moved.min())
+    return shortest > PUSHES * max(float(moved.max()), 0.0) and abs(float(moved[0])) <= shortest / 2
+
+
 def phases(protocol: Protocol) -> tuple[Phase, ...]:
     """All phases in order. A history that never moves is one hold."""
     time, moved = protocol.time_s, protocol.displacement_mm
-    if -moved.min() > moved.max():
+    if is_compression(protocol):
         moved = -moved
     whole = float(np.ptp(moved))
     if moved.size < 3 or whole == 0.0:

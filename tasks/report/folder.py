@@ -116,7 +116,7 @@ class ResultFolder:
         """What a person types to run a task into this folder."""
         last = self.runs[-1] if self.runs else {}
         out = str(last.get("out", ""))
-        words = ["sinew", task, self.study]
+        words = ["sinew", task, shlex.quote(one_line(self.study))]
         if out and Path(out) != Path("results") / self.name:
             words += ["--out", shlex.quote(one_line(out))]
         return f"`{' '.join(words)}`"
@@ -141,7 +141,7 @@ class ResultFolder:
         if task == "compare" and len({name.rpartition("/")[0] for name in self.measured}) == 1:
             return "Not run: it needs two sites, that is specimens in folders COHORT/SITE/SPECIMEN of two sites."
         if why := self.states[task].why:
-            return f"Not run: {why}."
+            return f"Not run: {why}. Then {command}."
         return f"Not run yet: {command}."
 
 
@@ -266,6 +266,8 @@ def _state(task: str, folder: Path, results: dict[str, Any], events: list[dict[s
     if (folder / f"{task}.json").exists():
         return State("damaged", f"{task}.json cannot be read; run `sinew {task}` again", *how)
     if last is None or last["message"] == "task finished":
+        return State("not run")
+    if last["message"] == "task not run" and last.get("needs") in results:
         return State("not run")
     if last["message"] == "task not run":
         return State("not run", f"it needs {one_line(str(last.get('needs')))}, which failed")

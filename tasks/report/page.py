@@ -14,9 +14,11 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from sinew.runner.errors import SinewError, one_line
+from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.discover.result import DiscoverResult
 from sinew.tasks.drawing.blocks import Facts, Section, Words, number
 from sinew.tasks.drawing.formats import FORMATS
+from sinew.tasks.model import TENDON
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.folder import ResultFolder, read_folder
 from sinew.tasks.report.sections import data, failures, provenance
@@ -80,6 +82,9 @@ def _marked(found: ResultFolder, part: _Part, section: Section) -> Section:
     discovery = found.result(DiscoverResult)
     if discovery is None or discovery.verdict != "NAMED" or not part.task or not TASKS[part.task].measured:
         return section
+    calibration = found.result(CalibrateResult)
+    if calibration is None or set(calibration.names) - {parameter.name for parameter in TENDON}:
+        return section  # its model has effects
     lacks = f"This is of the model without {discovery.answer}, which discover found to be missing."
     then = "" if discovery.model is None else f" The study with it is `{discovery.model.path}`."
     return replace(section, blocks=[Words(lacks + then, "warning"), *section.blocks])

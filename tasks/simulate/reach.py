@@ -10,11 +10,13 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from sinew.tasks.model import Curve, Model, Parameter, Protocol, Specimen
+from sinew.tasks.model.phases import phases
 from sinew.tasks.simulate import Array, Simulator
 
 POINTS = 2_000  # of a curve, at most
 ROWS = 128  # spread over the ranges, besides their corners; a power of two
 BASES = 8  # rows around which each parameter is varied alone
+LOADS = 0.01  # of the largest simulated force of a specimen: a test with less is at rest
 FACTOR = 2.0  # between the measured force and the nearest simulated one, from which on it is out of reach
 UNSEEN = 1e-3  # of the largest force: a parameter that changes the force by less over its whole range is not seen
 
@@ -34,6 +36,11 @@ class Reach:
     area_mm2: float
 
     @property
+    def largest_N(self) -> float:
+        """The largest simulated force in size."""
+        return max(abs(self.least_N), abs(self.most_N))
+
+    @property
     def ratios(self) -> tuple[float, float]:
         """The smallest and the largest simulated force over the measured one."""
         low, high = sorted((self.least_N / self.measured_N, self.most_N / self.measured_N))
@@ -42,13 +49,25 @@ class Reach:
     @property
     def other_sign(self) -> bool:
         """Whether every simulated force pulls where the measured one pushes, or the other way round."""
-        return self.ratios[1] <= 0.0
+        return self.ratios[1] < 0.0
 
     @property
     def reached(self) -> bool:
         """Whether some simulated force comes within a factor of two of the measured one."""
         low, high = self.ratios
         return high >= 1.0 / FACTOR and low <= FACTOR
+
+    @property
+    def possible(self) -> bool:
+        """Whether these numbers can come from :func:`reach`; a file may hold others."""
+        numbers = (self.measured_N, self.least_N, self.most_N, self.area_mm2)
+        return bool(np.isfinite(numbers).all()) and self.measured_N != 0 and self.largest_N > 0 and self.area_mm2 > 0
+
+    @property
+    def distance(self) -> float:
+        """How far the measured force is from the nearest simulated one, as a factor."""
+        low, high = self.ratios
+        return float("inf") if high <= 0 else max(low, 1.0 / high)
 
     @property
     def scale(self) -> float:
@@ -66,21 +85,23 @@ class Reach:
 def reach(simulator: Simulator, model: Model, specimen: Specimen) -> tuple[Reach, ...]:
     """For each measured curve, what the free parameters of the model can give at the largest measured force.
 
-    Curves without any force, and those for which no row can be simulated, are passed over.
+    Curves that tell nothing are passed over: without any force, without any row that can be simulated, and tests that
+    hardly load the specimen where others do.
     """
     rows = spread(model)
     found = []
     for curve in specimen.curves:
-        if not curve.measured or not curve.force_N.any():
-            continue
         thin = thinned(curve)
-        peak = _peak(thin)
+        peak, measured = _peak(thin)
+        if not curve.measured or measured == 0.0:
+            continue
         force = simulator.simulate(model, specimen, thin.protocol, rows).force_N[:, peak]
         force = force[np.isfinite(force)]
-        if force.size:
+        if force.any():
             low, high = float(force.min()), float(force.max())
-            found.append(Reach(specimen.name, curve.name, float(thin.force_N[peak]), low, high, specimen.area_mm2))
-    return tuple(found)
+            found.append(Reach(specimen.name, curve.name, measured, low, high, specimen.area_mm2))
+    largest = max((one.largest_N for one in found), default=0.0)
+    return tuple(one for one in found if one.largest_N >= LOADS * largest)
 
 
 def unseen(simulator: Simulator, model: Model, specimens: Sequence[Specimen]) -> tuple[str, ...]:
@@ -130,16 +151,17 @@ def _kind(parameter: Parameter) -> int:
 
 
 def thinned(curve: Curve) -> Curve:
-    """The curve at no more than some 2,000 points, its largest force and displacements among them."""
+    """The curve at some 2,000 points, and at every turn of its displacement; its largest force is among them."""
     time, moved, force = curve.protocol.time_s, curve.protocol.displacement_mm, curve.force_N
     if time.size <= POINTS:
         return curve
-    ends = [int(moved.argmin()), int(moved.argmax()), *([_peak(curve)] if curve.measured else [])]
-    keep = np.unique([*np.linspace(0, time.size - 1, POINTS).astype(int), *ends])
+    turns = [each.start for each in phases(curve.protocol)]
+    keep = np.unique([*np.linspace(0, time.size - 1, POINTS).astype(int), *turns, _peak(curve)[0]])
     return Curve(Protocol(curve.name, time[keep], moved[keep]), force[keep])
 
 
-def _peak(curve: Curve) -> int:
-    """Where the measured force is largest in size; a single point that stands out does not count."""
+def _peak(curve: Curve) -> tuple[int, float]:
+    """Where the measured force is largest in size, and how large; a single point that stands out does not count."""
     smooth = median_filter(np.nan_to_num(curve.force_N), 3, mode="nearest")
-    return int(np.abs(smooth).argmax())
+    at = int(np.abs(smooth).argmax())
+    return at, float(smooth[at])

@@ -38,9 +38,12 @@ class SimulatorSettings(Section):
     """The settings of a kind of simulator. Subclasses have a literal ``name`` and are listed in the registry."""
 
     law: ClassVar[Law] = "tendon"
-    like_embedded: ClassVar[bool] = False  # whether the embedded simulator gives nearly the same forces
-
     name: str
+
+    @property
+    def like_embedded(self) -> bool:
+        """Whether the embedded simulator gives nearly the same forces."""
+        return False
 
     @property
     def output_names(self) -> tuple[str, ...]:
@@ -60,9 +63,11 @@ class SimulatorSettings(Section):
 class UniaxialSettings(SimulatorSettings):
     """The embedded simulator."""
 
-    like_embedded: ClassVar[bool] = True
-
     name: Literal["uniaxial"] = "uniaxial"
+
+    @property
+    def like_embedded(self) -> bool:
+        return True
 
     def build(self, purpose: Purpose) -> Simulator:
         from sinew.tasks.simulate.effects import UniaxialWith

@@ -9,7 +9,7 @@ from sinew.runner.errors import shown
 from sinew.tasks.model import TENDON, Model, Parameter
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.model.effects import named
-from sinew.tasks.model.parameters import own_parameter
+from sinew.tasks.model.parameters import LARGEST_LAMBDA_0, own_parameter
 from sinew.tasks.simulate.febio.settings import IDENTIFIER
 from sinew.tasks.simulate.febio.variables import TAKEN
 from sinew.tasks.simulate.settings import Law
@@ -62,7 +62,7 @@ class ModelSettings(Section):
 
     parameters: dict[str, ParameterSettings] = Field(default_factory=dict)
     beta: Annotated[float, Field(ge=2, le=10, allow_inf_nan=False)] = 2.0
-    lambda_0: Annotated[float, Field(gt=1, le=2, allow_inf_nan=False)] = 1.01
+    lambda_0: Annotated[float, Field(gt=1, le=LARGEST_LAMBDA_0, allow_inf_nan=False)] = 1.01
     effects: list[str] = Field(default_factory=list)
 
 

@@ -4,7 +4,7 @@ What was seen is kept in ``ranges.json`` of the result folder, so that a study t
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +12,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from sinew.runner.errors import BadInput, one_line
 from sinew.tasks.data.cohort import Cohort
-from sinew.tasks.model import Model, Parameter
+from sinew.tasks.model import Model, Parameter, Specimen
+from sinew.tasks.simulate import Simulator
 from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.reach import Reach, reach, unseen
 from sinew.tasks.study.files import digest, read_json, write_json
@@ -20,57 +21,84 @@ from sinew.tasks.study.model import model_of
 from sinew.tasks.study.study import Study
 
 RANGES = "ranges.json"
-VERSION = 1  # of what is looked at
+VERSION = 2  # of what is looked at
+LARGEST_MPA = 1e9  # of a modulus that is proposed
+Advice = tuple[str, float, float]  # a parameter and the ends of its range
 MOST = 0.5  # of the specimens out of reach: with more of them, the ranges are wrong and not the specimens
 
 
 class Ranges(BaseModel):
-    """The ``reach`` of each measured curve, and the free parameters that are ``unseen``. ``inputs`` is its key."""
+    """The ``reach`` of each measured curve, the free parameters that are ``unseen``, and ranges that would do better.
+
+    ``inputs`` is the key of what was looked at.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     inputs: str
     reach: list[Reach]
     unseen: list[str]
+    advice: list[Advice]
 
     @property
     def out_of_reach(self) -> list[Reach]:
         """One curve of each specimen that has any out of reach, the farthest one."""
-        worst: dict[str, Reach] = {}
-        for one in self.reach:
-            if not one.reached and (one.specimen not in worst or _distance(one) > _distance(worst[one.specimen])):
-                worst[one.specimen] = one
-        return list(worst.values())
+        return out_of_reach(self.reach)
 
     @property
     def hopeless(self) -> bool:
         """Whether the ranges, and not single specimens, are wrong."""
-        return len(self.out_of_reach) > MOST * len({one.specimen for one in self.reach})
+        return _hopeless(self.reach)
 
     def remarks(self) -> Iterator[str]:
         """What a person should know before the work begins, in a line each."""
         if far := self.out_of_reach:
             count = len({one.specimen for one in self.reach})
-            yield one_line(f"ranges: {len(far)} of {count} specimens are out of reach, such as {_words(far[0])}")
+            yield one_line(f"ranges: {len(far)} of {count} specimens are out of reach, such as {words(far[0])}")
         if self.unseen:
             values = "a fixed value" if len(self.unseen) == 1 else "fixed values"
             yield f"ranges: no force of these tests depends on {', '.join(self.unseen)}; {values} would save work"
 
-    def refuse(self, study: Path, model: Model) -> None:
+    def refuse(self, study: Path) -> None:
         """Raises :class:`BadInput` where the ranges cannot reach the data, with such as would."""
         if not self.hopeless:
             return
         far = self.out_of_reach
         if all(one.other_sign for one in far):
-            raise BadInput(study, _words(far[0]), "forces of the other sign (tension is positive), or another column")
-        ranges = ", ".join(f"{p.name}: {{min: {p.minimum:g}, max: {p.maximum:g}}}" for p in self.wider(model))
-        raise BadInput(study, _words(far[0]), f"ranges such as {ranges}" if ranges else "other ranges")
+            raise BadInput(study, words(far[0]), "forces of the other sign (tension is positive), or another column")
+        ranges = ", ".join(f"{name}: {{min: {low:g}, max: {high:g}}}" for name, low, high in self.advice)
+        raise BadInput(study, words(far[0]), f"ranges such as {ranges}" if ranges else "other ranges")
 
-    def wider(self, model: Model) -> tuple[Parameter, ...]:
-        """The free moduli with ranges that would reach what is out of reach: forces are proportional to the moduli."""
-        scales = [one.scale for one in self.reach if not one.reached and not one.other_sign]
-        moduli = [one for one in model.free if one.unit == "MPa" and one.name not in self.unseen]
-        return tuple(scaled(one, min(scales), max(scales)) for one in moduli) if scales else ()
+
+def advised(simulator: Simulator, model: Model, specimens: Sequence[Specimen], found: Sequence[Reach]) -> list[Advice]:
+    """Ranges of the free moduli that reach what the present ones reach and more; nothing where none are found."""
+    scales = [one.scale for one in found if not one.reached and not one.other_sign]
+    if not scales:
+        return []
+    low, high = min([1.0, *scales]), max([1.0, *scales])
+    if all(not one.reached for one in found):
+        low, high = min(scales), max(scales)
+    moduli = [scaled(one, low, high) for one in model.free if one.unit == "MPa"]
+    wider = model
+    for one in moduli:
+        wider = wider.with_parameter(one)
+    if not all(0 <= one.minimum < one.maximum < LARGEST_MPA for one in moduli):
+        return []
+    again = [each for specimen in specimens for each in reach(simulator, wider, specimen)]
+    return [(one.name, one.minimum, one.maximum) for one in moduli] if not _hopeless(again) else []
+
+
+def out_of_reach(reaches: Sequence[Reach]) -> list[Reach]:
+    """One curve of each specimen that has any out of reach, the farthest one."""
+    worst: dict[str, Reach] = {}
+    for one in reaches:
+        if not one.reached and (one.specimen not in worst or one.distance > worst[one.specimen].distance):
+            worst[one.specimen] = one
+    return list(worst.values())
+
+
+def _hopeless(reaches: Sequence[Reach]) -> bool:
+    return len(out_of_reach(reaches)) > MOST * len({one.specimen for one in reaches})
 
 
 def scaled(parameter: Parameter, low: float, high: float) -> Parameter:
@@ -87,12 +115,7 @@ def rounded(value: float, *, up: bool) -> float:
     return float(f"{(math.ceil if up else math.floor)(value / digit) * digit:.2g}")
 
 
-def _distance(one: Reach) -> float:
-    low, high = one.ratios
-    return math.inf if high <= 0 else max(low, 1.0 / high)
-
-
-def _words(one: Reach) -> str:
+def words(one: Reach) -> str:
     measured, near, far = one.stresses_MPa
     has = f"{one.specimen} {one.protocol} has {measured:.3g} MPa at its peak"
     return f"{has}, the ranges of model.parameters give {near:.3g} to {far:.3g} MPa"
@@ -114,7 +137,12 @@ def look(study: Study, cohort: Cohort, out: Path) -> Ranges | None:
         return found
     simulator = simulator_of(study, "uniaxial", out)
     reaches = [each for specimen in cohort.specimens for each in reach(simulator, model, specimen)]
-    return Ranges(inputs=inputs, reach=reaches, unseen=list(unseen(simulator, model, cohort.specimens)))
+    return Ranges(
+        inputs=inputs,
+        reach=reaches,
+        unseen=list(unseen(simulator, model, cohort.specimens)),
+        advice=advised(simulator, model, cohort.specimens, reaches),
+    )
 
 
 def keep(ranges: Ranges, out: Path) -> None:
@@ -125,6 +153,7 @@ def keep(ranges: Ranges, out: Path) -> None:
 
 def _read(path: Path) -> Ranges | None:
     try:
-        return Ranges.model_validate(read_json(path) or {})
+        found = Ranges.model_validate(read_json(path) or {})
     except ValidationError:
         return None
+    return found if all(one.possible for one in found.reach) else None

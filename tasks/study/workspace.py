@@ -202,7 +202,7 @@ def open_workspace(
     model = model_of(study.model, study.simulator.law)
     ranges = look(study, cohort, out) if judge_ranges else None
     if ranges is not None:
-        ranges.refuse(study.path, model)
+        ranges.refuse(study.path)
     with ExitStack() as stack:
         store = stack.enter_context(Store.writing(out, study.name))
         stack.enter_context(_log_to(out / "log.jsonl"))

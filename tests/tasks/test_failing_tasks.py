@@ -55,26 +55,44 @@ def test_only_tasks_that_need_the_result_are_not_run(tmp_path, monkeypatch, capl
         run(*ALL)
     assert tuple(run.did) == did
     assert run.built == ["page"]
-    if failing != "discover":  # nothing is left to go on with, and the state is told by the end of the run
-        words = dict.fromkeys(not_run, "not run") | {failing: "failed"} | dict.fromkeys(did, "finished")
-        assert run.states == words
+    words = dict.fromkeys(not_run, "not run") | {failing: "failed"} | dict.fromkeys(did, "finished")
+    assert run.states == words
     logged = [(one.message, one.task) for one in caplog.records if "task" in vars(one)]
     assert logged[0] == ("task failed", failing)
     assert [task for message, task in logged if message == "task not run"] == list(not_run)
 
 
-def test_a_person_reads_of_it_at_once_and_of_the_first_error_at_the_end(tmp_path, monkeypatch, capsys):
+def test_a_person_reads_of_it_at_once_and_of_every_error_at_the_end(tmp_path, monkeypatch, capsys):
     run = Run(tmp_path, monkeypatch, {"infer": BadInput("a.yaml", "first", "x"), "discover": ValueError("second")})
     with pytest.raises(BadInput, match="first"):
         run("calibrate", "infer", "predict", "discover", "sobol")
     said = capsys.readouterr().err.splitlines()
     assert said == [
-        "sinew: infer failed: a.yaml: first; expected x",
-        "going on with discover, sobol",
+        "sinew: infer failed: a.yaml: first; expected x; going on with discover, sobol",
+        "sinew: discover failed: ValueError: second; going on with sobol",
         "sinew: discover failed: ValueError: second",
-        "going on with sobol",
     ]
     assert run.events == [("task failed", "infer"), ("task failed", "discover")]
+    assert run.states["predict"] == "not run"
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+def test_the_last_task_may_fail_too(tmp_path, monkeypatch, capsys, quiet):
+    run = Run(tmp_path, monkeypatch, {"sobol": BadInput("a", "first", "x"), "discover": ValueError("second")})
+    run.workspace.quiet = quiet
+    with pytest.raises(BadInput, match="first"):
+        run("sobol", "discover")
+    assert capsys.readouterr().err.splitlines()[-1] == "sinew: discover failed: ValueError: second"
+    assert run.states == {"sobol": "failed", "discover": "failed"}
+
+
+def test_what_ends_a_run_is_raised_and_what_failed_before_is_printed(tmp_path, monkeypatch, capsys):
+    errors = {"sobol": BadInput("a", "first", "x"), "calibrate": OSError(28, "No space left")}
+    run = Run(tmp_path, monkeypatch, errors)
+    with pytest.raises(OSError, match="No space left"):
+        run("sobol", "calibrate", "discover")
+    assert run.did == []
+    assert capsys.readouterr().err.splitlines()[-1] == "sinew: sobol failed: a: first; expected x"
 
 
 @pytest.mark.parametrize("error", [StoreError("damaged"), ClusterError("no workers"), OSError(28, "No space left")])

@@ -120,10 +120,12 @@ def _as_bytes(files: Mapping[str, str]) -> tuple[bytes, ...]:
 class FEBioSettings(SolverSettings):
     """The tendon in FEBio: ``template`` beside the study file, by default the built-in one."""
 
-    like_embedded: ClassVar[bool] = True
-
     name: Literal["febio"] = "febio"
     template: str | None = None
+
+    @property
+    def like_embedded(self) -> bool:
+        return self.template is None
 
     def read_template(self, purpose: Purpose) -> Template:
         return read_template(purpose.study.parent, self.template).with_effects(purpose.effects)

@@ -50,7 +50,7 @@ def test_tissue_of_another_stiffness_gets_ranges_that_hold_its_moduli(factor):
     specimen = tissue(0.04, **truth)
     found = first_ranges([specimen])
     assert found.scaled
-    assert "because those of human tendon give" in found.lines[0]
+    assert "as those of human tendon do not fit (strain 0 to 4 %; a relax has " in found.lines[0]
     low, high = range_of(found.model, "E_f")
     assert low < truth["E_f"] < high
     assert range_of(found.model, "E_m")[1] > truth["E_m"]
@@ -86,3 +86,35 @@ def test_without_a_force_or_sizes_the_published_ranges_stand():
         found = first_ranges(specimens)
         assert found.model == Model()
         assert len(found.lines) == 1
+
+
+@pytest.mark.parametrize("strain", [0.04, -0.3])
+def test_forces_of_the_other_sign_leave_the_published_ranges_and_are_told(strain):
+    specimen = tissue(strain)
+    turned = replace(specimen, curves=tuple(Curve(one.protocol, -one.force_N) for one in specimen.curves))
+    found = first_ranges([turned])
+    assert found.model == Model()
+    (line,) = found.lines
+    assert line.endswith("tension is positive, so look at the machine's sign")
+
+
+def test_a_toe_never_ends_where_no_study_lets_it():
+    specimen = tissue(1.5, lambda_0=1.9, E_f=3.0, alpha_f=0.5, E_m=0.01)
+    found = first_ranges([specimen])
+    assert 1.0 < found.model.lambda_0 < 2.0
+    assert found.scaled
+
+
+def test_tissue_without_fibres_or_without_matrix_can_have_both():
+    for absent, present in (("E_m", "E_f"), ("E_f", "E_m")):
+        found = first_ranges([tissue(0.04, **{absent: 0.0, present: 0.01})])
+        for name in (absent, present):
+            low, high = range_of(found.model, name)
+            assert low < high
+
+
+def test_compression_that_begins_a_little_stretched_is_one():
+    specimen = tissue(-0.3, E_m=0.005)
+    (curve,) = specimen.curves
+    shifted = Curve(Protocol("relax", curve.protocol.time_s, curve.protocol.displacement_mm + 0.1), curve.force_N)
+    assert "every test is a compression" in first_ranges([replace(specimen, curves=(shifted,))]).lines[1]

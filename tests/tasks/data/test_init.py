@@ -116,7 +116,9 @@ def test_a_cohort_is_used_where_it_is(tmp_path):
     cohort = tmp_path / "first" / "cohort"
     made = init([cohort], tmp_path / "second")
     assert made.lines[0] == f"{cohort}: a cohort of 1 specimens, 1 curves, used as it is"
-    assert made.lines[1].startswith("ranges: scaled to these tests (largest stress 2.5 MPa, strain 0 to 4 %)")
+    assert made.lines[1].startswith(
+        "ranges: scaled to these tests, as those of human tendon do not fit (strain 0 to 4 %; T1 relax has "
+    )
     study = read_study(made.study)
     assert study.cohort == "../first/cohort"
     assert study.cohort_path.resolve() == cohort.resolve()

@@ -40,8 +40,13 @@ def test_in_compression_getting_shorter_is_loading(noise_mm):
 
 def test_a_test_that_pulls_farther_than_it_pushes_is_one_in_tension():
     time = np.arange(0, 40, 0.5)
-    moved = np.interp(time, [0, 10, 20, 30, 40], [0, 1, -0.9, 0.5, 0])
-    assert kinds(Protocol("both", time, moved)) == [("load", 1), ("unload", 1), ("load", 2), ("unload", 2)]
+    for corners in (
+        [0, 1, -0.9, 0.5, 0],
+        [0, 1, -1.1, 0.5, 0],
+        [-2.0, 0.3, -0.9, 0.4, 0],
+    ):  # the last: slack at first
+        moved = np.interp(time, [0, 10, 20, 30, 40], corners)
+        assert kinds(Protocol("both", time, moved)) == [("load", 1), ("unload", 1), ("load", 2), ("unload", 2)]
 
 
 def test_phases_join_and_cover_everything():

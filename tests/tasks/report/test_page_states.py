@@ -58,6 +58,7 @@ def test_a_run_that_ended_early_says_so(run_folder, message, word, words):
 
 
 def test_a_task_that_was_not_run_for_another_that_failed_names_it(run_folder):
+    calibration = (run_folder / "calibrate.json").read_bytes()
     keep_only(run_folder, "sobol")
     log = run_folder / "log.jsonl"
     lines = [
@@ -71,8 +72,11 @@ def test_a_task_that_was_not_run_for_another_that_failed_names_it(run_folder):
     build(run_folder)
     seen = read(run_folder)
     assert "infer not run" in " ".join(seen.sections["summary"].split())
-    assert "Not run: it needs calibrate, which failed." in seen.sections["posterior"]
+    assert "Not run: it needs calibrate, which failed. Then sinew infer" in " ".join(seen.sections["posterior"].split())
     assert "calibrate: failed" in seen.sections["failures"]
+    (run_folder / "calibrate.json").write_bytes(calibration)  # it ran again, alone
+    build(run_folder)
+    assert "Not run yet: sinew infer" in " ".join(read(run_folder).sections["posterior"].split())
 
 
 def test_commands_name_the_folder_unless_it_is_the_usual_one(run_folder):
@@ -97,6 +101,11 @@ def test_results_of_a_model_that_lacks_a_named_effect_say_so(run_folder, verdict
     seen = read(run_folder)
     marked = [name for name, text in seen.sections.items() if "of the model without toe-slack" in text]
     assert marked == (["calibration", "posterior", "prediction", "sites"] if verdict == "NAMED" else [])
+    path = run_folder / "calibrate.json"  # as that of the study with the effect
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps(content | {"names": [*content["names"], "slack_stretch"]}))
+    build(run_folder)
+    assert "of the model without toe-slack" not in read(run_folder).sections["posterior"]
 
 
 def test_a_folder_that_only_just_began_has_a_page(tmp_path):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
-from sinew.tasks.simulate.reach import POINTS, reach, spread, thinned, unseen
+from sinew.tasks.simulate.reach import POINTS, Reach, reach, spread, thinned, unseen
 from sinew.tasks.simulate.uniaxial import Uniaxial
 
 FIBRES = ("E_f", "alpha_f", "g_1f", "g_2f", "g_3f", "tau_1f", "tau_2f", "tau_3f")
@@ -96,3 +96,56 @@ def test_long_curves_are_thinned_and_keep_their_peak():
     assert POINTS <= thin.force_N.size <= POINTS + 3
     assert thin.force_N.max() == pytest.approx(specimen.curves[0].force_N.max(), rel=1e-4)
     assert one_reach(specimen).ratios == pytest.approx(one_reach(specimen_of(points=2_000)).ratios, rel=0.02)
+
+
+@pytest.mark.parametrize("value", [0.0, 1e6, -50.0])
+def test_one_odd_sample_at_the_peak_changes_nothing(value):
+    specimen = specimen_of()
+    force = specimen.curves[0].force_N.copy()
+    force[int(force.argmax())] = value
+    odd = replace(specimen, curves=(Curve(specimen.curves[0].protocol, force),))
+    assert one_reach(odd).ratios == pytest.approx(one_reach(specimen).ratios, rel=0.05)
+
+
+def test_a_single_force_is_none():
+    force = np.zeros(400)
+    force[100] = 3.0
+    specimen = specimen_of()
+    assert reach(Uniaxial(), Model(), replace(specimen, curves=(Curve(specimen.curves[0].protocol, force),))) == ()
+
+
+def test_a_test_at_rest_beside_others_tells_nothing():
+    specimen = specimen_of()
+    time = np.linspace(0.0, 50.0, 500)
+    rng = np.random.default_rng(2)
+    rest = Curve(Protocol("rest", time, np.zeros(500)), 0.01 * rng.standard_normal(500))
+    shaken = Curve(Protocol("shaken", time, 1e-5 * rng.standard_normal(500)), 0.01 * rng.standard_normal(500))
+    found = reach(Uniaxial(), Model(), replace(specimen, curves=(*specimen.curves, rest, shaken)))
+    assert [one.protocol for one in found] == ["relax"]
+    assert reach(Uniaxial(), Model(), replace(specimen, curves=(rest,))) == ()
+
+
+def test_many_fast_cycles_are_reached_by_the_ranges_that_made_them():
+    time = np.linspace(0.0, 1000.0, 50_001)
+    protocol = Protocol("cyclic", time, 0.2 * (1.0 - np.cos(2.0 * np.pi * time)))
+    bare = Specimen("a", 10.0, 5.0, 2.0)
+    model = Model()
+    force = Uniaxial().simulate(model, bare, protocol, model.reference[np.newaxis]).force_N[0]
+    low, high = one_reach(replace(bare, curves=(Curve(protocol, force),))).ratios
+    assert low < 0.8
+    assert high > 1.2
+
+
+@pytest.mark.parametrize(
+    ("numbers", "possible"),
+    [
+        ((1.0, 0.5, 2.0, 10.0), True),
+        ((0.0, 0.5, 2.0, 10.0), False),
+        ((1.0, np.nan, 2.0, 10.0), False),
+        ((1.0, 0.5, np.inf, 10.0), False),
+        ((1.0, 0.0, 0.0, 10.0), False),
+        ((1.0, 0.5, 2.0, 0.0), False),
+    ],
+)
+def test_numbers_that_no_look_gives(numbers, possible):
+    assert Reach("a", "relax", *numbers).possible == possible

@@ -13,7 +13,6 @@ from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Curve
 from sinew.tasks.study import ranges
 from sinew.tasks.study.cohort import cohort_of
-from sinew.tasks.study.model import model_of
 from sinew.tasks.study.ranges import Ranges, keep, look, rounded
 from sinew.tasks.study.study import read_study
 
@@ -39,7 +38,7 @@ def looked(folder, specimens, more=""):
 def test_published_ranges_reach_published_tendons(tmp_path):
     study, found = looked(tmp_path, SPECIMENS)
     assert found.out_of_reach == []
-    found.refuse(study.path, model_of(study.model, "tendon"))
+    found.refuse(study.path)
     assert list(found.remarks()) == ["ranges: no force of these tests depends on nu_m; a fixed value would save work"]
 
 
@@ -48,25 +47,24 @@ def test_ranges_out_of_reach_are_refused_with_some_that_reach(tmp_path, factor):
     (tmp_path / "again").mkdir()
     specimens = [times(one, factor) for one in SPECIMENS]
     study, found = looked(tmp_path, specimens)
-    model = model_of(study.model, "tendon")
     with pytest.raises(BadInput, match=r"has .* MPa at its peak, .*; expected ranges such as E_f: \{min: ") as refused:
-        found.refuse(study.path, model)
+        found.refuse(study.path)
     assert len(str(refused.value)) <= 300 + len(str(tmp_path))
-    wider = "".join(f"    {one.name}: {{min: {one.minimum:g}, max: {one.maximum:g}}}\n" for one in found.wider(model))
+    wider = "".join(f"    {name}: {{min: {low:g}, max: {high:g}}}\n" for name, low, high in found.advice)
     study, found = looked(tmp_path / "again", specimens, f"model:\n  parameters:\n{wider}")
     assert found.out_of_reach == []
-    found.refuse(study.path, model_of(study.model, "tendon"))
+    found.refuse(study.path)
 
 
 def test_forces_of_the_other_sign_are_told_as_such(tmp_path):
     study, found = looked(tmp_path, [times(one, -1.0) for one in SPECIMENS])
     with pytest.raises(BadInput, match="forces of the other sign"):
-        found.refuse(study.path, model_of(study.model, "tendon"))
+        found.refuse(study.path)
 
 
 def test_one_odd_specimen_of_many_is_remarked_on(tmp_path):
     study, found = looked(tmp_path, [*SPECIMENS[:2], times(SPECIMENS[2], 1000.0)])
-    found.refuse(study.path, model_of(study.model, "tendon"))
+    found.refuse(study.path)
     assert next(found.remarks()).startswith(f"ranges: 1 of 3 specimens are out of reach, such as {SPECIMENS[2].name} ")
 
 
@@ -89,6 +87,41 @@ def test_a_damaged_look_is_made_again(tmp_path, content):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / ranges.RANGES).write_text(content)
     assert look(study, cohort_of(study), tmp_path / "out") == found
+
+
+@pytest.mark.parametrize("number", [0, None, 1e400, "x", "NaN"])
+def test_impossible_numbers_under_the_right_key_are_looked_at_again(tmp_path, number):
+    study, found = looked(tmp_path, SPECIMENS[:1])
+    (tmp_path / "out").mkdir()
+    keep(found, tmp_path / "out")
+    path = tmp_path / "out" / ranges.RANGES
+    content = json.loads(path.read_text())
+    content["reach"][0]["measured_N"] = number
+    path.write_text(json.dumps(content))
+    assert look(study, cohort_of(study), tmp_path / "out") == found
+
+
+def test_specimens_that_need_different_scales_get_ranges_for_all(tmp_path):
+    specimens = [SPECIMENS[0], times(SPECIMENS[1], 10.0), times(SPECIMENS[2], 11.0)]
+    study, found = looked(tmp_path, specimens)
+    with pytest.raises(BadInput):
+        found.refuse(study.path)
+    ends = {name: (low, high) for name, low, high in found.advice}
+    assert ends["E_f"][0] <= 160
+    assert ends["E_f"][1] > 1000
+
+
+def test_a_fixed_modulus_that_is_in_the_way_leaves_no_advice(tmp_path):
+    fixed = "model: {parameters: {E_f: {fixed: 200}}}\n"
+    study, found = looked(tmp_path, [times(one, 1e-4) for one in SPECIMENS], fixed)
+    assert found.advice == []
+    with pytest.raises(BadInput, match="expected other ranges"):
+        found.refuse(study.path)
+
+
+def test_a_template_of_ones_own_is_not_judged(tmp_path):
+    study = study_in(tmp_path, SPECIMENS[:1], "simulator: {name: febio, template: mine.feb.j2}\n")
+    assert look(study, cohort_of(study), tmp_path / "out") is None
 
 
 def test_the_command_refuses_and_writes_nothing(tmp_path, monkeypatch, capsys):
