@@ -80,6 +80,7 @@ def _open_cluster(spec: Local, errors: Path) -> Iterator[Client]:
             silence_logs=logging.ERROR,
             memory_limit=parse_memory_limit("auto", 1, spec.workers, logger=log),
             preload="sinew.runner.cluster.interrupts",
+            local_directory=str(errors.parent),  # also of workers that start while the settings are taken back
         )
     except (OSError, RuntimeError) as error:
         raise ClusterError(f"cluster: the scheduler could not be started ({error})") from error

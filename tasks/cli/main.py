@@ -7,7 +7,10 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 
 import click
 
@@ -20,6 +23,7 @@ from sinew.tasks.cli.terminal import COMPLETION, PROGRAM
 __all__ = ["main", "sinew"]
 COMMANDS = (studies, files, results, clusters, benchmarks, trust)  # importing them adds their commands to the group
 
+INTERRUPTED = "interrupted; run the same command again to go on, finished rows are kept"
 READ_FROM_HERE = {"matplotlibrc": "Matplotlib", ".numba_config.yaml": "Numba"}
 
 
@@ -28,13 +32,13 @@ def main() -> None:
     logging.getLogger("sinew").addHandler(logging.NullHandler())
     _print_anything()
     sys.unraisablehook = _unraisable
+    interrupts: list[int] = []
     try:
-        _distrust_this_folder()
-        sinew.main(standalone_mode=False, prog_name=PROGRAM, complete_var=COMPLETION)
-    except click.exceptions.Abort:
-        _fail("interrupted; run the same command again to go on, finished rows are kept", 130)
-    except KeyboardInterrupt:
-        _fail("interrupted; run the same command again to go on, finished rows are kept", 130)
+        with _noted(interrupts):
+            _distrust_this_folder()
+            sinew.main(standalone_mode=False, prog_name=PROGRAM, complete_var=COMPLETION)
+    except (click.exceptions.Abort, KeyboardInterrupt):
+        _fail(INTERRUPTED, 130)
     except click.UsageError as error:
         words = " ".join(error.format_message().split()).rstrip(".")
         more = f"`{error.ctx.command_path if error.ctx else PROGRAM} --help` says more"
@@ -47,6 +51,28 @@ def main() -> None:
         _fail(str(error), 2)
     except OSError as error:  # a path that the system refuses, of whatever kind; a solver that somebody stopped
         _fail(f"{error.filename}: {of_the_system(error)}" if error.filename else of_the_system(error), 2)
+    except Exception:
+        if interrupts:  # in the midst of an import, for example, Ctrl-C becomes an error of another kind
+            _fail(INTERRUPTED, 130)
+        raise
+
+
+@contextmanager
+def _noted(interrupts: list[int]) -> Iterator[None]:
+    """Note every Ctrl-C, and raise KeyboardInterrupt as Python does by itself."""
+
+    def note(number: int, frame: FrameType | None) -> None:
+        interrupts.append(number)
+        signal.default_int_handler(number, frame)
+
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:  # a shell's background jobs ignore it
+        yield
+        return
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _distrust_this_folder() -> None:

@@ -122,3 +122,22 @@ def test_other_errors_that_cannot_be_raised_are_logged_and_not_printed():
         logged = Path(folder, "log").read_text()
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
     assert "an error that could not be raised" in logged
+
+
+@pytest.mark.parametrize(("interrupted", "code"), [(True, 130), (False, 1)])
+def test_an_error_that_ctrl_c_became_is_ctrl_c(interrupted, code):
+    script = (
+        "import signal\n"
+        "from sinew.tasks.cli import main as cli\n"
+        "def work(*_, **__):\n"
+        "    try:\n"
+        f"        signal.raise_signal(signal.SIGINT) if {interrupted} else None\n"
+        "    except KeyboardInterrupt: pass\n"
+        "    raise SystemError('initialization of _interpnd raised unreported exception')\n"
+        "cli.sinew.main = work\n"
+        "cli.main()\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=50)
+    assert ended.returncode == code
+    assert ("Traceback" in ended.stderr) != interrupted
+    assert interrupted == (ended.stderr == f"sinew: {main.INTERRUPTED}\n")
