@@ -1,6 +1,5 @@
 """Studies as jobs of a batch system: submit the job that leads a study, be that job, and cancel it."""
 
-import os
 import re
 import shlex
 import signal
@@ -24,6 +23,7 @@ from sinew.runner.store.schema import PENDING
 from sinew.runner.store.store import open_store
 from sinew.runner.temporary import temporary_folder
 from sinew.tasks.cluster.profile import AllocationSettings, Profile
+from sinew.tasks.registry import TASKS
 from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.renderer import WrongTemplate, job_script
@@ -282,5 +282,5 @@ def _finished(out: Path) -> tuple[int, tuple[float, ...]]:
     if (out / "store.zarr").is_dir():
         for table in open_store(out).tables():
             rows += int((table.status != PENDING).sum()) + table.waiting()
-    results = tuple(sorted(os.stat(path).st_mtime for path in out.glob("*.json") if path.name != "progress.json"))
+    results = tuple(sorted(path.stat().st_mtime for task in TASKS if (path := out / f"{task}.json").is_file()))
     return rows, results

@@ -1,11 +1,17 @@
 """What the doctor sees: a cluster that will do, and everything about one that will not."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
+from sinew.tasks.cluster import doctor as doctor_module
 from sinew.tasks.cluster.doctor import examine
 from sinew.tasks.cluster.profile import read_profile
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.model import Curve
+from sinew.tasks.study.cohort import cohort_of
 from sinew.tasks.study.study import read_study
 from tests.batch import places
 from tests.tasks.cluster.slurm_studies import ALLOCATION, PROFILE, live, prepare, profile_with, sinew_process, until
@@ -13,6 +19,7 @@ from tests.trusting import trusted
 
 LOOKED_AT = (
     "study and cohort",
+    "ranges",
     "disk",
     "quota",
     "clock of the disk",
@@ -46,6 +53,42 @@ def doctor(folder, expect=0):
     """What the command prints on the study in a folder."""
     profile = folder / "profile.yaml"
     return sinew_process("doctor", folder / "study.yaml", "--profile", profile, "--out", folder / "out", expect=expect)
+
+
+@pytest.mark.parametrize(("factor", "good"), [(1.0, True), (1e-4, False), (-1.0, False)])
+def test_ranges_that_cannot_reach_the_data(tmp_path, factor, good):
+    specimens, _ = virtual_cohort(seed=1, per_site=1, rate_hz=2.0)
+    turned = [
+        replace(one, curves=tuple(Curve(curve.protocol, factor * curve.force_N) for curve in one.curves))
+        for one in specimens
+    ]
+    write_cohort(tmp_path / "cohort", turned)
+    (tmp_path / "study.yaml").write_text("name: x\ncohort: cohort\n")
+    study = read_study(tmp_path / "study.yaml")
+    found = []
+    doctor_module._look_at_the_ranges(study, cohort_of(study), tmp_path / "out", lambda *one: found.append(one))
+    ((name, is_good, words),) = found
+    assert (name, is_good) == ("ranges", good)
+    assert ("fixed value" in words) == good
+
+
+@pytest.mark.parametrize(
+    ("peaks", "good"),
+    [
+        ({"pull": (100.0, 30.0)}, True),
+        ({"pull": (100.0, 1.0)}, False),
+        ({"pull": (100.0, -100.0)}, False),
+        ({"pull": (-100.0, -100.0)}, True),
+        ({"pull": (100.0, 0.0)}, False),
+        ({"rest": (0.0, 5.0), "pull": (100.0, 100.0)}, True),
+        ({"rest": (0.0, 5.0)}, None),
+        ({"pull": (1e-300, 1e300)}, False),
+    ],
+)
+def test_forces_of_a_template_that_are_far_from_the_measured_ones(peaks, good):
+    found = []
+    doctor_module._note_peaks(peaks, lambda *one: found.append(one))
+    assert [one[1] for one in found] == ([] if good is None else [good])
 
 
 @pytest.mark.takes(12)
@@ -108,7 +151,7 @@ def test_what_is_bad_is_said_with_exit_code_2(tmp_path, slurm_cluster):
     """Jobs that SLURM refuses."""
     prepare(tmp_path, PROFILE + "partition: nowhere\n")
     said = doctor(tmp_path, expect=2)
-    assert said == "sinew: 2 of 7 checks failed: profile, worker\n"
+    assert said == "sinew: 2 of 8 checks failed: profile, worker\n"
     _, bad = findings_of(tmp_path)
     assert set(bad) == {"profile", "worker"}
     assert "profile.yaml: partition: SLURM refuses the job" in bad["profile"]

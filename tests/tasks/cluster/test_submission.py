@@ -11,6 +11,7 @@ from distributed import Client
 
 from sinew.runner.errors import ClusterError
 from sinew.runner.store.store import open_store
+from sinew.tasks.cluster import submission
 from sinew.tasks.cluster.profile import read_profile
 from sinew.tasks.cluster.submission import check_scripts, job_scripts
 from sinew.tasks.data.cohort import write_cohort
@@ -237,3 +238,12 @@ def test_the_job_script_can_be_edited(tmp_path):
     assert sinew(*arguments).startswith("#!/bin/sh\n# hello sinew-survival\n/")
     (tmp_path / "mine.sh.j2").write_text("#!/bin/sh\n{{ nothing }}\n")
     assert "mine.sh.j2: 'nothing' is undefined; expected a Jinja2 template" in sinew(*arguments, expect=2)
+
+
+def test_only_results_count_as_finished_work(tmp_path):
+    before = submission._finished(tmp_path)
+    for name in ("progress.json", "ranges.json", "simulate.json"):
+        (tmp_path / name).write_text("{}")
+    assert submission._finished(tmp_path) == before
+    (tmp_path / "sobol.json").write_text("{}")
+    assert submission._finished(tmp_path) != before
