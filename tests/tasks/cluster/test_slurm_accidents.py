@@ -39,6 +39,13 @@ ONLY_LEADER = 'case "$SLURM_JOB_NAME" in *-worker) ;; *) {} ;; esac'
 ONLY_WORKERS = 'case "$SLURM_JOB_NAME" in *-worker) {} ;; esac'
 
 
+def remembers(slurm_cluster, job):
+    """Wait until a controller that is killed would know of all that happened: else it starts running jobs again."""
+    saved, now = slurm_cluster.root / "state" / "job_state", time.time()
+    slurm_cluster.run("scontrol", "update", f"JobId={job}", "Comment=runs")  # what changed is saved within seconds
+    until(lambda: saved.is_file() and saved.stat().st_mtime > now, "the state that the controller saves")
+
+
 @pytest.mark.takes(40)
 def test_a_preempted_worker_job_is_replaced(tmp_path, slurm_cluster, bed):
     profile = profile_with(cores=2).replace("workers: {", "workers: {partition: scavenge, ")
@@ -70,9 +77,10 @@ def was_replaced(out: Path, job: str, end: str) -> None:
 
 @pytest.mark.takes(45)
 def test_the_controller_is_away_for_a_while(tmp_path, slurm_cluster, bed):
-    study = prepare(tmp_path, profile_with(), seconds=0.4)
+    study = prepare(tmp_path, profile_with(), seconds=0.6)
     out = submit(study)
     before = progress(out)
+    remembers(slurm_cluster, leader(out))
     bed.kill_controller(slurm_cluster)
     assert json.loads(sinew("status", out, "--json"))["now"]["alive"]
     for command in (("cancel", out), ("submit", study, "--profile", tmp_path / "profile.yaml", "--out", out)):
