@@ -28,9 +28,9 @@ MOST = 0.5  # of the specimens out of reach: with more of them, the ranges are w
 
 
 class Ranges(BaseModel):
-    """The ``reach`` of each measured curve, the free parameters that are ``unseen``, and ranges that would do better.
+    """The ``reach`` of each measured curve, and the free parameters that are ``unseen``.
 
-    ``inputs`` is the key of what was looked at.
+    ``advice``: ranges that reach the forces, where these are refused. ``inputs`` is the key of what was looked at.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -116,6 +116,7 @@ def rounded(value: float, *, up: bool) -> float:
 
 
 def words(one: Reach) -> str:
+    """The measured peak of a curve as a nominal stress, and what the ranges give there."""
     measured, near, far = one.stresses_MPa
     has = f"{one.specimen} {one.protocol} has {measured:.3g} MPa at its peak"
     return f"{has}, the ranges of model.parameters give {near:.3g} to {far:.3g} MPa"
@@ -141,7 +142,7 @@ def look(study: Study, cohort: Cohort, out: Path) -> Ranges | None:
         inputs=inputs,
         reach=reaches,
         unseen=list(unseen(simulator, model, cohort.specimens)),
-        advice=advised(simulator, model, cohort.specimens, reaches),
+        advice=advised(simulator, model, cohort.specimens, reaches) if _hopeless(reaches) else [],
     )
 
 
