@@ -86,7 +86,7 @@ class Keeper:
             if job.refusal is not None or (found is None and old) or (found is not None and not found.live):
                 gone.append(name)
                 self._count(job, found)
-        wanted = self._wanted_jobs() if self.cluster.failure is None else 0
+        wanted = self._wanted_jobs(len(jobs) - len(gone)) if self.cluster.failure is None else 0
         if gone or wanted != len(jobs):
             self._replace(gone, wanted)
 
@@ -111,14 +111,15 @@ class Keeper:
         lines = [line.strip() for line in external.tail(path).splitlines() if line.strip()]
         return f"{lines[-1] if lines else 'it said nothing'} ({path})"
 
-    def _wanted_jobs(self) -> int:
+    def _wanted_jobs(self, left: int) -> int:
+        """How many jobs there should be; ``left``: of those that there are now."""
         if self.cluster.wanted_slots > 0:
             self.idle_since = time.monotonic()
         elif time.monotonic() - self.idle_since > IDLE_S:
             return self.minimum
         wanted = math.ceil(self.cluster.wanted_slots / self.cores)
         # with less to do, working jobs stay: they end with the run
-        return max(self.minimum, min(self.maximum, max(wanted, len(self.cluster.workers))))
+        return max(self.minimum, min(self.maximum, max(wanted, left)))
 
     def _replace(self, gone: list[str], wanted: int) -> None:
         async def replace() -> None:

@@ -211,7 +211,10 @@ class WorkOnCluster:
             )
 
     def _clean_up(self) -> None:
-        with suppress(*LOST, CancelledError):  # the cluster itself may be gone
+        with suppress(ClusterError):  # the error that is on its way says more
+            ask_for(self.client, 0)  # jobs that end now are not replaced
+        # the cluster itself may be gone; the key error is of a worker that is closing, which drops its plugins itself
+        with suppress(*LOST, CancelledError, KeyError):
             self.client.cancel([*self.running, *self.computing])
             self.client.unsubscribe_topic(drain.TOO_SHORT)
             with dask.config.set({"distributed.comm.timeouts.connect": "5 s"}):  # a worker may have just died

@@ -382,6 +382,20 @@ def test_a_cluster_that_is_gone_at_the_end_hides_no_error(stand_in, table, error
     evaluations.clear()  # the plugin could not
 
 
+def test_workers_that_close_at_the_end_hide_no_error(stand_in, table):
+    """Of a cancelled study the workers end with the run: those that are closing have dropped the plugin already."""
+
+    def closing(name):
+        raise KeyError(name)
+
+    stand_in.dying = [OSError(28, "No space left on device")]
+    stand_in.unregister_worker_plugin = closing
+    with pytest.raises(StoreError, match="no space left on the disk"):
+        run(stand_in, table)
+    assert stand_in.cluster.wanted[-1] == 0, "jobs that end now are not replaced"
+    evaluations.clear()  # the plugin could not
+
+
 def test_a_computation_under_way_is_closed_when_the_run_ends(stand_in, tmp_path, monkeypatch):
     class Never(Completed):
         def has_ready(self):
