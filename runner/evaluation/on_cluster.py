@@ -15,7 +15,8 @@ from distributed.comm.core import CommClosedError
 
 from sinew.runner.cluster import drain
 from sinew.runner.cluster.client import ask_for, wait_for_workers
-from sinew.runner.errors import ClusterError
+from sinew.runner.cluster.keeper import Growing
+from sinew.runner.errors import ClusterError, WalltimeReached
 from sinew.runner.evaluation.adaptive import Message, RunClosed
 from sinew.runner.evaluation.batch import Batch, Carrier, run_in_time
 from sinew.runner.evaluation.run import STOPPING_S, Run, store_error
@@ -54,14 +55,19 @@ class WorkOnCluster:
         self._meet_workers()
         self.completed = as_completed(loop=self.client.loop)
         self.sessions.bell = self.completed.thread_condition  # notified of finished futures and of messages
+        stopped = True  # by a signal, or by the end of the walltime
         try:
             while self._busy or ((self.run.left or self.sessions.open) and not self.ending):
                 self.sessions.listen(self._compute)
                 self._submit(self._new_batches())
                 self._wait()
                 self._collect_ready()
+            stopped = self.ending
+        except Exception as error:
+            stopped = isinstance(error, WalltimeReached)
+            raise
         finally:
-            self._clean_up()
+            self._clean_up(stopped=stopped)
         if self.ending:
             raise self.run.walltime_reached()
         ask_for(self.client, 0)
@@ -210,18 +216,21 @@ class WorkOnCluster:
                 f"{short['needed_s'] / self.run.policy.multiple:.0f} s; ask for more time, finished rows are kept"
             )
 
-    def _clean_up(self) -> None:
+    def _clean_up(self, *, stopped: bool) -> None:
+        """Leave nothing on the cluster that works on. ``stopped``: the process ends, and may be killed if it waits."""
+        for message in self.computing.values():
+            assert message.answer is not None
+            message.answer.put(RunClosed())
         with suppress(ClusterError):  # the error that is on its way says more
             ask_for(self.client, 0)  # jobs that end now are not replaced
+        if stopped and isinstance(self.client.cluster, Growing):
+            return  # the worker jobs end with this process: to ask each of them would wait for those that are dying
         # the cluster itself may be gone; the key error is of a worker that is closing, which drops its plugins itself
         with suppress(*LOST, CancelledError, KeyError):
             self.client.cancel([*self.running, *self.computing])
             self.client.unsubscribe_topic(drain.TOO_SHORT)
             with dask.config.set({"distributed.comm.timeouts.connect": "5 s"}):  # a worker may have just died
                 self.client.unregister_worker_plugin(self.carrier.name)
-        for message in self.computing.values():
-            assert message.answer is not None
-            message.answer.put(RunClosed())
 
 
 def _hand_back(future: Any, message: Message) -> None:

@@ -195,6 +195,7 @@ def test_a_batch_that_cannot_end_in_time_is_not_begun(stand_in, table, monkeypat
     )
     assert not error.value.worked, "it had workers for less than a quarter of its walltime"
     assert stand_in.messages == []
+    evaluations.clear()  # the workers end with the run
 
 
 def test_a_walltime_that_ends_while_it_waits_for_workers_ends_the_run(stand_in, table, monkeypatch):
@@ -217,6 +218,7 @@ def test_a_run_that_had_workers_for_long_has_worked(stand_in, table, monkeypatch
     with pytest.raises(WalltimeReached) as error:
         run(stand_in, table)
     assert error.value.worked
+    evaluations.clear()  # the workers end with the run
 
 
 def test_workers_whose_walltime_is_too_short_are_reported(stand_in, table, monkeypatch):
@@ -394,6 +396,25 @@ def test_workers_that_close_at_the_end_hide_no_error(stand_in, table):
         run(stand_in, table)
     assert stand_in.cluster.wanted[-1] == 0, "jobs that end now are not replaced"
     evaluations.clear()  # the plugin could not
+
+
+@pytest.mark.parametrize("stop", [SystemExit(143), KeyboardInterrupt(), WalltimeReached("near")])
+def test_a_run_that_is_stopped_waits_for_no_worker_job(stand_in, table, stop):
+    """The worker jobs are ended with it; the batch system kills it when it takes long."""
+    stand_in.dying = [stop]
+    stand_in.unregister_worker_plugin = lambda name: pytest.fail("waits for workers")
+    with pytest.raises(type(stop)):
+        run(stand_in, table)
+    assert stand_in.cluster.wanted[-1] == 0
+    evaluations.clear()  # the workers are gone with it
+
+
+def test_on_a_cluster_that_stays_a_run_that_is_stopped_leaves_nothing_behind(stand_in, table):
+    stand_in.cluster = None
+    stand_in.dying = [SystemExit(143)]
+    with pytest.raises(SystemExit):
+        run(stand_in, table)
+    assert list(stand_in.plugins) == [drain.Leave.name]
 
 
 def test_a_computation_under_way_is_closed_when_the_run_ends(stand_in, tmp_path, monkeypatch):
