@@ -49,7 +49,7 @@ def remembers(slurm_cluster, job):
 @pytest.mark.takes(40)
 def test_a_preempted_worker_job_is_replaced(tmp_path, slurm_cluster, bed):
     profile = profile_with(cores=2).replace("workers: {", "workers: {partition: scavenge, ")
-    out = submit(prepare(tmp_path, profile, seconds=0.5))
+    out = submit(prepare(tmp_path, profile, seconds=2.0))
     before = progress(out)
     victim = working(out)[0]
     urgent = ("-p", "urgent", "-w", victim.nodes, "-c", "2", "--mem=100", "--output=/dev/null", "--wrap", "sleep 5")
