@@ -34,6 +34,7 @@ from sinew.tasks.model import Model
 from sinew.tasks.model.effects import library
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace
+from tests.tasks.simulate.febio.model_file.cube import CUBE
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -189,7 +190,7 @@ def configs(folder: Path) -> None:
 
 
 def dogbone(folder: Path) -> None:
-    """The dog-bone with fewer rows; febio4 is the stand-in of the notebook here."""
+    """The dog-bone with fewer rows, a model as FEBio Studio saves it, and as febio4 the stand-in of the notebook."""
     (folder / "configs").mkdir()
     shutil.copytree(ROOT / "configs" / "dogbone", folder / "configs" / "dogbone")
     text = (ROOT / "configs" / "dogbone.yaml").read_text()
@@ -201,6 +202,7 @@ def dogbone(folder: Path) -> None:
     program = (ROOT / "configs" / "dogbone" / "analytic_bar.py").read_text()
     (folder / "bin" / "febio4").write_text(program.replace("/usr/bin/env python3", f"{sys.executable} -I", 1))
     (folder / "bin" / "febio4").chmod(0o755)
+    (folder / "model.feb").write_text(CUBE.replace("gel \u00e4", "tendon"))
 
 
 def slurm(folder: Path) -> None:

@@ -53,6 +53,10 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
 @_column_options
 @click.option("--answers", type=PATH, help="answers.yaml of an earlier study: what was told then is not asked again.")
 @click.option("--yes", is_flag=True, help="Ask nothing, and take only what is certain; refuse the rest.")
+@click.option("--vary", multiple=True, metavar="NAME[=MIN:MAX]", help="Of a FEBio model: a number that varies.")
+@click.option("--move", metavar="NAME", help="Of a FEBio model: the displacement that follows the measured one.")
+@click.option("--move-factor", type=float, default=1.0, help="How far it goes for 1 mm of the measured displacement.")
+@click.option("--measure", multiple=True, metavar="NAME=ITEM@SET", help="Of a FEBio model: an output.")
 @click.option("--json", "as_json", is_flag=True, help="What was made, as a JSON object.")
 def init(
     files: tuple[Path, ...],
@@ -63,6 +67,10 @@ def init(
     override: bool,
     answers: Path | None,
     yes: bool,
+    vary: tuple[str, ...],
+    move: str | None,
+    move_factor: float,
+    measure: tuple[str, ...],
     as_json: bool,
     **hints: Any,
 ) -> None:
@@ -72,7 +80,14 @@ def init(
     sinew's layout already. Columns, separators and names are guessed and listed. Units are read from the files or
     given, never guessed. On a terminal, the command asks for what no file tells. Answers are kept in answers.yaml
     beside the study.
+
+    A FEBio model (model.feb) becomes a study with a template. Without --vary, what it holds is listed.
     """
+    asks = _is_dialogue() and not (as_json or yes)
+    if len(files) == 1 and files[0].suffix.lower() == ".feb":
+        _init_model(files[0], out, vary, move, move_factor, measure, as_json=as_json, asks=asks)
+        return
+    _refuse_without_model(vary, move, measure)
     from sinew.tasks.data.answers import read_answers
     from sinew.tasks.data.columns import Hints
     from sinew.tasks.data.init import OVERVIEW
@@ -80,7 +95,6 @@ def init(
     from sinew.tasks.data.overview import draw_overview
     from sinew.tasks.data.specimen_sizes import Sizes
 
-    asks = sys.stdin.isatty() and sys.stdout.isatty() and not (as_json or yes)
     made = make(
         files,
         out,
@@ -100,11 +114,69 @@ def init(
         put(line)
     for path in made.to_fill_in:
         put(f"fill in: {path}")
-    tests = sum(len(one.curves) for one in made.specimens)
-    put(f"look at the {'tests' if drawn == tests else f'first {drawn} of {tests:,} tests'}: {overview}")
+    put(f"look at {_drawn(drawn, sum(len(one.curves) for one in made.specimens))}: {overview}")
     put(f"study: {made.study}")
     run_it = command_line("run", made.study)
     say_next(f"fill in what is marked null there, then {run_it}" if made.to_fill_in else run_it)
+
+
+def _init_model(
+    path: Path,
+    out: Path,
+    vary: tuple[str, ...],
+    move: str | None,
+    factor: float,
+    measure: tuple[str, ...],
+    *,
+    as_json: bool,
+    asks: bool,
+) -> None:
+    from sinew.tasks.data.new_model_study import Choices, init_model
+    from sinew.tasks.simulate.febio.model_file import listing
+    from sinew.tasks.simulate.febio.model_file.contents import contents_of
+    from sinew.tasks.simulate.febio.model_file.source import read_source
+
+    if not math.isfinite(factor) or factor == 0:
+        raise BadInput("--move-factor", str(factor), "a number that is not 0")
+    source = read_source(path)
+    contents = contents_of(source)
+    if not vary:
+        if as_json:
+            put(json.dumps(listing.as_json(source, contents)))
+            return
+        for line in listing.lines(source, contents):
+            put(line)
+        if not asks:
+            say_next(command_line("init", path, "--out", out, "--vary", "NAME", "--move", "NAME"))
+            return
+        vary = tuple(_several("what varies? (NAME or NAME=MIN:MAX; several with ';')"))
+        move = move or _ask("what is moved by the measured displacement? (empty: nothing)", ()) or None
+        measure = measure or tuple(_several("which outputs beside its force? (NAME=ITEM@SET; empty: none)"))
+    made = init_model(source, contents, Choices(vary, move, factor, measure), out)
+    if as_json:
+        put(json.dumps({"study": str(made.study), "told": made.lines}))
+        return
+    for line in made.lines:
+        put(line)
+    put(f"study: {made.study}")
+    say_next(command_line("doctor", made.study))
+
+
+def _drawn(drawn: int, tests: int) -> str:
+    return "the tests" if drawn == tests else f"the first {drawn} of {tests:,} tests"
+
+
+def _refuse_without_model(*choices: object) -> None:
+    if any(choices):
+        raise BadInput("--vary, --move and --measure", "without a FEBio model", "one file model.feb")
+
+
+def _several(question: str) -> list[str]:
+    return [part.strip() for part in _ask(question, ()).split(";") if part.strip()]
+
+
+def _is_dialogue() -> bool:
+    return sys.stdin.isatty() and sys.stdout.isatty()
 
 
 def _ask(question: str, choices: Sequence[str]) -> str:

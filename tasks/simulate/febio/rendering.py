@@ -250,7 +250,7 @@ def _listed(main: str, element: Element) -> list[int]:
     if len(element):
         return [_number(main, child) for child in element]
     found = []
-    for part in (element.text or "").replace("\n", ",").replace(" ", ",").split(","):
+    for part in re.split(r"[\s,]+", element.text or ""):
         if part and not part.isdecimal():
             raise Wrong(main, f"<{element.tag} name={element.get('name')!r}> has {part[:20]!r}", "numbers and commas")
         found += [int(part)] if part else []

@@ -6,6 +6,7 @@ import sys
 import pytest
 
 from sinew.tasks.cli.main import main
+from tests.tasks.simulate.febio.model_file.cube import CUBE
 
 EXPORT = "Length,20,mm\nTime (s),Stroke (mm),Load (kN)\n0,0,0.1\n1,0.1,0.2\n2,0.2,0.3\n"
 
@@ -68,3 +69,65 @@ def test_the_peak_of_a_compression_is_its_largest_force(tmp_path, monkeypatch, c
     said = capsys.readouterr().out.splitlines()
     assert said[0].endswith("stretch 0.7 to 1, peak -9 N")
     assert said[1].startswith("a/test: a compression, unless the machine counts tension as negative")
+
+
+# ---- a FEBio model
+
+
+@pytest.fixture
+def init(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cube.feb").write_text(CUBE, "latin-1")
+
+    def run(*words: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["sinew", "init", *words, "--out", "study"])
+        try:
+            main()
+        except SystemExit as stopped:
+            return int(stopped.code or 0), *capsys.readouterr()
+        return 0, *capsys.readouterr()
+
+    return run
+
+
+def test_what_a_model_holds_is_listed_before_anything_is_chosen(init, tmp_path):
+    code, out, _ = init("cube.feb")
+    assert code == 0
+    assert "  gel ä.elastic.E = 10.0\n" in out
+    assert out.endswith("next: sinew init cube.feb --out study --vary NAME --move NAME\n")
+    code, out, _ = init("cube.feb", "--json")
+    assert json.loads(out)["materials"]["gel ä.t1"] == 2.5
+    assert not (tmp_path / "study").exists()
+
+
+def test_a_model_becomes_a_study(init, tmp_path):
+    code, out, _ = init("cube.feb", "--vary", "gel ä.elastic.E=5:20", "--move", "pull", "--measure", "side=ux@top")
+    assert code == 0
+    assert out.splitlines()[0] == "gel_elastic_E: gel ä.elastic.E, 5 to 20 (10)"
+    assert out.endswith("study: study/study.yaml\nnext: sinew doctor study/study.yaml\n")
+    assert sorted(path.name for path in (tmp_path / "study").iterdir()) == ["cube.feb.j2", "mesh.xml", "study.yaml"]
+
+
+def test_in_a_dialogue_the_choices_are_asked_for(init, monkeypatch):
+    answers = iter(["gel ä.t1; gel ä.g1=0.1:1", "pull", ""])
+    monkeypatch.setattr("sinew.tasks.cli.files._is_dialogue", lambda: True)
+    monkeypatch.setattr("sinew.tasks.cli.files._ask", lambda question, choices: next(answers))
+    code, out, _ = init("cube.feb")
+    assert code == 0
+    assert "gel_t1: gel ä.t1, 1.25 to 5 (2.5)\n" in out
+    assert "force: Rz of top (node_data, sum), in N\n" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("cube.feb", "--vary", "gel.E"), "sinew: cube.feb: --vary: no number 'gel.E'; expected one of gel ä."),
+        (("cube.feb", "--vary", "gel ä.t1", "--move-factor", "0"), "sinew: --move-factor: 0.0; expected a number that"),
+        (("a.csv", "--vary", "E"), "sinew: --vary, --move and --measure: without a FEBio model; expected one file"),
+    ],
+)
+def test_what_does_not_fit_is_one_line(init, words, message):
+    code, _, err = init(*words)
+    assert code == 2
+    assert err.startswith(message)
+    assert err.count("\n") == 1

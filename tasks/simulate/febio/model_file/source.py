@@ -1,0 +1,157 @@
+"""Reading a FEBio input so that parts of its text can be replaced and all else stays as it is."""
+
+import codecs
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+from sinew.runner.errors import BadInput, shown
+from sinew.runner.files import read_input
+
+MAX_BYTES = 2**26
+DEEPEST = 100
+MESH = ("Mesh", "Geometry")  # below these sections only the sections themselves are kept
+VERSIONS = ("3.0", "4.0")
+_DECLARATION = re.compile(r"\A\s*<\?xml[^>]*\?>\s*")
+_ENCODING = re.compile(rb"\A[^>]{0,200}?encoding\s*=\s*[\"']([A-Za-z0-9_.:-]{1,40})[\"']")
+_TAG = re.compile(rb"""<(?:[^"'>]|"[^"]*"|'[^']*')*>""")
+
+
+@dataclass(eq=False)
+class Element:
+    """An element of the input and where it stands: bytes of the text of :class:`Source`, in UTF-8.
+
+    ``start`` and ``end`` hold all of it, ``inside`` what is between its tags (None: it has one tag only). ``text`` is
+    its own text, without that of its children.
+    """
+
+    tag: str
+    attributes: Mapping[str, str]
+    start: int
+    text: str = ""
+    end: int = 0
+    inside: tuple[int, int] | None = None
+    children: list["Element"] = field(default_factory=list)
+
+    def find(self, tag: str) -> "Element | None":
+        """The first child of this tag."""
+        return next((child for child in self.children if child.tag == tag), None)
+
+    def all(self, *tags: str) -> Iterator["Element"]:
+        """The children of these tags."""
+        return (child for child in self.children if child.tag in tags)
+
+    @property
+    def name(self) -> str:
+        return self.attributes.get("name", "").strip()
+
+
+@dataclass(frozen=True)
+class Source:
+    """A FEBio input: its ``text`` in UTF-8 without an XML declaration, and the ``root`` of its elements."""
+
+    path: Path
+    text: bytes
+    root: Element
+
+    @property
+    def version(self) -> str:
+        return self.root.attributes["version"].strip()
+
+    def section(self, tag: str) -> Element | None:
+        """A section of the input by its tag."""
+        return self.root.find(tag)
+
+
+def read_source(path: Path) -> Source:
+    """Read a FEBio input. Raises :class:`BadInput`."""
+    content = read_input(path, MAX_BYTES, "a FEBio input of at most 64 MB")
+    lines_stay = _DECLARATION.sub(lambda declared: "\n" * declared[0].count("\n"), _decoded(path, content), count=1)
+    text = lines_stay.encode()
+    root = _elements(path, text)
+    if root.tag != "febio_spec":
+        raise BadInput(path, f"holds <{shown(root.tag)[1:-1]}>", "a FEBio model, which is a <febio_spec>")
+    version = root.attributes.get("version", "").strip()
+    if version not in VERSIONS:
+        problem = f"is of FEBio's format {version[:10]}" if version else "does not tell its format"
+        raise BadInput(path, problem, "format 3.0 or 4.0: open the model in FEBio Studio and export it as 4.0")
+    for element in _walk(root):
+        if element.tag == "Include" or "from" in element.attributes:
+            raise BadInput(path, f"<{element.tag}> reads another file", "a model in one file")
+    return Source(path, text, root)
+
+
+def _walk(element: Element) -> Iterator[Element]:
+    yield element
+    for child in element.children:
+        yield from _walk(child)
+
+
+def _decoded(path: Path, content: bytes) -> str:
+    told = _ENCODING.match(content)
+    encoding = told[1].decode("ascii") if told else "utf-8-sig"
+    if content.startswith(codecs.BOM_UTF8):
+        encoding = "utf-8-sig"
+    elif content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        encoding = "utf-16"
+    try:
+        return content.decode(encoding)
+    except LookupError:
+        raise BadInput(path, f"is in an unknown encoding ({encoding})", "UTF-8") from None
+    except UnicodeError:
+        raise BadInput(path, f"is not text in {encoding}", "a FEBio input in the encoding that it names") from None
+
+
+def _elements(path: Path, text: bytes) -> Element:
+    """The tree of elements, with their places. Raises :class:`BadInput` for what is no XML, or has a document type."""
+    parser = expat.ParserCreate("utf-8")
+    top = Element("", {}, 0)
+    open_elements = [top]
+    skipped = 0  # depth below a part of the mesh, whose nodes and elements are not kept
+
+    def refuse(*_: object) -> None:
+        raise BadInput(path, "has a document type", "XML without one")
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal skipped
+        if skipped or (len(open_elements) == 4 and open_elements[2].tag in MESH):
+            skipped += 1
+            return
+        if len(open_elements) > DEEPEST:
+            raise BadInput(path, "is nested too deeply", f"at most {DEEPEST} elements in each other")
+        element = Element(tag, attributes, parser.CurrentByteIndex)
+        open_elements[-1].children.append(element)
+        open_elements.append(element)
+
+    def end(tag: str) -> None:
+        nonlocal skipped
+        if skipped:
+            skipped -= 1
+            return
+        element = open_elements.pop()
+        opening = _TAG.match(text, element.start)
+        assert opening is not None, "expat has read it"
+        begin, at = opening.end(), parser.CurrentByteIndex
+        if opening[0].endswith(b"/>"):
+            element.end = begin
+            return
+        closing = _TAG.match(text, at)
+        assert closing is not None, "expat has read it"
+        element.inside, element.end = (begin, at), closing.end()
+        element.text = element.text.strip()
+
+    def characters(data: str) -> None:
+        if not skipped and not (len(open_elements) == 4 and open_elements[2].tag in MESH):
+            open_elements[-1].text += data
+
+    parser.buffer_text = True
+    parser.StartDoctypeDeclHandler = refuse
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = characters
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        raise BadInput(path, f"line {error.lineno} is no XML ({expat.errors.messages[error.code]})", "XML") from None
+    return top.children[0]

@@ -1,0 +1,95 @@
+"""What a FEBio model holds: each number with its path, what can be moved, and its sets."""
+
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.simulate.febio.model_file.contents import contents_of, nodes_of_surface
+from sinew.tasks.simulate.febio.model_file.listing import as_json, lines
+from tests.tasks.simulate.febio.model_file.cube import CUBE, in_format_3
+from tests.tasks.simulate.febio.model_file.test_source import read
+
+GEL = "gel ä"
+NUMBERS = {
+    f"{GEL}.t1": 2.5,
+    f"{GEL}.g1": 0.5,
+    f"{GEL}.elastic.density": 1.0,
+    f"{GEL}.elastic.E": 10.0,
+    f"{GEL}.elastic.v": 0.3,
+    **{f"{GEL}.elastic.mat_axis.a[{i}]": value for i, value in ((1, 1.0), (2, 0.0), (3, 0.0))},
+    **{f"{GEL}.elastic.mat_axis.d[{i}]": value for i, value in ((1, 0.0), (2, 1.0), (3, 0.0))},
+}
+
+
+@pytest.mark.parametrize("text", [CUBE, in_format_3(CUBE)])
+def test_every_number_of_a_material_has_a_path_and_a_place(tmp_path, text):
+    source = read(tmp_path, text)
+    found = contents_of(source)
+    assert {one.path: one.value for one in found.materials} == NUMBERS
+    for one in found.numbers.values():
+        assert float(source.text[one.start : one.end]) == one.value
+    assert found.texts == (f"{GEL}.elastic.map ({{X}}*2)",)
+    assert {one.path for one in found.others} >= {
+        "Globals.Constants.T",
+        "Boundary.base.z_dof",
+        "Boundary.pull.relative",
+    }
+
+
+@pytest.mark.parametrize("text", [CUBE, in_format_3(CUBE)])
+def test_displacements_and_sets_are_found_by_name(tmp_path, text):
+    source = read(tmp_path, text)
+    found = contents_of(source)
+    (one,) = found.moved
+    assert (one.name, one.target, one.rigid, one.axis, one.factor, one.controller) == (
+        "pull", "@surface:top", False, "z", 0.4, 2,
+    )  # fmt: skip
+    sets = found.sets
+    assert (sets.nodes, sets.elements, sets.surfaces, sets.rigid) == (("cube", "bottom"), ("part",), ("top",), ())
+    assert nodes_of_surface(source, "top") == [5, 6, 7, 8]
+
+
+def test_names_that_are_there_twice_and_parts_without_a_name_get_numbers(tmp_path):
+    second = '<material id="2" type="neo-Hookean"><E>1</E><E>2</E></material>'
+    same = second.replace('id="2"', 'id="3" name="gel ä"')
+    paths = [
+        one.path
+        for one in contents_of(read(tmp_path, CUBE.replace("</Material>", f"{second}{same}</Material>"))).materials
+    ]
+    assert len(set(paths)) == len(paths) == len(NUMBERS) + 4
+    assert "material2.E[1]" in paths
+    assert "gel ä[2].E[2]" in paths
+    assert "gel ä[1].t1" in paths
+
+
+def test_a_rigid_body_can_be_moved(tmp_path):
+    rigid = '<material id="2" name="clamp" type="rigid body"><density>1</density></material></Material>'
+    up = '<rigid_bc name="up" type="rigid_displacement"><rb>clamp</rb><dof>z</dof><value lc="2">1</value></rigid_bc>'
+    text = CUBE.replace("</Material>", rigid).replace("<LoadData>", f"<Rigid>{up}</Rigid><LoadData>")
+    found = contents_of(read(tmp_path, text))
+    assert [(one.name, one.target, one.rigid) for one in found.moved] == [
+        ("pull", "@surface:top", False),
+        ("up", "clamp", True),
+    ]
+    assert found.sets.rigid == ("clamp",)
+
+
+def test_loads_of_steps_have_the_name_of_their_step(tmp_path):
+    load = '<Loads><surface_load name="press"><pressure>3</pressure></surface_load></Loads>'
+    step = f'<Step><step id="1" name="first">{load}</step></Step>'
+    found = contents_of(read(tmp_path, CUBE.replace("<LoadData>", f"{step}<LoadData>")))
+    assert found.numbers["Step.first.Loads.press.pressure"].value == 3.0
+
+
+def test_a_model_without_materials_is_refused(tmp_path):
+    with pytest.raises(BadInput, match="has no material; expected a FEBio model with a Material section"):
+        contents_of(read(tmp_path, '<febio_spec version="4.0"><Material/></febio_spec>'))
+
+
+def test_what_it_holds_is_listed_for_a_person_and_for_a_program(tmp_path):
+    source = read(tmp_path, CUBE)
+    found = contents_of(source)
+    listed = list(lines(source, found))
+    assert "  gel ä.elastic.E = 10.0" in listed
+    assert "  pull (nodes @surface:top, along z)" in listed
+    assert "  surfaces: top" in listed
+    assert as_json(source, found)["materials"] == NUMBERS

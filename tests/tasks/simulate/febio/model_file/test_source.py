@@ -1,0 +1,91 @@
+"""Reading FEBio inputs: where each element stands, and what is refused."""
+
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.simulate.febio.model_file.source import read_source
+from tests.tasks.simulate.febio.model_file.cube import CUBE
+
+
+def read(folder, text: str, encoding: str = "latin-1"):
+    path = folder / "cube.feb"
+    path.write_bytes(text.encode(encoding))
+    return read_source(path)
+
+
+def elements(one):
+    yield one
+    for child in one.children:
+        yield from elements(child)
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        (CUBE, "latin-1"),
+        (CUBE.replace("ISO-8859-1", "UTF-8"), "utf-8"),
+        (CUBE.partition("\n")[2], "utf-8"),
+        (CUBE.replace("ISO-8859-1", "UTF-8"), "utf-8-sig"),
+        (CUBE.replace("ISO-8859-1", "UTF-16"), "utf-16"),
+        (CUBE.replace("\n", "\r\n"), "latin-1"),
+    ],
+)
+def test_each_element_is_where_it_is_said_to_be(tmp_path, text, encoding):
+    source = read(tmp_path, text, encoding)
+    assert source.version == "4.0"
+    for one in elements(source.root):
+        whole = source.text[one.start : one.end].decode()
+        assert re.match(rf"<{one.tag}\b", whole)
+        assert whole.endswith("/>" if one.inside is None else f"</{one.tag}>")
+        if one.inside is not None and not one.children and one.tag not in ("Nodes", "Elements", "Surface"):
+            inside = source.text[slice(*one.inside)].decode()
+            assert inside.strip() == one.text or one.tag == "NodeSet"
+    assert source.section("Material").find("material").name == "gel ä"
+    assert source.section("Mesh").find("Nodes").children == []
+
+
+@given(
+    st.lists(
+        st.sampled_from(["<a/>", "<a></a>", "<b c='>'>", "</b>", "x", "<!-- <b> -->", "<![CDATA[<a>]]>", '<a d="/>"/>'])
+    )
+)
+def test_odd_tags_are_placed_too(tmp_path_factory, parts):
+    folder = tmp_path_factory.mktemp("odd")
+    text = f'<febio_spec version="4.0"><Material>{"".join(parts)}</Material></febio_spec>'
+    try:
+        source = read(folder, text, "utf-8")
+    except BadInput as error:
+        assert "is no XML" in str(error)
+        return
+    for one in elements(source.root):
+        whole = source.text[one.start : one.end].decode()
+        assert whole.startswith(f"<{one.tag}")
+        assert whole.endswith(("/>", f"</{one.tag}>"))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            CUBE.replace('version="4.0"', 'version="2.5"'),
+            "is of FEBio's format 2.5; expected format 3.0 or 4.0: open the",
+        ),
+        (CUBE.replace(' version="4.0"', ""), "does not tell its format; expected format 3.0 or 4.0"),
+        ("<febio_optimize/>", "holds <febio_optimize>; expected a FEBio model"),
+        (CUBE.replace("<Module", "<!-- -- --><Module"), "line 4 is no XML"),
+        (CUBE.replace("<febio_spec", '<!DOCTYPE a [<!ENTITY b "c">]><febio_spec'), "has a document type; expected XML"),
+        (CUBE.replace("<Mesh>", '<Mesh from="mesh.feb">'), "<Mesh> reads another file; expected a model in one file"),
+        (CUBE.replace("<Boundary>", "<Include>/etc/passwd</Include><Boundary>"), "<Include> reads another file"),
+        (CUBE.replace("ISO-8859-1", "rot13"), "is in an unknown encoding (rot13); expected UTF-8"),
+        (CUBE.replace("ISO-8859-1", "ascii"), "is not text in ascii"),
+        (CUBE.replace("<Globals>", "<Globals>" + 200 * "<a>"), "is nested too deeply"),
+    ],
+)
+def test_what_cannot_be_imported_is_refused_in_one_line(tmp_path, text, words):
+    with pytest.raises(BadInput, match=re.escape(words)) as error:
+        read(tmp_path, text)
+    assert str(error.value).startswith(str(tmp_path / "cube.feb"))
