@@ -94,6 +94,26 @@ def test_with_measured_curves_the_model_follows_them_and_stops_where_a_value_is_
     assert made.study.simulator.outputs["force"].scale == -1, "a pull in the other direction"
 
 
+@pytest.mark.parametrize(
+    ("stepper", "kept"),
+    [
+        ('<time_stepper type="default"><dtmax>0.1</dtmax><opt_iter>9</opt_iter></time_stepper>', "9"),
+        ('<time_stepper type="default"><dtmax lc="1">0.1</dtmax><opt_iter>9</opt_iter></time_stepper>', "9"),
+        ('<time_stepper type="default"><opt_iter>9</opt_iter></time_stepper>', "9"),
+        ('<time_stepper type="default"/>', None),
+    ],
+)
+def test_a_models_own_time_stepper_is_kept_but_for_its_longest_step(tmp_path, stepper, kept):
+    text = CUBE.replace('<solver type="solid">', f'{stepper}<solver type="solid">')
+    made = Made(tmp_path, text)
+    saved = made.rendered(made.protocol).find("Control")
+    assert flat(saved) == flat(ElementTree.fromstring(text.encode("latin-1")).find("Control"))
+    root = made.rendered(Protocol("relax", np.arange(3.0), np.zeros(3)))
+    (found,) = root.findall("Control/time_stepper")
+    assert [step.get("lc") for step in found.findall("dtmax")] == ["4"]
+    assert found.findtext("opt_iter") == kept
+
+
 def test_the_history_as_saved_and_what_was_chosen_are_told(tmp_path):
     made = Made(tmp_path, choices=replace(CHOICES, factor=0.5))
     history = made.study.protocols["as_saved"]

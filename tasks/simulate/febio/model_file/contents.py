@@ -14,7 +14,7 @@ from sinew.tasks.simulate.febio.model_file.source import MESH, Element, Source
 
 SECTIONS = ("Globals", "Initial", "Boundary", "Rigid", "Loads", "Contact", "Constraints", "Discrete")
 STEPS = ("Step", "step")
-_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"  # one way to read each text: matching takes linear time
 _NUMBERS = re.compile(rf"\s*{_NUMBER}\s*(?:,\s*{_NUMBER}\s*)*")
 _AXES = ("x", "y", "z")
 
@@ -168,11 +168,16 @@ def _one_moved(source: Source, one: Element, target: str, *, rigid: bool) -> Ite
         return
     numbers = list(_numbers(source, one.name, value))
     controller = value.attributes.get("lc", "")
-    if len(numbers) == 1 and controller.isdecimal() and one.name:
+    if len(numbers) == 1 and is_id(controller) and one.name:
         yield Moved(one.name, target, rigid, axis, numbers[0].value, int(controller), value)
 
 
 # ---- sets
+
+
+def is_id(text: str) -> bool:
+    """Whether a text is the number of a node, an element or a load controller."""
+    return text.isdecimal() and len(text) < 12
 
 
 def _sets(source: Source, materials: list[Element]) -> Sets:
@@ -191,6 +196,6 @@ def nodes_of_surface(source: Source, name: str) -> list[int]:
     surface = next(part for part in mesh.all("Surface") if part.name == name)
     facets: MeshElement = defusedxml.ElementTree.fromstring(source.text[surface.start : surface.end], forbid_dtd=True)
     numbers = [part.strip() for facet in facets for part in (facet.text or "").split(",")]
-    if not numbers or not all(number.isdecimal() for number in numbers):
+    if not numbers or not all(is_id(number) for number in numbers):
         raise BadInput(source.path, f"the facets of surface {shown(name)} cannot be read", "numbers of nodes")
     return sorted({int(number) for number in numbers})

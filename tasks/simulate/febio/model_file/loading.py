@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.simulate.febio.model_file.contents import Moved
+from sinew.tasks.simulate.febio.model_file.contents import Moved, is_id
 from sinew.tasks.simulate.febio.model_file.source import Element, Source
 
 MOST_POINTS = 5_000  # of the history in a study
@@ -120,7 +120,7 @@ def next_controller(source: Source) -> int:
     """A number that no load controller has."""
     section = source.section("LoadData")
     taken = [one.attributes.get("id", "") for one in section.children] if section is not None else []
-    return 1 + max((int(number) for number in taken if number.isdecimal()), default=0)
+    return 1 + max((int(number) for number in taken if is_id(number)), default=0)
 
 
 def _at(corners: list[tuple[float, float]], time: float) -> float:

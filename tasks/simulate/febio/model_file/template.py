@@ -90,7 +90,7 @@ def _followed(source: Source, moved: Moved, factor: float) -> list[Edit]:
         Edit(value.end, value.end, f'{{% else %}}<{tag} lc="{number}">{factor!r}</{tag}>{_END}'),
         Edit(data.inside[1], data.inside[1], _FOLLOWING + _curves(number) + _END),
     ]
-    return edits + _steps(source, control, number + 1)
+    return edits + _steps(control, number + 1)
 
 
 def _curves(number: int) -> str:
@@ -102,7 +102,7 @@ def _curves(number: int) -> str:
     )
 
 
-def _steps(source: Source, control: Element, must_points: int) -> list[Edit]:
+def _steps(control: Element, must_points: int) -> list[Edit]:
     """Edits by which a run lasts as long as the protocol and stops where the study needs a value."""
     assert control.inside is not None
     times = "<time_steps>-1</time_steps><final_time>{{ end_s }}</final_time><step_size>{{ first_step_s }}</step_size>"
@@ -115,8 +115,7 @@ def _steps(source: Source, control: Element, must_points: int) -> list[Edit]:
     if stepper is None or stepper.inside is None:
         if stepper is not None:
             edits += [Edit(stepper.start, stepper.start, _SAVED), Edit(stepper.end, stepper.end, _END)]
-        kind = ' type="default"' if source.version == "4.0" else ""
-        times += f"<time_stepper{kind}><dtmin>0</dtmin>{longest}<dtforce>1</dtforce></time_stepper>"
+        times += f'<time_stepper type="default"><dtmin>0</dtmin>{longest}<dtforce>1</dtforce></time_stepper>'
     elif step is None:
         edits.append(Edit(stepper.inside[0], stepper.inside[0], _FOLLOWING + longest + _END))
     else:

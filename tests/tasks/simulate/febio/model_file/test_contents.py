@@ -1,10 +1,17 @@
 """What a FEBio model holds: each number with its path, what can be moved, and its sets."""
 
+import time
+
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.simulate.febio.model_file.contents import contents_of, nodes_of_surface
 from sinew.tasks.simulate.febio.model_file.listing import as_json, lines
+from sinew.tasks.simulate.febio.model_file.loading import loading_of, units
+from sinew.tasks.simulate.febio.model_file.source import read_source
+from sinew.tasks.simulate.febio.model_file.template import template_of
 from tests.tasks.simulate.febio.model_file.cube import CUBE, in_format_3
 from tests.tasks.simulate.febio.model_file.test_source import read
 
@@ -93,3 +100,58 @@ def test_what_it_holds_is_listed_for_a_person_and_for_a_program(tmp_path):
     assert "  pull (nodes @surface:top, along z)" in listed
     assert "  surfaces: top" in listed
     assert as_json(source, found)["materials"] == NUMBERS
+
+
+ODD = (
+    b"<",
+    b">",
+    b"/>",
+    b'"',
+    b"1e999",
+    b"9" * 5000,
+    b"-",
+    b"<a>",
+    b"</Mesh>",
+    b"&x;",
+    b"\x00",
+    b"\xff",
+    b"{{",
+    b"lc",
+    b"",
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.integers(0, len(CUBE)), st.integers(0, 40), st.sampled_from(ODD))
+def test_any_bytes_as_a_model_are_read_or_refused_in_one_line(tmp_path_factory, at, length, odd):
+    path = tmp_path_factory.mktemp("odd") / "cube.feb"
+    model = CUBE.encode("latin-1")
+    path.write_bytes(model[:at] + odd + model[at + length :])
+    try:
+        source = read_source(path)
+        found = contents_of(source)
+        list(lines(source, found))
+        for surface in found.sets.surfaces:
+            nodes_of_surface(source, surface)
+        units(source)
+        for moved in (None, *found.moved):
+            template_of(source, (), moved, 1.0, ())
+            loading_of(source, moved, 1.0)
+    except BadInput as error:
+        assert "\n" not in str(error)
+        assert len(str(error)) < 400
+
+
+def test_numbers_of_nodes_and_controllers_are_of_a_reasonable_length(tmp_path):
+    long = "9" * 5000
+    source = read(tmp_path, CUBE.replace("5,6,7,8</quad4>", f"5,6,7,{long}</quad4>").replace('lc="2"', f'lc="{long}"'))
+    assert contents_of(source).moved == ()
+    with pytest.raises(BadInput, match="the facets of surface 'top' cannot be read; expected numbers of nodes"):
+        nodes_of_surface(source, "top")
+
+
+def test_a_long_number_takes_no_time(tmp_path):
+    source = read(tmp_path, CUBE.replace("2.50", "1" * 30_000 + "x"))
+    started = time.process_time()
+    contents_of(source)
+    assert time.process_time() - started < 5
