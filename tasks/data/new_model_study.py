@@ -1,26 +1,19 @@
 """A study of a person's own FEBio model, as ``sinew init model.feb`` makes it: a template and a study file."""
 
-import json
 import math
 import os
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
-from jinja2.sandbox import SandboxedEnvironment
-
 from sinew.runner.errors import BadInput, one_line
-from sinew.tasks.data.names import plain_name
+from sinew.tasks.data.new_study import write_rendered
 from sinew.tasks.simulate.febio.model_file.choices import Measured, Varied, force_of, measured, moved, varied
 from sinew.tasks.simulate.febio.model_file.contents import Contents, Moved
 from sinew.tasks.simulate.febio.model_file.loading import Loading, loading_of, units
 from sinew.tasks.simulate.febio.model_file.source import Source
 from sinew.tasks.simulate.febio.model_file.template import AS_SAVED, check_same, name_of_nodes, template_of
 from sinew.tasks.study.files import write_text
-from sinew.tasks.study.resources import resource
-from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import check_folder
 
 HISTORY = {"displacement_points": "", "step_points": "", "end_s": 1.0, "first_step_s": 1.0}
@@ -73,36 +66,17 @@ def init_model(source: Source, contents: Contents, choices: Choices, out: Path) 
     for name, text in files.items():
         write_text(out / name, text)
     study = out / "study.yaml"
-    write_text(study, _study(source, next(iter(files)), vary, part, outputs, loading, study))
-    read_study(study)  # a study file that cannot be read must not be left behind unnoticed
+    values = {
+        "model": one_line(source.path.name),
+        "main": next(iter(files)),
+        "vary": vary,
+        "part": part,
+        "outputs": [(one, name_of_nodes(one.set) if one.surface else one.set) for one in outputs],
+        "protocol": AS_SAVED,
+        "loading": loading,
+    }
+    write_rendered(study, "model_study.yaml.j2", values)
     return NewModelStudy(study, tuple(_told(vary, part, outputs, loading, system, choices.factor)))
-
-
-def _study(
-    source: Source,
-    main: str,
-    vary: Sequence[Varied],
-    part: Moved | None,
-    outputs: Sequence[Measured],
-    loading: Loading,
-    study: Path,
-) -> str:
-    environment = SandboxedEnvironment(
-        undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True, keep_trailing_newline=True
-    )
-    environment.filters["json"] = lambda value: json.dumps(value, ensure_ascii=False)
-    template = environment.from_string(resource("templates/model_study.yaml.j2").read_text("utf-8"))
-    return template.render(
-        name=plain_name(study.parent.resolve().name).replace("+", "-")[:64] or "study",
-        model=one_line(source.path.name),
-        command=one_line(shlex.quote(str(study))),
-        main=main,
-        vary=vary,
-        part=part,
-        outputs=[(one, name_of_nodes(one.set) if one.surface else one.set) for one in outputs],
-        protocol=AS_SAVED,
-        loading=loading,
-    )
 
 
 def _told(

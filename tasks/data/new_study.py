@@ -5,6 +5,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import jinja2
 from jinja2.sandbox import SandboxedEnvironment
@@ -56,16 +57,21 @@ def write_study(out: Path, cohort: str, specimens: Sequence[Specimen], ranges: F
     several = len({one.site for one in specimens if one.site}) > 1
     tasks = [name for name, task in TASKS.items() if not task.optional and (several or name != "compare")]
     cyclic = sorted({curve.name for one in specimens for curve in one.curves if curve.name.startswith("cyc")})
+    names = {"cohort": json.dumps(cohort), "tasks": tasks, "cyclic": list(map(json.dumps, cyclic)), "ranges": ranges}
+    write_rendered(study, "study.yaml.j2", names)
+    return study
+
+
+def write_rendered(study: Path, template: str, values: Mapping[str, Any]) -> None:
+    """Write a study file from one of sinew's templates; ``name`` and ``command``, its path in a shell, are set here."""
     environment = SandboxedEnvironment(
         undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True, keep_trailing_newline=True
     )
-    template = environment.from_string(resource("templates/study.yaml.j2").read_text("utf-8"))
-    name = plain_name(out.resolve().name).replace("+", "-")[:64] or "study"
-    values = {"name": name, "cohort": json.dumps(cohort), "tasks": tasks, "cyclic": map(json.dumps, cyclic)}
-    command = one_line(shlex.quote(str(study)))
-    write_text(study, template.render(**values, study=command, ranges=ranges))
+    environment.filters["json"] = lambda value: json.dumps(value, ensure_ascii=False)
+    name = plain_name(study.parent.resolve().name).replace("+", "-")[:64] or "study"
+    text = environment.from_string(resource(f"templates/{template}").read_text("utf-8"))
+    write_text(study, text.render(values, name=name, command=one_line(shlex.quote(str(study)))))
     read_study(study)  # a study file that cannot be read must not be left behind unnoticed
-    return study
 
 
 def leave_open(path: Path, missing: Sequence[str]) -> None:

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element as MeshElement
 import defusedxml.ElementTree
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.simulate.febio.model_file.source import MESH, Element, Source
+from sinew.tasks.simulate.febio.model_file.source import Element, Source
 
 SECTIONS = ("Globals", "Initial", "Boundary", "Rigid", "Loads", "Contact", "Constraints", "Discrete")
 STEPS = ("Step", "step")
@@ -181,7 +181,7 @@ def is_id(text: str) -> bool:
 
 
 def _sets(source: Source, materials: list[Element]) -> Sets:
-    parts = [part for tag in MESH if (mesh := source.section(tag)) is not None for part in mesh.children]
+    parts = source.mesh.children if source.mesh is not None else []
 
     def names(*tags: str) -> tuple[str, ...]:
         return tuple(dict.fromkeys(part.name for part in parts if part.tag in tags and part.name))
@@ -192,8 +192,8 @@ def _sets(source: Source, materials: list[Element]) -> Sets:
 
 def nodes_of_surface(source: Source, name: str) -> list[int]:
     """The nodes of a surface, each once, in increasing order. Raises :class:`BadInput`."""
-    mesh = next(found for tag in MESH if (found := source.section(tag)) is not None)
-    surface = next(part for part in mesh.all("Surface") if part.name == name)
+    assert source.mesh is not None, "it has a surface"
+    surface = next(part for part in source.mesh.all("Surface") if part.name == name)
     facets: MeshElement = defusedxml.ElementTree.fromstring(source.text[surface.start : surface.end], forbid_dtd=True)
     numbers = [part.strip() for facet in facets for part in (facet.text or "").split(",")]
     if not numbers or not all(is_id(number) for number in numbers):

@@ -60,6 +60,11 @@ class Source:
     def version(self) -> str:
         return self.root.attributes["version"].strip()
 
+    @property
+    def mesh(self) -> Element | None:
+        """The section of nodes, elements and sets."""
+        return next(self.root.all(*MESH), None)
+
     def section(self, tag: str) -> Element | None:
         """A section of the input by its tag."""
         return self.root.find(tag)

@@ -15,7 +15,7 @@ from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.model_file.choices import Measured, Varied
 from sinew.tasks.simulate.febio.model_file.contents import Moved, nodes_of_surface
 from sinew.tasks.simulate.febio.model_file.loading import controls, next_controller
-from sinew.tasks.simulate.febio.model_file.source import MESH, Element, Source
+from sinew.tasks.simulate.febio.model_file.source import Element, Source
 from sinew.tasks.simulate.febio.renderer import WrongTemplate, render
 
 AS_SAVED = "as_saved"
@@ -47,7 +47,7 @@ def template_of(
             raise BadInput(source.path, problem, "one of --vary and --move")
         edits += _followed(source, moved, factor)
     sets = _node_sets(source, measured)
-    mesh = next((found for tag in MESH if (found := source.section(tag)) is not None and found.inside), None)
+    mesh = source.mesh
     name = f"{source.path.stem}.feb.j2"
     declaration = '<?xml version="1.0" encoding="UTF-8"?>\n'
     if mesh is None or mesh.inside is None:
