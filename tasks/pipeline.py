@@ -7,22 +7,28 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from sinew.runner.cluster.local import Local
 from sinew.runner.console import Console
 from sinew.runner.errors import BadInput, ClusterError, SinewError, StoreError, WalltimeReached, brief, one_line
 from sinew.runner.printing import put
 from sinew.runner.store.repair import Repaired
 from sinew.runner.store.store import Store, open_store
+from sinew.tasks.drawing.blocks import duration
 from sinew.tasks.drawing.formats import FORMATS
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.status import PAGE, current_page
 from sinew.tasks.study import provenance
+from sinew.tasks.study.estimate import estimate
 from sinew.tasks.study.files import digest, read_json, write_json
 from sinew.tasks.study.resources import DISTRIBUTION
 from sinew.tasks.study.study import Study
+from sinew.tasks.study.work import Given
 from sinew.tasks.study.workspace import Workspace, check_folder
 
 DRAWN = ".drawn.json"  # in the folder of the figures: which results they and the page show
 NO_TASK_CAN = (ClusterError, StoreError, OSError)  # no later task would fare better
+
+WORTH_SAYING_S = 10.0  # of an estimate
 
 log = logging.getLogger("sinew")
 
@@ -64,6 +70,7 @@ def run(workspace: Workspace, tasks: Sequence[str], *, figures: bool = True, **f
     for remark in workspace.ranges.remarks() if workspace.ranges is not None else ():
         log.warning("ranges", extra={"remark": remark})
         console.print(remark, markup=False)
+    _say_how_long(workspace, tasks)
     results = {}
     errors: dict[str, Exception] = {}
     states = dict.fromkeys(tasks, "waiting")
@@ -73,7 +80,7 @@ def run(workspace: Workspace, tasks: Sequence[str], *, figures: bool = True, **f
             log.warning("task not run", extra={"task": name, "needs": before})
             continue
         states[name] = "running"
-        workspace.board.put(tasks=dict(states), task=name)
+        workspace.board.put(tasks=dict(states), task=name, task_since=round(time.time(), 1))
         try:
             results[name] = _run_one(workspace, name, console, figures=figures, flags=_flags(name, flags))
         except WalltimeReached:  # there is no time left for a page
@@ -98,6 +105,30 @@ def run(workspace: Workspace, tasks: Sequence[str], *, figures: bool = True, **f
         f"results: {workspace.out}  ({page}figures in {workspace.out / 'figures'}, arrays in store.zarr)", markup=False
     )
     return results
+
+
+def _say_how_long(workspace: Workspace, tasks: Sequence[str]) -> None:
+    """Tell what the run will take, where trying the model takes no time and the workers are known.
+
+    A run of a solver is not made for this: `sinew run --dry-run` makes one.
+    """
+    waiting = [name for name in tasks if not (workspace.out / f"{name}.json").is_file()]
+    can, cluster = workspace.simulator.capabilities, workspace.cluster
+    if not waiting or not can.quick or not isinstance(cluster, Local):
+        return
+    given = Given(workspace.study, workspace.cohort, workspace.model, can)
+    try:
+        found = estimate(given, workspace.simulator, waiting, workspace.out, cluster.workers)
+    except BadInput as error:  # the model fails at its reference values; its rows will tell
+        log.warning("no estimate", extra={"reason": str(error)})
+        return
+    expected = {one.task: round(one.wall_s, 1) for one in found.tasks}
+    workspace.board.put(expected_s=expected)
+    workspace.event("estimate", seconds=round(found.wall_s, 1), tasks=expected)
+    if found.wall_s >= WORTH_SAYING_S:
+        longest = sorted(found.tasks, key=lambda one: -one.wall_s)[:3]
+        parts = ", ".join(f"{one.task} {duration(round(one.wall_s))}" for one in longest)
+        workspace.say(f"this will take about {duration(round(found.wall_s))} ({parts}), within a factor of two\n")
 
 
 def _to_raise(errors: Mapping[str, Exception]) -> Exception:

@@ -19,7 +19,7 @@ from sinew.runner.errors import SinewError, one_line
 from sinew.runner.files import NotReadable, read_regular
 from sinew.runner.progress import FAILED, FINISHED, INTERRUPTED, RUNNING
 from sinew.tasks.registry import TASKS
-from sinew.tasks.report.status import read_status, sign_of_life
+from sinew.tasks.report.status import left_of_run, read_status, sign_of_life
 
 LOOK_EVERY_S, SHARE = 2.0, 10  # the thread that looks rows up rests for SHARE times as long as that took
 ENDS_S = 10.0  # for that thread, at the end
@@ -83,6 +83,7 @@ def look(folder: Path, rows: Rows) -> dict[str, Any]:
         "study": found.get("study"),
         "state": state,
         "error": (now or {}).get("error") or None,
+        "left_s": left_of_run(now) if now is not None and state == RUNNING else None,
         "tasks": _tasks(folder, now, logged, state),
         "now": _counted(now) if now is not None else None,
         "task": part,

@@ -1,6 +1,8 @@
 """The state of a run for a person: a picture for a terminal, and a line for everywhere else."""
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
 from rich.markup import escape
@@ -11,7 +13,10 @@ from rich.text import Text
 from sinew.runner.errors import one_line
 from sinew.runner.progress import FAILED, FINISHED, INTERRUPTED, RUNNING
 from sinew.tasks.cli.look import ABSENT, QUEUED, UNKNOWN
-from sinew.tasks.report.status import duration
+from sinew.tasks.report.status import about_left, duration
+
+if TYPE_CHECKING:
+    from sinew.tasks.study.estimate import Estimate
 
 NOTES_SHOWN, FAILURES_SHOWN, FINISHED_SHOWN = 12, 3, 8
 _MARKS = {
@@ -63,7 +68,7 @@ def _head(found: dict[str, Any]) -> Text:
     if found["state"] == INTERRUPTED and found["now"] is not None:
         head.append(f" (last sign of life {duration(found['now']['age_s'])} ago)")
     if found["state"] == RUNNING:
-        head.append(_forces(found))
+        head.append(_forces(found) + about_left(found["left_s"]))
     return head
 
 
@@ -129,6 +134,24 @@ def _rows_table(tables: list[dict[str, Any]]) -> RenderableType:
         cells = (*sums, sums[0] - sums[1])
         grid.add_row(f"and {len(rest)} more", *(f"{cell:,}" for cell in cells))
     return grid
+
+
+def estimate_table(found: Estimate) -> RenderableType:
+    """What each task takes, and all of them."""
+    grid = Grid("task", box=None, padding=(0, 2), header_style="dim")
+    for name in ("evaluations", "time"):
+        grid.add_column(name, justify="right")
+    for one in found.tasks:
+        evaluations = f"{one.evaluations:,}" if one.evaluations and not one.done else "-"
+        grid.add_row(one.task, evaluations, "done already" if one.done else duration(one.wall_s))
+    if found.workers is None:
+        words = f"about {duration(found.wall_s)} with one slot; many slots share the evaluations"
+    else:
+        words = f"about {duration(found.wall_s)} with {found.workers} worker{'s' if found.workers != 1 else ''}"
+    tried = f"an evaluation took {found.row_s:.3g} s just now; expect half to twice the time. Nothing was written."
+    done = [one.task for one in found.tasks if one.done]
+    kept = f"Done already, and kept if nothing has changed: {', '.join(done)}." if done else ""
+    return Group(grid, Text(f"{words}: {tried}"), *([Text(kept)] if kept else []))
 
 
 def line(found: dict[str, Any]) -> str:

@@ -1,11 +1,14 @@
 """Commands that run a study: all of it, one task, or given rows."""
 
+import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import click
 
+from sinew.runner.console import Console
 from sinew.runner.errors import one_line
 from sinew.runner.printing import put
 from sinew.tasks.cli.group import PATH, open_study, sinew, study_command, to_see
@@ -23,8 +26,50 @@ def _run(study: Path, tasks: Sequence[str] | None, flags: Mapping[str, bool], **
 
 
 @study_command("run", "Run all tasks of a study, in order.")
-def run(study: Path, **options: Any) -> None:
-    _run(study, None, {}, **options)
+@click.option("--dry-run", is_flag=True, help="Say what would be done and how long it takes; write nothing.")
+def run(study: Path, dry_run: bool, **options: Any) -> None:
+    if dry_run:
+        _say_how_long(study, **options)
+    else:
+        _run(study, None, {}, **options)
+
+
+def _say_how_long(
+    study: Path,
+    *,
+    data: Path | None,
+    out: Path | None,
+    seed: int | None,
+    solver: str | None,
+    workers: int | None,
+    scheduler: str | None,
+    profile: Path | None,
+    simulator: str | None,
+    as_json: bool,
+    **_: Any,
+) -> None:
+    """Check a study as a run of it would, and print what it would take."""
+    from sinew.runner.cluster.local import Local
+    from sinew.tasks import pipeline
+    from sinew.tasks.cli.picture import estimate_table
+    from sinew.tasks.cluster.profile import read_profile
+    from sinew.tasks.cluster.spec import cluster_of
+    from sinew.tasks.study.estimate import estimate_of
+    from sinew.tasks.study.study import read_study
+
+    read = read_study(study, seed=seed, solver=solver)
+    out = out or Path("results") / read.name
+    pipeline.check(read, out, read.tasks, data=data)
+    cluster = cluster_of(read, workers, scheduler) if profile is None else read_profile(profile)
+    slots = cluster.workers if isinstance(cluster, Local) else None
+    found = estimate_of(read, read.tasks, out, slots, data=data, simulator=simulator)
+    if as_json:
+        facts = {"seconds": found.wall_s, "workers": slots, "seconds_per_evaluation": found.row_s}
+        put(json.dumps({"event": "estimate", **facts, "tasks": [asdict(one) for one in found.tasks]}))
+    else:
+        Console(highlight=False).print(estimate_table(found))
+        if profile is None:
+            say_next(command_line("run", study))
 
 
 @sinew.command("demo")

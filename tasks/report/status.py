@@ -20,6 +20,7 @@ from sinew.runner.store.table import Table
 from sinew.tasks.registry import TASKS
 
 PAGE = "report.html"
+MOST_S = 1e9
 SILENT_S = 60.0  # who works tells of it every few seconds
 JOBS_SHOWN = 12
 FAILURES_SHOWN = 5
@@ -171,7 +172,27 @@ def _now(progress: dict[str, Any] | None) -> str:
     if not progress["alive"]:
         return f"nothing runs; last sign of life {duration(progress['age_s'])} ago ({line})"
     left = f", {duration(progress['eta_s'])} left" if progress.get("eta_s") is not None else ""
-    return f"{line}, {progress.get('running', 0):,} running, {progress.get('rows_per_s', 0):.4g} rows/s{left}"
+    counted = f"{progress.get('running', 0):,} running, {progress.get('rows_per_s', 0):.4g} rows/s{left}"
+    return f"{line}, {counted}{about_left(left_of_run(progress))}"
+
+
+def left_of_run(progress: dict[str, Any]) -> float | None:
+    """Seconds that the whole run will still take: the rest of the task that runs, and all that wait for it.
+
+    None where the run made no estimate. The file may come from anywhere.
+    """
+    expected, tasks, now = (progress.get(name) for name in ("expected_s", "tasks", "task"))
+    if not isinstance(expected, dict) or not isinstance(tasks, dict) or not isinstance(now, str):
+        return None
+    seconds = {n: float(s) for n, s in expected.items() if isinstance(s, int | float) and 0 <= s < MOST_S}
+    since = progress.get("task_since")
+    elapsed = progress["time"] - since if isinstance(since, int | float) else 0.0
+    running = max(seconds.get(now, 0.0) - elapsed, progress.get("eta_s") or 0.0)
+    return running + sum(seconds.get(name, 0.0) for name, state in tasks.items() if state == "waiting")
+
+
+def about_left(seconds: float | None) -> str:
+    return f", about {duration(seconds)} left of the run" if seconds is not None else ""
 
 
 def duration(seconds: float) -> str:

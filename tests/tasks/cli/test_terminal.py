@@ -135,8 +135,8 @@ def test_json_is_objects_only(here, study):
     events = [json.loads(line) for line in said.splitlines()]
     assert (code, err) == (0, "")
     names = [event["event"] for event in events]
-    assert (names[0], names[-2:]) == ("task started", ["task finished", "next"])
-    assert set(names[1:-2]) <= {"progress"}
+    assert (names[:2], names[-2:]) == (["estimate", "task started"], ["task finished", "next"])
+    assert set(names[2:-2]) <= {"progress"}
     assert events[-2]["new_simulations"] == 72
     assert json.loads(Path(events[-2]["result"]).read_text())["rows"] == 72
     assert events[-1]["commands"] == [f"sinew report {out}"]
