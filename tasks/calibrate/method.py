@@ -103,6 +103,11 @@ def specimen_fit(model: Model, evaluation: SpecimenEvaluation, fits: Fits, setti
         donor=specimen.donor,
         parameters=dict(zip(model.names, values, strict=True)),
         rmse_N=dict(zip([curve.name for curve in specimen.curves], best.objective, strict=True)),
+        peak_N={curve.name: float(np.abs(curve.force_N).max()) for curve in specimen.curves},
+        r2={
+            curve.name: explained(curve.force_N, rmse)
+            for curve, rmse in zip(specimen.curves, best.objective, strict=True)
+        },
         total_N=best.total,
         noise_N=floor,
         above_noise=above_noise(best.total, floor),
@@ -113,6 +118,15 @@ def specimen_fit(model: Model, evaluation: SpecimenEvaluation, fits: Fits, setti
         confounded=confounded(free, sd, correlation),
         methods={name: _method_fit(fit, floor, compared_at) for name, fit in fits.methods.items()},
     )
+
+
+def explained(force_N: Array, rmse_N: float) -> float | None:
+    """R2, the share of the variance of a measured force ``[t]`` that a model with this error explains.
+
+    None where the force is constant.
+    """
+    variance = float(np.var(force_N))
+    return 1.0 - rmse_N**2 / variance if variance > 0 else None
 
 
 def _method_fit(fit: BestFit, floor: float | None, compared_at: Sequence[int]) -> MethodFit:

@@ -109,7 +109,7 @@ def _draw_fit(sources: plots.Sources, protocols: list[str]) -> list[Plot]:
 
 
 def _in_words(fit: SpecimenFit) -> str:
-    parts = [f"RMSE {', '.join(f'{name} {number(value)} N' for name, value in fit.rmse_N.items())}"]
+    parts = [f"RMSE {', '.join(f'{name} {_error(fit, name)}' for name in fit.rmse_N)}"]
     parts.append(f"by {fit.method.replace('_', ' ')}")
     if fit.on_bound:
         parts.append(f"on a bound: {', '.join(fit.on_bound)}")
@@ -117,6 +117,18 @@ def _in_words(fit: SpecimenFit) -> str:
         pair = fit.confounded[0]
         parts.append(f"hard to tell apart: {' and '.join(pair.parameters)} ({pair.correlation:+.2f})")
     return "; ".join(parts)
+
+
+def _error(fit: SpecimenFit, protocol: str) -> str:
+    """The error of a protocol in newton, in % of the peak force, and as R2."""
+    r2 = fit.r2[protocol]
+    as_r2 = f", R² {_r2(r2)}" if r2 is not None else ""
+    return f"{number(fit.rmse_N[protocol])} N ({number(fit.percent_of_peak(protocol), 2)} % of the peak{as_r2})"
+
+
+def _r2(value: float) -> str:
+    """R2 with digits enough to tell it from 1."""
+    return f"{value:.4f}" if value < 0.99995 else "above 0.9999"
 
 
 def _values(result: CalibrateResult) -> Table:
@@ -222,10 +234,14 @@ def _search(result: CalibrateResult) -> Block:
 def _table(result: CalibrateResult) -> Table:
     rows = []
     for name, fit in result.specimens.items():
-        rows.append([name, number(fit.total_N, 4), number(fit.noise_N, 4), beyond(fit.above_noise),
+        worst = max((fit.percent_of_peak(protocol) for protocol in fit.rmse_N), default=np.nan)
+        lowest = min((r2 for r2 in fit.r2.values() if r2 is not None), default=None)
+        rows.append([name, number(fit.total_N, 4), number(fit.noise_N, 4), beyond(fit.above_noise), number(worst, 2),
+                     "–" if lowest is None else _r2(lowest),
                      ", ".join(fit.on_bound) or "–", ", ".join(result.not_determined(fit)) or "–",
                      *(number(value, 4) for value in fit.values(result.names))])  # fmt: skip
     units = ["" if unit == "1" else f" ({unit})" for unit in result.units]
-    header = ["specimen", "RMSEs together (N)", "noise together (N)", "above the noise", "on a bound", "not determined",
+    header = ["specimen", "RMSEs together (N)", "noise together (N)", "above the noise",
+              "largest RMSE (% of peak)", "lowest R²", "on a bound", "not determined",
               *(f"{name}{unit}" for name, unit in zip(result.names, units, strict=True))]  # fmt: skip
-    return Table("Fits of all specimens", header, rows, words=(4, 5), open=len(rows) <= 3)
+    return Table("Fits of all specimens", header, rows, words=(6, 7), open=len(rows) <= 3)

@@ -50,14 +50,18 @@ class MethodFit:
 class SpecimenFit:
     """The best fit of one specimen, by ``method``, and what the curves say of each parameter there.
 
-    ``rmse_N`` is by protocol and ``total_N`` their sum. ``noise_N`` is what noise alone would leave of it; None where
-    the curves do not say. ``sd_of_range``: standard deviations of the free parameters as parts of their ranges.
+    ``rmse_N`` is by protocol and ``total_N`` their sum. By protocol as well, of every measured point: ``peak_N``, the
+    largest measured force, and ``r2``, the share of the variance of the measured force that the model explains (None
+    where the force is constant). ``noise_N`` is what noise alone would leave of the total; None where the curves do not
+    say. ``sd_of_range``: standard deviations of the free parameters as parts of their ranges.
     """
 
     site: str | None
     donor: str | None
     parameters: Mapping[str, Number]
     rmse_N: Mapping[str, Number]
+    peak_N: Mapping[str, Number]
+    r2: Mapping[str, float | None]
     total_N: Number
     noise_N: float | None
     above_noise: float | None
@@ -67,6 +71,11 @@ class SpecimenFit:
     determined: list[str]
     confounded: list[ConfoundedPair]
     methods: Mapping[str, MethodFit]
+
+    def percent_of_peak(self, protocol: str) -> float:
+        """The root mean square error of a protocol in % of its peak force; NaN where there is no force."""
+        peak = self.peak_N[protocol]
+        return 100.0 * self.rmse_N[protocol] / peak if peak else float("nan")
 
     def values(self, names: list[str]) -> list[float]:
         """Its parameters in the order of ``names``."""
@@ -123,6 +132,7 @@ class CalibrateResult(Result):
     """
 
     TASK = "calibrate"
+    VERSION = 2  # peak_N and r2 were added
     LIBRARIES = ("scikit-optimize", "scikit-learn", "pingouin")
 
     names: list[str]

@@ -13,6 +13,8 @@ def fit_of(parameters: Mapping[str, float], **changes: Any) -> SpecimenFit:
         "donor": "1",
         "parameters": parameters,
         "rmse_N": {},
+        "peak_N": {},
+        "r2": {},
         "total_N": 1.0,
         "noise_N": 1.0,
         "above_noise": 0.0,

@@ -1,5 +1,6 @@
 """Data: the specimens, their curves, and what is known of both; without measured forces, how far they are pulled."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,26 @@ import numpy as np
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, number, plural
 from sinew.tasks.report.folder import POINTS, MeasuredCurve, ResultFolder
+
+AXES = {
+    "time": "time (s)",
+    "displacement": "displacement (mm)",
+    "force": "force (N)",
+    "strain": "strain, displacement / length (%)",
+    "stress": "nominal stress, force / area (MPa)",
+}
+TOOLTIPS = {
+    "time": ("time", "@time{0.00} s"),
+    "displacement": ("displacement", "@displacement{0.0000} mm"),
+    "force": ("force", "@force{0.0} N"),
+    "strain": ("strain", "@strain{0.000} %"),
+    "stress": ("stress", "@stress{0.0000} MPa"),
+}
+FORCES, STRESSES, DISPLACEMENTS = (
+    (("time", "force"), ("displacement", "force")),
+    (("strain", "stress"),),
+    (("time", "displacement"),),
+)
 
 
 def section(found: ResultFolder) -> Section:
@@ -19,14 +40,16 @@ def section(found: ResultFolder) -> Section:
     sites = sorted({name.rpartition("/")[0] for name in measured} - {""})
     protocols = list(dict.fromkeys(protocol for _, protocol, _ in curves))
     largest = max(curve.total for *_, curve in curves)
+    sized = found.forces and any(_sizes(_geometry(found, name)) for name in measured)
+    across = FORCES + (STRESSES if sized else ()) if found.forces else DISPLACEMENTS
     what = "Measured curves" if found.forces else "Nothing was measured: displacements that the study asks for"
     blocks: list[Block] = [
         plots.picked(
             "data-curves",
             f"{what}, each at up to {plural(min(largest, POINTS), 'point')} that represent it.",
             "Specimen",
-            {name: _sources(every, protocols) for name, every in measured.items()},
-            lambda sources: _draw(sources, protocols, forces=found.forces),
+            {name: _sources(every, protocols, _geometry(found, name)) for name, every in measured.items()},
+            lambda sources: _draw(sources, protocols, across),
         ),
         _table(found),
     ]
@@ -42,32 +65,42 @@ def section(found: ResultFolder) -> Section:
     )
 
 
-def _sources(every: dict[str, MeasuredCurve], protocols: list[str]) -> dict[str, dict[str, Any]]:
+def _sources(every: dict[str, MeasuredCurve], protocols: list[str], bar: dict[str, Any]) -> dict[str, dict[str, Any]]:
     empty = np.zeros(0)
+    length, area = _sizes(bar) or (np.nan, np.nan)
     sources = {}
     for protocol in protocols:
         curve = every.get(protocol)
-        columns = (empty,) * 3 if curve is None else (curve.time_s, curve.displacement_mm, curve.force_N)
-        sources[protocol] = dict(zip(("time", "displacement", "force"), columns, strict=True))
+        time, moved, force = (empty,) * 3 if curve is None else (curve.time_s, curve.displacement_mm, curve.force_N)
+        columns = {"time": time, "displacement": moved, "force": force}
+        sources[protocol] = columns | {"strain": 100.0 * moved / length, "stress": force / area}
     return sources
 
 
-def _draw(sources: plots.Sources, protocols: list[str], *, forces: bool) -> list[Plot]:
-    words = {"time": "time (s)", "displacement": "displacement (mm)", "force": "force (N)"}
-    tooltips = [("time", "@time{0.00} s"), ("displacement", "@displacement{0.0000} mm"), ("force", "@force{0.0} N")]
+def _sizes(bar: dict[str, Any]) -> tuple[float, float] | None:
+    """Length (mm) and area (mm²) of a specimen; None where they are not known."""
+    sides = [bar.get(f"{side}_mm") for side in ("length", "width", "thickness")]
+    if not all(isinstance(side, int | float) and side > 0 for side in sides):
+        return None
+    length, width, thickness = (float(side or np.nan) for side in sides)
+    return length, width * thickness
+
+
+def _draw(sources: plots.Sources, protocols: list[str], axes: Sequence[tuple[str, str]]) -> list[Plot]:
     drawn: list[Plot] = []
-    for across, up in (("time", "force"), ("displacement", "force")) if forces else (("time", "displacement"),):
-        plot = plots.figure(words[across], words[up], height=320)
+    for across, up in axes:
+        plot = plots.figure(AXES[across], AXES[up], height=320)
         entries = []
         for number_, protocol in enumerate(protocols):
             style = {"color": plots.colour(number_), "line_dash": plots.dash(number_), "line_width": 1.6}
             line = plot.line(across, up, source=sources[protocol], **style)
-            plots.hover(plot, line, [(protocol, ""), *(tooltips if forces else tooltips[:2])])
+            shown = [TOOLTIPS[name] for name in dict.fromkeys(("time", across, up))]
+            plots.hover(plot, line, [(protocol, ""), *shown])
             entries.append((protocol.replace("_", " "), [line]))
         plots.legend(plot, entries)
-        what = "Measured force" if forces else "Displacement"
+        what = {"force": "Measured force", "stress": "Measured nominal stress", "displacement": "Displacement"}[up]
         label = f"{what} of the picked specimen over {across}, a line for each protocol"
-        drawn.append(plots.plot(f"data-{across}", plot, label, wide=not forces))
+        drawn.append(plots.plot(f"data-{across}", plot, label, wide=len(axes) % 2 == 1 and across == axes[-1][0]))
     return drawn
 
 

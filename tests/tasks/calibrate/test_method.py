@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sinew.tasks.calibrate.method import above_noise, confounded, most_evaluations, noise_floor
+from sinew.tasks.calibrate.method import above_noise, confounded, explained, most_evaluations, noise_floor
 from sinew.tasks.calibrate.settings import Settings
+from tests.tasks.calibrations import fit_of
 
 
 @pytest.mark.parametrize(
@@ -47,3 +48,19 @@ def test_confounded_are_pairs_of_determined_parameters_with_errors_in_common():
 def test_the_most_evaluations_are_those_of_all_methods_and_of_the_derivatives(methods, most):
     settings = Settings.model_validate({"methods": methods, "evaluations": 100, "bayesian": {"evaluations": 20}})
     assert most_evaluations(settings, 3) == most
+
+
+def test_r2_is_the_share_of_the_variance_that_is_explained():
+    force = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
+    model = force + np.array([0.1, -0.1, 0.1, -0.1, 0.0])
+    rmse = float(np.sqrt(np.mean((force - model) ** 2)))
+    total, left = np.sum((force - force.mean()) ** 2), np.sum((force - model) ** 2)
+    assert explained(force, rmse) == pytest.approx(1 - left / total)
+    assert explained(force, float(force.std())) == pytest.approx(0.0)
+    assert explained(np.full(5, 2.0), 0.1) is None
+
+
+def test_an_error_in_percent_of_the_peak():
+    fit = fit_of({"a": 1.0}, rmse_N={"relax": 2.0, "still": 0.1}, peak_N={"relax": 80.0, "still": 0.0})
+    assert fit.percent_of_peak("relax") == pytest.approx(2.5)
+    assert np.isnan(fit.percent_of_peak("still"))

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import number, percent
 from sinew.tasks.report import folder, page
@@ -94,12 +95,33 @@ def test_the_largest_stress_and_strain_of_each_specimen(whole_run):
     assert f"{number(peak)}{number(stress)}{number(strain)}" in told, "cells beside each other"
 
 
+def test_stress_over_strain_are_force_and_displacement_by_the_sizes(whole_run):
+    scripts = {found.get("id"): text for found, text in read(whole_run).scripts}
+    shown = json.loads(scripts["data-curves-data"])["data"]["distal/1"]
+    described = json.loads((whole_run.parent / "cohort" / "distal" / "1" / "specimen.json").read_text())
+    area = described["width_mm"] * described["thickness_mm"]
+    for columns in shown.values():
+        np.testing.assert_allclose(columns["stress"], np.divide(columns["force"], area), rtol=1e-3)
+        strain = 100 * np.divide(columns["displacement"], described["length_mm"])
+        np.testing.assert_allclose(columns["strain"], strain, rtol=1e-3)
+
+
+def test_the_fit_is_told_in_percent_of_the_peak_and_as_r2(whole_run):
+    told = " ".join(read(whole_run).sections["calibration"].split())
+    fit = CalibrateResult.read(whole_run).specimens["distal/1"]
+    protocol, rmse = next(iter(fit.rmse_N.items()))
+    peak = fit.peak_N[protocol]
+    assert f"{protocol} {number(rmse)} N ({number(100 * rmse / peak, 2)} % of the peak, R² 0.9" in told
+
+
 def test_a_specimen_without_sizes_has_no_stress(whole_run, monkeypatch):
     monkeypatch.setattr(data, "_geometry", lambda *_: {"length_mm": 10.0, "width_mm": None, "thickness_mm": None})
     found = data.section(folder.read_folder(whole_run))
     (table,) = (block for block in found.blocks if block.kind == "table")
     assert all((row[2], row[3], row[4], row[-2]) == ("10", "–", "–", "–") for row in table.rows)
     assert all(row[-1] != "–" for row in table.rows)
+    drawn = [plot.name for block in found.blocks if block.kind == "plots" for plot in block.plots]
+    assert drawn == ["data-time", "data-displacement"]
 
 
 def test_the_summary_tells_of_few_particles_and_of_all_bands(run_folder):
