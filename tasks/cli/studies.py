@@ -4,34 +4,55 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from sinew.runner.console import Console
-from sinew.runner.errors import one_line
+from sinew.runner.errors import BadInput, one_line
 from sinew.runner.printing import put
 from sinew.tasks.cli.group import PATH, open_study, sinew, study_command, to_see
 from sinew.tasks.cli.terminal import command_line, say_next
 from sinew.tasks.registry import TASKS, Task
 
+if TYPE_CHECKING:
+    from sinew.tasks.study.workspace import Workspace
 
-def _run(study: Path, tasks: Sequence[str] | None, flags: Mapping[str, bool], **options: Any) -> None:
-    """Run tasks of a study (None: the study's), and say where to look."""
+
+def _run(study: Path, tasks: Sequence[str] | None, flags: Mapping[str, bool], **options: Any) -> "Workspace":
+    """Run tasks of a study (None: the study's); returns its workspace, which is closed."""
     from sinew.tasks import pipeline
 
+    workspace: Workspace
     with open_study(study, tasks, flags=flags, **options) as workspace:
         pipeline.run(workspace, workspace.study.tasks if tasks is None else tasks, **flags)
-    say_next(to_see(workspace.out), as_json=options["as_json"])
+    return workspace
 
 
 @study_command("run", "Run all tasks of a study, in order.")
 @click.option("--dry-run", is_flag=True, help="Say what would be done and how long it takes; write nothing.")
-def run(study: Path, dry_run: bool, **options: Any) -> None:
+@click.option("--adopt", is_flag=True, help="If discover names an effect, run the other tasks with it as well.")
+def run(study: Path, dry_run: bool, adopt: bool, **options: Any) -> None:
+    if adopt and options["profile"] is not None:
+        raise BadInput("--adopt", "given with --profile", "`sinew submit OUT/discover/model.yaml` after this run")
     if dry_run:
         _say_how_long(study, **options)
+        return
+    from sinew.tasks import pipeline
+    from sinew.tasks.discover.result import ADOPTED, named_study
+
+    workspace = _run(study, None, {}, **options)
+    others = [task for task in workspace.study.tasks if task != "discover"]
+    found = named_study(workspace.out) if "discover" in workspace.study.tasks and others else None
+    if found is None or options["profile"] is not None:
+        say_next(to_see(workspace.out), as_json=options["as_json"])
+    elif adopt:
+        adopted = _run(found, others, {}, **options | {"out": workspace.out / ADOPTED})
+        pipeline.report(workspace.out, workspace.console)  # its page names the other one from now on
+        say_next(to_see(adopted.out), to_see(workspace.out), as_json=options["as_json"])
     else:
-        _run(study, None, {}, **options)
+        again = [study, "--adopt", *(("--out", options["out"]) if options["out"] else ())]
+        say_next(to_see(workspace.out), command_line("run", *again), as_json=options["as_json"])
 
 
 def _say_how_long(
@@ -95,7 +116,8 @@ def _task_command(task: Task) -> None:
 
     def command(study: Path, **options: Any) -> None:
         flags = {flag: options.pop(flag) for flag in task.flags}
-        _run(study, [task.name], flags, **options)
+        workspace = _run(study, [task.name], flags, **options)
+        say_next(to_see(workspace.out), as_json=options["as_json"])
 
     for flag, words in task.flags.items():
         command = click.option(f"--{flag}", is_flag=True, help=words)(command)

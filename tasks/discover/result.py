@@ -12,6 +12,8 @@ from sinew.tasks.study.result import OMIT, Number, Result, plain
 
 Word = Literal["NONE", "NAMED", "AMBIGUOUS", "OUTSIDE"]
 COPY = "verdict.json"
+WITH_EFFECTS = Path("discover", "model.yaml")  # in the result folder: the study with the named effects
+ADOPTED = "adopted"  # folder in the result folder: the results of that study
 
 
 @dataclass(frozen=True)
@@ -303,3 +305,9 @@ def _library() -> dict[str, Any]:
 
 
 RESULT = DiscoverResult
+
+
+def named_study(folder: Path) -> Path | None:
+    """The study with the effects that a discovery in ``folder`` named; None where it named none."""
+    found, path = DiscoverResult.read(folder), folder / WITH_EFFECTS
+    return path if found is not None and found.verdict == "NAMED" and path.is_file() else None

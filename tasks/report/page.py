@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from sinew.runner.errors import SinewError, one_line
 from sinew.tasks.calibrate.result import CalibrateResult
-from sinew.tasks.discover.result import DiscoverResult
+from sinew.tasks.discover.result import ADOPTED, DiscoverResult
 from sinew.tasks.drawing.blocks import Facts, Section, Words, number
 from sinew.tasks.drawing.formats import FORMATS
 from sinew.tasks.model import TENDON
@@ -86,7 +86,10 @@ def _marked(found: ResultFolder, part: _Part, section: Section) -> Section:
     if calibration is None or set(calibration.names) - {parameter.name for parameter in TENDON}:
         return section  # its model has effects
     lacks = f"This is of the model without {discovery.answer}, which discover found to be missing."
-    then = "" if discovery.model is None else f" The study with it is `{discovery.model.path}`."
+    if (found.folder / ADOPTED / PAGE).is_file():
+        then = f" The results with it are in `{ADOPTED}/{PAGE}`."
+    else:
+        then = f" `{found.command('run')[1:-1]} --adopt` adds the results with it."
     return replace(section, blocks=[Words(lacks + then, "warning"), *section.blocks])
 
 

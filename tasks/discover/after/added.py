@@ -11,6 +11,7 @@ import yaml
 from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits
 from sinew.tasks.discover.follow_up import Checks
+from sinew.tasks.discover.result import WITH_EFFECTS
 from sinew.tasks.model.effects import named
 from sinew.tasks.study.files import write_text
 from sinew.tasks.study.workspace import Workspace
@@ -18,7 +19,7 @@ from sinew.tasks.study.workspace import Workspace
 
 def study_with(workspace: Workspace, effects: Effects) -> tuple[str, str]:
     """Write the study with the effects in its model. Returns its path in the result folder, and what changed."""
-    path: Path = workspace.out / "discover" / "model.yaml"
+    path: Path = workspace.out / WITH_EFFECTS
     old = yaml.safe_load(workspace.study.path.read_text("utf-8"))
     model = old.get("model") or {}
     # ranges that were scaled to the cohort's size must be in the study

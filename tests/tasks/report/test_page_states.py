@@ -101,6 +101,13 @@ def test_results_of_a_model_that_lacks_a_named_effect_say_so(run_folder, verdict
     seen = read(run_folder)
     marked = [name for name, text in seen.sections.items() if "of the model without toe-slack" in text]
     assert marked == (["calibration", "posterior", "prediction", "sites"] if verdict == "NAMED" else [])
+    if verdict == "NAMED":
+        assert "--adopt adds the results with it" in " ".join(seen.sections["posterior"].split())
+        (run_folder / "adopted").mkdir()
+        (run_folder / "adopted" / "report.html").touch()
+        build(run_folder)
+        seen = " ".join(read(run_folder).sections["posterior"].split())
+        assert "The results with it are in adopted/report.html" in seen
     path = run_folder / "calibrate.json"  # as that of the study with the effect
     content = json.loads(path.read_text())
     path.write_text(json.dumps(content | {"names": [*content["names"], "slack_stretch"]}))
