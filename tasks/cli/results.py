@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from sinew.runner.errors import SinewError, one_line
+from sinew.runner.errors import BadInput, SinewError, one_line
 from sinew.runner.printing import put
 from sinew.tasks.cli.group import PATH, sinew, to_see
 from sinew.tasks.cli.terminal import (
@@ -76,11 +76,19 @@ def completion(shell: str) -> None:
 
 @sinew.command()
 @click.argument("folder", type=PATH)
-def report(folder: Path) -> None:
-    """Write report.html: one page with the results of a folder, whatever state it is in."""
+@click.argument("other", type=PATH, required=False)
+@click.option("--out", type=PATH, help="The page about two folders (default: comparison.html).")
+def report(folder: Path, other: Path | None, out: Path | None) -> None:
+    """Write report.html: one page with the results of a folder, whatever state it is in.
+
+    With a second folder, write one page about both: what was set otherwise, and how far their results are apart.
+    """
+    from sinew.tasks.report.comparison import compare
     from sinew.tasks.report.page import build
 
-    built = build(folder)
+    if other is None and out is not None:
+        raise BadInput("--out", "given with one folder, whose page lies in it", "a second folder, or no --out")
+    built = build(folder) if other is None else compare(folder, other, out or Path("comparison.html"))
     put(built.path)
     if built.trouble:
         more = f" (and {len(built.trouble) - 1} more on the page)" if len(built.trouble) > 1 else ""

@@ -33,7 +33,7 @@ EXAMPLES: Mapping[str, Sequence[str]] = {
     **{name: task.examples or (f"sinew {name} study.yaml",) for name, task in TASKS.items()},
     "simulate": ("sinew simulate study.yaml --parameters rows.csv --out forces",),
     "watch": ("sinew watch results/demo", "sinew watch results/demo --json | jq .state"),
-    "report": ("sinew report results/demo",),
+    "report": ("sinew report results/demo", "sinew report results/demo results/again --out both.html"),
     "status": ("sinew status results/demo", "sinew status results/demo --rows > rows.csv"),
     "doctor": ("sinew doctor study.yaml --profile my-site.yaml",),
     "submit": ("sinew submit study.yaml --profile my-site.yaml --dry-run",),

@@ -3,9 +3,10 @@
 import base64
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from urllib.parse import quote
 
@@ -20,7 +21,7 @@ from sinew.tasks.drawing.blocks import Facts, Section, Words, number
 from sinew.tasks.drawing.formats import FORMATS
 from sinew.tasks.model import TENDON
 from sinew.tasks.registry import TASKS
-from sinew.tasks.report.folder import ResultFolder, read_folder
+from sinew.tasks.report.folder import ResultFolder, State, read_folder
 from sinew.tasks.report.sections import data, failures, provenance
 from sinew.tasks.report.status import PAGE
 from sinew.tasks.study.files import write_text
@@ -104,6 +105,23 @@ def _cannot_be_shown(found: ResultFolder, part: _Part, error: Exception) -> str:
 
 
 def _page(found: ResultFolder, parts: list[_Part], sections: list[Section]) -> str:
+    figures = {part.name: _figures(found.folder, part.task) for part in parts if part.task}
+    return render(
+        found.name, _key(found), sections, found.trouble, states=found.states, figures=figures, version=_version(found)
+    )
+
+
+def render(
+    title: str,
+    key: Facts,
+    sections: Sequence[Section],
+    trouble: Sequence[str],
+    *,
+    states: Mapping[str, State] = MappingProxyType({}),
+    figures: Mapping[str, Any] = MappingProxyType({}),
+    version: str = "",
+) -> str:
+    """A page of these sections: HTML that holds all it needs, in which everything is escaped."""
     loader = FileSystemLoader(resource("templates/report.html.j2").parent)
     environment = Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -112,13 +130,13 @@ def _page(found: ResultFolder, parts: list[_Part], sections: list[Section]) -> s
     scripts = [*INLINE.js_raw[:1], resource("templates/report.js").read_text("utf-8")]
     style = resource("templates/report.css").read_text("utf-8")
     return environment.get_template("report.html.j2").render(
-        title=found.name,
-        states=found.states,
-        key=_key(found),
-        trouble=found.trouble,
+        title=title,
+        states=states,
+        key=key,
+        trouble=trouble,
         sections=sections,
-        figures={part.name: _figures(found.folder, part.task) for part in parts if part.task},
-        version=_version(found),
+        figures=figures,
+        version=version,
         policy=_policy(scripts),
         scripts=[_inside_script(script) for script in scripts],
         style=Markup(style),  # noqa: S704 - a file of this package

@@ -1,0 +1,107 @@
+"""One page about two result folders."""
+
+import json
+import sys
+
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.cli import main as cli
+from sinew.tasks.drawing.blocks import number
+from sinew.tasks.report.comparison import compare
+from tests.tasks.report.conftest import edit
+from tests.tasks.report.pages import IMAGE, Reader
+
+
+def sections(first, second, tmp_path):
+    built = compare(first, second, tmp_path / "both.html")
+    found = Reader(built.path.read_text()).sections
+    return {name: " ".join(text.split()) for name, text in found.items()}, built.trouble
+
+
+def test_a_folder_is_like_itself(whole_run, tmp_path):
+    found, trouble = sections(whole_run, whole_run, tmp_path)
+    assert trouble == ()
+    assert "the same settings" in found["summary"]
+    assert "; 0 of" in found["summary"]
+    assert "no index differs beyond its interval" in found["summary"]
+    assert "differs" not in found["setup"] + found["sensitivity"]
+
+
+def test_what_differs_is_told_with_its_size(whole_run, run_folder, tmp_path):
+    def changed(told):
+        fit = told["specimens"]["distal/1"]
+        name = fit["determined"][0]
+        low, high = told["bounds"][told["free"].index(name)]
+        fit["parameters"][name] += 10 * fit["sd_of_range"][name] * (high - low)
+        told["names"].append("slack_stretch")
+        for each in told["specimens"].values():
+            each["parameters"]["slack_stretch"] = 1.0
+        told["units"].append("1")
+        told["meanings"].append("")
+
+    edit(run_folder / "calibrate.json", changed)
+    edit(run_folder / "sobol.json", lambda told: told["ST"].__setitem__(0, told["ST"][0] + 5 * told["ST_conf"][0] + 1))
+    found, _ = sections(whole_run, run_folder, tmp_path)
+    fits = json.loads((whole_run / "calibrate.json").read_text())
+    name = fits["specimens"]["distal/1"]["determined"][0]
+    assert number(10 / 2**0.5, 2) in found["calibration"].partition(f"distal/1 {name}")[2][:60]
+    assert "; 1 of" in found["summary"]
+    assert f"Only in {run_folder}: slack_stretch." in found["calibration"]
+    first = json.loads((whole_run / "sobol.json").read_text())["names"][0]
+    assert f"beyond their intervals: {first}" in found["summary"]
+
+
+def test_a_mean_elsewhere_is_told(whole_run, run_folder, tmp_path):
+    def moved(told):
+        site = next(iter(told["sites"].values()))
+        marginal = next(iter(site["parameters"].values()))
+        marginal["mean"] += 10 * marginal["sd"]
+
+    edit(run_folder / "infer.json", moved)
+    found, _ = sections(whole_run, run_folder, tmp_path)
+    assert "Posterior 1 of" in found["summary"]
+    assert number(10 / 2**0.5, 2) in found["posterior"]
+
+
+def test_what_one_of_them_lacks_is_named(whole_run, run_folder, tmp_path):
+    (run_folder / "infer.json").unlink()
+    found, _ = sections(whole_run, run_folder, tmp_path)
+    assert f"No infer to compare: {run_folder} without a result" in found["posterior"]
+    assert "RMSEs together" in found["calibration"]
+
+
+def test_results_that_contradict_themselves_hide_no_others(whole_run, run_folder, tmp_path):
+    edit(run_folder / "sobol.json", lambda told: told.update(ST=[]))
+    found, trouble = sections(whole_run, run_folder, tmp_path)
+    assert len(trouble) == 1
+    assert "sensitivity" not in found
+    assert "RMSEs together" in found["calibration"]
+
+
+def test_names_from_a_folder_are_words(whole_run, run_folder, tmp_path):
+    log = run_folder / "log.jsonl"
+    events = [json.loads(line) for line in log.read_text().splitlines()]
+    changed = [one | {"study_file": IMAGE} if one["message"] == "run started" else one for one in events]
+    log.write_text("".join(json.dumps(one) + "\n" for one in changed))
+    found, _ = sections(whole_run, run_folder, tmp_path)
+    assert "<img" not in (tmp_path / "both.html").read_text()
+    assert "onerror" in found["setup"]
+
+
+def test_no_folder_is_one_line_and_writes_nothing(whole_run, tmp_path):
+    with pytest.raises(BadInput, match="is not there"):
+        compare(whole_run, tmp_path / "none", tmp_path / "both.html")
+    assert not (tmp_path / "both.html").exists()
+
+
+def test_the_command(whole_run, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["sinew", "report", str(whole_run), str(whole_run)])
+    cli.main()
+    assert capsys.readouterr().out == "comparison.html\n"
+    assert (tmp_path / "comparison.html").is_file()
+    monkeypatch.setattr(sys, "argv", ["sinew", "report", str(whole_run), "--out", "a.html"])
+    with pytest.raises(SystemExit):
+        cli.main()
+    assert "--out: given with one folder" in capsys.readouterr().err
