@@ -186,7 +186,8 @@ def left_of_run(progress: dict[str, Any]) -> float | None:
         return None
     seconds = {n: float(s) for n, s in expected.items() if isinstance(s, int | float) and 0 <= s < MOST_S}
     since = progress.get("task_since")
-    elapsed = progress["time"] - since if isinstance(since, int | float) else 0.0
+    usable = isinstance(since, int | float) and 0 <= since <= progress["time"]
+    elapsed = progress["time"] - since if usable else 0.0
     running = max(seconds.get(now, 0.0) - elapsed, progress.get("eta_s") or 0.0)
     return running + sum(seconds.get(name, 0.0) for name, state in tasks.items() if state == "waiting")
 

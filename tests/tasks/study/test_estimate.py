@@ -11,7 +11,7 @@ from sinew.tasks.cli import main as cli
 from sinew.tasks.data.cohort import read_cohort, write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.registry import TASKS
-from sinew.tasks.report.status import left_of_run
+from sinew.tasks.report.status import about_left, left_of_run
 from sinew.tasks.simulate.uniaxial import Uniaxial
 from sinew.tasks.study import estimate as module
 from sinew.tasks.study.estimate import estimate, estimate_of
@@ -134,10 +134,18 @@ def test_a_model_that_fails_at_its_reference_is_one_line(cohort, tmp_path, monke
         ({"expected_s": {"sobol": 5.0, "infer": 60.0}, "tasks": {"sobol": "running", "infer": "waiting"},
           "task": "sobol", "task_since": 90.0, "eta_s": 7.0}, 67.0),
         ({"expected_s": {"sobol": 5.0}, "tasks": {"sobol": "finished"}, "task": "sobol", "task_since": 0.0}, 0.0),
+        ({"expected_s": {"sobol": 5.0}, "tasks": {}, "task": "sobol", "task_since": float("inf")}, 5.0),
+        ({"expected_s": {"sobol": 5.0, "infer": float("nan")}, "tasks": {"infer": "waiting"}, "task": "sobol",
+          "task_since": float("nan")}, 5.0),
     ],
 )  # fmt: skip
 def test_what_is_left_of_the_run(facts, left):
     assert left_of_run({"time": 100.0, "eta_s": None, **facts}) == left
+
+
+def test_what_is_left_is_said_where_it_is_known():
+    assert about_left(None) == ""
+    assert about_left(300.0) == ", about 5.0 min left of the run"
 
 
 def test_a_run_tells_what_it_expects(cohort, tmp_path, capsys, monkeypatch):
