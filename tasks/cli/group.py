@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.shell_completion import CompletionItem
@@ -12,6 +12,9 @@ from click.shell_completion import CompletionItem
 from sinew.runner.errors import one_line
 from sinew.tasks.cli.terminal import Commands, command_line, examples
 from sinew.tasks.study.resources import DISTRIBUTION
+
+if TYPE_CHECKING:
+    from sinew.tasks.study.study import Study
 
 
 class NamedPath(click.Path):
@@ -98,6 +101,26 @@ def _program(context: click.Context, parameter: click.Parameter, value: str | No
     return str(Path(value).absolute()) if value and "/" in value else value or None
 
 
+def checked_study(
+    study: Path,
+    tasks: Sequence[str] | None,
+    out: Path | None,
+    *,
+    seed: int | None,
+    solver: str | None,
+    data: Path | None,
+    flags: Mapping[str, bool],
+) -> "tuple[Study, Path]":
+    """A study and its result folder, once its ``tasks`` (None: the study's) are checked. Raises ``BadInput``."""
+    from sinew.tasks import pipeline
+    from sinew.tasks.study.study import read_study
+
+    read = read_study(study, seed=seed, solver=solver)
+    out = out or Path("results") / read.name
+    pipeline.check(read, out, read.tasks if tasks is None else tasks, data=data, **flags)
+    return read, out
+
+
 @contextmanager
 def open_study(
     study: Path,
@@ -114,16 +137,12 @@ def open_study(
 ) -> Any:
     """The workspace of a study, once everything about it and its ``tasks`` (default: the study's) is checked."""
     from sinew.runner.cluster.allocation import Allocation, join_allocation
-    from sinew.tasks import pipeline
     from sinew.tasks.cluster import submission
     from sinew.tasks.cluster.profile import read_profile
     from sinew.tasks.cluster.spec import cluster_of
-    from sinew.tasks.study.study import read_study
     from sinew.tasks.study.workspace import open_workspace
 
-    read = read_study(study, seed=seed, solver=solver)
-    out = out or Path("results") / read.name
-    pipeline.check(read, out, read.tasks if tasks is None else tasks, data=options.get("data"), **flags or {})
+    read, out = checked_study(study, tasks, out, seed=seed, solver=solver, data=options.get("data"), flags=flags or {})
     if profile is None:
         with open_workspace(read, out=out, cluster=cluster_of(read, workers, scheduler), **options) as workspace:
             yield workspace

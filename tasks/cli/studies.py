@@ -11,7 +11,7 @@ import click
 from sinew.runner.console import Console
 from sinew.runner.errors import BadInput, one_line
 from sinew.runner.printing import put
-from sinew.tasks.cli.group import PATH, open_study, sinew, study_command, to_see
+from sinew.tasks.cli.group import PATH, checked_study, open_study, sinew, study_command, to_see
 from sinew.tasks.cli.terminal import command_line, say_next
 from sinew.tasks.registry import TASKS, Task
 
@@ -71,16 +71,12 @@ def _say_how_long(
 ) -> None:
     """Check a study as a run of it would, and print what it would take."""
     from sinew.runner.cluster.local import Local
-    from sinew.tasks import pipeline
     from sinew.tasks.cli.picture import estimate_table
     from sinew.tasks.cluster.profile import read_profile
     from sinew.tasks.cluster.spec import cluster_of
     from sinew.tasks.study.estimate import estimate_of
-    from sinew.tasks.study.study import read_study
 
-    read = read_study(study, seed=seed, solver=solver)
-    out = out or Path("results") / read.name
-    pipeline.check(read, out, read.tasks, data=data)
+    read, out = checked_study(study, None, out, seed=seed, solver=solver, data=data, flags={})
     cluster = cluster_of(read, workers, scheduler) if profile is None else read_profile(profile)
     slots = cluster.workers if isinstance(cluster, Local) else None
     found = estimate_of(read, read.tasks, out, slots, data=data, simulator=simulator)

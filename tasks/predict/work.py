@@ -1,7 +1,6 @@
 """How long predictions will take."""
 
-from sinew.tasks.data.sites import by_site
-from sinew.tasks.infer.settings import Settings as InferSettings
+from sinew.tasks.infer.work import sites_of
 from sinew.tasks.predict.settings import Settings
 from sinew.tasks.study.work import Given, Work
 
@@ -11,6 +10,6 @@ BANDS_S = 0.25  # for each specimen, with its figure
 
 def work(given: Given, settings: Settings) -> Work:
     """Evaluations of the draws for each specimen, and of the other specimens of its site."""
-    sites = by_site(given.specimens(given.study.section(InferSettings).specimens))
+    sites = sites_of(given)
     rows = {one.name: HDI + settings.draws + len(members) - 1 for members in sites.values() for one in members}
     return Work(rows, here_s=BANDS_S * len(rows))

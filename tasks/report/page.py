@@ -90,7 +90,8 @@ def _marked(found: ResultFolder, part: _Part, section: Section) -> Section:
     if (found.folder / ADOPTED / PAGE).is_file():
         then = f" The results with it are in `{ADOPTED}/{PAGE}`."
     else:
-        then = f" `{found.command('run')[1:-1]} --adopt` adds the results with it."
+        then = "" if discovery.model is None else f" The study with it is `{discovery.model.path}`."
+        then += f" `{found.command('run')[1:-1]} --adopt` adds the results with it."
     return replace(section, blocks=[Words(lacks + then, "warning"), *section.blocks])
 
 

@@ -25,7 +25,7 @@ class Design:
 
     @property
     def block(self) -> int:
-        return (2 if self.second_order else 1) * len(self.names) + 2
+        return block_of(len(self.names), self.second_order)
 
     @property
     def free_rows(self) -> Array:
@@ -43,10 +43,14 @@ class Design:
         return found[:, [*range(len(self.names) + 1), self.block - 1]]
 
 
+def block_of(parameters: int, second_order: bool) -> int:
+    """The rows of one base sample of Saltelli's design."""
+    return (2 if second_order else 1) * parameters + 2
+
+
 def base_samples(points: int, parameters: int, second_order: bool) -> int:
     """The smallest power of two whose Saltelli design has at least ``points`` rows."""
-    block = (2 if second_order else 1) * parameters + 2
-    return int(2 ** max(1, int(np.ceil(np.log2(points / block)))))
+    return int(2 ** max(1, int(np.ceil(np.log2(points / block_of(parameters, second_order))))))
 
 
 def saltelli(model: Model, base: int, second_order: bool, seed: int) -> Design:

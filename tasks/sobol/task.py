@@ -16,7 +16,7 @@ from sinew.runner.evaluation.ensemble import failures
 from sinew.runner.store.table import Table
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.design import Design, base_samples, saltelli
+from sinew.tasks.simulate.design import Design, block_of, saltelli
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.simulate.objective import objectives_by_output, quantity
 from sinew.tasks.sobol.method import (
@@ -30,6 +30,7 @@ from sinew.tasks.sobol.method import (
 )
 from sinew.tasks.sobol.result import KEYS, Failures, Indices, OfOutput, OfProtocol, OfSpecimen, SobolResult
 from sinew.tasks.sobol.settings import Settings
+from sinew.tasks.sobol.work import base_of
 from sinew.tasks.study.cached import cached, commit, key
 from sinew.tasks.study.files import digest
 from sinew.tasks.study.workspace import Workspace
@@ -80,13 +81,12 @@ def _base_samples(workspace: Workspace, settings: Settings, *, extend: bool) -> 
         previous = SobolResult.read(workspace.out)
         assert previous is not None, "checked before the store was opened"
         return 2 * previous.base_samples
-    count = len(workspace.model.free)
-    return settings.base_samples or base_samples(settings.points or 20_000, count, settings.second_order)
+    return base_of(settings, len(workspace.model.free))
 
 
 def _say_size(workspace: Workspace, settings: Settings, base: int) -> None:
     count = len(workspace.model.free)
-    rows = base * ((2 if settings.second_order else 1) * count + 2)
+    rows = base * block_of(count, settings.second_order)
     workspace.say(
         f"sobol: {settings.points:,} points asked; the next power of two is {base:,} base samples, "
         f"{rows:,} rows for {count} parameters"

@@ -1,18 +1,27 @@
 """How long Sobol indices will take."""
 
-from sinew.tasks.simulate.design import base_samples
+from sinew.tasks.simulate.design import base_samples, block_of
 from sinew.tasks.sobol.settings import Settings
 from sinew.tasks.study.work import Given, Work
 
 ANALYSIS_S = 1.2e-7  # for each row and kept point of a curve: indices along time with their bootstrap
 
 
+def base_of(settings: Settings, parameters: int) -> int:
+    """The base samples that a study asks for, with so many free parameters."""
+    return settings.base_samples or base_samples(settings.points or 20_000, parameters, settings.second_order)
+
+
+def rows_of(given: Given) -> int:
+    """The rows of the study's design, each of which every specimen evaluates."""
+    settings, parameters = given.study.section(Settings), len(given.model.free)
+    return base_of(settings, parameters) * block_of(parameters, settings.second_order)
+
+
 def work(given: Given, settings: Settings) -> Work:
     """Evaluations of the whole design, and the analysis of each specimen's curves."""
-    count = len(given.model.free)
     specimens = given.specimens(settings.specimens)
-    base = settings.base_samples or base_samples(settings.points or 20_000, count, settings.second_order)
-    rows = base * ((2 if settings.second_order else 1) * count + 2)
+    rows = rows_of(given)
     kept = given.study.store.points_per_curve
     points = sum(
         size if kept == "all" else min(kept, size)

@@ -17,10 +17,9 @@ from sinew.tasks.simulate import Simulator
 from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study.model import model_of
-from sinew.tasks.study.ranges import look
 from sinew.tasks.study.study import Study
 from sinew.tasks.study.work import Given, Work, points
-from sinew.tasks.study.workspace import check_cohort
+from sinew.tasks.study.workspace import check_cohort, check_ranges
 
 START_S = 2.0  # a local cluster starts
 TASK_S = 0.5  # figures and tables of a task
@@ -69,8 +68,7 @@ def estimate_of(
     model = model_of(study.model, study.simulator.law)
     with TemporaryDirectory(prefix="sinew-") as scratch:
         chosen = simulator_of(study, simulator, Path(scratch))
-        if (ranges := look(study, cohort, out)) is not None:
-            ranges.refuse(study.path)
+        check_ranges(study, cohort, out)
         return estimate(Given(study, cohort, model, chosen.capabilities), chosen, tasks, out, workers)
 
 

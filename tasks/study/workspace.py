@@ -200,9 +200,7 @@ def open_workspace(
     cohort = check_cohort(study, data, out)
     chosen = simulator_of(study, simulator, attempts_folder(out))
     model = model_of(study.model, study.simulator.law)
-    ranges = look(study, cohort, out) if judge_ranges else None
-    if ranges is not None:
-        ranges.refuse(study.path)
+    ranges = check_ranges(study, cohort, out) if judge_ranges else None
     with ExitStack() as stack:
         store = stack.enter_context(Store.writing(out, study.name))
         stack.enter_context(_log_to(out / "log.jsonl"))
@@ -232,6 +230,17 @@ def check_cohort(study: Study, data: Path | None, out: Path) -> Cohort:
     if out.resolve().is_relative_to(cohort.folder.resolve()):
         raise BadInput(f"--out {out}", f"lies inside the cohort {cohort.folder}", "a folder beside it")
     return cohort
+
+
+def check_ranges(study: Study, cohort: Cohort, out: Path) -> Ranges | None:
+    """The look at the study's ranges, None where there is nothing to look at.
+
+    Raises :class:`BadInput` for ranges that cannot reach the measured forces.
+    """
+    ranges = look(study, cohort, out)
+    if ranges is not None:
+        ranges.refuse(study.path)
+    return ranges
 
 
 def attempts_folder(out: Path) -> Path:

@@ -1,6 +1,6 @@
 """Data: the specimens, their curves, and what is known of both; without measured forces, how far they are pulled."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -40,7 +40,8 @@ def section(found: ResultFolder) -> Section:
     sites = sorted({name.rpartition("/")[0] for name in measured} - {""})
     protocols = list(dict.fromkeys(protocol for _, protocol, _ in curves))
     largest = max(curve.total for *_, curve in curves)
-    sized = found.forces and any(_sizes(_geometry(found, name)) for name in measured)
+    bars = {name: _geometry(found, name) for name in measured}
+    sized = found.forces and any(map(_sizes, bars.values()))
     across = FORCES + (STRESSES if sized else ()) if found.forces else DISPLACEMENTS
     what = "Measured curves" if found.forces else "Nothing was measured: displacements that the study asks for"
     blocks: list[Block] = [
@@ -48,10 +49,10 @@ def section(found: ResultFolder) -> Section:
             "data-curves",
             f"{what}, each at up to {plural(min(largest, POINTS), 'point')} that represent it.",
             "Specimen",
-            {name: _sources(every, protocols, _geometry(found, name)) for name, every in measured.items()},
+            {name: _sources(every, protocols, bars[name]) for name, every in measured.items()},
             lambda sources: _draw(sources, protocols, across),
         ),
-        _table(found),
+        _table(found, bars),
     ]
     kind = "curve" if found.forces else "protocol"
     of = f" of {plural(len(sites), 'site')}" if sites else ""
@@ -104,10 +105,10 @@ def _draw(sources: plots.Sources, protocols: list[str], axes: Sequence[tuple[str
     return drawn
 
 
-def _table(found: ResultFolder) -> Table:
+def _table(found: ResultFolder, bars: Mapping[str, dict[str, Any]]) -> Table:
     rows = []
     for name, every in found.measured.items():
-        bar = _geometry(found, name)
+        bar = bars[name]
         sizes = [bar.get(f"{side}_mm") or np.nan for side in ("length", "width", "thickness")]
         peak = max(float(np.max(np.abs(curve.force_N))) for curve in every.values())
         lasts = max(float(curve.time_s[-1] - curve.time_s[0]) for curve in every.values())
