@@ -28,8 +28,8 @@ def run(workspace: Workspace, settings: Settings) -> ImportanceResult:
         forest_importance, found.design.free_rows, rows=rows, trees=settings.trees, repeats=settings.repeats,
         seed=workspace.seed, threads=free_cores(),
     )  # fmt: skip
-    forests = {name: importance_of(values) for name, values in found.objectives().items()}
-    outputs = {name: importance_of(values) for name, values in found.outputs().items()}
+    forests = workspace.each("importance", "forests", importance_of, found.objectives())
+    outputs = workspace.each("importance for outputs", "forests", importance_of, found.outputs())
     result = ImportanceResult(
         names=list(design.names),
         **vars(forests["total"]),

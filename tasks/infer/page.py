@@ -61,7 +61,7 @@ def _marginals(result: InferResult, particles: dict[str, xr.Dataset]) -> Block:
     units = dict(zip(names, result.units, strict=True))
 
     def draw(sources: plots.Sources) -> list[Plot]:
-        plot = plots.figure("value", "density", height=340)
+        plot = plots.figure("value of the picked parameter", "density", height=340)
         entries, intervals = [], sources["intervals"]
         colours = [plots.colour(k) for k in range(len(sites))]
         for k, site in enumerate(sites):

@@ -38,8 +38,10 @@ def run(workspace: Workspace, settings: Settings) -> PawnResult:
         pawn_indices, design.free_rows[used], slides=settings.slides, resamples=settings.resamples,
         confidence=settings.confidence, seed=workspace.seed,
     )  # fmt: skip
-    objectives = {name: indices_of(values[used]) for name, values in found.objectives().items()}
-    outputs = {name: indices_of(values[used]) for name, values in found.outputs().items()}
+    objectives, outputs = (
+        workspace.each(title, "analyses", indices_of, {name: values[used] for name, values in outcomes.items()})
+        for title, outcomes in (("pawn", found.objectives()), ("pawn for outputs", found.outputs()))
+    )
     result = PawnResult(
         names=list(design.names),
         **vars(objectives["total"]),

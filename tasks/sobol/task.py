@@ -136,8 +136,11 @@ def _analysed(
         tables={one.specimen.name: one.table.name for one in planned},
         inputs=inputs,
     )  # fmt: skip
-    for one in planned:
+
+    def along_time(one: Evaluated) -> None:
         workspace.store.write_result(_course_name(one), _along_time(design, one, whole, weights, bootstrap.z))
+
+    workspace.each("sobol along time", "analyses", along_time, {one.specimen.name: one for one in planned})
     commit(workspace, result, {"sobol": _arrays(design, result, {"total": total, **found, **by_output})})
     return result
 

@@ -4,11 +4,11 @@ import json
 import logging
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from typing import Protocol as Interface
 
 import numpy as np
@@ -41,6 +41,8 @@ from sinew.tasks.study.json_lines import LogFile
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.ranges import Ranges, keep, look
 from sinew.tasks.study.study import Study
+
+T, U = TypeVar("T"), TypeVar("U")
 
 log = logging.getLogger("sinew")
 
@@ -102,6 +104,16 @@ class Workspace:
         if of != "rows":
             self.counted[of] = self.counted.get(of, 0) + total - done
         return progress(title, total, self.board, of=of, done=done, show="nothing" if brief else self.show)
+
+    def each(self, title: str, of: str, work: Callable[[T], U], items: Mapping[str, T]) -> dict[str, U]:
+        """``work`` of every item by name, in this process and one after the other, and how that comes along."""
+        done: dict[str, U] = {}
+        if items:
+            with self.progress(title, len(items), of=of) as report:
+                for name, item in items.items():
+                    done[name] = work(item)
+                    report(len(done), 0, 0)
+        return done
 
     def note(self, part: str, name: str, words: str, **numbers: float | int | str | None) -> None:
         """Tell those who look on how far a part of the work has come; it costs next to nothing."""
