@@ -1,8 +1,9 @@
-"""Folders of workers that were killed: gone before a run, and after it."""
+"""Folders of workers that were killed are gone before a run and after it; work in this process shows its progress."""
 
 from pathlib import Path
 
 from sinew.runner.cluster.local import Local
+from sinew.runner.progress import read_progress
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import open_workspace
 from tests.tasks.stand_in import prepare
@@ -30,3 +31,20 @@ def test_folders_that_killed_workers_left_are_removed_before_a_run_and_after_it(
         leave(left)
     assert not gone & folders()
     assert kept.exists()
+
+
+def test_work_in_this_process_is_counted_and_shown_while_it_goes_on(tmp_path):
+    study, cohort, _ = prepare(tmp_path)
+    seen = []
+    with open_workspace(read_study(study), data=cohort, out=tmp_path / "out", cluster=Local(1), quiet=True) as workspace:
+
+        def double(number: int) -> int:
+            workspace.board.write()
+            facts = read_progress(tmp_path / "out")
+            seen.append((facts["title"], facts["of"], facts["done"], facts["total"]))
+            return 2 * number
+
+        assert workspace.each("importance", "forests", double, {"a": 1, "b": 2}) == {"a": 2, "b": 4}
+        assert workspace.each("importance for outputs", "forests", double, {}) == {}
+        assert workspace.counted == {"forests": 2}
+    assert seen == [("importance", "forests", 0, 2), ("importance", "forests", 1, 2)]
