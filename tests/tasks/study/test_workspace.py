@@ -36,7 +36,8 @@ def test_folders_that_killed_workers_left_are_removed_before_a_run_and_after_it(
 def test_work_in_this_process_is_counted_and_shown_while_it_goes_on(tmp_path):
     study, cohort, _ = prepare(tmp_path)
     seen = []
-    with open_workspace(read_study(study), data=cohort, out=tmp_path / "out", cluster=Local(1), quiet=True) as workspace:
+    opened = open_workspace(read_study(study), data=cohort, out=tmp_path / "out", cluster=Local(1), quiet=True)
+    with opened as workspace:
 
         def double(number: int) -> int:
             workspace.board.write()
