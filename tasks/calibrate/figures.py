@@ -27,10 +27,10 @@ from sinew.tasks.calibrate.show import (
 from sinew.tasks.calibrate.task import fitted_curves
 from sinew.tasks.drawing.figures import COLOURS, STYLE, save
 from sinew.tasks.drawing.formats import DRAWN
+from sinew.tasks.drawing.thinning import drawn_points
 from sinew.tasks.drawing.views import FigureKind
 from sinew.tasks.model import Specimen, file_name
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.evaluation import kept_points
 from sinew.tasks.study.workspace import Workspace
 
 
@@ -159,7 +159,8 @@ def measured_and_fitted(specimen: Specimen, forces: Mapping[str, Array], rmse_N:
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(2, len(specimen.curves), figsize=(3.2 * len(specimen.curves), 5.0), squeeze=False)
         for column, curve in enumerate(specimen.curves):
-            history, keep = curve.protocol, kept_points(curve.protocol, DRAWN)
+            history = curve.protocol
+            keep = drawn_points(history, curve.force_N, forces[curve.name], count=DRAWN)
             for axis, across in zip(axes[:, column], (history.time_s, history.displacement_mm), strict=True):
                 axis.plot(across[keep], curve.force_N[keep], color="0.6", lw=1.6, label="measured", rasterized=True)
                 axis.plot(

@@ -9,9 +9,9 @@ from sinew.tasks.calibrate.show import bound_advice
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, Words, beyond, listed, number, plural
 from sinew.tasks.drawing.figures import COLOURS
+from sinew.tasks.drawing.thinning import drawn_points
 from sinew.tasks.model import Protocol
 from sinew.tasks.report.folder import POINTS, ResultFolder, columns_of, protocols_of
-from sinew.tasks.simulate.evaluation import kept_points
 
 NAME = "calibration"
 FEW = 3  # specimens whose parameters stand side by side in a table
@@ -77,7 +77,7 @@ def _fitted(found: ResultFolder, name: str, fit: SpecimenFit) -> dict[str, dict[
         for protocol in protocols_of(table):
             time, moved, force = columns_of(table, protocol)
             model = table.read(f"force_{protocol}", row)[0]
-            keep = kept_points(Protocol(protocol, time, moved), POINTS)
+            keep = drawn_points(Protocol(protocol, time, moved), force, model, count=POINTS)
             kept = {"time": time[keep], "displacement": moved[keep], "measured": force[keep], "model": model[keep]}
             curves[protocol] = kept | {"left": kept["measured"] - kept["model"]}
         return curves

@@ -10,9 +10,9 @@ from sinew.runner.console import Console
 from sinew.tasks.calibrate.result import CalibrateResult, Correlations, SpecimenFit
 from sinew.tasks.drawing.blocks import beyond, listed
 from sinew.tasks.drawing.formats import DRAWN
+from sinew.tasks.drawing.thinning import drawn_points
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.evaluation import kept_points
 
 
 def table(result: CalibrateResult) -> pd.DataFrame:
@@ -69,7 +69,8 @@ def curves_table(specimen: Specimen, forces: dict[str, Array]) -> pd.DataFrame:
     """Measured and fitted forces at the points that are drawn."""
     parts = []
     for curve in specimen.curves:
-        history, keep = curve.protocol, kept_points(curve.protocol, DRAWN)
+        history = curve.protocol
+        keep = drawn_points(history, curve.force_N, forces[curve.name], count=DRAWN)
         columns = {"time_s": history.time_s, "displacement_mm": history.displacement_mm, "measured_N": curve.force_N}
         columns["model_N"] = forces[curve.name]
         kept = {name: values[keep] for name, values in columns.items()}

@@ -13,8 +13,9 @@ from sinew.tasks.discover.show import UNLIKELY, held_out, noise_words, unlikely
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Code, Facts, Plot, Plots, Section, Table, Words, number, percent
 from sinew.tasks.drawing.figures import COLOURS
-from sinew.tasks.model import file_name
-from sinew.tasks.report.folder import ResultFolder, spread
+from sinew.tasks.drawing.thinning import drawn_points
+from sinew.tasks.model import Protocol, file_name
+from sinew.tasks.report.folder import ResultFolder
 
 NAME = "discovery"
 POINTS = 800  # of a curve
@@ -93,10 +94,11 @@ def _curves(found: ResultFolder, result: DiscoverResult) -> Plots:
             columns = {key: np.zeros(0) for key in ("time", "measured", *models, *(f"left_{key}" for key in models))}
             if f"time_{protocol}" in kept.variables:
                 time, measured = (kept[f"{key}_{protocol}"].to_numpy() for key in ("time", "measured"))
-                keep = spread(time, POINTS)
+                moved = kept[f"displacement_{protocol}"].to_numpy()
+                forces = {key: kept[f"{key}_{protocol}"].to_numpy() for key in models}
+                keep = drawn_points(Protocol(protocol, time, moved), measured, *forces.values(), count=POINTS)
                 columns = {"time": time[keep], "measured": measured[keep]}
-                for key in models:
-                    force = kept[f"{key}_{protocol}"].to_numpy()
+                for key, force in forces.items():
                     columns |= {key: force[keep], f"left_{key}": (measured - force)[keep]}
             data[name][protocol] = columns
 

@@ -16,11 +16,11 @@ from sinew.runner.files import NotReadable, read_regular
 from sinew.runner.store.store import Store, open_store, refuse_strange_entries
 from sinew.runner.store.table import Table
 from sinew.tasks.discover.result import DiscoverResult
+from sinew.tasks.drawing.thinning import drawn_points
 from sinew.tasks.model import Protocol, file_name
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.status import read_status
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.evaluation import kept_points
 from sinew.tasks.simulate.registry import of_own_models
 from sinew.tasks.study.result import Result
 
@@ -176,15 +176,6 @@ def read_folder(folder: Path) -> ResultFolder:
     return ResultFolder(folder, results, states, events, store, status, trouble)
 
 
-def spread(time: Array, count: int) -> Array:
-    """Positions ``[count]`` or fewer that represent a history, half even, half along the logarithm of time."""
-    if time.size <= count:
-        return np.arange(time.size)
-    even = np.linspace(0, time.size - 1, count // 2)
-    log = np.geomspace(1, time.size, count - count // 2) - 1
-    return np.unique(np.concatenate([even, log]).astype(int))
-
-
 def _points(table: Table) -> int:
     return sum(
         column.size for name in protocols_of(table) if (column := table.coordinate(f"displacement_{name}")) is not None
@@ -202,9 +193,7 @@ def _discovered(kept: xr.Dataset, protocol: str) -> MeasuredCurve:
 
 
 def _represented(protocol: str, time: Array, moved: Array, force: Array) -> MeasuredCurve:
-    keep = kept_points(Protocol(protocol, time, moved), POINTS - 1)
-    if np.isfinite(force).any():
-        keep = np.union1d(keep, np.nanargmax(np.abs(force)))  # a peak between two of them would look lower
+    keep = drawn_points(Protocol(protocol, time, moved), force, count=POINTS)
     return MeasuredCurve(time[keep], moved[keep], force[keep], time.size)
 
 

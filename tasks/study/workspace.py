@@ -42,7 +42,8 @@ from sinew.tasks.study.model import model_of
 from sinew.tasks.study.ranges import Ranges, keep, look
 from sinew.tasks.study.study import Study
 
-T, U = TypeVar("T"), TypeVar("U")
+T = TypeVar("T")
+U = TypeVar("U")
 
 log = logging.getLogger("sinew")
 
