@@ -3,7 +3,7 @@
 import base64
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -22,7 +22,7 @@ from sinew.tasks.drawing.formats import FORMATS
 from sinew.tasks.model import TENDON
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.folder import ResultFolder, State, read_folder
-from sinew.tasks.report.sections import data, failures, provenance
+from sinew.tasks.report.sections import adopted, data, failures, provenance
 from sinew.tasks.report.status import PAGE
 from sinew.tasks.study.files import write_text
 from sinew.tasks.study.resources import resource
@@ -43,11 +43,19 @@ def _parts(folder: ResultFolder) -> list[_Part]:
     shown = [task for task in tasks if task.name in folder.states]
     modules = [(task.name, task.module("page")) for task in shown]
     return [
+        *_leading(folder),
         _Part("data", data.section),
         *(_Part(module.NAME, module.section, name) for name, module in modules),
         _Part("failures", failures.section),
         _Part("provenance", provenance.section),
     ]
+
+
+def _leading(folder: ResultFolder) -> Iterator[_Part]:
+    """Results of the model with the effects that `discover` named come first, once they are there."""
+    discovery, there = folder.result(DiscoverResult), folder.folder / ADOPTED
+    if discovery is not None and discovery.verdict == "NAMED" and (there / PAGE).is_file():
+        yield _Part(adopted.NAME, lambda found: adopted.section(found, read_folder(there)))
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,9 @@ from sinew.runner.errors import BadInput
 from sinew.runner.store.store import Store
 from sinew.tasks import pipeline
 from sinew.tasks.report import page
+from sinew.tasks.report.folder import read_folder
 from sinew.tasks.report.page import build
+from sinew.tasks.report.sections import adopted
 from tests.tasks.report.conftest import edit
 from tests.tasks.report.pages import SECTIONS, TASKS, keep_only, read
 from tests.tasks.test_pipeline import sinew
@@ -113,6 +115,28 @@ def test_results_of_a_model_that_lacks_a_named_effect_say_so(run_folder, verdict
     path.write_text(json.dumps(content | {"names": [*content["names"], "slack_stretch"]}))
     build(run_folder)
     assert "of the model without toe-slack" not in read(run_folder).sections["posterior"]
+
+
+def test_results_of_the_model_with_the_named_effect_come_first(run_folder):
+    path = run_folder / "discover.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"verdict": "NAMED", "effects": ["toe-slack"]}))
+    there = run_folder / "adopted"
+    with Store.writing(there, "having"):
+        pass
+    (there / "report.html").touch()
+    section = adopted.section(read_folder(run_folder), read_folder(there))
+    assert section.blocks[-1].text == "It has no calibration yet."
+    calibration = json.loads((run_folder / "calibrate.json").read_text())
+    for fit in calibration["specimens"].values():
+        fit["rmse_N"] = {protocol: 0.01 * peak for protocol, peak in fit["peak_N"].items()}
+    (there / "calibrate.json").write_text(json.dumps(calibration))
+    assert build(run_folder).trouble == ()
+    seen = read(run_folder)
+    assert list(seen.sections).index("adopted") < list(seen.sections).index("data")
+    assert "The model with toe-slack" in seen.sections["adopted"]
+    assert "largest error of a fit 1 % of the peak force, without toe-slack" in " ".join(
+        seen.sections["summary"].split()
+    )
 
 
 def test_a_folder_that_only_just_began_has_a_page(tmp_path):
