@@ -107,10 +107,10 @@ class Workspace:
         return progress(title, total, self.board, of=of, done=done, show="nothing" if brief else self.show)
 
     def each(self, title: str, of: str, work: Callable[[T], U], items: Mapping[str, T]) -> dict[str, U]:
-        """``work`` of every item by name, in this process and one after the other, and how that comes along."""
+        """``work`` of every item by name, in this process and one after the other; shows the progress."""
         done: dict[str, U] = {}
         if items:
-            with self.progress(title, len(items), of=of) as report:
+            with progress(title, len(items), self.board, of=of, show=self.show) as report:
                 for name, item in items.items():
                     done[name] = work(item)
                     report(len(done), 0, 0)
