@@ -84,7 +84,7 @@ def metadata(
     ]
     if licence:
         graph.append({"@id": licence, "@type": "CreativeWork", "name": licence.rpartition("/")[2] or licence})
-    context = [f"{SPECIFICATION}/context", {"sha256": "https://schema.org/sha256"}]
+    context = [f"{SPECIFICATION}/context", {"sha256": "http://schema.org/sha256"}]
     return (json.dumps({"@context": context, "@graph": graph}, indent=1, ensure_ascii=False) + "\n").encode()
 
 

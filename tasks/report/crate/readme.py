@@ -83,7 +83,7 @@ def _order(source: Source) -> Iterator[str]:
     adopted = " --adopt" if (source.found.folder / ADOPTED).is_dir() else ""
     for run in source.found.runs:
         tasks = run.get("tasks")
-        tasks = tasks if isinstance(tasks, list) else []
+        tasks = list(map(str, tasks)) if isinstance(tasks, list) else []
         new = [task for task in tasks if task in source.found.results and task not in had]
         had |= set(new)
         if new and tasks == source.study.tasks:

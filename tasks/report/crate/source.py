@@ -65,9 +65,13 @@ def _last_run(found: ResultFolder) -> Mapping[str, Any]:
     for event in found.events:
         if event["message"] == "run started":
             run = event
-        elif event["message"] == "task finished" and run is not None and event.get("task") in found.results:
-            made.pop(event["task"], None)  # the last one to finish comes last
-            made[event["task"]] = run
+        elif (
+            event["message"] == "task finished"
+            and run is not None
+            and (task := str(event.get("task"))) in found.results
+        ):
+            made.pop(task, None)  # the last one to finish comes last
+            made[task] = run
     log = found.folder / "log.jsonl"
     for task in found.results:
         if task not in made:
@@ -81,7 +85,7 @@ def _last_run(found: ResultFolder) -> Mapping[str, Any]:
     seed = last.get("seed")
     if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < 2**32:
         raise BadInput(f"{log}: seed", repr(seed)[:40], "the seed of the run")
-    if last.get("simulator") not in kinds():
+    if str(last.get("simulator")) not in kinds():
         raise BadInput(f"{log}: simulator", repr(last.get("simulator"))[:40], f"one of {', '.join(kinds())}")
     return last
 
