@@ -1,19 +1,18 @@
 """README.md of a crate: what is in it, and the commands that make its results again."""
 
-import itertools
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
 from sinew.runner.errors import one_line
 from sinew.tasks.discover.result import ADOPTED, DiscoverResult
+from sinew.tasks.registry import TASKS
 from sinew.tasks.report.crate import environment
 from sinew.tasks.report.crate.layout import Layout, changed_fields
 from sinew.tasks.report.crate.source import Source
 from sinew.tasks.simulate.febio.settings import FEBIO, SolverSettings
-from sinew.tasks.sobol.result import SobolResult
-from sinew.tasks.sobol.settings import Settings
-from sinew.tasks.sobol.work import base_of
 
+OF_SOBOL = {name for name, task in TASKS.items() if task.needs == "sobol"}
 CHANGES = {
     "cohort": "the path of the cohort", "seed": "the seed that the run was given",
     "simulator": "the simulator that the run was given", "cluster": "this machine in place of a cluster",
@@ -63,10 +62,9 @@ def commands(source: Source, layout: Layout) -> list[str]:
     study, first, again = (shlex.quote(str(path)) for path in (layout.study, layout.results, layout.again))
     solver = f" --solver {FEBIO}" if _own_solver(source) else ""
     done = []
-    for words, same in itertools.groupby(_order(source)):
+    for words in _order(source):
         command, _, flag = words.partition(" ")
-        one = f"sinew {command} {study} --out {again}{solver}{f' {flag}' if flag else ''}"
-        done += [one] * len(list(same)) if flag else [one]  # repeated runs of one task go on with its result
+        done.append(f"sinew {command} {study} --out {again}{solver}{f' {flag}' if flag else ''}")
     return done + [f"cmp {first}/{task}.json {again}/{task}.json" for task in compared(source, layout)]
 
 
@@ -80,27 +78,35 @@ def compared(source: Source, layout: Layout) -> list[str]:
 def _order(source: Source) -> Iterator[str]:
     """Commands in the order of the runs: a search may begin with the rows that earlier tasks left."""
     had: set[str] = set()
+    last: int | None = None
     adopted = " --adopt" if (source.found.folder / ADOPTED).is_dir() else ""
-    for run in source.found.runs:
-        tasks = run.get("tasks")
-        tasks = list(map(str, tasks)) if isinstance(tasks, list) else []
+    for tasks, base in _runs(source.found.events):
+        grown = 0 if base is None or last is None else base - last
+        had -= OF_SOBOL if grown else set()
         new = [task for task in tasks if task in source.found.results and task not in had]
         had |= set(new)
         if new and tasks == source.study.tasks:
             yield f"run{adopted}"
+        elif grown:
+            yield "sobol --extend" if grown > 0 else "sobol"
+            yield from (task for task in new if task != "sobol")
         else:
             yield from new
-        if "sobol" in new:
-            yield from ["sobol --extend"] * _doublings(source)
+        last = last if base is None else base
 
 
-def _doublings(source: Source) -> int:
-    """How often the base samples of the Sobol study were doubled beyond what the study file asks for."""
-    result = source.found.result(SobolResult)
-    if result is None:
-        return 0
-    base = base_of(source.study.section(Settings), len(result.names))
-    return max(0, (result.base_samples // base).bit_length() - 1)
+def _runs(events: Iterable[Mapping[str, Any]]) -> Iterator[tuple[list[str], int | None]]:
+    """The tasks of each run, and the base samples of its Sobol study, if it made one."""
+    tasks: list[str] | None = None
+    base: int | None = None
+    for event in [*events, {"message": "run started"}]:
+        if event["message"] == "run started":
+            if tasks is not None:
+                yield tasks, base
+            told, base = event.get("tasks"), None
+            tasks = list(map(str, told)) if isinstance(told, list) else []
+        elif event["message"] == "sobol" and isinstance(event.get("base_samples"), int):
+            base = event["base_samples"]
 
 
 def _own_solver(source: Source) -> bool:
