@@ -34,10 +34,12 @@ docs: $(READY)
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs docs/_build/html
 	@echo "open docs/_build/html/index.html"
 
-# the package as it is installed, dist/sinew_fe-VERSION-py3-none-any.whl, and the list of what it needs, .cdx.json
+# the package as it is installed, dist/sinew_fe-VERSION-py3-none-any.whl; what it needs as a list, .cdx.json, and with
+# the hashes of all files for pip, .requirements.txt
 wheel: $(READY)
 	$(BIN)/python -m hatchling build -t wheel -d dist
 	$(BIN)/python -m tests.supply sbom dist
+	$(BIN)/python -m tests.supply requirements dist
 
 # known vulnerabilities of the locked packages; ADVISORIES is a copy of the OSV database, for where there is no network
 audit: $(READY)

@@ -13,6 +13,7 @@ module        what it offers
 ``show``      ``table`` and ``headline`` of a result, ``summary`` for the console
 ``figures``   ``draw(workspace, result)`` writes all figures; ``FIGURES`` draws one at a time
 ``page``      ``section(folder)``: the task's section of ``report.html``
+``prose``     ``methods(result)``: the paragraph of a methods section, with the numbers of the result
 ``work``      ``work(given, settings)``: what the task will have to do, for an estimate of the time it takes
 ============  ====================================================================================================
 """

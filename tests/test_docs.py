@@ -49,6 +49,13 @@ NOT_RUN = {
     "make test": "these are the tests; CI runs it by itself",
     "make setup": LONG,
     "make check": "CI runs it by itself",
+    "make wheel": "tests/supply/test_wheel.py builds one",
+    "python3 -m venv sinew-env": LONG,
+    "sinew-env/bin/pip install --require-hashes -r sinew_fe-0.1.0.requirements.txt": LONG,
+    "sinew-env/bin/pip install --no-deps sinew_fe-0.1.0-py3-none-any.whl": LONG,
+    "rattler-build build --recipe packaging/conda/recipe.yaml --channel conda-forge": "needs conda-forge",
+    "apptainer build sinew.sif packaging/apptainer/sinew.def": "needs Apptainer",
+    "apptainer run --bind /opt/febio:/opt/febio sinew.sif run study.yaml --solver /opt/febio/bin/febio4": "the same",
     ".venv/bin/python -m pytest tests/runner/store -q -x": "these are tests; CI runs them all",
     ".venv/bin/python -m pytest tests/tasks/sobol -q -k convergence": "these are tests; CI runs them all",
     "git clone <where you got sinew> sinew && cd sinew": "the reader fills in the place",
@@ -64,8 +71,8 @@ NOT_RUN = {
     "sinew cohort --out results/tendon-cohort --seed 2503": "27 specimens at 100 Hz: 200 MB",
     "sinew run configs/tendon.yaml": "takes a quarter of an hour",
     "sinew run study/study.yaml": LONG,
-    'eval "$(sinew completion bash)"': "changes the reader's shell; tests/tasks/cli/test_terminal.py tries it",
-    'eval "$(sinew completion zsh)"': "needs zsh",
+    'eval "$(sinew completion bash)"': "changes the reader's shell; tests/tasks/cli/test_completion.py tries it",
+    'eval "$(sinew completion zsh)"': "changes the reader's shell; tests/tasks/cli/test_completion.py tries it",
     "sinew completion fish > ~/.config/fish/completions/sinew.fish": "writes to the reader's home",
     "sinew watch /shared/me/study1": NEEDS_SLURM,
     "sinew discover configs/rattail.yaml": LONG,
@@ -381,7 +388,7 @@ def test_links_between_pages_lead_somewhere():
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_files_of_the_project_that_texts_name_exist(page):
     """Code spans such as ``tasks/registry.py``; what is written in capitals stands for a name."""
-    folders = "runner|tasks|templates|configs|slurm|tests|docs|sinew"
+    folders = "runner|tasks|templates|configs|slurm|packaging|tests|docs|sinew"
     for span in re.findall(rf"`((?:{folders})/[a-z0-9_./-]*)`", page.read_text("utf-8")):
         assert (ROOT / span).exists() or span.startswith("docs/_build"), f"{page.name}: {span} is not there"
 

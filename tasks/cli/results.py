@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -93,6 +94,39 @@ def report(folder: Path, other: Path | None, out: Path | None) -> None:
     if built.trouble:
         more = f" (and {len(built.trouble) - 1} more on the page)" if len(built.trouble) > 1 else ""
         raise SinewError(f"{built.trouble[0]}{more}")
+
+
+@sinew.command()
+@click.argument("folder", type=PATH)
+@click.option("--ro-crate", is_flag=True, required=True, help="As an RO-Crate 1.1, the only form there is.")
+@click.option("--out", type=PATH, help="A zip if it ends in .zip, else a folder (default: NAME.crate.zip).")
+@click.option("--store", is_flag=True, help="With all evaluations (store.zarr) and the log.")
+@click.option("--study", type=PATH, help="Where the study file lies now (default: where it lay).")
+@click.option("--data", type=PATH, help="Where the cohort lies now (default: where it lay).")
+@click.option("--profile", type=PATH, help="With this profile of a cluster.")
+@click.option("--license", "licence", help="An SPDX name such as CC-BY-4.0, or an address.")
+@click.option("--author", multiple=True, help='"NAME" or "NAME <ORCID>"; several by several --author.')
+def export(folder: Path, ro_crate: bool, out: Path | None, author: tuple[str, ...], **options: Any) -> None:
+    """Write one file with all that a stranger needs to check and repeat a study.
+
+    It holds the measured curves, the study, its template, the results, the versions of all packages, words for a
+    methods section, and the SHA-256 of each file.
+    """
+    from sinew.tasks.report.crate.export import export as write_crate
+    from sinew.tasks.report.crate.metadata import licence_of, person_of
+
+    licence = options.pop("licence")
+    done = write_crate(
+        folder,
+        out,
+        licence=None if licence is None else licence_of(licence),
+        authors=[person_of(one) for one in author],
+        **options,
+    )
+    for line in done.remarks:
+        put(one_line(line))
+    put(one_line(f"{done.files:,} files, {done.bytes:,} bytes: {done.path}"))
+    say_next("read README.md in it, which says how to run the study again")
 
 
 @sinew.command()

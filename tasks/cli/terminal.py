@@ -20,7 +20,7 @@ SHELLS = ("bash", "zsh", "fish")
 GROUPS: Mapping[str, Sequence[str]] = {
     "Begin": ("demo", "init", "import", "cohort"),
     "Run a study": ("run", *TASKS, "simulate"),
-    "Look": ("watch", "status", "report"),
+    "Look": ("watch", "status", "report", "export"),
     "On a cluster": ("doctor", "submit", "cancel"),
     "Care": ("trust", "repair", "benchmark", "completion"),
 }
@@ -34,6 +34,10 @@ EXAMPLES: Mapping[str, Sequence[str]] = {
     "simulate": ("sinew simulate study.yaml --parameters rows.csv --out forces",),
     "watch": ("sinew watch results/demo", "sinew watch results/demo --json | jq .state"),
     "report": ("sinew report results/demo", "sinew report results/demo results/again --out both.html"),
+    "export": (
+        "sinew export results/demo --ro-crate",
+        "sinew export results/demo --ro-crate --out demo.zip --license CC-BY-4.0",
+    ),
     "status": ("sinew status results/demo", "sinew status results/demo --rows > rows.csv"),
     "doctor": ("sinew doctor study.yaml --profile my-site.yaml",),
     "submit": ("sinew submit study.yaml --profile my-site.yaml --dry-run",),

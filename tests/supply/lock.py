@@ -34,10 +34,15 @@ def project() -> dict[str, tuple[str, ...]]:
     }
 
 
+def version() -> str:
+    """The project's version."""
+    return str(tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"])
+
+
 def pins(text: str) -> dict[str, Pin]:
     """The pins of a lock file by name. Raises ``ValueError`` for an entry that is no exact version."""
     found = {}
-    for entry in re.split(r"\n(?=[A-Za-z0-9])", re.sub(r"\A(#.*\n)*", "", text)):
+    for entry in _entries(text):
         head = re.match(r"([A-Za-z0-9._-]+)==([^\s;\\]+)", entry)
         if head is None:
             raise ValueError(f"{entry.splitlines()[0]!r} is no exact version")
@@ -56,3 +61,15 @@ def needed(locked: dict[str, Pin], names: Iterable[str]) -> list[Pin]:
         if not more:
             return [pin for pin in locked.values() if pin.name in chosen]
         chosen |= more
+
+
+def of_the_run(text: str) -> str:
+    """The part of a lock file that the program needs when it runs: for ``pip install --require-hashes``."""
+    run = {pin.name for pin in needed(pins(text), project()["run"])}
+    chosen = [entry.rstrip("\n") for entry in _entries(text) if canonicalize_name(entry.partition("==")[0]) in run]
+    return "\n".join(chosen) + "\n"
+
+
+def _entries(text: str) -> list[str]:
+    """The entries of a lock file; a package has several where its version depends on the version of Python."""
+    return re.split(r"\n(?=[A-Za-z0-9])", re.sub(r"\A(#.*\n)*", "", text))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.supply.lock import LOCK, ROOT, needed, pins, project
+from tests.supply.lock import LOCK, ROOT, needed, of_the_run, pins, project
 
 PAGE = (ROOT / "docs" / "dependencies.md").read_text("utf-8")
 RUN, DEV = (part.split("\n## ")[0] for part in re.split(r"## When it runs|## To work on it", PAGE)[1:])
@@ -80,3 +80,13 @@ def test_what_a_release_needs_leaves_out_the_tools():
     assert set(project()["run"]) <= run
     assert {"tornado", "sqlalchemy", "llvmlite"} <= run, "what they need is there"
     assert not {"pytest", "sphinx", "ruff", "pip-audit"} & run
+
+
+def test_the_requirements_of_a_release_are_a_part_of_the_lock_file():
+    text, whole = of_the_run(LOCK.read_text("utf-8")), LOCK.read_text("utf-8")
+    assert set(text.splitlines()) <= set(whole.splitlines())
+    assert set(pins(text)) == {pin.name for pin in needed(pins(whole), project()["run"])}
+    for name in ("numpy", "scipy"):  # there are several versions, each for some versions of Python
+        heads = [line for line in whole.splitlines() if line.startswith(f"{name}==")]
+        assert len(heads) > 1
+        assert [line for line in text.splitlines() if line.startswith(f"{name}==")] == heads

@@ -1,0 +1,52 @@
+"""What a methods section says of this task, with the numbers of a result."""
+
+from sinew.tasks.calibrate.result import CalibrateResult, Correlations
+from sinew.tasks.drawing.blocks import number, plural
+
+METHODS = {
+    "bayesian": "Bayesian optimisation of residuals with a Gaussian process [@jones, @astudillo]",
+    "least_squares": "a Levenberg-Marquardt iteration from several starts [@marquardt]",
+    "hybrid": "a Levenberg-Marquardt iteration that begins where Bayesian optimisation ended [@marquardt, @jones]",
+}
+
+
+def methods(result: CalibrateResult) -> str:
+    """The paragraph of a methods section; ``[@key]`` cites."""
+    fits = result.specimens.values()
+    totals = [fit.total_N for fit in fits]
+    noises = [fit.noise_N for fit in fits if fit.noise_N is not None]
+    noise = (
+        f" The noise of the curves, estimated from the curves alone by restricted maximum likelihood [@patterson], is "
+        f"{number(min(noises))} to {number(max(noises))} N by the same measure."
+        if noises
+        else ""
+    )
+    ways = " and ".join(METHODS[name] for name in result.methods)
+    descends = {"least_squares", "hybrid"} & set(result.methods)
+    limits = [f"up to {result.evaluations:,} evaluations of each specimen by every method"] if descends else []
+    limits += [f"{result.bayesian_evaluations:,} in each Bayesian search"] if result.has_search else []
+    cost = f" ({', '.join(limits)})" if limits else ""
+    return (
+        f"The {len(result.free)} free parameters of {plural(len(totals), 'specimen')} were fitted within their "
+        f"ranges by "
+        f"{ways}{cost}. The objective is the sum over protocols of the root mean square error of the force [@pekedis]. "
+        f"At the best fits it is {number(min(totals))} to {number(max(totals))} N.{noise}{_bounds(result)}"
+        f"{_correlations(result)}"
+    )
+
+
+def _bounds(result: CalibrateResult) -> str:
+    names = result.often_on_bound
+    return f" On an end of their range in half of the specimens or more: {', '.join(names)}." if names else ""
+
+
+def _correlations(result: CalibrateResult) -> str:
+    found = result.correlations
+    if not isinstance(found, Correlations):
+        return ""
+    return (
+        f" Repeated-measures correlations [@bakdash] of {plural(found.tests, 'pair')} of parameters were "
+        f"computed across "
+        f"{plural(len(found.sites), 'site')} of {plural(len(found.donors), 'donor')}, with p values adjusted by "
+        f"Holm's method."
+    )

@@ -1,0 +1,110 @@
+"""The files that go into a crate: study, template, measured curves, results. A closed list: nothing else goes out."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+
+from sinew.runner.files import read_input
+from sinew.tasks.data.cohort import check_inside, visible
+from sinew.tasks.discover.result import ADOPTED, COPY, WITH_EFFECTS
+from sinew.tasks.registry import TASKS
+from sinew.tasks.report.crate.layout import Layout, changed_fields, template_name, with_fields
+from sinew.tasks.report.crate.pack import MAX_BYTES, Item
+from sinew.tasks.report.crate.source import Source
+from sinew.tasks.report.status import PAGE
+from sinew.tasks.simulate.febio.files import read_files
+from sinew.tasks.simulate.febio.renderer import Allowance
+
+LARGE = ("store.zarr", "journal", "log.jsonl")  # what a crate holds only if it is asked for: all rows, and the log
+MACHINERY = ("attempts", "jobs", "lock", "progress.json")  # records of processes, in no crate
+FILES = ("ranges.json", COPY, PAGE)
+WORDS = {
+    ".json": "result", ".csv": "table", ".png": "figure", ".pdf": "figure", ".html": "page with all results",
+    ".nc": "posterior sample (netCDF)", ".db": "history of an inference (SQLite)",
+    ".yaml": "study with the named effect",
+}  # fmt: skip
+
+
+def study_items(source: Source, layout: Layout) -> Iterator[Item]:
+    """The study file, with paths of the crate, and the template with all that it includes."""
+    text = with_fields(source.text, changed_fields(source, layout))
+    yield Item(str(layout.study), text.encode(), "study file")
+    name = template_name(source.study)
+    if name is not None:
+        _, texts = read_files(source.study.path.parent, name, Allowance())
+        place = layout.study.parent / PurePosixPath(name).parent
+        for each, content in texts.items():
+            yield Item(str(place / each), content.encode(), "FEBio template")
+
+
+def cohort_items(source: Source, layout: Layout) -> Iterator[Item]:
+    """Measured curves and sizes of all specimens. Raises :class:`sinew.runner.errors.BadInput`."""
+    folder = source.cohort_folder
+    if folder is None or layout.cohort is None:
+        return
+    for specimen in source.cohort.specimens:
+        for path in visible(folder / specimen.name):
+            if path.suffix.lower() == ".csv" or path.name == "specimen.json":
+                check_inside(path, folder)
+                content = read_input(path, MAX_BYTES, "a file of the cohort")
+                words = "size of a specimen" if path.name == "specimen.json" else "measured curve"
+                yield Item(str(layout.cohort / specimen.name / path.name), content, f"{words}, {specimen.name}")
+
+
+def result_items(source: Source, layout: Layout, *, store: bool) -> Iterator[Item]:
+    """Results, figures and the page; with ``store`` all rows and the log too, so that it is a result folder again."""
+    for relative in result_files(source.found.folder):
+        if not kept(relative, store=store):
+            continue
+        path: bytes | Path = source.found.folder / relative
+        if PurePosixPath(WITH_EFFECTS) == relative and layout.cohort is not None:
+            cohort = os.path.relpath(layout.cohort, layout.results / WITH_EFFECTS.parent)
+            path = with_fields(Path(source.found.folder / relative).read_text("utf-8"), {"cohort": cohort}).encode()
+        yield Item(str(layout.results / relative), path, _words(relative))
+
+
+def table_items(source: Source) -> Iterator[Item]:
+    """The numbers of each result as CSV."""
+    for task, result in source.found.results.items():
+        table = TASKS[task].module("show").table(result)
+        text = table.to_csv(lineterminator="\n", float_format="%.10g")
+        yield Item(f"tables/{task}.csv", text.encode(), f"numbers of {task} as a table")
+
+
+def kept(relative: PurePosixPath, *, store: bool) -> bool:
+    """Whether a file of a result folder goes into a crate."""
+    first, *rest = relative.parts
+    if first == ADOPTED and rest:
+        return kept(PurePosixPath(*rest), store=store)
+    if any(part.startswith(".") for part in relative.parts):
+        return False
+    if first in LARGE:
+        return store
+    if not rest:
+        return first in FILES or first.partition(".")[0].partition("_")[0] in TASKS
+    return first in (*TASKS, "figures") and (store or relative.suffix != ".jsonl")  # those are checkpoints
+
+
+def strangers(folder: Path) -> list[str]:
+    """Files in a result folder that no task wrote; they stay where they are."""
+    return [str(one) for one in result_files(folder) if not kept(one, store=True) and not one.name.startswith(".")]
+
+
+def result_files(folder: Path) -> list[PurePosixPath]:
+    """All files of a result folder but the records of processes, sorted; links are not followed."""
+    found = []
+    for where, folders, names in os.walk(folder):
+        inside = PurePosixPath(Path(where).relative_to(folder))
+        if inside in (PurePosixPath(), PurePosixPath(ADOPTED)):
+            folders[:] = [each for each in folders if each not in MACHINERY]
+            names = [each for each in names if each not in MACHINERY]
+        found += [inside / name for name in names]
+    return sorted(found)
+
+
+def _words(relative: PurePosixPath) -> str:
+    if relative.parts[0] in LARGE:
+        return "log of all runs" if relative.name == "log.jsonl" else "stored evaluations"
+    what = WORDS.get(relative.suffix, "result")
+    task = relative.parts[0].partition(".")[0].partition("_")[0]
+    return f"{what}, {task}" if task in TASKS else what

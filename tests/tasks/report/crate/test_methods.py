@@ -1,0 +1,67 @@
+"""Words for a methods section: every task has some, with its numbers, and all that they cite is known."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from sinew.tasks.registry import TASKS
+from sinew.tasks.report.crate.methods import cited, methods, numbered
+from sinew.tasks.report.crate.references import REFERENCES
+from sinew.tasks.report.crate.source import Source, read_source
+from tests.golden.study import make
+
+DOCS = Path(__file__).resolve().parents[4] / "docs" / "methods.md"
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Source:
+    """A study with all tasks, also the optional ones."""
+    return read_source(make(tmp_path_factory.mktemp("methods")))
+
+
+def paragraph(text: str, title: str) -> str:
+    return text.partition(f"## {title}\n")[2].partition("\n\n")[0]
+
+
+def test_numbers_are_those_of_the_results(source):
+    text = methods(source).decode()
+    results = source.found.results
+    assert set(results) == set(TASKS)
+    sobol = results["sobol"]
+    assert f"{sobol.base_samples} base samples, {sobol.rows} rows" in paragraph(text, "Sobol indices")
+    totals = sorted(fit.total_N for fit in results["calibrate"].specimens.values())
+    assert f"{totals[0]:.3g} to {totals[-1]:.3g} N" in paragraph(text, "Calibration")
+    assert results["discover"].headline in paragraph(text, "Missing effects")
+    assert f"{results['infer'].sites['distal'].judged} proposals" in paragraph(text, "Inference")
+    assert "2 specimens of 2 sites (distal, middle)" in paragraph(text, "Measured data")
+    assert "Protocol `two_step`: 2 curves of 814 points over 406 s" in text
+    assert "E_f 160 to 275 MPa" in paragraph(text, "Model")
+    assert "with the seed 11" in paragraph(text, "Computation")
+    assert not re.search(r"\[@|\bnan\b|\bNone\b|\{|\}", text)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_every_task_has_a_paragraph_whose_references_are_known(source, task):
+    words = TASKS[task].module("prose").methods(source.found.results[task])
+    assert re.search(r"\d", words)
+    assert words.endswith(".")
+    assert "  " not in words
+    assert set(cited(words)) <= set(REFERENCES)
+
+
+def test_references_are_numbered_in_the_order_of_their_use(source):
+    assert numbered("a [@b, @c] d [@c] e [@a]") == ("a [1, 2] d [2] e [3]", ["b", "c", "a"])
+    text = methods(source).decode()
+    listed = re.findall(r"^(\d+)\. (.*)$", text, re.MULTILINE)
+    assert [number for number, _ in listed] == [str(i) for i in range(1, len(listed) + 1)]
+    used = {int(number) for found in re.findall(r"\[(\d+(?:, \d+)*)\]", text) for number in found.split(", ")}
+    assert used == set(range(1, len(listed) + 1))
+    assert all("https://doi.org/10." in line or "Proc ICML" in line for _, line in listed)
+
+
+def test_references_are_those_of_the_page_of_methods():
+    page = " ".join(DOCS.read_text("utf-8").split())
+    for key, reference in REFERENCES.items():
+        assert reference.text.removesuffix(" (1998).").removesuffix(".") in page, key
+        assert not reference.doi or re.fullmatch(r"10\.\d{4,5}/[!-~]+", reference.doi), key
