@@ -94,6 +94,7 @@ def run(workspace: Workspace, settings: Settings) -> PredictResult:
 
     Raises :class:`BadInput` when there is no inference, or when it was of another model.
     """
+    workspace.say_what_is_left_out("predict")
     sites = _planned(workspace, settings)
     every = [one for planned in sites.values() for one in planned]
     _evaluate(workspace, every)
