@@ -25,7 +25,6 @@ def run(workspace: Workspace, settings: Settings) -> InferResult:
 
     Raises :class:`BadInput` when there is no calibration to take priors from, or no draw came within ``epsilon``.
     """
-    workspace.say_what_is_left_out("infer")
     calibration = CalibrateResult.read(workspace.out)
     if calibration is None:
         raise BadInput(CalibrateResult.path(workspace.out), "is not there", "`sinew calibrate` on this study first")

@@ -14,11 +14,15 @@ FORCE = "force"  # what the force is called among the quantities that are compar
 
 @dataclass(frozen=True, eq=False)
 class Protocol:
-    """A displacement history: ``time_s`` ``[t]`` (s, increasing) and ``displacement_mm`` ``[t]`` (mm)."""
+    """A displacement history: ``time_s`` ``[t]`` (s, increasing) and ``displacement_mm`` ``[t]`` (mm).
+
+    ``seen``: rows at which more than the force was measured, and which should be among those that are kept.
+    """
 
     name: str
     time_s: Array
     displacement_mm: Array
+    seen: Array | None = None
 
     @cached_property
     def distinct_steps(self) -> tuple[Array, Array]:

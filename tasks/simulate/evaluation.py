@@ -161,7 +161,8 @@ class SpecimenEvaluation:
 @lru_cache(maxsize=256)
 def kept_points(protocol: Protocol, count: int | Literal["all"]) -> Array:
     """Rows of a protocol that represent it: half of them spread evenly along the path of the displacement, half along
-    the logarithm of the time since it last moved, where relaxation happens. First and last row are among them.
+    the logarithm of the time since it last moved, where relaxation happens. First and last row are among them. Where
+    more than the force was measured, but not at every row, the nearest rows are taken at which it was.
     """
     rows = protocol.time_s.size
     if count == "all" or rows <= count:
@@ -174,9 +175,20 @@ def kept_points(protocol: Protocol, count: int | Literal["all"]) -> Array:
     parts = [part / part.sum() for part in (path, waiting) if part.sum() > 0]
     along = np.concatenate([[0.0], np.cumsum(sum(parts, np.zeros(rows - 1)))])
     targets = np.linspace(0.0, along[-1], count)
-    keep = np.unique(np.concatenate([[0], np.searchsorted(along, targets[1:-1]), [rows - 1]]))
+    inner = np.searchsorted(along, targets[1:-1])
+    if protocol.seen is not None:
+        inner = _nearest(inner, protocol.seen)
+    keep = np.unique(np.concatenate([[0], inner, [rows - 1]]))
     missing = count - keep.size  # a jump can contain several targets
     if missing > 0:
-        others = np.setdiff1d(np.arange(rows), keep)
+        others = np.setdiff1d(np.arange(rows) if protocol.seen is None else protocol.seen, keep)
+        if others.size < missing:
+            others = np.setdiff1d(np.arange(rows), keep)
         keep = np.union1d(keep, others[np.linspace(0, others.size - 1, missing).astype(int)])
     return keep
+
+
+def _nearest(rows: Array, seen: Array) -> Array:
+    """Of ``seen`` ``[s]`` (increasing), the nearest to each of ``rows``."""
+    after = np.clip(np.searchsorted(seen, rows), 1, seen.size - 1)
+    return np.where(rows - seen[after - 1] <= seen[after] - rows, seen[after - 1], seen[after])

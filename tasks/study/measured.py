@@ -63,10 +63,18 @@ def with_measured(
     wanted = measured if measured is not None and len(measured) > 1 else {}
     found = []
     for one in specimens:
-        curves = tuple(replace(curve, others=_chosen(folder / one.name, curve, wanted)) for curve in one.curves)
+        curves = tuple(_with_others(curve, _chosen(folder / one.name, curve, wanted)) for curve in one.curves)
         bare = replace(one, curves=curves)
         found.append(replace(bare, noise={name: _level(study, bare, name, each) for name, each in wanted.items()}))
     return tuple(found)
+
+
+def _with_others(curve: Curve, others: dict[str, np.ndarray]) -> Curve:
+    """The curve with these others, and its protocol with the rows at which they were measured."""
+    there = [np.isfinite(values) for values in others.values()]
+    both, any_of = np.all(there, axis=0), np.any(there, axis=0)
+    seen = np.flatnonzero(both if np.sum(both) >= FEWEST else any_of) if others else None
+    return replace(curve, protocol=replace(curve.protocol, seen=seen), others=others)
 
 
 def _chosen(folder: Path, curve: Curve, wanted: Mapping[str, QuantitySettings]) -> dict[str, np.ndarray]:

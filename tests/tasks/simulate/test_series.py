@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from sinew.tasks.model import Protocol
+from sinew.tasks.simulate.evaluation import kept_points
 from sinew.tasks.simulate.series import Series, with_unit
 
 
@@ -31,3 +33,17 @@ def test_values_are_in_levels_and_interpolated_where_nothing_was_measured():
 )  # fmt: skip
 def test_columns_name_their_unit(name, unit, column):
     assert with_unit(name, unit) == column
+
+
+def test_points_are_kept_where_everything_was_measured():
+    time = np.linspace(0.0, 100.0, 2001)
+    moved = np.minimum(time, 5.0)
+    alone = kept_points(Protocol("hold", time, moved), 96)
+    seen = np.arange(3, 2001, 10)
+    kept = kept_points(Protocol("hold", time, moved, seen), 96)
+    assert kept.size == alone.size == 96
+    assert np.isin(kept[1:-1], seen).all()
+    assert kept[[0, -1]].tolist() == [0, 2000]
+    few = kept_points(Protocol("hold", time, moved, np.array([7, 900])), 96)
+    assert few.size == 96
+    assert {7, 900} <= set(few.tolist())
