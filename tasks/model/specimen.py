@@ -66,11 +66,8 @@ class Curve:
         return _hash(self.protocol.time_s, self.protocol.displacement_mm, self.force_N)
 
     def of(self, name: str) -> "Curve":
-        """One of the ``others`` in place of the force, at those points where it was measured."""
-        values = self.others[name]
-        there = np.isfinite(values)
-        protocol = Protocol(self.name, self.protocol.time_s[there], self.protocol.displacement_mm[there])
-        return Curve(protocol, values[there])
+        """One of the ``others`` in place of the force, in its own unit; NaN where it was not measured."""
+        return Curve(self.protocol, self.others[name])
 
 
 def _hash(*arrays: Array) -> str:

@@ -179,13 +179,18 @@ def kept_points(protocol: Protocol, count: int | Literal["all"]) -> Array:
     if protocol.seen is not None:
         inner = _nearest(inner, protocol.seen)
     keep = np.unique(np.concatenate([[0], inner, [rows - 1]]))
+    if protocol.seen is not None:
+        left = np.setdiff1d(protocol.seen, keep)
+        keep = np.union1d(keep, _spread(left, min(left.size, count - keep.size)))
     missing = count - keep.size  # a jump can contain several targets
     if missing > 0:
-        others = np.setdiff1d(np.arange(rows) if protocol.seen is None else protocol.seen, keep)
-        if others.size < missing:
-            others = np.setdiff1d(np.arange(rows), keep)
-        keep = np.union1d(keep, others[np.linspace(0, others.size - 1, missing).astype(int)])
+        keep = np.union1d(keep, _spread(np.setdiff1d(np.arange(rows), keep), missing))
     return keep
+
+
+def _spread(rows: Array, count: int) -> Array:
+    """``count`` of ``rows``, evenly spread."""
+    return rows[np.linspace(0, rows.size - 1, count).astype(int)]
 
 
 def _nearest(rows: Array, seen: Array) -> Array:

@@ -16,9 +16,11 @@ NOISE = 3e-4  # of the lateral strain
 EVERY = 5  # rows between two pictures of the camera
 
 
-def measured_laterally(count: int = 1, rate_hz: float = 5.0) -> tuple[list[Specimen], Mapping[str, Any]]:
+def measured_laterally(
+    count: int = 1, rate_hz: float = 5.0, per_site: int = 1
+) -> tuple[list[Specimen], Mapping[str, Any]]:
     """Specimens with a column ``lateral_strain``, and the true parameters of each by name."""
-    specimens, truth = virtual_cohort(seed=3, per_site=-(-count // 3), rate_hz=rate_hz)
+    specimens, truth = virtual_cohort(seed=3, per_site=per_site, rate_hz=rate_hz)
     model, found = Model(), []
     for number, one in enumerate(specimens[:count]):
         values = np.array([[truth["specimens"][one.name]["parameters"][name] for name in model.names]])
@@ -34,9 +36,9 @@ def measured_laterally(count: int = 1, rate_hz: float = 5.0) -> tuple[list[Speci
     return found, {name: each["parameters"] for name, each in truth["specimens"].items()}
 
 
-def write_measured(folder: Path, count: int = 1, rate_hz: float = 5.0) -> Mapping[str, Any]:
+def write_measured(folder: Path, count: int = 1, rate_hz: float = 5.0, per_site: int = 1) -> Mapping[str, Any]:
     """Write such specimens to ``FOLDER/cohort``; returns the true parameters of each by name."""
-    specimens, truth = measured_laterally(count, rate_hz)
+    specimens, truth = measured_laterally(count, rate_hz, per_site)
     write_cohort(folder / "cohort", specimens)
     return truth
 
