@@ -108,10 +108,16 @@ def skopt_result(result: CalibrateResult, folder: Path, specimen: str, *, surrog
     return create_result(points.tolist(), totals, space, models=models)
 
 
+def _errors(table: Table) -> list[str]:
+    """The fields with the RMSE of each quantity, where several are compared."""
+    return [name for name in table.fields if name.startswith("rmse_")]
+
+
 def samples(folder: Path, name: str) -> pd.DataFrame:
     """All evaluations of a table of the store: parameters, objective of each protocol (N), what became of the row.
 
-    Of a template's outputs there is one number for each protocol, in the output's unit.
+    Of a template's outputs there is one number for each protocol, in the output's unit. Where several quantities are
+    compared, the objective has no unit, and ``rmse_NAME_PROTOCOL`` are in that of each.
     """
     table = _table(folder, name)
     rows = np.arange(len(table))
@@ -121,8 +127,13 @@ def samples(folder: Path, name: str) -> pd.DataFrame:
         columns |= {f"{field}_{protocol}": table.read(field, rows)[:, i] for i, protocol in enumerate(protocols)}
     if "objective" in table.fields:
         objective = table.read("objective", rows)
-        columns |= {f"rmse_{protocol}_N": objective[:, i] for i, protocol in enumerate(protocols)}
-        columns["total_N"] = objective.sum(axis=1)
+        errors = {"objective": objective, **{name: table.read(name, rows) for name in _errors(table)}}
+        if len(errors) > 1:  # several quantities are compared
+            columns |= {f"{name}_{each}": one[:, i] for name, one in errors.items() for i, each in enumerate(protocols)}
+            columns["objective"] = objective.sum(axis=1)
+        else:
+            columns |= {f"rmse_{protocol}_N": objective[:, i] for i, protocol in enumerate(protocols)}
+            columns["total_N"] = objective.sum(axis=1)
     words = ("pending", *STATUSES)
     columns["status"] = np.array([words[status + 1] for status in table.status[rows]], dtype=object)
     columns["wall_seconds"] = table.read("wall_seconds", rows)

@@ -113,16 +113,17 @@ def convergence(specimen: str, fit: SpecimenFit) -> Figure:
         order = sorted(fit.methods, key=lambda method: -fit.methods[method].trace[-1][0])
         for number, method in enumerate(order):
             used, totals = fit.methods[method].steps.T
-            label = f"{method.replace('_', ' ')}: {totals[-1]:.3g} N"
+            label = f"{method.replace('_', ' ')}: {totals[-1]:.3g} {fit.unit}"
             style: Any = {"color": COLOURS[number], "lw": 2.6 - 0.8 * number, "label": label}
             axis.step(used, totals, where="post", **style)
             axis.plot(used[-1], totals[-1], "o", ms=4, color=COLOURS[number])
-        if fit.noise_N:
-            axis.axhline(fit.noise_N, color="0.4", lw=1, ls="--", label=f"noise: {fit.noise_N:.3g} N")
+        if fit.floor:
+            noise = f"noise: {fit.floor:.3g} {fit.unit}" if fit.objective is None else "noise"
+            axis.axhline(fit.floor, color="0.4", lw=1, ls="--", label=noise)
         axis.set_yscale("log")
         plain_log(axis)
         axis.set_xlabel("evaluations")
-        axis.set_ylabel("lowest total objective so far (N)")
+        axis.set_ylabel(f"lowest total objective so far ({fit.unit})")
         axis.set_title(specimen, loc="left", fontsize=9)
         axis.legend()
     return figure
@@ -138,10 +139,10 @@ def calibration_convergence(result: CalibrateResult) -> Figure:
             ends = []
             for fit in result.specimens.values():
                 found = fit.methods.get(method)
-                if found is None or not fit.noise_N:
+                if found is None or not fit.floor:
                     continue
                 used, totals = found.steps.T
-                above = np.maximum(100 * (totals / fit.noise_N - 1.0), 0.1)
+                above = np.maximum(100 * (totals / fit.floor - 1.0), 0.1)
                 axis.step(used, above, where="post", color=COLOURS[0], lw=0.7, alpha=0.6)
                 ends.append(above[-1])
             if ends:  # the noise is known

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sinew.tasks.calibrate.result import SEARCHES, ConfoundedPair, MethodFit, SpecimenFit
+from sinew.tasks.calibrate.result import SEARCHES, ConfoundedPair, MethodFit, QuantityFit, SpecimenFit
 from sinew.tasks.calibrate.settings import Settings
 from sinew.tasks.data.noise import Noise, noise_of
 from sinew.tasks.fitting.bayesian import Search
@@ -20,7 +20,7 @@ from sinew.tasks.fitting.fits import (
     uncertainty,
     weighing_of,
 )
-from sinew.tasks.model import Model
+from sinew.tasks.model import FORCE, Model
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study.checkpoint import Checkpoint
@@ -95,21 +95,26 @@ def specimen_fit(model: Model, evaluation: SpecimenEvaluation, fits: Fits, setti
     values = from_unit(model, best.at[np.newaxis])[0]
     noise = [noise_of(curve, specimen.curves) for curve in specimen.curves]
     inflation = [each.inflation for each in noise]
+    for name in specimen.others:
+        along = [curve.of(name) for curve in specimen.curves]
+        inflation += [noise_of(curve, along).inflation for curve in along]
     sd, correlation = uncertainty(fits.jacobians, best.objective, weighing_of(evaluation), inflation)
-    floor = noise_floor(noise, best.total)
+    forces = best.objective[: len(specimen.curves)] * specimen.noise.get(FORCE, 1.0)
+    total = float(forces.sum())
+    noise_N = noise_floor(noise, total)
+    floor = noise_N
+    if evaluation.several:  # each RMSE is in multiples of its noise
+        floor = float(best.objective.size) if best.total >= OVERFITTED * best.objective.size else None
     compared_at = sorted({settings.bayesian.evaluations, settings.evaluations})
     return SpecimenFit(
         site=specimen.site,
         donor=specimen.donor,
         parameters=dict(zip(model.names, values, strict=True)),
-        rmse_N=dict(zip([curve.name for curve in specimen.curves], best.objective, strict=True)),
+        rmse_N=dict(zip([curve.name for curve in specimen.curves], forces, strict=True)),
         peak_N={curve.name: float(np.abs(curve.force_N).max()) for curve in specimen.curves},
-        r2={
-            curve.name: explained(curve.force_N, rmse)
-            for curve, rmse in zip(specimen.curves, best.objective, strict=True)
-        },
-        total_N=best.total,
-        noise_N=floor,
+        r2={curve.name: explained(curve.force_N, rmse) for curve, rmse in zip(specimen.curves, forces, strict=True)},
+        total_N=total,
+        noise_N=noise_N,
         above_noise=above_noise(best.total, floor),
         method=fits.best,
         on_bound=[name for name, at in zip(free, best.at, strict=True) if min(at, 1 - at) < ON_BOUND],
@@ -117,7 +122,21 @@ def specimen_fit(model: Model, evaluation: SpecimenEvaluation, fits: Fits, setti
         determined=[name for name, value in zip(free, sd, strict=True) if value < DETERMINED],
         confounded=confounded(free, sd, correlation),
         methods={name: _method_fit(fit, floor, compared_at) for name, fit in fits.methods.items()},
+        objective=best.total if evaluation.several else None,
+        quantities=_quantities(evaluation, best.objective) if evaluation.several else None,
     )
+
+
+def _quantities(evaluation: SpecimenEvaluation, objective: Array) -> dict[str, QuantityFit]:
+    """Each quantity that is compared, from the parts ``[s]`` of the objective at the best fit."""
+    found = {}
+    for name, unit in evaluation.units().items():
+        own = [(one, part * one.level) for one, part in zip(evaluation.series(), objective, strict=True)]
+        own = [(one, rmse) for one, rmse in own if one.output == name]
+        rmse = {one.protocol: float(error) for one, error in own}
+        r2 = {one.protocol: explained(one.values[one.there], float(error)) for one, error in own}
+        found[name] = QuantityFit(unit, evaluation.specimen.noise[name], rmse, r2)
+    return found
 
 
 def explained(force_N: Array, rmse_N: float) -> float | None:

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from sinew.tasks.model import file_name
+from sinew.tasks.model import FORCE, file_name
+from sinew.tasks.simulate.series import with_unit
 from sinew.tasks.study.result import OMIT, Number, Result
 
 SEARCHES = frozenset({"bayesian", "hybrid"})
@@ -24,12 +25,25 @@ class ConfoundedPair:
 
 
 @dataclass(frozen=True)
+class QuantityFit:
+    """One of several quantities that are compared: its ``unit``, its ``noise`` level, and its RMSE by protocol.
+
+    ``r2``, by protocol: the share of the variance of what was measured that the model explains.
+    """
+
+    unit: str
+    noise: Number
+    rmse: Mapping[str, Number]
+    r2: Mapping[str, float | None]
+
+
+@dataclass(frozen=True)
 class MethodFit:
     """Where one method ended: total objective (N), how far that is above the noise (a ratio less 1), and its cost.
 
     ``above_noise_after``: the same after certain numbers of evaluations, at which methods are compared. ``trace``:
     pairs of the number of evaluations and the lowest total so far (N). ``converged`` is None for a method that has no
-    such test.
+    such test. Where several quantities are compared, totals are in multiples of their noise, not in newton.
     """
 
     total_N: Number
@@ -54,6 +68,9 @@ class SpecimenFit:
     largest measured force, and ``r2``, the share of the variance of the measured force that the model explains (None
     where the force is constant). ``noise_N`` is what noise alone would leave of the total; None where the curves do not
     say. ``sd_of_range``: standard deviations of the free parameters as parts of their ranges.
+
+    All that is in newton is of the force alone. Where several quantities are compared, ``quantities`` holds each of
+    them, and ``objective`` the sum over them and the protocols of RMSE over noise level: ``above_noise`` is of that.
     """
 
     site: str | None
@@ -71,6 +88,30 @@ class SpecimenFit:
     determined: list[str]
     confounded: list[ConfoundedPair]
     methods: Mapping[str, MethodFit]
+    objective: float | None = dataclasses.field(default=None, metadata=OMIT)
+    quantities: Mapping[str, QuantityFit] | None = dataclasses.field(default=None, metadata=OMIT)
+
+    def sums(self) -> dict[str, float]:
+        """The RMSE of each quantity beside the force, summed over protocols, by ``rmse_NAME`` with its unit."""
+        others = {name: one for name, one in (self.quantities or {}).items() if name != FORCE}
+        return {f"rmse_{with_unit(name, one.unit)}": sum(one.rmse.values()) for name, one in others.items()}
+
+    @property
+    def unit(self) -> str:
+        """The unit of the total objective, as it stands behind a number."""
+        return "N" if self.objective is None else "times the noise"
+
+    @property
+    def total(self) -> float:
+        """The total objective: in newton, or in multiples of the noise where several quantities are compared."""
+        return self.total_N if self.objective is None else self.objective
+
+    @property
+    def floor(self) -> float | None:
+        """What noise alone would leave of :attr:`total`; None where the curves do not say."""
+        if self.quantities is None:
+            return self.noise_N
+        return None if self.above_noise is None else float(sum(len(one.rmse) for one in self.quantities.values()))
 
     def percent_of_peak(self, protocol: str) -> float:
         """The root mean square error of a protocol in % of its peak force; NaN where there is no force."""
@@ -155,7 +196,7 @@ class CalibrateResult(Result):
     @property
     def typical(self) -> str:
         """The specimen of the median total objective; of an even number, the better of the two in the middle."""
-        ordered = sorted(self.specimens, key=lambda name: (self.specimens[name].total_N, name))
+        ordered = sorted(self.specimens, key=lambda name: (self.specimens[name].total, name))
         return ordered[(len(ordered) - 1) // 2]
 
     def not_determined(self, specimen: SpecimenFit) -> list[str]:

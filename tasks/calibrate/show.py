@@ -22,6 +22,7 @@ def table(result: CalibrateResult) -> pd.DataFrame:
             **{parameter: fit.parameters[parameter] for parameter in result.names},
             "rmse_N": fit.total_N,
             "noise_N": fit.noise_N,
+            **({} if fit.quantities is None else {**fit.sums(), "objective": fit.objective}),
             "above_noise": fit.above_noise,
             "site": fit.site,
             "method": fit.method,
@@ -33,8 +34,9 @@ def table(result: CalibrateResult) -> pd.DataFrame:
 
 def headline(result: CalibrateResult) -> str:
     """What came out, in one line."""
-    totals = [fit.total_N for fit in result.specimens.values()]
-    return f"{len(totals)} specimens, RMSE {min(totals):.3g} to {max(totals):.3g} N"
+    totals = [fit.total for fit in result.specimens.values()]
+    unit = next(iter(result.specimens.values())).unit
+    return f"{len(totals)} specimens, RMSE {min(totals):.3g} to {max(totals):.3g} {unit}"
 
 
 def bound_advice(result: CalibrateResult) -> str:
@@ -59,8 +61,9 @@ def convergence_table(specimen: str, fit: SpecimenFit) -> pd.DataFrame:
     parts = []
     for method, found in fit.methods.items():
         used, totals = found.steps.T
-        above = 100 * (totals / fit.noise_N - 1.0) if fit.noise_N else np.full(totals.size, np.nan)
-        columns = {"evaluations": used.astype(int), "objective_N": totals, "above_noise_percent": above}
+        above = 100 * (totals / fit.floor - 1.0) if fit.floor else np.full(totals.size, np.nan)
+        objective = "objective_N" if fit.objective is None else "objective"
+        columns = {"evaluations": used.astype(int), objective: totals, "above_noise_percent": above}
         parts.append(pd.DataFrame({"specimen": specimen, "method": method, **columns}))
     return pd.concat(parts, ignore_index=True)
 
@@ -99,14 +102,19 @@ def correlations_table(found: Correlations) -> pd.DataFrame:
 
 def summary(result: CalibrateResult, folder: Path, console: Console) -> None:
     """Print how far each fit stopped above the noise, and what it does not determine."""
+    others = list(next(iter(result.specimens.values())).sums())
+    several = [name.removeprefix("rmse_") for name in others] + ["objective"] if others else []
     grid = Grid(
-        "specimen", "RMSEs together (N)", "noise (N)", "above", "on a bound", "not determined", title="Calibration"
-    )
+        "specimen", "RMSEs together (N)", "noise (N)", *several, "above", "on a bound", "not determined",
+        title="Calibration",
+    )  # fmt: skip
     for name, fit in result.specimens.items():
         noise = "unknown" if fit.noise_N is None else f"{fit.noise_N:.4g}"
+        more = [f"{value:.4g}" for value in (*fit.sums().values(), fit.total)] if others else []
         cells = (
             f"{fit.total_N:.4g}",
             noise,
+            *more,
             beyond(fit.above_noise),
             listed(fit.on_bound, 3),
             listed(result.not_determined(fit), 3),
@@ -114,5 +122,7 @@ def summary(result: CalibrateResult, folder: Path, console: Console) -> None:
         grid.add_row(name, *cells)
     console.print(grid)
     console.print("RMSEs and noise are sums over protocols; above: how far a fit stopped above the noise of its curves")
+    if others:
+        console.print("objective: the sum over protocols and quantities of RMSE over noise; above is of that")
     if advice := bound_advice(result):
         console.print(advice, markup=False)

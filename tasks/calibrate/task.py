@@ -93,7 +93,7 @@ def _adaptive_run(
     seeds = _seeds(workspace, evaluation, table, int(known.kept[0][0]), settings.bayesian.seeds)
     checkpoint = Checkpoint(folder / f"{name}.proposals.jsonl", digest(inputs, seeds.points, seeds.totals))
     seed = streams.key(workspace.seed, Stream.CALIBRATION, number)
-    note = _best_so_far(workspace, evaluation.specimen)
+    note = _best_so_far(workspace, evaluation)
 
     def work(session: Session) -> Fits | None:
         return calibrated(FitSession(session, workspace.model, evaluation, note), settings, seeds, seed, checkpoint)
@@ -101,16 +101,17 @@ def _adaptive_run(
     return AdaptiveRun([(table, evaluation)], most_evaluations(settings, len(workspace.model.free)), work)
 
 
-def _best_so_far(workspace: Workspace, specimen: Specimen) -> Callable[[float], None]:
-    """A function that shows those who watch the study the best total (N) that a specimen has come to."""
+def _best_so_far(workspace: Workspace, evaluation: SpecimenEvaluation) -> Callable[[float], None]:
+    """A function that shows those who watch the study the best total objective that a specimen has come to."""
     evaluated, best = 0, np.inf
+    specimen, unit, behind = evaluation.specimen, evaluation.unit, "" if evaluation.several else " N"
 
     def note(total: float) -> None:
         nonlocal evaluated, best
         evaluated, best = evaluated + 1, min(best, total) if np.isfinite(total) else best
-        words = f"best {best:.4g} N after {evaluated:,}" if np.isfinite(best) else f"all of {evaluated:,} failed"
+        words = f"best {best:.4g}{behind} after {evaluated:,}" if np.isfinite(best) else f"all of {evaluated:,} failed"
         value = best if np.isfinite(best) else None
-        workspace.note("calibrate", specimen.name, words, value=value, unit="N", evaluations=evaluated)
+        workspace.note("calibrate", specimen.name, words, value=value, unit=unit, evaluations=evaluated)
 
     return note
 
@@ -125,7 +126,7 @@ def _seeds(workspace: Workspace, evaluation: SpecimenEvaluation, table: Table, k
     chosen = informative(totals, count)
     points = to_unit(workspace.model, table.parameters(rows[chosen]))
     inside = ((points >= 0.0) & (points <= 1.0)).all(axis=1)
-    forces = tuple(table.read(f"force_{curve.name}", rows[chosen]) for curve in evaluation.specimen.curves)
+    forces = tuple(table.read(one.field, rows[chosen]) / one.level for one in evaluation.series())
     return Search(points[inside], totals[chosen][inside], residuals_of(evaluation, forces)[inside])
 
 
@@ -143,9 +144,11 @@ def _points(workspace: Workspace, search: Search) -> xr.Dataset:
 def _as_csv(result: CalibrateResult) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["specimen", *result.names, "rmse_N"])
+    first = next(iter(result.specimens.values()))
+    writer.writerow(["specimen", *result.names, "rmse_N", *first.sums()])
     for name, fit in result.specimens.items():
-        writer.writerow([name, *(f"{value:.6g}" for value in fit.values(result.names)), f"{fit.total_N:.6g}"])
+        numbers = [*fit.values(result.names), fit.total_N, *fit.sums().values()]
+        writer.writerow([name, *(f"{value:.6g}" for value in numbers)])
     return text.getvalue()
 
 

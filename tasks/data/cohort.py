@@ -18,11 +18,12 @@ import pandas as pd
 
 from sinew.runner.errors import BadInput, shown
 from sinew.runner.files import read_input
-from sinew.tasks.data.numeric_csv import read_numbers
-from sinew.tasks.data.text import BINARY, HUGE, check_text
+from sinew.tasks.data.numeric_csv import read_header, read_numbers
+from sinew.tasks.data.text import BINARY, HUGE, MAX_TEXT_BYTES, check_text
 from sinew.tasks.model import Curve, Protocol, Specimen, file_name
 
 COLUMNS = ("time_s", "displacement_mm", "force_N")
+MOST_FURTHER = 1000  # columns behind these
 GEOMETRY = ("length_mm", "width_mm", "thickness_mm")
 NOTES = ("donor", "note", "source", "diameter_mm")
 MAX_JSON_BYTES = 2**20
@@ -71,10 +72,14 @@ def read_cohort(folder: Path) -> Cohort:
 
 
 def read_curve(path: Path, root: Path, *, length_mm: float = math.inf) -> Curve:
-    """Read ``PROTOCOL.csv``: times increase, displacements stay above ``-length_mm``, all numbers are finite."""
+    """Read ``PROTOCOL.csv``: times increase, displacements stay above ``-length_mm``, all numbers are finite.
+
+    Columns behind those of the force may have empty cells.
+    """
     check_inside(path, root)
-    table = read_numbers(path, COLUMNS)
-    time_s, displacement, force = table.T
+    further = _further_columns(path)
+    table = read_numbers(path, COLUMNS, further=further)
+    time_s, displacement, force = table[:, : len(COLUMNS)].T
     if len(table) < 3:
         raise BadInput(path, f"{len(table)} rows of numbers", "at least 3")
     huge = np.flatnonzero((np.abs(table) >= HUGE).any(axis=1))
@@ -97,7 +102,26 @@ def read_curve(path: Path, root: Path, *, length_mm: float = math.inf) -> Curve:
             f"{displacement[i]:g} mm shortens a gauge of {length_mm:g} mm to nothing",
             "displacements above minus the gauge length, in mm",
         )
-    return Curve(Protocol(path.stem, time_s.copy(), displacement.copy()), force.copy())
+    others = {name: table[:, len(COLUMNS) + number].copy() for number, name in enumerate(further)}
+    return Curve(Protocol(path.stem, time_s.copy(), displacement.copy()), force.copy(), others)
+
+
+def _further_columns(path: Path) -> tuple[str, ...]:
+    """Names of the columns behind that of the force; none where the header is another, which is refused later."""
+    check_text(path, MAX_TEXT_BYTES)
+    header = read_header(path)
+    further = tuple(header[len(COLUMNS) :])
+    if tuple(header[: len(COLUMNS)]) != COLUMNS:
+        return ()
+    if len(further) > MOST_FURTHER:
+        raise BadInput(f"{path}: row 1", f"{len(further)} columns behind force_N", f"at most {MOST_FURTHER}")
+    for name in further:
+        if not NAME.fullmatch(name):
+            expected = "a name of letters, digits, '_' and '.', such as lateral_strain"
+            raise BadInput(f"{path}: row 1", f"a column called {shown(name)}", expected)
+        if header.count(name) > 1:
+            raise BadInput(f"{path}: row 1, {name}", "given twice", "each column once")
+    return further
 
 
 def check_inside(path: Path, root: Path) -> None:
@@ -150,14 +174,16 @@ def _read_specimen(folder: Path, root: Path, name: str) -> Specimen:
     for key in content:
         if key not in (*GEOMETRY, *NOTES):
             raise BadInput(f"{described}: {key}", "unknown key", f"one of {', '.join((*GEOMETRY, *NOTES))}")
-    sizes = {key: _size(described, content, key) for key in GEOMETRY}
+    length, width, thickness = (_size(described, content, key) for key in GEOMETRY)
     for path in curves:
         _check_name(path)
     donor = content.get("donor")
     return Specimen(
         name,
-        **sizes,
-        curves=tuple(read_curve(path, root, length_mm=sizes["length_mm"]) for path in curves),
+        length,
+        width,
+        thickness,
+        curves=tuple(read_curve(path, root, length_mm=length) for path in curves),
         donor=None if donor is None else str(donor),
     )
 
@@ -222,7 +248,7 @@ def write_cohort(folder: Path, specimens: Sequence[Specimen], truth: Mapping[str
         (target / "specimen.json").write_text(json.dumps(content, indent=1) + "\n", "utf-8")
         for curve in specimen.curves:
             columns = (curve.protocol.time_s, curve.protocol.displacement_mm, curve.force_N)
-            table = pd.DataFrame(dict(zip(COLUMNS, columns, strict=True)))
+            table = pd.DataFrame({**dict(zip(COLUMNS, columns, strict=True)), **curve.others})
             table.to_csv(target / f"{curve.name}.csv", index=False, float_format="%.10g")
     if truth is not None:
         (folder / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", "utf-8")

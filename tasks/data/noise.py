@@ -160,10 +160,14 @@ def _restricted(pieces: Sequence[_Piece], r: float, growth: float) -> tuple[floa
 
 
 def _pieces(curve: Curve) -> list[_Piece]:
-    median_step = float(np.median(np.diff(curve.protocol.time_s)))
+    there = np.isfinite(curve.force_N)  # other quantities than the force may have gaps
+    if there.sum() < FEWEST_POINTS:
+        return []
+    median_step = float(np.median(np.diff(curve.protocol.time_s[there])))
     found = []
     for phase in phases(curve.protocol):
-        force, time = curve.force_N[phase.points], curve.protocol.time_s[phase.points]
+        measured = there[phase.points]
+        force, time = curve.force_N[phase.points][measured], curve.protocol.time_s[phase.points][measured]
         if force.size < FEWEST_POINTS:
             continue
         splines = _splines(phase, time - time[0], median_step)

@@ -18,22 +18,31 @@ from sinew.tasks.data.text import MAX_TEXT_BYTES, check_text
 Array = np.ndarray[Any, np.dtype[Any]]
 
 
-def read_numbers(path: Path, columns: Sequence[str] | None, *, max_bytes: int = MAX_TEXT_BYTES) -> Array:
-    """Numbers ``[rows, columns]`` of a CSV file with exactly this header (any header when ``columns`` is None)."""
+def read_numbers(
+    path: Path, columns: Sequence[str] | None, *, max_bytes: int = MAX_TEXT_BYTES, further: Sequence[str] = ()
+) -> Array:
+    """Numbers ``[rows, columns]`` of a CSV file with exactly this header (any header when ``columns`` is None).
+
+    ``further``: columns behind these. Their cells may be empty; such numbers are NaN.
+    """
     check_text(path, max_bytes)
     header = read_header(path)
-    if columns is not None and header != list(columns):
+    if columns is not None and header != [*columns, *further]:
         raise BadInput(f"{path}: row 1", f"header {shown(','.join(header))}", f"{','.join(columns)}")
+    empty: Any = {len(header) - number: [""] for number in range(1, len(further) + 1)} if further else []
     try:
         table = pd.read_csv(
             path, encoding="utf-8-sig", dtype=np.float64, skipinitialspace=True, header=None, skiprows=1,
-            keep_default_na=False, na_values=[], skip_blank_lines=False,
+            keep_default_na=False, skip_blank_lines=False,
+            na_values=empty,
         ).to_numpy()  # fmt: skip
-        regular = table.shape[1] == len(header) and np.isfinite(table).all()
+        given = len(header) - len(further)
+        regular = table.shape[1] == len(header) and np.isfinite(table[:, :given]).all()
+        regular = regular and not np.isinf(table).any()
     except (ValueError, pd.errors.ParserError, UnicodeDecodeError):
         regular = False
     if not regular:
-        table = _read_carefully(path, header)
+        table = _read_carefully(path, header, further)
     if not len(table):
         raise BadInput(path, "holds a header but no numbers", "rows of numbers below the header")
     return table
@@ -45,7 +54,7 @@ def read_header(path: Path) -> list[str]:
         return [cell.strip() for cell in next(csv.reader([file.readline(10_000)]), [])]
 
 
-def _read_carefully(path: Path, header: list[str]) -> Array:
+def _read_carefully(path: Path, header: list[str], further: Sequence[str]) -> Array:
     """Read row by row, so that what is wrong can be named."""
     rows: list[list[float]] = []
     blank_at = 0
@@ -61,7 +70,13 @@ def _read_carefully(path: Path, header: list[str]) -> Array:
                     raise BadInput(f"{path}: row {blank_at}", "a blank row between rows of numbers", "numbers")
                 if len(cells) != len(header):
                     raise BadInput(f"{path}: row {number}", f"{len(cells)} cells", f"{len(header)}, as in the header")
-                rows.append([_number(path, number, name, cell) for name, cell in zip(header, cells, strict=True)])
+                named = zip(header, cells, strict=True)
+                rows.append(
+                    [
+                        math.nan if name in further and not cell.strip() else _number(path, number, name, cell)
+                        for name, cell in named
+                    ]
+                )
         except csv.Error as error:
             raise BadInput(path, f"not a CSV file ({error})", "comma-separated numbers") from None
     return np.array(rows).reshape(len(rows), len(header))

@@ -85,6 +85,7 @@ def run(workspace: Workspace, settings: Settings) -> DiscoverResult:
     Raises :class:`BadInput` when the study's model has effects already, for effects that its simulator does not have,
     and when the noise cannot be estimated from the curves.
     """
+    workspace.say_what_is_left_out("discover")
     specimens = workspace.specimens(settings.specimens, "discover.specimens")
     inputs = inputs_of(workspace, settings, specimens)
     if (known := _known(workspace, specimens, inputs)) is not None:

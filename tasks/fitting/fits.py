@@ -73,10 +73,12 @@ class FitSession:
         for _ in range(count):
             results.append(self.session.next())
             self.report(float(results[-1].values["objective"].sum()))
-        names = [curve.name for curve in self.evaluation.specimen.curves]
         return Seen(
-            np.array([one.values["objective"] for one in results]),
-            tuple(np.array([one.values[f"force_{name}"] for one in results]) for name in names),
+            np.array([self.evaluation.parts(one.values) for one in results]),
+            tuple(
+                np.array([one.values[series.field] for one in results]) / series.level
+                for series in self.evaluation.series()
+            ),
         )
 
     def seen(self, points: Array) -> Seen:
@@ -271,32 +273,31 @@ def jacobians_at(fitting: FitSession, at: Array) -> tuple[Array, ...]:
 def weighing_of(evaluation: SpecimenEvaluation) -> Weighing:
     """How many measured points each kept point of each curve stands for."""
     counts, shares = [], []
-    for curve in evaluation.specimen.curves:
-        counts.append(curve.force_N.size)
-        shares.append(_shares(kept_points(curve.protocol, evaluation.points_per_curve), curve.force_N.size))
+    protocols = {curve.name: curve.protocol for curve in evaluation.specimen.curves}
+    for series in evaluation.series():
+        counts.append(series.count)
+        shares.append(series.shares(kept_points(protocols[series.protocol], evaluation.points_per_curve)))
     return Weighing(tuple(counts), tuple(shares))
-
-
-def _shares(rows: Array, count: int) -> Array:
-    """For each of ``rows`` ``[k]``, how many of ``count`` measured points are nearest to it."""
-    return np.diff(np.concatenate([[0], (rows[1:] + rows[:-1] + 1) // 2, [count]])).astype(float)
 
 
 def residuals_of(evaluation: SpecimenEvaluation, forces: tuple[Array, ...]) -> Array:
     """Simulated less measured force ``[n, p, k]`` (N) at up to ``WATCHED`` of the kept points of every curve.
 
     Each is times the root of its share of the measured points, so the norm of a curve's residuals is about its RMSE.
-    Where a curve has fewer points than others, the rest is 0. ``forces`` hold ``[n, kept]`` (N) for each curve.
+    Where a curve has fewer points than others, the rest is 0. ``forces`` hold ``[n, kept]`` (N) for each curve. Where
+    several quantities are compared, each has its own curves, in multiples of its noise level.
     """
     kept = evaluation.points_per_curve
     most = WATCHED if kept == "all" else min(kept, WATCHED)
+    protocols = {curve.name: curve.protocol for curve in evaluation.specimen.curves}
     curves = []
-    for curve, force in zip(evaluation.specimen.curves, forces, strict=True):
-        keep = kept_points(curve.protocol, kept)
-        watched = np.unique(np.searchsorted(keep, kept_points(curve.protocol, most)))
+    for series, force in zip(evaluation.series(), forces, strict=True):
+        protocol = protocols[series.protocol]
+        keep = kept_points(protocol, kept)
+        watched = np.unique(np.searchsorted(keep, kept_points(protocol, most)))
         rows = keep[watched]
-        share = _shares(rows, curve.force_N.size) / curve.force_N.size
-        residuals = np.sqrt(share) * (force[:, watched] - curve.force_N[rows])
+        share = series.shares(rows) / series.count
+        residuals = np.sqrt(share) * (force[:, watched] - series.at(rows))
         curves.append(np.pad(residuals, ((0, 0), (0, most - rows.size))))
     return np.stack(curves, axis=1)
 

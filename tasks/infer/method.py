@@ -61,15 +61,17 @@ def comparison(kind: str, evaluation: SiteEvaluation) -> Comparison:
         return Comparison(
             relative_distance,
             lambda values: {"relative_error": values["relative_error"]},
-            {"relative_error": np.zeros(len(curves))},
+            {"relative_error": np.zeros(len(curves) + len(evaluation.others()))},
         )
     of, measured = evaluation.points()
     scale = np.array([root_mean_square(curve.force_N) for _, curve in curves])[of]
 
     def describe(values: Mapping[str, Array]) -> dict[str, Any]:
-        return {"force": values["force"] / scale}
+        others = {"others": values["others"]} if "others" in values else {}
+        return {"force": values["force"] / scale} | others
 
-    return Comparison(pyabc.AdaptivePNormDistance(p=2), describe, {"force": measured / scale})
+    observed = {"force": measured / scale} | ({"others": evaluation.points_of_others()} if evaluation.others() else {})
+    return Comparison(pyabc.AdaptivePNormDistance(p=2), describe, observed)
 
 
 def relative_distance(x: Mapping[str, Array], observed: Mapping[str, Array]) -> float:

@@ -1,6 +1,6 @@
 """One evaluation for all specimens of a site: a parameter set against every curve of each of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -20,6 +20,9 @@ class SiteEvaluation:
 
     A curve's relative error is the L2 norm of simulated minus measured force over that of the measured force, over
     every measured point: 0.3 means 30 %. Geometry and displacement histories are each specimen's own.
+
+    What is compared beside the force has relative errors of its own along every curve, behind those of the forces, and
+    its simulated points in ``others``, as parts of the root mean square of what was measured.
     """
 
     model: Model
@@ -32,20 +35,32 @@ class SiteEvaluation:
         """All curves, in the order of the outcome."""
         return [(specimen, curve) for specimen in self.specimens for curve in specimen.curves]
 
+    def others(self) -> list[tuple[Specimen, Curve, str]]:
+        """What was measured beside the forces, in the order of the outcome."""
+        return [(one, curve, name) for one, curve in self.curves() for name in curve.others]
+
     def __call__(self, parameters: Array) -> Outcome:
         count = len(parameters)
         status = np.zeros(count, dtype=np.int8)
         messages = [""] * count
         errors, forces = [], []
+        errors_of_others, others = [], []
         for specimen, curve in self.curves():
             keep = kept_points(curve.protocol, self.points_per_curve)
             compared = self.simulator.compare(self.model, specimen, curve, parameters, keep)
             errors.append(compared.rmse_N / root_mean_square(curve.force_N))
             forces.append(compared.force_N)
+            for name, measured in curve.others.items():
+                size = root_mean_square(measured[np.isfinite(measured)])
+                errors_of_others.append(compared.rmse[name] / size)
+                others.append(compared.outputs[name] / size)
             for row in np.flatnonzero((compared.status > 0) & (status == 0)):
                 status[row] = compared.status[row]
                 messages[row] = f"{specimen.name} {curve.name}: {compared.messages[row]}"
+        errors += errors_of_others
         values = {"relative_error": np.stack(errors, axis=1), "force": np.concatenate(forces, axis=1)}
+        if others:
+            values["others"] = np.concatenate(others, axis=1)
         return Outcome(values, status, tuple(messages) if status.any() else ())
 
     def points(self) -> tuple[Array, Array]:
@@ -57,6 +72,20 @@ class SiteEvaluation:
             measured.append(curve.force_N[keep])
         return np.concatenate(of), np.concatenate(measured)
 
+    def points_of_others(self) -> Array:
+        """What was measured beside the forces at the kept points, as parts of its root mean square.
+
+        Interpolated where nothing was measured.
+        """
+        found = [np.empty(0)]
+        for _, curve, name in self.others():
+            values, time_s = curve.others[name], curve.protocol.time_s
+            there = np.isfinite(values)
+            keep = kept_points(curve.protocol, self.points_per_curve)
+            measured = np.interp(time_s[keep], time_s[there], values[there])
+            found.append(measured / root_mean_square(values[there]))
+        return np.concatenate(found)
+
     def table(self) -> TableSpec:
         """The store's table for this evaluation."""
         curves = self.curves()
@@ -65,7 +94,15 @@ class SiteEvaluation:
         histories = [curve.protocol for _, curve in curves]
         times = np.concatenate([history.time_s[keep] for history, keep in zip(histories, kept, strict=True)])
         moved = np.concatenate([history.displacement_mm[keep] for history, keep in zip(histories, kept, strict=True)])
-        names = np.array([f"{specimen.name} {curve.name}" for specimen, curve in curves], dtype=object)
+        others = self.others()
+        labels = [f"{specimen.name} {curve.name}" for specimen, curve in curves]
+        labels += [f"{specimen.name} {curve.name} {name}" for specimen, curve, name in others]
+        fields = [
+            Field("relative_error", ("curve",), "1", "L2 norm of the force's error over that of the force"),
+            Field("force", ("point",), "N", "simulated force"),
+        ]
+        if others:
+            fields.append(Field("others", ("other_point",), "1", "simulated over root mean square of the measured"))
         return TableSpec(
             title=f"site {self.title} {self.simulator.name}",
             identity={
@@ -77,12 +114,9 @@ class SiteEvaluation:
             },
             parameters=self.model.names,
             units=tuple(parameter.unit for parameter in self.model.parameters),
-            fields=(
-                Field("relative_error", ("curve",), "1", "L2 norm of the force's error over that of the force"),
-                Field("force", ("point",), "N", "simulated force"),
-            ),
+            fields=tuple(fields),
             coordinates=(
-                Coordinate("curve", "curve", names),
+                Coordinate("curve", "curve", np.array(labels, dtype=object)),
                 Coordinate("curve_of_point", "point", of.astype(float), "1"),
                 Coordinate("time", "point", times, "s"),
                 Coordinate("displacement", "point", moved, "mm"),
@@ -103,7 +137,7 @@ def observed(specimen: Specimen, protocols: tuple[str, ...] | None, single_cycle
     """
     curves = [curve for curve in specimen.curves if protocols is None or curve.name in protocols]
     cut = tuple(first_cycle(curve) if curve.name in single_cycle else curve for curve in curves)
-    return Specimen(specimen.name, specimen.length_mm, specimen.width_mm, specimen.thickness_mm, cut, specimen.donor)
+    return replace(specimen, curves=cut)
 
 
 def first_cycle(curve: Curve) -> Curve:
@@ -116,5 +150,9 @@ def first_cycle(curve: Curve) -> Curve:
     unloading = moved[back[0] :]
     again = np.flatnonzero(unloading - np.minimum.accumulate(unloading) > enough)
     end = back[0] + (int(np.argmin(unloading[: again[0]])) if again.size else unloading.size - 1) + 1
-    protocol = Protocol(curve.name, curve.protocol.time_s[:end], moved[:end])
-    return Curve(protocol, curve.force_N[:end])
+    seen = None if curve.protocol.seen is None else curve.protocol.seen[curve.protocol.seen < end]
+    protocol = Protocol(
+        curve.name, curve.protocol.time_s[:end], moved[:end], seen if seen is not None and seen.size > 1 else None
+    )
+    others = {name: values[:end] for name, values in curve.others.items() if np.isfinite(values[:end]).any()}
+    return Curve(protocol, curve.force_N[:end], others)

@@ -1,22 +1,28 @@
 """Specimens, their displacement histories, and the forces measured along them."""
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 Array = np.ndarray[Any, np.dtype[Any]]
+FORCE = "force"  # what the force is called among the quantities that are compared
 
 
 @dataclass(frozen=True, eq=False)
 class Protocol:
-    """A displacement history: ``time_s`` ``[t]`` (s, increasing) and ``displacement_mm`` ``[t]`` (mm)."""
+    """A displacement history: ``time_s`` ``[t]`` (s, increasing) and ``displacement_mm`` ``[t]`` (mm).
+
+    ``seen``: rows at which more than the force was measured, and which should be among those that are kept.
+    """
 
     name: str
     time_s: Array
     displacement_mm: Array
+    seen: Array | None = None
 
     @cached_property
     def distinct_steps(self) -> tuple[Array, Array]:
@@ -37,10 +43,14 @@ class Protocol:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A protocol and the force ``force_N`` ``[t]`` (N) that was measured along it; NaN where nothing was measured."""
+    """A protocol and the force ``force_N`` ``[t]`` (N) that was measured along it; NaN where nothing was measured.
+
+    ``others``: what was measured beside the force, ``[t]`` by name. Unlike the force, it may be NaN at some points.
+    """
 
     protocol: Protocol
     force_N: Array
+    others: Mapping[str, Array] = field(default_factory=dict)
 
     @cached_property
     def measured(self) -> bool:
@@ -52,11 +62,19 @@ class Curve:
 
     @property
     def digest(self) -> str:
-        """A hash of the numbers of this curve."""
-        hashed = hashlib.blake2b(digest_size=16)
-        for array in (self.protocol.time_s, self.protocol.displacement_mm, self.force_N):
-            hashed.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
-        return hashed.hexdigest()
+        """A hash of the protocol and the force."""
+        return _hash(self.protocol.time_s, self.protocol.displacement_mm, self.force_N)
+
+    def of(self, name: str) -> "Curve":
+        """One of the ``others`` in place of the force, in its own unit; NaN where it was not measured."""
+        return Curve(self.protocol, self.others[name])
+
+
+def _hash(*arrays: Array) -> str:
+    hashed = hashlib.blake2b(digest_size=16)
+    for array in arrays:
+        hashed.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
+    return hashed.hexdigest()
 
 
 def file_name(name: str) -> str:
@@ -69,7 +87,8 @@ class Specimen:
     """A bar of gauge ``length_mm`` x ``width_mm`` x ``thickness_mm`` and its measured curves.
 
     ``name`` is its folder below the cohort, with the site in front where there is one (``distal/3``). Sizes are NaN
-    where nothing is known of them: the specimen of a template that has its own.
+    where nothing is known of them: the specimen of a template that has its own. ``noise``: where more than the force is
+    compared, the noise level of each quantity in its own unit, ``force`` first; else empty.
     """
 
     name: str
@@ -78,6 +97,12 @@ class Specimen:
     thickness_mm: float
     curves: tuple[Curve, ...] = ()
     donor: str | None = None
+    noise: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """What is compared beside the force, by the names of the simulator's outputs."""
+        return tuple(name for name in self.noise if name != FORCE)
 
     @property
     def site(self) -> str | None:
@@ -96,9 +121,16 @@ class Specimen:
         return 1.0 + protocol.displacement_mm / self.length_mm
 
     def identity(self) -> dict[str, Any]:
-        """What an evaluation depends on: geometry and the numbers of every curve."""
+        """What an evaluation depends on: geometry, the numbers of every curve, and what is compared besides."""
         size = {"length_mm": self.length_mm, "width_mm": self.width_mm, "thickness_mm": self.thickness_mm}
         return {
             **{name: value if np.isfinite(value) else None for name, value in size.items()},
             "curves": {curve.name: curve.digest for curve in self.curves},
+            **({"compared": self._compared()} if self.noise else {}),
+        }
+
+    def _compared(self) -> dict[str, Any]:
+        return {
+            name: [level, *(_hash(curve.others[name]) for curve in self.curves if name in curve.others)]
+            for name, level in self.noise.items()
         }

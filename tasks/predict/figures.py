@@ -1,6 +1,7 @@
 """Figures of a prediction: measured curves and bands (12 in Pekedis 2025), and bands of the stresses (14 and S6)."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -11,7 +12,7 @@ from matplotlib.figure import Figure
 from sinew.runner.store.store import open_store
 from sinew.tasks.drawing.figures import COLOURS, STYLE, save
 from sinew.tasks.drawing.views import FigureKind
-from sinew.tasks.predict.result import BANDS, PredictResult, SitePrediction, bands_group
+from sinew.tasks.predict.result import BANDS, PredictResult, SitePrediction, bands_group, of_quantity
 from sinew.tasks.predict.show import points_table
 from sinew.tasks.study.workspace import Workspace
 
@@ -27,6 +28,12 @@ def draw(workspace: Workspace, result: PredictResult) -> None:
         forces = points_table(dataset)
         save(site_bands(dataset, prediction, site), folder, f"predict_{site}", forces)
         save(each_specimen(dataset, prediction, site), folder, f"predict_{site}_specimens", forces)
+        for name, other in (prediction.others or {}).items():
+            own, label = of_quantity(dataset, name), name.replace("_", " ")
+            label += "" if other.unit == "1" else f" ({other.unit})"
+            shown = replace(prediction, coverage=other.coverage)
+            table = points_table(dataset, f"{name}_", other.unit)
+            save(site_bands(own, shown, site, label), folder, f"predict_{site}_{name}", table)
         if prediction.stresses_of is not None:
             stresses = points_table(dataset, "stress_")
             save(stress_bands(dataset, prediction, site), folder, f"predict_{site}_stresses", stresses)
@@ -41,7 +48,7 @@ def _kind(
     )
 
 
-def site_bands(dataset: xr.Dataset, prediction: SitePrediction, site: str) -> Figure:
+def site_bands(dataset: xr.Dataset, prediction: SitePrediction, site: str, label: str = "force (N)") -> Figure:
     """A row for each band, a column for each protocol; bands of one specimen before the measured curves of all."""
     shown = prediction.typical
     mine = _of(dataset, shown)
@@ -59,7 +66,7 @@ def site_bands(dataset: xr.Dataset, prediction: SitePrediction, site: str) -> Fi
                 _band(axis, _of(mine, protocol, "protocol"), band)
                 share = prediction.coverage[band].protocols[protocol]
                 axis.set_title(f"{protocol.replace('_', ' ')}: {_percent(share)}", loc="left", fontsize=8)
-            row[0].set_ylabel(f"{BANDS[band]}\nforce (N)")
+            row[0].set_ylabel(f"{BANDS[band]}\n{label}")
         for axis in axes[-1]:
             axis.set_xlabel("time (s)")
         figure.suptitle(

@@ -26,7 +26,7 @@ import xarray as xr
 from scipy.special import ndtri, stdtrit
 
 from sinew.tasks.data.noise import noise_of
-from sinew.tasks.model import Specimen
+from sinew.tasks.model import FORCE, Specimen
 from sinew.tasks.predict.result import BANDS, Coverage
 
 FEWEST = 4  # specimens of a site for the band of a new one: two others would say nothing of the spread
@@ -67,8 +67,14 @@ def next_curve(curves: Array, noise: float, probability: float) -> Band:
     return middle - np.hypot(middle - low, measured), middle + np.hypot(high - middle, measured)
 
 
-def noise_of_others(specimens: Sequence[Specimen], specimen: Specimen, protocol: str) -> float:
-    """Standard deviation (N) of the noise of the other specimens' curves of a protocol; 0 where it is unknown."""
+def noise_of_others(specimens: Sequence[Specimen], specimen: Specimen, protocol: str, quantity: str = FORCE) -> float:
+    """Standard deviation of the noise of the other specimens' curves of a protocol; 0 where it is unknown.
+
+    In newton, or in the unit of another ``quantity`` that is compared.
+    """
+    if quantity != FORCE:
+        levels = [other.noise[quantity] for other in specimens if other.name != specimen.name]
+        return float(np.sqrt(np.mean(np.square(levels)))) if levels else 0.0
     sd = [
         noise_of(curve, other.curves).sd_N
         for other in specimens
@@ -88,7 +94,7 @@ def typical(specimens: Sequence[Specimen]) -> Specimen:
 
 
 def coverage(dataset: xr.Dataset) -> dict[str, Coverage]:
-    """The share of the measured points inside each band, each point once.
+    """The share of the measured points inside each band, each point once; points that are NaN were not measured.
 
     ``dataset`` holds ``measured``, ``BAND_low`` and ``BAND_high`` ``[point]`` with the coordinates ``protocol`` and
     ``specimen``. Points where a band is NaN do not count for it.
@@ -98,7 +104,7 @@ def coverage(dataset: xr.Dataset) -> dict[str, Coverage]:
     found = {}
     for name in BANDS:
         low, high = dataset[f"{name}_low"].to_numpy(), dataset[f"{name}_high"].to_numpy()
-        given = np.isfinite(low)
+        given = np.isfinite(low) & np.isfinite(measured)
         inside = given & (measured >= low) & (measured <= high)
         found[name] = Coverage(
             all=_share(inside[given]),

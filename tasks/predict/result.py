@@ -1,10 +1,11 @@
 """The result of a prediction: what ``predict.json`` holds."""
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sinew.tasks.study.result import Number, Result
+from sinew.tasks.study.result import OMIT, Number, Result
 
 BANDS = {"hdi": "mean and HDI bounds", "draws": "draws from the posterior", "new": "a new specimen"}
 """The bands, and what each is called: see :mod:`sinew.tasks.predict.method`."""
@@ -30,8 +31,18 @@ class Coverage:
 
 
 @dataclass(frozen=True)
+class QuantityPrediction:
+    """Coverage by band of a quantity that is compared beside the force, and its ``unit``."""
+
+    unit: str
+    coverage: Mapping[str, Coverage]
+
+
+@dataclass(frozen=True)
 class SitePrediction:
     """The bands of one site. ``failed`` counts failed rows by specimen and status, ``coverage`` is by band.
+
+    ``coverage`` is that of the force; ``others`` holds the other quantities that are compared, if there are any.
 
     ``no_new`` and ``no_stresses`` say why the band for a new specimen or the stresses are missing. ``typical`` is the
     specimen that is drawn, ``stresses_of`` the one along whose displacements the stresses are.
@@ -44,6 +55,7 @@ class SitePrediction:
     typical: str
     stresses_of: str | None
     no_stresses: str | None
+    others: Mapping[str, QuantityPrediction] | None = dataclasses.field(default=None, metadata=OMIT)
 
     @property
     def gaps(self) -> list[str]:
@@ -64,6 +76,17 @@ class PredictResult(Result):
     sites: Mapping[str, SitePrediction]
     coverage: Mapping[str, Coverage]
     inputs: str
+    others: Mapping[str, QuantityPrediction] | None = dataclasses.field(default=None, metadata=OMIT)
+
+    def shares_of_others(self) -> Iterator[dict[str, Any]]:
+        """As :meth:`shares`, of the quantities that are compared beside the force; ``quantity`` names each."""
+        sites = {site: one.others for site, one in self.sites.items()} | {"all": self.others}
+        for site, others in sites.items():
+            for name, found in (others or {}).items():
+                for band, one in found.coverage.items():
+                    if one.all is not None:
+                        shares = {"share": one.all, "by_protocol": [one.protocols.get(each) for each in self.protocols]}
+                        yield {"site": site, "quantity": name, "band": band, **shares, "points": one.points}
 
     @property
     def by_site(self) -> dict[str, Mapping[str, Coverage]]:
@@ -108,3 +131,10 @@ RESULT = PredictResult
 def bands_group(site: str) -> str:
     """Where the store keeps the bands of a site."""
     return f"predict/{site}"
+
+
+def of_quantity(dataset: Any, name: str) -> Any:
+    """The part of a site's bands that is of a quantity beside the force, with the names of those of the force."""
+    dim, prefix = f"{name}_point", f"{name}_"
+    part = dataset.drop_dims([each for each in dataset.dims if each != dim])
+    return part.rename({each: str(each).removeprefix(prefix) for each in [*part.variables, dim]})

@@ -8,6 +8,7 @@ from rich.table import Table as Grid
 
 from sinew.runner.console import Console
 from sinew.tasks.predict.result import BANDS, PredictResult
+from sinew.tasks.simulate.series import with_unit
 
 
 def table(result: PredictResult) -> pd.DataFrame:
@@ -26,8 +27,11 @@ def headline(result: PredictResult) -> str:
     return f"{result.rows:,} simulations, {result.failed:,} failed"
 
 
-def points_table(dataset: xr.Dataset, prefix: str = "") -> pd.DataFrame:
-    """Every point of the bands of a site: forces (N), or with ``stress_`` the stresses (MPa) of one specimen."""
+def points_table(dataset: xr.Dataset, prefix: str = "", unit: str | None = None) -> pd.DataFrame:
+    """Every point of the bands of a site: forces (N), or with ``stress_`` the stresses (MPa) of one specimen.
+
+    With the ``prefix`` of another quantity, ``NAME_``, and its ``unit``: its bands.
+    """
     dim = f"{prefix}point"
     names = sorted(str(name) for name, values in dataset.variables.items() if values.dims == (dim,))
     first = [name for name in (f"{prefix}specimen", f"{prefix}protocol", f"{prefix}time") if name in names]
@@ -36,8 +40,8 @@ def points_table(dataset: xr.Dataset, prefix: str = "") -> pd.DataFrame:
         {name: dataset[name].to_numpy().astype(object if name in first[:2] else float) for name in ordered}
     )
     units = {f"{prefix}time": "time_s", f"{prefix}displacement": "displacement_mm"}
-    unit = "MPa" if prefix else "N"
-    return table.rename(columns=lambda name: units.get(name, name if name in first else f"{name}_{unit}"))
+    unit = unit or ("MPa" if prefix else "N")
+    return table.rename(columns=lambda name: units.get(name, name if name in first else with_unit(name, unit)))
 
 
 def summary(result: PredictResult, folder: Path, console: Console) -> None:
@@ -48,6 +52,13 @@ def summary(result: PredictResult, folder: Path, console: Console) -> None:
         cells = ("" if share is None else f"{100 * share:.1f}" for share in shares)
         grid.add_row(row["site"], BANDS[row["band"]], *cells)
     console.print(grid)
+    if others := list(result.shares_of_others()):
+        grid = Grid("site", "quantity", "band", "all", *result.protocols, title="The same of what else is compared (%)")
+        for row in others:
+            shares = (row["share"], *row["by_protocol"])
+            cells = ("" if share is None else f"{100 * share:.1f}" for share in shares)
+            grid.add_row(row["site"], row["quantity"], BANDS[row["band"]], *cells)
+        console.print(grid)
     for site, prediction in result.sites.items():
         for why in prediction.gaps:
             console.print(f"{site}: {why}", markup=False)

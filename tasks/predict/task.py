@@ -18,9 +18,16 @@ from sinew.runner.store.table import Table
 from sinew.tasks.calibrate.result import CalibrateResult, SpecimenFit
 from sinew.tasks.data.sites import by_site
 from sinew.tasks.infer.result import InferResult, draws, particles_group
-from sinew.tasks.model import Specimen
+from sinew.tasks.model import FORCE, Specimen
 from sinew.tasks.predict.method import FEWEST, Band, bands_of, coverage, noise_of_others, typical
-from sinew.tasks.predict.result import BANDS, PredictResult, SitePrediction, bands_group
+from sinew.tasks.predict.result import (
+    BANDS,
+    PredictResult,
+    QuantityPrediction,
+    SitePrediction,
+    bands_group,
+    of_quantity,
+)
 from sinew.tasks.predict.settings import Settings
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation, kept_points
@@ -109,7 +116,7 @@ def run(workspace: Workspace, settings: Settings) -> PredictResult:
     if (known := cached(workspace, PredictResult, inputs, arrays)) is not None:
         return known
     predicted = [_site(workspace, planned, settings.probability) for planned in sites.values()]
-    forces = [dataset.drop_dims("stress_point", errors="ignore") for _, dataset in predicted]
+    forces = [_only(dataset, "point") for _, dataset in predicted]
     result = PredictResult(
         probability=settings.probability,
         draws=settings.draws,
@@ -118,6 +125,7 @@ def run(workspace: Workspace, settings: Settings) -> PredictResult:
         sites={site: found for site, (found, _) in zip(sites, predicted, strict=True)},
         coverage=coverage(xr.concat(forces, "point")),
         inputs=inputs,
+        others=_others_of([dataset for _, dataset in predicted], every[0].evaluation),
     )
     commit(workspace, result, {name: dataset for name, (_, dataset) in zip(arrays, predicted, strict=True)})
     return result
@@ -202,38 +210,60 @@ def _ask_all(parameters: Array) -> Callable[[Session], None]:
 def _site(workspace: Workspace, planned: Sequence[Planned], probability: float) -> tuple[SitePrediction, xr.Dataset]:
     """The bands of one site and what they cover."""
     specimens = [one.specimen for one in planned]
-    points = _forces(workspace, planned, probability)
+    points = _points(workspace, planned, probability)
+    units = planned[0].evaluation.units()
+    others = {name: _points(workspace, planned, probability, name) for name in units if name != FORCE}
     shown = typical(specimens)
     stresses, no_stresses = _stresses(workspace, planned[specimens.index(shown)], probability)
     few = f"{len(specimens)} specimens; a band for a new one needs {FEWEST} or more"
-    dataset = xr.merge([points.dataset("point", "N"), stresses.dataset("stress_point", "MPa", "stress_")])
+    beside = [each.dataset(f"{name}_point", units[name], f"{name}_") for name, each in others.items()]
+    dataset = xr.merge([points.dataset("point", "N"), stresses.dataset("stress_point", "MPa", "stress_"), *beside])
     prediction = SitePrediction(
         specimens=[one.name for one in specimens],
         failed={one.specimen.name: failures(one.table, one.at) for one in planned},
         no_new=few if len(specimens) < FEWEST else None,
-        coverage=coverage(dataset),
+        coverage=coverage(_only(dataset, "point")),
         typical=shown.name,
         stresses_of=shown.name if no_stresses is None else None,
         no_stresses=no_stresses,
+        others=_others_of([dataset], planned[0].evaluation),
     )
     return prediction, dataset
 
 
-def _forces(workspace: Workspace, planned: Sequence[Planned], probability: float) -> CurvePoints:
-    """Measured forces and their bands (N) at the kept points of every curve of a site."""
+def _only(dataset: xr.Dataset, dim: str) -> xr.Dataset:
+    """What a dataset holds along ``dim``, and nothing else."""
+    return dataset.drop_dims([str(each) for each in dataset.dims if each != dim])
+
+
+def _others_of(datasets: Sequence[xr.Dataset], evaluation: SpecimenEvaluation) -> dict[str, QuantityPrediction] | None:
+    """Coverage of the quantities beside the force; None where there are none."""
+    units = {name: unit for name, unit in evaluation.units().items() if name != FORCE}
+    found = {}
+    for name, unit in units.items():
+        points = xr.concat([of_quantity(dataset, name) for dataset in datasets], "point")
+        found[name] = QuantityPrediction(unit, coverage(points))
+    return found or None
+
+
+def _points(workspace: Workspace, planned: Sequence[Planned], probability: float, quantity: str = FORCE) -> CurvePoints:
+    """What was measured of a quantity, and its bands, at the kept points of every curve of a site, in its unit."""
     points = CurvePoints()
     specimens = [one.specimen for one in planned]
     for one in planned:
         ok = one.rows.split(one.table.status[one.at] == 0)
         for curve in one.specimen.curves:
             keep = kept_points(curve.protocol, workspace.study.store.points_per_curve)
-            force = one.rows.split(one.table.read(f"force_{curve.name}", one.at))
-            noise = noise_of_others(specimens, one.specimen, curve.name)
+            field = next(
+                each.field for each in one.evaluation.series() if (each.output, each.protocol) == (quantity, curve.name)
+            )
+            force = one.rows.split(one.table.read(field, one.at))
+            noise = noise_of_others(specimens, one.specimen, curve.name, quantity)
             bands = bands_of({name: force[name][ok[name]] for name in BANDS}, noise, probability)
             arrays = {
                 "time": curve.protocol.time_s[keep],
                 "displacement": curve.protocol.displacement_mm[keep],
-                "measured": curve.force_N[keep],
+                "measured": (curve.force_N if quantity == FORCE else curve.others[quantity])[keep],
                 **_bounds(bands, keep.size),
             }
             points.add(keep.size, {"specimen": one.specimen.name, "protocol": curve.name}, arrays)

@@ -56,6 +56,8 @@ class Compared:
 
     ``rmse_N`` ``[n]`` (N) over every measured point, and the force at the kept points, ``force_N`` ``[n, k]`` (N).
     Of each of the simulator's outputs, by name, its values at the kept points ``[n, k]`` and its summary ``[n]``.
+    ``rmse`` ``[n]``: of those that were measured (the ``others`` of the curve), over every measured point, in their
+    own unit.
     """
 
     rmse_N: Array
@@ -64,6 +66,7 @@ class Compared:
     messages: tuple[str, ...]
     outputs: Mapping[str, Array] = field(default_factory=dict)
     summaries: Mapping[str, Array] = field(default_factory=dict)
+    rmse: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -131,6 +134,12 @@ def taking_effects(simulator: Simulator) -> TakesEffects | None:
             "simulator", f"{simulator.name} cannot have effects of the library", "simulator: uniaxial or febio"
         )
     return cast(TakesEffects, simulator) if simulator.capabilities.effects == "solver" else None
+
+
+def rmse_of(values: Array, measured: Array) -> Array:
+    """Root mean square ``[n]`` of ``values`` ``[n, t]`` less ``measured`` ``[t]``, where that is a number."""
+    there = np.flatnonzero(np.isfinite(measured))
+    return np.asarray(np.sqrt(np.mean((np.take(values, there, axis=1) - measured[there]) ** 2, axis=1)))
 
 
 def impossible(model: Model, parameters: Array) -> dict[int, str]:

@@ -27,6 +27,8 @@ def simulator_of(study: Study, name: str | None, scratch: Path) -> Simulator:
         if name not in of_the_tissue():
             raise BadInput("--simulator", shown(name), f"one of {', '.join(of_the_tissue())}")
         settings = kinds()[name].model_validate({})
+        if lacking := [each for each in study.compared if each not in settings.comparable]:
+            raise BadInput("--simulator", f"{name} has no {lacking[0]}, which the study compares", "another simulator")
     return settings.build(_purpose(study, effects_of(study.model), scratch))
 
 
@@ -55,4 +57,6 @@ def solver_request(study: Study) -> Request | None:
 
 def _purpose(study: Study, effects: tuple[Effect, ...], scratch: Path) -> Purpose:
     sized = study.protocols is None or study.specimen is not None
-    return Purpose(study.path, model_of(study.model, study.simulator.law), effects, sized, scratch, study.solver)
+    return Purpose(
+        study.path, model_of(study.model, study.simulator.law), effects, sized, scratch, study.solver, study.compared
+    )

@@ -16,6 +16,8 @@ from sinew.tasks.model import Curve, Model, Protocol, Specimen, fibre
 from sinew.tasks.model.effect import Bars, Branch, Effect, Law, Values, in_order
 from sinew.tasks.model.effects import named
 from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, impossible, memory
+from sinew.tasks.simulate.lateral import OUTPUTS, laterals
+from sinew.tasks.simulate.uniaxial import without_width
 
 VERSION = 3  # of the forces that are computed here
 _DRIVERS = ("matrix", "fibre", "strain")
@@ -30,38 +32,55 @@ class UniaxialWith:
     """The embedded simulator for studies whose model has effects, by their ``names``.
 
     Its models are those of :func:`sinew.tasks.model.effect.model_with`: the effects' parameters stand behind the
-    baseline's.
+    baseline's. ``compared``: the outputs that it gives besides the force.
     """
 
     names: tuple[str, ...]
     name: str = "uniaxial"
+    compared: tuple[str, ...] = ()
 
-    capabilities = Capabilities(8, effects="embedded")
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(8, effects="embedded", outputs=tuple(OUTPUTS[name] for name in self.compared))
 
     def identity(self) -> dict[str, Any]:
-        return {"name": self.name, "version": VERSION, "effects": list(self.names)}
+        known = {"name": self.name, "version": VERSION, "effects": list(self.names)}
+        return known | ({"outputs": list(self.compared)} if self.compared else {})
 
     def simulate(
         self, model: Model, specimen: Specimen, protocol: Protocol, parameters: Array, *, stresses: bool = False
     ) -> Simulated:
         if stresses:
             raise ValueError("with effects there are no stresses of the constituents")
+        return self._pulled(model, specimen, protocol, parameters)[0]
+
+    def _pulled(
+        self, model: Model, specimen: Specimen, protocol: Protocol, parameters: Array
+    ) -> tuple[Simulated, Array]:
+        """The forces, and the Green-Lagrange strain of the gauge length ``[n, t]``."""
         effects = tuple(named()[name] for name in self.names)
         own = len(model.parameters) - sum(len(effect.parameters) for effect in effects)
         bare = Model(model.parameters[:own], model.beta, model.lambda_0)
-        force = simulate_with(bare, effects, specimen, protocol, parameters[:, :own], parameters[:, own:])
+        bars = bars_with(bare, effects, specimen, protocol, parameters[:, :own], parameters[:, own:])
+        force = bars.force_N
         status, wrong = np.zeros(len(force), dtype=np.int8), impossible(model, parameters)
         reasons = dict.fromkeys(np.flatnonzero(~np.isfinite(force).all(axis=1)).tolist(), "no force was found")
         status[list(reasons)] = STATUSES.index("diverged")
         status[list(wrong)] = STATUSES.index("bad_input")
         reasons |= wrong
         force[status > 0] = np.nan
-        return Simulated(force, status, tuple(reasons.get(row, "") for row in range(len(force))))
+        return Simulated(force, status, tuple(reasons.get(row, "") for row in range(len(force)))), bars.strain
 
     def compare(self, model: Model, specimen: Specimen, curve: Curve, parameters: Array, keep: Array) -> Compared:
-        done = self.simulate(model, specimen, curve.protocol, parameters)
+        done, strain = self._pulled(model, specimen, curve.protocol, parameters)
         rmse = np.sqrt(np.mean((done.force_N - curve.force_N) ** 2, axis=1))
-        return Compared(rmse, done.force_N[:, keep], done.status, done.messages)
+        compared = Compared(rmse, done.force_N[:, keep], done.status, done.messages)
+        if not self.compared:
+            return compared
+        values, summaries, errors = laterals(
+            self.compared, model, specimen, dict(curve.others), parameters, strain, keep
+        )
+        return without_width(replace(compared, outputs=values, summaries=summaries, rmse=errors))
 
 
 def simulate_with(
@@ -82,6 +101,20 @@ def simulate_with(
     starts at zero displacement. Rows with impossible parameters, or for which Newton's method finds no balance of
     force and displacement, are NaN.
     """
+    return bars_with(model, effects, specimen, protocol, parameters, values, sudden=sudden).force_N
+
+
+def bars_with(
+    model: Model,
+    effects: tuple[Effect, ...],
+    specimen: Specimen,
+    protocol: Protocol,
+    parameters: Array,
+    values: Array,
+    *,
+    sudden: bool = False,
+) -> Bars:
+    """The bars with the forces of :func:`simulate_with`, and the stretch of their gauge length."""
     named = _by_effect(effects, values)
     chosen = tuple((effect, named[effect.slug]) for effect in in_order(effects))
     with np.errstate(all="ignore"):  # rows with impossible parameters end as NaN
@@ -91,9 +124,8 @@ def simulate_with(
         for effect, own in chosen:
             if effect.reading:
                 bars = replace(bars, force_N=effect.reading(bars, own))
-    force = bars.force_N
-    force[~np.isfinite(force).all(axis=1)] = np.nan
-    return force
+    bars.force_N[~np.isfinite(bars.force_N).all(axis=1)] = np.nan
+    return bars
 
 
 def _by_effect(effects: tuple[Effect, ...], values: Array) -> dict[str, Values]:

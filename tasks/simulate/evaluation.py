@@ -1,5 +1,6 @@
 """One evaluation: a parameter set against every measured curve of a specimen."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
@@ -8,8 +9,9 @@ import numpy as np
 
 from sinew.runner.evaluation.batch import Outcome
 from sinew.runner.store.schema import STATUSES, Coordinate, Field, TableSpec
-from sinew.tasks.model import Model, Protocol, Specimen
+from sinew.tasks.model import FORCE, Model, Protocol, Specimen
 from sinew.tasks.simulate import Array, Capabilities, Simulator
+from sinew.tasks.simulate.series import Series
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,6 +21,9 @@ class SpecimenEvaluation:
     A parameter set that fails on one curve is a failed row: an objective over the other curves is another objective.
     There is no objective where nothing was measured. Of a simulator's other outputs there are points of their course,
     ``OUTPUT_PROTOCOL``, and one number by protocol, ``summary_OUTPUT``.
+
+    Where a specimen has ``noise`` levels of several quantities, the objective of a curve is the sum over them of RMSE
+    over level, without unit, and ``rmse_OUTPUT`` holds each RMSE in its own unit.
     """
 
     model: Model
@@ -33,11 +38,17 @@ class SpecimenEvaluation:
         curves = len(self.specimen.curves)
         objective = np.empty((count, curves))
         values: dict[str, Array] = {"objective": objective} if self.scored else {}
+        values |= {f"rmse_{name}": np.empty((count, curves)) for name in self.specimen.noise}
         values |= {f"summary_{output.name}": np.empty((count, curves)) for output in self._can.outputs}
         for column, curve in enumerate(self.specimen.curves):
             keep = kept_points(curve.protocol, self.points_per_curve)
             compared = self.simulator.compare(self.model, self.specimen, curve, parameters, keep)
             objective[:, column] = compared.rmse_N
+            if levels := self.specimen.noise:
+                errors = {name: compared.rmse_N if name == FORCE else compared.rmse[name] for name in levels}
+                for name, error in errors.items():
+                    values[f"rmse_{name}"][:, column] = error
+                objective[:, column] = np.sum([error / levels[name] for name, error in errors.items()], axis=0)
             values |= {self._field(name, curve.name): course for name, course in compared.outputs.items()}
             for name, summary in compared.summaries.items():
                 values[f"summary_{name}"][:, column] = summary
@@ -57,6 +68,39 @@ class SpecimenEvaluation:
         """Whether there are measured forces, and simulated ones to compare with them."""
         return self.specimen.measured and self._can.force is not None
 
+    @property
+    def several(self) -> bool:
+        """Whether more than the force is compared; the objective has no unit then."""
+        return len(self.specimen.noise) > 1
+
+    @property
+    def unit(self) -> str:
+        """The unit of the objective."""
+        return "1" if self.several else "N"
+
+    def units(self) -> dict[str, str]:
+        """The units of the quantities that are compared, the force first."""
+        known = {output.name: output.unit for output in self._can.outputs}
+        return {FORCE: "N"} | {name: known[name] for name in self.specimen.others}
+
+    def series(self) -> tuple[Series, ...]:
+        """What is compared, one quantity after the other, and each along every protocol."""
+        found = []
+        for name in self.units():
+            for curve in self.specimen.curves:
+                field = f"force_{curve.name}" if name == FORCE else self._field(name, curve.name)
+                values = curve.force_N if name == FORCE else curve.others[name]
+                level = self.specimen.noise.get(name, 1.0)
+                found.append(Series(name, curve.name, field, curve.protocol.time_s, values, level))
+        return tuple(found)
+
+    def parts(self, values: Mapping[str, Array]) -> Array:
+        """The parts of the objective ``[..., s]``, one for each of :meth:`series`, from fields of the store."""
+        if not self.several:
+            return values["objective"]
+        levels = self.specimen.noise
+        return np.concatenate([values[f"rmse_{name}"] / levels[name] for name in levels], axis=-1)
+
     def _field(self, output: str, protocol: str) -> str:
         """The name of an output's curve in the store; that of the force is the same for every simulator."""
         return f"force_{protocol}" if output == self._can.force else f"{output}_{protocol}"
@@ -71,6 +115,10 @@ class SpecimenEvaluation:
         names = [curve.name for curve in self.specimen.curves]
         coordinates = [Coordinate("protocol", "protocol", np.array(names, dtype=object))]
         fields = [Field("objective", ("protocol",), "N", "root mean square error of the force")] if self.scored else []
+        if self.several and self.scored:
+            fields = [Field("objective", ("protocol",), "1", "sum over the quantities of RMSE over noise level")]
+            for name, unit in self.units().items():
+                fields.append(Field(f"rmse_{name}", ("protocol",), unit, f"root mean square error of {name}"))
         outputs = self._can.outputs
         for output in outputs:
             words = f"{output.summary} of {output.name} over the protocol"
@@ -113,7 +161,8 @@ class SpecimenEvaluation:
 @lru_cache(maxsize=256)
 def kept_points(protocol: Protocol, count: int | Literal["all"]) -> Array:
     """Rows of a protocol that represent it: half of them spread evenly along the path of the displacement, half along
-    the logarithm of the time since it last moved, where relaxation happens. First and last row are among them.
+    the logarithm of the time since it last moved, where relaxation happens. First and last row are among them. Where
+    more than the force was measured, but not at every row, the nearest rows are taken at which it was.
     """
     rows = protocol.time_s.size
     if count == "all" or rows <= count:
@@ -126,9 +175,25 @@ def kept_points(protocol: Protocol, count: int | Literal["all"]) -> Array:
     parts = [part / part.sum() for part in (path, waiting) if part.sum() > 0]
     along = np.concatenate([[0.0], np.cumsum(sum(parts, np.zeros(rows - 1)))])
     targets = np.linspace(0.0, along[-1], count)
-    keep = np.unique(np.concatenate([[0], np.searchsorted(along, targets[1:-1]), [rows - 1]]))
+    inner = np.searchsorted(along, targets[1:-1])
+    if protocol.seen is not None:
+        inner = _nearest(inner, protocol.seen)
+    keep = np.unique(np.concatenate([[0], inner, [rows - 1]]))
+    if protocol.seen is not None:
+        left = np.setdiff1d(protocol.seen, keep)
+        keep = np.union1d(keep, _spread(left, min(left.size, count - keep.size)))
     missing = count - keep.size  # a jump can contain several targets
     if missing > 0:
-        others = np.setdiff1d(np.arange(rows), keep)
-        keep = np.union1d(keep, others[np.linspace(0, others.size - 1, missing).astype(int)])
+        keep = np.union1d(keep, _spread(np.setdiff1d(np.arange(rows), keep), missing))
     return keep
+
+
+def _spread(rows: Array, count: int) -> Array:
+    """``count`` of ``rows``, evenly spread."""
+    return rows[np.linspace(0, rows.size - 1, count).astype(int)]
+
+
+def _nearest(rows: Array, seen: Array) -> Array:
+    """Of ``seen`` ``[s]`` (increasing), the nearest to each of ``rows``."""
+    after = np.clip(np.searchsorted(seen, rows), 1, seen.size - 1)
+    return np.where(rows - seen[after - 1] <= seen[after] - rows, seen[after - 1], seen[after])

@@ -18,6 +18,8 @@ def quantity(evaluation: SpecimenEvaluation, output: str | None) -> tuple[str, s
     That is the objective where there is one, or else the summary of an output: the named or the first one.
     """
     if output is None and evaluation.scored:
+        if evaluation.several:
+            return "objective", "sum over protocols and quantities of RMSE over noise"
         return "objective", "sum over protocols of the RMSE in N"
     outputs = evaluation.simulator.capabilities.outputs
     chosen = next(each for each in outputs if output in (None, each.name))

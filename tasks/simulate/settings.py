@@ -23,7 +23,8 @@ class Purpose:
     """What a simulator is built for.
 
     ``study`` is the study's file, beside which templates lie. ``sized``: the specimens have a size. ``scratch`` is the
-    folder of solver runs. ``solver`` is the program that the user names, in place of the study's.
+    folder of solver runs. ``solver`` is the program that the user names, in place of the study's. ``compared``: the
+    outputs that are compared with measurements besides the force.
     """
 
     study: Path
@@ -32,6 +33,7 @@ class Purpose:
     sized: bool
     scratch: Path
     solver: str | None = None
+    compared: tuple[str, ...] = ()
 
 
 class SimulatorSettings(Section):
@@ -49,6 +51,11 @@ class SimulatorSettings(Section):
     def output_names(self) -> tuple[str, ...]:
         """Names of the quantities that are stored besides the force of sinew's own tissue."""
         return ()
+
+    @property
+    def comparable(self) -> dict[str, str]:
+        """Units of the outputs that can be compared with measurements besides the force, by name; 1: no unit."""
+        return {}
 
     @property
     def gives_force(self) -> bool:
@@ -69,8 +76,15 @@ class UniaxialSettings(SimulatorSettings):
     def like_embedded(self) -> bool:
         return True
 
+    @property
+    def comparable(self) -> dict[str, str]:
+        from sinew.tasks.simulate.lateral import OUTPUTS
+
+        return {name: output.unit for name, output in OUTPUTS.items()}
+
     def build(self, purpose: Purpose) -> Simulator:
         from sinew.tasks.simulate.effects import UniaxialWith
         from sinew.tasks.simulate.uniaxial import Uniaxial
 
-        return UniaxialWith(tuple(effect.name for effect in purpose.effects)) if purpose.effects else Uniaxial()
+        effects = tuple(effect.name for effect in purpose.effects)
+        return UniaxialWith(effects, compared=purpose.compared) if effects else Uniaxial(compared=purpose.compared)

@@ -12,7 +12,7 @@ The first point of a protocol is taken as a state of rest: relaxed at the displa
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numba
@@ -21,6 +21,7 @@ import numpy as np
 from sinew.runner.store.schema import STATUSES
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, impossible
+from sinew.tasks.simulate.lateral import OUTPUTS, laterals
 
 # A term in a long hold decays into the subnormal numbers and stays there, as the smallest of them times any decay
 # above one half is itself again. A processor takes some hundred cycles for each product with one.
@@ -31,14 +32,18 @@ LANES = 32  # parameter sets advanced together, enough to hide the latency of th
 
 @dataclass(frozen=True)
 class Uniaxial:
-    """Batches of parameter sets in one compiled pass over time."""
+    """Batches of parameter sets in one compiled pass over time; ``compared``: the outputs that it gives besides."""
 
     name: str = "uniaxial"
+    compared: tuple[str, ...] = ()
 
-    capabilities = Capabilities(LANES, quick=True, stresses=True, effects="embedded")
+    @property
+    def capabilities(self) -> Capabilities:
+        outputs = tuple(OUTPUTS[name] for name in self.compared)
+        return Capabilities(LANES, quick=True, stresses=True, effects="embedded", outputs=outputs)
 
     def identity(self) -> dict[str, Any]:
-        return {"name": self.name, "version": 1}
+        return {"name": self.name, "version": 1} | ({"outputs": list(self.compared)} if self.compared else {})
 
     def simulate(
         self, model: Model, specimen: Specimen, protocol: Protocol, parameters: Array, *, stresses: bool = False
@@ -56,7 +61,25 @@ class Uniaxial:
         status, messages = _judge(model, parameters, np.column_stack([force, rmse]))
         force[status > 0] = np.nan
         rmse[status > 0] = np.nan
-        return Compared(rmse, force, status, messages)
+        done = Compared(rmse, force, status, messages)
+        return self._with_outputs(done, model, specimen, curve, parameters, keep) if self.compared else done
+
+    def _with_outputs(
+        self, done: Compared, model: Model, specimen: Specimen, curve: Curve, parameters: Array, keep: Array
+    ) -> Compared:
+        strain = 0.5 * (specimen.stretch(curve.protocol) ** 2 - 1.0)
+        values, summaries, rmse = laterals(self.compared, model, specimen, dict(curve.others), parameters, strain, keep)
+        return without_width(replace(done, outputs=values, summaries=summaries, rmse=rmse))
+
+
+def without_width(done: Compared) -> Compared:
+    """The same with rows failed that have lost their width; outputs of failed rows are NaN."""
+    lost = ~np.all([np.isfinite(summary) for summary in done.summaries.values()], axis=0) & (done.status == 0)
+    status = np.where(lost, STATUSES.index("diverged"), done.status).astype(np.int8)
+    messages = tuple("nothing is left of the width" if gone else m for gone, m in zip(lost, done.messages, strict=True))
+    for array in (done.rmse_N, done.force_N, *done.outputs.values(), *done.summaries.values(), *done.rmse.values()):
+        array[status > 0] = np.nan
+    return replace(done, status=status, messages=messages)
 
 
 def _judge(model: Model, parameters: Array, numbers: Array) -> tuple[Array, tuple[str, ...]]:

@@ -15,6 +15,7 @@ from sinew.tasks.data.cohort import Cohort
 from sinew.tasks.model import Model, Parameter, Specimen
 from sinew.tasks.simulate import Simulator
 from sinew.tasks.simulate.build import simulator_of
+from sinew.tasks.simulate.lateral import SEEN
 from sinew.tasks.simulate.reach import Reach, reach, unseen
 from sinew.tasks.study.files import digest, read_json, write_json
 from sinew.tasks.study.model import model_of
@@ -141,7 +142,7 @@ def look(study: Study, cohort: Cohort, out: Path) -> Ranges | None:
     return Ranges(
         inputs=inputs,
         reach=reaches,
-        unseen=list(unseen(simulator, model, cohort.specimens)),
+        unseen=[name for name in unseen(simulator, model, cohort.specimens) if not (study.compared and name == SEEN)],
         advice=advised(simulator, model, cohort.specimens, reaches) if _hopeless(reaches) else [],
     )
 

@@ -9,11 +9,12 @@ from pydantic import Field, PrivateAttr, create_model, field_validator, model_va
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.cohort import NAME
-from sinew.tasks.model import Curve, Protocol
+from sinew.tasks.model import FORCE, Curve, Protocol
 from sinew.tasks.registry import TASKS
 from sinew.tasks.simulate.registry import AnySimulator
 from sinew.tasks.simulate.settings import UniaxialSettings
 from sinew.tasks.study.fields import Finite, Name, Positive, TaskSettings
+from sinew.tasks.study.measured import Quantities, check_quantities
 from sinew.tasks.study.model import ModelSettings, model_of
 from sinew.tasks.study.settings_file import FieldError, Section, by_name, read_settings
 
@@ -87,6 +88,7 @@ class StudyFields(Section):
     cohort: str | None = None
     protocols: dict[str, HistorySettings] | None = None
     specimen: SpecimenSettings | None = None
+    measured: Quantities | None = None
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     model: ModelSettings = ModelSettings()
     simulator: AnySimulator = UniaxialSettings()
@@ -137,6 +139,12 @@ class StudyFields(Section):
         return self
 
     @model_validator(mode="after")
+    def _known_quantities(self) -> Self:
+        if self.measured is not None:
+            check_quantities(self.measured, self.simulator.comparable, self.simulator.gives_force)
+        return self
+
+    @model_validator(mode="after")
     def _sections_fit(self) -> Self:
         for task in TASKS:
             try:
@@ -157,6 +165,11 @@ class StudyFields(Section):
     def section(self, kind: type[S]) -> S:
         """The section of a task, by the class of its settings."""
         return next(getattr(self, name) for name, field in type(self).model_fields.items() if field.annotation is kind)
+
+    @property
+    def compared(self) -> tuple[str, ...]:
+        """The simulator's outputs that are compared with measurements besides the force."""
+        return tuple(name for name in self.measured or () if name != FORCE)
 
     @property
     def cohort_path(self) -> Path:

@@ -183,6 +183,10 @@ class TemplateSettings(SolverSettings):
         return tuple(self.outputs)
 
     @property
+    def comparable(self) -> dict[str, str]:
+        return {name: output.unit for name, output in self.outputs.items() if name != self.force}
+
+    @property
     def gives_force(self) -> bool:
         return self.force is not None
 

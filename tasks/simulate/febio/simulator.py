@@ -18,7 +18,7 @@ from scipy.interpolate import PchipInterpolator
 from sinew.runner.errors import BadInput
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
-from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated
+from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, rmse_of
 from sinew.tasks.simulate.febio.attempt import INPUT, Failed, attempt, row_by_row
 from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at, slack
 from sinew.tasks.simulate.febio.renderer import render
@@ -141,6 +141,7 @@ class FEBio:
             messages,
             {name: values[:, keep] for name, values in outputs.items()},
             {output.name: output.summarised(outputs[output.name]) for output in self.capabilities.outputs},
+            {name: rmse_of(outputs[name], values) for name, values in curve.others.items() if name in outputs},
         )
 
     def rendered(self, model: Model, specimen: Specimen, protocol: Protocol, values: Array) -> str:

@@ -16,6 +16,7 @@ from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.study.workspace import Workspace
 from tests.runner.stores import contents
 from tests.tasks.calibrations import calibration_of, fit_of
+from tests.tasks.measured import NOISE, study_of, write_measured
 from tests.tasks.test_pipeline import new_simulations, sinew
 
 STUDY = """
@@ -168,3 +169,33 @@ def test_a_specimen_that_is_not_there_is_one_line(study, tmp_path, capsys):
     assert said.count("\n") == 1
     assert "calibrate.specimens" in said
     assert not (tmp_path / "out").exists()
+
+
+def test_the_lateral_strain_tells_poisson_s_ratio(tmp_path, capsys, here, monkeypatch):
+    (truth,) = list(write_measured(tmp_path).values())[:1]
+    monkeypatch.setattr(pipeline, "_draw", lambda *_: None)
+    section = "tasks: [calibrate]\ncalibrate: {methods: [least_squares], starts: 2, evaluations: 200}"
+    fits = {}
+    for name, compared in (("both", "measured: {force: {}, lateral_strain: {}}"), ("alone", "")):
+        sinew("run", study_of(tmp_path, section, compared), "--out", tmp_path / name)
+        (fits[name],) = json.loads((tmp_path / name / "calibrate.json").read_text())["specimens"].values()
+    both, alone = fits["both"], fits["alone"]
+    assert "nu_m" not in alone["determined"]
+    assert not {"objective", "quantities"} & set(alone)
+    sd = both["sd_of_range"]["nu_m"] * 0.4
+    assert "nu_m" in both["determined"]
+    assert 0 < sd < 0.01
+    assert both["parameters"]["nu_m"] == pytest.approx(truth["nu_m"], abs=2.5 * sd)
+    assert alone["rmse_N"] == pytest.approx(both["rmse_N"], rel=0.2), "the force is fitted as well as alone"
+    strain, force = both["quantities"]["lateral_strain"], both["quantities"]["force"]
+    assert strain["unit"] == "1"
+    assert strain["noise"] == pytest.approx(NOISE, rel=0.1)
+    assert list(strain["rmse"].values()) == pytest.approx([NOISE] * 3, rel=0.1)
+    assert force["rmse"] == both["rmse_N"]
+    assert both["total_N"] == pytest.approx(sum(force["rmse"].values()))
+    sums = {name: sum(one["rmse"].values()) / one["noise"] for name, one in both["quantities"].items()}
+    assert both["objective"] == pytest.approx(sum(sums.values()))
+    assert both["above_noise"] == pytest.approx(both["objective"] / 6 - 1)
+    (row,) = csv.DictReader((tmp_path / "both" / "calibrate.csv").read_text().splitlines())
+    assert float(row["rmse_lateral_strain"]) == pytest.approx(sum(strain["rmse"].values()), rel=1e-5)
+    assert "lateral_strain" in capsys.readouterr().out

@@ -97,3 +97,14 @@ def test_a_curve_without_noise_and_one_that_is_too_short():
     rng = np.random.default_rng(1)
     long = Curve(Protocol("pull", t, t), 3 * t + 0.5 * rng.standard_normal(t.size))
     assert noise_of(short, [short, long]) == noise_of(long)
+
+
+def test_gaps_do_not_change_the_level():
+    specimens, truth = virtual_cohort(seed=5, per_site=1, rate_hz=10.0)
+    for one in specimens:
+        level = truth["specimens"][one.name]["noise_sd_N"]
+        rows = (np.arange(curve.force_N.size) for curve in one.curves)
+        seen = [np.where(at % 4 == 0, curve.force_N, np.nan) for at, curve in zip(rows, one.curves, strict=True)]
+        gaps = [Curve(curve.protocol, values) for curve, values in zip(one.curves, seen, strict=True)]
+        assert noise_of_all(gaps, proportional=False).sd_N == pytest.approx(level, rel=0.15)
+    assert np.isnan(noise_of(Curve(gaps[0].protocol, np.full(gaps[0].force_N.size, np.nan))).sd_N)

@@ -3,10 +3,12 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib import pyplot as plt
 
 from sinew.runner.cluster.local import Local
+from sinew.runner.console import Console
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
@@ -16,6 +18,7 @@ from sinew.tasks.predict import figures
 from sinew.tasks.predict.method import next_curve, noise_of_others
 from sinew.tasks.predict.result import Coverage, PredictResult
 from sinew.tasks.predict.settings import Settings
+from sinew.tasks.predict.show import summary
 from sinew.tasks.predict.task import run
 from sinew.tasks.simulate import Capabilities
 from sinew.tasks.simulate.uniaxial import Uniaxial
@@ -24,6 +27,7 @@ from sinew.tasks.study.streams import Stream, key
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import open_workspace
 from tests.tasks.calibrations import calibration_of, fit_of
+from tests.tasks.measured import study_of, write_measured
 from tests.tasks.posteriors import posterior_of, write_inference
 
 MODEL = Model()
@@ -198,3 +202,36 @@ def test_other_simulators_give_the_same_forces_and_say_why_there_are_no_stresses
         assert done > 0
         run(workspace, FEW_DRAWS)
         assert workspace.simulations == done
+
+
+def test_what_is_measured_beside_the_force_has_bands_of_its_own(tmp_path, capsys):
+    truth = write_measured(tmp_path, 4, 2.0, 4)
+    study = read_study(study_of(tmp_path, ""))
+    with open_workspace(study, out=tmp_path / "out", cluster=Local(workers=1), quiet=True) as workspace:
+        inferred(workspace, {name: {"parameters": each} for name, each in truth.items()})
+        found = run(workspace, FEW_DRAWS)
+        specimens, dataset = workspace.cohort.specimens, workspace.store.read_result("predict/distal")
+        assert run(workspace, FEW_DRAWS).others == found.others
+        figures.draw(workspace, found)
+        plt.close("all")
+        summary(found, tmp_path / "out", Console(quiet=False))
+    other = found.others["lateral_strain"]
+    assert other.unit == "1"
+    assert found.sites["distal"].others == found.others, "there is one site"
+    measured = dataset["lateral_strain_measured"].to_numpy()
+    points = int(np.isfinite(measured).sum())
+    seen = [int(np.isfinite(curve.others["lateral_strain"]).sum()) for one in specimens for curve in one.curves]
+    assert points >= sum(min(each, 94) for each in seen), "points are kept where the camera saw something"
+    assert dataset["lateral_strain_measured"].attrs["units"] == "1"
+    for band, one in other.coverage.items():
+        low, high = (dataset[f"lateral_strain_{band}_{end}"].to_numpy() for end in ("low", "high"))
+        inside = (measured >= low) & (measured <= high)
+        assert one.points == points
+        assert one.all == pytest.approx(inside.sum() / points)
+    assert sum(share > 0.99 for share in other.coverage["new"].specimens.values()) >= 3, "of four"
+    assert found.coverage["new"].points == 4 * 3 * 96
+    table = pd.read_csv(tmp_path / "out" / "figures" / "predict_distal_lateral_strain.csv")
+    assert table.columns[:3].to_list() == ["lateral_strain_specimen", "lateral_strain_protocol", "time_s"]
+    told = capsys.readouterr().out
+    assert "what else is compared" in told
+    assert json.loads((tmp_path / "out" / "predict.json").read_text())["others"]["lateral_strain"]["unit"] == "1"

@@ -15,6 +15,7 @@ import xarray as xr
 import yaml
 
 import sinew
+from sinew.runner.errors import BadInput
 from sinew.runner.store.schema import STATUSES
 from sinew.tasks import pipeline
 from sinew.tasks.cli import main as cli
@@ -167,6 +168,58 @@ def test_from_a_curve_to_its_parameters_and_predictions(tmp_path, settings):
     built = build(tmp_path / "out")
     assert built.trouble == ()
     assert "Not for a template" in built.path.read_text()
+
+
+def test_an_output_that_was_measured_is_compared_beside_the_force(tmp_path, settings, capsys):
+    settings["calibrate"] = {"methods": ["least_squares"], "evaluations": 48, "starts": 1}
+    settings["measured"] = {"force": {"noise": 0.05}, "narrowing": {"column": "width_loss_mm", "noise": 0.001}}
+    settings["tasks"] = ["sobol", "importance", "calibrate"]
+    unmeasured = {name: value for name, value in settings.items() if name != "measured"}
+    sited = with_cohort(tmp_path, unmeasured) | {"measured": settings["measured"]}
+    (tmp_path / "cohort" / "made" / "note.txt").write_text("not read")
+    file = tmp_path / "cohort" / "made" / "relaxation.csv"
+    seen = pd.read_csv(tmp_path / "truth" / "dogbone.relaxation.narrowing.csv")["row_0"]
+    noise = np.random.default_rng(1).standard_normal((2, len(seen))) * [[0.05], [0.001]]
+    table = pd.read_csv(file)
+    table["force_N"] += noise[0]
+    table["width_loss_mm"] = (seen + noise[1]).where(np.arange(len(seen)) % 2 == 0)
+    table.to_csv(file, index=False)
+    command("run", written(tmp_path, sited), "--out", tmp_path / "out")
+    told = capsys.readouterr().out
+    assert "the sum over protocols and quantities of RMSE over noise" in told
+    (fit,) = json.loads((tmp_path / "out" / "calibrate.json").read_text())["specimens"].values()
+    assert fit["parameters"]["nu"] == pytest.approx(TRUTH[1], abs=0.02)
+    assert "nu" in fit["determined"]
+    assert fit["quantities"]["narrowing"]["unit"] == "mm"
+    assert fit["quantities"]["narrowing"]["rmse"]["relaxation"] == pytest.approx(0.001, rel=0.5)
+    assert 0.5 < fit["objective"] / 2 < 1.5
+    sobol = json.loads((tmp_path / "out" / "sobol.json").read_text())
+    assert sobol["objective"] == "sum over protocols and quantities of RMSE over noise"
+    assert set(sobol["outputs"]) >= {"force", "narrowing"}
+    assert set(json.loads((tmp_path / "out" / "importance.json").read_text())["outputs"]) == set(sobol["outputs"])
+    stored = max(
+        sinew.results(tmp_path / "out").xarray()["evaluations"].children.values(), key=lambda t: t.sizes["row"]
+    )
+    assert stored["rmse_narrowing"].attrs["units"] == "mm"
+    assert stored["objective"].attrs["units"] == "1"
+    sums = stored["rmse_force"] / 0.05 + stored["rmse_narrowing"] / 0.001
+    np.testing.assert_allclose(stored["objective"], sums)
+    (row,) = pd.read_csv(tmp_path / "out" / "calibrate.csv").to_dict("records")
+    assert row["rmse_narrowing_mm"] == pytest.approx(fit["quantities"]["narrowing"]["rmse"]["relaxation"], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("quantities", "words"),
+    [
+        ({"force": {}, "narrowing": {"column": "width_um"}}, "'width_um' is in um, the simulator's narrowing is in mm"),
+        ({"force": {}, "width": {}}, "expected force or one of its: gauge_stress, shoulder_stress, narrowing"),
+    ],
+)
+def test_quantities_that_a_template_does_not_give_are_refused(tmp_path, settings, quantities, words):
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(settings | {"measured": quantities}, sort_keys=False))
+    with pytest.raises(BadInput, match="measured") as refused:
+        sinew.read_study(tmp_path / "study.yaml")
+    assert words in str(refused.value)
 
 
 def test_failures_are_rows_with_reasons(tmp_path, settings):
