@@ -23,7 +23,8 @@ class Purpose:
     """What a simulator is built for.
 
     ``study`` is the study's file, beside which templates lie. ``sized``: the specimens have a size. ``scratch`` is the
-    folder of solver runs. ``solver`` is the program that the user names, in place of the study's.
+    folder of solver runs, ``kept`` that of runs that are kept. ``solver`` is the program that the user names, in place
+    of the study's.
     """
 
     study: Path
@@ -32,6 +33,7 @@ class Purpose:
     sized: bool
     scratch: Path
     solver: str | None = None
+    kept: Path | None = None
 
 
 class SimulatorSettings(Section):
