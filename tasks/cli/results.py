@@ -12,7 +12,6 @@ from sinew.tasks.cli.terminal import (
     SHELLS,
     command_line,
     completion_script,
-    examples,
     say_next,
 )
 
@@ -109,11 +108,7 @@ def repair(folder: Path) -> None:
     say_next("run the same study again; it computes these rows and no other")
 
 
-@sinew.command(
-    epilog=examples(
-        "sinew export results/dogbone --row 3", "sinew export results/dogbone --row 3 --row 7 --to paraview"
-    )
-)
+@sinew.command()
 @click.argument("folder", type=PATH)
 @click.option("--row", "rows", type=click.IntRange(0), multiple=True, required=True, help="A row, as in the store.")
 @click.option("--to", type=PATH, help="Folder for the files (default: FOLDER/vtk).")

@@ -20,7 +20,7 @@ SHELLS = ("bash", "zsh", "fish")
 GROUPS: Mapping[str, Sequence[str]] = {
     "Begin": ("demo", "init", "import", "cohort"),
     "Run a study": ("run", *TASKS, "simulate"),
-    "Look": ("watch", "status", "report"),
+    "Look": ("watch", "status", "report", "export"),
     "On a cluster": ("doctor", "submit", "cancel"),
     "Care": ("trust", "repair", "benchmark", "completion"),
 }
@@ -40,6 +40,7 @@ EXAMPLES: Mapping[str, Sequence[str]] = {
     "cancel": ("sinew cancel results/demo",),
     "trust": ("sinew trust study.yaml",),
     "repair": ("sinew repair results/demo",),
+    "export": ("sinew export results/dogbone --row 3", "sinew export results/dogbone --row 3 --row 7 --to paraview"),
     "completion": (
         'eval "$(sinew completion bash)"          # in ~/.bashrc',
         'eval "$(sinew completion zsh)"           # in ~/.zshrc, after compinit',

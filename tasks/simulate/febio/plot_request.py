@@ -10,7 +10,7 @@ PLOT = "model.xplt"  # the solver names it after its input
 def with_plot_file(text: str, variables: tuple[str, ...]) -> str:
     """The input ``text`` with a plot file of ``variables`` and of those that it asks for itself.
 
-    States are written when the log is, so that both have the same times: the level of the plot is that of the log.
+    Where the log is written at must points only, so are the states, at the same times; else each step has one.
     """
     root = defusedxml.ElementTree.fromstring(text)
     for control in root.iter("Control"):
@@ -31,8 +31,8 @@ def with_plot_file(text: str, variables: tuple[str, ...]) -> str:
 
 
 def _set_levels(control: Element) -> None:
-    logged = control.findtext("output_level", "OUTPUT_MAJOR_ITRS").strip()
     for name in ("plot_level", "plot_stride", "plot_range", "plot_zero_state"):
         for found in control.findall(name):
             control.remove(found)
-    SubElement(control, "plot_level").text = logged.replace("OUTPUT_", "PLOT_")
+    must = control.findtext("output_level", "").strip() == "OUTPUT_MUST_POINTS"
+    SubElement(control, "plot_level").text = "PLOT_MUST_POINTS" if must else "PLOT_MAJOR_ITRS"
