@@ -16,6 +16,7 @@ OUT/fields/<rows>.zarr.zip
 import hashlib
 import io
 import json
+import uuid
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -97,7 +98,7 @@ def write_runs(folder: Path, runs: list[tuple[Entry, Run]]) -> Path:
     name = hashlib.blake2b("".join(entry.key for entry, _ in runs).encode(), digest_size=12).hexdigest()
     path = folder / f"rows-{name}-{len(runs):05d}{ENDING}"
     folder.mkdir(parents=True, exist_ok=True)
-    write_whole(path, folder / f".{path.name}.{id(runs):x}.partial", _packed(store))
+    write_whole(path, folder / f".{path.name}.{uuid.uuid4().hex}.partial", _packed(store))
     sync_folder(folder)
     return path
 

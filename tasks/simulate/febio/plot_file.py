@@ -2,7 +2,8 @@
 
 Read as FEBio 3 and 4 write it (versions 3.0 to 3.5 of the format), compressed or not. Numbers are float32 there and
 stay so. The file is untrusted, see :mod:`sinew.tasks.simulate.febio.plot_chunks`; besides, no more than ``max_bytes``
-are decompressed, and the arrays that are made have no more together.
+are decompressed, and the arrays that are made have no more together. That is why no library reads it: febio-python
+decompresses without a limit, and pyfebio reads no compressed files.
 """
 
 from collections.abc import Mapping

@@ -1,6 +1,9 @@
 """Runs that are kept, and outputs that are computed from them without a new run."""
 
 import shutil
+import signal
+import subprocess
+import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -17,7 +20,7 @@ from sinew.tasks.simulate.febio.kept import Run, entry_of, write_runs
 from sinew.tasks.simulate.febio.plot_file import plot_file_of
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.study import read_study
-from sinew.tasks.study.workspace import Workspace
+from sinew.tasks.study.workspace import Workspace, _no_abandoned_folders
 from tests.tasks.simulate.febio import plot_writer
 from tests.tasks.simulate.febio.dogbone import BAR, OWN, RELAX, dogbone
 from tests.tasks.simulate.febio.plotting_bar import plotting_bar, runs
@@ -165,6 +168,50 @@ def test_every_cut_and_many_changes_are_refused_or_read(written):
     written.write_bytes(content[:-40])
     index.look()
     assert index.places == {}
+
+
+KILLED = """
+import os, sys, signal
+sys.path.insert(0, {root!r})
+import numpy as np
+from sinew.runner.store import durable
+from tests.tasks.simulate.febio.dogbone import BAR, RELAX
+from tests.tasks.simulate.febio.test_kept import ROWS, OWN, keeping_bar
+from pathlib import Path
+os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+keeping_bar(Path({folder!r}))._rows(OWN, BAR, RELAX, ROWS)
+"""
+
+
+def test_a_killed_writer_leaves_nothing_that_counts(tmp_path):
+    """Killed before the file has its name: the rows have no outcome then, and are solved again."""
+    text = KILLED.format(root=str(Path(__file__).parents[4]), folder=str(tmp_path))
+    ended = subprocess.run([sys.executable, "-c", text], check=False)
+    assert ended.returncode == -signal.SIGKILL
+    (partial,) = (tmp_path / "fields").iterdir()
+    assert partial.name.endswith(".partial")
+    found, status, _ = keeping_bar(tmp_path, LATERAL)._rows(OWN, BAR, RELAX, ROWS)
+    assert not status.any()
+    assert np.isfinite(found).all()
+    assert runs(tmp_path) == 6
+    with _no_abandoned_folders(tmp_path):
+        assert [path.suffix for path in (tmp_path / "fields").iterdir()] == [".zip"]
+
+
+def test_writers_of_the_same_and_of_other_rows_do_not_meet(tmp_path):
+    text = KILLED.replace("os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL)\n", "").replace(
+        "RELAX, ROWS)", "RELAX, ROWS[{part}])"
+    )
+    parts = ["0:2", "0:2", "2:3", "0:3"]
+    words = {"root": str(Path(__file__).parents[4]), "folder": str(tmp_path)}
+    keeping_bar(tmp_path)  # writes the program
+    started = [subprocess.Popen([sys.executable, "-c", text.format(part=part, **words)]) for part in parts]
+    assert [one.wait() for one in started] == [0, 0, 0, 0]
+    before = runs(tmp_path)
+    found, status, _ = keeping_bar(tmp_path, LATERAL)._rows(OWN, BAR, RELAX, ROWS)
+    assert runs(tmp_path) == before
+    assert not status.any()
+    assert np.abs(found[:, 3] - found[:, 2]).max() < 2e-7 * np.abs(found[:, 2]).max()
 
 
 def test_places_of_each_kind_of_variable():
