@@ -140,3 +140,23 @@ def repair(folder: Path) -> None:
         put(one_line(line))
     put(one_line(f"{done.rows} rows are pending now: {folder}"))
     say_next("run the same study again; it computes these rows and no other")
+
+
+@sinew.command()
+@click.argument("folder", type=PATH)
+@click.option("--row", "rows", type=click.IntRange(0), multiple=True, required=True, help="A row, as in the store.")
+@click.option("--to", type=PATH, help="Folder for the files (default: FOLDER/vtk).")
+@click.option("--table", help="Table of the store, where rows of several have fields.")
+def fields(folder: Path, rows: tuple[int, ...], to: Path | None, table: str | None) -> None:
+    """Write the kept fields of rows as VTK files for ParaView: open the .pvd files.
+
+    Fields are kept by studies with `keep: fields`. There is a .pvd file for each row and protocol, and beside it a
+    folder with a .vtu file for each state.
+    """
+    from sinew.tasks.simulate.febio.field_export import export_rows
+
+    done = export_rows(folder, rows, to or folder / "vtk", table)
+    for path in done.paths:
+        put(one_line(str(path)))
+    if done.left_out:
+        put(one_line(f"not in these files: {', '.join(done.left_out)}"))

@@ -20,7 +20,7 @@ SHELLS = ("bash", "zsh", "fish")
 GROUPS: Mapping[str, Sequence[str]] = {
     "Begin": ("demo", "init", "import", "cohort"),
     "Run a study": ("run", *TASKS, "simulate"),
-    "Look": ("watch", "status", "report", "export"),
+    "Look": ("watch", "status", "report", "fields", "export"),
     "On a cluster": ("doctor", "submit", "cancel"),
     "Care": ("trust", "repair", "benchmark", "completion"),
 }
@@ -44,6 +44,7 @@ EXAMPLES: Mapping[str, Sequence[str]] = {
     "cancel": ("sinew cancel results/demo",),
     "trust": ("sinew trust study.yaml",),
     "repair": ("sinew repair results/demo",),
+    "fields": ("sinew fields results/dogbone --row 3", "sinew fields results/dogbone --row 3 --row 7 --to paraview"),
     "completion": (
         'eval "$(sinew completion bash)"          # in ~/.bashrc',
         'eval "$(sinew completion zsh)"           # in ~/.zshrc, after compinit',

@@ -1,5 +1,6 @@
 """From a study to its simulator."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
@@ -15,9 +16,10 @@ from sinew.tasks.study.study import Study
 from sinew.tasks.study.trust import Request
 
 
-def simulator_of(study: Study, name: str | None, scratch: Path) -> Simulator:
+def simulator_of(study: Study, name: str | None, scratch: Path, kept: Path | None = None) -> Simulator:
     """The study's simulator, or that called ``name`` with its default settings; solvers run below ``scratch``.
 
+    Where a study asks for it, runs are kept in the folder ``kept``.
     Raises :class:`BadInput` when the solver or its template cannot be used.
     """
     settings: SimulatorSettings = study.simulator
@@ -29,7 +31,7 @@ def simulator_of(study: Study, name: str | None, scratch: Path) -> Simulator:
         settings = kinds()[name].model_validate({})
         if lacking := [each for each in study.compared if each not in settings.comparable]:
             raise BadInput("--simulator", f"{name} has no {lacking[0]}, which the study compares", "another simulator")
-    return settings.build(_purpose(study, effects_of(study.model), scratch))
+    return settings.build(replace(_purpose(study, effects_of(study.model), scratch), kept=kept))
 
 
 def febio_of(study: Study, effects: tuple[Effect, ...], scratch: Path) -> FEBio:

@@ -23,8 +23,8 @@ class Purpose:
     """What a simulator is built for.
 
     ``study`` is the study's file, beside which templates lie. ``sized``: the specimens have a size. ``scratch`` is the
-    folder of solver runs. ``solver`` is the program that the user names, in place of the study's. ``compared``: the
-    outputs that are compared with measurements besides the force.
+    folder of solver runs, ``kept`` that of runs that are kept. ``solver`` is the program that the user names, in place
+    of the study's. ``compared``: the outputs that are compared with measurements besides the force.
     """
 
     study: Path
@@ -34,6 +34,7 @@ class Purpose:
     scratch: Path
     solver: str | None = None
     compared: tuple[str, ...] = ()
+    kept: Path | None = None
 
 
 class SimulatorSettings(Section):

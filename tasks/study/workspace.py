@@ -216,7 +216,7 @@ def open_workspace(
     :class:`sinew.runner.errors.StoreError`.
     """
     cohort = check_cohort(study, data, out)
-    chosen = simulator_of(study, simulator, attempts_folder(out))
+    chosen = simulator_of(study, simulator, attempts_folder(out), fields_folder(out))
     model = model_of(study.model, study.simulator.law)
     ranges = check_ranges(study, cohort, out) if judge_ranges else None
     with ExitStack() as stack:
@@ -266,6 +266,11 @@ def attempts_folder(out: Path) -> Path:
     return out.resolve() / "attempts"
 
 
+def fields_folder(out: Path) -> Path:
+    """Where a result folder keeps the fields of runs, if the study asks for it."""
+    return out.resolve() / "fields"
+
+
 def workers_folder(out: Path) -> Path:
     """Where local workers keep their own files while they run."""
     return external.scratch(out.resolve()) / ".workers"
@@ -284,6 +289,8 @@ def _no_abandoned_folders(out: Path) -> Iterator[None]:
 def _remove_abandoned(out: Path) -> None:
     for abandoned in (workers_folder(out), *(out / "attempts").glob("attempt-*")):
         shutil.rmtree(abandoned, ignore_errors=True)
+    for partial in fields_folder(out).glob(".*.partial"):
+        partial.unlink(missing_ok=True)
 
 
 def check_folder(out: Path) -> None:

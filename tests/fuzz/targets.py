@@ -24,7 +24,10 @@ from sinew.tasks.report.folder import read_folder
 from sinew.tasks.report.status import print_status, read_status, rows_as_csv
 from sinew.tasks.simulate.febio import rendering
 from sinew.tasks.simulate.febio.files import read_text
+from sinew.tasks.simulate.febio.kept import Run, entry_of, write_runs
+from sinew.tasks.simulate.febio.kept_files import contents, read_run
 from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at
+from sinew.tasks.simulate.febio.plot_file import plot_file_of, read_plot_file
 from sinew.tasks.simulate.rows import read_parameters
 from sinew.tasks.study.checkpoint import Checkpoint
 from sinew.tasks.study.model import model_of
@@ -32,6 +35,7 @@ from sinew.tasks.study.study import read_study
 from tests.runner.evaluations import Quick, table_spec
 from tests.runner.stores import fill, some
 from tests.tasks.cli.bad_input import EXPORT, GEOMETRY, HEADER, PARAMETERS, ROWS, STUDY
+from tests.tasks.simulate.febio import plot_writer
 
 ROOT = Path(__file__).parents[2]
 EXPECTED = ROOT / "tests" / "golden" / "expected"
@@ -63,6 +67,8 @@ def targets(folder: Path) -> dict[str, Target]:
         _parameters(),
         _template(),
         _output(),
+        _plot_file(),
+        _kept_runs(folder),
         _checkpoint(),
         _results(),
     ]
@@ -142,6 +148,23 @@ def _output() -> Target:
             how()
 
     return Target("output", {"force.txt": text.encode()}, read, share=2)
+
+
+def _plot_file() -> Target:
+    files = {f"{name}.xplt": plot_writer.plot_file(compressed=name == "packed") for name in ("plain", "packed")}
+    return Target("plot file", files, lambda _, path: read_plot_file(path, 2**20), share=2)
+
+
+def _kept_runs(folder: Path) -> Target:
+    plot = plot_file_of(plot_writer.plot_file(), 2**20)
+    entry = entry_of("of", "pull", ("a",), np.ones(1))
+    written = write_runs(folder / "kept", [(entry, Run({"x": np.arange(4.0)}, plot))])
+
+    def read(_: Path, path: Path) -> None:
+        for _, place in contents(path):
+            read_run(place)
+
+    return Target("kept runs", {written.name: written.read_bytes()}, read)
 
 
 def _checkpoint() -> Target:

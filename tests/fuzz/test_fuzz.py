@@ -11,8 +11,8 @@ from tests.fuzz.targets import Target, corpus, targets
 
 INPUTS = 2000
 CORPUS = Path(__file__).parent / "corpus"
-NAMES = ("study", "profile", "cohort", "export", "parameters", "template", "output", "checkpoint", "results",
-         "result folder")  # fmt: skip
+NAMES = ("study", "profile", "cohort", "export", "parameters", "template", "output", "plot file", "kept runs",
+         "checkpoint", "results", "result folder")  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,6 @@
 """What the solver logs: which quantities, and reading them from its log files."""
 
+import json
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -38,6 +39,12 @@ class Logged(Output):
     reduce: Reduce = "single"
     scale: float = 1.0
     at_rest: float = 0.0
+
+
+def what_of(output: Logged) -> str:
+    """What an output is, whatever it is called: equal texts are equal numbers of the same run."""
+    numbers = [output.data, output.item, output.ids, output.set, output.reduce, output.scale, output.at_rest]
+    return json.dumps(numbers)
 
 
 def slack(end_s: float) -> float:
@@ -79,12 +86,20 @@ def read_output_at(path: Path, output: Logged, max_bytes: int, times: Array) -> 
 
 
 def _reduced(output: Logged, times: Array, table: Array) -> Array:
+    return reduced(output.name, output.reduce, output.scale, times, table[:, -1].reshape(times.size, -1))
+
+
+def reduced(name: str, how: Reduce, scale: float, times: Array, values: Array) -> Array:
+    """``scale`` times the ``values`` ``[t, n]`` of the output ``name``, reduced to ``[t]``.
+
+    Raises :class:`Failed` for what is not finite.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
-        total = output.scale * _REDUCE[output.reduce](table[:, -1].reshape(times.size, -1), axis=1)
+        total = scale * _REDUCE[how](values, axis=1)
     if not np.isfinite(total).all():
         at = times[np.flatnonzero(~np.isfinite(total))[0]]
-        raise Failed("bad_output", f"{output.name} is not finite at {at:g} s")
-    return total
+        raise Failed("bad_output", f"{name} is not finite at {at:g} s")
+    return np.asarray(total)
 
 
 def _records(path: Path, output: Logged, max_bytes: int) -> tuple[Array, Array]:

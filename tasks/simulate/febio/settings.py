@@ -4,6 +4,7 @@ import hashlib
 import re
 import shutil
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -12,6 +13,7 @@ from pydantic import Field, model_validator
 from sinew.runner.errors import shown
 from sinew.tasks.simulate import Summary
 from sinew.tasks.simulate.febio.attempt import solver_version
+from sinew.tasks.simulate.febio.field_output import FieldOutput
 from sinew.tasks.simulate.febio.files import read_files
 from sinew.tasks.simulate.febio.output import Logged, Reduce
 from sinew.tasks.simulate.febio.renderer import Allowance
@@ -26,8 +28,10 @@ from sinew.tasks.study.trust import Request, require
 Seconds = Annotated[float, Field(gt=0, le=86_400 * 30, allow_inf_nan=False)]
 Executable = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f-][^\x00-\x1f]*$")]
 Unit = Annotated[str, Field(min_length=1, max_length=24, pattern=r"^[^\x00-\x1f]*$")]
+PlotVariable = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9][A-Za-z0-9_ .()*/+=;:'-]*$")]
 
 FEBIO = "febio4"  # what a study may run without its user's consent
+FIELDS = ("displacement", "stress", "reaction forces")  # what is kept unless the study says what
 IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 OF_THE_STORE = ("objective", "measured", "displacement", "time", "wall", "summary", "conf", "total")
 
@@ -61,7 +65,7 @@ class SolverSettings(SimulatorSettings):
             where = f"{purpose.study}: simulator.executable" if purpose.solver is None else "--solver"
             problem = f"{shown(purpose.solver or self.executable)} was not found"
             raise SolverMissing(where, problem, "febio4 on the PATH, or the path of the solver")
-        return self.with_solver(template, str(found), solver_version(found), purpose.scratch)
+        return self.with_solver(template, str(found), solver_version(found), purpose.scratch, purpose.kept)
 
     def read_template(self, purpose: Purpose) -> Template:
         """The template, checked. Raises :class:`BadInput`."""
@@ -87,8 +91,10 @@ class SolverSettings(SimulatorSettings):
             (str(program).encode(), _hash(program), *_as_bytes(template.files)),
         )
 
-    def with_solver(self, template: Template, executable: str, version: str, scratch: Path) -> FEBio:
-        """The simulator with a solver that is known, by these settings."""
+    def with_solver(
+        self, template: Template, executable: str, version: str, scratch: Path, kept: Path | None = None
+    ) -> FEBio:
+        """The simulator with a solver that is known, by these settings; ``kept`` is the folder of kept runs."""
         return FEBio(
             executable,
             version,
@@ -134,12 +140,15 @@ class FEBioSettings(SolverSettings):
 class OutputSettings(Section):
     """A quantity of the solver's log file: ``item`` of ``data``, of a ``set`` or some ``ids``, made one number.
 
-    ``reduce`` says how; that is times ``scale``, in ``unit``. ``at_rest`` is its value before the first step, of which
-    FEBio logs nothing. ``summary`` makes one number of its course, for the tasks that need one.
+    Or one of its plot file: a ``component`` of ``field``. ``reduce`` says how; that is times ``scale``, in ``unit``.
+    ``at_rest`` is its value before the first step, of which FEBio logs nothing. ``summary`` makes one number of its
+    course, for the tasks that need one.
     """
 
-    data: Literal["node_data", "element_data", "rigid_body_data"]
-    item: Annotated[str, Field(max_length=64, pattern=r"^[A-Za-z][A-Za-z0-9_ .\[\]()^*/+-]*$")]
+    data: Literal["node_data", "element_data", "rigid_body_data"] | None = None
+    item: Annotated[str, Field(max_length=64, pattern=r"^[A-Za-z][A-Za-z0-9_ .\[\]()^*/+-]*$")] | None = None
+    field: PlotVariable | None = None
+    component: Annotated[str, Field(min_length=1, max_length=20, pattern=r"^[A-Za-z0-9_]+$")] | None = None
     set: Annotated[str, Field(min_length=1, max_length=200)] | None = None
     ids: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1, max_length=100_000)] | None = None
     reduce: Reduce = "single"
@@ -150,23 +159,42 @@ class OutputSettings(Section):
 
     @model_validator(mode="after")
     def _one_choice(self) -> Self:
+        self._check_source()
+        if self.field is not None and self.set is None and self.ids is None:
+            return self  # all places
         if (self.set is None) == (self.ids is None):
             raise FieldError("ids", "beside set" if self.ids else "missing", "either ids or the name of a set")
         if self.ids is not None and len(set(self.ids)) < len(self.ids):
             raise FieldError("ids", "one of them is given twice", "each id once")
         return self
 
+    def _check_source(self) -> None:
+        if self.field is None:
+            for name in ("data", "item"):
+                if getattr(self, name) is None:
+                    raise FieldError(name, "missing", "data and item, or field")
+            if self.component is not None:
+                raise FieldError("component", "without field", "it for outputs of the plot file only")
+        elif self.data is not None or self.item is not None:
+            raise FieldError("field", "beside data or item", "either data and item, or field")
+
     def logged(self, name: str) -> Logged:
-        """These settings for the simulator."""
-        fields = self.model_dump(exclude={"ids"})
+        """These settings for the simulator, of an output of the log."""
+        fields = self.model_dump(exclude={"ids", "field", "component"})
         return Logged(name=name, ids=tuple(self.ids or ()), **fields)
+
+    def of_field(self, name: str) -> FieldOutput:
+        """These settings for the simulator, of an output of the plot file."""
+        fields = self.model_dump(exclude={"ids", "data", "item"})
+        return FieldOutput(name=name, ids=tuple(self.ids or ()), **fields)
 
 
 class TemplateSettings(SolverSettings):
     """The user's own model in FEBio: the template ``file``, and the ``outputs`` to read from the solver's log.
 
-    ``force`` names the output that is compared with measured forces. ``settle_s``: how long the solver waits at the
-    first displacement of a protocol that does not start at rest.
+    With ``keep: fields``, the variables ``fields`` of the solver's plot file are kept for every row. ``force`` names
+    the output that is compared with measured forces. ``settle_s``: how long the solver waits at the first displacement
+    of a protocol that does not start at rest.
     """
 
     law: ClassVar[Law] = "template"
@@ -177,6 +205,8 @@ class TemplateSettings(SolverSettings):
     force: str | None = None
     max_file_mb: Annotated[int, Field(gt=0, le=1_000_000)] = 1024
     settle_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    keep: Literal["nothing", "fields"] = "nothing"
+    fields: Annotated[list[PlotVariable], Field(min_length=1, max_length=50)] = Field(default_factory=lambda: [*FIELDS])
 
     @property
     def output_names(self) -> tuple[str, ...]:
@@ -193,8 +223,9 @@ class TemplateSettings(SolverSettings):
     def read_template(self, purpose: Purpose) -> Template:
         allowance = Allowance()
         main, files = read_files(purpose.study.parent, self.file, allowance)
-        outputs = tuple(output.logged(name) for name, output in self.outputs.items())
-        template = OwnTemplate(files, main, outputs, self.force, self.settle_s)
+        outputs = tuple(output.logged(name) for name, output in self.outputs.items() if output.field is None)
+        fields = tuple(output.of_field(name) for name, output in self.outputs.items() if output.field is not None)
+        template = OwnTemplate(files, main, outputs, self.force, self.settle_s, fields)
         check_template(
             purpose.study,
             template,
@@ -205,8 +236,20 @@ class TemplateSettings(SolverSettings):
         )
         return template
 
+    def with_solver(
+        self, template: Template, executable: str, version: str, scratch: Path, kept: Path | None = None
+    ) -> FEBio:
+        found = super().with_solver(template, executable, version, scratch)
+        if self.keep == "nothing":
+            return found
+        asked = dict.fromkeys((*self.fields, *(output.field for output in self.outputs.values() if output.field)))
+        return replace(found, plotted=tuple(asked), kept=kept)
+
     @model_validator(mode="after")
     def _names(self) -> Self:
+        for name, output in self.outputs.items():
+            if output.field is not None and self.keep != "fields":
+                raise FieldError(f"outputs.{name}.field", "without keep: fields", "keep: fields beside outputs")
         if self.force is not None:
             if self.force not in self.outputs:
                 raise FieldError("force", shown(self.force), f"one of the outputs {', '.join(self.outputs)}")

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from typing import Protocol as Interface
 
 import numpy as np
@@ -20,15 +20,23 @@ from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, rmse_of
 from sinew.tasks.simulate.febio.attempt import INPUT, Failed, attempt, row_by_row
-from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at, slack
+from sinew.tasks.simulate.febio.field_output import FieldOutput, field_course
+from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at, slack, what_of
+from sinew.tasks.simulate.febio.plot_file import PlotFile, read_plot_file
+from sinew.tasks.simulate.febio.plot_request import PLOT, with_plot_file
 from sinew.tasks.simulate.febio.renderer import render
 from sinew.tasks.simulate.febio.stepping import at_every_row, from_rest, solver_steps
+
+if TYPE_CHECKING:
+    from sinew.tasks.simulate.febio.keeping import Keeper
+    from sinew.tasks.simulate.febio.kept import Run
 
 
 class Template(Interface):
     """What distinguishes one kind of template from another.
 
     ``files`` by name, of which ``main`` is rendered. ``logs``: the log files that are read, and the output in each.
+    ``fields``: outputs that are computed from the plot file.
     ``logs_itself``: the template writes these log files at exactly the asked times; else sinew adds them to the input.
     ``loaded_at_rest``: there is force at zero displacement, so the solver waits before it starts.
     """
@@ -46,6 +54,9 @@ class Template(Interface):
 
     @property
     def logs(self) -> tuple[tuple[str, Logged], ...]: ...
+
+    @property
+    def fields(self) -> tuple[FieldOutput, ...]: ...
 
     @property
     def logs_itself(self) -> bool: ...
@@ -84,7 +95,8 @@ class FEBio:
 
     ``scratch`` holds one directory for each attempt, unless the job names a folder on its node; those of failed rows
     are kept in ``scratch``, at most ``keep_failed``. ``ramp_s``, ``hold_growth`` and ``still_mm`` say where the solver
-    stops, see :func:`sinew.tasks.simulate.febio.stepping.solver_steps`.
+    stops, see :func:`sinew.tasks.simulate.febio.stepping.solver_steps`. With ``plotted`` variables, the solver's plot
+    file is read as well; the runs are kept in the folder ``kept``, if there is one, and taken from there.
     """
 
     executable: str
@@ -97,6 +109,8 @@ class FEBio:
     hold_growth: float = 0.02
     still_mm: float = 0.0
     keep_failed: int = 20
+    plotted: tuple[str, ...] = ()
+    kept: Path | None = None
 
     @property
     def name(self) -> str:
@@ -153,14 +167,23 @@ class FEBio:
 
     @property
     def _force(self) -> int:
-        return [output.name for _, output in self.template.logs].index(str(self.capabilities.force))
+        read = (*(output for _, output in self.template.logs), *self.template.fields)
+        return [output.name for output in read].index(str(self.capabilities.force))
 
     def _rows(
         self, model: Model, specimen: Specimen, protocol: Protocol, parameters: Array
     ) -> tuple[Array, Array, tuple[str, ...]]:
-        """All that is read ``[n, logs, t]``, NaN for rows that failed; status ``[n]``; messages."""
-        found = np.full((len(parameters), len(self.template.logs), protocol.time_s.size), np.nan)
-        return found, *row_by_row(model, parameters, partial(self._solved, model, specimen, protocol), found)
+        """All outputs ``[n, logs and fields, t]``, NaN for rows that failed; status ``[n]``; messages."""
+        outputs = len(self.template.logs) + len(self.template.fields)
+        found = np.full((len(parameters), outputs, protocol.time_s.size), np.nan)
+        if not self.plotted:
+            return found, *row_by_row(model, parameters, partial(self._solved, model, specimen, protocol), found)
+        keeper = self._keeper(model, specimen, protocol)
+        solve = partial(self._with_fields, model, specimen, protocol, keeper)
+        status, messages = row_by_row(model, parameters, solve, found)
+        if keeper is not None:
+            keeper.close()  # before the outcomes of these rows are written: a row that counts has its fields
+        return found, status, messages
 
     def _stops(self, model: Model, protocol: Protocol, values: Array) -> _Stops:
         rows = solver_steps(protocol, self.ramp_s, self.hold_growth, self.still_mm)
@@ -177,19 +200,69 @@ class FEBio:
             raise Failed("bad_input", f"{template.main} renders to more than max_file_mb")
         return str(text)
 
+    def _keeper(self, model: Model, specimen: Specimen, protocol: Protocol) -> "Keeper | None":
+        if self.kept is None:
+            return None
+        from sinew.tasks.simulate.febio.keeping import Keeper
+        from sinew.tasks.simulate.febio.kept import settings_of
+
+        counts = {"model": model.identity(), "specimen": specimen.identity(), "simulator": self.identity()}
+        return Keeper(self.kept, settings_of(counts), protocol.name, model.names)
+
     def _solved(self, model: Model, specimen: Specimen, protocol: Protocol, values: Array) -> Array:
         """What is read ``[logs, t]`` for one parameter set. Raises :class:`Failed`."""
+        return self._run(model, specimen, protocol, values)[0]
+
+    def _run(
+        self, model: Model, specimen: Specimen, protocol: Protocol, values: Array
+    ) -> tuple[Array, PlotFile | None]:
+        """What one run logs ``[logs, t]``, and its plot file if that is read. Raises :class:`Failed`."""
         stops = self._stops(model, protocol, values)
 
         def prepare(directory: Path) -> None:
-            (directory / INPUT).write_text(self._rendered(model, specimen, protocol, values, stops), "utf-8")
+            text = self._rendered(model, specimen, protocol, values, stops)
+            text = with_plot_file(text, self.plotted) if self.plotted else text
+            (directory / INPUT).write_text(text, "utf-8")
 
-        def read(directory: Path) -> Array:
-            return np.stack(
-                [self._read(directory / file, output, protocol, stops) for file, output in self.template.logs]
-            )
+        def read(directory: Path) -> tuple[Array, PlotFile | None]:
+            logged = [self._read(directory / file, output, protocol, stops) for file, output in self.template.logs]
+            plot = read_plot_file(directory / PLOT, self.max_file_bytes) if self.plotted else None
+            return np.array(logged).reshape(len(logged), protocol.time_s.size), plot
 
         return attempt(self, prepare, read, dict(zip(model.names, values.tolist(), strict=True)))
+
+    def _with_fields(
+        self, model: Model, specimen: Specimen, protocol: Protocol, keeper: "Keeper | None", values: Array
+    ) -> Array:
+        """All outputs ``[logs and fields, t]`` of one parameter set, from a run that was kept if there is one.
+
+        A new run is kept whatever becomes of the outputs. Raises :class:`Failed`.
+        """
+        wanted = [what_of(output) for _, output in self.template.logs]
+        enough = partial(self._enough, wanted=wanted, protocol=protocol)
+        run = keeper.find(values, enough) if keeper is not None else None
+        if run is None:
+            from sinew.tasks.simulate.febio.kept import Run
+
+            logged, plot = self._run(model, specimen, protocol, values)
+            assert plot is not None
+            run = Run(dict(zip(wanted, logged, strict=True)), plot)
+            if keeper is not None:
+                keeper.add(values, run)
+        stops = self._stops(model, protocol, values)
+        courses = [run.logged[what] for what in wanted]
+        for output in self.template.fields:
+            at, course = field_course(output, run.plot)
+            if not at.size or at[-1] < stops.times[-1] - slack(float(stops.times[-1])):
+                raise Failed("bad_output", f"{output.name}: the plot file does not reach the end of the protocol")
+            courses.append(self._at_rows(at, course, output.at_rest, protocol, stops))
+        return np.stack(courses)
+
+    def _enough(self, run: "Run", wanted: list[str], protocol: Protocol) -> bool:
+        """Whether a kept run has all that the outputs need; a plot variable is missing if it was not asked for then."""
+        courses = [run.logged.get(what) for what in wanted]
+        there = all(course is not None and course.size == protocol.time_s.size for course in courses)
+        return there and all(output.field in run.plot.variables for output in self.template.fields)
 
     def _read(self, path: Path, output: Logged, protocol: Protocol, stops: _Stops) -> Array:
         """An output ``[t]`` at the times of the protocol. Raises :class:`Failed`."""
@@ -198,8 +271,13 @@ class FEBio:
             logged = read_output_at(path, output, self.max_file_bytes, times[1:])
             return at_every_row(protocol, rows, np.append(output.at_rest, logged)[first:], self.still_mm)
         at, logged = read_output(path, output, self.max_file_bytes, float(times[-1]))
+        return self._at_rows(at, logged, output.at_rest, protocol, stops)
+
+    def _at_rows(self, at: Array, logged: Array, at_rest: float, protocol: Protocol, stops: _Stops) -> Array:
+        """Values ``[t]`` at the times of the protocol, of those at the times ``at`` of the solver."""
+        rows, times, _, first = stops
         if at[0] > 0:
-            at, logged = np.append(0.0, at), np.append(output.at_rest, logged)
+            at, logged = np.append(0.0, at), np.append(at_rest, logged)
         nearest = np.clip(np.searchsorted(at, times[first:] - slack(times[-1])), 0, at.size - 1)
         if np.all(np.abs(at[nearest] - times[first:]) <= slack(times[-1])):  # the solver stopped where it was asked to
             return at_every_row(protocol, rows, logged[nearest], self.still_mm)

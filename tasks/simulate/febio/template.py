@@ -13,6 +13,7 @@ from sinew.tasks.model import Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, Capabilities
 from sinew.tasks.simulate.febio.attempt import Failed
+from sinew.tasks.simulate.febio.field_output import FieldOutput
 from sinew.tasks.simulate.febio.output import Logged
 from sinew.tasks.simulate.febio.renderer import Allowance, WrongTemplate, render
 from sinew.tasks.simulate.febio.variables import history, size
@@ -22,6 +23,7 @@ from sinew.tasks.simulate.febio.variables import history, size
 class OwnTemplate:
     """A template by the texts of its ``files``, and its outputs, which sinew adds to the log file section.
 
+    ``fields`` are outputs that are computed from the plot file instead.
     ``force`` names the output that is compared with measured forces. ``settle_s``: how long the solver waits at the
     first displacement of a protocol that starts displaced.
     """
@@ -31,6 +33,7 @@ class OwnTemplate:
     outputs: tuple[Logged, ...]
     force: str | None = None
     settle_s: float = 0.0
+    fields: tuple[FieldOutput, ...] = ()
 
     name = "template"
     loaded_at_rest = False
@@ -38,7 +41,7 @@ class OwnTemplate:
 
     @property
     def capabilities(self) -> Capabilities:
-        return Capabilities(outputs=self.outputs, force=self.force)
+        return Capabilities(outputs=(*self.outputs, *self.fields), force=self.force)
 
     @property
     def logs(self) -> tuple[tuple[str, Logged], ...]:
@@ -46,7 +49,8 @@ class OwnTemplate:
 
     def identity(self, ramp_s: float, hold_growth: float, still_mm: float) -> dict[str, Any]:
         digests = {name: hashlib.blake2b(text.encode(), digest_size=16) for name, text in self.files.items()}
-        return {
+        fields = {"fields": [asdict(output) for output in self.fields]} if self.fields else {}
+        return fields | {
             "files": {name: digest.hexdigest() for name, digest in digests.items()},
             "main": self.main,
             "outputs": [asdict(output) for output in self.outputs],

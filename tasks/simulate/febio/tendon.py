@@ -44,6 +44,7 @@ class TendonTemplate:
     name = "febio"
     capabilities = Capabilities(effects="solver")
     logs = ((REACTIONS, FORCE),)
+    fields = ()
     logs_itself = True
 
     @property

@@ -11,7 +11,9 @@ from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.parameters import own_parameter
 from sinew.tasks.model.protocols import STANDARD, one_step
 from sinew.tasks.simulate.febio.attempt import solver_version
+from sinew.tasks.simulate.febio.field_output import FieldOutput
 from sinew.tasks.simulate.febio.output import Logged
+from sinew.tasks.simulate.febio.settings import FIELDS
 from sinew.tasks.simulate.febio.simulator import FEBio
 from sinew.tasks.simulate.febio.template import OwnTemplate, check_template
 from sinew.tasks.simulate.febio.tendon import TendonTemplate, read_template
@@ -185,3 +187,25 @@ def test_the_dogbone_converges_as_its_mesh_is_refined(tmp_path):
     assert abs(peaks[0] - peaks[2]) < 0.02 * peaks[2]
     assert abs(peaks[1] - peaks[2]) < 0.4 * abs(peaks[0] - peaks[2])
     assert peaks[0] > peaks[1] > peaks[2], "displacement elements are too stiff"
+
+
+@pytest.mark.febio
+def test_outputs_of_kept_fields_are_those_of_the_log(tmp_path):
+    """In the plot file of the real solver, to the precision of its numbers; and no second run for new outputs."""
+    program = Path(str(shutil.which("febio4")))
+    bar = replace(dogbone(tmp_path, program=program), plotted=FIELDS, kept=tmp_path / "fields")
+    rows = OWN.full(("E_matrix", "nu"), np.array([[10.0, 0.2], [45.0, 0.45]]))
+    logged, status, messages = bar._rows(OWN, GAUGE, RELAX, rows)
+    assert messages == ("", "")
+    fields = (
+        FieldOutput("reaction", "N", "max", "reaction forces", "z", (), "grip", "sum", 4.0),
+        FieldOutput("mean_stress", "MPa", "max", "stress", "zz", (), "gauge", "mean"),
+        FieldOutput("lateral", "mm", "max", "displacement", "x", (), "edge", "single", -2.0),
+    )
+    without_solver = replace(bar, template=replace(bar.template, fields=fields), executable="/nowhere/febio4")
+    found, status, messages = without_solver._rows(OWN, GAUGE, RELAX, rows)
+    assert messages == ("", "")
+    assert not status.any()
+    assert np.array_equal(found[:, :3], logged)
+    size = np.abs(logged).max(axis=2)
+    assert (np.abs(found[:, 3:] - logged).max(axis=2) < 1e-6 * size).all()

@@ -1,0 +1,183 @@
+"""Reading kept runs, which may come from anywhere: nothing is believed that a file says about its own size."""
+
+import struct
+import zipfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+
+from sinew.runner.errors import StoreError, of_the_system
+from sinew.runner.store.chunks import codecs_fault
+from sinew.runner.store.damage import words
+from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.febio.kept import ENDING, FORMAT, Entry, Run, as_zarr
+from sinew.tasks.simulate.febio.plot_file import PlotFile, Variable
+from sinew.tasks.simulate.febio.plot_mesh import Mesh, Region
+
+MAX_MEMBERS = 200_000
+MAX_ARRAY_BYTES = 2**30
+MAX_JSON = 2**24
+_BLOSC = struct.Struct("<4xI")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a run is kept: in which file, and as which of its runs."""
+
+    path: Path
+    number: int
+    mesh: int
+
+
+def files(folder: Path) -> list[Path]:
+    """The files of kept runs in a folder, which may not be there."""
+    return sorted(path for path in folder.glob(f"rows-*{ENDING}") if path.is_file()) if folder.is_dir() else []
+
+
+def contents(path: Path) -> list[tuple[Entry, Place]]:
+    """The runs in a file. Raises :class:`StoreError`."""
+    with _sound(path) as (_, root):
+        about = root.attrs.asdict()
+        if about.get("sinew_fields") != FORMAT:
+            raise ValueError(f"its format is {str(about.get('sinew_fields'))[:20]}, not {FORMAT}")
+        runs: Any = about["runs"]
+        found = []
+        for number, run in enumerate(runs):
+            parameters = {str(name): float(value) for name, value in run["parameters"].items()}
+            entry = Entry(str(run["key"]), str(run["of"]), str(run["protocol"]), parameters)
+            found.append((entry, Place(path, number, int(run["mesh"]))))
+        return found
+
+
+def read_run(place: Place) -> Run:
+    """A kept run. Raises :class:`StoreError` for a file that is damaged."""
+    with _sound(place.path) as (archive, root):
+        read = _Reader(archive, root)
+        group = f"run_{place.number}"
+        names = [name for name in read.names(group) if name not in ("time_s", "logged")]
+        courses = read.array(f"{group}/logged", "f8", 2)
+        logged = [str(name) for name in read.about(f"{group}/logged")["names"]]
+        if len(logged) != len(courses):
+            raise ValueError("its logged outputs have other names")
+        mesh = _mesh(read, f"mesh_{place.mesh}")
+        time_s = read.array(f"{group}/time_s", "f8", 1)
+        numbered = [_variable(read, f"{group}/{name}", mesh, time_s.size) for name in names]
+        variables = {variable.name: variable for _, variable in sorted(numbered, key=lambda one: one[0])}
+        return Run(dict(zip(logged, courses, strict=True)), PlotFile(time_s, mesh, variables))
+
+
+@contextmanager
+def _sound(path: Path) -> Iterator[tuple[zipfile.ZipFile, zarr.Group]]:
+    """A file whose members are what they claim to be, as a zip and as a hierarchy."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = archive.infolist()
+            stored = all(
+                one.compress_type == zipfile.ZIP_STORED and one.file_size == one.compress_size for one in members
+            )
+            small = all(one.file_size <= MAX_JSON for one in members if one.filename.endswith("zarr.json"))
+            if not stored or not small or len(members) > MAX_MEMBERS:
+                raise ValueError("its members are not those that are written here")
+            if sum(one.file_size for one in members) > path.stat().st_size:
+                raise ValueError("its members are larger than it is")
+            root = as_zarr(path)
+            try:
+                yield archive, root
+            finally:
+                root.store.close()
+    except StoreError:
+        raise
+    except OSError as error:
+        raise StoreError(f"{path}: {of_the_system(error)}") from None
+    except Exception as error:  # noqa: BLE001 - what zipfile, Zarr and its codecs raise for damaged files is no closed list
+        raise StoreError(
+            f"{path}: damaged ({words(error)}); delete it, its rows are solved again if asked for"
+        ) from None
+
+
+class _Reader:
+    """The arrays of a hierarchy, each checked before a byte of it is decompressed."""
+
+    def __init__(self, archive: zipfile.ZipFile, root: zarr.Group) -> None:
+        self.archive = archive
+        self.root = root
+        self.left = 2 * MAX_ARRAY_BYTES
+
+    def names(self, group: str) -> list[str]:
+        found = (name.removeprefix(f"{group}/") for name in self.archive.namelist() if name.startswith(f"{group}/"))
+        return sorted({name.split("/")[0] for name in found if name.count("/") == 1 and name.endswith("/zarr.json")})
+
+    def about(self, name: str) -> Mapping[str, Any]:
+        return self.root[name].attrs.asdict()
+
+    def array(self, name: str, dtype: str, dims: int) -> Array:
+        """Raises ``ValueError`` for an array that is not what is written here, and whatever Zarr raises."""
+        array = self.root[name]
+        if not isinstance(array, zarr.Array):
+            raise ValueError(f"{name} is no array")
+        if array.dtype != np.dtype(dtype) or array.ndim != dims or (fault := codecs_fault(array)):
+            raise ValueError(f"{name} has another type or shape, or other codecs ({fault or array.dtype})")
+        size = array.dtype.itemsize * int(np.prod(array.shape, dtype=object))
+        chunk = array.dtype.itemsize * int(np.prod(array.chunks, dtype=object))
+        self.left -= size
+        if size > MAX_ARRAY_BYTES or self.left < 0 or chunk > MAX_ARRAY_BYTES:
+            raise ValueError(f"{name} claims {size:,} bytes")
+        for member in self.archive.namelist():
+            if member.startswith(f"{name}/c"):
+                with self.archive.open(member) as file:
+                    head = file.read(_BLOSC.size)
+                if len(head) < _BLOSC.size or _BLOSC.unpack(head)[0] != chunk:
+                    raise ValueError(f"a chunk of {name} is not one of {chunk:,} bytes")
+        return np.asarray(array[...])
+
+
+def _variable(read: _Reader, name: str, mesh: Mesh, states: int) -> tuple[int, Variable]:
+    about = read.about(name)
+    values = read.array(name, "f4", 3)
+    regions = tuple((int(number), int(count)) for number, count in about["regions"])
+    there = {"domain": len(mesh.domains), "surface": len(mesh.surfaces), "edge": len(mesh.edges)}
+    most = there.get(about["where"], 1)
+    if len(values) != states or sum(count for _, count in regions) != values.shape[1]:
+        raise ValueError(f"{name} has other states or items")
+    if not all(0 <= number < most and count >= 0 for number, count in regions):
+        raise ValueError(f"{name} has regions that the mesh lacks")
+    kind = (str(about["variable"]), about["where"], about["per"], about["kind"], str(about["units"]))
+    return int(about["number"]), Variable(*kind, values, regions)
+
+
+def _mesh(read: _Reader, group: str) -> Mesh:
+    about = read.about(group)
+    nodes, node_ids = read.array(f"{group}/nodes", "f4", 2), read.array(f"{group}/node_ids", "i4", 1)
+    if nodes.shape != (node_ids.size, 3):
+        raise ValueError("its nodes are not three numbers each")
+
+    def regions(kind: str) -> tuple[Region, ...]:
+        found = []
+        for number in range(int(about[f"{kind}s"])):
+            name = f"{group}/{kind}_{number}"
+            table, own = read.array(name, "i4", 2), read.about(name)
+            corners = table[:, 1:]
+            if corners.size and (corners.min() < -1 or corners.max() >= len(nodes)):
+                raise ValueError(f"{name} has nodes that the mesh lacks")
+            found.append(Region(str(own["region"]), str(own["shape"]), int(own["part"]), table[:, 0], corners))
+        return tuple(found)
+
+    def sets(kind: str, below: float) -> dict[str, Array]:
+        found = {}
+        for number in range(int(about[f"{kind}s"])):
+            name = f"{group}/{kind}_{number}"
+            items = read.array(name, "i4", 1)
+            if items.size and not (items.min() >= 0 and items.max() < below):
+                raise ValueError(f"{name} has nodes that the mesh lacks")
+            found[str(read.about(name)["set"])] = items
+        return found
+
+    parts = {int(number): str(name) for number, name in about["parts"].items()}
+    node_sets, element_sets = sets("node_set", len(nodes)), sets("element_set", np.inf)
+    where = regions("domain"), regions("surface"), regions("edge")
+    return Mesh(node_ids, nodes, *where, node_sets, element_sets, parts)

@@ -1,0 +1,252 @@
+"""FEBio's plot file (.xplt): the mesh, and the variables that the solver wrote for each of its states.
+
+Read as FEBio 3 and 4 write it (versions 3.0 to 3.5 of the format), compressed or not. Numbers are float32 there and
+stay so. The file is untrusted, see :mod:`sinew.tasks.simulate.febio.plot_chunks`; besides, no more than ``max_bytes``
+are decompressed, and the arrays that are made have no more together. That is why no library reads it: febio-python
+decompresses without a limit, and pyfebio reads no compressed files.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from sinew.runner.errors import shown
+from sinew.runner.files import NotReadable, read_regular
+from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.febio import plot_chunks
+from sinew.tasks.simulate.febio.plot_chunks import chunks, damaged, integer, name_in, one_of_each
+from sinew.tasks.simulate.febio.plot_mesh import Mesh, Region, read_mesh
+
+Where = Literal["global", "node", "domain", "surface", "edge"]
+Per = Literal["node", "item", "corner", "region"]
+Kind = Literal["float", "vec3f", "mat3fs", "mat3fd", "tens4fs", "mat3f", "array", "array_vec3f"]
+
+_WHERE: dict[int, Where] = {0x01021000: "global", 0x01023000: "node", 0x01024000: "domain", 0x01025000: "surface",
+                            0x01026000: "edge"}  # fmt: skip
+_DATA: dict[int, Where] = {0x02020100: "global", 0x02020300: "node", 0x02020400: "domain", 0x02020500: "surface",
+                           0x02020600: "edge"}  # fmt: skip
+_PER: tuple[Per, ...] = ("node", "item", "corner", "region")
+KINDS: tuple[Kind, ...] = ("float", "vec3f", "mat3fs", "mat3fd", "tens4fs", "mat3f", "array", "array_vec3f")
+_SIZES = {"float": 1, "vec3f": 3, "mat3fs": 6, "mat3fd": 3, "tens4fs": 21, "mat3f": 9}
+COMPONENTS: dict[str, tuple[str, ...]] = {
+    "float": ("",),
+    "vec3f": ("x", "y", "z"),
+    "mat3fs": ("xx", "yy", "zz", "xy", "yz", "xz"),
+    "mat3fd": ("1", "2", "3"),
+    "mat3f": ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"),
+}
+MAX_VARIABLES, MAX_ARRAY, MAX_STATES = 1000, 4096, 10**6
+
+
+@dataclass(frozen=True, eq=False)
+class Variable:
+    """A variable: ``values`` ``[state, item, component]`` float32, in the units of the model.
+
+    The items are those of ``regions`` one after the other: ``(position of the region in the mesh, its items)``. ``per``
+    says what an item is: a node, an item (element, face, line), a corner of one, or a whole region. Nodes of a domain
+    or surface are its own, by their position in the mesh.
+    """
+
+    name: str
+    where: Where
+    per: Per
+    kind: Kind
+    unit: str
+    values: Array
+    regions: tuple[tuple[int, int], ...]
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """Names of the components, such as ``x``; those of arrays are numbers from 1."""
+        return COMPONENTS.get(self.kind) or tuple(str(1 + number) for number in range(self.values.shape[2]))
+
+
+@dataclass(frozen=True, eq=False)
+class PlotFile:
+    """A plot file: the times of its states ``[state]`` (s, increasing), its mesh at rest, and its variables by name."""
+
+    time_s: Array
+    mesh: Mesh
+    variables: Mapping[str, Variable]
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A variable as the dictionary of the file announces it."""
+
+    name: str
+    where: Where
+    per: Per
+    kind: Kind
+    unit: str
+    width: int
+
+
+def read_plot_file(path: Path, max_bytes: int) -> PlotFile:
+    """Read a plot file of at most ``max_bytes``. Raises :class:`Failed` for any damage."""
+    try:
+        content = read_regular(path, max_bytes)
+    except FileNotFoundError:
+        raise damaged(f"the solver wrote no {path.name}") from None
+    except NotReadable as odd:
+        raise damaged(f"{path.name} is {odd}") from None
+    except OSError as error:
+        raise damaged(f"{path.name} cannot be read ({error.strerror})") from None
+    return plot_file_of(content, max_bytes)
+
+
+def plot_file_of(content: bytes, max_bytes: int) -> PlotFile:
+    """The plot file with this content. Raises :class:`Failed` for any damage."""
+    if content[:4] != plot_chunks.MAGIC:
+        raise damaged("it does not begin as FEBio's plot files do")
+    view = memoryview(content)
+    root, rest = _top(view[4:], plot_chunks.ROOT, "header and dictionary")
+    parts = one_of_each(root, "the root")
+    header = one_of_each(parts.get(plot_chunks.HEADER, memoryview(b"")), "the header")
+    version = integer(header, 0x01010001, "the version")
+    if not 0x0030 <= version <= 0x003F:
+        raise damaged(f"version {version >> 4}.{version & 15}; versions 3.x are read")
+    entries = _dictionary(parts.get(plot_chunks.DICTIONARY, memoryview(b"")))
+    mesh_part, rest = _top(rest, plot_chunks.MESH, "the mesh")
+    mesh = read_mesh(mesh_part)
+    return _with_states(entries, mesh, rest, max_bytes)
+
+
+def _top(content: memoryview, tag: int, what: str) -> tuple[memoryview, memoryview]:
+    """The content of the first chunk, and what follows it."""
+    if len(content) < 8 or int.from_bytes(content[:4], "little") != tag:
+        raise damaged(f"{what} is missing")
+    size = int.from_bytes(content[4:8], "little")
+    if size > len(content) - 8:
+        raise damaged(f"{what} is cut short")
+    return content[8 : 8 + size], content[8 + size :]
+
+
+def _dictionary(content: memoryview) -> list[_Entry]:
+    """The variables, in the order of the file within each part of it."""
+    found: list[_Entry] = []
+    for tag, inside in chunks(content, "the dictionary"):
+        if tag not in _WHERE:
+            raise damaged(f"the dictionary has a part {tag:#010x}")
+        for _, item in chunks(inside, "the dictionary"):
+            found.append(_entry(_WHERE[tag], item))
+            if len(found) > MAX_VARIABLES:
+                raise damaged(f"more than {MAX_VARIABLES} variables")
+    names = [(entry.where, entry.name) for entry in found]
+    if len(set(names)) < len(names):
+        raise damaged("a variable is there twice")
+    return found
+
+
+def _entry(where: Where, content: memoryview) -> _Entry:
+    parts = dict(chunks(content, "a variable"))  # names of an array's parts repeat
+    kind, per = integer(parts, 0x01020002, "a variable's type"), integer(parts, 0x01020003, "a variable's format")
+    array = integer(parts, 0x01020005, "an array's size", 0)
+    name = name_in(parts.get(0x01020004, memoryview(b"")), "a variable's name", counted=False)
+    unit = name_in(parts.get(0x01020007, memoryview(b"")), "a variable's unit", counted=False)
+    if not name or kind >= len(KINDS) or per >= len(_PER):
+        raise damaged(f"variable {shown(name)} has type {kind} and format {per}, which are not read")
+    width = _SIZES.get(KINDS[kind], array * (3 if KINDS[kind] == "array_vec3f" else 1))
+    if not 0 < width <= MAX_ARRAY:
+        raise damaged(f"variable {shown(name)} has {width} components")
+    return _Entry(name, where, _PER[per], KINDS[kind], unit, width)
+
+
+def _with_states(entries: list[_Entry], mesh: Mesh, rest: memoryview, max_bytes: int) -> PlotFile:
+    times: list[float] = []
+    found: dict[tuple[Where, int], list[dict[int, Array]]] = {}
+    for state in plot_chunks.states(rest, max_bytes):
+        parts = one_of_each(state, "a state")
+        times.append(_time(parts))
+        if len(times) > MAX_STATES:
+            raise damaged(f"more than {MAX_STATES:,} states")
+        for where, number, values in _state_data(parts.get(0x02020000, memoryview(b""))):
+            found.setdefault((where, number), [{} for _ in times[1:]]).append(values)
+        if any(len(each) < len(times) for each in found.values()):
+            raise damaged(f"the state at {times[-1]:g} s lacks a variable")
+    time_s = np.array(times)
+    if not (np.isfinite(time_s).all() and (np.diff(time_s) > 0).all()):
+        raise damaged("its times do not increase")
+    variables, left = {}, max_bytes
+    for where in ("global", "node", "domain", "surface", "edge"):
+        for number, entry in enumerate((each for each in entries if each.where == where), 1):
+            raw = found.pop((entry.where, number), [])
+            variable = _variable(entry, mesh, raw, left)
+            left -= variable.values.nbytes
+            name = entry.name if entry.name not in variables else f"{entry.name} ({where})"
+            variables[name] = variable
+    if found:
+        raise damaged("a state has variables that the dictionary lacks")
+    return PlotFile(time_s, mesh, variables)
+
+
+def _time(parts: dict[int, memoryview]) -> float:
+    header = one_of_each(parts.get(0x02010000, memoryview(b"")), "a state's header")
+    if len(header.get(0x02010002, b"")) != 4:
+        raise damaged("a state has no time")
+    return float(np.frombuffer(header[0x02010002], "<f4")[0])
+
+
+def _state_data(content: memoryview) -> list[tuple[Where, int, dict[int, Array]]]:
+    """Of each variable of a state: where it is, its number there, and its numbers by region."""
+    found = []
+    for tag, inside in chunks(content, "a state's data"):
+        if tag not in _DATA:
+            raise damaged(f"a state's data has a part {tag:#010x}")
+        for _, each in chunks(inside, "a state's data"):
+            parts = one_of_each(each, "a variable of a state")
+            number = integer(parts, 0x02020002, "a variable's number")
+            regions: dict[int, Array] = {}
+            for region, numbers in chunks(parts.get(0x02020003, memoryview(b"")), "a variable's data"):
+                if len(numbers) % 4 or region in regions:
+                    raise damaged(f"variable {number} of a state has a broken region {region}")
+                regions[region] = np.frombuffer(numbers, "<f4")
+            found.append((_DATA[tag], number, regions))
+    return found
+
+
+def _variable(entry: _Entry, mesh: Mesh, raw: list[dict[int, Array]], left: int) -> Variable:
+    """The variable of all states; a region that a state lacks has NaN there."""
+    numbered = dict(enumerate(_regions(entry.where, mesh), 0 if entry.where in ("global", "node") else 1))
+    there = sorted({number for state in raw for number in state})
+    counts = []
+    for number in there:
+        if number not in numbered:
+            raise damaged(f"variable {shown(entry.name)} is for region {number}, which the mesh lacks")
+        counts.append(_items(entry, numbered[number], mesh))
+    total = sum(counts)
+    if 4 * len(raw) * total * entry.width > left:
+        raise damaged("its variables have too many numbers")
+    values = np.full((len(raw), total, entry.width), np.nan, np.float32)
+    for row, state in enumerate(raw):
+        start = 0
+        for number, count in zip(there, counts, strict=True):
+            if number in state:
+                if state[number].size != count * entry.width:
+                    problem = f"{state[number].size:,} numbers, not {count * entry.width:,}"
+                    raise damaged(f"variable {shown(entry.name)} has {problem}, in region {number}")
+                values[row, start : start + count] = state[number].reshape(count, entry.width)
+            start += count
+    first = 0 if entry.where in ("global", "node") else 1
+    regions = tuple((number - first, count) for number, count in zip(there, counts, strict=True))
+    return Variable(entry.name, entry.where, entry.per, entry.kind, entry.unit, values, regions)
+
+
+def _regions(where: Where, mesh: Mesh) -> tuple[Region | None, ...]:
+    if where in ("global", "node"):
+        return (None,)
+    return {"domain": mesh.domains, "surface": mesh.surfaces, "edge": mesh.edges}[where]
+
+
+def _items(entry: _Entry, region: Region | None, mesh: Mesh) -> int:
+    """How many items a variable has in a region; None stands for the whole mesh."""
+    if region is None:
+        return len(mesh.node_ids) if entry.where == "node" else 1
+    if entry.per == "corner":
+        return region.corners.size
+    if entry.per == "node":
+        return region.nodes.size
+    return len(region.corners) if entry.per == "item" else 1

@@ -1,0 +1,38 @@
+"""Asking the solver for a plot file: what is added to its input where the fields of a run are read."""
+
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+import defusedxml.ElementTree
+
+PLOT = "model.xplt"  # the solver names it after its input
+
+
+def with_plot_file(text: str, variables: tuple[str, ...]) -> str:
+    """The input ``text`` with a plot file of ``variables`` and of those that it asks for itself.
+
+    Where the log is written at must points only, so are the states, at the same times; else each step has one.
+    """
+    root = defusedxml.ElementTree.fromstring(text)
+    for control in root.iter("Control"):
+        _set_levels(control)
+    output = root.find("Output")
+    if output is None:
+        output = SubElement(root, "Output")
+    plot = output.find("plotfile")
+    if plot is None:
+        plot = SubElement(output, "plotfile")
+    plot.attrib.clear()
+    plot.set("type", "febio")  # not in the format of another program, and not in another file
+    there = {variable.get("type") for variable in plot.findall("var")}
+    for name in variables:
+        if name not in there:
+            SubElement(plot, "var", type=name)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
+
+
+def _set_levels(control: Element) -> None:
+    for name in ("plot_level", "plot_stride", "plot_range", "plot_zero_state"):
+        for found in control.findall(name):
+            control.remove(found)
+    must = control.findtext("output_level", "").strip() == "OUTPUT_MUST_POINTS"
+    SubElement(control, "plot_level").text = "PLOT_MUST_POINTS" if must else "PLOT_MAJOR_ITRS"

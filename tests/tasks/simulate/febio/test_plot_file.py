@@ -1,0 +1,144 @@
+"""Reading FEBio's plot files, and refusing damaged ones in one line."""
+
+import tracemalloc
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sinew.tasks.simulate.febio.attempt import Failed
+from sinew.tasks.simulate.febio.plot_file import plot_file_of, read_plot_file
+from tests.tasks.simulate.febio import plot_writer as w
+
+MB = 2**20
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_mesh_and_states_are_read(compressed):
+    found = plot_file_of(w.plot_file(compressed=compressed), MB)
+    assert found.time_s.tolist() == list(w.TIMES)
+    assert np.array_equal(found.mesh.nodes, np.array(w.GRID))
+    assert found.mesh.node_ids.tolist() == list(range(10, 22))
+    blocks = [(region.name, region.shape, region.part, region.ids.tolist()) for region in found.mesh.domains]
+    assert blocks == [("block", "hex8", 1, [1, 2]), ("", "tet4", 2, [3])]
+    assert found.mesh.domains[0].corners.tolist() == w.HEXES
+    (top,) = found.mesh.surfaces
+    assert top.name == "top"
+    assert top.corners.tolist() == [[8, 9, 11, -1], [8, 9, 11, 10]]
+    assert top.nodes.tolist() == [8, 9, 11, 10]
+    assert {name: ids.tolist() for name, ids in found.mesh.node_sets.items()} == {"side": [1, 3, 5]}
+    assert {name: ids.tolist() for name, ids in found.mesh.element_sets.items()} == {"upper": [2]}
+    assert found.mesh.parts == {1: "tissue"}
+
+
+def test_each_format_and_type_of_variable():
+    found = plot_file_of(w.plot_file(), MB).variables
+    shapes = {name: (one.where, one.per, one.values.shape[1:], one.regions) for name, one in found.items()}
+    assert shapes == {
+        "energy": ("global", "item", (1, 1), ((0, 1),)),
+        "displacement": ("node", "node", (12, 3), ((0, 12),)),
+        "pair": ("node", "node", (12, 6), ((0, 12),)),
+        "stress": ("domain", "item", (3, 6), ((0, 2), (1, 1))),
+        "volume": ("domain", "region", (2, 1), ((0, 1), (1, 1))),
+        "density": ("domain", "corner", (16, 1), ((0, 16),)),
+        "a": ("domain", "node", (16, 3), ((0, 12), (1, 4))),
+        "gap": ("surface", "item", (2, 1), ((0, 2),)),
+        "pull": ("surface", "region", (1, 3), ((0, 1),)),
+        "pressure": ("surface", "corner", (8, 1), ((0, 8),)),
+    }
+    assert np.array_equal(found["displacement"].values[1].ravel(), w.numbers(0.5, "displacement", 36))
+    assert np.isnan(found["stress"].values[0]).all()  # the file has none at rest
+    assert np.array_equal(found["stress"].values[2, :2].ravel(), w.numbers(2.0, "stress", 12))
+    assert found["stress"].components == ("xx", "yy", "zz", "xy", "yz", "xz")
+    assert found["displacement"].unit == "mm"
+    assert found["a"].components == ("1", "2", "3")
+
+
+def test_a_missing_file(tmp_path):
+    with pytest.raises(Failed, match=r"the solver wrote no model\.xplt"):
+        read_plot_file(tmp_path / "model.xplt", MB)
+    (tmp_path / "model.xplt").mkdir()
+    with pytest.raises(Failed, match=r"model\.xplt is a folder"):
+        read_plot_file(tmp_path / "model.xplt", MB)
+    (tmp_path / "whole.xplt").write_bytes(w.plot_file())
+    assert read_plot_file(tmp_path / "whole.xplt", MB).time_s.size == 3
+    with pytest.raises(Failed, match="more than 1,000"):
+        read_plot_file(tmp_path / "whole.xplt", 1000)
+
+
+GOOD = w.plot_file()
+DAMAGE = {
+    "another file": (b"PK\3\4" + GOOD[4:], "does not begin as"),
+    "version 2": (w.plot_file(version=0x25), r"version 2\.5"),
+    "cut in the mesh": (GOOD[:1500], "the mesh is cut short"),
+    "cut in a state": (GOOD[:-1], "claims"),
+    "times": (w.plot_file((0.0, 1.0, 1.0)), "times do not increase"),
+    "not a number": (w.plot_file((0.0, np.nan)), "times do not increase"),
+    "mesh again": (GOOD + w.mesh(), "neither a state nor compressed"),
+    "other compressed": (GOOD + zlib.compress(w.mesh()), "a mesh that changes"),
+    "corner": (GOOD.replace(w.whole(0x01042201, 3, 0, 1, 3, 4), w.whole(0x01042201, 3, 0, 1, 3, 12)), "the mesh lacks"),
+    "too few": (
+        GOOD.replace(w.whole(0x01032104, 2), w.whole(0x01032104, 3)),
+        "has 2 elements and claims 3",
+    ),
+    "unknown type": (GOOD.replace(w.item(0, 1, "gap"), w.item(8, 1, "gap")), "type 8"),
+    "unknown format": (GOOD.replace(w.item(0, 1, "gap"), w.item(0, 4, "gap")), "format 4"),
+    "no array": (GOOD.replace(w.item(6, 0, "a", 3), w.item(6, 0, "a", 0)), "0 components"),
+    "twice": (GOOD.replace(w.item(0, 1, "gap"), w.item(0, 1, "pressure")), "twice"),
+    "wider": (GOOD.replace(w.item(0, 1, "gap"), w.item(1, 1, "gap")), "2 numbers, not 6"),
+}
+
+
+@pytest.mark.parametrize("what", DAMAGE)
+def test_damage_is_one_clear_line(what):
+    content, words = DAMAGE[what]
+    assert content != GOOD
+    with pytest.raises(Failed, match=words) as failed:
+        plot_file_of(content, MB)
+    assert failed.value.status == "bad_output"
+
+
+def test_a_decompression_bomb_takes_no_memory():
+    bomb = w.plot_file((), compressed=True) + zlib.compress(bytes(2**27))
+    claims = w.plot_file((), compressed=True) + zlib.compress(w.chunk(0x02000000, bytes(2**27)))
+    for content in (bomb, claims):
+        tracemalloc.start()
+        with pytest.raises(Failed, match="more than 1,048,576 bytes"):
+            plot_file_of(content, MB)
+        assert tracemalloc.get_traced_memory()[1] < 8 * MB
+        tracemalloc.stop()
+
+
+def test_states_that_lack_a_region_take_no_memory():
+    """Each absent region is filled with NaN: a large mesh and many empty states must not multiply."""
+    empty = w.chunk(0x02000000, w.chunk(0x02010000, w.floats(0x02010002, [3.0])), w.chunk(0x02020000))
+    with pytest.raises(Failed, match="lacks a variable"):
+        plot_file_of(GOOD + empty, MB)
+    many = [w.absent(1.0 + number) for number in range(1000)]
+    size = sum(map(len, many)) + len(w.state(0.5))
+    plot_file_of(w.plot_file((0.5,)) + b"".join(many), 3 * size)
+    with pytest.raises(Failed, match="too many numbers"):
+        plot_file_of(w.plot_file((0.5,)) + b"".join(many), size)
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    st.booleans(),
+    st.lists(st.tuples(st.integers(0, 10_000), st.binary(min_size=1, max_size=8), st.booleans()), max_size=4),
+    st.integers(0, 10_000),
+)
+def test_any_damage_is_read_or_refused(compressed, edits, cut):
+    content = bytearray(w.plot_file(compressed=compressed))
+    for at, new, replace in edits:
+        at %= len(content)
+        content[at : at + len(new) * replace] = new
+    content = content[: len(content) - cut % len(content)] if cut % 3 == 0 else content
+    try:
+        found = plot_file_of(bytes(content), MB)
+    except Failed as failed:
+        assert failed.status == "bad_output"
+        assert "\n" not in failed.words
+    else:
+        assert sum(one.values.nbytes for one in found.variables.values()) <= MB
