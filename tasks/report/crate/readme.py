@@ -68,25 +68,30 @@ def commands(source: Source, layout: Layout) -> list[str]:
     return done + [f"cmp {first}/{task}.json {again}/{task}.json" for task in compared(source, layout)]
 
 
+def adopted(source: Source) -> list[str]:
+    """The results of the model with the named effect, as paths in the result folder without their suffix."""
+    return [f"{ADOPTED}/{task}" for task in TASKS if (source.found.folder / ADOPTED / f"{task}.json").is_file()]
+
+
 def compared(source: Source, layout: Layout) -> list[str]:
     """The results that a repetition makes with the same bytes."""
     discovery = source.found.result(DiscoverResult)
     moved = not layout.kept and discovery is not None and discovery.model is not None
-    return [task for task in source.found.results if not (moved and task == "discover")]
+    return [task for task in source.found.results if not (moved and task == "discover")] + adopted(source)
 
 
 def _order(source: Source) -> Iterator[str]:
     """Commands in the order of the runs: a search may begin with the rows that earlier tasks left."""
     had: set[str] = set()
     last: int | None = None
-    adopted = " --adopt" if (source.found.folder / ADOPTED).is_dir() else ""
+    adopt = " --adopt" if adopted(source) else ""
     for tasks, base in _runs(source.found.events):
         grown = 0 if base is None or last is None else base - last
         had -= OF_SOBOL if grown else set()
         new = [task for task in tasks if task in source.found.results and task not in had]
         had |= set(new)
         if new and tasks == source.study.tasks:
-            yield f"run{adopted}"
+            yield f"run{adopt}"
         elif grown:
             yield "sobol --extend" if grown > 0 else "sobol"
             yield from (task for task in new if task != "sobol")
@@ -126,7 +131,7 @@ def _remarks(source: Source, layout: Layout, *, store: bool) -> Iterator[str]:
     if changed:
         said = ", ".join(CHANGES[name] for name in changed)
         yield f"Changed in the study file, so that it runs here: {said}."
-    if len(compared(source, layout)) < len(source.found.results):
+    if not set(source.found.results) <= set(compared(source, layout)):
         yield "`discover.json` is not compared: its field `model.difference` shows where the cohort lay."
     if not store:
         yield "The single evaluations (`store.zarr`) are left out; the commands above compute them again."

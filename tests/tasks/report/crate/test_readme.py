@@ -64,3 +64,12 @@ def test_the_path_of_a_verdict_that_moved_is_not_compared(source):
     apart = replace(layout, kept=False)
     assert not [line for line in commands(moved, apart) if "discover.json" in line]
     assert "is not compared" in readme(moved, apart, store=False).decode()
+
+
+def test_results_with_the_named_effect_are_made_and_compared_too(run_folder, whole_run):
+    (run_folder / "adopted").mkdir()
+    (run_folder / "adopted" / "sobol.json").write_bytes((run_folder / "sobol.json").read_bytes())
+    source = read_source(run_folder, whole_run.parent / "study.yaml", whole_run.parent / "cohort")
+    first, *others = commands(source, layout_of(source))
+    assert first.startswith("sinew run ") and first.endswith(" --adopt")
+    assert others[-1].startswith("cmp ") and others[-1].endswith("out-again/adopted/sobol.json")
