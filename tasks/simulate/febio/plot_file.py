@@ -39,6 +39,7 @@ COMPONENTS: dict[str, tuple[str, ...]] = {
     "mat3f": ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"),
 }
 MAX_VARIABLES, MAX_ARRAY, MAX_STATES = 1000, 4096, 10**6
+MAX_BYTES = 2**30  # of a file, of its states, and of the arrays that are made of them: what can be kept and read again
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +87,8 @@ class _Entry:
 
 
 def read_plot_file(path: Path, max_bytes: int) -> PlotFile:
-    """Read a plot file of at most ``max_bytes``. Raises :class:`Failed` for any damage."""
+    """Read a plot file of at most ``max_bytes`` and 1 GiB. Raises :class:`Failed` for any damage."""
+    max_bytes = min(max_bytes, MAX_BYTES)
     try:
         content = read_regular(path, max_bytes)
     except FileNotFoundError:

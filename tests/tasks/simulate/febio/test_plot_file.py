@@ -56,6 +56,13 @@ def test_each_format_and_type_of_variable():
     assert found["a"].components == ("1", "2", "3")
 
 
+def test_a_file_that_could_not_be_kept_is_refused(tmp_path, monkeypatch):
+    (tmp_path / "whole.xplt").write_bytes(w.plot_file())
+    monkeypatch.setattr("sinew.tasks.simulate.febio.plot_file.MAX_BYTES", 2000)
+    with pytest.raises(Failed, match="more than 2,000"):
+        read_plot_file(tmp_path / "whole.xplt", MB)
+
+
 def test_a_missing_file(tmp_path):
     with pytest.raises(Failed, match=r"the solver wrote no model\.xplt"):
         read_plot_file(tmp_path / "model.xplt", MB)
