@@ -5,6 +5,7 @@ from pathlib import Path
 from sinew.runner.cluster.local import Local
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import open_workspace
+from tests.tasks.measured import study_of, write_measured
 from tests.tasks.stand_in import prepare
 
 
@@ -30,3 +31,14 @@ def test_folders_that_killed_workers_left_are_removed_before_a_run_and_after_it(
         leave(left)
     assert not gone & folders()
     assert kept.exists()
+
+
+def test_a_task_that_knows_the_force_alone_says_what_it_leaves_out(tmp_path, capsys):
+    write_measured(tmp_path, rate_hz=2.0)
+    for compared, told in (("measured: {force: {}, lateral_strain: {}}", True), ("", False)):
+        study = read_study(study_of(tmp_path, "", compared))
+        with open_workspace(study, out=tmp_path / "out", cluster=Local(1)) as workspace:
+            assert ("nu_m" in workspace.ranges.unseen) == (not told), "the lateral strain sees it"
+            capsys.readouterr()
+            workspace.say_what_is_left_out("discover")
+        assert capsys.readouterr().out == told * "discover compares the force alone, not lateral_strain\n"
