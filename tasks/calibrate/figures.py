@@ -16,11 +16,19 @@ from matplotlib.figure import Figure
 from sinew.runner.errors import BadInput
 from sinew.tasks.calibrate import correlation_figure, sample_figures, surrogate_figures
 from sinew.tasks.calibrate.panels import Samples, plain_log
-from sinew.tasks.calibrate.result import CalibrateResult, Correlations, NoCorrelations, SpecimenFit, search_group
+from sinew.tasks.calibrate.result import (
+    CalibrateResult,
+    Correlations,
+    NoCorrelations,
+    QuantityFit,
+    SpecimenFit,
+    search_group,
+)
 from sinew.tasks.calibrate.show import (
     convergence_table,
     correlations_table,
     curves_table,
+    quantity_table,
     samples_table,
     searches_table,
 )
@@ -29,7 +37,7 @@ from sinew.tasks.drawing.figures import COLOURS, STYLE, save
 from sinew.tasks.drawing.formats import DRAWN
 from sinew.tasks.drawing.thinning import drawn_points
 from sinew.tasks.drawing.views import FigureKind
-from sinew.tasks.model import Specimen, file_name
+from sinew.tasks.model import FORCE, Specimen, file_name
 from sinew.tasks.simulate import Array
 from sinew.tasks.study.workspace import Workspace
 
@@ -44,6 +52,12 @@ def draw(workspace: Workspace, result: CalibrateResult) -> None:
             forces = fitted_curves(workspace, specimen, fit.parameters)
             figure = measured_and_fitted(specimen, forces, fit.rmse_N)
             save(figure, folder, f"calibrate_{file_name(specimen.name)}", curves_table(specimen, forces))
+            for name, quantity in (fit.quantities or {}).items():
+                if name != FORCE:
+                    courses = fitted_curves(workspace, specimen, fit.parameters, name)
+                    figure = quantity_and_fitted(specimen, courses, name, quantity)
+                    table = quantity_table(specimen, name, quantity.unit, courses)
+                    save(figure, folder, f"calibrate_{file_name(specimen.name)}_{name}", table)
     _draw_typical(workspace, result)
 
 
@@ -74,7 +88,7 @@ def _draw_search(samples: Samples, folder: Path) -> list[Path]:
     )
     if len(samples.parameters) > 1:
         names = [parameter.name for parameter in samples.parameters]
-        sampled = samples_table(names, samples.points, samples.totals, samples.calibrated)
+        sampled = samples_table(names, samples.points, samples.totals, samples.calibrated, samples.ending)
         paths += save(sample_figures.all_samples(samples), folder, "calibrate_samples_all", sampled)
         paths += save(sample_figures.paired_samples(samples), folder, "calibrate_samples", sampled)
         paired = surrogate_figures.pair_table(samples, surrogate)
@@ -102,6 +116,7 @@ def samples_of(workspace: Workspace, result: CalibrateResult, specimen: str) -> 
         kept["total"].to_numpy(),
         np.array(fit.values(names), dtype=float),
         fit.method,
+        fit.unit,
     )
 
 
@@ -173,6 +188,25 @@ def measured_and_fitted(specimen: Specimen, forces: Mapping[str, Array], rmse_N:
         for axis in axes[:, 0]:
             axis.set_ylabel("force (N)")
         axes[1, -1].legend()
+        figure.suptitle(specimen.name, x=0.01, ha="left", fontsize=10)
+    return figure
+
+
+def quantity_and_fitted(specimen: Specimen, courses: Mapping[str, Array], name: str, quantity: QuantityFit) -> Figure:
+    """A quantity that is compared beside the force: what was measured and the calibrated model, over time."""
+    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+    with plt.rc_context(STYLE):
+        size = (3.2 * len(specimen.curves), 2.8)
+        figure, axes = plt.subplots(1, len(specimen.curves), figsize=size, squeeze=False)
+        for axis, curve in zip(axes[0], specimen.curves, strict=True):
+            time_s = curve.protocol.time_s
+            axis.plot(time_s, curve.others[name], ".", ms=2, color="0.6", label="measured", rasterized=True)
+            axis.plot(time_s, courses[curve.name], color=COLOURS[1], lw=0.7, label="model", rasterized=True)
+            title = f"{curve.name.replace('_', ' ')}: RMSE {quantity.rmse[curve.name]:.3g}{unit}"
+            axis.set_title(title, fontsize=9)
+            axis.set_xlabel("time (s)")
+        axes[0, 0].set_ylabel(name.replace("_", " ") + ("" if not unit else f" ({quantity.unit})"))
+        axes[0, -1].legend()
         figure.suptitle(specimen.name, x=0.01, ha="left", fontsize=10)
     return figure
 

@@ -10,8 +10,9 @@ from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, Words, beyond, listed, number, plural
 from sinew.tasks.drawing.figures import COLOURS
 from sinew.tasks.drawing.thinning import drawn_points
-from sinew.tasks.model import Protocol
+from sinew.tasks.model import FORCE, Protocol
 from sinew.tasks.report.folder import POINTS, ResultFolder, columns_of, protocols_of
+from sinew.tasks.simulate.series import with_unit
 
 NAME = "calibration"
 FEW = 3  # specimens whose parameters stand side by side in a table
@@ -34,7 +35,7 @@ def section(found: ResultFolder) -> Section:
                 "Measured curve and calibrated model, and below what the model leaves: measured less model.",
                 "Specimen",
                 {name: _sources(every, protocols) for name, every in fitted.items()},
-                lambda sources: _draw_fit(sources, protocols),
+                lambda sources: _draw_fit(sources, protocols, _units(result)),
                 {name: _in_words(specimens[name]) for name in fitted},
             )
         )
@@ -50,8 +51,8 @@ def section(found: ResultFolder) -> Section:
     above = [fit.above_noise for fit in specimens.values() if fit.above_noise is not None]
     bounds = sorted({name for fit in specimens.values() for name in fit.on_bound})
     free = [name for name in result.free if any(name not in fit.determined for fit in specimens.values())]
-    totals = [fit.total_N for fit in specimens.values()]
-    ends = f"median objective {number(float(np.median(totals)))} N"
+    totals = [fit.total for fit in specimens.values()]
+    ends = f"median objective {number(float(np.median(totals)))} {_unit(result)}"
     if above:
         ends += f", above the noise of the curves: {beyond(float(np.median(above)))} (median)"
     if len(above) < len(specimens):
@@ -67,6 +68,17 @@ def section(found: ResultFolder) -> Section:
     )
 
 
+def _unit(result: CalibrateResult) -> str:
+    """The unit of the objective."""
+    return next((fit.unit for fit in result.specimens.values()), "N")
+
+
+def _units(result: CalibrateResult) -> dict[str, str]:
+    """The units of the quantities that are compared beside the force; none where it is the force alone."""
+    first = next(iter(result.specimens.values()))
+    return {name: one.unit for name, one in (first.quantities or {}).items() if name != FORCE}
+
+
 def _fitted(found: ResultFolder, name: str, fit: SpecimenFit) -> dict[str, dict[str, Any]]:
     """Measured and simulated forces at the calibrated parameters by protocol, as the store holds them."""
     for table in found.tables.get(name, []):
@@ -80,6 +92,14 @@ def _fitted(found: ResultFolder, name: str, fit: SpecimenFit) -> dict[str, dict[
             keep = drawn_points(Protocol(protocol, time, moved), force, model, count=POINTS)
             kept = {"time": time[keep], "displacement": moved[keep], "measured": force[keep], "model": model[keep]}
             curves[protocol] = kept | {"left": kept["measured"] - kept["model"]}
+            for quantity in fit.quantities or ():
+                seen = table.coordinate(f"measured_{quantity}_{protocol}")
+                if quantity == FORCE or seen is None:
+                    continue
+                model = table.read(f"{quantity}_{protocol}", row)[0]
+                there = np.flatnonzero(np.isfinite(seen))
+                own = {"time": time[there], "measured": seen[there], "model": model[there]}
+                curves[f"{protocol}: {quantity}"] = own | {"left": own["measured"] - own["model"]}
         return curves
     return {}
 
@@ -89,9 +109,14 @@ def _sources(every: dict[str, dict[str, Any]], protocols: list[str]) -> dict[str
     return {protocol: every.get(protocol, empty) for protocol in protocols}
 
 
-def _draw_fit(sources: plots.Sources, protocols: list[str]) -> list[Plot]:
+def _draw_fit(sources: plots.Sources, protocols: list[str], units: dict[str, str]) -> list[Plot]:
+    """A plot for each of ``protocols``: of the force, or ``PROTOCOL: QUANTITY`` of a quantity of ``units``."""
     drawn: list[Plot] = []
     for protocol in protocols:
+        quantity = next((name for name in units if protocol.endswith(f": {name}")), FORCE)
+        if quantity != FORCE:
+            drawn.append(_draw_quantity(sources[protocol], protocol, quantity, units[quantity], len(drawn)))
+            continue
         fit = plots.figure("time (s)", "force (N)")
         measured = fit.line("time", "measured", source=sources[protocol], color=plots.MEASURED, line_width=3.2)
         model = fit.line("time", "model", source=sources[protocol], color=COLOURS[1], line_width=1.3)
@@ -108,8 +133,31 @@ def _draw_fit(sources: plots.Sources, protocols: list[str]) -> list[Plot]:
     return drawn
 
 
+def _draw_quantity(source: Any, title: str, quantity: str, unit: str, number_: int) -> Plot:
+    """What was measured of a quantity and the fitted model, at the points that are kept, and what the model leaves."""
+    axis = quantity.replace("_", " ") + ("" if unit == "1" else f" ({unit})")
+    behind = "" if unit == "1" else f" {unit}"
+    fit = plots.figure("time (s)", axis)
+    measured = fit.scatter("time", "measured", source=source, color=plots.MEASURED, size=4)
+    model = fit.line("time", "model", source=source, color=COLOURS[1], line_width=1.3)
+    plots.legend(fit, [(f"{title.replace('_', ' ')}, measured", [measured]), ("model", [model])])
+    rows = [("time", "@time{0.00} s"), ("measured", f"@measured{behind}"), ("model", f"@model{behind}")]
+    plots.hover(fit, model, rows)
+    left = plots.figure("time (s)", "measured less model", height=190, x_range=fit.x_range)
+    dots = left.scatter("time", "left", source=source, color=COLOURS[1], size=2.5)
+    plots.hover(left, dots, [("time", "@time{0.00} s"), ("left", f"@left{behind}")])
+    left.hspan(0.0, line_color=plots.INK, line_width=0.7)
+    label = f"{title}: measured and fitted, and what the fitted model leaves"
+    return plots.plot(f"calibration-fit-{number_}", fit, label, below=left)
+
+
 def _in_words(fit: SpecimenFit) -> str:
     parts = [f"RMSE {', '.join(f'{name} {_error(fit, name)}' for name in fit.rmse_N)}"]
+    for quantity, one in (fit.quantities or {}).items():
+        if quantity != FORCE:
+            unit = "" if one.unit == "1" else f" {one.unit}"
+            errors = ", ".join(f"{name} {number(rmse, 3)}{unit}" for name, rmse in one.rmse.items())
+            parts.append(f"{quantity.replace('_', ' ')}: RMSE {errors}, noise {number(one.noise, 3)}{unit}")
     parts.append(f"by {fit.method.replace('_', ' ')}")
     if fit.on_bound:
         parts.append(f"on a bound: {', '.join(fit.on_bound)}")
@@ -205,7 +253,7 @@ def _parameters(result: CalibrateResult) -> Block:
 
 def _search(result: CalibrateResult) -> Block:
     """How the objective of each specimen fell."""
-    specimens = result.specimens
+    specimens, unit = result.specimens, _unit(result)
 
     def lines(method: str) -> dict[str, Any]:
         xs, ys, names = [], [], []
@@ -218,10 +266,10 @@ def _search(result: CalibrateResult) -> Block:
         return {"trace": {"used": xs, "total": ys, "specimen": names}}
 
     def draw(sources: plots.Sources) -> list[Plot]:
-        plot = plots.figure("evaluations", "lowest objective so far (N)", y_axis_type="log")
+        plot = plots.figure("evaluations", f"lowest objective so far ({unit})", y_axis_type="log")
         plot.step("used", "total", source=sources["trace"], mode="after", color=COLOURS[0], alpha=0.6)
         dots = plot.scatter("used", "total", source=sources["trace"], size=3, color=COLOURS[0])
-        rows = [("specimen", "@specimen"), ("evaluations", "@used"), ("objective", "@total{0.00} N")]
+        rows = [("specimen", "@specimen"), ("evaluations", "@used"), ("objective", f"@total{{0.00}} {unit}")]
         plots.hover(plot, dots, rows)
         return [
             plots.plot("calibration-search", plot, "The lowest objective of each specimen over evaluations", wide=True)
@@ -239,9 +287,11 @@ def _table(result: CalibrateResult) -> Table:
         rows.append([name, number(fit.total_N, 4), number(fit.noise_N, 4), beyond(fit.above_noise), number(worst, 2),
                      "–" if lowest is None else _r2(lowest),
                      ", ".join(fit.on_bound) or "–", ", ".join(result.not_determined(fit)) or "–",
+                     *(number(value, 4) for value in fit.sums().values()),
                      *(number(value, 4) for value in fit.values(result.names))])  # fmt: skip
     units = ["" if unit == "1" else f" ({unit})" for unit in result.units]
     header = ["specimen", "RMSEs together (N)", "noise together (N)", "above the noise",
               "largest RMSE (% of peak)", "lowest R²", "on a bound", "not determined",
+              *(f"{with_unit(name, unit)}, RMSEs together" for name, unit in _units(result).items()),
               *(f"{name}{unit}" for name, unit in zip(result.names, units, strict=True))]  # fmt: skip
     return Table("Fits of all specimens", header, rows, words=(6, 7), open=len(rows) <= 3)

@@ -14,7 +14,6 @@ from sinew.tasks.drawing.figures import symbol
 from sinew.tasks.model import Parameter
 from sinew.tasks.simulate import Array
 
-OBJECTIVE = "total objective (N)"
 RED = "#E3000F"
 COLOURED = "viridis"  # dark is low, which is good
 ROOMY = 8  # with more parameters than this, a legend fits above their triangle
@@ -25,7 +24,7 @@ class Samples:
     """What the Bayesian search of one specimen saw: ``points`` ``[n, d]`` of the free ``parameters``, in their units.
 
     ``totals`` ``[n]`` (N) is infinite where the model failed. ``calibrated`` ``[d]`` is what all methods together came
-    to, and ``method`` the one of them that did.
+    to, and ``method`` the one of them that did. ``unit`` is that of the totals.
     """
 
     specimen: str
@@ -34,6 +33,17 @@ class Samples:
     totals: Array
     calibrated: Array
     method: str
+    unit: str = "N"
+
+    @property
+    def objective(self) -> str:
+        """What the totals are, with their unit."""
+        return f"total objective ({self.unit})"
+
+    @property
+    def ending(self) -> str:
+        """What the unit adds to the names of columns."""
+        return "_N" if self.unit == "N" else ""
 
     @property
     def best(self) -> Array:
@@ -100,8 +110,8 @@ def name_axes(axis: Axes, across: Parameter, up: Parameter) -> None:
     axis.yaxis.set_major_locator(MaxNLocator(4))
 
 
-def finish(figure: Figure, axes: list[Axes], samples: Samples, drawn: Any, label: str = OBJECTIVE) -> None:
-    colour_bar(figure.colorbar(drawn, ax=axes, label=label, aspect=35, shrink=0.9))
+def finish(figure: Figure, axes: list[Axes], samples: Samples, drawn: Any, label: str | None = None) -> None:
+    colour_bar(figure.colorbar(drawn, ax=axes, label=label or samples.objective, aspect=35, shrink=0.9))
     head(figure, axes[0], samples)
 
 

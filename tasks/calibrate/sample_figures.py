@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from sinew.tasks.calibrate.panels import (
     COLOURED,
-    OBJECTIVE,
     RED,
     ROOMY,
     Samples,
@@ -82,7 +81,7 @@ def all_samples(samples: Samples) -> Figure:
         if count > ROOMY:
             axis.legend(loc="upper right", title=caption(samples), markerscale=1.5, alignment="right")
             bar = axis.inset_axes((0.6, 0.86, 0.38, 0.012))
-            colour_bar(figure.colorbar(drawn, bar, orientation="horizontal", label=OBJECTIVE))
+            colour_bar(figure.colorbar(drawn, bar, orientation="horizontal", label=samples.objective))
         else:
             finish(figure, [axis], samples, drawn)
     return figure

@@ -13,6 +13,7 @@ from sinew.tasks.drawing.formats import DRAWN
 from sinew.tasks.drawing.thinning import drawn_points
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.series import with_unit
 
 
 def table(result: CalibrateResult) -> pd.DataFrame:
@@ -81,11 +82,29 @@ def curves_table(specimen: Specimen, forces: dict[str, Array]) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-def samples_table(names: list[str], points: Array, totals: Array, calibrated: Array) -> pd.DataFrame:
-    """Points ``[n, d]`` of a search with their objectives ``[n]`` (N, none where the model failed), and the end."""
+def quantity_table(specimen: Specimen, name: str, unit: str, courses: dict[str, Array]) -> pd.DataFrame:
+    """A quantity that is compared beside the force, measured and fitted, at the points at which it was measured."""
+    parts = []
+    for curve in specimen.curves:
+        seen = curve.others[name]
+        there, history = np.flatnonzero(np.isfinite(seen)), curve.protocol
+        columns = {"time_s": history.time_s, "displacement_mm": history.displacement_mm}
+        columns |= {with_unit(f"measured_{name}", unit): seen, with_unit(f"model_{name}", unit): courses[curve.name]}
+        kept = {title: values[there] for title, values in columns.items()}
+        parts.append(pd.DataFrame({"protocol": curve.name, **kept}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def samples_table(
+    names: list[str], points: Array, totals: Array, calibrated: Array, ending: str = "_N"
+) -> pd.DataFrame:
+    """Points ``[n, d]`` of a search with their objectives ``[n]`` (N, none where the model failed), and the end.
+
+    ``ending``: of the objective's column, empty where it is not in newton.
+    """
     table = pd.DataFrame(points, columns=names)
     table.insert(0, "point", "sampled")
-    table["objective_N"] = np.where(np.isfinite(totals), totals, np.nan)
+    table[f"objective{ending}"] = np.where(np.isfinite(totals), totals, np.nan)
     end = pd.DataFrame([{"point": "calibrated", **dict(zip(names, calibrated, strict=True))}])
     return pd.concat([table, end], ignore_index=True)
 

@@ -91,7 +91,7 @@ def paired_influences(samples: Samples, surrogate: Learned) -> Figure:
             axis.plot(samples.points[:, x], samples.points[:, y], ".", ms=2, color="black", alpha=0.5, label="sampled")
             marks(axis, samples, x, y)
             name_axes(axis, samples.parameters[x], samples.parameters[y])
-        finish(figure, axes, samples, drawn, "partial dependence (N)")
+        finish(figure, axes, samples, drawn, f"partial dependence ({samples.unit})")
     return figure
 
 
@@ -111,7 +111,9 @@ def pair_table(samples: Samples, surrogate: Learned) -> pd.DataFrame:
         x, y = samples.column(across), samples.column(up)
         values = {"across": across, "up": up, "across_value": np.tile(low[x] + (high[x] - low[x]) * line, GRID)}
         values["up_value"] = np.repeat(low[y] + (high[y] - low[y]) * line, GRID)
-        parts.append(pd.DataFrame(values | {"partial_dependence_N": _over_pair(surrogate, (x, y)).ravel()}))
+        parts.append(
+            pd.DataFrame(values | {f"partial_dependence{samples.ending}": _over_pair(surrogate, (x, y)).ravel()})
+        )
     return pd.concat(parts, ignore_index=True)
 
 
@@ -124,7 +126,11 @@ def influence_table(samples: Samples, surrogate: Learned) -> pd.DataFrame:
         found = surrogate.along([k], line[:, np.newaxis])
         below, above = np.quantile(found, (0.1, 0.9), axis=1)
         values = {"parameter": parameter.name, "value": low[k] + (high[k] - low[k]) * line}
-        values |= {"partial_dependence_N": _geometric_mean(found), "quantile_10_N": below, "quantile_90_N": above}
+        values |= {
+            f"partial_dependence{samples.ending}": _geometric_mean(found),
+            f"quantile_10{samples.ending}": below,
+            f"quantile_90{samples.ending}": above,
+        }
         parts.append(pd.DataFrame(values))
     return pd.concat(parts, ignore_index=True)
 
@@ -148,7 +154,7 @@ def influences(samples: Samples, surrogate: Learned) -> Figure:
             axis.set_yscale("log")
             axis.xaxis.set_major_locator(MaxNLocator(3))
         plain_log(axes[0])
-        figure.supylabel("partial dependence (N)", fontsize=9)
+        figure.supylabel(f"partial dependence ({samples.unit})", fontsize=9)
         head(figure, axes[0], samples)
     return figure
 

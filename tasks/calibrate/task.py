@@ -22,7 +22,7 @@ from sinew.tasks.calibrate.result import SEARCHES, CalibrateResult, search_group
 from sinew.tasks.calibrate.settings import Settings
 from sinew.tasks.fitting.bayesian import Search, informative
 from sinew.tasks.fitting.fits import FitSession, from_unit, residuals_of, to_unit
-from sinew.tasks.model import Specimen, file_name
+from sinew.tasks.model import FORCE, Specimen, file_name
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study import streams
@@ -152,10 +152,16 @@ def _as_csv(result: CalibrateResult) -> str:
     return text.getvalue()
 
 
-def fitted_curves(workspace: Workspace, specimen: Specimen, parameters: Mapping[str, float]) -> dict[str, Array]:
-    """Forces ``[t]`` (N) along every measured point of each curve, for the figures. NaN if this one row fails."""
+def fitted_curves(
+    workspace: Workspace, specimen: Specimen, parameters: Mapping[str, float], quantity: str = FORCE
+) -> dict[str, Array]:
+    """Forces ``[t]`` (N) along every measured point of each curve, for the figures. NaN if this one row fails.
+
+    Or another ``quantity`` that is compared, in its unit.
+    """
     row = np.array([[parameters[name] for name in workspace.model.names]])
     evaluation = SpecimenEvaluation(workspace.model, specimen, workspace.simulator, "all")
     table, rows = workspace.plan(evaluation, row)
     workspace.evaluate(evaluation, table, rows, f"curves of {specimen.name}", here=True, brief=True)
-    return {curve.name: table.read(f"force_{curve.name}", rows)[0] for curve in specimen.curves}
+    of = [series for series in evaluation.series() if series.output == quantity]
+    return {series.protocol: table.read(series.field, rows)[0] for series in of}

@@ -86,6 +86,22 @@ class SiteEvaluation:
             found.append(measured / root_mean_square(values[there]))
         return np.concatenate(found)
 
+    def _coordinates_of_others(self) -> list[Coordinate]:
+        """For each kept point of what was measured beside the forces: its curve, its time, and what was measured."""
+        others = self.others()
+        if not others:
+            return []
+        first, times, of = len(self.curves()), [], []
+        for number, (_, curve, _) in enumerate(others):
+            keep = kept_points(curve.protocol, self.points_per_curve)
+            times.append(curve.protocol.time_s[keep])
+            of.append(np.full(keep.size, float(first + number)))
+        return [
+            Coordinate("curve_of_other_point", "other_point", np.concatenate(of), "1"),
+            Coordinate("time_of_other_point", "other_point", np.concatenate(times), "s"),
+            Coordinate("measured_others", "other_point", self.points_of_others(), "1"),
+        ]
+
     def table(self) -> TableSpec:
         """The store's table for this evaluation."""
         curves = self.curves()
@@ -116,6 +132,7 @@ class SiteEvaluation:
             units=tuple(parameter.unit for parameter in self.model.parameters),
             fields=tuple(fields),
             coordinates=(
+                *self._coordinates_of_others(),
                 Coordinate("curve", "curve", np.array(labels, dtype=object)),
                 Coordinate("curve_of_point", "point", of.astype(float), "1"),
                 Coordinate("time", "point", times, "s"),

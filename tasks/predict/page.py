@@ -1,6 +1,7 @@
 """Prediction: bands around the curves, and how many of the measured points they hold."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,8 @@ import xarray as xr
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, Words, number, percent, plural
 from sinew.tasks.drawing.figures import COLOURS
-from sinew.tasks.predict.result import BANDS, Coverage, PredictResult, bands_group
+from sinew.tasks.model import FORCE
+from sinew.tasks.predict.result import BANDS, Coverage, PredictResult, bands_group, of_quantity
 from sinew.tasks.report.folder import ResultFolder
 
 NAME = "prediction"
@@ -26,6 +28,11 @@ def section(folder: ResultFolder) -> Section:
     if folder.store is not None:
         kept = [folder.store.read_result(bands_group(site)) for site in result.sites]
         blocks.insert(0, _bands(result, kept))
+        for quantity, other in (result.others or {}).items():
+            own = replace(result, coverage=other.coverage)
+            blocks.append(_bands(own, [of_quantity(each, quantity) for each in kept], quantity, other.unit))
+    if result.others:
+        blocks.append(_table_of_others(result))
     for site, prediction in result.sites.items():
         blocks += [Words(f"{site}: {why}", "note") for why in prediction.gaps]
     blocks += [Words(f"{remark}.", "warning") for remark in result.remarks]
@@ -47,15 +54,18 @@ def _given(result: PredictResult) -> dict[str, Coverage]:
     return {band: result.coverage[band] for band in BANDS if result.coverage[band].all is not None}
 
 
-def _bands(result: PredictResult, kept: Sequence[xr.Dataset]) -> Block:
+def _bands(result: PredictResult, kept: Sequence[xr.Dataset], quantity: str = FORCE, unit: str = "N") -> Block:
     given = _given(result)
+    behind = "" if unit == "1" else f" {unit}"
+    label_y = f"{quantity.replace('_', ' ')}{behind and f' ({unit})'}"
+    digits, key = ("{0.0}", "prediction") if quantity == FORCE else ("", f"prediction-{quantity}")
     bands = [band for band in COLOUR if band in given]
     data, protocols = _columns(kept, bands)
 
     def draw(sources: plots.Sources) -> list[Plot]:
         drawn: list[Plot] = []
         for protocol in protocols:
-            plot = plots.figure(f"time (s), {protocol.replace('_', ' ')}", "force (N)", height=320)
+            plot = plots.figure(f"time (s), {protocol.replace('_', ' ')}", label_y, height=320)
             source, entries = sources[protocol], []
             for band in bands:
                 colour, ends = COLOUR[band], (f"{band}_low", f"{band}_high")
@@ -64,12 +74,12 @@ def _bands(result: PredictResult, kept: Sequence[xr.Dataset]) -> Block:
                 edges = [plot.line("time", end, source=source, **style) for end in ends]
                 entries.append((BANDS[band], [area, *edges]))
             line = plot.line("time", "measured", source=source, color=plots.INK, line_width=1.6)
-            rows = [("time", "@time{0.0} s"), ("measured", "@measured{0.0} N")]
-            rows += [(BANDS[band], f"@{band}_low{{0.0}} to @{band}_high{{0.0}} N") for band in bands]
+            rows = [("time", "@time{0.0} s"), ("measured", f"@measured{digits}{behind}")]
+            rows += [(BANDS[band], f"@{band}_low{digits} to @{band}_high{digits}{behind}") for band in bands]
             plots.hover(plot, line, rows)
             plots.legend(plot, [("measured", [line]), *entries])
             label = f"{protocol}: measured curve and predicted bands"
-            drawn.append(plots.plot(f"prediction-{len(drawn)}", plot, label))
+            drawn.append(plots.plot(f"{key}-{len(drawn)}", plot, label))
         return drawn
 
     words = {}
@@ -82,7 +92,9 @@ def _bands(result: PredictResult, kept: Sequence[xr.Dataset]) -> Block:
         f"Measured curve and {percent(result.probability)} bands. The band of a new specimen is predicted from the "
         "other specimens of its site."
     )
-    return plots.picked("prediction-bands", caption, "Specimen", data, draw, words)
+    if quantity != FORCE:
+        caption = f"The same of the {quantity.replace('_', ' ')}."
+    return plots.picked(f"{key}-bands", caption, "Specimen", data, draw, words)
 
 
 def _columns(
@@ -110,3 +122,12 @@ def _table(result: PredictResult) -> Table:
         rows.append([row["site"], BANDS[row["band"]], *cells, number(row["points"])])
     header = ["site", "band", "all protocols", *result.protocols, "points"]
     return Table("Measured points inside the bands", header, rows, words=(1,))
+
+
+def _table_of_others(result: PredictResult) -> Table:
+    rows = []
+    for row in result.shares_of_others():
+        cells = ["–" if share is None else percent(share, 1) for share in (row["share"], *row["by_protocol"])]
+        rows.append([row["site"], row["quantity"], BANDS[row["band"]], *cells, number(row["points"])])
+    header = ["site", "quantity", "band", "all protocols", *result.protocols, "points"]
+    return Table("Measured points of further quantities inside the bands", header, rows, words=(1, 2))

@@ -133,6 +133,10 @@ class SpecimenEvaluation:
             ]
             if curve.measured:
                 coordinates.append(Coordinate(f"measured_{curve.name}", dim, curve.force_N[keep], "N"))
+            for name, unit in self.units().items():
+                if name in curve.others:
+                    seen = curve.others[name][keep]
+                    coordinates.append(Coordinate(f"measured_{name}_{curve.name}", dim, seen, unit))
             if self._can.force is not None:
                 fields.append(Field(f"force_{curve.name}", (dim,), "N", f"simulated force, {curve.name}"))
             named = [(self._field(output.name, curve.name), output) for output in outputs]

@@ -39,7 +39,14 @@ def _check_names(study: Path, outputs: Sequence[str], cohort: Cohort) -> None:
     for specimen in cohort.specimens:
         protocols = [curve.name for curve in specimen.curves]
         names = ["total", *outputs, *protocols, *(f"{kind}_{name}" for kind in ("summary", "rmse") for name in outputs)]
-        for kind in ("time", "displacement", "measured", "conf", *outputs, *(f"conf_{name}" for name in outputs)):
+        for kind in (
+            "time",
+            "displacement",
+            "measured",
+            "conf",
+            *outputs,
+            *(f"{of}_{name}" for of in ("conf", "measured") for name in outputs),
+        ):
             names += [f"{kind}_{protocol}" for protocol in protocols]
         if twice := [name for name, count in Counter(names).items() if count > 1]:
             problem = f"two things are called {twice[0]} in the store"

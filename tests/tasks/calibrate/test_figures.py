@@ -1,5 +1,6 @@
 """Figures of a calibration: of any free parameters, with the panels and labels that belong to them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,11 +10,12 @@ from matplotlib import pyplot as plt
 
 from sinew.tasks.calibrate import correlation_figure, figures, sample_figures, surrogate_figures
 from sinew.tasks.calibrate.correlations import correlations
-from sinew.tasks.calibrate.figures import _draw_typical
+from sinew.tasks.calibrate.figures import _draw_typical, quantity_and_fitted
 from sinew.tasks.calibrate.panels import Samples, axis_label, pairs
-from sinew.tasks.calibrate.result import Correlations, PairCorrelation
+from sinew.tasks.calibrate.result import Correlations, PairCorrelation, QuantityFit
+from sinew.tasks.calibrate.show import quantity_table, samples_table
 from sinew.tasks.drawing.formats import FORMATS
-from sinew.tasks.model import Model, Parameter
+from sinew.tasks.model import Curve, Model, Parameter, Protocol, Specimen
 from tests.tasks.calibrations import calibration_of, fit_of, method_of
 
 SOME = ("E_f", "tau_1f", "E_m", "bulk")
@@ -269,3 +271,30 @@ def test_the_typical_specimen_has_the_median_objective():
     for left_out in (None, "d", "b"):
         totals.pop(left_out, None)
         assert calibration_of({name: fit(total) for name, total in totals.items()}).typical == "c"
+
+
+def test_a_quantity_beside_the_force_has_a_figure_and_a_table_with_its_unit():
+    time_s, seen = np.arange(5.0), np.array([0.0, np.nan, -0.2, np.nan, -0.4])
+    curve = Curve(Protocol("pull", time_s, 0.1 * time_s), 10.0 * time_s, {"width_change": seen})
+    bar, courses = Specimen("bar", 10.0, 8.0, 4.0, (curve,)), {"pull": -0.1 * time_s}
+    table = quantity_table(bar, "width_change", "mm", courses)
+    assert table.columns.to_list() == [
+        "protocol", "time_s", "displacement_mm", "measured_width_change_mm", "model_width_change_mm"
+    ]  # fmt: skip
+    assert table["time_s"].to_list() == [0.0, 2.0, 4.0]
+    assert table["model_width_change_mm"].to_list() == pytest.approx([0.0, -0.2, -0.4])
+    figure = quantity_and_fitted(bar, courses, "width_change", QuantityFit("mm", 0.01, {"pull": 0.012}, {}))
+    (axis,) = figure.axes
+    assert axis.get_ylabel() == "width change (mm)"
+    assert axis.get_title() == "pull: RMSE 0.012 mm"
+    assert [line.get_label() for line in axis.lines] == ["measured", "model"]
+    plt.close(figure)
+
+
+def test_totals_in_multiples_of_the_noise_are_not_called_newton():
+    table = samples_table(["a"], np.zeros((2, 1)), np.array([6.0, np.inf]), np.zeros(1), "")
+    assert "objective" in table
+    assert "objective_N" not in table
+    figure = sample_figures.all_samples(replace(samples(), unit="times the noise"))
+    assert "total objective (times the noise)" in texts(figure)
+    assert "total objective (N)" in texts(sample_figures.all_samples(samples()))

@@ -46,6 +46,9 @@ def test_what_is_measured_beside_the_force_has_relative_errors_of_its_own(tmp_pa
     assert list(names[:1]) == [f"{one.name} {one.curves[0].name}"]
     assert list(names[3:4]) == [f"{one.name} {one.curves[0].name} lateral_strain"]
     assert {field.name for field in spec.fields} == {"relative_error", "force", "others"}
+    dims = {each.dim: each.values.size for each in spec.coordinates}
+    for field in spec.fields:
+        assert done.values[field.name].shape == (2, *(dims[dim] for dim in field.dims))
 
 
 def test_the_first_cycle_keeps_what_was_measured_in_it():

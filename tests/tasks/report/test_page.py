@@ -1,5 +1,6 @@
 """The page of a result folder: what is on it."""
 
+import html
 import json
 import re
 from types import SimpleNamespace
@@ -7,12 +8,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sinew.tasks import pipeline
 from sinew.tasks.calibrate.result import CalibrateResult
+from sinew.tasks.cluster.spec import cluster_of
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import number, percent
 from sinew.tasks.report import folder, page
 from sinew.tasks.report.page import build
 from sinew.tasks.report.sections import data
+from sinew.tasks.study.study import read_study
+from sinew.tasks.study.workspace import Workspace, open_workspace
+from tests.tasks.measured import study_of, write_measured
 from tests.tasks.report.conftest import edit
 from tests.tasks.report.pages import SECTIONS, keep_only, read
 
@@ -196,3 +202,25 @@ def test_a_page_of_27_specimens_with_long_curves_stays_small():
     block = plots.picked("curves", "", "Specimen", data, lambda sources: [])
     assert len(page._json({"data": block.data})) < 2_000_000
     assert len(bytes(page._json({"data": block.data}), "utf-8")) + sum(map(len, page.INLINE.js_raw[:1])) < 15_000_000
+
+
+def test_quantities_beside_the_force_have_plots_and_columns_of_their_own(tmp_path, monkeypatch):
+    monkeypatch.setattr(pipeline, "_draw", lambda *_: None)
+    monkeypatch.setattr(Workspace, "client", lambda self: None)
+    write_measured(tmp_path, 1, 2.0)
+    section = (
+        "calibrate: {methods: [least_squares], evaluations: 60, starts: 1}\n"
+        "infer: {population: 6, generations: 1, epsilon: 3.0, pending: 8}\npredict: {draws: 3}\n"
+    )
+    study = read_study(study_of(tmp_path, section))
+    with open_workspace(study, out=tmp_path / "out", cluster=cluster_of(study), quiet=True) as workspace:
+        pipeline.run(workspace, ["calibrate", "infer", "predict"])
+    built = build(tmp_path / "out")
+    assert built.trouble == ()
+    text = html.unescape(built.path.read_text())
+    assert "lateral strain: RMSE" in text
+    assert "lateral_strain, RMSEs together" in text
+    assert "times the noise" in text
+    assert "one_step: lateral_strain: measured and fitted" in text
+    assert "The same of the lateral strain." in text
+    assert "Measured points of further quantities inside the bands" in text

@@ -6,6 +6,7 @@ from sinew.runner.cluster.local import Local
 from sinew.runner.progress import read_progress
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import open_workspace
+from tests.tasks.measured import study_of, write_measured
 from tests.tasks.stand_in import prepare
 
 
@@ -49,3 +50,14 @@ def test_work_in_this_process_is_counted_and_shown_while_it_goes_on(tmp_path):
         assert workspace.each("importance for outputs", "forests", double, {}) == {}
         assert workspace.counted == {}
     assert seen == [("importance", "forests", 0, 2), ("importance", "forests", 1, 2)]
+
+
+def test_a_task_that_knows_the_force_alone_says_what_it_leaves_out(tmp_path, capsys):
+    write_measured(tmp_path, rate_hz=2.0)
+    for compared, told in (("measured: {force: {}, lateral_strain: {}}", True), ("", False)):
+        study = read_study(study_of(tmp_path, "", compared))
+        with open_workspace(study, out=tmp_path / "out", cluster=Local(1)) as workspace:
+            assert ("nu_m" in workspace.ranges.unseen) == (not told), "the lateral strain sees it"
+            capsys.readouterr()
+            workspace.say_what_is_left_out("discover")
+        assert capsys.readouterr().out == told * "discover compares the force alone, not lateral_strain\n"
