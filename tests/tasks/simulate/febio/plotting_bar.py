@@ -20,6 +20,8 @@ VARIABLES = ("displacement", "stress", "reaction forces")
 def plotting_bar(folder: Path) -> Path:
     """The program; ``runs(folder)`` says how often it ran."""
     program = folder / "plotting-bar"
+    if program.exists():  # other processes may be running it
+        return program
     program.write_text(
         f"#!{sys.executable} -I\nimport sys\nsys.path.insert(0, {str(ROOT)!r})\n"
         f"from tests.tasks.simulate.febio.plotting_bar import main\nsys.exit(main({str(folder / COUNT)!r}))\n"
