@@ -89,7 +89,7 @@ def init(
         return
     _refuse_without_model(vary, move, measure)
     from sinew.tasks.data.answers import read_answers
-    from sinew.tasks.data.columns import Hints
+    from sinew.tasks.data.hints import Hints
     from sinew.tasks.data.init import OVERVIEW
     from sinew.tasks.data.init import init as make
     from sinew.tasks.data.overview import draw_overview
@@ -255,8 +255,8 @@ def import_(
     stresses in MPa.
     """
     from sinew.tasks.data.cohort import write_cohort
-    from sinew.tasks.data.columns import Hints
     from sinew.tasks.data.exports import Reading, read_exports
+    from sinew.tasks.data.hints import Hints
     from sinew.tasks.study.workspace import check_folder
 
     reading = Reading(stress, time, reference, length_mm, area_mm2, tare, Hints(**hints))

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sinew.tasks.data.columns import Hints
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.sizes import LONGEST_MM
 from sinew.tasks.study.settings_file import Section, read_settings, write_settings
 

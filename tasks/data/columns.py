@@ -6,58 +6,18 @@ that rest on it are worthless.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import units
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, LOADS, MOTIONS, STRESS, TIME, Quantity
 from sinew.tasks.data.tables import Row, Table
 from sinew.tasks.data.text import is_number
-from sinew.tasks.data.timing import Timing
-from sinew.tasks.data.titles import name_and_unit
+from sinew.tasks.data.titles import name_and_unit, without_numbers, without_suffix
 
 NOWHERE = -1
 SURE, LIKELY, GIVEN = "sure", "likely", "as you said"
 _COMMON_TITLES = 6  # the first titles of a quantity leave no doubt
-
-
-@dataclass(frozen=True)
-class Hints:
-    """What a person says of a file: titles or numbers (from 1) of columns, and units that the file does not tell.
-
-    ``force_unit`` may be a unit of stress; the load is a stress then. ``test_column`` tells the tests of a table apart,
-    ``cycle_column`` its cycles, if their times start again. ``rate_hz`` and ``speed``: see :class:`Timing`.
-    """
-
-    time_column: str | None = None
-    displacement_column: str | None = None
-    force_column: str | None = None
-    time_unit: str | None = None
-    displacement_unit: str | None = None
-    force_unit: str | None = None
-    test_column: str | None = None
-    cycle_column: str | None = None
-    rate_hz: float | None = None
-    speed: float | None = None
-
-    def __post_init__(self) -> None:
-        """Raises :class:`BadInput` for a rate or a speed that is impossible."""
-        if self.timing.given and self.time_column is not None:
-            raise BadInput(str(self.timing), "given together with --time-column", "one of them")
-
-    @property
-    def columns_given(self) -> bool:
-        """Whether a person names a column of the test."""
-        return any(one is not None for one in (self.time_column, self.displacement_column, self.force_column))
-
-    @property
-    def timing(self) -> Timing:
-        return Timing(self.rate_hz, self.speed)
-
-    def answered(self, option: str, unit: str) -> "Hints":
-        """The same, with the answer to an :class:`UnknownUnit`."""
-        told: dict[str, Any] = {option.removeprefix("--").replace("-", "_"): unit}
-        return replace(self, **told)
 
 
 class UnknownUnit(BadInput):
@@ -187,6 +147,24 @@ def partly(
     return (found[0], found[1], found[2]), tuple(problems)
 
 
+def alike_places(table: Table, column: Column) -> list[int]:
+    """The columns with the name of this one, and a unit of the same quantity or none, if they may be of other tests."""
+    named = _named(table, _titles(table))
+    name = named[column.place][0]
+    return [
+        place
+        for place, (other, unit) in enumerate(named)
+        if other == name and name and _possible(column.quantity, other, unit, unit)
+    ]
+
+
+def in_place(table: Table, hints: Hints, column: Column, place: int) -> Column:
+    """The column of another test with the same name, in its own unit. Raises :class:`UnknownUnit`."""
+    titles = _titles(table)
+    role = next(role for role in _roles(hints) if column.quantity in role.quantities)
+    return _column(table, titles, _named(table, titles), role, _Choice(column.quantity, place, column.how))
+
+
 def _roles(hints: Hints) -> tuple[_Role, _Role, _Role]:
     stress = hints.force_unit is not None and units.factor(STRESS.units, hints.force_unit) is not None
     loads, more = ((STRESS,), FORCE.titles) if stress else (LOADS, ())
@@ -214,8 +192,10 @@ def _titles(table: Table) -> Row:
 
 def _named(table: Table, titles: Row) -> list[tuple[str, str]]:
     """Name and unit of each column; the unit may be empty."""
-    found = [name_and_unit(title, below) for title, below in zip(titles, _below(table, len(titles)), strict=True)]
-    return [(name, "s" if table.has_clock(place) else unit) for place, (name, unit) in enumerate(found)]
+    plain = [without_suffix(title, titles) for title in titles]
+    found = [name_and_unit(title, below) for title, below in zip(plain, _below(table, len(titles)), strict=True)]
+    names = without_numbers([name for name, _ in found])
+    return [(names[place], "s" if table.has_clock(place) else unit) for place, (_, unit) in enumerate(found)]
 
 
 def _width(row: Sequence[str]) -> int:
@@ -368,6 +348,11 @@ def _factor(where: str, quantity: Quantity, unit: str, role: _Role) -> float:
     expected = None if given is None else units.factor(quantity.units, given)
     if given is not None and expected is None:
         raise BadInput(where, f"a {quantity.name}, but {role.unit_option} says {shown(given)}", listed)
+    if units.EITHER in unit and expected is None:
+        told = unit.split(units.EITHER)
+        problem = f"two units of the {quantity.name} are told: {' and '.join(map(shown, told))}"
+        choices = [one for one in told if units.factor(quantity.units, one) is not None]
+        raise UnknownUnit(where, quantity.name, role.unit_option, choices or units.listed(quantity.units), problem)
     if unit and not units.is_unit(unit) and expected is None:
         problem = f"unit {shown(unit)} of the {quantity.name} is not known"
         raise UnknownUnit(where, quantity.name, role.unit_option, units.listed(quantity.units), problem)

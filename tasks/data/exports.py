@@ -8,7 +8,7 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import NAME, refuse_duplicates
-from sinew.tasks.data.columns import Hints
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH, TIME
 from sinew.tasks.data.recordings import MOST_STRETCH, Bar, Recording, curve_of, read_recordings, remarks
 from sinew.tasks.data.sizes import LARGEST_MM2, LONGEST_MM, SAME, square_side

@@ -13,8 +13,9 @@ from pathlib import Path
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.answers import Answers, with_answers, write_answers
 from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, visible, write_cohort
-from sinew.tasks.data.columns import LIKELY, Hints, NoColumn, UnknownUnit
+from sinew.tasks.data.columns import LIKELY, NoColumn, UnknownUnit
 from sinew.tasks.data.first_ranges import first_ranges
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.names import UNSURE, FileName, names_of, of_test
 from sinew.tasks.data.new_study import (
     LeftOut,

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import Column, Hints, partly
+from sinew.tasks.data.columns import Column, partly
 from sinew.tasks.data.exports import Reading
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
 from sinew.tasks.data.recordings import FEWEST_ROWS
 from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.data.columns import LIKELY, NOWHERE, Column, Hints, NoColumn, recognise
+from sinew.tasks.data.columns import LIKELY, NOWHERE, Column, NoColumn, recognise
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import LENGTH, POSITION, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.several import (
     Block,
@@ -161,7 +162,7 @@ def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Rec
     """The tests of one table, ``count`` beside each other, or one under another."""
     found: list[Recording] = []
     for number in range(count):
-        ours = columns_of(table, columns, number) if count > 1 else columns
+        ours = columns_of(table, columns, number, hints) if count > 1 else columns
         name = name_beside(table, ours, number) if count > 1 else ""
         rows = _filled(table, ours[1:] if count > 1 else ours)  # times may be shared with a longer test
         if count > 1 and rows < FEWEST_ROWS:

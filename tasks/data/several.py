@@ -9,7 +9,8 @@ import numpy as np
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import words
-from sinew.tasks.data.columns import NOWHERE, Column
+from sinew.tasks.data.columns import NOWHERE, Column, alike_places, in_place
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.titles import name_and_unit
 
@@ -28,23 +29,38 @@ class Block:
 
 
 def beside(table: Table, columns: Sequence[Column | None]) -> int:
-    """How many tests stand beside each other: how often titles and units of motion and load, and of time if it is not
-    shared, are repeated.
+    """How many tests stand beside each other: how often the columns of motion and load, and of time, are repeated.
+
+    Tests that share one column of times have the same titles and units; columns in other units are of one test then.
     """
-    counts = [len(_places(table, column)) for column in columns if column is not None and column.place != NOWHERE]
-    shared = len(counts) == len(columns) and counts[0] == 1  # one column of times for all
-    told = counts[1:] if shared else counts
-    return told[0] if told and len(set(told)) == 1 else 1
+    return len(_beside(table, columns)[-1])
 
 
-def columns_of(table: Table, columns: Columns, number: int) -> Columns:
-    """The columns of one of the tests that stand beside each other, by its ``number`` from 0."""
-    places = [_places(table, column) for column in columns]
+def columns_of(table: Table, columns: Columns, number: int, hints: Hints | None = None) -> Columns:
+    """The columns of one of the tests that stand beside each other, by its ``number`` from 0, each in its own unit."""
+    places = _beside(table, columns)
     time, motion, load = (
-        column if len(at) <= number else replace(column, place=at[number], alike=())
+        column if len(at) <= number else in_place(table, hints or Hints(), column, at[number])
         for column, at in zip(columns, places, strict=True)
     )
     return time, motion, load
+
+
+def _beside(table: Table, columns: Sequence[Column | None]) -> list[list[int]]:
+    """The places of each column in the tests beside each other: one for shared times, and for a single test."""
+    there = [column for column in columns if column is not None and column.place != NOWHERE]
+    if len(there) == len(columns):
+        places = [alike_places(table, column) if column.title else [] for column in there]
+        if len(places[0]) > 1 and len({len(each) for each in places}) == 1:
+            return places
+    exact = [_places(table, column) for column in there]
+    told = exact[1:] if len(there) == len(columns) and len(exact[0]) == 1 else exact  # one column of times for all
+    one = [[column.place] if column is not None else [] for column in columns]
+    if not told or len({len(each) for each in told}) != 1 or len(told[0]) == 1:
+        return [*one[:-1], one[-1] or [NOWHERE]]
+    found = {column.place: at for column, at in zip(there, exact, strict=True)}
+    places = [found.get(column.place, [NOWHERE]) if column is not None else [] for column in columns]
+    return places if places[-1] else [*places[:-1], told[0]]
 
 
 def name_beside(table: Table, columns: Sequence[Column], number: int) -> str:

@@ -62,8 +62,8 @@ def read_sizes(header: Sequence[Row], own: int = 0) -> Mapping[str, Size]:
     for row in header:
         if read := _read(row) or _in_cells(row):
             found.setdefault(read[0], []).append(read[1])
-    for labels, below, numbers in zip(header, header[1:], header[2:], strict=False):
-        for name, size in _in_columns(labels, below, numbers):
+    for labels, below, numbers, next_row in zip(header, header[1:], header[2:], (*header[3:], ()), strict=False):
+        for name, size in _in_columns(labels, below, numbers, next_row):
             found.setdefault(name, []).append(size)
     return {
         name: min(sizes, key=lambda size: (size.mm is None, not size.has_unit))  # min keeps the first of equals
@@ -79,13 +79,14 @@ def _in_cells(row: Row) -> tuple[str, Size] | None:
     return None if size.mm is None and not row[1][:1].isdigit() else (name, size)
 
 
-def _in_columns(labels: Row, below: Row, numbers: Row) -> Iterator[tuple[str, Size]]:
-    """Sizes from a table of results, where units stand below the labels."""
+def _in_columns(labels: Row, below: Row, numbers: Row, next_row: Row) -> Iterator[tuple[str, Size]]:
+    """Sizes from a table of results, where units stand below the labels, unless a second specimen has other ones."""
     if not is_row_of_units(below):
         return
-    for label, unit, cell in zip(labels, below, numbers, strict=False):
+    for place, (label, unit, cell) in enumerate(zip(labels, below, numbers, strict=False)):
         name = _meant(label)
-        if name is not None and cell:
+        other = next_row[place] if place < len(next_row) else ""
+        if name is not None and cell and (other == cell or not other[:1].isdigit()):
             yield name, _size(name, cell, unit.strip("()[] "))
 
 

@@ -2,12 +2,15 @@
 
 import re
 import unicodedata
+from collections.abc import Sequence
 
 from sinew.tasks.data import units, words
 
 #: Titles of columns with the spread of a mean.
 SPREADS = ("sd", "std", "se", "sem", "standard deviation", "standard error")
 _CHANNEL = re.compile(r"(?:c|ch|chan|channel|kanal|canal|voie) ?\d+ (?=\D)")  # "C_1_Force", "Ch 1 Kraft"
+_NUMBERED = re.compile(r"(.*[^\d .]) ?(\d{1,3})")
+_AGAIN = re.compile(r"\.\d{1,3}$")
 
 
 def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
@@ -16,14 +19,37 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
     if title.lower() in words.STRETCH:
         return title.lower(), below
     if brackets := re.findall(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]", title):
-        unit = next((text for text in brackets if units.is_unit(text)), below or brackets[0])
-        return _plain(re.split(r"[(\[]", title)[0]), unit
-    for pattern in (r"(.+?)\s*/\s*(\S+)", r"(.+?)\s*,\s*(\S+)", r"(.+)[_ -](?!1$)([^\s_-]+)", r"(.+?)\s+in\s+(\S+)"):
+        told = [text for text in brackets if units.is_unit(text)]
+        return _plain(re.split(r"[(\[]", title)[0]), units.agreed([*told, below]) or brackets[0]
+    for pattern in (r"(.+?)\s*/\s*(\S+)", r"(.+?)\s*,\s*(\S+)", r"(.+)[_ .-](?!1$)([^\s_.-]+)", r"(.+?)\s+in\s+(\S+)"):
         if (found := re.fullmatch(pattern, title)) and units.is_unit(found[2]):
-            return _plain(found[1]), found[2]
+            return _plain(found[1]), units.agreed([found[2], below])
     if title in words.UNITS_AS_TITLES:
-        return f"({title})", below or title
+        return f"({title})", units.agreed([title, below])
     return _plain(title), below
+
+
+def without_numbers(names: Sequence[str]) -> list[str]:
+    """Names of tests beside each other without the numbers that tell them apart: ``time 1, force 1, time 2, force 2``.
+
+    A number stays where times have none, or other ones: ``load 1, load 2`` may be two load cells.
+    """
+    found = [_NUMBERED.fullmatch(name) for name in names]
+    numbers: dict[str, set[str]] = {}
+    for one in found:
+        if one is not None:
+            numbers.setdefault(one[1], set()).add(one[2])
+    of_times = [each for base, each in numbers.items() if base in words.TIME and len(each) > 1]
+    return [
+        one[1] if one is not None and numbers[one[1]] in of_times else name
+        for name, one in zip(names, found, strict=True)
+    ]
+
+
+def without_suffix(title: str, titles: Sequence[str]) -> str:
+    """A title without the number that pandas puts behind one that comes again: ``Force (N).1`` beside ``Force (N)``."""
+    base = _AGAIN.sub("", title)
+    return base if base != title and base in titles else title
 
 
 def is_spread(title: str) -> bool:

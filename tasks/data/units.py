@@ -1,7 +1,7 @@
 """Units of measured quantities, and their factors to the units that sinew computes in: s, mm, N, MPa and 1."""
 
 import unicodedata
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 Units = Mapping[str, float]
 
@@ -13,7 +13,8 @@ LENGTH: Units = {
     "mm": 1.0, "m": 1000.0, "cm": 10.0, "um": 1e-3, "µm": 1e-3, "nm": 1e-6, "in": 25.4, "mil": 0.0254, "ft": 304.8,
 }  # fmt: skip
 FORCE: Units = {
-    "N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "lbf": 4.4482216152605, "kgf": 9.80665, "kp": 9.80665,
+    "N": 1.0, "kN": 1e3, "mN": 1e-3, "cN": 1e-2, "daN": 10.0, "uN": 1e-6, "µN": 1e-6,
+    "lbf": 4.4482216152605, "kgf": 9.80665, "kp": 9.80665,
     "gf": 9.80665e-3, "ozf": 0.27801385095378125, "dyn": 1e-5, "newton": 1.0, "newtons": 1.0,
 }  # fmt: skip
 STRESS: Units = {
@@ -31,7 +32,8 @@ FRACTION: Units = {"%": 0.01, "percent": 0.01, "pct": 0.01, **NUMBER}
 #: Other spellings, which no message lists.
 _SPELLINGS = {
     "minute": "min", "mins": "min", "minuten": "min", "minutos": "min", "分": "min", "分钟": "min",
-    "hr": "h", "hour": "h", "hours": "h", "sek": "s", "sekunden": "s", "secondes": "s", "segundos": "s",
+    "hr": "h", "hour": "h", "hours": "h", "sek": "s", "sec.": "s", "sek.": "s",
+    "seg": "s", "sekunden": "s", "secondes": "s", "segundos": "s",
     "秒": "s", "초": "s", "毫秒": "ms", "millisecond": "ms", "milliseconds": "ms", "msecs": "ms",
     "inch": "in", "inches": "in", '"': "in", "mils": "mil", "feet": "ft", "毫米": "mm", "厘米": "cm", "微米": "um",
     "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm", "micron": "um", "microns": "um",
@@ -40,6 +42,7 @@ _SPELLINGS = {
     "n/m2": "Pa", "pascal": "Pa", "兆帕": "MPa", "千帕": "kPa", "帕": "Pa", "sq mm": "mm2", "sq in": "in2",
     "per cent": "%", "prozent": "%",
 }  # fmt: skip
+EITHER = " or "  # between units that contradict each other
 _EVERY = (TIME, LENGTH, FORCE, STRESS, AREA, FRACTION)
 #: Spellings whose prefix may be milli or mega. The correct spelling "mN" has its factor; these have none.
 _AMBIGUOUS = ("mn", "MN", "mPa", "Mbar")
@@ -79,6 +82,24 @@ def ambiguous(unit: str) -> bool:
 def is_unit(text: str) -> bool:
     """Whether a text is a unit of any quantity."""
     return ambiguous(text) or any(factor(units, text) is not None for units in _EVERY)
+
+
+def agreed(told: Sequence[str]) -> str:
+    """The unit that several places tell, of which some may be empty; "N or kN" where they contradict each other.
+
+    What is no unit counts where no place tells one, and a bare number (a channel's) beside no other unit.
+    """
+    known = [text for text in told if is_unit(text)]
+    known = [text for text in known if text not in ("1", "-")] or known
+    if not known:
+        return next(filter(None, told), "")
+    others = [text for text in known if not _same(text, known[0])]
+    return EITHER.join((known[0], *dict.fromkeys(others)))
+
+
+def _same(one: str, other: str) -> bool:
+    """Whether two spellings are of one unit."""
+    return one == other or any(factor(u, one) == factor(u, other) is not None for u in _EVERY)
 
 
 def belongs_elsewhere(units: Units, unit: str) -> bool:

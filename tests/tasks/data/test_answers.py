@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.answers import Answers, read_answers, with_answers, write_answers
-from sinew.tasks.data.columns import Hints
+from sinew.tasks.data.hints import Hints
 
 TEXTS = st.none() | st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs")), min_size=1, max_size=8)
 SIZES = st.dictionaries(st.sampled_from(["length", "width", "thickness"]), st.floats(0.01, 9999), min_size=1)

@@ -7,7 +7,7 @@ from tests.tasks.data.test_columns import columns
 
 TIMES = "s, ms, min, us, h"
 TIMELESS = "--time-column NAME or NUMBER, --rate-hz or --speed"
-FORCES = "N, kN, mN, uN, lbf, kgf, gf, ozf, dyn"
+FORCES = "N, kN, mN, cN, daN, uN, lbf, kgf, gf, ozf, dyn"
 LOADS = f"{FORCES}, Pa, kPa, MPa, GPa, N/cm2, kgf/mm2, kgf/cm2, bar, mbar, psi, ksi"
 
 

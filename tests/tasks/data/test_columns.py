@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import GIVEN, Column, Hints, NoColumn, UnknownUnit, recognise
+from sinew.tasks.data.columns import GIVEN, Column, NoColumn, UnknownUnit, recognise
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, POSITION, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.tables import Table
 

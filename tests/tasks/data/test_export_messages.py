@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import Hints
 from sinew.tasks.data.exports import Reading, read_export, read_exports
+from sinew.tasks.data.hints import Hints
 from tests.tasks.data.test_exports import BLOCK, EXTENSIONS, exported
 
 STRESSES = "Pa, kPa, MPa, GPa, N/cm2, kgf/mm2, kgf/cm2, bar, mbar, psi, ksi"

@@ -9,8 +9,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import Hints
 from sinew.tasks.data.exports import Reading, read_export, read_exports
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.noise import noise_of_all
 from sinew.tasks.model import Specimen
 from sinew.tasks.model.phases import phases

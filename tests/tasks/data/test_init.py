@@ -11,7 +11,7 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.answers import Answers, read_answers
 from sinew.tasks.data.cohort import read_cohort
-from sinew.tasks.data.columns import Hints
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.init import Files, find_tables, init, read_all, specimens_of
 from sinew.tasks.data.names import names_of
 from sinew.tasks.data.new_study import NewSpecimen

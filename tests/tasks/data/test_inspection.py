@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import Hints
 from sinew.tasks.data.exports import Reading, read_export
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import inspect
 from tests.conftest import SHARED
 

@@ -8,8 +8,8 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.cohort import read_cohort, write_cohort
-from sinew.tasks.data.columns import Hints
 from sinew.tasks.data.first_ranges import FirstRanges
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.names import FileName
 from sinew.tasks.data.new_study import NewSpecimen, ReadFile, describe, leave_open, write_study
 from sinew.tasks.data.recordings import Bar, curve_of, read_recordings

@@ -9,7 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import Hints, UnknownUnit
+from sinew.tasks.data.columns import UnknownUnit
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings, remarks
 from tests.tasks.data.test_sheets import write_workbook
 
@@ -462,6 +463,28 @@ def test_tests_on_several_sheets_have_the_names_of_their_sheets(tmp_path):
     rows = [["Time (s)", "Extension (mm)", "Load (N)"], *([i, i / 10, 5 * i] for i in range(4))]
     path = write_workbook(tmp_path / "test.xlsx", dermis=rows, belly=rows)
     assert [one.test for one in read_recordings(path, Hints())] == ["dermis", "belly"]
+
+
+def test_tests_beside_each_other_have_units_of_their_own(tmp_path):
+    text = "A,,,B\nTime,Extension,Load,Time,Extension,Load\ns,mm,N,ms,um,kN\n"
+    text += "0,0,1,0,0,0.001\n1,0.1,5,1000,100,0.005\n2,0.2,9,2000,200,0.009\n"
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    one, other = read_recordings(path, Hints())
+    assert other.numbers == pytest.approx(one.numbers)
+    assert [column.unit for column in other.columns] == ["ms", "um", "kN"]
+    path.write_text(text.replace("kN", "V"))
+    with pytest.raises(UnknownUnit, match="unit 'V' of the force is not known"):
+        read_recordings(path, Hints())
+
+
+def test_units_that_contradict_each_other_are_refused_until_a_person_decides(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Time (s),Extension (mm),Force (N)\ns,mm,kN\n0,0,1\n1,0.1,5\n2,0.2,9\n")
+    with pytest.raises(UnknownUnit, match="two units of the force are told: 'N' and 'kN'"):
+        read_recordings(path, Hints())
+    (told,) = read_recordings(path, Hints(force_unit="kN"))
+    assert told.numbers[:, 2] == pytest.approx([1000, 5000, 9000])
 
 
 def test_tests_beside_each_other(tmp_path):

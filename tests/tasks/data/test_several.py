@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import Hints, recognise
+from sinew.tasks.data.columns import recognise
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.several import (
     Block,
     beside,
@@ -39,7 +40,12 @@ def found_in(table: Table):
         ("t_s|u_mm|F_N|u_mm|F_N|u_mm|F_N", "", 3),  # times for all
         ("t_s|u_mm|F_N|F_N", "", 1),  # two sensors
         ("Time|Stroke|Load|Time|Stroke|Load", "s|mm|N|s|mm|N", 2),
-        ("Time|Stroke|Load|Stroke|Load", "s|mm|N|mm|kN", 1),
+        ("Time|Stroke|Load|Stroke|Load", "s|mm|N|mm|kN", 1),  # one test in two units
+        ("Time|Stroke|Load|Time|Stroke|Load", "s|mm|N|s|mm|kN", 2),
+        ("t_s|u_mm|F_N|t_ms|u_um|F_mN", "", 2),
+        ("t_s|u_mm|F_N|t_s.1|u_mm.1|F_N.1", "", 2),
+        ("time1 (s)|u1 (mm)|F1 (N)|time2 (s)|u2 (mm)|F2 (N)", "", 2),
+        ("t_s|u_mm|F_N|t_min", "", 1),
     ],
 )
 def test_how_many_tests_stand_beside_each_other(titles, units, count):

@@ -133,3 +133,11 @@ def test_a_line_of_200_characters_tells_no_size():
 
 def test_the_side_of_a_square_is_rounded_to_what_can_be_measured():
     assert square_side(2.0) == 1.772453851
+
+
+def test_a_table_of_results_of_several_specimens_tells_no_size():
+    """Nothing says which of its rows is of the test below."""
+    labels, below = ("Specimen", "Width", "Length"), ("", "mm", "mm")
+    assert read_sizes([labels, below, ("T1", "8.1", "10")])["width"].mm == 8.1
+    found = read_sizes([labels, below, ("T1", "8.1", "10"), ("T2", "7.9", "10")])
+    assert {name: size.mm for name, size in found.items()} == {"length": 10.0}

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import Hints
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.recordings import Recording, read_recordings
 from sinew.tasks.data.specimen_sizes import Known, Sizes, ask_for_sizes, known_sizes
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sinew.tasks.data.titles import is_spread, name_and_unit
+from sinew.tasks.data.titles import is_spread, name_and_unit, without_numbers, without_suffix
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,32 @@ def test_a_title_has_a_name_and_a_unit(title, name, unit):
 
 def test_the_unit_below_counts_where_the_title_has_none():
     assert name_and_unit("Force", "kN") == ("force", "kN")
-    assert name_and_unit("Force (N)", "kN") == ("force", "N")
+    assert name_and_unit("Force (N)", "V") == ("force", "N"), "no unit that is known"
+
+
+@pytest.mark.parametrize(
+    ("title", "below", "unit"),
+    [
+        ("Force (N)", "kN", "N or kN"),
+        ("Force_N", "kN", "N or kN"),
+        ("Kraft / N", "kN", "N or kN"),
+        ("Force (kN) (N)", "", "kN or N"),
+        ("N", "kN", "N or kN"),
+        ("Time (s)", "Sec", "s"),
+        ("Strain (mm/mm)", "%", "mm/mm or %"),
+        ("Strain 1 (1) (%)", "", "%"),
+    ],
+)
+def test_units_that_contradict_each_other_are_told_both(title, below, unit):
+    assert name_and_unit(title, below)[1] == unit
+
+
+def test_numbers_that_tell_tests_apart_are_no_part_of_names():
+    names = ["time 1", "force 1", "time2", "force2"]
+    assert without_numbers(names) == ["time", "force", "time", "force"]
+    assert without_numbers(["time", "load 1", "load 2"]) == ["time", "load 1", "load 2"], "two load cells"
+    titles = ["Force (N)", "Force (N).1", "t.2"]
+    assert [without_suffix(title, titles) for title in titles] == ["Force (N)", "Force (N)", "t.2"]
 
 
 def test_a_title_that_is_a_unit_is_told_from_a_letter():
