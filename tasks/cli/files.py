@@ -300,6 +300,8 @@ def _inspect(files: Sequence[Path], reading: Any, as_json: bool) -> int:
         put(one_line(_sentence(one)))
         for question in one.get("ask", ()):
             put(one_line(f"  ask: {question}"))
+        for remark in one.get("remarks", ()):
+            put(one_line(f"  remark: {remark}"))
     return 2 if any("error" in one for one in found) else 0
 
 

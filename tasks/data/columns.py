@@ -279,11 +279,13 @@ def _rank(
 
 
 def _possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:
-    """Whether a column can hold a quantity: one in mm is no ratio of lengths.
+    """Whether a column can hold a quantity: one in mm is no ratio of lengths, and one in mm/s no displacement.
 
     ``unit``: that ``in_file``, else the one that a person gives.
     ``L`` is a ratio of lengths unless its unit, in the file or given, is one of length.
     """
+    if units.is_rate(unit):
+        return False
     if name == "l":
         return (units.factor(units.LENGTH, unit) is not None) == (quantity is LENGTH)
     return units.ambiguous(in_file) or not units.belongs_elsewhere(quantity.units, in_file)

@@ -13,7 +13,7 @@ from sinew.tasks.data.columns import Column, partly
 from sinew.tasks.data.exports import Reading
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
-from sinew.tasks.data.recordings import FEWEST_ROWS
+from sinew.tasks.data.recordings import FEWEST_ROWS, read_recordings, remarks
 from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart
 from sinew.tasks.data.sizes import SIZES, read_sizes
 from sinew.tasks.data.tables import Row, Table, read_tables
@@ -28,7 +28,8 @@ class Inspection:
     """One file. ``columns``: time, motion and load, as far as they are recognised.
 
     ``first``: time (s), motion (mm, or 1) and load (N, or MPa) in the first row of the first test, ``peak`` the load of
-    largest magnitude, as in the file. ``specimens``: tests in the file. ``questions``: what the file does not tell.
+    largest magnitude, as in the file. ``specimens``: tests in the file. ``questions``: what the file does not tell, and
+    why an import would refuse it. ``remarks``: what a person should check.
     """
 
     path: Path
@@ -40,6 +41,7 @@ class Inspection:
     peak: float | None
     specimens: int
     questions: tuple[str, ...]
+    remarks: tuple[str, ...]
 
     def content(self) -> dict[str, Any]:
         """As JSON. Columns have the keys ``column``, ``unit`` (None if the file does not tell it)."""
@@ -56,7 +58,7 @@ class Inspection:
         found |= {f"{name}_mm2" if name == "area" else f"{name}_mm": size for name, size in self.sizes.items()}
         found |= {"rows": self.rows, "first": list(self.first)}
         found |= {"peak_stress_MPa" if stress else "peak_force_N": self.peak}
-        return found | {"specimens": self.specimens, "ask": list(self.questions)}
+        return found | {"specimens": self.specimens, "ask": list(self.questions), "remarks": list(self.remarks)}
 
 
 def inspect(path: Path, reading: Reading | None = None) -> Inspection:
@@ -91,14 +93,24 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     if one_below > 1 and _go_on(path, table, columns):
         one_below = 1
     below, times = _below(table, columns, numbers[:rows, 0], hints)
-    questions = (*problems, *times, *_missing(values, columns, doubt))
+    refusal, notes = ((), ()) if problems or times else _as_read(path, hints)
+    questions = (*problems, *times, *refusal, *_missing(values, columns, doubt))
     first = [float(number) if rows and np.isfinite(number) else None for number in numbers[0]]
     load = numbers[:rows, 2]
     peak = float(load[np.nanargmax(np.abs(load))]) if np.isfinite(load).any() else None
     specimens = one_below * below * (1 if hints.columns_given else beside(table, columns))
     return Inspection(
-        path, table.sheet, columns, values, rows, (first[0], first[1], first[2]), peak, specimens, questions
+        path, table.sheet, columns, values, rows, (first[0], first[1], first[2]), peak, specimens, questions, notes
     )
+
+
+def _as_read(path: Path, hints: Hints) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Why the file cannot be imported as it is, if so, and else the remarks on its tests."""
+    try:
+        recordings = read_recordings(path, hints, first_of_alike=True)
+    except BadInput as error:
+        return (str(error).removeprefix(f"{path}: "),), ()
+    return (), tuple(dict.fromkeys(remark for one in recordings for remark in remarks(one)))
 
 
 def _go_on(path: Path, table: Table, columns: Sequence[Column | None]) -> bool:

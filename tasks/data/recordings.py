@@ -10,7 +10,7 @@ import numpy as np
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.columns import LIKELY, NOWHERE, Column, NoColumn, recognise
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.quantities import LENGTH, POSITION, STRAIN, STRESS, STRETCH
+from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.several import (
     Block,
     Columns,
@@ -321,8 +321,18 @@ def remarks(recording: Recording) -> list[str]:
             found.append(f"{column.quantity.name} from column {column.place + 1}; it may be in another: {others}")
     if recording.motion.quantity is POSITION:
         found.append(f"positions, {LIKELY} to count from the first one")
+    if recording.motion.quantity is DISPLACEMENT:
+        found += _offset(recording.numbers[:, 1])
     found += _signs(recording)
     return found
+
+
+def _offset(displacement: Array) -> list[str]:
+    """A remark where a displacement (mm) begins further from 0 than it goes."""
+    start, way = float(displacement[0]), float(np.ptp(displacement))
+    if abs(start) <= way:
+        return []
+    return [f"the displacement begins at {start:g} mm and moves by {way:.4g} mm: is it the position of the machine?"]
 
 
 def _signs(recording: Recording) -> list[str]:

@@ -12,6 +12,7 @@ SIZES = ("length", "width", "thickness")
 SAME = 1e-3  # two statements of a size that differ by less agree: 10 mm and 10.0005 mm
 LONGEST_MM = 1e4
 LARGEST_MM2 = 1e8
+SMALLEST_MM, SMALLEST_MM2 = 0.1, 0.01  # of a size without unit: a smaller one may as well be in m or cm
 LARGEST = {**dict.fromkeys((*SIZES, "diameter"), LONGEST_MM), "area": LARGEST_MM2}
 _LONGEST_LINE = 200  # characters of a line that tells a size
 _WORDS = {name: words.SIZES[name] for name in ("length", "width", "thickness", "diameter")}
@@ -41,7 +42,8 @@ class Size:
     """A size as a file tells it. ``text`` is what is written.
 
     ``mm``: the size in mm, a cross-section in mm2; None where its number or unit makes no sense. ``has_unit``: False
-    where there is a number but no unit; ``mm`` takes it for millimetres then.
+    where there is a number but no unit; ``mm`` takes it for millimetres then, unless it is so small that it may be in
+    metres.
     """
 
     mm: float | None
@@ -110,7 +112,8 @@ def _size(name: str, cell: str, unit: str) -> Size:
     if number is None or factor is None:
         return Size(None, bool(unit), text)
     value = float(cell.replace(",", ".")) * factor
-    return Size(value if 0 < value < LARGEST[name] else None, bool(unit), text)
+    smallest = 0.0 if unit else SMALLEST_MM2 if name == "area" else SMALLEST_MM
+    return Size(value if smallest < value < LARGEST[name] else None, bool(unit), text)
 
 
 def square_side(diameter_mm: float) -> float:

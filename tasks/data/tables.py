@@ -128,7 +128,7 @@ def _tables(
         if start >= end:  # else it belongs to the table above, behind a broken row
             places.append((start, titles_at))
         end = run.end
-    named = [_titles_and_units(titles, at) for _, at in places]
+    named = [_beside_row_names(*_titles_and_units(titles, at), rows[start : start + RUN]) for start, at in places]
     stops = _stops([(at, *found) for (_, at), found in zip(places, named, strict=True)])
     before: dict[Row, tuple[int, int]] = {}  # by titles: the top of the first table, and the end of the last one
     for (start, at), (words, units), stop in zip(places, named, stops, strict=True):
@@ -236,6 +236,14 @@ def _titles_and_units(titles: Sequence[Row], at: int) -> tuple[Row, Row]:
         return (), ()
     above = titles[at - 1] if at > 0 else ()
     return (above, titles[at]) if any(above) and is_row_of_units(titles[at]) else (titles[at], ())
+
+
+def _beside_row_names(titles: Row, units: Row, rows: Sequence[tuple[int, Row]]) -> tuple[Row, Row]:
+    """Titles and units, with an empty one in front if the rows below have numbers as names, as R writes them."""
+    first = [row[0].strip('"') if len(row) == len(titles) + 1 else "" for _, row in rows]
+    if not titles or first != [str(number) for number in range(1, RUN + 1)]:
+        return titles, units
+    return ("", *titles), ("", *units) if units else ()
 
 
 def _title_cells(line: str, separator: str) -> Row:

@@ -102,6 +102,12 @@ def _same(one: str, other: str) -> bool:
     return one == other or any(factor(u, one) == factor(u, other) is not None for u in _EVERY)
 
 
+def is_rate(unit: str) -> bool:
+    """Whether a unit is one of a change in time, such as mm/s or %/min."""
+    per = unit.rpartition("/")[2].strip()
+    return "/" in unit and factor(TIME, per) is not None
+
+
 def belongs_elsewhere(units: Units, unit: str) -> bool:
     """Whether a unit is not in a table but in that of another quantity. A bare number belongs to none."""
     known = factor(NUMBER, unit) is None and any(factor(other, unit) is not None for other in _EVERY)

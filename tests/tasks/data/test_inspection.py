@@ -255,3 +255,33 @@ def missed(found: dict[str, Any], expected: dict[str, Any]) -> bool:
     """Whether something that the file tells was not found."""
     sizes = any(found[name] is None and expected.get(name) is not None for name in SIZES)
     return sizes or found["rows"] != expected["rows"] or found["specimens"] != expected["specimens"]
+
+
+def test_a_column_of_a_rate_is_not_the_displacement(tmp_path):
+    found = taken(
+        tmp_path,
+        "Time (s),Displacement (mm/s),Position (mm),Force (N)\n" + "".join(f"{i},9,{i},{i}\n" for i in range(4)),
+    )
+    assert found["displacement"] == {"column": "Position (mm)", "unit": "mm"}
+
+
+def test_rows_with_names_have_no_title_above_them(tmp_path):
+    rows = "".join(f'"{i + 1}" {i / 10} {i / 20} {i * 2.5}\n' for i in range(4))
+    found = taken(tmp_path, f"time_s displacement_mm force_N\n{rows}")
+    assert found["first"] == [0.0, 0.0, 0.0]
+    assert found["peak_force_N"] == 7.5
+
+
+def test_what_an_import_would_refuse_is_asked(tmp_path):
+    table = "Time (s),Displacement (mm),Force (N)\n0,0,1\n1,1,2\n2,2,3\n"
+    assert len(taken(tmp_path, table)["ask"]) == 2, "length and cross-section"
+    broken = taken(tmp_path, table + "3,oops,4\n4,4,5\n5,5,6\n")["ask"]
+    assert [question for question in broken if "row 5, Displacement" in question and "oops" in question]
+
+
+def test_remarks_tell_of_signs_and_of_a_displacement_that_begins_far_off(tmp_path):
+    rows = "".join(f"{i},{37.21 + i / 20},{-5 * i}\n" for i in range(6))
+    remarks = taken(tmp_path, f"Time (s),Displacement (mm),Force (N)\n{rows}")["remarks"]
+    assert [remark for remark in remarks if "begins at 37.21 mm and moves by 0.25 mm" in remark]
+    assert [remark for remark in remarks if "forces are below 0" in remark]
+    assert taken(tmp_path, "Time (s),Displacement (mm),Force (N)\n0,0,1\n1,1,2\n2,2,3\n")["remarks"] == []

@@ -141,3 +141,9 @@ def test_a_table_of_results_of_several_specimens_tells_no_size():
     assert read_sizes([labels, below, ("T1", "8.1", "10")])["width"].mm == 8.1
     found = read_sizes([labels, below, ("T1", "8.1", "10"), ("T2", "7.9", "10")])
     assert {name: size.mm for name, size in found.items()} == {"length": 10.0}
+
+
+@pytest.mark.parametrize(("line", "mm"), [("Length: 0.01", None), ("Length: 0.01 m", 10.0), ("Width: 0.5", 0.5)])
+def test_a_small_size_without_a_unit_may_be_in_metres(line, mm):
+    (size,) = read_sizes([(line,)]).values()
+    assert size.mm == mm

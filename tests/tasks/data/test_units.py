@@ -92,3 +92,11 @@ def test_a_bare_number_and_a_ratio_belong_to_no_other_quantity():
 
 def test_units_are_listed_in_the_order_of_their_tables():
     assert units.merged([{"a": 1.0, "b": 2.0}, {"c": 1.0, "a": 3.0}]) == ("a", "b", "c")
+
+
+@pytest.mark.parametrize(
+    ("unit", "rate"),
+    [("mm/s", True), ("%/min", True), ("N / sec", True), ("mm/mm", False), ("N/mm2", False), ("s", False), ("", False)],
+)
+def test_a_rate_is_a_unit_over_one_of_time(unit, rate):
+    assert units.is_rate(unit) == rate
