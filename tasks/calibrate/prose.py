@@ -14,10 +14,11 @@ def methods(result: CalibrateResult) -> str:
     """The paragraph of a methods section; ``[@key]`` cites."""
     fits = result.specimens.values()
     totals = [fit.total_N for fit in fits]
+    unit = "" if _compared(result) else " N"  # of several quantities, it is in multiples of their noise
     noises = [fit.noise_N for fit in fits if fit.noise_N is not None]
     noise = (
         f" The noise of the curves, estimated from the curves alone by restricted maximum likelihood [@patterson], is "
-        f"{number(min(noises))} to {number(max(noises))} N by the same measure."
+        f"{number(min(noises))} to {number(max(noises))}{unit} by the same measure."
         if noises
         else ""
     )
@@ -28,11 +29,25 @@ def methods(result: CalibrateResult) -> str:
     cost = f" ({', '.join(limits)})" if limits else ""
     return (
         f"The {len(result.free)} free parameters of {plural(len(totals), 'specimen')} were fitted within their "
-        f"ranges by "
-        f"{ways}{cost}. The objective is the sum over protocols of the root mean square error of the force [@pekedis]. "
-        f"At the best fits it is {number(min(totals))} to {number(max(totals))} N.{noise}{_bounds(result)}"
+        f"ranges by {ways}{cost}. {_objective(result)} [@pekedis]. "
+        f"At the best fits it is {number(min(totals))} to {number(max(totals))}{unit}.{noise}{_bounds(result)}"
         f"{_correlations(result)}"
     )
+
+
+def _compared(result: CalibrateResult) -> list[str]:
+    """The quantities that are compared, where there are several."""
+    return sorted({name for fit in result.specimens.values() for name in fit.quantities or ()})
+
+
+def _objective(result: CalibrateResult) -> str:
+    if names := _compared(result):
+        listed = ", ".join(name.replace("_", " ") for name in names)
+        return (
+            "The objective is the sum over protocols and measured quantities of the root mean square error over the "
+            f"standard deviation of the noise of the quantity ({listed})"
+        )
+    return "The objective is the sum over protocols of the root mean square error of the force"
 
 
 def _bounds(result: CalibrateResult) -> str:

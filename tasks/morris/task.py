@@ -56,7 +56,7 @@ def run(workspace: Workspace, settings: Settings) -> MorrisResult:
         levels=design.levels,
         confidence=settings.confidence,
         objective=words + (", mean of the specimens" if len(specimens) > 1 else ""),
-        unit=units.get(studied, "N"),
+        unit=units.get(studied, evaluations[0].unit),
         field=studied,
         protocols={name: each for name, each in found.items() if name != "total"},
         specimens={

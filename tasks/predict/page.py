@@ -93,7 +93,7 @@ def _bands(result: PredictResult, kept: Sequence[xr.Dataset], quantity: str = FO
         "other specimens of its site."
     )
     if quantity != FORCE:
-        caption = f"The same of the {quantity.replace('_', ' ')}."
+        caption = f"The same for the {quantity.replace('_', ' ')}."
     return plots.picked(f"{key}-bands", caption, "Specimen", data, draw, words)
 
 

@@ -53,7 +53,7 @@ def summary(result: PredictResult, folder: Path, console: Console) -> None:
         grid.add_row(row["site"], BANDS[row["band"]], *cells)
     console.print(grid)
     if others := list(result.shares_of_others()):
-        grid = Grid("site", "quantity", "band", "all", *result.protocols, title="The same of what else is compared (%)")
+        grid = Grid("site", "quantity", "band", "all", *result.protocols, title="The same for the other quantities (%)")
         for row in others:
             shares = (row["share"], *row["by_protocol"])
             cells = ("" if share is None else f"{100 * share:.1f}" for share in shares)

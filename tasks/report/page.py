@@ -14,12 +14,13 @@ from bokeh.resources import INLINE
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from sinew.runner.errors import SinewError, one_line
+from sinew.runner.errors import BadInput, SinewError, one_line
 from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.discover.result import ADOPTED, DiscoverResult
 from sinew.tasks.drawing.blocks import Facts, Section, Words, number
 from sinew.tasks.drawing.formats import FORMATS
 from sinew.tasks.model import TENDON
+from sinew.tasks.model.effects import named
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.folder import ResultFolder, State, read_folder
 from sinew.tasks.report.sections import adopted, data, failures, provenance
@@ -54,7 +55,15 @@ def _parts(folder: ResultFolder) -> list[_Part]:
 def _leading(folder: ResultFolder) -> Iterator[_Part]:
     """Results of the model with the effects that `discover` named come first, once they are there."""
     discovery, there = folder.result(DiscoverResult), folder.folder / ADOPTED
-    if discovery is not None and discovery.verdict == "NAMED" and (there / PAGE).is_file():
+    if discovery is None or discovery.verdict != "NAMED" or not (there / PAGE).is_file():
+        return
+    try:
+        adopted_fits = CalibrateResult.read(there)
+    except BadInput:
+        adopted_fits = None  # the section says what is damaged
+    known = named()
+    added = {one.name for effect in discovery.effects if effect in known for one in known[effect].parameters}
+    if adopted_fits is None or added <= set(adopted_fits.names):  # else they are of an effect that was named before
         yield _Part(adopted.NAME, lambda found: adopted.section(found, read_folder(there)))
 
 

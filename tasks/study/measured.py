@@ -40,6 +40,9 @@ def check_quantities(measured: Mapping[str, QuantitySettings], units: Mapping[st
         raise FieldError("measured.force", "no output is the force", "simulator.force: the name of an output")
     if measured[FORCE].column not in (None, "force_N"):
         raise FieldError("measured.force.column", shown(measured[FORCE].column), "force_N, or nothing")
+    if len(measured) == 1 and measured[FORCE].noise != "estimated":
+        expected = "no noise where the force alone is compared"
+        raise FieldError("measured.force.noise", f"{measured[FORCE].noise:g}", expected)
     for name, quantity in measured.items():
         if name == FORCE:
             continue
@@ -60,7 +63,9 @@ def with_measured(
 
     Raises :class:`BadInput` for columns that are not there or hold nothing to compare.
     """
-    wanted = measured if measured is not None and len(measured) > 1 else {}
+    wanted: dict[str, QuantitySettings] = {}
+    if measured is not None and len(measured) > 1:  # the force first, in whatever order the study lists them
+        wanted = {FORCE: measured[FORCE], **measured}
     found = []
     for one in specimens:
         curves = tuple(_with_others(curve, _chosen(folder / one.name, curve, wanted)) for curve in one.curves)

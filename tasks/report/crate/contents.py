@@ -1,9 +1,11 @@
 """The files that go into a crate: study, template, measured curves, results. A closed list: nothing else goes out."""
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
+from sinew.runner.errors import BadInput, shown
 from sinew.runner.files import read_input
 from sinew.tasks.data.cohort import check_inside, visible
 from sinew.tasks.discover.result import ADOPTED, COPY, WITH_EFFECTS
@@ -14,7 +16,9 @@ from sinew.tasks.report.crate.source import Source
 from sinew.tasks.report.status import PAGE
 from sinew.tasks.simulate.febio.files import read_files
 from sinew.tasks.simulate.febio.renderer import Allowance
+from sinew.tasks.study.study import read_study
 
+PLAIN = re.compile(r"[A-Za-z0-9_+. -]{1,255}")  # names that every archive, list of hashes and system can hold
 LARGE = ("store.zarr", "journal", "log.jsonl")  # what a crate holds only if it is asked for: all rows, and the log
 MACHINERY = ("attempts", "jobs", "lock", "progress.json")  # records of processes, in no crate
 FILES = ("ranges.json", COPY, PAGE)
@@ -56,10 +60,14 @@ def result_items(source: Source, layout: Layout, *, store: bool) -> Iterator[Ite
     for relative in result_files(source.found.folder):
         if not kept(relative, store=store):
             continue
+        if not all(PLAIN.fullmatch(part) for part in relative.parts):
+            expected = "letters, digits, spaces and _ + . - ; remove it or give it another name"
+            raise BadInput(source.found.folder, f"holds a file called {shown(str(relative))}", expected)
         path: bytes | Path = source.found.folder / relative
         if PurePosixPath(WITH_EFFECTS) == relative and layout.cohort is not None:
             cohort = os.path.relpath(layout.cohort, layout.results / WITH_EFFECTS.parent)
-            path = with_fields(Path(source.found.folder / relative).read_text("utf-8"), {"cohort": cohort}).encode()
+            adopted = read_study(source.found.folder / relative)  # refuses what is no study
+            path = with_fields(adopted.path.read_text("utf-8"), {"cohort": cohort}).encode()
         yield Item(str(layout.results / relative), path, _words(relative))
 
 

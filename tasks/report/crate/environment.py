@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Any
 
+from sinew.runner.errors import one_line
 from sinew.tasks.report.crate.source import Source
 from sinew.tasks.study import provenance
 from sinew.tasks.study.resources import DISTRIBUTION
@@ -48,7 +49,8 @@ def requirements(source: Source) -> bytes:
     """Exact versions for pip: of what sinew asks for, and of all that this needs, if it is installed here as then."""
     asked = direct(source.run)
     here = {name: found for name in asked if (found := _version(name)) is not None}
-    head = f"# {DISTRIBUTION} {source.run.get('version', '')}, Python {source.run.get('python', '')}\n"
+    versions = [one_line(str(source.run.get(key, ""))) for key in ("version", "python")]  # from a log of anybody's
+    head = f"# {DISTRIBUTION} {versions[0]}, Python {versions[1]}\n"
     pins = {name.lower().replace("_", "-"): each for name, each in asked.items()}
     if here == asked:
         pins = _all_below(asked) | pins

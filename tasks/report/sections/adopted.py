@@ -22,7 +22,7 @@ def section(found: ResultFolder, adopted: ResultFolder) -> Section:
     title, question = f"The model with {effects}", "What are fits and parameters once the missing effect is added?"
     blocks: list[Block] = [Words(
         f"`discover` found that the model lacks {effects}. These results are of the model with it; all of "
-        f"them are in `{ADOPTED}/{PAGE}`. The sections after this one are of the model without it where they say so."
+        f"them are in `{ADOPTED}/{PAGE}`. Sections below with a warning are of the model without it."
     )]  # fmt: skip
     trouble = [Words(line, "warning") for line in adopted.trouble]
     if fits is None:

@@ -16,7 +16,7 @@ from sinew.runner.store.chunks import codecs_fault
 from sinew.runner.store.damage import words
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.febio.kept import ENDING, FORMAT, Entry, Run, as_zarr
-from sinew.tasks.simulate.febio.plot_file import PlotFile, Variable
+from sinew.tasks.simulate.febio.plot_file import PlotFile, Variable, fits
 from sinew.tasks.simulate.febio.plot_mesh import Mesh, Region
 
 MAX_MEMBERS = 200_000
@@ -66,6 +66,8 @@ def read_run(place: Place) -> Run:
             raise ValueError("its logged outputs have other names")
         mesh = _mesh(read, f"mesh_{place.mesh}")
         time_s = read.array(f"{group}/time_s", "f8", 1)
+        if not np.isfinite(time_s).all() or (np.diff(time_s) <= 0).any() or not np.isfinite(courses).all():
+            raise ValueError("its times or logged outputs are no courses")
         numbered = [_variable(read, f"{group}/{name}", mesh, time_s.size) for name in names]
         variables = {variable.name: variable for _, variable in sorted(numbered, key=lambda one: one[0])}
         return Run(dict(zip(logged, courses, strict=True)), PlotFile(time_s, mesh, variables))
@@ -125,6 +127,11 @@ class _Reader:
         size = array.dtype.itemsize * int(np.prod(array.shape, dtype=object))
         chunk = array.dtype.itemsize * int(np.prod(array.chunks, dtype=object))
         self.left -= size
+        parts = int(
+            np.prod([-(-length // part) for length, part in zip(array.shape, array.chunks, strict=True)], dtype=object)
+        )
+        if parts > len(self.archive.namelist()):
+            raise ValueError(f"{name} claims {parts:,} chunks")
         if size > MAX_ARRAY_BYTES or self.left < 0 or chunk > MAX_ARRAY_BYTES:
             raise ValueError(f"{name} claims {size:,} bytes")
         for member in self.archive.namelist():
@@ -140,14 +147,13 @@ def _variable(read: _Reader, name: str, mesh: Mesh, states: int) -> tuple[int, V
     about = read.about(name)
     values = read.array(name, "f4", 3)
     regions = tuple((int(number), int(count)) for number, count in about["regions"])
-    there = {"domain": len(mesh.domains), "surface": len(mesh.surfaces), "edge": len(mesh.edges)}
-    most = there.get(about["where"], 1)
     if len(values) != states or sum(count for _, count in regions) != values.shape[1]:
         raise ValueError(f"{name} has other states or items")
-    if not all(0 <= number < most and count >= 0 for number, count in regions):
-        raise ValueError(f"{name} has regions that the mesh lacks")
     kind = (str(about["variable"]), about["where"], about["per"], about["kind"], str(about["units"]))
-    return int(about["number"]), Variable(*kind, values, regions)
+    variable = Variable(*kind, values, regions)
+    if not fits(variable, mesh):
+        raise ValueError(f"{name} does not fit the mesh")
+    return int(about["number"]), variable
 
 
 def _mesh(read: _Reader, group: str) -> Mesh:

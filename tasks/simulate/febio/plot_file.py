@@ -167,8 +167,8 @@ def _with_states(entries: list[_Entry], mesh: Mesh, rest: memoryview, max_bytes:
             raise damaged(f"more than {MAX_STATES:,} states")
         for where, number, values in _state_data(parts.get(0x02020000, memoryview(b""))):
             found.setdefault((where, number), [{} for _ in times[1:]]).append(values)
-        if any(len(each) < len(times) for each in found.values()):
-            raise damaged(f"the state at {times[-1]:g} s lacks a variable")
+        if any(len(each) != len(times) for each in found.values()):
+            raise damaged(f"the state at {times[-1]:g} s does not hold each variable once")
     time_s = np.array(times)
     if not (np.isfinite(time_s).all() and (np.diff(time_s) > 0).all()):
         raise damaged("its times do not increase")
@@ -237,13 +237,26 @@ def _variable(entry: _Entry, mesh: Mesh, raw: list[dict[int, Array]], left: int)
     return Variable(entry.name, entry.where, entry.per, entry.kind, entry.unit, values, regions)
 
 
+def fits(variable: Variable, mesh: Mesh) -> bool:
+    """Whether a variable that was not read here has a known place, format and type, and the items of the mesh."""
+    known = variable.where in (*_WHERE.values(), "edge") and variable.per in _PER and variable.kind in KINDS
+    if not known or not (variable.name.isprintable() and variable.unit.isprintable()):
+        return False
+    regions = _regions(variable.where, mesh)
+    width = variable.values.shape[2]
+    return _SIZES.get(variable.kind, width) == width and all(
+        0 <= number < len(regions) and count == _items(variable, regions[number], mesh)
+        for number, count in variable.regions
+    )
+
+
 def _regions(where: Where, mesh: Mesh) -> tuple[Region | None, ...]:
     if where in ("global", "node"):
         return (None,)
     return {"domain": mesh.domains, "surface": mesh.surfaces, "edge": mesh.edges}[where]
 
 
-def _items(entry: _Entry, region: Region | None, mesh: Mesh) -> int:
+def _items(entry: _Entry | Variable, region: Region | None, mesh: Mesh) -> int:
     """How many items a variable has in a region; None stands for the whole mesh."""
     if region is None:
         return len(mesh.node_ids) if entry.where == "node" else 1

@@ -33,7 +33,7 @@ PlotVariable = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Z
 FEBIO = "febio4"  # what a study may run without its user's consent
 FIELDS = ("displacement", "stress", "reaction forces")  # what is kept unless the study says what
 IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
-OF_THE_STORE = ("objective", "measured", "displacement", "time", "wall", "summary", "conf", "total")
+OF_THE_STORE = ("objective", "measured", "displacement", "time", "wall", "summary", "conf", "total", "rmse")
 
 
 class TimeSteps(Section):

@@ -130,6 +130,11 @@ def test_results_of_the_model_with_the_named_effect_come_first(run_folder):
     for fit in calibration["specimens"].values():
         fit["rmse_N"] = {protocol: 0.01 * peak for protocol, peak in fit["peak_N"].items()}
     (there / "calibrate.json").write_text(json.dumps(calibration))
+    build(run_folder)
+    assert "adopted" not in read(run_folder).sections, "fits of a model without the effect that is named now"
+    for name, more in (("names", "slack_stretch"), ("units", "1"), ("meanings", "slack")):
+        calibration[name].append(more)
+    (there / "calibrate.json").write_text(json.dumps(calibration))
     assert build(run_folder).trouble == ()
     seen = read(run_folder)
     assert list(seen.sections).index("adopted") < list(seen.sections).index("data")

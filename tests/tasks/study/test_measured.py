@@ -5,6 +5,9 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.cohort import read_cohort
+from sinew.tasks.model import Model
+from sinew.tasks.simulate.evaluation import SpecimenEvaluation
+from sinew.tasks.simulate.uniaxial import Uniaxial
 from sinew.tasks.study.cohort import cohort_of
 from sinew.tasks.study.study import read_study
 from tests.tasks.measured import EVERY, NOISE, measured_laterally, study_of, write_measured
@@ -57,6 +60,31 @@ def test_noise_that_is_given_is_taken(tmp_path):
     assert dict(one.noise) == {"force": 2.0, "lateral_strain": 0.001}
 
 
+def test_the_force_comes_first_in_whatever_order_the_study_lists_them(tmp_path):
+    """Parts of the objective, residuals and reported errors follow one order."""
+    write_measured(tmp_path)
+    study = read_study(study_of(tmp_path, "", "measured: {lateral_strain: {noise: 0.001}, force: {noise: 2.0}}"))
+    (one,) = cohort_of(study).specimens
+    assert list(one.noise) == ["force", "lateral_strain"]
+
+
+def test_the_objective_is_the_sum_of_errors_over_noise(tmp_path):
+    write_measured(tmp_path)
+    study = read_study(study_of(tmp_path, "", "measured: {lateral_strain: {noise: 0.001}, force: {noise: 2.0}}"))
+    (one,) = cohort_of(study).specimens
+    model = Model()
+    evaluation = SpecimenEvaluation(model, one, Uniaxial(compared=study.compared), 50)
+    found = evaluation(np.array([model.reference])).values
+    errors = found["rmse_force"] / 2.0 + found["rmse_lateral_strain"] / 0.001
+    np.testing.assert_allclose(found["objective"], errors, rtol=1e-12)
+    assert np.ptp(found["objective"]) > 0
+    parts = evaluation.parts(found)[0]
+    assert [(s.output, s.protocol) for s in evaluation.series()] == [
+        (name, curve.name) for name in ("force", "lateral_strain") for curve in one.curves
+    ]
+    np.testing.assert_allclose(parts[: len(one.curves)], found["rmse_force"][0] / 2.0)
+
+
 @pytest.mark.parametrize(
     ("compared", "words"),
     [
@@ -64,6 +92,7 @@ def test_noise_that_is_given_is_taken(tmp_path):
         ("measured: {force: {}, width: {}}", "the simulator has no such output; expected force or one of its: lateral"),
         ("measured: {force: {}, lateral_strain: {column: width_mm}}", "'width_mm' is in mm, the simulator's lateral_"),
         ("measured: {force: {}, lateral_strain: {noise: 0}}", "measured.lateral_strain.noise"),
+        ("measured: {force: {noise: 0.1}}", "measured.force.noise: 0.1; expected no noise where the force alone"),
         ("measured: {force: {column: load_N}}", "measured.force.column: 'load_N'; expected force_N, or nothing"),
         ("simulator: febio\nmeasured: {force: {}, lateral_strain: {}}", "one of its: nothing besides the force"),
     ],

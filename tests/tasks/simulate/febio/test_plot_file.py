@@ -121,7 +121,7 @@ def test_a_decompression_bomb_takes_no_memory():
 def test_states_that_lack_a_region_take_no_memory():
     """Each absent region is filled with NaN: a large mesh and many empty states must not multiply."""
     empty = w.chunk(0x02000000, w.chunk(0x02010000, w.floats(0x02010002, [3.0])), w.chunk(0x02020000))
-    with pytest.raises(Failed, match="lacks a variable"):
+    with pytest.raises(Failed, match="does not hold each variable once"):
         plot_file_of(GOOD + empty, MB)
     many = [w.absent(1.0 + number) for number in range(1000)]
     size = sum(map(len, many)) + len(w.state(0.5))
@@ -149,3 +149,11 @@ def test_any_damage_is_read_or_refused(compressed, edits, cut):
         assert "\n" not in failed.words
     else:
         assert sum(one.values.nbytes for one in found.variables.values()) <= MB
+
+
+@pytest.mark.parametrize("times", [(0.0,), (0.0, 1.0)])
+def test_a_variable_that_is_twice_in_a_state_is_damage(monkeypatch, times):
+    value = w.value
+    monkeypatch.setattr(w, "value", lambda number, *regions: value(number, *regions) * (2 if number == 3 else 1))
+    with pytest.raises(Failed, match="does not hold each variable once"):
+        plot_file_of(w.plot_file(times), MB)
