@@ -71,7 +71,7 @@ def read_settings(path: Path, kind: type[S], what: str, overrides: Mapping[str, 
 
 def write_settings(path: Path, head: str, content: Mapping[str, Any]) -> None:
     """Write settings as YAML that :func:`read_settings` reads, below the comment ``head``."""
-    write_text(path, head + yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=1000))
+    write_text(path, head + as_yaml(content))
 
 
 class _Loader(yaml.SafeLoader):
@@ -98,6 +98,21 @@ _Loader.add_implicit_resolver(
 _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:bool", re.compile(r"^(true|True|TRUE|false|False|FALSE)$"), list("tTfF")
 )
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes texts that :class:`_Loader`, or any other reader of YAML, would take for something else."""
+
+
+_Dumper.yaml_implicit_resolvers = {
+    first: _Loader.yaml_implicit_resolvers.get(first, []) + yaml.SafeDumper.yaml_implicit_resolvers.get(first, [])
+    for first in {**_Loader.yaml_implicit_resolvers, **yaml.SafeDumper.yaml_implicit_resolvers}
+}
+
+
+def as_yaml(content: Mapping[str, Any]) -> str:
+    """YAML that is read back as it is, by this module too."""
+    return yaml.dump(dict(content), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=1000)
 
 
 def _parse(path: Path, text: str, what: str) -> tuple[dict[str, Any], dict[tuple[str, ...], int]]:

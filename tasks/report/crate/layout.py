@@ -17,6 +17,7 @@ import yaml
 from sinew.runner.errors import BadInput
 from sinew.tasks.cluster.spec import cluster_request
 from sinew.tasks.report.crate.source import Source
+from sinew.tasks.study.settings_file import as_yaml
 from sinew.tasks.study.study import SlurmSettings, Study
 
 OWN = ("README.md", "METHODS.md", "ro-crate-metadata.json", "sha256sums.txt", "environment", "tables", "profile.yaml")
@@ -90,7 +91,7 @@ def with_fields(text: str, fields: Mapping[str, Any]) -> str:
     for name, value in fields.items():
         text = _with_field(text, name, json.dumps(value))
     if yaml.safe_load(text) != wanted:  # a form of YAML that is not thought of above
-        return str(yaml.safe_dump(wanted, sort_keys=False, allow_unicode=True, width=1000))
+        return as_yaml(wanted)
     return text
 
 

@@ -47,3 +47,9 @@ def test_what_is_no_answer_is_refused(tmp_path, text, words):
     with pytest.raises(BadInput) as refused:
         read_answers(path)
     assert words in str(refused.value)
+
+
+@pytest.mark.parametrize("text", ["0E0", "1e3", "012", "no", "4:00:00", "2026-11-24", ".5", "true", "null"])
+def test_a_title_that_looks_like_a_number_stays_a_text(tmp_path, text):
+    write_answers(tmp_path / "answers.yaml", Answers(Hints(test_column=text), {}))
+    assert read_answers(tmp_path / "answers.yaml").hints.test_column == text
