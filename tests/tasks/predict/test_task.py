@@ -233,5 +233,5 @@ def test_what_is_measured_beside_the_force_has_bands_of_its_own(tmp_path, capsys
     table = pd.read_csv(tmp_path / "out" / "figures" / "predict_distal_lateral_strain.csv")
     assert table.columns[:3].to_list() == ["lateral_strain_specimen", "lateral_strain_protocol", "time_s"]
     told = capsys.readouterr().out
-    assert "what else is compared" in told
+    assert "the other quantities" in told
     assert json.loads((tmp_path / "out" / "predict.json").read_text())["others"]["lateral_strain"]["unit"] == "1"
