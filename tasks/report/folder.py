@@ -16,18 +16,17 @@ from sinew.runner.files import NotReadable, read_regular
 from sinew.runner.store.store import Store, open_store, refuse_strange_entries
 from sinew.runner.store.table import Table
 from sinew.tasks.discover.result import DiscoverResult
-from sinew.tasks.drawing.thinning import drawn_points
-from sinew.tasks.model import Protocol, file_name
+from sinew.tasks.model import file_name
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.status import read_status
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.registry import of_own_models
+from sinew.tasks.study.curves import MeasuredCurve, kept_curves, represented
 from sinew.tasks.study.result import Result
 
 R = TypeVar("R", bound=Result)
 
 MAX_LOG_BYTES = 2**27
-POINTS = 500  # of a curve, at the most: more than a plot of a page's width can show
 
 
 @dataclass(frozen=True)
@@ -38,19 +37,6 @@ class State:
     why: str = ""
     seconds: float | None = None
     evaluations: int | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredCurve:
-    """A curve at points that represent it, each array ``[p]``; ``total`` points were measured or stored.
-
-    ``force_N`` is NaN where nothing was measured, but the specimen was pulled.
-    """
-
-    time_s: Array
-    displacement_mm: Array
-    force_N: Array
-    total: int
 
 
 @dataclass(frozen=True)
@@ -92,8 +78,13 @@ class ResultFolder:
 
     @cached_property
     def measured(self) -> dict[str, dict[str, MeasuredCurve]]:
-        """Measured curves by specimen and protocol, from the evaluations, else from what a discovery looked at."""
-        found = {name: dict(_curves(tables[0])) for name, tables in self.tables.items()}
+        """Measured curves by specimen and protocol.
+
+        They are those of the cohort; in folders of older versions, those at the points of the evaluations, or what a
+        discovery looked at.
+        """
+        found = kept_curves(self.store) if self.store is not None else {}
+        found |= {name: dict(_curves(tables[0])) for name, tables in self.tables.items() if name not in found}
         discovery = self.result(DiscoverResult)
         for name in discovery.cells if discovery is not None else ():
             if name not in found and self.store is not None:
@@ -184,17 +175,12 @@ def _points(table: Table) -> int:
 
 def _curves(table: Table) -> Iterator[tuple[str, MeasuredCurve]]:
     for name in protocols_of(table):
-        yield name, _represented(name, *columns_of(table, name))
+        yield name, represented(name, *columns_of(table, name))
 
 
 def _discovered(kept: xr.Dataset, protocol: str) -> MeasuredCurve:
     columns = (kept[f"{kind}_{protocol}"].to_numpy() for kind in ("time", "displacement", "measured"))
-    return _represented(protocol, *columns)
-
-
-def _represented(protocol: str, time: Array, moved: Array, force: Array) -> MeasuredCurve:
-    keep = drawn_points(Protocol(protocol, time, moved), force, count=POINTS)
-    return MeasuredCurve(time[keep], moved[keep], force[keep], time.size)
+    return represented(protocol, *columns)
 
 
 def protocols_of(table: Table) -> list[str]:

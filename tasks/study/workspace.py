@@ -37,6 +37,7 @@ from sinew.tasks.simulate import Array, Simulator
 from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study.cohort import cohort_of
+from sinew.tasks.study.curves import keep_curves
 from sinew.tasks.study.json_lines import LogFile
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.ranges import Ranges, keep, look
@@ -225,6 +226,7 @@ def open_workspace(
         stack.enter_context(_no_abandoned_folders(out))
         if ranges is not None:
             keep(ranges, out)
+        keep_curves(store, cohort)
         board = stack.enter_context(open_board(out))
         if isinstance(cluster, Local):
             board.put(workers=cluster.workers)
