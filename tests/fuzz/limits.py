@@ -6,7 +6,7 @@ import os
 import resource
 import signal
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,14 +30,10 @@ class _Hangs(BaseException):
 
 def attempt(target: Target, name: str, content: bytes) -> None:
     """Read the files of a target with one of them damaged. Raises :class:`Broken`."""
-    with tempfile.TemporaryDirectory() as folder:
-        for other, valid in target.files.items():
-            path = Path(folder, other)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content if other == name else valid)
+    with written(target.files | {name: content}) as folder:
         try:
             with _bounds(), contextlib.redirect_stdout(io.StringIO()):
-                target.read(Path(folder), Path(folder, name))
+                target.read(folder, folder / name)
         except ExceptionGroup as group:
             for error in group.exceptions:
                 _check(error)
@@ -45,6 +41,17 @@ def attempt(target: Target, name: str, content: bytes) -> None:
             raise Broken(str(hangs)) from hangs
         except Exception as error:
             _check(error)
+
+
+@contextlib.contextmanager
+def written(files: Mapping[str, bytes]) -> Iterator[Path]:
+    """A folder with these files."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in files.items():
+            path = Path(folder, name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+        yield Path(folder)
 
 
 def _check(error: BaseException) -> None:

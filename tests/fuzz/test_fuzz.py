@@ -7,14 +7,15 @@ from random import Random
 import pytest
 
 from tests.fuzz import limits
-from tests.fuzz.limits import Broken, attempt
+from tests.fuzz.limits import Broken, attempt, written
 from tests.fuzz.mutations import mutated
 from tests.fuzz.targets import Target, corpus, targets
 
 INPUTS = 2000
 CORPUS = Path(__file__).parent / "corpus"
 NAMES = ("study", "profile", "cohort", "export", "parameters", "template", "output", "plot file", "kept runs",
-         "checkpoint", "results", "result folder")  # fmt: skip
+         "checkpoint", "results", "model", "ranges", "answers", "hidden effects", "workbook",
+         "result folder")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +29,11 @@ def test_each_target_is_listed(every):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_valid_files_are_read(every, name):
+    """To the end: damage to what is refused anyway would show nothing."""
     for seed in every[name].seeds:
         attempt(every[name], seed, every[name].files[seed])
+        with written(every[name].files) as folder:
+            every[name].read(folder, folder / seed)
 
 
 @pytest.mark.parametrize("name", NAMES)
