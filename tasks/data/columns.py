@@ -8,10 +8,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.data import units
+from sinew.tasks.data import units, words
+from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, LOADS, MOTIONS, STRESS, TIME, Quantity
-from sinew.tasks.data.tables import Row, Table
+from sinew.tasks.data.quantities import (
+    DISPLACEMENT,
+    FORCE,
+    LENGTH,
+    LOADS,
+    MOTIONS,
+    POSITION,
+    STRAIN,
+    STRESS,
+    TIME,
+    Quantity,
+)
+from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 from sinew.tasks.data.titles import name_and_unit, without_numbers, without_suffix
 
@@ -257,25 +269,38 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
         if column[0] in role.titles(quantity)
         and _possible(quantity, column[0], column[1] or role.given or "", column[1])
     ]
+    if len(found) > 1 and DISPLACEMENT in role.quantities:  # an extensometer that is not used says 0 all the time
+        found = [one for one in found if _changes(table, one[1])] or found
     if not found:
         listed = ", ".join(title or "(no name)" for title in titles[:12])
         raise NoColumn(_where(table), f"no column of {role.name} among {shown(listed, 200)}", role.remedy)
     rank, place, quantity = min(found, key=lambda one: one[:2])
-    alike = tuple(titles[other] for same, other, _ in found if same == rank and other != place)
+    machine = (DISPLACEMENT, POSITION) if named[place][0] in words.EXTENSOMETER else ()
+    others = {other for same, other, one in found if same == rank or one in machine} - {place}
+    alike = tuple(titles[other] for other in sorted(others))
     sure = len(found) == 1 and rank[-1] < _COMMON_TITLES and quantity in (TIME, DISPLACEMENT, FORCE)
     return _Choice(quantity, place, SURE if sure else LIKELY, alike)
 
 
 def _rank(
     table: Table, role: _Role, number: int, place: int, name: str, unit: str
-) -> tuple[bool, int, bool, bool, int]:
+) -> tuple[bool, bool, int, bool, bool, int]:
     """The lower, the rather a column is meant: by its quantity, whether it has a unit, and how usual its title is.
 
-    A title that is only a unit comes last. A clock may stand beside the time since the start, which is finer.
+    A title that is only a unit comes last, and the motion of an extensometer before that of the machine. A clock may
+    stand beside the time since the start, which is finer.
     """
     quantity = role.quantities[number]
+    last = (name.startswith("("), name not in words.EXTENSOMETER)
     no_unit = not (unit or role.given or quantity.bare)
-    return name.startswith("("), number, table.has_clock(place), no_unit, role.titles(quantity).index(name)
+    return *last, number, table.has_clock(place), no_unit, role.titles(quantity).index(name)
+
+
+def _changes(table: Table, place: int) -> bool:
+    """Whether a column has more than one value."""
+    cells = (row[place] for _, row in table.rows if place < len(row) and row[place])
+    first = next(cells, "")
+    return any(cell != first for cell in cells)
 
 
 def _possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:
@@ -288,6 +313,8 @@ def _possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:
         return False
     if name == "l":
         return (units.factor(units.LENGTH, unit) is not None) == (quantity is LENGTH)
+    if name in words.EXTENSOMETER and units.factor(units.FRACTION, unit) is not None:
+        return quantity is STRAIN
     return units.ambiguous(in_file) or not units.belongs_elsewhere(quantity.units, in_file)
 
 

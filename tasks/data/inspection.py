@@ -11,12 +11,13 @@ import numpy as np
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.columns import Column, partly
 from sinew.tasks.data.exports import Reading
+from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
 from sinew.tasks.data.recordings import FEWEST_ROWS, read_recordings, remarks
 from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart
 from sinew.tasks.data.sizes import SIZES, read_sizes
-from sinew.tasks.data.tables import Row, Table, read_tables
+from sinew.tasks.data.tables import Table, read_tables
 from sinew.tasks.data.units import usual
 
 SAME = 1e-3  # of a gauge length that two columns tell

@@ -9,6 +9,7 @@ import numpy as np
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.columns import LIKELY, NOWHERE, Column, NoColumn, recognise
+from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.several import (
@@ -24,7 +25,7 @@ from sinew.tasks.data.several import (
     told_apart,
 )
 from sinew.tasks.data.sizes import Size, read_sizes
-from sinew.tasks.data.tables import Row, Table, read_tables
+from sinew.tasks.data.tables import Table, read_tables
 from sinew.tasks.data.text import HUGE
 from sinew.tasks.data.timing import Timing
 from sinew.tasks.data.titles import is_spread

@@ -50,6 +50,25 @@ def test_titles_in_other_languages(tmp_path, titles, encoding):
     assert len(found["ask"]) == 2, "length and cross-section"
 
 
+@pytest.mark.parametrize(
+    ("titles", "encoding"),
+    [
+        ("Temps;Déplacement en traction;Charge", "cp1252"),
+        ("Tempo;Deslocamento;Força", "cp1252"),
+        ("Zeit;Stauchung;Druckkraft", "utf-8"),
+        ("Time since start of test;Extn;Load feedback", "utf-8"),
+    ],
+)
+def test_titles_of_further_programs(tmp_path, titles, encoding):
+    found = taken(tmp_path, f"{titles}\ns;mm;N\n0;0;1\n1;1;2\n2;2;3\n", encoding)
+    assert [found[name]["column"] for name in ("time", "displacement", "force")] == titles.split(";")
+
+
+def test_tables_of_peaks_and_valleys_are_not_taken_for_tests(tmp_path):
+    found = taken(tmp_path, "Time,Disp Max,Disp Min,Load Max,Load Min\ns,mm,mm,N,N\n0,1,0,2,0\n1,1,0,2,0\n2,1,0,2,0\n")
+    assert (found["displacement"], found["force"]) == (None, None)
+
+
 def test_set_values_and_counters_are_not_taken(tmp_path):
     text = "S/No;C_1_Temps[s];C_1_Valeur de consigne[];C_1_Force[kN];C_1_Déplacement[mm];\n"
     found = taken(tmp_path, text + "".join(f"{i};{i / 10};{i};{i / 50};{i / 20};\n" for i in range(1, 6)))
