@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import units, words
+from sinew.tasks.data.factors import factor_of
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import (
@@ -23,6 +24,7 @@ from sinew.tasks.data.quantities import (
     TIME,
     Quantity,
 )
+from sinew.tasks.data.questions import Unclear, UnknownUnit
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 from sinew.tasks.data.titles import name_and_unit, without_numbers, without_suffix
@@ -30,15 +32,6 @@ from sinew.tasks.data.titles import name_and_unit, without_numbers, without_suff
 NOWHERE = -1
 SURE, LIKELY, GIVEN = "sure", "likely", "as you said"
 _COMMON_TITLES = 6  # the first titles of a quantity leave no doubt
-
-
-class UnknownUnit(BadInput):
-    """A unit that only a person can tell. ``option`` is the option that tells it, ``choices`` are its values."""
-
-    def __init__(self, where: str, quantity: str, option: str, choices: Sequence[str], problem: str = "") -> None:
-        problem = problem or f"no unit of the {quantity} can be found"
-        super().__init__(where, problem, f"{option}, one of {', '.join(choices)}")
-        self.quantity, self.option, self.choices = quantity, option, tuple(choices)
 
 
 class NoColumn(BadInput):
@@ -97,7 +90,7 @@ class _Choice:
     quantity: Quantity
     place: int
     how: str
-    alike: tuple[str, ...] = ()
+    alike: tuple[int, ...] = ()  # the places of columns that could be taken as well
 
 
 def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tuple[Column, Column, Column]:
@@ -112,12 +105,9 @@ def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tu
     choices = _choices(table, titles, named, roles, hints)
     if table.titles and not _by_number(hints):
         _check_width(table)
-    if not first_of_alike:
-        for choice, role in zip(choices, roles, strict=True):
-            if choice.alike:
-                listed = " and ".join(shown(title) for title in (titles[choice.place], *choice.alike))
-                expected = f"--{role.option}-column NUMBER, from 1"
-                raise BadInput(table.path, f"{listed} may both be the {choice.quantity.name}", expected)
+    for choice, role in zip(choices, roles, strict=True):
+        if choice.alike and not first_of_alike:
+            raise _which_of(table, titles, choice, role)
     time, motion, load = (
         _column(table, titles, named, role, choice) for role, choice in zip(roles, choices, strict=True)
     )
@@ -127,6 +117,24 @@ def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tu
         expected = "a column for each; name them by --time-column and the like"
         raise BadInput(table.path, "one column is taken for two things", expected)
     return time, motion, load
+
+
+def _which_of(table: Table, titles: Row, choice: _Choice, role: _Role) -> Unclear:
+    """The question which of several columns is meant; by their numbers, where they have one title."""
+    places = (choice.place, *choice.alike)
+    names = [titles[place] for place in places]
+    listed = " and ".join(map(shown, names))
+    choices = names if len(set(names)) == len(names) else [str(place + 1) for place in places]
+    option = f"--{role.option}-column"
+    return Unclear(
+        str(table.path),
+        f"{listed} may both be the {choice.quantity.name}",
+        f"{option}, one of {', '.join(map(shown, choices))}",
+        what=choice.quantity.name,
+        which="which column? (for all files)",
+        option=option,
+        choices=choices,
+    )
 
 
 def partly(
@@ -154,7 +162,8 @@ def partly(
             found.append(_column(table, titles, named, role, choice))
         except BadInput as error:
             title = titles[choice.place]
-            found.append(Column(choice.quantity, choice.place, title, "", 1.0, choice.how, choice.alike))
+            alike = tuple(titles[place] for place in choice.alike)
+            found.append(Column(choice.quantity, choice.place, title, "", 1.0, choice.how, alike))
             problems.append(f"unit of '{title}' ({choice.quantity.name}): {error.problem}; {role.unit_option}")
     return (found[0], found[1], found[2]), tuple(problems)
 
@@ -277,9 +286,8 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
     rank, place, quantity = min(found, key=lambda one: one[:2])
     machine = (DISPLACEMENT, POSITION) if named[place][0] in words.EXTENSOMETER else ()
     others = {other for same, other, one in found if same == rank or one in machine} - {place}
-    alike = tuple(titles[other] for other in sorted(others))
     sure = len(found) == 1 and rank[-1] < _COMMON_TITLES and quantity in (TIME, DISPLACEMENT, FORCE)
-    return _Choice(quantity, place, SURE if sure else LIKELY, alike)
+    return _Choice(quantity, place, SURE if sure else LIKELY, tuple(sorted(others)))
 
 
 def _rank(
@@ -358,42 +366,9 @@ def _column(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
         return Column(TIME, NOWHERE, "", "s", 1.0, GIVEN)
     unit, title = named[choice.place][1], titles[choice.place]
     where = f"{table.path}: {shown(title or f'column {choice.place + 1}')}"
-    factor = _factor(where, choice.quantity, unit, role)
+    factor = factor_of(where, choice.quantity, unit, role.given, role.unit_option)
     if role.given is not None and not units.is_unit(unit):
         unit = ""  # what stands there is no unit that is known, so a person has told it
     how = choice.how if unit or choice.quantity.bare else GIVEN
-    return Column(choice.quantity, choice.place, title, unit or role.given or "1", factor, how, choice.alike)
-
-
-def _factor(where: str, quantity: Quantity, unit: str, role: _Role) -> float:
-    given = role.given
-    listed = f"one of {', '.join(units.listed(quantity.units))}"
-    if units.ambiguous(unit) and quantity in LOADS:
-        choices = [name for name in quantity.units if name.lower() == unit.lower()]
-        if given in choices:
-            return quantity.units[given]
-        problem = f"unit {shown(unit)} may stand for milli or for mega"
-        raise UnknownUnit(where, quantity.name, role.unit_option, choices or units.listed(quantity.units), problem)
-    expected = None if given is None else units.factor(quantity.units, given)
-    if given is not None and expected is None:
-        raise BadInput(where, f"a {quantity.name}, but {role.unit_option} says {shown(given)}", listed)
-    if units.EITHER in unit and expected is None:
-        told = unit.split(units.EITHER)
-        problem = f"two units of the {quantity.name} are told: {' and '.join(map(shown, told))}"
-        choices = [one for one in told if units.factor(quantity.units, one) is not None]
-        raise UnknownUnit(where, quantity.name, role.unit_option, choices or units.listed(quantity.units), problem)
-    if unit and not units.is_unit(unit) and expected is None:
-        problem = f"unit {shown(unit)} of the {quantity.name} is not known"
-        raise UnknownUnit(where, quantity.name, role.unit_option, units.listed(quantity.units), problem)
-    if units.is_unit(unit):
-        factor = units.factor(quantity.units, unit)
-        if factor is None:
-            raise BadInput(where, f"unit {shown(unit)}", listed)
-        if expected is not None and expected != factor:
-            raise BadInput(where, f"unit {shown(unit)}, but {role.unit_option} says {given}", "one and the same unit")
-        return factor
-    if expected is not None:
-        return expected
-    if quantity.bare:
-        return 1.0
-    raise UnknownUnit(where, quantity.name, role.unit_option, units.listed(quantity.units))
+    alike = tuple(titles[place] for place in choice.alike)
+    return Column(choice.quantity, choice.place, title, unit or role.given or "1", factor, how, alike)

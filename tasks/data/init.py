@@ -13,7 +13,7 @@ from pathlib import Path
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.answers import Answers, with_answers, write_answers
 from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, visible, write_cohort
-from sinew.tasks.data.columns import LIKELY, NoColumn, UnknownUnit
+from sinew.tasks.data.columns import LIKELY, NoColumn
 from sinew.tasks.data.first_ranges import first_ranges
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.names import UNSURE, FileName, names_of, of_test
@@ -27,7 +27,8 @@ from sinew.tasks.data.new_study import (
     write_study,
 )
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH
-from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings, remarks
+from sinew.tasks.data.questions import Unclear
+from sinew.tasks.data.recordings import Bar, Recording, as_told, curve_of, read_recordings, remarks
 from sinew.tasks.data.sheets import SUFFIXES
 from sinew.tasks.data.sizes import SIZES
 from sinew.tasks.data.specimen_sizes import Ask, Known, Sizes, ask_for_sizes, known_sizes
@@ -182,11 +183,11 @@ def read_all(files: Files, hints: Hints, ask: Ask | None = None) -> Read:
         while True:
             try:
                 recordings += read_recordings(path, hints)
-            except UnknownUnit as unknown:
+            except Unclear as unclear:
                 if ask is None:
                     raise
-                question = f"{unknown.quantity} in {path.name}: which unit? (for all files that do not say)"
-                hints = hints.answered(unknown.option, ask(question, unknown.choices))
+                question = f"{unclear.what} in {path.name}: {unclear.which}"
+                hints = hints.answered(unclear.option, ask(question, unclear.choices))
                 continue
             except (NoTable, NoColumn) as none:
                 if path in files.named or (isinstance(none, NoColumn) and not none.alone):
@@ -196,7 +197,20 @@ def read_all(files: Files, hints: Hints, ask: Ask | None = None) -> Read:
     if not recordings:
         path, problem = left_out[-1]
         raise BadInput(path, problem, "at least one file with a table of numbers")
+    recordings, hints = _settled(recordings, hints, ask)
     return Read(recordings, left_out, hints)
+
+
+def _settled(recordings: Sequence[Recording], hints: Hints, ask: Ask | None) -> tuple[list[Recording], Hints]:
+    """The recordings counted as ``hints`` and the answers to their doubts say, each asked once, for all files."""
+    while True:
+        found = [as_told(one, hints) for one in recordings]
+        first = next(((one, one.doubts[0]) for one in found if one.doubts), None)
+        if ask is None or first is None:
+            return found, hints
+        one, doubt = first
+        question = f"{one.path.name}: {doubt.text}; {doubt.question} (for all files)"
+        hints = hints.answered(doubt.option, ask(question, doubt.choices))
 
 
 # ---- specimens
@@ -246,12 +260,14 @@ def _specimen(name: str, tests: Sequence[ReadFile], known: Known) -> NewSpecimen
 
 
 def refuse_doubts(recordings: Sequence[Recording], names: Mapping[Path, FileName]) -> None:
-    """Raises :class:`BadInput` for the first column or name that is not certain, with the option that confirms it."""
+    """Raises :class:`BadInput` for the first column, zero, sign or name that is not certain, with the option for it."""
     for recording in recordings:
         for column, option in zip(recording.columns, ("time", "displacement", "force"), strict=True):
             if column.how == LIKELY:
                 problem = f"{column.quantity.name} from {shown(column.title)} is likely, not certain"
                 raise BadInput(recording.path, problem, f"--{option}-column {shown(column.title)} to confirm it")
+        for doubt in recording.doubts:
+            raise BadInput(recording.path, doubt.text, doubt.remedy)
         if names[recording.path].how == UNSURE:
             raise BadInput(recording.path, "a number may be a specimen's or a trial's", "a name SPECIMEN_PROTOCOL")
 

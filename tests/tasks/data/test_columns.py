@@ -5,9 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import GIVEN, Column, NoColumn, UnknownUnit, recognise
+from sinew.tasks.data.columns import GIVEN, Column, NoColumn, recognise
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, POSITION, STRAIN, STRESS, STRETCH
+from sinew.tasks.data.questions import UnknownUnit
 from sinew.tasks.data.tables import Table
 
 NUMBERS = ["0", "1", "2", "3", "4", "5"]
@@ -140,7 +141,7 @@ def test_of_one_quantity_a_column_with_a_unit_goes_first():
 
 def test_two_columns_alike_are_asked_or_the_first_counts():
     titles = "time_s|Force (N)|displacement_mm|Force (N)"
-    with pytest.raises(BadInput, match=r"may both be the force; expected --force-column NUMBER"):
+    with pytest.raises(BadInput, match=r"may both be the force; expected --force-column, one of '2', '4'"):
         columns(titles)
     assert columns(titles, force_column="4")[2].place == 3
     load = columns(titles, first=True)[2]

@@ -308,6 +308,57 @@ def test_a_trial_that_may_be_a_specimen_is_not_certain(tmp_path):
         init([path], tmp_path / "out", sizes=BAR, certain=True)
 
 
+def test_which_column_is_meant_is_asked_once(tmp_path):
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for path in paths:
+        path.write_text("Time (s),Crosshead (mm),Extensometer (mm),Load (N)\n0,0,0,0\n1,2,1,5\n2,4,2,9\n")
+    with pytest.raises(BadInput, match=r"'Extensometer .mm.' and 'Crosshead .mm.' may both be the"):
+        read_all(Files(tuple(paths), ()), Hints())
+    ask, asked = answers(displacement="Crosshead (mm)")
+    read = read_all(Files(tuple(paths), ()), Hints(), ask)
+    assert [one.numbers[-1, 1] for one in read.recordings] == [4.0, 4.0]
+    assert asked == ["displacement in a.csv: which column? (for all files)"]
+
+
+def test_where_a_displacement_counts_from_and_its_sign_are_asked_once_and_kept(tmp_path):
+    rows = "".join(f"{i},{37.21 + i / 20},{-5 * i}\n" for i in range(6))
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for number, path in enumerate(paths):
+        path.write_text(f"time_s,displacement_mm,force_N\n{rows}6,37.6,{-30 - number}\n")
+    asked = []
+
+    def ask(question: str, choices: Sequence[str]) -> str:
+        asked.append(question)
+        return choices[0]
+
+    made = init(paths, tmp_path / "out", ask=ask, sizes=BAR)
+    assert asked == [
+        "a.csv: the displacement begins at 37.21 mm and moves by 0.39 mm, perhaps an offset of the machine; "
+        "count it from its first value? (for all files)",
+        "a.csv: forces are below 0; tension is positive here, so look at the machine's sign; "
+        "what gets the other sign? (for all files)",
+    ]
+    assert [one.curves[0].force_N[-1] for one in made.specimens] == [30.0, 31.0]
+    assert [one.curves[0].protocol.displacement_mm[0] for one in made.specimens] == [0.0, 0.0]
+    assert "    a.csv: displacement counted from its first value, 37.21 mm" in made.lines
+    kept = read_answers(tmp_path / "out" / "answers.yaml")
+    assert kept.hints == Hints(zero_displacement="first", negate="force")
+    again = init(paths, tmp_path / "again", answers=kept, sizes=BAR, certain=True)
+    assert again.specimens[0].curves[0].digest == made.specimens[0].curves[0].digest
+
+
+@pytest.mark.parametrize(
+    ("motion", "load", "words"),
+    [(37.0, 1.0, "expected --zero-displacement first or none"), (0.0, -1.0, "expected --negate force or none")],
+)
+def test_an_offset_or_a_sign_that_may_be_meant_otherwise_is_not_certain(tmp_path, motion, load, words):
+    path = tmp_path / "a.csv"
+    path.write_text("time_s,displacement_mm,force_N\n" + "".join(f"{i},{motion + i},{load * i}\n" for i in range(6)))
+    with pytest.raises(BadInput, match=words):
+        init([path], tmp_path / "out", sizes=BAR, certain=True)
+    init([path], tmp_path / "out", sizes=BAR, certain=True, hints=Hints(zero_displacement="none", negate="none"))
+
+
 def test_an_answer_holds_for_all_files_that_do_not_say(tmp_path):
     paths = [table(tmp_path / f"{name}.csv", "time_s,displacement_mm,force") for name in "ab"]
     ask, asked = answers(force="kN")
