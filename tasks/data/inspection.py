@@ -14,7 +14,7 @@ from sinew.tasks.data.exports import Reading
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
-from sinew.tasks.data.recordings import FEWEST_ROWS, as_told, read_recordings, remarks
+from sinew.tasks.data.recordings import FEWEST_ROWS, as_told, check_times, read_recordings, remarks
 from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart
 from sinew.tasks.data.sizes import SIZES, read_sizes
 from sinew.tasks.data.tables import Table, read_tables
@@ -109,6 +109,8 @@ def _as_read(path: Path, hints: Hints) -> tuple[tuple[str, ...], tuple[str, ...]
     """Why the file cannot be imported as it is, if so, and else the remarks on its tests."""
     try:
         recordings = [as_told(one, hints) for one in read_recordings(path, hints, first_of_alike=True)]
+        for one in recordings:
+            check_times(one)
     except BadInput as error:
         return (str(error).removeprefix(f"{path}: "),), ()
     return (), tuple(dict.fromkeys(remark for one in recordings for remark in remarks(one)))

@@ -198,7 +198,7 @@ def _recording(table: Table, columns: Columns, hints: Hints, block: Block) -> Re
         numbers, notes = _timed(table, columns, numbers, hints.timing, block)
     if hints.cycle_column is not None:
         numbers[:, 0] = going_on(numbers[:, 0], _within(blocks_of_cycles(table, block.end, hints.cycle_column), block))
-    back = [block.start + int(at) + 1 for at in np.flatnonzero(np.diff(numbers[:, 0]) < 0)]
+    back = [block.start + int(at) + 1 for at in np.flatnonzero(np.diff(numbers[:, 0]) <= 0)]
     apart = told_apart(table, block.end, back, list(places)) if hints.test_column is None else None
     if apart is not None and not back:
         notes += (f"{apart.count} values of '{apart.title}': {apart.option}, if each is a test of its own",)
@@ -275,18 +275,24 @@ def as_told(recording: Recording, hints: Hints) -> Recording:
     return replace(recording, numbers=numbers, notes=(*recording.notes, *notes), doubts=tuple(found))
 
 
+def check_times(recording: Recording) -> None:
+    """Raises :class:`BadInput` for times that do not increase."""
+    time_s = recording.numbers[:, 0]
+    back = np.flatnonzero(np.diff(time_s) <= 0)
+    if back.size:
+        problem = f"{time_s[back[0] + 1]:g} s after {time_s[back[0]]:g} s"
+        where = f"{recording.path}: row {recording.rows[back[0] + 1]}, time"
+        raise BadInput(where, problem, f"increasing times{recording.remedy}")
+
+
 def curve_of(recording: Recording, bar: Bar, protocol: str, *, reference: float | None = None) -> Curve:
     """The curve of a bar. Time starts at 0. A stress becomes a force with the cross-section.
 
     ``reference``: the stretch at zero displacement (default: 1), for a column of stretch only. Raises
     :class:`BadInput` for times that do not increase and for displacements that the gauge length makes impossible.
     """
+    check_times(recording)
     time_s, _, load = recording.numbers.T
-    back = np.flatnonzero(np.diff(time_s) <= 0)
-    if back.size:
-        problem = f"{time_s[back[0] + 1]:g} s after {time_s[back[0]]:g} s"
-        where = f"{recording.path}: row {recording.rows[back[0] + 1]}, time"
-        raise BadInput(where, problem, f"increasing times{recording.remedy}")
     displacement = _displacement(recording, bar.length_mm, reference)
     stress = recording.load.quantity is STRESS
     force = load * bar.width_mm * bar.thickness_mm if stress else load.copy()

@@ -109,6 +109,25 @@ def test_tests_and_cycles_that_a_column_tells_apart_are_asked_for(tmp_path, titl
     )
 
 
+def test_cycles_whose_times_go_on_are_one_test_and_need_no_answer(tmp_path):
+    rows = [f"{i // 3},{i},{i},{i}" for i in range(9)]
+    found = taken(tmp_path, "\n".join(["Cycle,Time (s),Load (N),Stroke (mm)", *rows, ""]))
+    assert (found["specimens"], found["rows"], len(found["ask"]), found["remarks"]) == (1, 9, 2, [])
+    answered = inspect(tmp_path / "export.csv", Reading(hints=Hints(cycle_column="Cycle"))).content()
+    assert answered == found
+
+
+def test_cycles_that_share_a_time_are_asked_for(tmp_path):
+    rows = [f"{cycle},{2 * cycle + i},{i},{i}" for cycle in range(3) for i in range(3)]
+    found = taken(tmp_path, "\n".join(["Cycle,Time (s),Load (N),Stroke (mm)", *rows, ""]))
+    assert found["ask"][0] == (
+        "row 5, time: 2 s after 2 s; expected increasing times, or --cycle-column 'Cycle', which changes there"
+    )
+    reading = Reading(length_mm=10, area_mm2=4, hints=Hints(cycle_column="Cycle"))
+    assert inspect(tmp_path / "export.csv", reading).content()["ask"] == []
+    assert read_export(tmp_path / "export.csv", reading=reading).curves[0].protocol.time_s.size == 9
+
+
 def test_tests_without_times_are_told_apart_by_the_title_of_a_column(tmp_path):
     rows = "".join(f"{name},{i},{i}\n" for name in "ab" for i in range(4))
     found = taken(tmp_path, f"Specimen,Load (N),Stroke (mm)\n{rows}")
