@@ -247,7 +247,7 @@ def _with_answers(known: Known, answers: Mapping[str, float]) -> Known:
 
 
 def _specimen(name: str, tests: Sequence[ReadFile], known: Known) -> NewSpecimen:
-    notes = list(known.notes)
+    notes = [*known.notes, *known.proposals]
     for test in tests:
         _check_sizes(test.recording, known.mm)
         notes += [f"{test.path.name}: {remark}" for remark in remarks(test.recording)]

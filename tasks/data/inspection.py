@@ -17,6 +17,7 @@ from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, 
 from sinew.tasks.data.recordings import FEWEST_ROWS, as_told, check_times, read_recordings, remarks
 from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart
 from sinew.tasks.data.sizes import SIZES, read_sizes
+from sinew.tasks.data.sizes_in_names import sizes_in_name
 from sinew.tasks.data.tables import Table, read_tables
 from sinew.tasks.data.units import usual
 
@@ -95,7 +96,7 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         one_below = 1
     below, times = _below(table, columns, numbers[:rows, 0], hints)
     refusal, notes = ((), ()) if problems or times else _as_read(path, hints)
-    questions = (*problems, *times, *refusal, *_missing(values, columns, doubt))
+    questions = (*problems, *times, *refusal, *_missing(path, values, columns, doubt))
     first = [float(number) if rows and np.isfinite(number) else None for number in numbers[0]]
     load = numbers[:rows, 2]
     peak = float(load[np.nanargmax(np.abs(load))]) if np.isfinite(load).any() else None
@@ -236,9 +237,13 @@ def _doubt(table: Table, columns: Sequence[Column | None], length_mm: float | No
     return f"length: {length_mm:g} mm in the lines above, but {implied:.4g} mm by '{strains.title}'; --length-mm"
 
 
-def _missing(values: dict[str, float | None], columns: Sequence[Column | None], doubt: str) -> Iterable[str]:
+def _missing(
+    path: Path, values: dict[str, float | None], columns: Sequence[Column | None], doubt: str
+) -> Iterable[str]:
+    proposed = [f"{size} {mm:g} mm" for size, mm in sizes_in_name(path.stem).items()]
+    perhaps = f", but its name may: {', '.join(proposed)}" if proposed else ""
     if values["length"] is None:
-        yield doubt or "length: the file does not tell it; --length-mm"
+        yield doubt or f"length: the file does not tell it{perhaps}; --length-mm"
     load = columns[2]
     if values["area"] is None and (load is None or load.quantity is not STRESS):
-        yield "cross-section: the file does not tell it; --area-mm2"
+        yield f"cross-section: the file does not tell it{perhaps}; --area-mm2"

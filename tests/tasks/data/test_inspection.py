@@ -177,6 +177,17 @@ def test_a_column_of_current_lengths_tells_the_gauge_length(tmp_path):
     assert (found["length_mm"], found["time"]["unit"]) == (12.5, "s")
 
 
+def test_sizes_in_the_name_of_a_file_are_said_and_not_taken(tmp_path):
+    path = tmp_path / "T1_L10mm_W8mm.csv"
+    path.write_text("Time (s),Load (N),Extension (mm)\n0,1,0\n1,2,1\n2,3,2\n")
+    found = inspect(path).content()
+    assert (found["length_mm"], found["width_mm"]) == (None, None)
+    assert found["ask"] == [
+        "length: the file does not tell it, but its name may: length 10 mm, width 8 mm; --length-mm",
+        "cross-section: the file does not tell it, but its name may: length 10 mm, width 8 mm; --area-mm2",
+    ]
+
+
 def test_units_that_a_file_does_not_tell_are_asked_for(tmp_path):
     found = taken(tmp_path, "Time,Load,Extension (mm)\n0,1,0\n1,2,1\n2,3,2\n")
     assert (found["time"], found["force"]) == ({"column": "Time", "unit": None}, {"column": "Load", "unit": None})
