@@ -31,7 +31,7 @@ from sinew.tasks.data.questions import Unclear
 from sinew.tasks.data.recordings import Bar, Recording, as_told, curve_of, read_recordings, remarks
 from sinew.tasks.data.sheets import SUFFIXES
 from sinew.tasks.data.sizes import SIZES
-from sinew.tasks.data.specimen_sizes import Ask, Known, Sizes, ask_for_sizes, known_sizes
+from sinew.tasks.data.specimen_sizes import Ask, Known, Sizes, ask_for_sizes, known_sizes, with_first_length
 from sinew.tasks.data.tables import NoTable
 from sinew.tasks.model import Specimen
 from sinew.tasks.study.workspace import check_folder
@@ -79,9 +79,7 @@ def init(
     names = names_of([one.path for one in read.recordings])
     if certain:
         refuse_doubts(read.recordings, names)
-    new = specimens_of(read.recordings, names, sizes or Sizes(), ask, answers.sizes)
-    if certain:
-        refuse_unknown_sizes(new)
+    new = specimens_of(read.recordings, names, sizes or Sizes(), ask, answers.sizes, certain=certain)
     refuse_duplicates([one.specimen for one in new], {one.specimen.name: one.tests[0].path for one in new})
     ranges = first_ranges([one.specimen for one in new if not one.missing])
     out.mkdir(parents=True, exist_ok=True)
@@ -222,8 +220,13 @@ def specimens_of(
     sizes: Sizes,
     ask: Ask | None = None,
     answers: Mapping[str, Mapping[str, float]] | None = None,
+    *,
+    certain: bool = False,
 ) -> list[NewSpecimen]:
-    """Recordings grouped by specimen, with their sizes; ``answers``: earlier ones (mm). Raises :class:`BadInput`."""
+    """Recordings grouped by specimen, with their sizes; ``answers``: earlier ones (mm). Raises :class:`BadInput`.
+
+    ``certain``: refuse a size that is only likely, and one that nobody tells.
+    """
     grouped: dict[str, list[ReadFile]] = {}
     for recording in recordings:
         name = of_test(names[recording.path], recording.test)
@@ -234,10 +237,15 @@ def specimens_of(
         ours.append(ReadFile(recording, name))
     tests = dict(sorted(grouped.items()))
     known = {name: known_sizes(name, [one.recording for one in each], sizes) for name, each in tests.items()}
-    known = {name: _with_answers(one, (answers or {}).get(name, {})) for name, one in known.items()}
+    for specimen, each in tests.items():
+        answered = _with_answers(known[specimen], (answers or {}).get(specimen, {}))
+        known[specimen] = with_first_length(answered, [one.recording for one in each], certain=certain)
     if ask is not None:
         known = ask_for_sizes(known, ask)
-    return [_specimen(name, each, known[name]) for name, each in tests.items()]
+    new = [_specimen(name, each, known[name]) for name, each in tests.items()]
+    if certain:
+        refuse_unknown_sizes(new)
+    return new
 
 
 def _with_answers(known: Known, answers: Mapping[str, float]) -> Known:

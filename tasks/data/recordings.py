@@ -27,7 +27,7 @@ from sinew.tasks.data.several import (
 )
 from sinew.tasks.data.signs import counted, doubts
 from sinew.tasks.data.sizes import Size, read_sizes
-from sinew.tasks.data.tables import Table, read_tables
+from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.text import HUGE
 from sinew.tasks.data.timing import Timing
 from sinew.tasks.data.titles import is_spread
@@ -89,7 +89,7 @@ class Bar:
         return self.width_mm * self.thickness_mm
 
 
-def read_recordings(path: Path, hints: Hints, *, first_of_alike: bool = False) -> list[Recording]:
+def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool = False) -> list[Recording]:
     """The tests in a file: those of the first table with columns of time, motion and load, and of all further tables
     with the same titles.
 
@@ -102,7 +102,8 @@ def read_recordings(path: Path, hints: Hints, *, first_of_alike: bool = False) -
     missing: NoColumn | None = None
     found: list[tuple[Table, list[Recording]]] = []
     short = 0
-    for table in read_tables(path):
+    source = file if isinstance(file, Source) else read_source(file)
+    for table in tables_of(source):
         if found and (not any(table.titles[1:]) or table.titles[1:] != found[0][0].titles[1:]):
             continue  # of another kind
         try:

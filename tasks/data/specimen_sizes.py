@@ -97,11 +97,23 @@ def known_sizes(specimen: str, recordings: Sequence[Recording], given: Sizes) ->
             (first, one), (second, other) = ((value, told[value]) for value in (min(told), max(told)))
             problem = f"a {size} of {second:g} mm, but {first:g} mm in {one}, of the same specimen {specimen}"
             raise BadInput(other, problem, f"files of one specimen, or --{size}-mm with --override")
-    if mm["length"] is None and all(recording.motion.quantity is LENGTH for recording in recordings):
-        mm["length"] = float(recordings[0].numbers[0, 1])
-        notes.append(f"gauge length {mm['length']:g} mm, {LIKELY}: the length in the first row")
     proposed = {size: value for one in reversed(recordings) for size, value in sizes_in_name(one.path.stem).items()}
     return Known(mm, tuple(notes), only_given, proposed)
+
+
+def with_first_length(known: Known, recordings: Sequence[Recording], *, certain: bool = False) -> Known:
+    """The sizes with the length in the first row for a gauge length, where the tests hold lengths and nobody tells it.
+
+    ``certain``: raises :class:`BadInput` in place of that.
+    """
+    if known.mm["length"] is not None or any(recording.motion.quantity is not LENGTH for recording in recordings):
+        return known
+    first = float(recordings[0].numbers[0, 1])
+    if certain:
+        problem = f"does not tell the gauge length; {first:g} mm, the length in the first row, is {LIKELY}, not certain"
+        raise BadInput(recordings[0].path, problem, "--length-mm")
+    note = f"gauge length {first:g} mm, {LIKELY}: the length in the first row"
+    return replace(known, mm={**known.mm, "length": first}, notes=(*known.notes, note))
 
 
 def _contradictions(size: str, asked: float, told: Mapping[float, Path], override: bool) -> list[str]:

@@ -76,45 +76,77 @@ class _Run:
     columns: frozenset[int]
 
 
-def read_tables(path: Path) -> Iterator[Table]:
-    """The tables of a file, from top to bottom. Raises :class:`NoTable` if there is none.
+@dataclass(frozen=True)
+class _Page:
+    """The rows of a text or a sheet, each with its number (from 1), and how each reads if it holds ``titles``."""
 
-    Of all separators and decimal marks of a text, those count that give the longest table. A table begins where three
-    rows (or all that are left) have numbers in the same columns, three at least; two, in three rows or more, where no
-    table has three. It ends with the file or sheet, or where titles and units are repeated. Above the tables of a
-    sheet, its header also holds the sheets before it.
+    name: str
+    rows: Sequence[tuple[int, Row]]
+    titles: Sequence[Row]
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """The rows of a file, read once. ``fewest``: columns that a table must have; of several, the first that fits."""
+
+    path: Path
+    pages: tuple[_Page, ...]
+    separator: str
+    decimal: str
+    fewest: tuple[int, ...]
+
+
+def read_source(path: Path) -> Source:
+    """The rows of a file. Raises :class:`NoTable` if a text has no table.
+
+    Of all separators and decimal marks of a text, those count that give the longest table.
     """
-    yield from _tables_of_sheets(path) if is_sheet(path) else _tables_of_text(path)
-
-
-def _tables_of_text(path: Path) -> Iterator[Table]:
+    if is_sheet(path):
+        pages = [(name, _without_blank_end(list(enumerate(texts, start=1)))) for name, texts in read_sheets(path)]
+        sheets = tuple(_Page(name, rows, [row for _, row in rows]) for name, rows in pages)
+        return Source(path, sheets, "", ".", FEWEST_COLUMNS)
     lines = records(read_lines(path))
     separator, decimal, fewest = _layout(path, lines)
-    rows = [(at, tuple(cells(line, separator))) for at, line in lines]
+    rows = _without_blank_end([(at, tuple(cells(line, separator))) for at, line in lines])
     titles = [_title_cells(line, separator) for _, line in lines] if separator == " " else [row for _, row in rows]
-    yield from _tables(path, rows, titles, separator, decimal, fewest)
+    return Source(path, (_Page("", rows, titles),), separator, decimal, (fewest,))
 
 
-def _tables_of_sheets(path: Path) -> Iterator[Table]:
-    for fewest in FEWEST_COLUMNS:
-        before: tuple[Row, ...] = ()
-        found = False
-        for name, texts in read_sheets(path):
-            for table in _tables(path, list(enumerate(texts, start=1)), texts, "", ".", fewest):
-                yield replace(table, header=(*before, *table.header), sheet=name, own=len(before) + table.own)
-                found = True
-            before += tuple(row for row in texts[:HEAD_LINES] if any(row))
-        if found:
-            return
-    raise NoTable(path, "no sheet has a table of numbers", EXPECTED)
-
-
-def _tables(
-    path: Path, rows: list[tuple[int, Row]], titles: Sequence[Row], separator: str, decimal: str, fewest: int
-) -> Iterator[Table]:
-    """The tables of a text or of a sheet; ``titles``: how each row reads if it holds titles."""
+def _without_blank_end(rows: list[tuple[int, Row]]) -> list[tuple[int, Row]]:
     while rows and not any(rows[-1][1]):
         rows.pop()
+    return rows
+
+
+def read_tables(path: Path) -> Iterator[Table]:
+    """The tables of a file, as :func:`tables_of` finds them."""
+    yield from tables_of(read_source(path))
+
+
+def tables_of(source: Source) -> Iterator[Table]:
+    """The tables of a file, from top to bottom. Raises :class:`NoTable` if there is none.
+
+    A table begins where three rows (or all that are left) have numbers in the same columns, three at least; two, in
+    three rows or more, where no table has three. It ends with the file or sheet, or where titles and units are
+    repeated. Above the tables of a sheet, its header also holds the sheets before it.
+    """
+    for fewest in source.fewest:
+        before: tuple[Row, ...] = ()
+        found = False
+        for page in source.pages:
+            for table in _tables(source, page, fewest):
+                found = True
+                own = len(before) + table.own
+                yield replace(table, header=(*before, *table.header), sheet=page.name, own=own) if page.name else table
+            before += tuple(row for _, row in page.rows[:HEAD_LINES] if any(row))
+        if found:
+            return
+    raise NoTable(source.path, "no sheet has a table of numbers", EXPECTED)
+
+
+def _tables(source: Source, page: _Page, fewest: int) -> Iterator[Table]:
+    """The tables of a text or of a sheet."""
+    path, rows, titles, decimal = source.path, page.rows, page.titles, source.decimal
     places: list[tuple[int, int]] = []
     end = 0
     for run in _runs([row for _, row in rows], decimal, fewest):
@@ -135,7 +167,7 @@ def _tables(
         header = tuple(row for _, row in (*rows[:first], *rows[last:top]))
         own = first if last < top or first < top else 0
         title_row = rows[top][0] if head.top >= 0 else 0
-        yield Table(path, header, words, head.units, rows[start:end], separator, decimal, title_row, own=own)
+        yield Table(path, header, words, head.units, rows[start:end], source.separator, decimal, title_row, own=own)
 
 
 def _stops(heads: Sequence[Head]) -> list[int | None]:

@@ -426,6 +426,18 @@ def test_the_first_of_lengths_is_the_gauge_length_if_nobody_says(tmp_path):
     assert new.notes == ("gauge length 12 mm, likely: the length in the first row",)
 
 
+def test_the_first_of_lengths_is_not_certain_to_be_the_gauge_length(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time_s,Length (mm),force_N\n0,12,0\n1,12.1,5\n2,12.2,9\n")
+    told = {"sizes": Sizes(None, 8.0, 4.0), "hints": Hints(displacement_column="2"), "certain": True}
+    with pytest.raises(
+        BadInput, match=r"12 mm, the length in the first row, is likely, not certain; expected --length-mm"
+    ):
+        init([path], tmp_path / "out", **told)
+    made = init([path], tmp_path / "out", **told, answers=Answers(sizes={"a": {"length": 11.0}}))
+    assert made.specimens[0].length_mm == 11.0
+
+
 @pytest.mark.parametrize("header", ["time_s,strain (%),force_N", "time_s,displacement_mm,stress (MPa)"])
 def test_what_needs_a_size_is_refused_without_it(tmp_path, header):
     with pytest.raises(BadInput, match=r"expected --(length|width)-mm"):

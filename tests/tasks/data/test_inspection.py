@@ -8,9 +8,11 @@ from typing import Any
 import pytest
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data import tables
 from sinew.tasks.data.exports import Reading, read_export
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import inspect
+from sinew.tasks.data.text import read_lines
 from tests.conftest import SHARED
 
 EXPORTS = SHARED / "real" / "exports"
@@ -155,6 +157,22 @@ def test_two_columns_without_times_are_asked_for_a_rate(tmp_path):
     found = taken(tmp_path, "Extension (mm),Load (N)\n0,0\n0.1,5\n0.3,9\n")
     assert (found["rows"], found["peak_force_N"], found["first"]) == (3, 9.0, [None, 0.0, 0.0])
     assert found["ask"][0].endswith("--time-column NAME or NUMBER, --rate-hz or --speed")
+
+
+@pytest.mark.parametrize(("told", "title"), [({"speed": 0.1}, "--speed 0.1"), ({"rate_hz": 10.0}, "--rate-hz 10")])
+def test_times_that_are_told_are_said(tmp_path, told, title):
+    taken(tmp_path, "Extension (mm),Load (N)\n0,0\n0.1,5\n0.3,9\n")
+    found = inspect(tmp_path / "export.csv", Reading(hints=Hints(**told))).content()
+    assert (found["time"], found["first"]) == ({"column": title, "unit": "s"}, [0.0, 0.0, 0.0])
+    assert found["remarks"] == [f"times by {title}"]
+
+
+def test_a_file_is_read_once(tmp_path, monkeypatch):
+    reads = []
+    monkeypatch.setattr(tables, "read_lines", lambda path: reads.append(path) or read_lines(path))
+    block = "Time (s),Load (N),Stroke (mm)\n{},1,0\n{},2,1\n{},3,2\n"
+    assert taken(tmp_path, block.format(0, 1, 2) + block.format(3, 4, 5))["specimens"] == 1
+    assert len(reads) == 1
 
 
 def test_lines_that_end_in_two_returns_and_a_feed_are_one(tmp_path):
