@@ -114,6 +114,7 @@ def init(
         ask=_ask if asks else None,
         answers=None if answers is None else read_answers(answers),
         certain=yes,
+        show=_show if asks else None,
     )
     overview = out / OVERVIEW
     drawn = draw_overview(overview, made.specimens)
@@ -188,6 +189,20 @@ def _several(question: str) -> list[str]:
 
 def _is_dialogue() -> bool:
     return sys.stdin.isatty() and sys.stdout.isatty()
+
+
+def _show(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table. Its cells come from files of others: nothing in them steers the terminal."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table as Grid
+
+    grid = Grid(title="what the files are taken for", show_lines=True)
+    for title in titles:
+        grid.add_column(escape(title), overflow="fold")
+    for row in rows:
+        grid.add_row(*(escape(one_line(cell)) for cell in row))
+    Console(highlight=False).print(grid)
 
 
 def _ask(question: str, choices: Sequence[str]) -> str:

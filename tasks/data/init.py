@@ -33,6 +33,7 @@ from sinew.tasks.data.sheets import SUFFIXES
 from sinew.tasks.data.sizes import SIZES
 from sinew.tasks.data.specimen_sizes import Ask, Known, Sizes, ask_for_sizes, known_sizes, with_first_length
 from sinew.tasks.data.tables import NoTable
+from sinew.tasks.data.taken import TITLES, look_at, rows_of, usable
 from sinew.tasks.model import Specimen
 from sinew.tasks.study.workspace import check_folder
 
@@ -60,12 +61,14 @@ def init(
     ask: Ask | None = None,
     answers: Answers | None = None,
     certain: bool = False,
+    show: Callable[[Sequence[str], Sequence[Sequence[str]]], None] | None = None,
 ) -> NewStudy:
     """Write ``out/study.yaml`` and, unless ``files`` is a cohort already, ``out/cohort``. Raises :class:`BadInput`.
 
     ``ask`` is asked for units and sizes that no file tells, and for which ``answers`` have none. Without it, an unknown
     unit is refused, and an unknown size is left to be filled in. What was told is kept in ``out/answers.yaml``.
-    ``certain``: refuse what is only likely, and sizes that nobody tells.
+    ``certain``: refuse what is only likely, and sizes that nobody tells. ``show`` gets the titles and the rows of a
+    table of what each file is taken for, before anything is asked.
     """
     check_folder(out)
     answers = answers or Answers()
@@ -75,11 +78,15 @@ def init(
     if len(files) == 1 and (cohort := _ready_cohort(files[0])) is not None:
         return _study_of_cohort(cohort, out)
     found = find_tables(files)
-    read = read_all(found, with_answers(hints or Hints(), answers.hints), ask)
+    hints, sizes = with_answers(hints or Hints(), answers.hints), sizes or Sizes()
+    looked = {} if show is None else look_at((*found.named, *found.in_folders), hints, sizes)
+    if show is not None:
+        show(TITLES, rows_of(looked, hints))
+    read = read_all(found, hints, ask, usable(looked))
     names = names_of([one.path for one in read.recordings])
     if certain:
         refuse_doubts(read.recordings, names)
-    new = specimens_of(read.recordings, names, sizes or Sizes(), ask, answers.sizes, certain=certain)
+    new = specimens_of(read.recordings, names, sizes, ask, answers.sizes, certain=certain)
     refuse_duplicates([one.specimen for one in new], {one.specimen.name: one.tests[0].path for one in new})
     ranges = first_ranges([one.specimen for one in new if not one.missing])
     out.mkdir(parents=True, exist_ok=True)
@@ -173,14 +180,19 @@ class Read:
     hints: Hints
 
 
-def read_all(files: Files, hints: Hints, ask: Ask | None = None) -> Read:
-    """Every file. A unit that one does not tell is asked for once, and holds for all files that do not tell it."""
+def read_all(
+    files: Files, hints: Hints, ask: Ask | None = None, known: Mapping[Path, Sequence[Recording]] | None = None
+) -> Read:
+    """Every file. A unit that one does not tell is asked for once, and holds for all files that do not tell it.
+
+    ``known``: tests of files that were read already.
+    """
     recordings: list[Recording] = []
     left_out = list(files.left_out)
     for path in (*files.named, *files.in_folders):
         while True:
             try:
-                recordings += read_recordings(path, hints)
+                recordings += (known or {}).get(path) or read_recordings(path, hints)
             except Unclear as unclear:
                 if ask is None:
                     raise

@@ -16,6 +16,7 @@ from sinew.tasks.data.init import Files, find_tables, init, read_all, specimens_
 from sinew.tasks.data.names import names_of
 from sinew.tasks.data.new_study import NewSpecimen
 from sinew.tasks.data.specimen_sizes import Sizes, size_of
+from sinew.tasks.data.text import read_lines
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace
 from tests.tasks.test_pipeline import sinew
@@ -242,6 +243,22 @@ def test_a_person_is_asked(tmp_path):
     assert made.to_fill_in == (tmp_path / "out" / "cohort" / "T1" / "specimen.json",)
     kept = read_answers(tmp_path / "out" / "answers.yaml")
     assert kept == Answers(Hints(force_unit="mN"), {"T1": {"length": 10.0, "width": 8.5}})
+
+
+def test_what_files_are_taken_for_is_shown_before_anything_is_asked_and_they_are_read_once(tmp_path, monkeypatch):
+    reads: list[str] = []
+    monkeypatch.setattr("sinew.tasks.data.tables.read_lines", lambda path: reads.append(path.name) or read_lines(path))
+    paths = [table(tmp_path / "A_relax.csv"), table(tmp_path / "B_relax.csv", "time_s,displacement_mm,force", 2.0)]
+    ask, asked = answers(force="N", length="10 all", width="8 all", thickness="4 all")
+    shown: list[tuple[str, ...]] = []
+
+    def show(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+        assert (asked, titles[0]) == ([], "file")
+        shown.extend(map(tuple, rows))
+
+    init(paths, tmp_path / "out", ask=ask, show=show)
+    assert [(row[0], row[3]) for row in shown] == [("A_relax.csv", "force_N in N"), ("B_relax.csv", "force in ?")]
+    assert reads == ["A_relax.csv", "B_relax.csv", "B_relax.csv", "B_relax.csv"], "those that are asked for, again"
 
 
 def test_answers_are_kept_and_the_same_export_needs_none(tmp_path):
