@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, create_model
 
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.sizes import LONGEST_MM
@@ -24,20 +24,12 @@ class _Sizes(Section):
     thickness_mm: _Millimetres | None = None
 
 
-class _File(Section):
-    """``answers.yaml``: the fields of :class:`Hints`, and the sizes of each specimen."""
-
-    time_column: str | None = None
-    displacement_column: str | None = None
-    force_column: str | None = None
-    time_unit: str | None = None
-    displacement_unit: str | None = None
-    force_unit: str | None = None
-    test_column: str | None = None
-    cycle_column: str | None = None
-    rate_hz: float | None = None
-    speed: float | None = None
+class _WithSpecimens(Section):
     specimens: dict[str, _Sizes] = Field(default_factory=dict)
+
+
+#: ``answers.yaml``: the fields of :class:`Hints`, and the sizes of each specimen.
+_File = create_model("_File", __base__=_WithSpecimens, **{one.name: (one.type, one.default) for one in fields(Hints)})  # type: ignore[call-overload]
 
 
 @dataclass(frozen=True)

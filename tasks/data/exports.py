@@ -10,10 +10,10 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import NAME, refuse_duplicates
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH, TIME
-from sinew.tasks.data.recordings import MOST_STRETCH, Bar, Recording, curve_of, read_recordings, remarks
+from sinew.tasks.data.recordings import MOST_STRETCH, Bar, Recording, as_told, curve_of, read_recordings, remarks
 from sinew.tasks.data.sizes import LARGEST_MM2, LONGEST_MM, SAME, square_side
 from sinew.tasks.data.units import factor, listed
-from sinew.tasks.model import Curve, Specimen
+from sinew.tasks.model import Specimen
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Reading:
 
     ``stress``: the load is a stress of this unit. ``time``: the unit of times without one. ``hints``: further units,
     and columns. ``reference``: stretch at zero displacement. ``length_mm`` (at that stretch) and ``area_mm2`` replace
-    the sizes in the lines above a table. ``tare``: subtract the first force.
+    the sizes in the lines above a table. ``tare``: the force counts from its first value.
     """
 
     stress: str | None = None
@@ -50,12 +50,15 @@ class Reading:
                 raise BadInput(option, shown(short), f"one of {', '.join(listed(known))}")
             if short is not None and long not in (None, short):
                 raise BadInput(option, f"{short}, but {long_option} says {shown(long)}", "one and the same unit")
+        if self.tare and self.hints.zero_force == "none":
+            raise BadInput("--tare", "given together with --zero-force none", "one of them")
 
     @property
     def all_hints(self) -> Hints:
-        """``hints`` with the units of time and stress."""
+        """``hints`` with the units of time and stress, and whether the force counts from its first value."""
         time_unit, force_unit = self.time or self.hints.time_unit, self.stress or self.hints.force_unit
-        return replace(self.hints, time_unit=time_unit, force_unit=force_unit)
+        zero_force = "first" if self.tare else self.hints.zero_force
+        return replace(self.hints, time_unit=time_unit, force_unit=force_unit, zero_force=zero_force)
 
 
 @dataclass(frozen=True)
@@ -131,7 +134,8 @@ def _plain(recording: Recording) -> str:
 
 
 def _read(path: Path, reading: Reading) -> list[Recording]:
-    return read_recordings(path, reading.all_hints, first_of_alike=True)
+    hints = reading.all_hints
+    return [as_told(one, hints) for one in read_recordings(path, hints, first_of_alike=True)]
 
 
 def _specimen(recording: Recording, protocol: str | None, name: str | None, reading: Reading) -> Specimen:
@@ -139,8 +143,6 @@ def _specimen(recording: Recording, protocol: str | None, name: str | None, read
     labels = [row[0].rpartition(":")[2].lower() for row in recording.header if row]
     usual = "relaxation" if any("hold" in label for label in labels) else "test"
     curve = curve_of(recording, bar, protocol or usual, reference=reading.reference)
-    if reading.tare:
-        curve = Curve(curve.protocol, curve.force_N - curve.force_N[0])
     return Specimen(name or _plain(recording), bar.length_mm, bar.width_mm, bar.thickness_mm, (curve,))
 
 

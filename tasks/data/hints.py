@@ -1,10 +1,13 @@
 """What a person says of a file: its columns, the units that it does not tell, and how its times run."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.timing import Timing
+
+Zero = Literal["first", "none"]
+Negate = Literal["none", "displacement", "force", "both"]
 
 
 @dataclass(frozen=True)
@@ -13,6 +16,8 @@ class Hints:
 
     ``force_unit`` may be a unit of stress; the load is a stress then. ``test_column`` tells the tests of a table apart,
     ``cycle_column`` its cycles, if their times start again. ``rate_hz`` and ``speed``: see :class:`Timing`.
+    ``zero_displacement`` and ``zero_force``: whether each counts from its ``first`` value. ``negate``: which of
+    them get the other sign.
     """
 
     time_column: str | None = None
@@ -25,6 +30,9 @@ class Hints:
     cycle_column: str | None = None
     rate_hz: float | None = None
     speed: float | None = None
+    zero_displacement: Zero | None = None
+    zero_force: Zero | None = None
+    negate: Negate | None = None
 
     def __post_init__(self) -> None:
         """Raises :class:`BadInput` for a rate or a speed that is impossible."""
@@ -40,7 +48,7 @@ class Hints:
     def timing(self) -> Timing:
         return Timing(self.rate_hz, self.speed)
 
-    def answered(self, option: str, unit: str) -> "Hints":
-        """The same, with the answer to an :class:`UnknownUnit`."""
-        told: dict[str, Any] = {option.removeprefix("--").replace("-", "_"): unit}
+    def answered(self, option: str, answer: str) -> "Hints":
+        """The same, with the answer to a question."""
+        told: dict[str, Any] = {option.removeprefix("--").replace("-", "_"): answer}
         return replace(self, **told)

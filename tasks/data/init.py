@@ -13,7 +13,7 @@ from pathlib import Path
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.answers import Answers, with_answers, write_answers
 from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, visible, write_cohort
-from sinew.tasks.data.columns import LIKELY, NoColumn, UnknownUnit
+from sinew.tasks.data.columns import LIKELY, NoColumn
 from sinew.tasks.data.first_ranges import first_ranges
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.names import UNSURE, FileName, names_of, of_test
@@ -27,11 +27,13 @@ from sinew.tasks.data.new_study import (
     write_study,
 )
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH
-from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings, remarks
+from sinew.tasks.data.questions import Unclear
+from sinew.tasks.data.recordings import Bar, Recording, as_told, curve_of, read_recordings, remarks
 from sinew.tasks.data.sheets import SUFFIXES
 from sinew.tasks.data.sizes import SIZES
-from sinew.tasks.data.specimen_sizes import Ask, Known, Sizes, ask_for_sizes, known_sizes
+from sinew.tasks.data.specimen_sizes import Ask, Known, Sizes, ask_for_sizes, known_sizes, with_first_length
 from sinew.tasks.data.tables import NoTable
+from sinew.tasks.data.taken import TITLES, look_at, rows_of, usable
 from sinew.tasks.model import Specimen
 from sinew.tasks.study.workspace import check_folder
 
@@ -59,12 +61,14 @@ def init(
     ask: Ask | None = None,
     answers: Answers | None = None,
     certain: bool = False,
+    show: Callable[[Sequence[str], Sequence[Sequence[str]]], None] | None = None,
 ) -> NewStudy:
     """Write ``out/study.yaml`` and, unless ``files`` is a cohort already, ``out/cohort``. Raises :class:`BadInput`.
 
     ``ask`` is asked for units and sizes that no file tells, and for which ``answers`` have none. Without it, an unknown
     unit is refused, and an unknown size is left to be filled in. What was told is kept in ``out/answers.yaml``.
-    ``certain``: refuse what is only likely, and sizes that nobody tells.
+    ``certain``: refuse what is only likely, and sizes that nobody tells. ``show`` gets the titles and the rows of a
+    table of what each file is taken for, before anything is asked.
     """
     check_folder(out)
     answers = answers or Answers()
@@ -74,13 +78,15 @@ def init(
     if len(files) == 1 and (cohort := _ready_cohort(files[0])) is not None:
         return _study_of_cohort(cohort, out)
     found = find_tables(files)
-    read = read_all(found, with_answers(hints or Hints(), answers.hints), ask)
+    hints, sizes = with_answers(hints or Hints(), answers.hints), sizes or Sizes()
+    looked = {} if show is None else look_at((*found.named, *found.in_folders), hints, sizes)
+    if show is not None:
+        show(TITLES, rows_of(looked, hints))
+    read = read_all(found, hints, ask, usable(looked))
     names = names_of([one.path for one in read.recordings])
     if certain:
         refuse_doubts(read.recordings, names)
-    new = specimens_of(read.recordings, names, sizes or Sizes(), ask, answers.sizes)
-    if certain:
-        refuse_unknown_sizes(new)
+    new = specimens_of(read.recordings, names, sizes, ask, answers.sizes, certain=certain)
     refuse_duplicates([one.specimen for one in new], {one.specimen.name: one.tests[0].path for one in new})
     ranges = first_ranges([one.specimen for one in new if not one.missing])
     out.mkdir(parents=True, exist_ok=True)
@@ -174,19 +180,24 @@ class Read:
     hints: Hints
 
 
-def read_all(files: Files, hints: Hints, ask: Ask | None = None) -> Read:
-    """Every file. A unit that one does not tell is asked for once, and holds for all files that do not tell it."""
+def read_all(
+    files: Files, hints: Hints, ask: Ask | None = None, known: Mapping[Path, Sequence[Recording]] | None = None
+) -> Read:
+    """Every file. A unit that one does not tell is asked for once, and holds for all files that do not tell it.
+
+    ``known``: tests of files that were read already.
+    """
     recordings: list[Recording] = []
     left_out = list(files.left_out)
     for path in (*files.named, *files.in_folders):
         while True:
             try:
-                recordings += read_recordings(path, hints)
-            except UnknownUnit as unknown:
+                recordings += (known or {}).get(path) or read_recordings(path, hints)
+            except Unclear as unclear:
                 if ask is None:
                     raise
-                question = f"{unknown.quantity} in {path.name}: which unit? (for all files that do not say)"
-                hints = hints.answered(unknown.option, ask(question, unknown.choices))
+                question = f"{unclear.what} in {path.name}: {unclear.which}"
+                hints = hints.answered(unclear.option, ask(question, unclear.choices))
                 continue
             except (NoTable, NoColumn) as none:
                 if path in files.named or (isinstance(none, NoColumn) and not none.alone):
@@ -196,7 +207,20 @@ def read_all(files: Files, hints: Hints, ask: Ask | None = None) -> Read:
     if not recordings:
         path, problem = left_out[-1]
         raise BadInput(path, problem, "at least one file with a table of numbers")
+    recordings, hints = _settled(recordings, hints, ask)
     return Read(recordings, left_out, hints)
+
+
+def _settled(recordings: Sequence[Recording], hints: Hints, ask: Ask | None) -> tuple[list[Recording], Hints]:
+    """The recordings counted as ``hints`` and the answers to their doubts say, each asked once, for all files."""
+    while True:
+        found = [as_told(one, hints) for one in recordings]
+        first = next(((one, one.doubts[0]) for one in found if one.doubts), None)
+        if ask is None or first is None:
+            return found, hints
+        one, doubt = first
+        question = f"{one.path.name}: {doubt.text}; {doubt.question} (for all files)"
+        hints = hints.answered(doubt.option, ask(question, doubt.choices))
 
 
 # ---- specimens
@@ -208,8 +232,13 @@ def specimens_of(
     sizes: Sizes,
     ask: Ask | None = None,
     answers: Mapping[str, Mapping[str, float]] | None = None,
+    *,
+    certain: bool = False,
 ) -> list[NewSpecimen]:
-    """Recordings grouped by specimen, with their sizes; ``answers``: earlier ones (mm). Raises :class:`BadInput`."""
+    """Recordings grouped by specimen, with their sizes; ``answers``: earlier ones (mm). Raises :class:`BadInput`.
+
+    ``certain``: refuse a size that is only likely, and one that nobody tells.
+    """
     grouped: dict[str, list[ReadFile]] = {}
     for recording in recordings:
         name = of_test(names[recording.path], recording.test)
@@ -220,10 +249,15 @@ def specimens_of(
         ours.append(ReadFile(recording, name))
     tests = dict(sorted(grouped.items()))
     known = {name: known_sizes(name, [one.recording for one in each], sizes) for name, each in tests.items()}
-    known = {name: _with_answers(one, (answers or {}).get(name, {})) for name, one in known.items()}
+    for specimen, each in tests.items():
+        answered = _with_answers(known[specimen], (answers or {}).get(specimen, {}))
+        known[specimen] = with_first_length(answered, [one.recording for one in each], certain=certain)
     if ask is not None:
         known = ask_for_sizes(known, ask)
-    return [_specimen(name, each, known[name]) for name, each in tests.items()]
+    new = [_specimen(name, each, known[name]) for name, each in tests.items()]
+    if certain:
+        refuse_unknown_sizes(new)
+    return new
 
 
 def _with_answers(known: Known, answers: Mapping[str, float]) -> Known:
@@ -233,7 +267,7 @@ def _with_answers(known: Known, answers: Mapping[str, float]) -> Known:
 
 
 def _specimen(name: str, tests: Sequence[ReadFile], known: Known) -> NewSpecimen:
-    notes = list(known.notes)
+    notes = [*known.notes, *known.proposals]
     for test in tests:
         _check_sizes(test.recording, known.mm)
         notes += [f"{test.path.name}: {remark}" for remark in remarks(test.recording)]
@@ -246,12 +280,14 @@ def _specimen(name: str, tests: Sequence[ReadFile], known: Known) -> NewSpecimen
 
 
 def refuse_doubts(recordings: Sequence[Recording], names: Mapping[Path, FileName]) -> None:
-    """Raises :class:`BadInput` for the first column or name that is not certain, with the option that confirms it."""
+    """Raises :class:`BadInput` for the first column, zero, sign or name that is not certain, with the option for it."""
     for recording in recordings:
         for column, option in zip(recording.columns, ("time", "displacement", "force"), strict=True):
             if column.how == LIKELY:
                 problem = f"{column.quantity.name} from {shown(column.title)} is likely, not certain"
                 raise BadInput(recording.path, problem, f"--{option}-column {shown(column.title)} to confirm it")
+        for doubt in recording.doubts:
+            raise BadInput(recording.path, doubt.text, doubt.remedy)
         if names[recording.path].how == UNSURE:
             raise BadInput(recording.path, "a number may be a specimen's or a trial's", "a name SPECIMEN_PROTOCOL")
 

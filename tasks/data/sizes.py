@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from sinew.tasks.data import units, words
-from sinew.tasks.data.tables import Row, is_row_of_units
+from sinew.tasks.data.heads import Row, is_row_of_units
 
 SIZES = ("length", "width", "thickness")
 SAME = 1e-3  # two statements of a size that differ by less agree: 10 mm and 10.0005 mm

@@ -37,6 +37,8 @@ def test_what_is_given_now_goes_before_answers():
         ("specimens: {T1: {length_mm: 0}}", "specimens.T1.length_mm"),
         ("specimens: {T1: {length_mm: ten}}", "specimens.T1.length_mm"),
         ("rate_hz: -1", "--rate-hz: -1"),
+        ("negate: everything", "negate"),
+        ("zero_force: 3", "zero_force"),
         ("- a", "not a mapping"),
         ("a: !!python/object:os.system x", "the tag"),
     ],
