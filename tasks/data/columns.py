@@ -31,7 +31,6 @@ from sinew.tasks.data.titles import name_and_unit, without_numbers, without_suff
 
 NOWHERE = -1
 SURE, LIKELY, GIVEN = "sure", "likely", "as you said"
-_COMMON_TITLES = 6  # the first titles of a quantity leave no doubt
 
 
 class NoColumn(BadInput):
@@ -286,7 +285,10 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
     rank, place, quantity = min(found, key=lambda one: one[:2])
     machine = (DISPLACEMENT, POSITION) if named[place][0] in words.EXTENSOMETER else ()
     others = {other for same, other, one in found if same == rank or one in machine} - {place}
-    sure = len(found) == 1 and rank[-1] < _COMMON_TITLES and quantity in (TIME, DISPLACEMENT, FORCE)
+    title = named[place][0]
+    doubtful = title.startswith("(") or title in words.DOUBTFUL or quantity not in (TIME, DISPLACEMENT, FORCE)
+    rivals = [one for *_, one in found if quantity is not FORCE or one is FORCE]  # a stress beside it is its own
+    sure = len(rivals) == 1 and not doubtful
     return _Choice(quantity, place, SURE if sure else LIKELY, tuple(sorted(others)))
 
 

@@ -81,6 +81,14 @@ COMPRESSION = (
 #: Beside one of them, the line tells nothing: "tension/compression load cell".
 TENSION = ("tension", "tensile", "traction", "zug", "tracción", "trazione", "拉", "引張", "인장")
 
+#: Titles of times, displacements and forces that also mean something else: a column may hold another quantity.
+DOUBTFUL = frozenset({
+    "step time", "scan time", "tempo", "laufzeit",
+    "deformation", "compression", "indentation", "distance", "travel", "course", "carrera", "corsa", "recorrido", "u",
+    "d", "dl", "δl", "maschine", "stroke", "ストローク", "行程",
+    "f", "p", "rf", "last", "charge", "effort", "carga", "carico", "load cell", "normal force", "压力", "负载", "하중",
+})  # fmt: skip
+
 #: Titles of columns that tell the tests of one table apart.
 TESTS = (
     "id", "test", "test id", "test no", "test number", "specimen", "specimen id", "specimen no", "specimen name",

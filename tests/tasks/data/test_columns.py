@@ -131,7 +131,16 @@ def test_a_unit_that_may_be_milli_or_mega_is_asked(title):
 def test_displacement_goes_before_strain_and_force_before_stress():
     found = columns("Stress (MPa)|Strain (%)|Time (s)|Load (N)|Extension (mm)")
     assert [column.place for column in found] == [2, 4, 3]
-    assert [column.how for column in found] == ["sure", "likely", "likely"]
+    assert [column.how for column in found] == ["sure", "likely", "sure"], "the strain may be an extensometer's"
+
+
+@pytest.mark.parametrize(
+    ("title", "how"),
+    [("Standardweg (mm)", "sure"), ("Axial Displacement (mm)", "sure"), ("横梁位移(mm)", "sure"),
+     ("Maschine (mm)", "likely"), ("u (mm)", "likely"), ("Deformation (mm)", "likely")],
+)  # fmt: skip
+def test_a_title_that_means_one_thing_is_sure(title, how):
+    assert columns(f"Running Time (s)|{title}|Axial Force (kN)")[1].how == how
 
 
 def test_of_one_quantity_a_column_with_a_unit_goes_first():

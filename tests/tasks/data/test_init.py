@@ -55,7 +55,7 @@ def test_the_study_runs_as_it_is(tmp_path, capsys, monkeypatch):
     sinew("init", tmp_path / "T1_relax.csv", "--out", tmp_path / "out", *BAR_OPTIONS)
     said = capsys.readouterr().out
     assert "specimen T1: 10 x 8 x 4 mm" in said
-    assert "displacement from 'Standardweg [um]' in um (likely)" in said
+    assert "displacement from 'Standardweg [um]' in um (sure)" in said
     assert said.splitlines()[-1] == f"next: sinew run {study}"
     (curve,) = read_cohort(tmp_path / "out" / "cohort").specimens[0].curves
     np.testing.assert_allclose(curve.force_N[-1], 80_000)
@@ -306,8 +306,8 @@ def test_a_study_that_needed_no_answers_keeps_none(tmp_path):
 @pytest.mark.parametrize(
     ("header", "words"),
     [
-        ("time_s,Standardweg_mm,force_N", "displacement from 'Standardweg_mm' is likely, not certain; expected "
-         "--displacement-column 'Standardweg_mm' to confirm it"),
+        ("time_s,Deformation_mm,force_N", "displacement from 'Deformation_mm' is likely, not certain; expected "
+         "--displacement-column 'Deformation_mm' to confirm it"),
         ("time_s,displacement_mm,force_N", "does not tell the length of T1; expected --length-mm"),
     ],
 )  # fmt: skip

@@ -91,7 +91,7 @@ def test_what_was_guessed_is_said(tmp_path):
     assert list(describe([known])) == [
         "specimen T1: 10 x 8 x 4 mm (length x width x thickness)",
         f"  {path}: protocol relax (likely); time from 'Time (min)' in min (sure), "
-        "displacement from 'Standardweg [um]' in um (likely), force from 'Load (kN)' in kN (sure)",
+        "displacement from 'Standardweg [um]' in um (sure), force from 'Load (kN)' in kN (sure)",
         "    3 points, 660 s, displacement 0 to 0.4 mm (strain to 4 %), force 0 to 8e+04 N, loaded at 6.06e-05 1/s",
         "    left out: SD",
         "    a note",
