@@ -15,7 +15,7 @@ from sinew.runner.store.segment import Segment
 from sinew.runner.store.store import Store, open_store
 from sinew.tasks import pipeline
 from sinew.tasks.benchmark.answers import read_answers as hidden_answers
-from sinew.tasks.cli.look import Rows, look
+from sinew.tasks.cli.watch_state import Rows, look
 from sinew.tasks.cluster.profile import read_profile
 from sinew.tasks.data.answers import read_answers
 from sinew.tasks.data.cohort import read_cohort

@@ -13,7 +13,7 @@ from sinew.runner.cluster.job_table import JobTable
 from sinew.runner.errors import SinewError
 from sinew.runner.progress import PROGRESS, read_progress
 from sinew.runner.store.planned import PlannedRows
-from sinew.tasks.cli.look import _logged_tasks
+from sinew.tasks.cli.watch_state import _logged_tasks
 from sinew.tasks.cluster.profile import read_profile
 from sinew.tasks.data.cohort import read_cohort
 from sinew.tasks.data.exports import read_export
