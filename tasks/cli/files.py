@@ -5,7 +5,7 @@ import math
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,6 +16,9 @@ from sinew.tasks.cli.terminal import (
     command_line,
     say_next,
 )
+
+if TYPE_CHECKING:
+    from sinew.tasks.data.init import NewStudy
 
 
 def _column_options(function: Callable[..., None]) -> Callable[..., None]:
@@ -103,7 +106,6 @@ def init(
     from sinew.tasks.data.hints import Hints
     from sinew.tasks.data.init import OVERVIEW
     from sinew.tasks.data.init import init as make
-    from sinew.tasks.data.overview import draw_overview
     from sinew.tasks.data.specimen_sizes import Sizes
 
     made = make(
@@ -116,7 +118,13 @@ def init(
         certain=yes,
         show=_show if asks else None,
     )
-    overview = out / OVERVIEW
+    _tell(made, out / OVERVIEW, as_json=as_json)
+
+
+def _tell(made: "NewStudy", overview: Path, *, as_json: bool) -> None:
+    """Say what was made, and draw it."""
+    from sinew.tasks.data.overview import draw_overview
+
     drawn = draw_overview(overview, made.specimens)
     if as_json:
         fill_in = [str(path) for path in made.to_fill_in]
@@ -193,9 +201,10 @@ def _is_dialogue() -> bool:
 
 def _show(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a table. Its cells come from files of others: nothing in them steers the terminal."""
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table as Grid
+
+    from sinew.runner.console import Console
 
     grid = Grid(title="what the files are taken for", show_lines=True)
     for title in titles:

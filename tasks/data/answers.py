@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, create_model
 
@@ -24,20 +24,29 @@ class _Sizes(Section):
     thickness_mm: _Millimetres | None = None
 
 
-class _WithSpecimens(Section):
+_HINTS: Any = {one.name: (one.type, one.default) for one in fields(Hints)}
+_Hints = create_model("_Hints", __base__=Section, **_HINTS)
+
+
+class _Rest(Section):
+    answered: Any = None
     specimens: dict[str, _Sizes] = Field(default_factory=dict)
 
 
-#: ``answers.yaml``: the fields of :class:`Hints`, and the sizes of each specimen.
-_File = create_model("_File", __base__=_WithSpecimens, **{one.name: (one.type, one.default) for one in fields(Hints)})  # type: ignore[call-overload]
+#: ``answers.yaml``: the fields of :class:`Hints` for all files, the same for questions, and sizes of each specimen.
+_File = create_model("_File", __base__=_Rest, answered=(_Hints, Field(default_factory=_Hints)), **_HINTS)
 
 
 @dataclass(frozen=True)
 class Answers:
-    """``hints`` for all files, and sizes (mm) by specimen and name (``length``, ``width``, ``thickness``)."""
+    """``hints`` for all files, and sizes (mm) by specimen and name (``length``, ``width``, ``thickness``).
+
+    ``answered``: what holds for files that ask for it, and for no others.
+    """
 
     hints: Hints = field(default_factory=Hints)
     sizes: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    answered: Hints = field(default_factory=Hints)
 
 
 def read_answers(path: Path) -> Answers:
@@ -47,16 +56,22 @@ def read_answers(path: Path) -> Answers:
         name: {size.removesuffix("_mm"): value for size, value in one.model_dump(exclude_none=True).items()}
         for name, one in found.specimens.items()
     }
-    return Answers(Hints(**found.model_dump(exclude={"specimens"})), sizes)
+    told = found.model_dump()
+    return Answers(Hints(**{name: told[name] for name in _HINTS}), sizes, Hints(**told["answered"]))
 
 
 def write_answers(path: Path, answers: Answers) -> None:
     """Keep answers for the next time; nothing is written if there are none."""
-    content: dict[str, object] = {name: value for name, value in asdict(answers.hints).items() if value is not None}
+    content: dict[str, object] = dict(_told(answers.hints))
+    content |= {"answered": answered} if (answered := _told(answers.answered)) else {}
     sizes = {name: {f"{size}_mm": value for size, value in one.items()} for name, one in answers.sizes.items() if one}
     content |= {"specimens": sizes} if sizes else {}
     if content:
         write_settings(path, HEAD.format(name=path.name), content)
+
+
+def _told(hints: Hints) -> dict[str, object]:
+    return {name: value for name, value in asdict(hints).items() if value is not None}
 
 
 def with_answers(hints: Hints, answers: Hints) -> Hints:

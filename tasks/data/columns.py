@@ -130,7 +130,7 @@ def _which_of(table: Table, titles: Row, choice: _Choice, role: _Role) -> Unclea
         f"{listed} may both be the {choice.quantity.name}",
         f"{option}, one of {', '.join(map(shown, choices))}",
         what=choice.quantity.name,
-        which="which column? (for all files)",
+        which="which column?",
         option=option,
         choices=choices,
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import NAME, refuse_duplicates
+from sinew.tasks.data.columns import LIKELY
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH, TIME
 from sinew.tasks.data.recordings import MOST_STRETCH, Bar, Recording, as_told, curve_of, read_recordings, remarks
@@ -115,7 +116,7 @@ def read_exports(
         parts.append(part)
         where = f"{part.name}/{part.curves[0].name}"
         spreads |= {where: recording.spreads} if recording.spreads else {}
-        found = [*remarks(recording), *_replaced(recording, part, reading)]
+        found = [*remarks(recording), *first_length(recording, reading), *_replaced(recording, part, reading)]
         noticed |= {where: tuple(found)} if found else {}
     sources = [recording.path for recording in recordings]
     if specimen is not None:
@@ -159,6 +160,12 @@ def _bar(recording: Recording, reading: Reading) -> Bar:
     else:
         return Bar(length, _size(recording, "width", "--area-mm2"), _size(recording, "thickness", "--area-mm2"))
     return Bar(length, side, side)
+
+
+def first_length(recording: Recording, reading: Reading) -> Iterator[str]:
+    """A remark where the length in the first row serves as gauge length."""
+    if reading.length_mm is None and "length" not in recording.sizes and recording.motion.quantity is LENGTH:
+        yield f"gauge length {_length(recording):g} mm, {LIKELY}: the length in the first row"
 
 
 def _replaced(recording: Recording, part: Specimen, reading: Reading) -> Iterator[str]:

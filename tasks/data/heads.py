@@ -14,6 +14,7 @@ NAMED = 2  # of time, motion and load, that a row of titles names where other ro
 Row = tuple[str, ...]
 #: "d", "°C" or "mm/min", among units that are known.
 _UNKNOWN_UNIT = re.compile(r"[A-Za-z°µ%/²³]{1,3}|[A-Za-z°µ%]{1,3}/[A-Za-z]{1,3}")
+_SIGNAL = re.compile(r"Sig\d{1,3}\Z")
 #: What stands in front of a row of titles and of a row of units, as LabChart and DIAdem write it.
 _TITLE_LABELS = (
     "channeltitle", "channel title", "channel name", "channel", "channels", "name", "names", "title", "titles",
@@ -40,9 +41,9 @@ def head_of(rows: Sequence[Row], at: int) -> Head:
     """
     if at < 0:
         return Head()
-    labelled = _labelled(rows, at)
-    if labelled is not None:
-        return labelled
+    told = _labelled(rows, at) or _listed(rows, at)
+    if told is not None:
+        return told
     above = at - 1 if at > 0 and any(rows[at - 1]) else _next_above(rows, at)
     if is_row_of_units(rows[at]) and above == at - 1 >= 0:
         return Head(rows[above], rows[at], above)
@@ -67,6 +68,16 @@ def _labelled(rows: Sequence[Row], at: int) -> Head | None:
     if titles < 0 or units < 0:
         return None
     return Head(("", *rows[titles][1:]), ("", *rows[units][1:]), min(titles, units))
+
+
+def _listed(rows: Sequence[Row], at: int) -> Head | None:
+    """Titles from rows with one each, as DMA and rheometers of TA Instruments list them: ``Sig1  Time (min)``."""
+    if rows[at][0].casefold() != "startofdata":
+        return None
+    found = {row[0]: (place, row[1]) for place, row in enumerate(rows[:at]) if len(row) > 1 and _SIGNAL.match(row[0])}
+    if not found:
+        return None
+    return Head(tuple(title for _, title in found.values()), (), min(place for place, _ in found.values()))
 
 
 def is_label(row: Row) -> bool:

@@ -48,7 +48,15 @@ class Hints:
     def timing(self) -> Timing:
         return Timing(self.rate_hz, self.speed)
 
+    def of(self, option: str) -> Any:
+        """What is told of an option."""
+        return getattr(self, _field(option))
+
     def answered(self, option: str, answer: str) -> "Hints":
         """The same, with the answer to a question."""
-        told: dict[str, Any] = {option.removeprefix("--").replace("-", "_"): answer}
+        told: dict[str, Any] = {_field(option): answer}
         return replace(self, **told)
+
+
+def _field(option: str) -> str:
+    return option.removeprefix("--").replace("-", "_")

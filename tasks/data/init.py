@@ -27,12 +27,12 @@ from sinew.tasks.data.new_study import (
     write_study,
 )
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH
-from sinew.tasks.data.questions import Unclear
+from sinew.tasks.data.questions import Doubt, Unclear
 from sinew.tasks.data.recordings import Bar, Recording, as_told, curve_of, read_recordings, remarks
 from sinew.tasks.data.sheets import SUFFIXES
 from sinew.tasks.data.sizes import SIZES
 from sinew.tasks.data.specimen_sizes import Ask, Known, Sizes, ask_for_sizes, known_sizes, with_first_length
-from sinew.tasks.data.tables import NoTable
+from sinew.tasks.data.tables import NoTable, read_source
 from sinew.tasks.data.taken import TITLES, look_at, rows_of, usable
 from sinew.tasks.model import Specimen
 from sinew.tasks.study.workspace import check_folder
@@ -82,7 +82,7 @@ def init(
     looked = {} if show is None else look_at((*found.named, *found.in_folders), hints, sizes)
     if show is not None:
         show(TITLES, rows_of(looked, hints))
-    read = read_all(found, hints, ask, usable(looked))
+    read = read_all(found, hints, ask, answered=answers.answered, known=usable(looked))
     names = names_of([one.path for one in read.recordings])
     if certain:
         refuse_doubts(read.recordings, names)
@@ -98,7 +98,8 @@ def init(
             leave_open(path, one.missing)
             to_fill_in.append(path)
     study = write_study(out, "cohort", [one.specimen for one in new], ranges)
-    write_answers(out / ANSWERS, Answers(read.hints, {one.specimen.name: one.told for one in new}))
+    sizes_told = {one.specimen.name: one.told for one in new}
+    write_answers(out / ANSWERS, Answers(hints, sizes_told, read.answered))
     lines = (*describe(new), *ranges.lines, *describe_left_out(read.left_out))
     return NewStudy(study, lines, tuple(to_fill_in), tuple(one.specimen for one in new))
 
@@ -173,54 +174,85 @@ def _walk(folder: Path, wanted: Callable[[Path], bool], depth: int = DEEPEST) ->
 
 @dataclass(frozen=True)
 class Read:
-    """Tests of all files, files that are left out (in folders, without a table of a test), and all that was told."""
+    """Tests of all files, files that are left out (in folders, without a table of a test), and what was answered."""
 
     recordings: Sequence[Recording]
     left_out: Sequence[LeftOut]
-    hints: Hints
+    answered: Hints
+
+
+@dataclass
+class _Person:
+    """Who answers a question once for all files that ask it. ``answered``: so far; ``ask``: None if nobody is there."""
+
+    ask: Ask | None
+    answered: Hints
+
+    def answer(self, where: Path, what: Unclear | Doubt) -> str | None:
+        """The answer to a question on a file; None if nobody can give it."""
+        known = self.answered.of(what.option)
+        if known in what.choices:
+            return str(known)
+        if self.ask is None:
+            return None
+        answer = self.ask(what.question_on(where.name), what.choices)
+        self.answered = self.answered.answered(what.option, answer)
+        return answer
 
 
 def read_all(
-    files: Files, hints: Hints, ask: Ask | None = None, known: Mapping[Path, Sequence[Recording]] | None = None
+    files: Files,
+    hints: Hints,
+    ask: Ask | None = None,
+    *,
+    answered: Hints | None = None,
+    known: Mapping[Path, Sequence[Recording]] | None = None,
 ) -> Read:
-    """Every file. A unit that one does not tell is asked for once, and holds for all files that do not tell it.
+    """Every file. What one does not tell is asked for once, and holds for all files that do not tell it.
 
-    ``known``: tests of files that were read already.
+    ``hints`` hold for all files, ``answered`` for those that ask. ``known``: tests of files that were read already.
     """
     recordings: list[Recording] = []
     left_out = list(files.left_out)
+    person = _Person(ask, answered or Hints())
     for path in (*files.named, *files.in_folders):
-        while True:
-            try:
-                recordings += (known or {}).get(path) or read_recordings(path, hints)
-            except Unclear as unclear:
-                if ask is None:
-                    raise
-                question = f"{unclear.what} in {path.name}: {unclear.which}"
-                hints = hints.answered(unclear.option, ask(question, unclear.choices))
-                continue
-            except (NoTable, NoColumn) as none:
-                if path in files.named or (isinstance(none, NoColumn) and not none.alone):
-                    raise
-                left_out.append((path, none.problem))
-            break
+        try:
+            found, told = ((known or {}).get(path), hints)
+            if found is None:
+                found, told = _read(path, hints, person)
+        except (NoTable, NoColumn) as none:
+            if path in files.named or (isinstance(none, NoColumn) and not none.alone):
+                raise
+            left_out.append((path, none.problem))
+            continue
+        recordings += [_settled(one, told, person) for one in found]
     if not recordings:
         path, problem = left_out[-1]
         raise BadInput(path, problem, "at least one file with a table of numbers")
-    recordings, hints = _settled(recordings, hints, ask)
-    return Read(recordings, left_out, hints)
+    return Read(recordings, left_out, person.answered)
 
 
-def _settled(recordings: Sequence[Recording], hints: Hints, ask: Ask | None) -> tuple[list[Recording], Hints]:
-    """The recordings counted as ``hints`` and the answers to their doubts say, each asked once, for all files."""
+def _read(path: Path, hints: Hints, person: _Person) -> tuple[Sequence[Recording], Hints]:
+    """The tests in a file, and the hints with the answers that it needs."""
+    source = read_source(path)
     while True:
-        found = [as_told(one, hints) for one in recordings]
-        first = next(((one, one.doubts[0]) for one in found if one.doubts), None)
-        if ask is None or first is None:
-            return found, hints
-        one, doubt = first
-        question = f"{one.path.name}: {doubt.text}; {doubt.question} (for all files)"
-        hints = hints.answered(doubt.option, ask(question, doubt.choices))
+        try:
+            return read_recordings(source, hints), hints
+        except Unclear as unclear:
+            answer = person.answer(path, unclear)
+            if answer is None:
+                raise
+            hints = hints.answered(unclear.option, answer)
+
+
+def _settled(recording: Recording, hints: Hints, person: _Person) -> Recording:
+    """The recording counted as ``hints`` and the answers to its doubts say."""
+    while True:
+        found = as_told(recording, hints)
+        answer = person.answer(recording.path, found.doubts[0]) if found.doubts else None
+        if answer is None:
+            return found
+        hints = hints.answered(found.doubts[0].option, answer)
 
 
 # ---- specimens

@@ -10,7 +10,7 @@ import numpy as np
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.columns import Column, partly
-from sinew.tasks.data.exports import Reading
+from sinew.tasks.data.exports import Reading, first_length
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
@@ -100,7 +100,7 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     below, times = _below(table, columns, numbers[:rows, 0], hints)
     recordings, refusal = ((), ()) if problems or times else _as_read(source, hints)
     told = [as_told(one, hints) for one in recordings]
-    notes = tuple(dict.fromkeys(remark for one in told for remark in remarks(one)))
+    notes = tuple(dict.fromkeys(remark for one in told for remark in (*remarks(one), *first_length(one, reading))))
     if recordings and columns[0] is None:  # a person has told how times run
         columns = recordings[0].columns
         numbers[0, 0] = recordings[0].numbers[0, 0]

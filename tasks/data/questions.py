@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 from sinew.runner.errors import BadInput
 
+FOR_ALL_ALIKE = "(for all files that do not say)"  # behind a question
+
 
 class Unclear(BadInput):
     """A file that cannot be read without an answer: ``what`` is asked for, and ``which`` one of the ``choices`` it is.
@@ -18,6 +20,10 @@ class Unclear(BadInput):
         super().__init__(where, problem, expected)
         self.what, self.which, self.option, self.choices = what, which, option, tuple(choices)
 
+    def question_on(self, file: str) -> str:
+        """The question on one file, for a person."""
+        return f"{self.what} in {file}: {self.which} {FOR_ALL_ALIKE}"
+
 
 class UnknownUnit(Unclear):
     """A unit that only a person can tell. ``option`` is the option that tells it, ``choices`` are its values."""
@@ -28,7 +34,7 @@ class UnknownUnit(Unclear):
             problem or f"no unit of the {quantity} can be found",
             f"{option}, one of {', '.join(choices)}",
             what=quantity,
-            which="which unit? (for all files that do not say)",
+            which="which unit?",
             option=option,
             choices=choices,
         )
@@ -49,6 +55,10 @@ class Doubt:
 
     def __str__(self) -> str:
         return f"{self.text}; {self.remedy}"
+
+    def question_on(self, file: str) -> str:
+        """The question on one file, for a person."""
+        return f"{file}: {self.text}; {self.question} {FOR_ALL_ALIKE}"
 
     @property
     def remedy(self) -> str:

@@ -33,6 +33,12 @@ _SIZE = re.compile(
     rf"(?P<value>[0-9]+(?:[.,][0-9]+)?(?:e[-+]?[0-9]+)?)(?: ?[(\[]?(?P<behind>{_UNIT})[)\]]?)?",
     re.IGNORECASE,
 )
+#: "Cross-sectional area: 0.3 cm²", which needs a unit.
+_AREA = re.compile(
+    rf"(?:.*: ?)?(?:(?:specimen|sample|initial)[ _])*(?:{'|'.join(map(re.escape, words.SIZES['area']))}) ?[:=]? ?"
+    rf"(?P<value>[0-9]+(?:[.,][0-9]+)?(?:e[-+]?[0-9]+)?) ?[(\[]?(?P<unit>{'|'.join(map(re.escape, units.AREA))})[)\]]?",
+    re.IGNORECASE,
+)
 _CELL = re.compile(rf"{_LABEL} ?:?", re.IGNORECASE)
 _OTHER_UNIT = re.compile(r"[(\[][^)\]]*[)\]]")  # a label with its unit is read by the pattern above
 
@@ -129,6 +135,8 @@ def _read(row: Row) -> tuple[str, Size] | None:
         if found := _SIZE.fullmatch(text):
             name = _name(found["what"])
             return name, _size(name, found["value"], found["unit"] or found["behind"] or "")
+        if found := _AREA.fullmatch(text):
+            return "area", _size("area", found["value"], found["unit"])
     if found := _CELL.fullmatch(_joined(row[:1])):
         return _name(found["what"]), Size(None, False, _joined(row[1:3]))
     return None

@@ -62,7 +62,7 @@ FORCE = (
     "force", "load", "tensile force", "kraft", "standardkraft", "prüfkraft", "last", "fuerza", "charge", "f", "p",
     "load cell", "axial force", "axial load", "standard force", "tensile load", "compressive load", "compressive force",
     "reaction force", "rf", "normal force", "zugkraft", "druckkraft", "force standard", "effort", "carga", "forza",
-    "carico", "força", "force feedback", "axial force feedback", "load feedback", "axial load feedback",
+    "carico", "força", "static force", "force feedback", "axial force feedback", "load feedback", "axial load feedback",
     "力", "载荷", "负荷", "负载", "力值", "试验力", "拉力", "压力", "載荷", "荷重", "試験力", "하중", "힘",
     "(N)", "(kN)", "(mN)", "(lbf)", "(kgf)", "(gf)",
 )  # fmt: skip

@@ -57,6 +57,13 @@ def test_rows_may_say_what_they_hold(lines):
     assert found.top == 1
 
 
+def test_titles_may_be_listed_one_in_a_row():
+    lines = ("Nsig,3", "Sig1,Time (min)", "Sig2,Static Force (N)", "Sig3,Displacement (µm)", "OrgFile,a")
+    found = head("Instrument,DMA", *lines, "StartOfData")
+    assert found == Head(("Time (min)", "Static Force (N)", "Displacement (µm)"), (), 2)
+    assert head("Instrument,DMA", "StartOfData").titles == ("StartOfData",)
+
+
 def test_a_row_of_names_alone_is_no_label():
     assert head("Name,Time,Force", "T1,s,N").titles == ("Name", "Time", "Force")
     assert head("Name,Time,Force").titles == ("Name", "Time", "Force")

@@ -242,7 +242,7 @@ def test_a_person_is_asked(tmp_path):
     assert (specimen["length_mm"], specimen["width_mm"], specimen["thickness_mm"]) == (10, 8.5, None)
     assert made.to_fill_in == (tmp_path / "out" / "cohort" / "T1" / "specimen.json",)
     kept = read_answers(tmp_path / "out" / "answers.yaml")
-    assert kept == Answers(Hints(force_unit="mN"), {"T1": {"length": 10.0, "width": 8.5}})
+    assert kept == Answers(sizes={"T1": {"length": 10.0, "width": 8.5}}, answered=Hints(force_unit="mN"))
 
 
 def test_what_files_are_taken_for_is_shown_before_anything_is_asked_and_they_are_read_once(tmp_path, monkeypatch):
@@ -258,7 +258,7 @@ def test_what_files_are_taken_for_is_shown_before_anything_is_asked_and_they_are
 
     init(paths, tmp_path / "out", ask=ask, show=show)
     assert [(row[0], row[3]) for row in shown] == [("A_relax.csv", "force_N in N"), ("B_relax.csv", "force in ?")]
-    assert reads == ["A_relax.csv", "B_relax.csv", "B_relax.csv", "B_relax.csv"], "those that are asked for, again"
+    assert reads == ["A_relax.csv", "B_relax.csv", "B_relax.csv"], "the one that is asked for, again"
 
 
 def test_answers_are_kept_and_the_same_export_needs_none(tmp_path):
@@ -334,7 +334,7 @@ def test_which_column_is_meant_is_asked_once(tmp_path):
     ask, asked = answers(displacement="Crosshead (mm)")
     read = read_all(Files(tuple(paths), ()), Hints(), ask)
     assert [one.numbers[-1, 1] for one in read.recordings] == [4.0, 4.0]
-    assert asked == ["displacement in a.csv: which column? (for all files)"]
+    assert asked == ["displacement in a.csv: which column? (for all files that do not say)"]
 
 
 def test_where_a_displacement_counts_from_and_its_sign_are_asked_once_and_kept(tmp_path):
@@ -351,15 +351,15 @@ def test_where_a_displacement_counts_from_and_its_sign_are_asked_once_and_kept(t
     made = init(paths, tmp_path / "out", ask=ask, sizes=BAR)
     assert asked == [
         "a.csv: the displacement begins at 37.21 mm and moves by 0.39 mm, perhaps an offset of the machine; "
-        "count it from its first value? (for all files)",
+        "count it from its first value? (for all files that do not say)",
         "a.csv: forces are below 0; tension is positive here, so look at the machine's sign; "
-        "what gets the other sign? (for all files)",
+        "what gets the other sign? (for all files that do not say)",
     ]
     assert [one.curves[0].force_N[-1] for one in made.specimens] == [30.0, 31.0]
     assert [one.curves[0].protocol.displacement_mm[0] for one in made.specimens] == [0.0, 0.0]
     assert "    a.csv: displacement counted from its first value, 37.21 mm" in made.lines
     kept = read_answers(tmp_path / "out" / "answers.yaml")
-    assert kept.hints == Hints(zero_displacement="first", negate="force")
+    assert kept.answered == Hints(zero_displacement="first", negate="force")
     again = init(paths, tmp_path / "again", answers=kept, sizes=BAR, certain=True)
     assert again.specimens[0].curves[0].digest == made.specimens[0].curves[0].digest
 
@@ -376,13 +376,29 @@ def test_an_offset_or_a_sign_that_may_be_meant_otherwise_is_not_certain(tmp_path
     init([path], tmp_path / "out", sizes=BAR, certain=True, hints=Hints(zero_displacement="none", negate="none"))
 
 
+def test_an_answer_holds_for_no_file_that_says_it_itself(tmp_path):
+    rows = "".join(f"{i},{i / 20},{-5 * i}\n" for i in range(6))
+    (tmp_path / "a.csv").write_text(f"time_s,displacement_mm,force\n{rows}")
+    (tmp_path / "b.csv").write_text(f"time_s,displacement_mm,force_N\n{rows.replace('-', '')}")
+    (tmp_path / "c.csv").write_text(f"time_s,displacement_mm,force\n{rows.replace('25', '26')}")
+    paths = [tmp_path / f"{name}.csv" for name in "abc"]
+    ask, asked = answers(**{"force": "kN", "a.csv:": "force"})
+    made = init(paths, tmp_path / "out", ask=ask, sizes=BAR)
+    assert len(asked) == 2
+    assert [one.curves[0].force_N[-1] for one in made.specimens] == [25_000.0, 25.0, 26_000.0]
+    kept = read_answers(tmp_path / "out" / "answers.yaml")
+    assert kept.answered == Hints(force_unit="kN", negate="force")
+    again = init(paths, tmp_path / "again", answers=kept, sizes=BAR, certain=True)
+    assert [one.curves[0].digest for one in again.specimens] == [one.curves[0].digest for one in made.specimens]
+
+
 def test_an_answer_holds_for_all_files_that_do_not_say(tmp_path):
     paths = [table(tmp_path / f"{name}.csv", "time_s,displacement_mm,force") for name in "ab"]
     ask, asked = answers(force="kN")
     read = read_all(Files(tuple(paths), ()), Hints(), ask)
     assert [recording.numbers[-1, 2] for recording in read.recordings] == [80_000, 80_000]
     assert read.left_out == []
-    assert read.hints == Hints(force_unit="kN")
+    assert read.answered == Hints(force_unit="kN")
     assert asked == ["force in a.csv: which unit? (for all files that do not say)"]
 
 

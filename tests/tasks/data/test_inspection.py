@@ -9,7 +9,7 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data import tables
-from sinew.tasks.data.exports import Reading, read_export
+from sinew.tasks.data.exports import Reading, read_export, read_exports
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import inspect
 from sinew.tasks.data.text import read_lines
@@ -204,6 +204,17 @@ def test_sizes_in_the_name_of_a_file_are_said_and_not_taken(tmp_path):
         "length: the file does not tell it, but its name may: length 10 mm, width 8 mm; --length-mm",
         "cross-section: the file does not tell it, but its name may: length 10 mm, width 8 mm; --area-mm2",
     ]
+
+
+def test_the_first_length_for_a_gauge_length_is_remarked_on(tmp_path):
+    text = "Time (s),Length (mm),Load (N)\n0,12,1\n1,12.5,2\n2,13,3\n"
+    remark = "gauge length 12 mm, likely: the length in the first row"
+    assert taken(tmp_path, text)["remarks"] == [remark]
+    path = tmp_path / "export.csv"
+    assert read_exports([path], reading=Reading(area_mm2=4)).remarks == {"export/test": (remark,)}
+    told = Reading(area_mm2=4, length_mm=11.5)
+    assert (read_exports([path], reading=told).remarks, inspect(path, told).remarks) == ({}, ())
+    assert taken(tmp_path, f"Length,11.5,mm\n{text}")["remarks"] == []
 
 
 def test_units_that_a_file_does_not_tell_are_asked_for(tmp_path):
