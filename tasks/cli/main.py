@@ -26,7 +26,7 @@ COMMANDS = (studies, files, results, clusters, benchmarks, trust)  # importing t
 
 INTERRUPTED = "interrupted; run the same command again to go on, finished rows are kept"
 AGAIN_S = 0.01
-READ_FROM_HERE = {"matplotlibrc": "Matplotlib", ".numba_config.yaml": "Numba"}
+READ_FROM_HERE = {"matplotlibrc": "Matplotlib", ".numba_config.yaml": "Numba", "arvizrc": "ArviZ"}
 
 
 def main() -> None:

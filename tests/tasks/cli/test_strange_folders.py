@@ -47,7 +47,7 @@ def test_no_module_is_imported_from_there(study, tmp_path):
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("name", ["matplotlibrc", ".numba_config.yaml"])
+@pytest.mark.parametrize("name", ["matplotlibrc", ".numba_config.yaml", "arvizrc"])
 def test_settings_of_libraries_that_lie_there_are_refused(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["sinew", "status", "out"])
