@@ -60,6 +60,9 @@ def _in_one_line(record: logging.LogRecord) -> logging.LogRecord:
     error = record.exc_info[1] if record.exc_info else None
     if error is not None:
         facts |= {"reason": brief(f"{type(error).__name__}: {error}")}
+        while error.__cause__ is not None:
+            error = error.__cause__
+            facts |= {"cause": brief(f"{type(error).__name__}: {error}")}
         for frame in traceback.extract_tb(error.__traceback__)[-1:]:
             facts |= {"where": f"{Path(frame.filename).name}:{frame.lineno} {frame.name}"}
     elif more:

@@ -57,7 +57,7 @@ def test_what_nobody_waited_for_is_one_clear_line(tmp_path):
     """Dask waits for workers without looking at how that ended."""
 
     async def fails() -> None:
-        raise RuntimeError("Nanny failed to start worker process\nand more")
+        raise RuntimeError("Nanny failed to start worker process\nand more") from KeyError("this")
 
     async def run() -> None:
         await asyncio.wait([asyncio.create_task(fails())])
@@ -69,7 +69,7 @@ def test_what_nobody_waited_for_is_one_clear_line(tmp_path):
     (line,) = logged(handler, tmp_path)
     assert line["message"] == "a task of a library failed, and nobody waited for it"
     assert line["reason"] == "RuntimeError: Nanny failed to start worker process\\nand more"
-    assert line["where"].startswith("test_library_logs.py:")
+    assert line["cause"] == "KeyError: 'this'"
     assert "exc_info" not in line
 
 
@@ -84,6 +84,7 @@ def test_an_error_of_a_library_is_logged_without_its_traceback(tmp_path):
         log.error("of two lines\nthe second")
     first, second = logged(handler, tmp_path)
     assert (first["name"], first["message"], second["message"]) == ("distributed.nanny", "Failed here", "of two lines")
+    assert first["where"].startswith("test_library_logs.py:")
     assert second["reason"] == "the second"
     assert len(json.dumps(first)) < 700
 
