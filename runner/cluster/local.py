@@ -1,7 +1,6 @@
 """Workers on this machine: as many as asked for, also when some of them are killed while they start."""
 
 import logging
-import shutil
 import signal
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -20,7 +19,7 @@ from sinew.runner.cluster.network import shared_certificate
 from sinew.runner.cluster.terminal import children_write_to
 from sinew.runner.errors import ClusterError
 from sinew.runner.evaluation import external
-from sinew.runner.files import own_folder
+from sinew.runner.files import own_folder, remove_folder
 from sinew.runner.periodic import every
 from sinew.runner.temporary import temporary_folder
 
@@ -54,7 +53,7 @@ def open_local(spec: Local, folder: Path | None = None) -> Iterator[Client]:
     """
     with ExitStack() as stack:
         place = folder or stack.enter_context(temporary_folder()) / "workers"
-        stack.callback(shutil.rmtree, place, ignore_errors=True)
+        stack.callback(remove_folder, place)
         place.parent.mkdir(parents=True, exist_ok=True)
         own_folder(place)  # Dask puts it on the path from which modules are imported
         stack.enter_context(children_write_to(place / "errors"))

@@ -15,6 +15,7 @@ from types import FrameType
 import click
 
 from sinew.runner.errors import BadInput, SinewError, WalltimeReached, brief, of_the_system, one_line
+from sinew.runner.library_logs import warnings_are_logged
 from sinew.runner.printing import put
 from sinew.tasks.cli import benchmarks, clusters, files, results, studies, trust
 from sinew.tasks.cli.group import sinew
@@ -25,17 +26,18 @@ COMMANDS = (studies, files, results, clusters, benchmarks, trust)  # importing t
 
 INTERRUPTED = "interrupted; run the same command again to go on, finished rows are kept"
 AGAIN_S = 0.01
-READ_FROM_HERE = {"matplotlibrc": "Matplotlib", ".numba_config.yaml": "Numba"}
+READ_FROM_HERE = {"matplotlibrc": "Matplotlib", ".numba_config.yaml": "Numba", "arvizrc": "ArviZ"}
 
 
 def main() -> None:
     """Entry point: one clear line and exit code 2 for whatever the user can mend, 130 for Ctrl-C."""
-    logging.getLogger("sinew").addHandler(logging.NullHandler())
+    for name in ("sinew", "bokeh"):  # without one, both would print what is wrong with a damaged result
+        logging.getLogger(name).addHandler(logging.NullHandler())
     _print_anything()
     sys.unraisablehook = _unraisable
     interrupts: list[int] = []
     try:
-        with _noted(interrupts):
+        with _noted(interrupts), warnings_are_logged():
             _distrust_this_folder()
             sinew.main(standalone_mode=False, prog_name=PROGRAM, complete_var=COMPLETION)
     except (click.exceptions.Abort, KeyboardInterrupt):
