@@ -9,7 +9,7 @@ from sinew.runner.evaluation.batch import Outcome
 from sinew.runner.store.schema import STATUSES, Coordinate, Field, TableSpec
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.simulate import Array, Simulator
-from sinew.tasks.simulate.evaluation import kept_points
+from sinew.tasks.simulate.evaluation import HISTORY, kept_points
 
 MOVED = 0.2  # share of a curve's displacement range; a smaller reversal is noise
 
@@ -108,6 +108,7 @@ class SiteEvaluation:
         of, measured = self.points()
         kept = [kept_points(curve.protocol, self.points_per_curve) for _, curve in curves]
         histories = [curve.protocol for _, curve in curves]
+        digests = [history.digest for history in histories]
         times = np.concatenate([history.time_s[keep] for history, keep in zip(histories, kept, strict=True)])
         moved = np.concatenate([history.displacement_mm[keep] for history, keep in zip(histories, kept, strict=True)])
         others = self.others()
@@ -134,6 +135,7 @@ class SiteEvaluation:
             coordinates=(
                 *self._coordinates_of_others(),
                 Coordinate("curve", "curve", np.array(labels, dtype=object)),
+                Coordinate(HISTORY, "curve", np.array(digests + [""] * len(others), dtype=object)),
                 Coordinate("curve_of_point", "point", of.astype(float), "1"),
                 Coordinate("time", "point", times, "s"),
                 Coordinate("displacement", "point", moved, "mm"),
