@@ -104,6 +104,12 @@ def number(value: Any, digits: int = 3) -> str:
     return f"{value:.{digits}g}"
 
 
+def span(values: Sequence[float], digits: int = 3) -> str:
+    """From the smallest to the largest for a person: ``3.1 to 3.3``, or ``3.2`` where these are written alike."""
+    ends = dict.fromkeys(number(end, digits) for end in (min(values), max(values)))
+    return " to ".join(ends)
+
+
 def percent(part: Any, digits: int = 0) -> str:
     """A part of one as percent."""
     return "–" if part is None or not math.isfinite(part) else f"{round(100 * part, digits) + 0.0:.{digits}f} %"
