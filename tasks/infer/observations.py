@@ -160,7 +160,10 @@ def observed(specimen: Specimen, protocols: tuple[str, ...] | None, single_cycle
 
 
 def first_cycle(curve: Curve) -> Curve:
-    """The curve up to the end of its first unloading; all of it when it never unloads."""
+    """The curve up to the end of its first unloading; all of it when it never unloads.
+
+    Without quantities that were not measured there, or are 0 there: no error can be a part of that.
+    """
     moved = curve.protocol.displacement_mm
     enough = MOVED * float(np.ptp(moved))
     back = np.flatnonzero(np.maximum.accumulate(moved) - moved > enough)
@@ -173,5 +176,5 @@ def first_cycle(curve: Curve) -> Curve:
     protocol = Protocol(
         curve.name, curve.protocol.time_s[:end], moved[:end], seen if seen is not None and seen.size > 1 else None
     )
-    others = {name: values[:end] for name, values in curve.others.items() if np.isfinite(values[:end]).any()}
+    others = {name: values[:end] for name, values in curve.others.items() if np.nan_to_num(values[:end]).any()}
     return Curve(protocol, curve.force_N[:end], others)
