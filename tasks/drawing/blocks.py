@@ -129,6 +129,12 @@ def listed(names: Sequence[str], most: int = 4) -> str:
     return ", ".join(names[:-1]) + " and " + names[-1] if len(names) > 1 else "".join(names)
 
 
+def largest(names: Sequence[str], values: Sequence[float] | Any, most: int = 3) -> str:
+    """The names with the largest values ``[n]`` and these, largest first: ``E_f 0.8, E_m 0.1``."""
+    order = sorted(range(len(names)), key=lambda j: -values[j] if math.isfinite(values[j]) else math.inf)
+    return ", ".join(f"{names[j]} {number(values[j])}" for j in order[:most])
+
+
 def plural(count: int, word: str) -> str:
     """``3 rows``, ``1 row``."""
     return f"{count:,} {word}{'' if count == 1 else 's'}"

@@ -142,6 +142,21 @@ def test_a_run_is_read_as_it_was_written(written):
     assert other.parts == mesh.parts
 
 
+def test_variables_of_any_name_and_of_zeros_are_read_again(tmp_path):
+    """A variable called ``c``, as Zarr calls the folders of chunks; and chunks of zeros, which Zarr does not write."""
+    plot = plot_file_of(plot_writer.plot_file(), 2**20)
+    energy = plot.variables["energy"]
+    named = {"c": replace(energy, name="c"), "c c": replace(energy, name="c c", values=0 * energy.values)}
+    path = write_runs(
+        tmp_path / "fields", [(entry_of("of", "pull", ("a",), np.ones(1)), Run({}, replace(plot, variables=named)))]
+    )
+    ((_, place),) = kept_files.contents(path)
+    again = kept_files.read_run(place).plot.variables
+    assert list(again) == ["c", "c c"]
+    assert np.array_equal(again["c"].values, energy.values)
+    assert not again["c c"].values.any()
+
+
 def test_equal_runs_are_equal_bytes(tmp_path, written):
     runs_of = [(entry, kept_files.read_run(place)) for entry, place in kept_files.contents(written)]
     assert write_runs(tmp_path / "other", runs_of).read_bytes() == written.read_bytes()
