@@ -352,7 +352,7 @@ def _factor(where: str, quantity: Quantity, unit: str, role: _Role) -> float:
         raise BadInput(where, f"a {quantity.name}, but {role.unit_option} says {shown(given)}", listed)
     if units.EITHER in unit and expected is None:
         told = unit.split(units.EITHER)
-        problem = f"two units of the {quantity.name} are told: {' and '.join(map(shown, told))}"
+        problem = f"the {quantity.name} has two units: {' and '.join(map(shown, told))}"
         choices = [one for one in told if units.factor(quantity.units, one) is not None]
         raise UnknownUnit(where, quantity.name, role.unit_option, choices or units.listed(quantity.units), problem)
     if unit and not units.is_unit(unit) and expected is None:
