@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from sinew.runner.errors import BadInput, WalltimeReached, one_line, shown
 from sinew.tasks import pipeline
 from sinew.tasks.benchmark.answers import Answer, read_answers
@@ -23,6 +21,7 @@ from sinew.tasks.cluster.spec import cluster_of
 from sinew.tasks.discover.result import COPY, DiscoverResult
 from sinew.tasks.study.files import digest, read_json, write_json, write_text
 from sinew.tasks.study.resources import resource
+from sinew.tasks.study.settings_file import as_yaml, from_yaml
 from sinew.tasks.study.study import Study, read_study
 from sinew.tasks.study.workspace import check_folder, open_workspace
 
@@ -98,13 +97,12 @@ def _base(path: Path) -> dict[str, Any]:
     study = read_study(path)
     if study.model.effects:
         raise BadInput(f"{path}: model.effects", "is not empty", "a model without effects to begin with")
-    content: dict[str, Any] = yaml.safe_load(path.read_text("utf-8"))
-    return content
+    return from_yaml(path.read_text("utf-8"))
 
 
 def run_case(cohort: Path, out: Path, base: dict[str, Any], workers: int | None) -> Run:
     """See to it that a case has a verdict, from its cohort alone."""
-    text = yaml.safe_dump({**base, "cohort": str(cohort), "tasks": ["discover"]}, sort_keys=False, allow_unicode=True)
+    text = as_yaml({**base, "cohort": str(cohort), "tasks": ["discover"]})
     inputs, method = digest(_files(cohort), text), digest(DiscoverResult.method())
     before = read_json(out / LOGGED) or {}
     codes = [one for one in before.get("codes", []) if isinstance(one, str)]

@@ -128,13 +128,12 @@ def convergence(specimen: str, fit: SpecimenFit) -> Figure:
         order = sorted(fit.methods, key=lambda method: -fit.methods[method].trace[-1][0])
         for number, method in enumerate(order):
             used, totals = fit.methods[method].steps.T
-            label = f"{method.replace('_', ' ')}: {totals[-1]:.3g} {fit.unit}"
+            label = f"{method.replace('_', ' ')}: {totals[-1]:.3g}{fit.behind}"
             style: Any = {"color": COLOURS[number], "lw": 2.6 - 0.8 * number, "label": label}
             axis.step(used, totals, where="post", **style)
             axis.plot(used[-1], totals[-1], "o", ms=4, color=COLOURS[number])
         if fit.floor:
-            noise = f"noise: {fit.floor:.3g} {fit.unit}" if fit.objective is None else "noise"
-            axis.axhline(fit.floor, color="0.4", lw=1, ls="--", label=noise)
+            axis.axhline(fit.floor, color="0.4", lw=1, ls="--", label=f"noise: {fit.floor:.3g}{fit.behind}")
         axis.set_yscale("log")
         plain_log(axis)
         axis.set_xlabel("evaluations")

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from sinew.tasks.calibrate.result import CalibrateResult, SpecimenFit
-from sinew.tasks.calibrate.show import bound_advice
+from sinew.tasks.calibrate.show import bound_advice, in_words
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, Words, beyond, listed, number, plural
 from sinew.tasks.drawing.figures import COLOURS
@@ -52,8 +52,8 @@ def section(found: ResultFolder) -> Section:
     above = [fit.above_noise for fit in specimens.values() if fit.above_noise is not None]
     bounds = sorted({name for fit in specimens.values() for name in fit.on_bound})
     free = [name for name in result.free if any(name not in fit.determined for fit in specimens.values())]
-    totals = [fit.total for fit in specimens.values()]
-    ends = f"median objective {number(float(np.median(totals)))} {_unit(result)}"
+    middle = float(np.median([fit.total for fit in specimens.values()]))
+    ends = f"median objective {in_words([middle], list(specimens.values()))}"
     if above:
         ends += f", above the noise of the curves: {beyond(float(np.median(above)))} (median)"
     if len(above) < len(specimens):
@@ -67,11 +67,6 @@ def section(found: ResultFolder) -> Section:
         sure=(f"not determined in some specimens: {listed(free)}" if free else "all parameters are determined"),
         failed=f"on a bound in some specimens: {listed(bounds)}" if bounds else "",
     )
-
-
-def _unit(result: CalibrateResult) -> str:
-    """The unit of the objective."""
-    return next((fit.unit for fit in result.specimens.values()), "N")
 
 
 def _units(result: CalibrateResult) -> dict[str, str]:
@@ -254,7 +249,7 @@ def _parameters(result: CalibrateResult) -> Block:
 
 def _search(result: CalibrateResult) -> Block:
     """How the objective of each specimen fell."""
-    specimens, unit = result.specimens, _unit(result)
+    specimens, first = result.specimens, next(iter(result.specimens.values()))
 
     def lines(method: str) -> dict[str, Any]:
         xs, ys, names = [], [], []
@@ -267,10 +262,10 @@ def _search(result: CalibrateResult) -> Block:
         return {"trace": {"used": xs, "total": ys, "specimen": names}}
 
     def draw(sources: plots.Sources) -> list[Plot]:
-        plot = plots.figure("evaluations", f"lowest objective so far ({unit})", y_axis_type="log")
+        plot = plots.figure("evaluations", f"lowest objective so far ({first.unit})", y_axis_type="log")
         plot.step("used", "total", source=sources["trace"], mode="after", color=COLOURS[0], alpha=0.6)
         dots = plot.scatter("used", "total", source=sources["trace"], size=3, color=COLOURS[0])
-        rows = [("specimen", "@specimen"), ("evaluations", "@used"), ("objective", f"@total{{0.00}} {unit}")]
+        rows = [("specimen", "@specimen"), ("evaluations", "@used"), ("objective", f"@total{{0.00}}{first.behind}")]
         plots.hover(plot, dots, rows)
         return [
             plots.plot("calibration-search", plot, "The lowest objective of each specimen over evaluations", wide=True)

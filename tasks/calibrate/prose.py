@@ -1,7 +1,7 @@
 """What a methods section says of this task, with the numbers of a result."""
 
 from sinew.tasks.calibrate.result import CalibrateResult, Correlations
-from sinew.tasks.drawing.blocks import number, plural
+from sinew.tasks.drawing.blocks import plural, span
 
 METHODS = {
     "bayesian": "Bayesian optimisation of residuals with a Gaussian process [@jones, @astudillo]",
@@ -12,16 +12,8 @@ METHODS = {
 
 def methods(result: CalibrateResult) -> str:
     """The paragraph of a methods section; ``[@key]`` cites."""
-    fits = result.specimens.values()
-    totals = [fit.total_N for fit in fits]
-    unit = "" if _compared(result) else " N"  # of several quantities, it is in multiples of their noise
-    noises = [fit.noise_N for fit in fits if fit.noise_N is not None]
-    noise = (
-        f" The noise of the curves, estimated from the curves alone by restricted maximum likelihood [@patterson], is "
-        f"{number(min(noises))} to {number(max(noises))}{unit} by the same measure."
-        if noises
-        else ""
-    )
+    totals = [fit.total for fit in result.specimens.values()]
+    unit = "" if _compared(result) else " N"  # of several quantities, it is a sum of RMSEs over noise
     ways = " and ".join(METHODS[name] for name in result.methods)
     descends = {"least_squares", "hybrid"} & set(result.methods)
     limits = [f"up to {result.evaluations:,} evaluations of each specimen by every method"] if descends else []
@@ -30,7 +22,7 @@ def methods(result: CalibrateResult) -> str:
     return (
         f"The {len(result.free)} free parameters of {plural(len(totals), 'specimen')} were fitted within their "
         f"ranges by {ways}{cost}. {_objective(result)} [@pekedis]. "
-        f"At the best fits it is {number(min(totals))} to {number(max(totals))}{unit}.{noise}{_bounds(result)}"
+        f"At the best fits it is {span(totals)}{unit}.{_noise(result)}{_bounds(result)}"
         f"{_correlations(result)}"
     )
 
@@ -48,6 +40,18 @@ def _objective(result: CalibrateResult) -> str:
             f"standard deviation of the noise of the quantity ({listed})"
         )
     return "The objective is the sum over protocols of the root mean square error of the force"
+
+
+def _noise(result: CalibrateResult) -> str:
+    floors = [fit.floor for fit in result.specimens.values() if fit.floor is not None]
+    if not floors:
+        return ""
+    if _compared(result):
+        return f" Noise alone would leave {span(floors)}."
+    return (
+        " The noise of the curves, estimated from the curves alone by restricted maximum likelihood [@patterson], is "
+        f"{span(floors)} N by the same measure."
+    )
 
 
 def _bounds(result: CalibrateResult) -> str:

@@ -43,7 +43,7 @@ class MethodFit:
 
     ``above_noise_after``: the same after certain numbers of evaluations, at which methods are compared. ``trace``:
     pairs of the number of evaluations and the lowest total so far (N). ``converged`` is None for a method that has no
-    such test. Where several quantities are compared, totals are in multiples of their noise, not in newton.
+    such test. Where several quantities are compared, totals are sums of RMSEs over noise, not in newton.
     """
 
     total_N: Number
@@ -98,12 +98,17 @@ class SpecimenFit:
 
     @property
     def unit(self) -> str:
+        """What the total objective is measured in, as it stands beside an axis."""
+        return "N" if self.objective is None else "RMSE over noise"
+
+    @property
+    def behind(self) -> str:
         """The unit of the total objective, as it stands behind a number."""
-        return "N" if self.objective is None else "times the noise"
+        return " N" if self.objective is None else ""
 
     @property
     def total(self) -> float:
-        """The total objective: in newton, or in multiples of the noise where several quantities are compared."""
+        """The total objective: in newton, or a sum of RMSEs over noise where several quantities are compared."""
         return self.total_N if self.objective is None else self.objective
 
     @property

@@ -1,5 +1,6 @@
 """How calibrations are shown: as tables and on the console."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ from rich.table import Table as Grid
 
 from sinew.runner.console import Console
 from sinew.tasks.calibrate.result import CalibrateResult, Correlations, SpecimenFit
-from sinew.tasks.drawing.blocks import beyond, listed
+from sinew.tasks.drawing.blocks import beyond, listed, plural, span
 from sinew.tasks.drawing.formats import DRAWN
 from sinew.tasks.drawing.thinning import drawn_points
 from sinew.tasks.model import Specimen
@@ -35,9 +36,16 @@ def table(result: CalibrateResult) -> pd.DataFrame:
 
 def headline(result: CalibrateResult) -> str:
     """What came out, in one line."""
-    totals = [fit.total for fit in result.specimens.values()]
-    unit = next(iter(result.specimens.values())).unit
-    return f"{len(totals)} specimens, RMSE {min(totals):.3g} to {max(totals):.3g} {unit}"
+    fits = list(result.specimens.values())
+    name = "RMSE" if fits[0].objective is None else "objective"
+    return f"{plural(len(fits), 'specimen')}, {name} {in_words([fit.total for fit in fits], fits)}"
+
+
+def in_words(totals: Sequence[float], fits: Sequence[SpecimenFit]) -> str:
+    """Total objectives of fits: ``3.1 to 3.3 N``, or of several quantities ``6.1 (noise alone: 6)``."""
+    floors = [fit.floor for fit in fits if fit.floor is not None]
+    compared = floors and any(fit.objective is not None for fit in fits)
+    return f"{span(totals)}{fits[0].behind}" + (f" (noise alone: {span(floors)})" if compared else "")
 
 
 def bound_advice(result: CalibrateResult) -> str:

@@ -160,3 +160,8 @@ def fields(folder: Path, rows: tuple[int, ...], to: Path | None, table: str | No
         put(one_line(str(path)))
     if done.left_out:
         put(one_line(f"not in these files: {', '.join(done.left_out)}"))
+    for line in done.damaged:
+        put(one_line(line))
+    if done.missing:
+        more = f" (and {len(done.missing) - 1} more)" if len(done.missing) > 1 else ""
+        raise SinewError(f"{done.missing[0]}{more}")

@@ -24,7 +24,7 @@ def factor_of(where: str, quantity: Quantity, unit: str, given: str | None, opti
         raise BadInput(where, f"a {quantity.name}, but {option} says {shown(given)}", listed)
     if units.EITHER in unit and expected is None:
         told = unit.split(units.EITHER)
-        problem = f"two units of the {quantity.name} are told: {' and '.join(map(shown, told))}"
+        problem = f"the {quantity.name} has two units: {' and '.join(map(shown, told))}"
         choices = [one for one in told if units.factor(quantity.units, one) is not None]
         raise UnknownUnit(where, quantity.name, option, choices or units.listed(quantity.units), problem)
     if unit and not units.is_unit(unit) and expected is None:

@@ -15,6 +15,7 @@ import pandas as pd
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.text import MAX_TEXT_BYTES, check_text
 
+LONGEST_HEADER = 120_000  # characters: a thousand names of a hundred; below what Python's csv takes for a cell
 Array = np.ndarray[Any, np.dtype[Any]]
 
 
@@ -49,9 +50,12 @@ def read_numbers(
 
 
 def read_header(path: Path) -> list[str]:
-    """The names in the first row of a CSV file."""
+    """The names in the first row of a CSV file. Raises :class:`BadInput` for a row that is too long."""
     with open(path, encoding="utf-8-sig", errors="replace", newline="") as file:
-        return [cell.strip() for cell in next(csv.reader([file.readline(10_000)]), [])]
+        row = file.readline(LONGEST_HEADER + 1)
+    if len(row) > LONGEST_HEADER:
+        raise BadInput(f"{path}: row 1", f"more than {LONGEST_HEADER:,} characters", "a row of names")
+    return [cell.strip() for cell in next(csv.reader([row]), [])]
 
 
 def _read_carefully(path: Path, header: list[str], further: Sequence[str]) -> Array:

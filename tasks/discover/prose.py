@@ -11,9 +11,8 @@ def methods(result: DiscoverResult) -> str:
     first = "" if best is None else f" The best candidate, {best.name}, improves the criterion by {number(best.gain)}."
     part = "" if result.explained is None else f" It explains {percent(result.explained)} of the misfit."
     return (
-        f"Whether model and measurements disagree was asked by comparing the model with and without "
-        f"{plural(len(result.candidates), 'candidate')} from a library of effects, fitted to "
-        f"{plural(len(result.noise), 'specimen')} by generalised least squares with noise that was estimated from the "
-        f"curves alone [@patterson]. Verdict: {result.headline}: {result.why}.{first}{part} Of this word, "
-        f"{in_words(result.confidence)}."
+        f"To find out whether the model lacks an effect, it was fitted to {plural(len(result.noise), 'specimen')} with "
+        f"and without each of {plural(len(result.candidates), 'candidate')} from a library of effects. The fits use "
+        f"generalised least squares; the noise was estimated from the curves alone [@patterson]. "
+        f"Verdict: {result.headline}: {result.why}.{first}{part} How far to trust it: {in_words(result.confidence)}."
     )

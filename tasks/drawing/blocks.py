@@ -104,6 +104,12 @@ def number(value: Any, digits: int = 3) -> str:
     return f"{value:.{digits}g}"
 
 
+def span(values: Sequence[float], digits: int = 3) -> str:
+    """From the smallest to the largest for a person: ``3.1 to 3.3``, or ``3.2`` where these are written alike."""
+    ends = dict.fromkeys(number(end, digits) for end in (min(values), max(values)))
+    return " to ".join(ends)
+
+
 def percent(part: Any, digits: int = 0) -> str:
     """A part of one as percent."""
     return "–" if part is None or not math.isfinite(part) else f"{round(100 * part, digits) + 0.0:.{digits}f} %"
@@ -121,6 +127,12 @@ def listed(names: Sequence[str], most: int = 4) -> str:
     if len(names) > most:
         return f"{', '.join(names[:most])} and {len(names) - most} more"
     return ", ".join(names[:-1]) + " and " + names[-1] if len(names) > 1 else "".join(names)
+
+
+def largest(names: Sequence[str], values: Sequence[float] | Any, most: int = 3) -> str:
+    """The names with the largest values ``[n]`` and these, largest first: ``E_f 0.8, E_m 0.1``."""
+    order = sorted(range(len(names)), key=lambda j: -values[j] if math.isfinite(values[j]) else math.inf)
+    return ", ".join(f"{names[j]} {number(values[j])}" for j in order[:most])
 
 
 def plural(count: int, word: str) -> str:

@@ -9,7 +9,7 @@ from sinew.runner.evaluation.batch import Outcome
 from sinew.runner.store.schema import STATUSES, Coordinate, Field, TableSpec
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.simulate import Array, Simulator
-from sinew.tasks.simulate.evaluation import kept_points
+from sinew.tasks.simulate.evaluation import HISTORY, kept_points
 
 MOVED = 0.2  # share of a curve's displacement range; a smaller reversal is noise
 
@@ -108,6 +108,7 @@ class SiteEvaluation:
         of, measured = self.points()
         kept = [kept_points(curve.protocol, self.points_per_curve) for _, curve in curves]
         histories = [curve.protocol for _, curve in curves]
+        digests = [history.digest for history in histories]
         times = np.concatenate([history.time_s[keep] for history, keep in zip(histories, kept, strict=True)])
         moved = np.concatenate([history.displacement_mm[keep] for history, keep in zip(histories, kept, strict=True)])
         others = self.others()
@@ -134,6 +135,7 @@ class SiteEvaluation:
             coordinates=(
                 *self._coordinates_of_others(),
                 Coordinate("curve", "curve", np.array(labels, dtype=object)),
+                Coordinate(HISTORY, "curve", np.array(digests + [""] * len(others), dtype=object)),
                 Coordinate("curve_of_point", "point", of.astype(float), "1"),
                 Coordinate("time", "point", times, "s"),
                 Coordinate("displacement", "point", moved, "mm"),
@@ -158,7 +160,10 @@ def observed(specimen: Specimen, protocols: tuple[str, ...] | None, single_cycle
 
 
 def first_cycle(curve: Curve) -> Curve:
-    """The curve up to the end of its first unloading; all of it when it never unloads."""
+    """The curve up to the end of its first unloading; all of it when it never unloads.
+
+    Without quantities that were not measured there, or are 0 there: no error can be a part of that.
+    """
     moved = curve.protocol.displacement_mm
     enough = MOVED * float(np.ptp(moved))
     back = np.flatnonzero(np.maximum.accumulate(moved) - moved > enough)
@@ -171,5 +176,5 @@ def first_cycle(curve: Curve) -> Curve:
     protocol = Protocol(
         curve.name, curve.protocol.time_s[:end], moved[:end], seen if seen is not None and seen.size > 1 else None
     )
-    others = {name: values[:end] for name, values in curve.others.items() if np.isfinite(values[:end]).any()}
+    others = {name: values[:end] for name, values in curve.others.items() if np.nan_to_num(values[:end]).any()}
     return Curve(protocol, curve.force_N[:end], others)

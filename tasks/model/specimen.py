@@ -24,6 +24,11 @@ class Protocol:
     displacement_mm: Array
     seen: Array | None = None
 
+    @property
+    def digest(self) -> str:
+        """A hash of the name and the history: all that a run of a solver sees of a protocol."""
+        return _hash(np.frombuffer(self.name.encode(), np.uint8), self.time_s, self.displacement_mm)
+
     @cached_property
     def distinct_steps(self) -> tuple[Array, Array]:
         """The distinct time steps ``[k]`` (s) and which of them leads to each point ``[t]``.
@@ -120,11 +125,15 @@ class Specimen:
         """Stretch ``[t]`` of the gauge length."""
         return 1.0 + protocol.displacement_mm / self.length_mm
 
+    def size(self) -> dict[str, float | None]:
+        """Length, width and thickness, None where nothing is known of them."""
+        size = {"length_mm": self.length_mm, "width_mm": self.width_mm, "thickness_mm": self.thickness_mm}
+        return {name: value if np.isfinite(value) else None for name, value in size.items()}
+
     def identity(self) -> dict[str, Any]:
         """What an evaluation depends on: geometry, the numbers of every curve, and what is compared besides."""
-        size = {"length_mm": self.length_mm, "width_mm": self.width_mm, "thickness_mm": self.thickness_mm}
         return {
-            **{name: value if np.isfinite(value) else None for name, value in size.items()},
+            **self.size(),
             "curves": {curve.name: curve.digest for curve in self.curves},
             **({"compared": self._compared()} if self.noise else {}),
         }

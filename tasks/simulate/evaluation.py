@@ -13,6 +13,8 @@ from sinew.tasks.model import FORCE, Model, Protocol, Specimen
 from sinew.tasks.simulate import Array, Capabilities, Simulator
 from sinew.tasks.simulate.series import Series
 
+HISTORY = "history"  # the coordinate that says along which history of displacement a row was run
+
 
 @dataclass(frozen=True, eq=False)
 class SpecimenEvaluation:
@@ -113,7 +115,11 @@ class SpecimenEvaluation:
     def table(self) -> TableSpec:
         """The store's table for this evaluation."""
         names = [curve.name for curve in self.specimen.curves]
-        coordinates = [Coordinate("protocol", "protocol", np.array(names, dtype=object))]
+        histories = np.array([curve.protocol.digest for curve in self.specimen.curves], dtype=object)
+        coordinates = [
+            Coordinate("protocol", "protocol", np.array(names, dtype=object)),
+            Coordinate(HISTORY, "protocol", histories),
+        ]
         fields = [Field("objective", ("protocol",), "N", "root mean square error of the force")] if self.scored else []
         if self.several and self.scored:
             fields = [Field("objective", ("protocol",), "1", "sum over the quantities of RMSE over noise level")]

@@ -13,9 +13,8 @@ from sinew.tasks.model import Model, Specimen
 from sinew.tasks.simulate import Array, Output, rmse_of
 
 OUTPUTS = {
-    output.name: output
-    for output in (Output("lateral_strain", "1", "min"), Output("width_change_mm", "mm", "min"))
-}  # fmt: skip
+    output.name: output for output in (Output("lateral_strain", "1", "min"), Output("width_change_mm", "mm", "min"))
+}
 SEEN = "nu_m"  # the parameter that all of these depend on
 ROWS = 32  # computed at a time
 
@@ -25,7 +24,7 @@ def lateral(name: str, model: Model, specimen: Specimen, parameters: Array, stra
 
     NaN where the bar would have no width left.
     """
-    nu = parameters[:, [model.names.index("nu_m")]]
+    nu = parameters[:, [model.names.index(SEEN)]]
     with np.errstate(invalid="ignore"):
         values = np.sqrt(1.0 - 2.0 * nu * strain) - 1.0
     return np.asarray(values * (specimen.width_mm if name == "width_change_mm" else 1.0))
@@ -43,7 +42,7 @@ def laterals(
     """Of each output by name: values ``[n, k]`` at the points ``keep``, its summary ``[n]``, and its RMSE ``[n]``.
 
     ``measured`` ``[t]`` by name, NaN where nothing was measured; ``strain`` ``[t]`` or ``[n, t]``.
-    """  # fmt: skip
+    """
     count = len(parameters)
     kept = {name: np.empty((count, keep.size)) for name in names}
     summaries = {name: np.empty(count) for name in names}

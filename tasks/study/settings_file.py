@@ -115,6 +115,11 @@ def as_yaml(content: Mapping[str, Any]) -> str:
     return yaml.dump(dict(content), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=1000)
 
 
+def from_yaml(text: str) -> dict[str, Any]:
+    """The content of a file that :func:`read_settings` read before, in the same words: ``1e3`` is a number."""
+    return dict(yaml.load(text, Loader=_Loader))  # noqa: S506 - it is a safe loader
+
+
 def _parse(path: Path, text: str, what: str) -> tuple[dict[str, Any], dict[tuple[str, ...], int]]:
     """The content, and the line of every field."""
     try:

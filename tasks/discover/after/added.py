@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits
@@ -14,13 +13,14 @@ from sinew.tasks.discover.follow_up import Checks
 from sinew.tasks.discover.result import WITH_EFFECTS
 from sinew.tasks.model.effects import named
 from sinew.tasks.study.files import write_text
+from sinew.tasks.study.settings_file import as_yaml, from_yaml
 from sinew.tasks.study.workspace import Workspace
 
 
 def study_with(workspace: Workspace, effects: Effects) -> tuple[str, str]:
     """Write the study with the effects in its model. Returns its path in the result folder, and what changed."""
     path: Path = workspace.out / WITH_EFFECTS
-    old = yaml.safe_load(workspace.study.path.read_text("utf-8"))
+    old = from_yaml(workspace.study.path.read_text("utf-8"))
     model = old.get("model") or {}
     # ranges that were scaled to the cohort's size must be in the study
     written = {parameter for effect in effects for parameter in named()[effect.name].parameters}
@@ -34,7 +34,7 @@ def study_with(workspace: Workspace, effects: Effects) -> tuple[str, str]:
     new = {**old, "model": {**model, "effects": [effect.name for effect in effects]}}
     # from the file itself, so that a study and its results may be moved together
     new["cohort"] = os.path.relpath(workspace.cohort.folder.resolve(), path.parent.resolve())
-    before, after = (yaml.safe_dump(each, sort_keys=False, allow_unicode=True) for each in (old, new))
+    before, after = (as_yaml(each) for each in (old, new))
     path.parent.mkdir(exist_ok=True)
     write_text(path, after)
     difference = difflib.unified_diff(before.splitlines(), after.splitlines(), "study", "with effects", lineterm="")

@@ -12,6 +12,7 @@ from sinew.tasks.study import provenance
 from sinew.tasks.study.resources import DISTRIBUTION
 
 NAME, VERSION = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*"), re.compile(r"[A-Za-z0-9][A-Za-z0-9.+!_-]*")
+SOLVER = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,99}")
 FACTS = ("version", "code", "python", "system", "seed", "simulator", "study_hash", "cohort_hash", "asctime")
 
 
@@ -28,12 +29,14 @@ def as_json(source: Source) -> bytes:
 
 
 def solver(source: Source) -> tuple[str, str]:
-    """Name and version of the simulator, as the stored rows say."""
+    """Name and version of the simulator, as the stored rows say. Anybody may have written these: only words count."""
     for tables in source.found.tables.values():
         for table in tables:
-            simulator = table.identity["simulator"]
-            if str(simulator.get("name", "")).split(" ")[0]:
-                return str(simulator["name"]), str(simulator.get("version", ""))
+            simulator = table.identity.get("simulator")
+            about = simulator if isinstance(simulator, dict) else {}
+            name, its_version = (str(about.get(key, "")) for key in ("name", "version"))
+            if SOLVER.fullmatch(name):
+                return name, its_version if VERSION.fullmatch(its_version) and len(its_version) <= 100 else ""
     return str(source.run["simulator"]), ""
 
 

@@ -17,7 +17,7 @@ import yaml
 from sinew.runner.errors import BadInput
 from sinew.tasks.cluster.spec import cluster_request
 from sinew.tasks.report.crate.source import Source
-from sinew.tasks.study.settings_file import as_yaml
+from sinew.tasks.study.settings_file import as_yaml, from_yaml
 from sinew.tasks.study.study import SlurmSettings, Study
 
 OWN = ("README.md", "METHODS.md", "ro-crate-metadata.json", "sha256sums.txt", "environment", "tables", "profile.yaml")
@@ -59,7 +59,7 @@ def changed_fields(source: Source, layout: Layout) -> dict[str, Any]:
     Raises :class:`BadInput` for a template with an absolute path.
     """
     study, run, changed = source.study, source.run, dict[str, Any]()
-    written = yaml.safe_load(source.text)
+    written = from_yaml(source.text)
     if layout.cohort is not None:
         cohort = os.path.relpath(layout.cohort, layout.study.parent)
         if study.cohort is None or os.path.normpath(study.cohort) != cohort:
@@ -87,10 +87,10 @@ def with_fields(text: str, fields: Mapping[str, Any]) -> str:
 
     ``text`` is YAML that was read as a study before.
     """
-    wanted = {**yaml.safe_load(text), **fields}
+    wanted = {**from_yaml(text), **fields}
     for name, value in fields.items():
         text = _with_field(text, name, json.dumps(value))
-    if yaml.safe_load(text) != wanted:  # a form of YAML that is not thought of above
+    if from_yaml(text) != wanted:  # a form of YAML that is not thought of above
         return as_yaml(wanted)
     return text
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from sinew.runner.errors import one_line
-from sinew.tasks.drawing.blocks import number, plural
+from sinew.tasks.drawing.blocks import number, plural, span
 from sinew.tasks.model import Model, Specimen
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.crate import environment
@@ -58,7 +58,7 @@ def _data(source: Source) -> str:
     sites = sorted({one.site for one in specimens if one.site})
     of = f" of {len(sites)} sites ({', '.join(sites)})" if sites else ""
     sizes = ", ".join(
-        f"{name} {_span([getattr(one, f'{name}_mm') for one in specimens])} mm"
+        f"{name} {span([getattr(one, f'{name}_mm') for one in specimens])} mm"
         for name in ("length", "width", "thickness")
     )
     return f"{plural(len(specimens), 'specimen')}{of} were tested ({sizes}). {_protocols(specimens)}"
@@ -68,14 +68,14 @@ def _protocols(specimens: tuple[Specimen, ...]) -> str:
     sentences = []
     for name in dict.fromkeys(curve.name for one in specimens for curve in one.curves):
         having = [(one, curve) for one in specimens for curve in one.curves if curve.name == name]
-        points = _span([curve.protocol.time_s.size for _, curve in having])
-        lasts = _span([curve.protocol.time_s[-1] - curve.protocol.time_s[0] for _, curve in having])
+        points = span([curve.protocol.time_s.size for _, curve in having])
+        lasts = span([curve.protocol.time_s[-1] - curve.protocol.time_s[0] for _, curve in having])
         moved = [np.abs(curve.protocol.displacement_mm).max() for _, curve in having]
         strain = [100 * peak / one.length_mm for peak, (one, _) in zip(moved, having, strict=True)]
-        far = f"{_span(strain)} % of the gauge length" if np.isfinite(strain).all() else f"{_span(moved)} mm"
+        far = f"{span(strain)} % of the gauge length" if np.isfinite(strain).all() else f"{span(moved)} mm"
         force = ""
         if all(np.isfinite(curve.force_N).all() for _, curve in having):
-            force = f", peak force {_span([np.abs(curve.force_N).max() for _, curve in having])} N"
+            force = f", peak force {span([np.abs(curve.force_N).max() for _, curve in having])} N"
         sentences.append(
             f"Protocol `{name}`: {plural(len(having), 'curve')} of {points} points over {lasts} s, largest "
             f"displacement "
@@ -101,10 +101,16 @@ def _model(source: Source) -> str:
             what += f" Added effects: {', '.join(study.model.effects)}."
     name, version = environment.solver(source)
     if source.run["simulator"] == "uniaxial":
-        how = "Forces were computed from the closed form of the homogeneous bar (simulator `uniaxial`)."
+        how = f"Forces were computed from {_equations(source)} (simulator `uniaxial`)."
     else:
         how = one_line(f"Forces were computed with {name} {version} (simulator `{source.run['simulator']}`) [@febio].")
     return f"{what} {how} {_ranges(model)}"
+
+
+def _equations(source: Source) -> str:
+    if source.study.model.effects:
+        return "the equations of the homogeneous bar with these effects"
+    return "the closed form of the homogeneous bar"
 
 
 def _ranges(model: Model) -> str:
@@ -134,12 +140,9 @@ def _failures(source: Source) -> str:
         return ""
     done = sum(table["done"] for table in status["tables"])
     failed = sum(sum(table["failed"].values()) for table in status["tables"])
-    return f"Of {done:,} evaluations of the model, {failed:,} failed; failed evaluations were never taken for numbers."
-
-
-def _span(values: list[float]) -> str:
-    low, high = number(min(values)), number(max(values))
-    return low if low == high else f"{low} to {high}"
+    if not failed:
+        return f"The model was evaluated {done:,} times, without a failure."
+    return f"Of {done:,} evaluations of the model, {failed:,} failed. No result uses these."
 
 
 def _unit(unit: str) -> str:

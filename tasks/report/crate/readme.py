@@ -135,5 +135,5 @@ def _remarks(source: Source, layout: Layout, *, store: bool) -> Iterator[str]:
         yield "`discover.json` is not compared: its field `model.difference` shows where the cohort lay."
     if not store:
         yield "The single evaluations (`store.zarr`) are left out; the commands above compute them again."
-    which = "`report.html` and `log.jsonl`" if store else "`report.html`"
-    yield f"Where the run took place, its machine and folders, stands in {which}."
+    which = "`report.html` and `log.jsonl` name" if store else "`report.html` names"
+    yield f"{which} the machine and the folders of the run."

@@ -93,7 +93,7 @@ def _last_run(found: ResultFolder) -> Mapping[str, Any]:
 def _text(found: ResultFolder, run: Mapping[str, Any], name: str, instead: str) -> str:
     value = run.get(name)
     if not isinstance(value, str) or not value:
-        raise BadInput(f"{found.folder / 'log.jsonl'}: {name}", "is not told", instead)
+        raise BadInput(f"{found.folder / 'log.jsonl'}: {name}", "missing", instead)
     return value
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sinew.runner.errors import StoreError
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.febio.kept import Entry, Run, entry_of, write_runs
+from sinew.tasks.simulate.febio.kept import Entry, Run, entry_of, key_of, write_runs
 from sinew.tasks.simulate.febio.kept_files import Place, contents, files, read_run
 
 log = logging.getLogger("sinew")
@@ -15,11 +15,15 @@ WRITTEN_BYTES = 2**27  # of runs that are written together
 
 
 class Index:
-    """Where runs are kept in a folder. Files that are already known are not opened again."""
+    """Where runs are kept in a folder. Files that are already known are not opened again.
+
+    ``damaged``: of each file that cannot be read, a line that names it.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.places: dict[str, list[Place]] = {}
+        self.damaged: dict[Path, str] = {}
         self._known: set[str] = set()
 
     def look(self) -> None:
@@ -31,7 +35,7 @@ class Index:
                     for entry, place in contents(path):
                         self.places.setdefault(entry.key, []).append(place)
                 except StoreError as error:
-                    log.warning("fields", extra={"error": str(error)})
+                    self._note(path, error)
 
     def runs(self, key: str) -> Iterator[Run]:
         """The runs with this key, from sound files. There are several if a later one was asked for more."""
@@ -39,7 +43,11 @@ class Index:
             try:
                 yield read_run(place)
             except StoreError as error:
-                log.warning("fields", extra={"error": str(error)})
+                self._note(place.path, error)
+
+    def _note(self, path: Path, error: StoreError) -> None:
+        self.damaged[path] = str(error)
+        log.warning("fields", extra={"error": str(error)})
 
 
 _indexes: dict[Path, Index] = {}
@@ -57,7 +65,7 @@ class Keeper:
 
     def find(self, values: Array, enough: Callable[[Run], bool]) -> Run | None:
         """The run with parameter ``values`` ``[d]``, if one is kept that is ``enough``."""
-        key = entry_of(self.of, self.protocol, self.names, values).key
+        key = key_of(self.of, self.names, values)
         return next((run for run in self.index.runs(key) if enough(run)), None)
 
     def add(self, values: Array, run: Run) -> None:

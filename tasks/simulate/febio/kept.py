@@ -51,9 +51,9 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """A run that is kept in a file: its ``key``, the protocol and the parameters that it is of, and its number there.
+    """A run that is kept in a file: its ``key``, and the protocol and the parameters that it is of.
 
-    ``of`` is the hash of all that it depends on besides protocol and parameters.
+    ``of`` is the hash of all that it depends on besides the parameters.
     """
 
     key: str
@@ -62,22 +62,33 @@ class Entry:
     parameters: Mapping[str, float]
 
 
-def settings_of(identity: Mapping[str, Any]) -> str:
-    """The hash of what runs depend on besides parameters and protocol, from the identity of an evaluation.
+def settings_of(
+    model: Mapping[str, Any], specimen: Mapping[str, Any], simulator: Mapping[str, Any], protocol: str
+) -> str:
+    """The hash of what a run depends on besides the parameters, from identities and the digest of its ``protocol``.
 
-    That is the solver, its template, the model and the specimen, but not which outputs are read.
+    That is the model, the size of the specimen, the solver and its template, and the history. It is neither what was
+    measured, nor how noisy that is, nor which outputs are read: none of these needs a new run.
     """
-    simulator = {k: v for k, v in identity["simulator"].items() if k not in ("outputs", "fields", "force")}
-    counts = {"model": identity["model"], "specimen": identity["specimen"], "simulator": simulator}
+    counts = {
+        "model": model,
+        "size": {name: specimen[name] for name in ("length_mm", "width_mm", "thickness_mm")},
+        "simulator": {k: v for k, v in simulator.items() if k not in ("outputs", "fields", "force")},
+        "protocol": protocol,
+    }
     return hashlib.blake2b(json.dumps(counts, sort_keys=True).encode(), digest_size=16).hexdigest()
 
 
-def entry_of(of: str, protocol: str, names: tuple[str, ...], values: Array) -> Entry:
-    """The entry of the run with parameter ``values`` ``[d]``."""
-    words = json.dumps([of, protocol, list(names)]).encode()
+def key_of(of: str, names: tuple[str, ...], values: Array) -> str:
+    """The key of the run with parameter ``values`` ``[d]``."""
+    words = json.dumps([of, list(names)]).encode()
     content = (np.asarray(values, "<f8") + 0.0).tobytes()
-    key = hashlib.blake2b(content, key=hashlib.blake2b(words).digest(), digest_size=16).hexdigest()
-    return Entry(key, of, protocol, dict(zip(names, map(float, values), strict=True)))
+    return hashlib.blake2b(content, key=hashlib.blake2b(words).digest(), digest_size=16).hexdigest()
+
+
+def entry_of(of: str, protocol: str, names: tuple[str, ...], values: Array) -> Entry:
+    """The entry of the run with parameter ``values`` ``[d]`` along the ``protocol`` of this name."""
+    return Entry(key_of(of, names, values), of, protocol, dict(zip(names, map(float, values), strict=True)))
 
 
 def write_runs(folder: Path, runs: list[tuple[Entry, Run]]) -> Path:

@@ -109,10 +109,18 @@ class _Reader:
         self.archive = archive
         self.root = root
         self.left = 2 * MAX_ARRAY_BYTES
+        self._children: dict[str, set[str]] = {}  # of each group
+        self._chunks: dict[str, list[str]] = {}  # of each array
+        self._members = len(archive.namelist())
+        for member in archive.namelist():
+            if member.endswith("/zarr.json"):
+                group, _, name = member.removesuffix("/zarr.json").rpartition("/")
+                self._children.setdefault(group, set()).add(name)
+            else:
+                self._chunks.setdefault(member.rpartition("/c/")[0], []).append(member)
 
     def names(self, group: str) -> list[str]:
-        found = (name.removeprefix(f"{group}/") for name in self.archive.namelist() if name.startswith(f"{group}/"))
-        return sorted({name.split("/")[0] for name in found if name.count("/") == 1 and name.endswith("/zarr.json")})
+        return sorted(self._children.get(group, ()))
 
     def about(self, name: str) -> Mapping[str, Any]:
         return self.root[name].attrs.asdict()
@@ -130,16 +138,15 @@ class _Reader:
         parts = int(
             np.prod([-(-length // part) for length, part in zip(array.shape, array.chunks, strict=True)], dtype=object)
         )
-        if parts > len(self.archive.namelist()):
+        if parts > self._members:  # it may have fewer files: chunks of zeros are not written
             raise ValueError(f"{name} claims {parts:,} chunks")
         if size > MAX_ARRAY_BYTES or self.left < 0 or chunk > MAX_ARRAY_BYTES:
             raise ValueError(f"{name} claims {size:,} bytes")
-        for member in self.archive.namelist():
-            if member.startswith(f"{name}/c"):
-                with self.archive.open(member) as file:
-                    head = file.read(_BLOSC.size)
-                if len(head) < _BLOSC.size or _BLOSC.unpack(head)[0] != chunk:
-                    raise ValueError(f"a chunk of {name} is not one of {chunk:,} bytes")
+        for member in self._chunks.get(name, ()):
+            with self.archive.open(member) as file:
+                head = file.read(_BLOSC.size)
+            if len(head) < _BLOSC.size or _BLOSC.unpack(head)[0] != chunk:
+                raise ValueError(f"a chunk of {name} is not one of {chunk:,} bytes")
         return np.asarray(array[...])
 
 

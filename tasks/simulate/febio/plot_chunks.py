@@ -17,6 +17,7 @@ from sinew.tasks.simulate.febio.attempt import Failed
 MAGIC = b"BEF\0"
 ROOT, HEADER, DICTIONARY, MESH, STATE = 0x01000000, 0x01010000, 0x01020000, 0x01040000, 0x02000000
 MAX_NAME = 512
+MAX_TAGS = 64  # different chunks in a chunk; the format has at most nine
 PIECE = 2**16  # bytes that are decompressed together
 _HEAD = struct.Struct("<II")
 
@@ -40,12 +41,14 @@ def chunks(content: memoryview, what: str) -> Iterator[tuple[int, memoryview]]:
         at += size
 
 
-def one_of_each(content: memoryview, what: str) -> dict[int, memoryview]:
-    """The chunks in ``content`` by tag, each of which may be there once."""
+def one_of_each(content: memoryview, what: str, *, repeated: bool = False) -> dict[int, memoryview]:
+    """The chunks in ``content`` by tag, at most ``MAX_TAGS``. Each is there once; if ``repeated``, the last counts."""
     found: dict[int, memoryview] = {}
     for tag, inside in chunks(content, what):
-        if tag in found:
+        if tag in found and not repeated:
             raise damaged(f"{what} has two chunks {tag:#010x}")
+        if len(found) == MAX_TAGS and tag not in found:
+            raise damaged(f"{what} has more than {MAX_TAGS} parts")
         found[tag] = inside
     return found
 

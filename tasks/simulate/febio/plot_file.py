@@ -6,8 +6,9 @@ are decompressed, and the arrays that are made have no more together. That is wh
 decompresses without a limit, and pyfebio reads no compressed files.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from array import array
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -144,45 +145,69 @@ def _dictionary(content: memoryview) -> list[_Entry]:
 
 
 def _entry(where: Where, content: memoryview) -> _Entry:
-    parts = dict(chunks(content, "a variable"))  # names of an array's parts repeat
+    parts = one_of_each(content, "a variable", repeated=True)  # names of an array's parts repeat
     kind, per = integer(parts, 0x01020002, "a variable's type"), integer(parts, 0x01020003, "a variable's format")
-    array = integer(parts, 0x01020005, "an array's size", 0)
+    size = integer(parts, 0x01020005, "an array's size", 0)
     name = name_in(parts.get(0x01020004, memoryview(b"")), "a variable's name", counted=False)
     unit = name_in(parts.get(0x01020007, memoryview(b"")), "a variable's unit", counted=False)
     if not name or kind >= len(KINDS) or per >= len(_PER):
         raise damaged(f"variable {shown(name)} has type {kind} and format {per}, which are not read")
-    width = _SIZES.get(KINDS[kind], array * (3 if KINDS[kind] == "array_vec3f" else 1))
+    width = _SIZES.get(KINDS[kind], size * (3 if KINDS[kind] == "array_vec3f" else 1))
     if not 0 < width <= MAX_ARRAY:
         raise damaged(f"variable {shown(name)} has {width} components")
     return _Entry(name, where, _PER[per], KINDS[kind], unit, width)
 
 
+@dataclass(frozen=True)
+class _Course:
+    """What the states hold of a variable, one after the other: its ``numbers``, and of which ``regions`` these are.
+
+    ``states``: how many regions each of them has. ``items``: of each region. All is flat: with an object for each
+    region of each state, a file of many empty regions would take far more memory than it has bytes.
+    """
+
+    entry: _Entry
+    items: dict[int, int] = field(default_factory=dict)
+    states: "array[int]" = field(default_factory=lambda: array("I"))
+    regions: "array[int]" = field(default_factory=lambda: array("I"))
+    numbers: bytearray = field(default_factory=bytearray)
+
+
 def _with_states(entries: list[_Entry], mesh: Mesh, rest: memoryview, max_bytes: int) -> PlotFile:
     times: list[float] = []
-    found: dict[tuple[Where, int], list[dict[int, Array]]] = {}
+    courses: dict[tuple[Where, int], _Course] = {
+        (where, number): _Course(entry)
+        for where in _WHERE.values()
+        for number, entry in enumerate((each for each in entries if each.where == where), 1)
+    }
+    first: dict[tuple[Where, int], int] = {}  # the state in which a variable comes first; no later one may lack it
     for state in plot_chunks.states(rest, max_bytes):
         parts = one_of_each(state, "a state")
-        times.append(_time(parts))
-        if len(times) > MAX_STATES:
+        if len(times) == MAX_STATES:
             raise damaged(f"more than {MAX_STATES:,} states")
-        for where, number, values in _state_data(parts.get(0x02020000, memoryview(b""))):
-            found.setdefault((where, number), [{} for _ in times[1:]]).append(values)
-        if any(len(each) != len(times) for each in found.values()):
+        times.append(_time(parts))
+        seen = 0
+        for place, content in _state_data(parts.get(0x02020000, memoryview(b""))):
+            if place not in courses:
+                raise damaged("a state has variables that the dictionary lacks")
+            course, seen = courses[place], seen + 1
+            if first.setdefault(place, len(times) - 1) + len(course.states) == len(times):
+                seen = -1
+                break
+            _append(course, mesh, content)
+        if seen != len(first):
             raise damaged(f"the state at {times[-1]:g} s does not hold each variable once")
-    time_s = np.array(times)
-    if not (np.isfinite(time_s).all() and (np.diff(time_s) > 0).all()):
+    at = np.array(times)
+    if not (np.isfinite(at).all() and (np.diff(at) >= 0).all()):
         raise damaged("its times do not increase")
+    rows = np.cumsum(np.diff(at, prepend=np.nan) != 0) - 1  # of times that are equal as float32, the last state counts
     variables, left = {}, max_bytes
-    for where in ("global", "node", "domain", "surface", "edge"):
-        for number, entry in enumerate((each for each in entries if each.where == where), 1):
-            raw = found.pop((entry.where, number), [])
-            variable = _variable(entry, mesh, raw, left)
-            left -= variable.values.nbytes
-            name = entry.name if entry.name not in variables else f"{entry.name} ({where})"
-            variables[name] = variable
-    if found:
-        raise damaged("a state has variables that the dictionary lacks")
-    return PlotFile(time_s, mesh, variables)
+    for place, course in courses.items():
+        variable = _variable(course, rows[first.get(place, 0) :], int(rows[-1]) + 1 if rows.size else 0, left)
+        left -= variable.values.nbytes
+        name = variable.name if variable.name not in variables else f"{variable.name} ({variable.where})"
+        variables[name] = variable
+    return PlotFile(np.unique(at), mesh, variables)
 
 
 def _time(parts: dict[int, memoryview]) -> float:
@@ -192,48 +217,67 @@ def _time(parts: dict[int, memoryview]) -> float:
     return float(np.frombuffer(header[0x02010002], "<f4")[0])
 
 
-def _state_data(content: memoryview) -> list[tuple[Where, int, dict[int, Array]]]:
-    """Of each variable of a state: where it is, its number there, and its numbers by region."""
-    found = []
+def _state_data(content: memoryview) -> Iterator[tuple[tuple[Where, int], memoryview]]:
+    """Of each variable of a state: where it is, its number there, and what the state has of it by region."""
     for tag, inside in chunks(content, "a state's data"):
         if tag not in _DATA:
             raise damaged(f"a state's data has a part {tag:#010x}")
         for _, each in chunks(inside, "a state's data"):
             parts = one_of_each(each, "a variable of a state")
             number = integer(parts, 0x02020002, "a variable's number")
-            regions: dict[int, Array] = {}
-            for region, numbers in chunks(parts.get(0x02020003, memoryview(b"")), "a variable's data"):
-                if len(numbers) % 4 or region in regions:
-                    raise damaged(f"variable {number} of a state has a broken region {region}")
-                regions[region] = np.frombuffer(numbers, "<f4")
-            found.append((_DATA[tag], number, regions))
-    return found
+            yield (_DATA[tag], number), parts.get(0x02020003, memoryview(b""))
 
 
-def _variable(entry: _Entry, mesh: Mesh, raw: list[dict[int, Array]], left: int) -> Variable:
-    """The variable of all states; a region that a state lacks has NaN there."""
-    numbered = dict(enumerate(_regions(entry.where, mesh), 0 if entry.where in ("global", "node") else 1))
-    there = sorted({number for state in raw for number in state})
-    counts = []
-    for number in there:
-        if number not in numbered:
-            raise damaged(f"variable {shown(entry.name)} is for region {number}, which the mesh lacks")
-        counts.append(_items(entry, numbered[number], mesh))
-    total = sum(counts)
-    if 4 * len(raw) * total * entry.width > left:
+def _append(course: _Course, mesh: Mesh, content: memoryview) -> None:
+    """Add what one state has of a variable, region by region."""
+    entry, before, seen = course.entry, len(course.regions), set[int]()
+    for region, numbers in chunks(content, "a variable's data"):
+        if region not in course.items:
+            course.items[region] = _items_of(entry, region, mesh)
+        expected = course.items[region] * entry.width
+        if region in seen:
+            raise damaged(f"variable {shown(entry.name)} has region {region} twice")
+        if len(numbers) != 4 * expected:
+            problem = f"{len(numbers) / 4:,g} numbers, not {expected:,}"
+            raise damaged(f"variable {shown(entry.name)} has {problem}, in region {region}")
+        seen.add(region)
+        course.regions.append(region)
+        course.numbers.extend(numbers)
+    course.states.append(len(course.regions) - before)
+
+
+def _items_of(entry: _Entry, number: int, mesh: Mesh) -> int:
+    """How many items a variable has in the region of this number in the file."""
+    regions = _regions(entry.where, mesh)
+    position = number - _first(entry.where)
+    if not 0 <= position < len(regions):
+        raise damaged(f"variable {shown(entry.name)} is for region {number}, which the mesh lacks")
+    return _items(entry, regions[position], mesh)
+
+
+def _first(where: Where) -> int:
+    """The number of the first region; the whole mesh is region 0."""
+    return 0 if where in ("global", "node") else 1
+
+
+def _variable(course: _Course, rows: Array, states: int, left: int) -> Variable:
+    """The variable of all ``states``; ``rows``: which of them each entry of the course is. NaN where there is none."""
+    entry, there = course.entry, sorted(course.items)
+    total = sum(course.items.values())
+    if 4 * states * total * entry.width > left:
         raise damaged("its variables have too many numbers")
-    values = np.full((len(raw), total, entry.width), np.nan, np.float32)
-    for row, state in enumerate(raw):
-        start = 0
-        for number, count in zip(there, counts, strict=True):
-            if number in state:
-                if state[number].size != count * entry.width:
-                    problem = f"{state[number].size:,} numbers, not {count * entry.width:,}"
-                    raise damaged(f"variable {shown(entry.name)} has {problem}, in region {number}")
-                values[row, start : start + count] = state[number].reshape(count, entry.width)
-            start += count
-    first = 0 if entry.where in ("global", "node") else 1
-    regions = tuple((number - first, count) for number, count in zip(there, counts, strict=True))
+    starts = dict(zip(there, np.cumsum([0, *(course.items[number] for number in there)]).tolist(), strict=False))
+    values = np.full((states, total, entry.width), np.nan, np.float32)
+    numbers, at, region = np.frombuffer(course.numbers, "<f4"), 0, 0
+    for count, row in zip(course.states, rows, strict=True):
+        values[row] = np.nan  # of a former state at this time
+        for number in course.regions[region : region + count]:
+            items = course.items[number]
+            size = items * entry.width
+            values[row, starts[number] : starts[number] + items] = numbers[at : at + size].reshape(items, entry.width)
+            at += size
+        region += count
+    regions = tuple((number - _first(entry.where), course.items[number]) for number in there)
     return Variable(entry.name, entry.where, entry.per, entry.kind, entry.unit, values, regions)
 
 

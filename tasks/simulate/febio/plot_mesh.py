@@ -174,4 +174,6 @@ def _parts(content: memoryview) -> dict[int, str]:
         parts = one_of_each(inside, "a part")
         name = name_in(parts.get(0x01045102, memoryview(b"")), "the name of a part", counted=False)
         found[integer(parts, 0x01045101, "the number of a part")] = name
+        if len(found) > MAX_REGIONS:
+            raise damaged(f"more than {MAX_REGIONS:,} parts")
     return found

@@ -206,8 +206,8 @@ class FEBio:
         from sinew.tasks.simulate.febio.keeping import Keeper
         from sinew.tasks.simulate.febio.kept import settings_of
 
-        counts = {"model": model.identity(), "specimen": specimen.identity(), "simulator": self.identity()}
-        return Keeper(self.kept, settings_of(counts), protocol.name, model.names)
+        of = settings_of(model.identity(), specimen.size(), self.identity(), protocol.digest)
+        return Keeper(self.kept, of, protocol.name, model.names)
 
     def _solved(self, model: Model, specimen: Specimen, protocol: Protocol, values: Array) -> Array:
         """What is read ``[logs, t]`` for one parameter set. Raises :class:`Failed`."""

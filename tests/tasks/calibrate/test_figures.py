@@ -291,10 +291,10 @@ def test_a_quantity_beside_the_force_has_a_figure_and_a_table_with_its_unit():
     plt.close(figure)
 
 
-def test_totals_in_multiples_of_the_noise_are_not_called_newton():
+def test_sums_of_errors_over_noise_are_not_called_newton():
     table = samples_table(["a"], np.zeros((2, 1)), np.array([6.0, np.inf]), np.zeros(1), "")
     assert "objective" in table
     assert "objective_N" not in table
-    figure = sample_figures.all_samples(replace(samples(), unit="times the noise"))
-    assert "total objective (times the noise)" in texts(figure)
+    figure = sample_figures.all_samples(replace(samples(), unit="RMSE over noise"))
+    assert "total objective (RMSE over noise)" in texts(figure)
     assert "total objective (N)" in texts(sample_figures.all_samples(samples()))

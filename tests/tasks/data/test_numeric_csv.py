@@ -31,6 +31,15 @@ def test_numbers_below_their_header(tmp_path, content):
     assert read_header(path) == ["a", "b"]
 
 
+def test_a_long_header_is_read_whole(tmp_path):
+    names = [f"{'a' * 90}_{number:04d}" for number in range(1003)]
+    path = written(tmp_path, f"{','.join(names)}\n{','.join('1' * len(names))}\n")
+    assert read_header(path) == names
+    assert read_numbers(path, names).shape == (1, 1003)
+    with pytest.raises(BadInput, match=r"numbers\.csv: row 1: more than 120,000 characters"):
+        read_numbers(written(tmp_path, "a" * 120_001 + "\n1\n"), None)
+
+
 @pytest.mark.parametrize(
     ("content", "where", "words"),
     [

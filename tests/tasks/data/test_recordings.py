@@ -484,7 +484,7 @@ def test_tests_beside_each_other_have_units_of_their_own(tmp_path):
 def test_units_that_contradict_each_other_are_refused_until_a_person_decides(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("Time (s),Extension (mm),Force (N)\ns,mm,kN\n0,0,1\n1,0.1,5\n2,0.2,9\n")
-    with pytest.raises(UnknownUnit, match="two units of the force are told: 'N' and 'kN'"):
+    with pytest.raises(UnknownUnit, match="the force has two units: 'N' and 'kN'"):
         read_recordings(path, Hints())
     (told,) = read_recordings(path, Hints(force_unit="kN"))
     assert told.numbers[:, 2] == pytest.approx([1000, 5000, 9000])

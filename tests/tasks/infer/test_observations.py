@@ -55,8 +55,9 @@ def test_the_first_cycle_keeps_what_was_measured_in_it():
     protocol = cyclic(10.0, 20.0)
     rows = np.arange(protocol.time_s.size)
     early, late = (np.where(part, 0.1 * rows, np.nan) for part in (rows < 20, rows > rows.size - 5))
+    nothing = np.where(rows > rows.size - 5, 1.0, 0.0)
     whole = Protocol("cyclic", protocol.time_s, protocol.displacement_mm, rows[::7])
-    cut = first_cycle(Curve(whole, np.zeros(rows.size), {"early": early, "late": late}))
+    cut = first_cycle(Curve(whole, np.zeros(rows.size), {"early": early, "late": late, "nothing": nothing}))
     assert list(cut.others) == ["early"]
     assert cut.others["early"].size == cut.force_N.size
     assert cut.protocol.seen.max() < cut.force_N.size

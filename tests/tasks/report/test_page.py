@@ -239,7 +239,8 @@ def test_quantities_beside_the_force_have_plots_and_columns_of_their_own(tmp_pat
     text = html.unescape(built.path.read_text())
     assert "lateral strain: RMSE" in text
     assert "lateral_strain, RMSEs together" in text
-    assert "times the noise" in text
+    assert "(noise alone: 6)" in text
+    assert "times the noise" not in text
     assert "one_step: lateral_strain: measured and fitted" in text
     assert "The same for the lateral strain." in text
     assert "Measured points of further quantities inside the bands" in text

@@ -9,6 +9,7 @@ import yaml
 from sinew.runner.errors import BadInput
 from sinew.tasks.report.crate.layout import changed_fields, layout_of, with_fields
 from sinew.tasks.report.crate.source import Source, read_source
+from sinew.tasks.study.settings_file import as_yaml, from_yaml
 
 
 def at(source: Source, study: Path, cohort: Path, out: Path) -> Source:
@@ -97,6 +98,15 @@ def test_a_template_with_an_absolute_path_is_refused(source):
 def test_a_field_is_replaced_in_whatever_form_it_has(text, expected):
     assert with_fields(text, {"cohort": "here"}) == expected
     assert yaml.safe_load(expected)["cohort"] == "here"
+
+
+def test_numbers_and_texts_stay_what_they_are():
+    """Where the whole file is written anew, ``1e3`` is no text and ``no`` is no truth value."""
+    text = "{name: no,\n cohort: &where there,\n calibrate: {evaluations: 1e3}, measured: {force: {noise: 1e-3}}}\n"
+    assert from_yaml(as_yaml(from_yaml(text))) == from_yaml(text)
+    odd = "? cohort\n: there\nname: no\nmeasured: {force: {noise: 1e-3}}\n"
+    changed = from_yaml(with_fields(odd, {"cohort": "here"}))
+    assert changed == {"cohort": "here", "name": "no", "measured": {"force": {"noise": 0.001}}}
 
 
 def test_a_section_is_replaced_with_all_that_is_in_it():

@@ -1,11 +1,14 @@
 """Words for a methods section: every task has some, with its numbers, and all that they cite is known."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from sinew.tasks.registry import TASKS
+from sinew.tasks.report.crate import environment
 from sinew.tasks.report.crate.methods import cited, methods, numbered
 from sinew.tasks.report.crate.references import REFERENCES
 from sinew.tasks.report.crate.source import Source, read_source
@@ -48,6 +51,40 @@ def test_every_task_has_a_paragraph_whose_references_are_known(source, task):
     assert words.endswith(".")
     assert "  " not in words
     assert set(cited(words)) <= set(REFERENCES)
+
+
+def test_the_equations_of_the_embedded_simulator_are_named(source):
+    assert "computed from the closed form of the homogeneous bar" in methods(source).decode()
+    settings = source.study.model_copy(
+        update={"model": source.study.model.model_copy(update={"effects": ["toe-slack"]})}
+    )
+    text = methods(replace(source, study=settings)).decode()
+    assert "Added effects: toe-slack. Forces were computed from the equations of the homogeneous bar with these" in text
+    assert "closed form" not in text
+
+
+def test_failures_are_counted(source):
+    assert re.search(r"The model was evaluated [\d,]+ times, without a failure\.", methods(source).decode())
+    status = {"tables": [{"done": 1200, "failed": {"crashed": 3, "timeout": 1}}]}
+    text = methods(replace(source, found=replace(source.found, status=status))).decode()
+    assert "Of 1,200 evaluations of the model, 4 failed. No result uses these." in text
+
+
+@pytest.mark.parametrize(
+    ("identity", "words"),
+    [
+        ({"simulator": {"name": "febio", "version": "4.11.0"}}, ("febio", "4.11.0")),
+        ({"simulator": {"name": "template", "version": "[@nobody]"}}, ("template", "")),
+        ({"simulator": {"name": "template", "version": "1" * 101}}, ("template", "")),
+        ({"simulator": {"name": "<b>a</b>\n[@nobody]", "version": "1"}}, ("uniaxial", "")),
+        ({"simulator": {"name": "a" * 10_000}}, ("uniaxial", "")),
+        ({"simulator": "febio"}, ("uniaxial", "")),
+        ({}, ("uniaxial", "")),
+    ],
+)
+def test_of_a_store_only_words_are_taken(identity, words):
+    found = SimpleNamespace(tables={"a": [SimpleNamespace(identity=identity)]})
+    assert environment.solver(SimpleNamespace(found=found, run={"simulator": "uniaxial"})) == words
 
 
 def test_references_are_numbered_in_the_order_of_their_use(source):

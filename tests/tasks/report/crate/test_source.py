@@ -69,7 +69,7 @@ def test_a_task_that_is_no_name_is_passed_over(run_folder):
         ({"seed": True}, "seed: True; expected the seed"),
         ({"seed": "1"}, "seed: '1'; expected"),
         ({"simulator": ["x"]}, "simulator: ..x..; expected one of"),
-        ({"study_file": 5}, "study_file: is not told; expected --study"),
+        ({"study_file": 5}, "study_file: missing; expected --study"),
         ({"cohort": "/nowhere"}, "/nowhere: is not there"),
     ],
 )

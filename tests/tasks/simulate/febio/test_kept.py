@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 
@@ -24,7 +25,7 @@ from sinew.tasks.study.workspace import Workspace, _no_abandoned_folders
 from tests.tasks.simulate.febio import plot_writer
 from tests.tasks.simulate.febio.dogbone import BAR, OWN, RELAX, dogbone
 from tests.tasks.simulate.febio.plotting_bar import plotting_bar, runs
-from tests.tasks.simulate.febio.test_own_model import command
+from tests.tasks.simulate.febio.test_own_model import command, with_cohort
 from tests.tasks.simulate.febio.test_vtk import arrays
 from tests.trusting import trusted
 
@@ -139,6 +140,21 @@ def test_a_run_is_read_as_it_was_written(written):
     assert {k: v.tolist() for k, v in other.node_sets.items()} == {"side": [1, 3, 5]}
     assert {k: v.tolist() for k, v in other.element_sets.items()} == {"upper": [2]}
     assert other.parts == mesh.parts
+
+
+def test_variables_of_any_name_and_of_zeros_are_read_again(tmp_path):
+    """A variable called ``c``, as Zarr calls the folders of chunks; and chunks of zeros, which Zarr does not write."""
+    plot = plot_file_of(plot_writer.plot_file(), 2**20)
+    energy = plot.variables["energy"]
+    named = {"c": replace(energy, name="c"), "c c": replace(energy, name="c c", values=0 * energy.values)}
+    path = write_runs(
+        tmp_path / "fields", [(entry_of("of", "pull", ("a",), np.ones(1)), Run({}, replace(plot, variables=named)))]
+    )
+    ((_, place),) = kept_files.contents(path)
+    again = kept_files.read_run(place).plot.variables
+    assert list(again) == ["c", "c c"]
+    assert np.array_equal(again["c"].values, energy.values)
+    assert not again["c c"].values.any()
 
 
 def test_equal_runs_are_equal_bytes(tmp_path, written):
@@ -285,6 +301,33 @@ def test_an_output_that_is_added_to_a_finished_study(tmp_path, settings, capsys)
     del settings["simulator"]["outputs"]["lateral"]
     command("sobol", study(tmp_path, settings), "--out", out)
     assert runs(tmp_path) == 24  # rows are the same with and without fields
+
+
+def test_other_noise_and_another_measured_output_of_a_finished_study(tmp_path, settings):
+    """Neither what was measured nor how noisy it is changes what the solver does."""
+    made = with_cohort(tmp_path, settings)
+    file = tmp_path / "cohort" / "made" / "relaxation.csv"
+    seen = pd.read_csv(tmp_path / "truth" / "dogbone.relaxation.narrowing.csv")["row_0"]
+    pd.read_csv(file).assign(narrowing=seen, width_loss_mm=seen + 0.001).to_csv(file, index=False)
+    before = runs(tmp_path)
+    quantities = {"force": {"noise": 0.05}, "narrowing": {"noise": 0.001}}
+    command("sobol", study(tmp_path, made | {"measured": quantities}), "--out", tmp_path / "out")
+    assert runs(tmp_path) == before + 24
+    quantities["narrowing"]["noise"] = 0.002
+    command("sobol", study(tmp_path, made | {"measured": quantities}), "--out", tmp_path / "out")
+    made["simulator"]["outputs"]["lateral"] = {
+        "field": "displacement", "component": "x", "set": "edge", "scale": -2, "unit": "mm"}  # fmt: skip
+    quantities["lateral"] = {"column": "width_loss_mm", "noise": 0.001}
+    command("sobol", study(tmp_path, made | {"measured": quantities}), "--out", tmp_path / "out")
+    assert runs(tmp_path) == before + 24
+    tables = sinew.results(tmp_path / "out").xarray()["evaluations"].children.values()
+    assert [table.sizes["row"] for table in tables] == [24, 24, 24]
+    assert any("rmse_lateral" in table for table in tables)
+    command("fields", tmp_path / "out", "--row", 3)  # the rows of all tables have the same runs
+    table = pd.read_csv(file)
+    table.assign(displacement_mm=1.01 * table["displacement_mm"]).to_csv(file, index=False)
+    command("sobol", study(tmp_path, made | {"measured": quantities}), "--out", tmp_path / "out")
+    assert runs(tmp_path) == before + 48
 
 
 @pytest.mark.parametrize(

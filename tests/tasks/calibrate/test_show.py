@@ -1,0 +1,55 @@
+"""How the totals of fits are told: in newton, or for several quantities beside what noise alone leaves."""
+
+import pytest
+
+from sinew.tasks.calibrate.prose import methods
+from sinew.tasks.calibrate.result import QuantityFit
+from sinew.tasks.calibrate.show import headline, in_words
+from sinew.tasks.drawing.blocks import span
+from tests.tasks.calibrations import calibration_of, fit_of
+
+PROTOCOLS = {"one_step": 1.0, "two_step": 1.0, "cyclic": 1.0}
+BOTH = {"force": QuantityFit("N", 1.0, PROTOCOLS, {}), "lateral_strain": QuantityFit("1", 0.001, PROTOCOLS, {})}
+
+
+def alone(total_N: float):
+    return fit_of({"E_f": 200.0}, total_N=total_N, noise_N=3.0)
+
+
+def compared(objective: float, **changes):
+    return fit_of({"E_f": 200.0}, total_N=9.0, objective=objective, quantities=BOTH, **changes)
+
+
+@pytest.mark.parametrize(
+    ("fits", "words"),
+    [
+        ([alone(3.2)], "1 specimen, RMSE 3.2 N"),
+        ([alone(3.2), alone(3.2001)], "2 specimens, RMSE 3.2 N"),
+        ([alone(3.3), alone(3.2)], "2 specimens, RMSE 3.2 to 3.3 N"),
+        ([compared(6.02)], "1 specimen, objective 6.02 (noise alone: 6)"),
+        ([compared(6.5), compared(5.9)], "2 specimens, objective 5.9 to 6.5 (noise alone: 6)"),
+        ([compared(0.1, above_noise=None)], "1 specimen, objective 0.1"),
+    ],
+)
+def test_the_headline(fits, words):
+    assert headline(calibration_of({str(number): fit for number, fit in enumerate(fits)})) == words
+
+
+def test_what_noise_leaves_is_told_where_specimens_differ():
+    one = {name: QuantityFit(each.unit, each.noise, {"cyclic": 1.0}, {}) for name, each in BOTH.items()}
+    fits = [compared(6.0), fit_of({"E_f": 200.0}, objective=2.0, quantities=one)]
+    assert in_words([4.0], fits) == "4 (noise alone: 2 to 6)"
+
+
+def test_the_words_for_a_methods_section():
+    text = methods(calibration_of({"a": alone(3.2)}))
+    assert "At the best fits it is 3.2 N." in text
+    assert "[@patterson], is 3 N by the same measure." in text
+    text = methods(calibration_of({"a": compared(6.02)}))
+    assert "At the best fits it is 6.02. Noise alone would leave 6." in text
+    assert "of the quantity (force, lateral strain)" in text
+
+
+def test_a_span_of_one_number_is_that_number():
+    assert span([3.2, 3.2]) == span([3.2004, 3.2]) == "3.2"
+    assert span([3.25, 1.0]) == "1 to 3.25"

@@ -1,0 +1,30 @@
+"""The study with the named effects is the former one and these; its numbers and words are read back as they were."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+from sinew.tasks.discover.after.added import study_with
+from sinew.tasks.discover.result import WITH_EFFECTS
+from sinew.tasks.model.effects import named
+from sinew.tasks.study.study import read_study
+
+STUDY = """name: no
+seed: 3
+cohort: cohort
+tasks: [discover]
+measured: {force: {noise: 1e-1}, lateral_strain: {noise: 1e-3}}
+"""
+
+
+def test_numbers_and_texts_stay_what_they_are(tmp_path):
+    (tmp_path / "study.yaml").write_text(STUDY)
+    study = read_study(tmp_path / "study.yaml")
+    workspace = SimpleNamespace(out=tmp_path / "out", study=study, cohort=SimpleNamespace(folder=tmp_path / "cohort"))
+    (tmp_path / "out").mkdir()
+    path, difference = study_with(workspace, (named()["toe-slack"],))
+    assert Path(path) == Path(WITH_EFFECTS)
+    new = read_study(tmp_path / "out" / path)
+    assert (new.name, new.measured) == (study.name, study.measured)
+    assert new.model.effects == ["toe-slack"]
+    changed = [line for line in difference.splitlines() if line[0] in "+-" and line[:3] not in ("+++", "---")]
+    assert changed == ["-cohort: cohort", "+cohort: ../../cohort", "+model:", "+  effects:", "+  - toe-slack"]
