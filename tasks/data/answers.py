@@ -37,6 +37,7 @@ class _File(Section):
     cycle_column: str | None = None
     rate_hz: float | None = None
     speed: float | None = None
+    keep_column: list[str] | None = None
     specimens: dict[str, _Sizes] = Field(default_factory=dict)
 
 
@@ -55,7 +56,8 @@ def read_answers(path: Path) -> Answers:
         name: {size.removesuffix("_mm"): value for size, value in one.model_dump(exclude_none=True).items()}
         for name, one in found.specimens.items()
     }
-    return Answers(Hints(**found.model_dump(exclude={"specimens"})), sizes)
+    kept = None if found.keep_column is None else tuple(found.keep_column)
+    return Answers(Hints(**found.model_dump(exclude={"specimens", "keep_column"}), keep_column=kept), sizes)
 
 
 def write_answers(path: Path, answers: Answers) -> None:

@@ -8,12 +8,13 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import NAME, refuse_duplicates
+from sinew.tasks.data.further import refuse_unknown
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH, TIME
 from sinew.tasks.data.recordings import MOST_STRETCH, Bar, Recording, curve_of, read_recordings, remarks
 from sinew.tasks.data.sizes import LARGEST_MM2, LONGEST_MM, SAME, square_side
 from sinew.tasks.data.units import factor, listed
-from sinew.tasks.model import Curve, Specimen
+from sinew.tasks.model import Specimen
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,7 @@ def read_exports(
         raise BadInput("--protocol", f"one name for {len(paths)} files of one specimen", "names of files as protocols")
     reading = reading or Reading()
     recordings = [recording for path in paths for recording in _read(path, reading)]
+    refuse_unknown(reading.hints.further, [one.further.values for one in recordings], recordings[0].left_out)
     parts: list[Specimen] = []
     spreads: dict[str, tuple[str, ...]] = {}
     noticed: dict[str, tuple[str, ...]] = {}
@@ -140,7 +142,7 @@ def _specimen(recording: Recording, protocol: str | None, name: str | None, read
     usual = "relaxation" if any("hold" in label for label in labels) else "test"
     curve = curve_of(recording, bar, protocol or usual, reference=reading.reference)
     if reading.tare:
-        curve = Curve(curve.protocol, curve.force_N - curve.force_N[0])
+        curve = replace(curve, force_N=curve.force_N - curve.force_N[0])
     return Specimen(name or _plain(recording), bar.length_mm, bar.width_mm, bar.thickness_mm, (curve,))
 
 
