@@ -2,8 +2,8 @@
 
 import json
 import shlex
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,7 +17,7 @@ from sinew.runner.store.store import Store, open_store, refuse_strange_entries
 from sinew.runner.store.table import Table
 from sinew.tasks.discover.result import DiscoverResult
 from sinew.tasks.drawing.thinning import drawn_points
-from sinew.tasks.model import Protocol, file_name
+from sinew.tasks.model import FORCE, Protocol, file_name
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.status import read_status
 from sinew.tasks.simulate import Array
@@ -41,16 +41,26 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
+class MeasuredQuantity:
+    """What was measured beside the force along a protocol: ``values`` ``[q]`` in ``unit`` at the times ``time_s``."""
+
+    unit: str
+    time_s: Array
+    values: Array
+
+
+@dataclass(frozen=True, eq=False)
 class MeasuredCurve:
     """A curve at points that represent it, each array ``[p]``; ``total`` points were measured or stored.
 
-    ``force_N`` is NaN where nothing was measured, but the specimen was pulled.
+    ``force_N`` is NaN where nothing was measured, but the specimen was pulled. ``others``: what is compared besides.
     """
 
     time_s: Array
     displacement_mm: Array
     force_N: Array
     total: int
+    others: Mapping[str, MeasuredQuantity] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -93,7 +103,7 @@ class ResultFolder:
     @cached_property
     def measured(self) -> dict[str, dict[str, MeasuredCurve]]:
         """Measured curves by specimen and protocol, from the evaluations, else from what a discovery looked at."""
-        found = {name: dict(_curves(tables[0])) for name, tables in self.tables.items()}
+        found = {name: dict(_curves(tables)) for name, tables in self.tables.items()}
         discovery = self.result(DiscoverResult)
         for name in discovery.cells if discovery is not None else ():
             if name not in found and self.store is not None:
@@ -182,9 +192,24 @@ def _points(table: Table) -> int:
     )
 
 
-def _curves(table: Table) -> Iterator[tuple[str, MeasuredCurve]]:
-    for name in protocols_of(table):
-        yield name, _represented(name, *columns_of(table, name))
+def _curves(tables: Sequence[Table]) -> Iterator[tuple[str, MeasuredCurve]]:
+    """The curves of the first table, and what is compared beside the force in any of them."""
+    for name in protocols_of(tables[0]):
+        others = {quantity: one for table in reversed(tables) for quantity, one in _others(table, name)}
+        yield name, replace(_represented(name, *columns_of(tables[0], name)), others=dict(sorted(others.items())))
+
+
+def _others(table: Table, protocol: str) -> Iterator[tuple[str, MeasuredQuantity]]:
+    specimen = table.identity.get("specimen")
+    compared = specimen.get("compared") if isinstance(specimen, dict) else None
+    for quantity in compared if isinstance(compared, dict) else ():
+        values = table.coordinate(f"measured_{quantity}_{protocol}")
+        time_s = table.coordinate(f"time_{protocol}")
+        if quantity != FORCE and values is not None and time_s is not None and values.size == time_s.size:
+            there = np.flatnonzero(np.isfinite(values))
+            there = there[:: max(1, -(-there.size // POINTS))]
+            unit = str(table.group[f"measured_{quantity}_{protocol}"].attrs.get("units", "1"))
+            yield quantity, MeasuredQuantity(unit, time_s[there], values[there])
 
 
 def _discovered(kept: xr.Dataset, protocol: str) -> MeasuredCurve:

@@ -14,6 +14,7 @@ from sinew.tasks.cluster.spec import cluster_of
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import number, percent
 from sinew.tasks.report import folder, page
+from sinew.tasks.report.comparison import compare
 from sinew.tasks.report.page import build
 from sinew.tasks.report.sections import data
 from sinew.tasks.study.study import read_study
@@ -83,7 +84,7 @@ def test_a_thinned_curve_keeps_its_largest_force_and_displacement():
     moved, force = np.sin(0.31 * time), np.cos(0.17 * time)
     moved[1234], force[4321] = 1.5, -7.0
     columns = {"time_pull": time, "displacement_pull": moved, "measured_pull": force, "protocol": np.array(["pull"])}
-    ((name, curve),) = folder._curves(SimpleNamespace(coordinate=columns.get))
+    ((name, curve),) = folder._curves([SimpleNamespace(coordinate=columns.get, identity={})])
     assert (name, curve.total, curve.time_s.size <= folder.POINTS) == ("pull", 5001, True)
     assert (curve.displacement_mm.max(), curve.force_N.min()) == (1.5, -7.0)
 
@@ -223,5 +224,14 @@ def test_quantities_beside_the_force_have_plots_and_columns_of_their_own(tmp_pat
     assert "(noise alone: 6)" in text
     assert "times the noise" not in text
     assert "one_step: lateral_strain: measured and fitted" in text
+    assert (
+        "1 specimen of 1 site, 3 curves (cyclic, one_step, two_step); compared beside the force: lateral strain" in text
+    )
+    assert "Measured lateral strain of the picked specimen over time" in text
+    both = compare(tmp_path / "out", tmp_path / "out", tmp_path / "both.html")
+    assert both.trouble == ()
+    words = html.unescape(both.path.read_text())
+    assert "force, lateral_strain" in words
+    assert "lateral_strain, RMSEs together" in words
     assert "The same for the lateral strain." in text
     assert "Measured points of further quantities inside the bands" in text
