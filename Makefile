@@ -52,9 +52,10 @@ benchmarks: $(READY)
 fuzz: $(READY)
 	nice -n 10 $(BIN)/python -m tests.fuzz --minutes $(or $(MINUTES),30)
 
-# breaks the code in small ways and counts what the tests notice; OF names targets of tests/mutants/targets.toml
+# breaks the code in small ways and counts what the tests notice; OF names targets of tests/mutants/targets.toml, SAMPLE
+# how many mutants of each, drawn at random
 mutants: $(READY)
-	nice -n 10 $(BIN)/python -m tests.mutants $(OF)
+	nice -n 10 $(BIN)/python -m tests.mutants $(OF) $(if $(SAMPLE),--sample $(SAMPLE))
 
 # kills a small study of all tasks at random for so many minutes, and looks at what is left
 MINUTES ?= 5

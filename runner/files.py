@@ -6,7 +6,9 @@ In folders that all users share, such as ``/tmp``, others may have made what thi
 
 import errno
 import os
+import shutil
 import stat
+import subprocess
 import tempfile
 from collections.abc import Collection
 from contextlib import suppress
@@ -131,6 +133,19 @@ def strange_entry(folder: Path, closed: Collection[str] = ()) -> tuple[Path, str
         except FileNotFoundError:
             continue
     return None
+
+
+def remove_folder(folder: Path) -> None:
+    """Remove a folder and all below it, however deep and whatever its modes; what cannot be removed stays.
+
+    Python's own way calls itself once for each level, and a solver may leave thousands of them.
+    """
+    with suppress(RecursionError):
+        shutil.rmtree(folder, ignore_errors=True)
+    if os.path.lexists(folder) and not folder.is_symlink():
+        for command in (["chmod", "-R", "u+rwx"], ["rm", "-rf"]):
+            with suppress(OSError):
+                subprocess.run([*command, "--", str(folder.absolute())], stderr=subprocess.DEVNULL, check=False)
 
 
 def _kind(path: Path) -> str | None:

@@ -61,6 +61,8 @@ def open_allocation(spec: Allocation) -> Iterator[Client]:
         "interface": spec.network.interface,
     }
     os.environ.update(ENVIRONMENT)
+    if task == 1:  # it leads, and nobody else does: the result folder is locked
+        remove_abandoned(spec.folder, this)
     try:
         runner = spec.system.allocation_runner(jobqueue(spec.system.dask_module()))(
             scheduler_file=str(scheduler_file),
@@ -88,6 +90,16 @@ def open_allocation(spec: Allocation) -> Iterator[Client]:
         runner.status = Status.closed
         scheduler_file.unlink(missing_ok=True)
         shutil.rmtree(certificates, ignore_errors=True)
+
+
+def remove_abandoned(folder: Path, this: str) -> None:
+    """Remove what allocations that were killed have left in the folder of jobs; ``this`` is the present one."""
+    for left in folder.glob("certificate-*"):
+        if left.name != f"certificate-{this}":
+            shutil.rmtree(left, ignore_errors=True)
+    for left in folder.glob("scheduler-*.json"):
+        if left.name != f"scheduler-{this}.json":
+            left.unlink(missing_ok=True)
 
 
 def join_allocation(spec: Allocation) -> None:

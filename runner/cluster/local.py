@@ -1,11 +1,9 @@
 """Workers on this machine: as many as asked for, also when some of them are killed while they start."""
 
 import logging
-import shutil
 import signal
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from pathlib import Path
@@ -14,15 +12,16 @@ from typing import Any
 import dask
 from distributed import Client, LocalCluster
 from distributed.core import Status
-from distributed.security import Security
 from distributed.worker_memory import parse_memory_limit
 
 from sinew.runner.cluster.dask_settings import DASHBOARD
+from sinew.runner.cluster.network import shared_certificate
 from sinew.runner.cluster.terminal import children_write_to
 from sinew.runner.errors import ClusterError
 from sinew.runner.evaluation import external
-from sinew.runner.files import own_folder
+from sinew.runner.files import own_folder, remove_folder
 from sinew.runner.periodic import every
+from sinew.runner.temporary import temporary_folder
 
 LOOK_S = 2.0
 TRIES = 5  # in a row, none of which started a worker
@@ -48,44 +47,42 @@ class LocalWorkers(LocalCluster):
 def open_local(spec: Local, folder: Path | None = None) -> Iterator[Client]:
     """A client of new local workers, which end with the ``with`` block. Raises ``ClusterError``.
 
-    ``folder``: for the workers' own files; it is removed at the end. When this process is killed it stays, so whoever
-    names it removes it before the next run.
+    ``folder``: for the workers' own files and the certificate of the run; it is removed at the end. When this process
+    is killed it stays, so whoever names it removes it before the next run. One that nobody names is removed by the
+    next process that makes a temporary folder.
     """
-    place = folder or Path(tempfile.mkdtemp(prefix="sinew-"))
-    try:
+    with ExitStack() as stack:
+        place = folder or stack.enter_context(temporary_folder()) / "workers"
+        stack.callback(remove_folder, place)
         place.parent.mkdir(parents=True, exist_ok=True)
         own_folder(place)  # Dask puts it on the path from which modules are imported
-        errors = place / "errors"
-        with (
-            children_write_to(errors),
-            dask.config.set({"temporary-directory": str(place)}),
-            _open_cluster(spec, errors) as client,
-        ):
-            yield client
-    finally:
-        shutil.rmtree(place, ignore_errors=True)
+        stack.enter_context(children_write_to(place / "errors"))
+        stack.enter_context(dask.config.set({"temporary-directory": str(place)}))
+        yield stack.enter_context(_open_cluster(spec, place))
 
 
 @contextmanager
-def _open_cluster(spec: Local, errors: Path) -> Iterator[Client]:
+def _open_cluster(spec: Local, place: Path) -> Iterator[Client]:
     try:
+        # in files: a key that is a text, Dask writes to a temporary folder for a moment, where a kill would leave it
+        security = shared_certificate(place / "certificate", create=True) if spec.tls else None
         cluster = LocalWorkers(  # type: ignore[no-untyped-call]
             n_workers=0,  # a worker that dies while it starts would end the cluster; see WorkerStarter
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
             protocol="tls://" if spec.tls else "tcp://",
-            security=Security.temporary() if spec.tls else None,
+            security=security,
             dashboard_address=DASHBOARD,
             silence_logs=logging.ERROR,
             memory_limit=parse_memory_limit("auto", 1, spec.workers, logger=log),
             preload="sinew.runner.cluster.interrupts",
-            local_directory=str(errors.parent),  # also of workers that start while the settings are taken back
+            local_directory=str(place),  # also of workers that start while the settings are taken back
         )
     except (OSError, RuntimeError) as error:
         raise ClusterError(f"cluster: the scheduler could not be started ({error})") from error
     with cluster:
-        starter = WorkerStarter(cluster, spec.workers, errors)
+        starter = WorkerStarter(cluster, spec.workers, place / "errors")
         starter.start()
         with Client(cluster, set_as_default=False) as client, every(LOOK_S, starter.look, "sinew-workers"):
             yield client

@@ -9,6 +9,7 @@ from sinew.runner.cluster import drain
 
 BATCHES_PER_S = 30  # takes a fifth of a scheduler's time
 AWAITED_PER_S = 120  # at most, of batches that an adaptive run waits for; otherwise batches get longer
+SHORTEST_S = 0.05  # unless an adaptive run waits: ever smaller parts of the last rows would cost more than they gain
 AWAITED_S = 0.1  # duration of a batch that an adaptive run waits for: its results come all at once, at the end
 
 
@@ -45,7 +46,9 @@ class BatchSizes:
             size = min(size, 8 * self.largest)  # the first batches also load code
             queued = (awaited or 0) // (2 * slots)  # in a long queue, a longer batch delays no result
             size = max(size, min(queued, int(aim_s / each)))  # but its rows may be lost together
-        fair = math.ceil(left / slots) if awaited is None else math.ceil((left + running) / (2 * slots))
+        fair = math.ceil((left if awaited is None else (left + running) / 2) / slots)
+        if awaited is None and self.seconds_per_row:
+            fair = max(fair, int(SHORTEST_S / each))
         size = min(size, limit, fair)  # all workers end at about the same time
         size = max(self.multiple, -(-size // self.multiple) * self.multiple)
         self.largest = max(self.largest, size)

@@ -36,8 +36,6 @@ from sinew.runner.progress import Report
 from sinew.runner.store.schema import STATUSES, Array
 from sinew.runner.store.table import Table
 
-SYNC_S = 5.0  # rows that are finished for longer survive a loss of power
-
 
 def evaluate(
     client: Callable[[], Client | None],
@@ -104,7 +102,7 @@ def _new_run(policy: Policy, counts: Counts) -> Run:
 
 def _work(run: Run, client: Client | None) -> None:
     try:
-        with every(SYNC_S, run.sync, "sinew-sync"):
+        with every(run.policy.sync_s, run.sync, "sinew-sync"):
             if client is None:
                 work_in_process(run)
             else:

@@ -18,6 +18,7 @@ def work_in_process(run: Run) -> None:
             try:
                 run_batch(batch)
                 run.note(source, batch)
+                run.commit_many()
             except OSError as error:
                 raise store_error(error, batch) from error
         run.commit()

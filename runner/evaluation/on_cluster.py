@@ -60,6 +60,7 @@ class WorkOnCluster:
             while self._busy or ((self.run.left or self.sessions.open) and not self.ending):
                 self.sessions.listen(self._compute)
                 self._submit(self._new_batches())
+                self.run.commit_many()  # while workers are busy
                 self._wait()
                 self._collect_ready()
             stopped = self.ending

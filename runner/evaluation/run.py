@@ -70,6 +70,12 @@ class Run:
         for source in self.sources:
             source.commit()
 
+    def commit_many(self) -> None:
+        """Commit what is complete of tables that have so much that writing it together pays."""
+        for source in self.sources:
+            if not source.open:
+                source.commit(source.table.fold_chunks)
+
     def sync(self) -> None:
         """Bring finished rows to the disk, in a thread of its own. A disk that cannot is noticed by who writes."""
         for source in list(self.sources):

@@ -62,10 +62,7 @@ class Source:
         return batch
 
     def note(self, batch: Batch) -> int:
-        """Take in a batch whose segment is in the journal; returns how many of its rows failed.
-
-        Chunks are committed once they are complete, some at a time.
-        """
+        """Take in a batch whose segment is in the journal; returns how many of its rows failed."""
         segment = Segment.read(batch.segment, whole=self.open)
         self.sizes.measured(float(segment.wall_seconds.mean()))
         chunk = int(batch.rows[0]) // self.table.chunk_rows
@@ -75,8 +72,6 @@ class Source:
             self._take_results(segment, batch.segment)
             if len(self.finished[chunk]) >= SEGMENTS_KEPT:
                 self._fold([chunk])
-        elif len(self._complete()) >= self.table.fold_chunks:
-            self.commit()
         return int((segment.status > 0).sum())
 
     def close(self) -> None:
@@ -84,9 +79,10 @@ class Source:
         self.open = False
         self.commit()
 
-    def commit(self) -> None:
-        """Commit the chunks that are complete: each is written once."""
-        self._fold(self._complete())
+    def commit(self, at_least: int = 1) -> None:
+        """Commit the chunks that are complete, if there are ``at_least`` so many: each is written once."""
+        if len(complete := self._complete()) >= at_least:
+            self._fold(complete)
 
     def _complete(self) -> list[int]:
         """The chunks with all their rows finished and not committed yet."""

@@ -39,7 +39,7 @@ def _fault(file: Path, array: zarr.Array[Any]) -> str:
         return "" if whole else f"a chunk is not one of {expected:,} bytes"
     if file.stat().st_size > MAX_TEXT_BYTES:
         return f"a chunk has more than {MAX_TEXT_BYTES:,} bytes"
-    claimed = _zstd_size(file.read_bytes())
+    claimed = zstd_size(file.read_bytes())
     return (
         "" if claimed is not None and claimed <= MAX_TEXT_BYTES else "a chunk claims to hold too much, or is cut short"
     )
@@ -51,7 +51,7 @@ def chunk_files(folder: Path) -> list[Path]:
     return [path for path in there if path.suffix != ".partial" and path.is_file()]  # Zarr renames what it has written
 
 
-def _zstd_size(content: bytes) -> int | None:
+def zstd_size(content: bytes) -> int | None:
     """The size of what a single Zstandard frame holds (RFC 8878, section 3.1), None for anything else."""
     if len(content) < 6 or content[:4] != _ZSTD:
         return None

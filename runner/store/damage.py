@@ -14,6 +14,19 @@ SHORTAGES = ("thread", "memory", "alloc")  # what libraries say when memory or t
 @contextmanager
 def store_errors(path: Path) -> Iterator[None]:
     """Raise errors of Zarr and of the system as a ``StoreError`` that names ``path`` and says what to do."""
+    with _errors(path, f"`sinew repair {_result_folder(path)}` makes its rows pending, all others stay"):
+        yield
+
+
+@contextmanager
+def result_errors(path: Path) -> Iterator[None]:
+    """As :func:`store_errors`, for the arrays of a task's result."""
+    with _errors(path, "run the study again, which makes this result anew"):
+        yield
+
+
+@contextmanager
+def _errors(path: Path, what_to_do: str) -> Iterator[None]:
     try:
         yield
     except StoreError:
@@ -23,10 +36,7 @@ def store_errors(path: Path) -> Iterator[None]:
     except Exception as error:  # what Zarr and its codecs raise for damaged files is no closed list
         if is_shortage(error):
             raise StoreError(f"{path}: cannot be read now, memory or threads are short ({words(error)})") from error
-        raise StoreError(
-            f"{path}: damaged ({words(error)}); `sinew repair {_result_folder(path)}` makes its rows pending, "
-            "all others stay"
-        ) from error
+        raise StoreError(f"{path}: damaged ({words(error)}); {what_to_do}") from error
 
 
 def is_shortage(error: Exception) -> bool:

@@ -25,6 +25,7 @@ Guarantees:
 | ``rows`` | hashes of parameters, and the index of known rows |
 | ``durable`` | what survives a loss of power |
 | ``layout`` | whether the arrays of a table are what ``arrays`` creates |
+| ``results`` | the arrays of a task's result |
 | ``chunks`` | what the file of a chunk claims to hold |
 | ``damage`` | errors that name the file |
 | ``repair`` | what is removed, so that its rows are computed again |
@@ -42,10 +43,11 @@ import zarr
 
 from sinew.runner.errors import StoreError
 from sinew.runner.files import strange_entry
+from sinew.runner.store import results
 from sinew.runner.store.arrays import create_table
-from sinew.runner.store.damage import store_errors
+from sinew.runner.store.damage import result_errors, store_errors
 from sinew.runner.store.durable import DurableStore, sync_folder, sync_names
-from sinew.runner.store.layout import table_group
+from sinew.runner.store.layout import Damaged, table_group
 from sinew.runner.store.lock import lock
 from sinew.runner.store.repair import Repaired, remove_damaged_segments, repair_tables
 from sinew.runner.store.schema import TableSpec
@@ -129,24 +131,18 @@ class Store:
 
     def write_result(self, name: str, dataset: xr.Dataset) -> None:
         """Write a task's arrays as the group ``name`` beside the evaluations."""
-        texts = {
-            str(variable): dataset[variable].astype(object)  # Zarr v3 has no fixed-width text
-            for variable in dataset.variables
-            if dataset[variable].dtype.kind == "U"
-        }
-        dataset = dataset.assign({n: v for n, v in texts.items() if n in dataset.data_vars})
-        dataset = dataset.assign_coords({n: v for n, v in texts.items() if n in dataset.coords})
         with store_errors(self.path):
-            target = DurableStore(self.path)
-            dataset.to_zarr(target, group=name, mode="w", zarr_format=3, consolidated=False)
-            target.sync_folders()
+            results.write(self.path, name, dataset)
 
     def read_result(self, name: str) -> xr.Dataset:
-        """A task's arrays. Raises ``StoreError`` when there are none."""
-        if name not in self.root:
+        """A task's arrays. Raises ``StoreError`` when there are none, or not what was written."""
+        if not (self.path / name).is_dir():
             raise StoreError(f"{self.path}: holds no result '{name}'")
-        with store_errors(self.path):
-            return xr.open_zarr(self.path, group=name, consolidated=False, zarr_format=3).load()
+        with result_errors(self.path / name):
+            group = self.root.get(name)
+            if not isinstance(group, zarr.Group):
+                raise Damaged("its zarr.json is not that of a group")
+            return results.read(self.path, group, name)
 
 
 SOLVERS_OWN = ("attempts",)  # folders of a result folder in which solvers may leave anything

@@ -33,7 +33,7 @@ from sinew.runner.store.segment import Part, Segment, column_of
 
 log = logging.getLogger("sinew")
 
-FOLD_CHUNKS = 4  # a call of Zarr and the synchronisation of a folder cost more than the bytes of a chunk
+FOLD_CHUNKS = 8  # a call of Zarr and the synchronisation of a folder cost more than the bytes of a chunk
 PLANNED_CHUNKS = 16  # of parameters, which are small
 LOADED_BYTES = 2 * CHUNK_BYTES  # of chunks whose segments are read as a whole, not one column after the other
 

@@ -115,9 +115,16 @@ def _numbers(where: str, numbers: Any) -> dict[str, float]:
     if not isinstance(numbers, dict):
         raise BadInput(where, shown(numbers), "an object of numbers by name")
     for name, value in numbers.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not _is_finite(value):
             raise BadInput(f"{where}.{name}", shown(value), "a finite number")
     return {name: float(value) for name, value in numbers.items()}
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer of hundreds of digits
+        return False
 
 
 def _same_form(truth: Iterable[str], magnitude: Mapping[str, float]) -> dict[str, float]:

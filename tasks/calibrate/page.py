@@ -11,8 +11,9 @@ from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, Words, beyon
 from sinew.tasks.drawing.figures import COLOURS
 from sinew.tasks.drawing.thinning import drawn_points
 from sinew.tasks.model import FORCE, Protocol
-from sinew.tasks.report.folder import POINTS, ResultFolder, columns_of, protocols_of
+from sinew.tasks.report.folder import ResultFolder, columns_of, protocols_of
 from sinew.tasks.simulate.series import with_unit
+from sinew.tasks.study.curves import POINTS
 
 NAME = "calibration"
 FEW = 3  # specimens whose parameters stand side by side in a table

@@ -5,7 +5,7 @@ import math
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,6 +16,9 @@ from sinew.tasks.cli.terminal import (
     command_line,
     say_next,
 )
+
+if TYPE_CHECKING:
+    from sinew.tasks.data.init import NewStudy
 
 
 def _column_options(function: Callable[..., None]) -> Callable[..., None]:
@@ -44,6 +47,17 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
         click.option("--rate-hz", type=float, help="Rows per second, for files without times."),
         click.option(
             "--speed", type=float, help="Speed of the motion (mm/s; 1/s for strains), for files without times."
+        ),
+        click.option(
+            "--zero-displacement",
+            type=click.Choice(["first", "none"]),
+            help="Count displacements from their first value.",
+        ),
+        click.option("--zero-force", type=click.Choice(["first", "none"]), help="The same for forces."),
+        click.option(
+            "--negate",
+            type=click.Choice(["none", "displacement", "force", "both"]),
+            help="What gets the other sign; tension is positive here.",
         ),
     ]
     for option in reversed(options):
@@ -100,7 +114,6 @@ def init(
     from sinew.tasks.data.hints import Hints
     from sinew.tasks.data.init import OVERVIEW
     from sinew.tasks.data.init import init as make
-    from sinew.tasks.data.overview import draw_overview
     from sinew.tasks.data.specimen_sizes import Sizes
 
     made = make(
@@ -111,8 +124,15 @@ def init(
         ask=_ask if asks else None,
         answers=None if answers is None else read_answers(answers),
         certain=yes,
+        show=_show if asks else None,
     )
-    overview = out / OVERVIEW
+    _tell(made, out / OVERVIEW, as_json=as_json)
+
+
+def _tell(made: "NewStudy", overview: Path, *, as_json: bool) -> None:
+    """Say what was made, and draw it."""
+    from sinew.tasks.data.overview import draw_overview
+
     drawn = draw_overview(overview, made.specimens)
     if as_json:
         fill_in = [str(path) for path in made.to_fill_in]
@@ -187,6 +207,21 @@ def _is_dialogue() -> bool:
     return sys.stdin.isatty() and sys.stdout.isatty()
 
 
+def _show(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table. Its cells come from files of others: nothing in them steers the terminal."""
+    from rich.markup import escape
+    from rich.table import Table as Grid
+
+    from sinew.runner.console import Console
+
+    grid = Grid(title="what the files are taken for", show_lines=True)
+    for title in titles:
+        grid.add_column(escape(title), overflow="fold")
+    for row in rows:
+        grid.add_row(*(escape(one_line(cell)) for cell in row))
+    Console(highlight=False).print(grid)
+
+
 def _ask(question: str, choices: Sequence[str]) -> str:
     kind = click.Choice(list(choices)) if choices else None
     return str(click.prompt(question, type=kind, default=None if choices else "", show_default=False))
@@ -232,7 +267,7 @@ def cohort(out: Path, seed: int, per_site: int, rate: float, noise: float, ar1: 
 @click.option("--json", "as_json", is_flag=True, help="With --dry-run: as JSON, a list with an object for each file.")
 @click.option("--protocol", help="Name of the protocol (default: relaxation if the file mentions a hold, else test).")
 @click.option("--specimen", help="All files are protocols of one specimen of this name, each named after its file.")
-@click.option("--tare", is_flag=True, help="Subtract the first force of each test.")
+@click.option("--tare", is_flag=True, help="The same as --zero-force first.")
 @click.option("--time", type=click.Choice(["s", "ms", "min"]), help="The same as --time-unit.")
 @click.option("--stress", type=click.Choice(["Pa", "kPa", "MPa"]), help="The same as --force-unit, for stresses.")
 @click.option("--reference", type=float, help="Stretch at zero displacement (default: 1).")

@@ -15,6 +15,7 @@ from types import FrameType
 import click
 
 from sinew.runner.errors import BadInput, SinewError, WalltimeReached, brief, of_the_system, one_line
+from sinew.runner.library_logs import warnings_are_logged
 from sinew.runner.printing import put
 from sinew.tasks.cli import benchmarks, clusters, files, results, studies, trust
 from sinew.tasks.cli.group import sinew
@@ -24,17 +25,19 @@ __all__ = ["main", "sinew"]
 COMMANDS = (studies, files, results, clusters, benchmarks, trust)  # importing them adds their commands to the group
 
 INTERRUPTED = "interrupted; run the same command again to go on, finished rows are kept"
-READ_FROM_HERE = {"matplotlibrc": "Matplotlib", ".numba_config.yaml": "Numba"}
+AGAIN_S = 0.01
+READ_FROM_HERE = {"matplotlibrc": "Matplotlib", ".numba_config.yaml": "Numba", "arvizrc": "ArviZ"}
 
 
 def main() -> None:
     """Entry point: one clear line and exit code 2 for whatever the user can mend, 130 for Ctrl-C."""
-    logging.getLogger("sinew").addHandler(logging.NullHandler())
+    for name in ("sinew", "bokeh"):  # without one, both would print what is wrong with a damaged result
+        logging.getLogger(name).addHandler(logging.NullHandler())
     _print_anything()
     sys.unraisablehook = _unraisable
     interrupts: list[int] = []
     try:
-        with _noted(interrupts):
+        with _noted(interrupts), warnings_are_logged():
             _distrust_this_folder()
             sinew.main(standalone_mode=False, prog_name=PROGRAM, complete_var=COMPLETION)
     except (click.exceptions.Abort, KeyboardInterrupt):
@@ -63,7 +66,10 @@ def _noted(interrupts: list[int]) -> Iterator[None]:
 
     def note(number: int, frame: FrameType | None) -> None:
         interrupts.append(number)
-        signal.default_int_handler(number, frame)
+        if _is_inside(frame):
+            _send_again()
+        else:
+            signal.default_int_handler(number, frame)
 
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:  # a shell's background jobs ignore it
         yield
@@ -98,12 +104,24 @@ def _unraisable(unraisable: "sys.UnraisableHookArgs") -> None:
     Ctrl-C at such a moment would be lost, so it is sent again.
     """
     if issubclass(unraisable.exc_type, KeyboardInterrupt):
-        again = threading.Timer(0.01, os.kill, (os.getpid(), signal.SIGINT))
-        again.daemon = True
-        again.start()
+        _send_again()
         return
     why = f"{unraisable.exc_type.__name__}: {unraisable.exc_value} in {unraisable.object!r}"
     logging.getLogger("sinew").error("an error that could not be raised", extra={"reason": one_line(why)})
+
+
+def _send_again() -> None:
+    """Send Ctrl-C to this process in a moment."""
+    again = threading.Timer(AGAIN_S, os.kill, (os.getpid(), signal.SIGINT))
+    again.daemon = True
+    again.start()
+
+
+def _is_inside(frame: FrameType | None) -> bool:
+    """Whether :func:`_unraisable` has not returned yet: on a slow machine, the signal that it sends may be faster."""
+    while frame is not None and frame.f_code is not _unraisable.__code__:
+        frame = frame.f_back
+    return frame is not None
 
 
 def _fail(message: str, code: int) -> None:

@@ -71,7 +71,7 @@ def _say_how_long(
 ) -> None:
     """Check a study as a run of it would, and print what it would take."""
     from sinew.runner.cluster.local import Local
-    from sinew.tasks.cli.picture import estimate_table
+    from sinew.tasks.cli.watch_screen import estimate_table
     from sinew.tasks.cluster.profile import read_profile
     from sinew.tasks.cluster.spec import cluster_of
     from sinew.tasks.study.estimate import estimate_of

@@ -21,8 +21,8 @@ from sinew.runner.console import Console
 from sinew.runner.errors import BadInput
 from sinew.runner.printing import put
 from sinew.runner.progress import FAILED, FINISHED, INTERRUPTED
-from sinew.tasks.cli.look import Rows, look
-from sinew.tasks.cli.picture import line, picture
+from sinew.tasks.cli.watch_screen import line, picture
+from sinew.tasks.cli.watch_state import Rows, look
 
 LINE_EVERY_S = 10.0
 OVER = (FINISHED, FAILED, INTERRUPTED)

@@ -44,6 +44,7 @@ from sinew.tasks.study.workspace import attempts_folder, check_cohort
 GIB = 2**30
 CLOCK_S = 5.0
 ALLOCATED_AT_MOST = GIB
+SCRATCH = GIB  # that a worker should have for the solver's files
 FILES_AT_MOST = 500
 FAR = 10.0  # between measured and simulated forces, which no reference values should be apart
 
@@ -230,7 +231,8 @@ def _look_at_a_worker(
     note("threads", enough and threads == "1", words)
     note("network interface", True, f"{address.rpartition(':')[0]}; the worker has {', '.join(seen['interfaces'])}")
     free = f"{seen['scratch']}, {_size_of(seen['scratch_free'])} free"
-    note("scratch", seen["scratch_free"] > GIB, free if seen["scratch_free"] > GIB else f"{free}; expected 1 GiB")
+    enough = seen["scratch_free"] > SCRATCH
+    note("scratch", enough, free if enough else f"{free}; expected {_size_of(SCRATCH)}")
     outcome = client.submit(_canary, study, specimens[0], simulator, folder, workers=[worker], pure=False).result()
     _note_canary(outcome, study, specimens, cluster, note)
 

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, create_model
 
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.sizes import LONGEST_MM
@@ -24,29 +24,30 @@ class _Sizes(Section):
     thickness_mm: _Millimetres | None = None
 
 
-class _File(Section):
-    """``answers.yaml``: the fields of :class:`Hints`, and the sizes of each specimen."""
+_HINTS: Any = {one.name: (one.type, one.default) for one in fields(Hints)}
+_HINTS["keep_column"] = Annotated[tuple[str, ...] | None, Field(strict=False)], None  # YAML has lists
+_Hints = create_model("_Hints", __base__=Section, **_HINTS)
 
-    time_column: str | None = None
-    displacement_column: str | None = None
-    force_column: str | None = None
-    time_unit: str | None = None
-    displacement_unit: str | None = None
-    force_unit: str | None = None
-    test_column: str | None = None
-    cycle_column: str | None = None
-    rate_hz: float | None = None
-    speed: float | None = None
-    keep_column: list[str] | None = None
+
+class _Rest(Section):
+    answered: Any = None
     specimens: dict[str, _Sizes] = Field(default_factory=dict)
+
+
+#: ``answers.yaml``: the fields of :class:`Hints` for all files, the same for questions, and sizes of each specimen.
+_File = create_model("_File", __base__=_Rest, answered=(_Hints, Field(default_factory=_Hints)), **_HINTS)
 
 
 @dataclass(frozen=True)
 class Answers:
-    """``hints`` for all files, and sizes (mm) by specimen and name (``length``, ``width``, ``thickness``)."""
+    """``hints`` for all files, and sizes (mm) by specimen and name (``length``, ``width``, ``thickness``).
+
+    ``answered``: what holds for files that ask for it, and for no others.
+    """
 
     hints: Hints = field(default_factory=Hints)
     sizes: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    answered: Hints = field(default_factory=Hints)
 
 
 def read_answers(path: Path) -> Answers:
@@ -56,17 +57,22 @@ def read_answers(path: Path) -> Answers:
         name: {size.removesuffix("_mm"): value for size, value in one.model_dump(exclude_none=True).items()}
         for name, one in found.specimens.items()
     }
-    kept = None if found.keep_column is None else tuple(found.keep_column)
-    return Answers(Hints(**found.model_dump(exclude={"specimens", "keep_column"}), keep_column=kept), sizes)
+    told = found.model_dump()
+    return Answers(Hints(**{name: told[name] for name in _HINTS}), sizes, Hints(**told["answered"]))
 
 
 def write_answers(path: Path, answers: Answers) -> None:
     """Keep answers for the next time; nothing is written if there are none."""
-    content: dict[str, object] = {name: value for name, value in asdict(answers.hints).items() if value is not None}
+    content: dict[str, object] = dict(_told(answers.hints))
+    content |= {"answered": answered} if (answered := _told(answers.answered)) else {}
     sizes = {name: {f"{size}_mm": value for size, value in one.items()} for name, one in answers.sizes.items() if one}
     content |= {"specimens": sizes} if sizes else {}
     if content:
         write_settings(path, HEAD.format(name=path.name), content)
+
+
+def _told(hints: Hints) -> dict[str, object]:
+    return {name: value for name, value in asdict(hints).items() if value is not None}
 
 
 def with_answers(hints: Hints, answers: Hints) -> Hints:

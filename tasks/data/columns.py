@@ -8,25 +8,29 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.data import units
+from sinew.tasks.data import units, words
+from sinew.tasks.data.factors import factor_of
+from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, LOADS, MOTIONS, STRESS, TIME, Quantity
-from sinew.tasks.data.tables import Row, Table
+from sinew.tasks.data.quantities import (
+    DISPLACEMENT,
+    FORCE,
+    LENGTH,
+    LOADS,
+    MOTIONS,
+    POSITION,
+    STRAIN,
+    STRESS,
+    TIME,
+    Quantity,
+)
+from sinew.tasks.data.questions import Unclear, UnknownUnit
+from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 from sinew.tasks.data.titles import name_and_unit, without_numbers, without_suffix
 
 NOWHERE = -1
 SURE, LIKELY, GIVEN = "sure", "likely", "as you said"
-_COMMON_TITLES = 6  # the first titles of a quantity leave no doubt
-
-
-class UnknownUnit(BadInput):
-    """A unit that only a person can tell. ``option`` is the option that tells it, ``choices`` are its values."""
-
-    def __init__(self, where: str, quantity: str, option: str, choices: Sequence[str], problem: str = "") -> None:
-        problem = problem or f"no unit of the {quantity} can be found"
-        super().__init__(where, problem, f"{option}, one of {', '.join(choices)}")
-        self.quantity, self.option, self.choices = quantity, option, tuple(choices)
 
 
 class NoColumn(BadInput):
@@ -85,7 +89,7 @@ class _Choice:
     quantity: Quantity
     place: int
     how: str
-    alike: tuple[str, ...] = ()
+    alike: tuple[int, ...] = ()  # the places of columns that could be taken as well
 
 
 def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tuple[Column, Column, Column]:
@@ -100,12 +104,9 @@ def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tu
     choices = _choices(table, titles, named, roles, hints)
     if table.titles and not _by_number(hints):
         _check_width(table)
-    if not first_of_alike:
-        for choice, role in zip(choices, roles, strict=True):
-            if choice.alike:
-                listed = " and ".join(shown(title) for title in (titles[choice.place], *choice.alike))
-                expected = f"--{role.option}-column NUMBER, from 1"
-                raise BadInput(table.path, f"{listed} may both be the {choice.quantity.name}", expected)
+    for choice, role in zip(choices, roles, strict=True):
+        if choice.alike and not first_of_alike:
+            raise _which_of(table, titles, choice, role)
     time, motion, load = (
         _column(table, titles, named, role, choice) for role, choice in zip(roles, choices, strict=True)
     )
@@ -115,6 +116,24 @@ def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tu
         expected = "a column for each; name them by --time-column and the like"
         raise BadInput(table.path, "one column is taken for two things", expected)
     return time, motion, load
+
+
+def _which_of(table: Table, titles: Row, choice: _Choice, role: _Role) -> Unclear:
+    """The question which of several columns is meant; by their numbers, where they have one title."""
+    places = (choice.place, *choice.alike)
+    names = [titles[place] for place in places]
+    listed = " and ".join(map(shown, names))
+    choices = names if len(set(names)) == len(names) else [str(place + 1) for place in places]
+    option = f"--{role.option}-column"
+    return Unclear(
+        str(table.path),
+        f"{listed} may both be the {choice.quantity.name}",
+        f"{option}, one of {', '.join(map(shown, choices))}",
+        what=choice.quantity.name,
+        which="which column?",
+        option=option,
+        choices=choices,
+    )
 
 
 def partly(
@@ -142,7 +161,8 @@ def partly(
             found.append(_column(table, titles, named, role, choice))
         except BadInput as error:
             title = titles[choice.place]
-            found.append(Column(choice.quantity, choice.place, title, "", 1.0, choice.how, choice.alike))
+            alike = tuple(titles[place] for place in choice.alike)
+            found.append(Column(choice.quantity, choice.place, title, "", 1.0, choice.how, alike))
             problems.append(f"unit of '{title}' ({choice.quantity.name}): {error.problem}; {role.unit_option}")
     return (found[0], found[1], found[2]), tuple(problems)
 
@@ -263,25 +283,40 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
         if column[0] in role.titles(quantity)
         and _possible(quantity, column[0], column[1] or role.given or "", column[1])
     ]
+    if len(found) > 1 and DISPLACEMENT in role.quantities:  # an extensometer that is not used says 0 all the time
+        found = [one for one in found if _changes(table, one[1])] or found
     if not found:
         listed = ", ".join(title or "(no name)" for title in titles[:12])
         raise NoColumn(_where(table), f"no column of {role.name} among {shown(listed, 200)}", role.remedy)
     rank, place, quantity = min(found, key=lambda one: one[:2])
-    alike = tuple(titles[other] for same, other, _ in found if same == rank and other != place)
-    sure = len(found) == 1 and rank[-1] < _COMMON_TITLES and quantity in (TIME, DISPLACEMENT, FORCE)
-    return _Choice(quantity, place, SURE if sure else LIKELY, alike)
+    machine = (DISPLACEMENT, POSITION) if named[place][0] in words.EXTENSOMETER else ()
+    others = {other for same, other, one in found if same == rank or one in machine} - {place}
+    title = named[place][0]
+    doubtful = title.startswith("(") or title in words.DOUBTFUL or quantity not in (TIME, DISPLACEMENT, FORCE)
+    rivals = [one for *_, one in found if quantity is not FORCE or one is FORCE]  # a stress beside it is its own
+    sure = len(rivals) == 1 and not doubtful
+    return _Choice(quantity, place, SURE if sure else LIKELY, tuple(sorted(others)))
 
 
 def _rank(
     table: Table, role: _Role, number: int, place: int, name: str, unit: str
-) -> tuple[bool, int, bool, bool, int]:
+) -> tuple[bool, bool, int, bool, bool, int]:
     """The lower, the rather a column is meant: by its quantity, whether it has a unit, and how usual its title is.
 
-    A title that is only a unit comes last. A clock may stand beside the time since the start, which is finer.
+    A title that is only a unit comes last, and the motion of an extensometer before that of the machine. A clock may
+    stand beside the time since the start, which is finer.
     """
     quantity = role.quantities[number]
+    last = (name.startswith("("), name not in words.EXTENSOMETER)
     no_unit = not (unit or role.given or quantity.bare)
-    return name.startswith("("), number, table.has_clock(place), no_unit, role.titles(quantity).index(name)
+    return *last, number, table.has_clock(place), no_unit, role.titles(quantity).index(name)
+
+
+def _changes(table: Table, place: int) -> bool:
+    """Whether a column has more than one value."""
+    cells = (row[place] for _, row in table.rows if place < len(row) and row[place])
+    first = next(cells, "")
+    return any(cell != first for cell in cells)
 
 
 def _possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:
@@ -294,6 +329,8 @@ def _possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:
         return False
     if name == "l":
         return (units.factor(units.LENGTH, unit) is not None) == (quantity is LENGTH)
+    if name in words.EXTENSOMETER and units.factor(units.FRACTION, unit) is not None:
+        return quantity is STRAIN
     return units.ambiguous(in_file) or not units.belongs_elsewhere(quantity.units, in_file)
 
 
@@ -337,42 +374,9 @@ def _column(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
         return Column(TIME, NOWHERE, "", "s", 1.0, GIVEN)
     unit, title = named[choice.place][1], titles[choice.place]
     where = f"{table.path}: {shown(title or f'column {choice.place + 1}')}"
-    factor = _factor(where, choice.quantity, unit, role)
+    factor = factor_of(where, choice.quantity, unit, role.given, role.unit_option)
     if role.given is not None and not units.is_unit(unit):
         unit = ""  # what stands there is no unit that is known, so a person has told it
     how = choice.how if unit or choice.quantity.bare else GIVEN
-    return Column(choice.quantity, choice.place, title, unit or role.given or "1", factor, how, choice.alike)
-
-
-def _factor(where: str, quantity: Quantity, unit: str, role: _Role) -> float:
-    given = role.given
-    listed = f"one of {', '.join(units.listed(quantity.units))}"
-    if units.ambiguous(unit) and quantity in LOADS:
-        choices = [name for name in quantity.units if name.lower() == unit.lower()]
-        if given in choices:
-            return quantity.units[given]
-        problem = f"unit {shown(unit)} may stand for milli or for mega"
-        raise UnknownUnit(where, quantity.name, role.unit_option, choices or units.listed(quantity.units), problem)
-    expected = None if given is None else units.factor(quantity.units, given)
-    if given is not None and expected is None:
-        raise BadInput(where, f"a {quantity.name}, but {role.unit_option} says {shown(given)}", listed)
-    if units.EITHER in unit and expected is None:
-        told = unit.split(units.EITHER)
-        problem = f"the {quantity.name} has two units: {' and '.join(map(shown, told))}"
-        choices = [one for one in told if units.factor(quantity.units, one) is not None]
-        raise UnknownUnit(where, quantity.name, role.unit_option, choices or units.listed(quantity.units), problem)
-    if unit and not units.is_unit(unit) and expected is None:
-        problem = f"unit {shown(unit)} of the {quantity.name} is not known"
-        raise UnknownUnit(where, quantity.name, role.unit_option, units.listed(quantity.units), problem)
-    if units.is_unit(unit):
-        factor = units.factor(quantity.units, unit)
-        if factor is None:
-            raise BadInput(where, f"unit {shown(unit)}", listed)
-        if expected is not None and expected != factor:
-            raise BadInput(where, f"unit {shown(unit)}, but {role.unit_option} says {given}", "one and the same unit")
-        return factor
-    if expected is not None:
-        return expected
-    if quantity.bare:
-        return 1.0
-    raise UnknownUnit(where, quantity.name, role.unit_option, units.listed(quantity.units))
+    alike = tuple(titles[place] for place in choice.alike)
+    return Column(choice.quantity, choice.place, title, unit or role.given or "1", factor, how, alike)

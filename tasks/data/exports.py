@@ -8,10 +8,11 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import NAME, refuse_duplicates
+from sinew.tasks.data.columns import LIKELY
 from sinew.tasks.data.further import refuse_unknown
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH, TIME
-from sinew.tasks.data.recordings import MOST_STRETCH, Bar, Recording, curve_of, read_recordings, remarks
+from sinew.tasks.data.recordings import MOST_STRETCH, Bar, Recording, as_told, curve_of, read_recordings, remarks
 from sinew.tasks.data.sizes import LARGEST_MM2, LONGEST_MM, SAME, square_side
 from sinew.tasks.data.units import factor, listed
 from sinew.tasks.model import Specimen
@@ -23,7 +24,7 @@ class Reading:
 
     ``stress``: the load is a stress of this unit. ``time``: the unit of times without one. ``hints``: further units,
     and columns. ``reference``: stretch at zero displacement. ``length_mm`` (at that stretch) and ``area_mm2`` replace
-    the sizes in the lines above a table. ``tare``: subtract the first force.
+    the sizes in the lines above a table. ``tare``: the force counts from its first value.
     """
 
     stress: str | None = None
@@ -51,12 +52,15 @@ class Reading:
                 raise BadInput(option, shown(short), f"one of {', '.join(listed(known))}")
             if short is not None and long not in (None, short):
                 raise BadInput(option, f"{short}, but {long_option} says {shown(long)}", "one and the same unit")
+        if self.tare and self.hints.zero_force == "none":
+            raise BadInput("--tare", "given together with --zero-force none", "one of them")
 
     @property
     def all_hints(self) -> Hints:
-        """``hints`` with the units of time and stress."""
+        """``hints`` with the units of time and stress, and whether the force counts from its first value."""
         time_unit, force_unit = self.time or self.hints.time_unit, self.stress or self.hints.force_unit
-        return replace(self.hints, time_unit=time_unit, force_unit=force_unit)
+        zero_force = "first" if self.tare else self.hints.zero_force
+        return replace(self.hints, time_unit=time_unit, force_unit=force_unit, zero_force=zero_force)
 
 
 @dataclass(frozen=True)
@@ -114,7 +118,7 @@ def read_exports(
         parts.append(part)
         where = f"{part.name}/{part.curves[0].name}"
         spreads |= {where: recording.spreads} if recording.spreads else {}
-        found = [*remarks(recording), *_replaced(recording, part, reading)]
+        found = [*remarks(recording), *first_length(recording, reading), *_replaced(recording, part, reading)]
         noticed |= {where: tuple(found)} if found else {}
     sources = [recording.path for recording in recordings]
     if specimen is not None:
@@ -133,7 +137,8 @@ def _plain(recording: Recording) -> str:
 
 
 def _read(path: Path, reading: Reading) -> list[Recording]:
-    return read_recordings(path, reading.all_hints, first_of_alike=True)
+    hints = reading.all_hints
+    return [as_told(one, hints) for one in read_recordings(path, hints, first_of_alike=True)]
 
 
 def _specimen(recording: Recording, protocol: str | None, name: str | None, reading: Reading) -> Specimen:
@@ -141,8 +146,6 @@ def _specimen(recording: Recording, protocol: str | None, name: str | None, read
     labels = [row[0].rpartition(":")[2].lower() for row in recording.header if row]
     usual = "relaxation" if any("hold" in label for label in labels) else "test"
     curve = curve_of(recording, bar, protocol or usual, reference=reading.reference)
-    if reading.tare:
-        curve = replace(curve, force_N=curve.force_N - curve.force_N[0])
     return Specimen(name or _plain(recording), bar.length_mm, bar.width_mm, bar.thickness_mm, (curve,))
 
 
@@ -159,6 +162,12 @@ def _bar(recording: Recording, reading: Reading) -> Bar:
     else:
         return Bar(length, _size(recording, "width", "--area-mm2"), _size(recording, "thickness", "--area-mm2"))
     return Bar(length, side, side)
+
+
+def first_length(recording: Recording, reading: Reading) -> Iterator[str]:
+    """A remark where the length in the first row serves as gauge length."""
+    if reading.length_mm is None and "length" not in recording.sizes and recording.motion.quantity is LENGTH:
+        yield f"gauge length {_length(recording):g} mm, {LIKELY}: the length in the first row"
 
 
 def _replaced(recording: Recording, part: Specimen, reading: Reading) -> Iterator[str]:

@@ -2,7 +2,8 @@
 
 Tissue that is much softer, stiffer or more extensible than tendon gets ranges of its own. For many values of the toe
 and of the relaxation, both moduli are fitted to the curves, on which the force depends linearly; the moduli of the best
-fits, and a factor of three on both sides, are the ranges.
+fits, and a factor of three on both sides, are the ranges. Relaxation times are scaled where the tests last for seconds
+or hours.
 """
 
 from collections.abc import Sequence
@@ -26,6 +27,12 @@ ROWS = 64  # values of toe and relaxation that are tried
 BEST = 6  # of them, whose moduli count
 WIDER = 3.0  # on both sides of their moduli
 LOOKED_AT = 12  # specimens, at most
+LASTING = (
+    20.0,
+    2000.0,
+)  # s; tests that last for less or more cannot show the published relaxation times, or have others
+SPAN = 2000.0  # between the largest and the smallest relaxation time, as published
+SAMPLES = 2.0  # that the smallest relaxation time lasts at least
 
 
 @dataclass(frozen=True)
@@ -43,9 +50,10 @@ class FirstRanges:
 
 def first_ranges(specimens: Sequence[Specimen]) -> FirstRanges:
     """Ranges for the measured curves of specimens whose sizes are known."""
-    simulator, model = Uniaxial(), Model()
+    simulator = Uniaxial()
     chosen = [one for one in specimens if one.measured and any(curve.force_N.any() for curve in one.curves)]
     chosen = chosen[:: -(-len(chosen) // LOOKED_AT)] if chosen else []
+    model, timed = _with_times(Model(), chosen)
     reaches = [each for one in chosen for each in reach(simulator, model, one)]
     if not reaches:
         line = "ranges: those of human tendon; once all sizes are filled in, a run looks whether they reach the forces"
@@ -59,11 +67,12 @@ def first_ranges(specimens: Sequence[Specimen]) -> FirstRanges:
     far = out_of_reach(reaches)
     if not squeezed and strain <= EXTENSIBLE and not far:
         line = "ranges: those of human tendon (Pekedis 2025), which reach the measured forces"
-        return _without_unseen(simulator, model, chosen, [line], scaled=False)
+        return _without_unseen(simulator, model, chosen, [line, *timed], scaled=bool(timed))
     because = [f"strain {100 * min(e.min() for e in strains):.3g} to {100 * strain:.3g} %"]
     because += [words(max(far, key=lambda one: one.distance))] if far else []
     lines = [f"ranges: scaled to these tests, as those of human tendon do not fit ({'; '.join(because)})"]
-    model, more = _scaled(simulator, chosen, strain, squeezed=squeezed)
+    lines += timed
+    model, more = _scaled(simulator, model, chosen, strain, squeezed=squeezed)
     again = [each for one in chosen for each in reach(simulator, model, one)]
     if left := out_of_reach(again):
         more.append(f"ranges: widen them in study.yaml: they do not reach {left[0].specimen} {left[0].protocol}")
@@ -84,11 +93,30 @@ def _without_unseen(
     return FirstRanges(model, tuple(lines), scaled)
 
 
+def _with_times(model: Model, specimens: Sequence[Specimen]) -> tuple[Model, list[str]]:
+    """The model with relaxation times for tests that last for seconds or hours; three bands from samples to tests."""
+    lasting = max(
+        (float(np.ptp(curve.protocol.time_s)) for one in specimens for curve in one.curves), default=LASTING[0]
+    )
+    if LASTING[0] <= lasting <= LASTING[1]:
+        return model, []
+    steps = [float(np.median(np.diff(curve.protocol.time_s))) for one in specimens for curve in one.curves]
+    first = min(max(lasting / SPAN, SAMPLES * min(steps)), lasting / 10.0)
+    ends = [float(f"{each:.2g}") for each in np.geomspace(first, lasting, 4)]
+    for parameter in model.parameters:
+        if parameter.name.startswith("tau_"):
+            band = int(parameter.name[4]) - 1
+            low, high = ends[band], ends[band + 1]
+            model = model.with_parameter(replace(parameter, minimum=low, maximum=high, reference=(low + high) / 2))
+    words = f"the longest test lasts {lasting:.3g} s, so relaxation times go from {ends[0]:g} to {ends[-1]:g} s"
+    return model, [f"ranges: {words} in three bands"]
+
+
 def _scaled(
-    simulator: Uniaxial, specimens: Sequence[Specimen], strain: float, *, squeezed: bool
+    simulator: Uniaxial, timed: Model, specimens: Sequence[Specimen], strain: float, *, squeezed: bool
 ) -> tuple[Model, list[str]]:
     """A model with moduli, toe and relaxation for these specimens, and what was done besides, line by line."""
-    models = [_unknown(Model(), squeezed=squeezed)]
+    models = [_unknown(timed, squeezed=squeezed)]
     if not squeezed and strain > EXTENSIBLE:
         ends = [1.0 + part * strain for part in TOE_ENDS]
         models += [_with_toe(models[0], end) for end in ends if end < LARGEST_LAMBDA_0]
@@ -102,7 +130,7 @@ def _scaled(
         lines.append(f"ranges: the toe ends at a stretch of {model.lambda_0:g} (lambda_0), where the model fits best")
     moduli = np.vstack([found for found, _ in fits[best]])
     if not moduli.any():
-        return Model(), ["ranges: no moduli fit these forces; those of human tendon are left"]
+        return timed, ["ranges: no moduli fit these forces; those of human tendon are left"]
     for name, column in zip(("E_f", "E_m"), moduli.T, strict=True):
         if name == "E_f" and squeezed:
             continue
@@ -111,7 +139,7 @@ def _scaled(
 
 
 def _unknown(model: Model, *, squeezed: bool) -> Model:
-    """Tissue of which nothing is known but that it relaxes within the published times."""
+    """Tissue of which nothing is known but the times within which it relaxes."""
     for parameter in model.parameters:
         if parameter.name.startswith("g_"):
             model = model.with_parameter(replace(parameter, minimum=0.0, maximum=STRONGEST, reference=1.0))

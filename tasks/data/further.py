@@ -65,7 +65,8 @@ def refuse_unknown(further: Sequence[Further], tests: Sequence[Mapping[str, Arra
     for one in further:
         if not any(one.name in values for values in tests):
             listed = ", ".join(shown(title) for title in titles[:12] if title)
-            raise BadInput("--keep-column", f"no file has numbers in a column {shown(one.column)}", f"one of {listed}")
+            problem = f"no file has numbers in a column {shown(one.column)}"
+            raise BadInput("--keep-column", problem, f"one of {listed}" if listed else "a title, or a number from 1")
 
 
 def _places(wanted: str, titles: Sequence[str], named: Sequence[tuple[str, str]]) -> list[int]:

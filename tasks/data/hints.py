@@ -1,11 +1,14 @@
 """What a person says of a file: its columns, the units that it does not tell, and how its times run."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import COLUMNS, NAME
 from sinew.tasks.data.timing import Timing
+
+Zero = Literal["first", "none"]
+Negate = Literal["none", "displacement", "force", "both"]
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,8 @@ class Hints:
 
     ``force_unit`` may be a unit of stress; the load is a stress then. ``test_column`` tells the tests of a table apart,
     ``cycle_column`` its cycles, if their times start again. ``rate_hz`` and ``speed``: see :class:`Timing`.
+    ``zero_displacement`` and ``zero_force``: whether each counts from its ``first`` value. ``negate``: which of
+    them get the other sign.
     ``keep_column``: columns that are kept beside the force, as for :func:`further`.
     """
 
@@ -46,6 +51,9 @@ class Hints:
     cycle_column: str | None = None
     rate_hz: float | None = None
     speed: float | None = None
+    zero_displacement: Zero | None = None
+    zero_force: Zero | None = None
+    negate: Negate | None = None
     keep_column: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
@@ -70,7 +78,15 @@ class Hints:
     def timing(self) -> Timing:
         return Timing(self.rate_hz, self.speed)
 
-    def answered(self, option: str, unit: str) -> "Hints":
-        """The same, with the answer to an :class:`UnknownUnit`."""
-        told: dict[str, Any] = {option.removeprefix("--").replace("-", "_"): unit}
+    def of(self, option: str) -> Any:
+        """What is told of an option."""
+        return getattr(self, _field(option))
+
+    def answered(self, option: str, answer: str) -> "Hints":
+        """The same, with the answer to a question."""
+        told: dict[str, Any] = {_field(option): answer}
         return replace(self, **told)
+
+
+def _field(option: str) -> str:
+    return option.removeprefix("--").replace("-", "_")

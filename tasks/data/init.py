@@ -13,7 +13,7 @@ from pathlib import Path
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.answers import Answers, with_answers, write_answers
 from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, visible, write_cohort
-from sinew.tasks.data.columns import LIKELY, NoColumn, UnknownUnit
+from sinew.tasks.data.columns import LIKELY, NoColumn
 from sinew.tasks.data.first_ranges import first_ranges
 from sinew.tasks.data.further import refuse_unknown
 from sinew.tasks.data.hints import Hints
@@ -28,11 +28,13 @@ from sinew.tasks.data.new_study import (
     write_study,
 )
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH
-from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings, remarks
+from sinew.tasks.data.questions import Doubt, Unclear
+from sinew.tasks.data.recordings import Bar, Recording, as_told, curve_of, read_recordings, remarks
 from sinew.tasks.data.sheets import SUFFIXES
 from sinew.tasks.data.sizes import SIZES
-from sinew.tasks.data.specimen_sizes import Ask, Known, Sizes, ask_for_sizes, known_sizes
-from sinew.tasks.data.tables import NoTable
+from sinew.tasks.data.specimen_sizes import Ask, Known, Sizes, ask_for_sizes, known_sizes, with_first_length
+from sinew.tasks.data.tables import NoTable, read_source
+from sinew.tasks.data.taken import TITLES, look_at, rows_of, usable
 from sinew.tasks.model import Specimen
 from sinew.tasks.study.workspace import check_folder
 
@@ -60,12 +62,14 @@ def init(
     ask: Ask | None = None,
     answers: Answers | None = None,
     certain: bool = False,
+    show: Callable[[Sequence[str], Sequence[Sequence[str]]], None] | None = None,
 ) -> NewStudy:
     """Write ``out/study.yaml`` and, unless ``files`` is a cohort already, ``out/cohort``. Raises :class:`BadInput`.
 
     ``ask`` is asked for units and sizes that no file tells, and for which ``answers`` have none. Without it, an unknown
     unit is refused, and an unknown size is left to be filled in. What was told is kept in ``out/answers.yaml``.
-    ``certain``: refuse what is only likely, and sizes that nobody tells.
+    ``certain``: refuse what is only likely, and sizes that nobody tells. ``show`` gets the titles and the rows of a
+    table of what each file is taken for, before anything is asked.
     """
     check_folder(out)
     answers = answers or Answers()
@@ -75,13 +79,15 @@ def init(
     if len(files) == 1 and (cohort := _ready_cohort(files[0])) is not None:
         return _study_of_cohort(cohort, out)
     found = find_tables(files)
-    read = read_all(found, with_answers(hints or Hints(), answers.hints), ask)
+    hints, sizes = with_answers(hints or Hints(), answers.hints), sizes or Sizes()
+    looked = {} if show is None else look_at((*found.named, *found.in_folders), hints, sizes)
+    if show is not None:
+        show(TITLES, rows_of(looked, hints))
+    read = read_all(found, hints, ask, answered=answers.answered, known=usable(looked))
     names = names_of([one.path for one in read.recordings])
     if certain:
         refuse_doubts(read.recordings, names)
-    new = specimens_of(read.recordings, names, sizes or Sizes(), ask, answers.sizes)
-    if certain:
-        refuse_unknown_sizes(new)
+    new = specimens_of(read.recordings, names, sizes, ask, answers.sizes, certain=certain)
     refuse_duplicates([one.specimen for one in new], {one.specimen.name: one.tests[0].path for one in new})
     ranges = first_ranges([one.specimen for one in new if not one.missing])
     out.mkdir(parents=True, exist_ok=True)
@@ -93,7 +99,8 @@ def init(
             leave_open(path, one.missing)
             to_fill_in.append(path)
     study = write_study(out, "cohort", [one.specimen for one in new], ranges)
-    write_answers(out / ANSWERS, Answers(read.hints, {one.specimen.name: one.told for one in new}))
+    sizes_told = {one.specimen.name: one.told for one in new}
+    write_answers(out / ANSWERS, Answers(hints, sizes_told, read.answered))
     lines = (*describe(new), *ranges.lines, *describe_left_out(read.left_out))
     return NewStudy(study, lines, tuple(to_fill_in), tuple(one.specimen for one in new))
 
@@ -168,37 +175,86 @@ def _walk(folder: Path, wanted: Callable[[Path], bool], depth: int = DEEPEST) ->
 
 @dataclass(frozen=True)
 class Read:
-    """Tests of all files, files that are left out (in folders, without a table of a test), and all that was told."""
+    """Tests of all files, files that are left out (in folders, without a table of a test), and what was answered."""
 
     recordings: Sequence[Recording]
     left_out: Sequence[LeftOut]
-    hints: Hints
+    answered: Hints
 
 
-def read_all(files: Files, hints: Hints, ask: Ask | None = None) -> Read:
-    """Every file. A unit that one does not tell is asked for once, and holds for all files that do not tell it."""
+@dataclass
+class _Person:
+    """Who answers a question once for all files that ask it. ``answered``: so far; ``ask``: None if nobody is there."""
+
+    ask: Ask | None
+    answered: Hints
+
+    def answer(self, where: Path, what: Unclear | Doubt) -> str | None:
+        """The answer to a question on a file; None if nobody can give it."""
+        known = self.answered.of(what.option)
+        if known in what.choices:
+            return str(known)
+        if self.ask is None:
+            return None
+        answer = self.ask(what.question_on(where.name), what.choices)
+        self.answered = self.answered.answered(what.option, answer)
+        return answer
+
+
+def read_all(
+    files: Files,
+    hints: Hints,
+    ask: Ask | None = None,
+    *,
+    answered: Hints | None = None,
+    known: Mapping[Path, Sequence[Recording]] | None = None,
+) -> Read:
+    """Every file. What one does not tell is asked for once, and holds for all files that do not tell it.
+
+    ``hints`` hold for all files, ``answered`` for those that ask. ``known``: tests of files that were read already.
+    """
     recordings: list[Recording] = []
     left_out = list(files.left_out)
+    person = _Person(ask, answered or Hints())
     for path in (*files.named, *files.in_folders):
-        while True:
-            try:
-                recordings += read_recordings(path, hints)
-            except UnknownUnit as unknown:
-                if ask is None:
-                    raise
-                question = f"{unknown.quantity} in {path.name}: which unit? (for all files that do not say)"
-                hints = hints.answered(unknown.option, ask(question, unknown.choices))
-                continue
-            except (NoTable, NoColumn) as none:
-                if path in files.named or (isinstance(none, NoColumn) and not none.alone):
-                    raise
-                left_out.append((path, none.problem))
-            break
+        try:
+            found, told = ((known or {}).get(path), hints)
+            if found is None:
+                found, told = _read(path, hints, person)
+        except (NoTable, NoColumn) as none:
+            if path in files.named or (isinstance(none, NoColumn) and not none.alone):
+                raise
+            left_out.append((path, none.problem))
+            continue
+        recordings += [_settled(one, told, person) for one in found]
     if not recordings:
         path, problem = left_out[-1]
         raise BadInput(path, problem, "at least one file with a table of numbers")
     refuse_unknown(hints.further, [one.further.values for one in recordings], recordings[0].left_out)
-    return Read(recordings, left_out, hints)
+    return Read(recordings, left_out, person.answered)
+
+
+def _read(path: Path, hints: Hints, person: _Person) -> tuple[Sequence[Recording], Hints]:
+    """The tests in a file, and the hints with the answers that it needs."""
+    source = read_source(path)
+    while True:
+        try:
+            return read_recordings(source, hints), hints
+        except Unclear as unclear:
+            answer = person.answer(path, unclear)
+            if answer is None:
+                raise
+            hints = hints.answered(unclear.option, answer)
+
+
+def _settled(recording: Recording, hints: Hints, person: _Person) -> Recording:
+    """The recording counted as ``hints`` and the answers to its doubts say."""
+    while True:
+        found = as_told(recording, hints)
+        answer = person.answer(recording.path, found.doubts[0]) if found.doubts else None
+        if answer is None:
+            return found
+        hints = hints.answered(found.doubts[0].option, answer)
 
 
 # ---- specimens
@@ -210,8 +266,13 @@ def specimens_of(
     sizes: Sizes,
     ask: Ask | None = None,
     answers: Mapping[str, Mapping[str, float]] | None = None,
+    *,
+    certain: bool = False,
 ) -> list[NewSpecimen]:
-    """Recordings grouped by specimen, with their sizes; ``answers``: earlier ones (mm). Raises :class:`BadInput`."""
+    """Recordings grouped by specimen, with their sizes; ``answers``: earlier ones (mm). Raises :class:`BadInput`.
+
+    ``certain``: refuse a size that is only likely, and one that nobody tells.
+    """
     grouped: dict[str, list[ReadFile]] = {}
     for recording in recordings:
         name = of_test(names[recording.path], recording.test)
@@ -222,10 +283,15 @@ def specimens_of(
         ours.append(ReadFile(recording, name))
     tests = dict(sorted(grouped.items()))
     known = {name: known_sizes(name, [one.recording for one in each], sizes) for name, each in tests.items()}
-    known = {name: _with_answers(one, (answers or {}).get(name, {})) for name, one in known.items()}
+    for specimen, each in tests.items():
+        answered = _with_answers(known[specimen], (answers or {}).get(specimen, {}))
+        known[specimen] = with_first_length(answered, [one.recording for one in each], certain=certain)
     if ask is not None:
         known = ask_for_sizes(known, ask)
-    return [_specimen(name, each, known[name]) for name, each in tests.items()]
+    new = [_specimen(name, each, known[name]) for name, each in tests.items()]
+    if certain:
+        refuse_unknown_sizes(new)
+    return new
 
 
 def _with_answers(known: Known, answers: Mapping[str, float]) -> Known:
@@ -235,7 +301,7 @@ def _with_answers(known: Known, answers: Mapping[str, float]) -> Known:
 
 
 def _specimen(name: str, tests: Sequence[ReadFile], known: Known) -> NewSpecimen:
-    notes = list(known.notes)
+    notes = [*known.notes, *known.proposals]
     for test in tests:
         _check_sizes(test.recording, known.mm)
         notes += [f"{test.path.name}: {remark}" for remark in remarks(test.recording)]
@@ -248,12 +314,14 @@ def _specimen(name: str, tests: Sequence[ReadFile], known: Known) -> NewSpecimen
 
 
 def refuse_doubts(recordings: Sequence[Recording], names: Mapping[Path, FileName]) -> None:
-    """Raises :class:`BadInput` for the first column or name that is not certain, with the option that confirms it."""
+    """Raises :class:`BadInput` for the first column, zero, sign or name that is not certain, with the option for it."""
     for recording in recordings:
         for column, option in zip(recording.columns, ("time", "displacement", "force"), strict=True):
             if column.how == LIKELY:
                 problem = f"{column.quantity.name} from {shown(column.title)} is likely, not certain"
                 raise BadInput(recording.path, problem, f"--{option}-column {shown(column.title)} to confirm it")
+        for doubt in recording.doubts:
+            raise BadInput(recording.path, doubt.text, doubt.remedy)
         if names[recording.path].how == UNSURE:
             raise BadInput(recording.path, "a number may be a specimen's or a trial's", "a name SPECIMEN_PROTOCOL")
 

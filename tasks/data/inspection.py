@@ -10,13 +10,15 @@ import numpy as np
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.columns import Column, partly
-from sinew.tasks.data.exports import Reading
+from sinew.tasks.data.exports import Reading, first_length
+from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
-from sinew.tasks.data.recordings import FEWEST_ROWS, read_recordings, remarks
+from sinew.tasks.data.recordings import FEWEST_ROWS, Recording, as_told, check_times, read_recordings, remarks
 from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart
 from sinew.tasks.data.sizes import SIZES, read_sizes
-from sinew.tasks.data.tables import Row, Table, read_tables
+from sinew.tasks.data.sizes_in_names import sizes_in_name
+from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.units import usual
 
 SAME = 1e-3  # of a gauge length that two columns tell
@@ -29,7 +31,8 @@ class Inspection:
 
     ``first``: time (s), motion (mm, or 1) and load (N, or MPa) in the first row of the first test, ``peak`` the load of
     largest magnitude, as in the file. ``specimens``: tests in the file. ``questions``: what the file does not tell, and
-    why an import would refuse it. ``remarks``: what a person should check.
+    why an import would refuse it. ``remarks``: what a person should check. ``recordings``: the tests as in the file, if
+    it can be imported.
     """
 
     path: Path
@@ -42,6 +45,7 @@ class Inspection:
     specimens: int
     questions: tuple[str, ...]
     remarks: tuple[str, ...]
+    recordings: tuple[Recording, ...] = ()
 
     def content(self) -> dict[str, Any]:
         """As JSON. Columns have the keys ``column``, ``unit`` (None if the file does not tell it)."""
@@ -72,7 +76,8 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     hints = reading.all_hints
     recognised = -1
     titles: Counter[Row] = Counter()
-    for one in read_tables(path):  # only the best is kept: each may reach to the end of the file
+    source = read_source(path)
+    for one in tables_of(source):  # only the best is kept: each may reach to the end of the file
         titles[one.titles[1:]] += len(one.rows) >= FEWEST_ROWS or not titles[one.titles[1:]]
         found = partly(one, hints)
         count = sum(column is not None for column in found[0])
@@ -90,36 +95,43 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     if doubt:
         values["length"] = None
     one_below = titles[table.titles[1:]] if any(table.titles[1:]) else 1
-    if one_below > 1 and _go_on(path, table, columns):
+    if one_below > 1 and _go_on(source, table, columns):
         one_below = 1
     below, times = _below(table, columns, numbers[:rows, 0], hints)
-    refusal, notes = ((), ()) if problems or times else _as_read(path, hints)
-    questions = (*problems, *times, *refusal, *_missing(values, columns, doubt))
+    recordings, refusal = ((), ()) if problems or times else _as_read(source, hints)
+    told = [as_told(one, hints) for one in recordings]
+    notes = tuple(dict.fromkeys(remark for one in told for remark in (*remarks(one), *first_length(one, reading))))
+    if recordings and columns[0] is None:  # a person has told how times run
+        columns = recordings[0].columns
+        numbers[0, 0] = recordings[0].numbers[0, 0]
+    questions = (*problems, *times, *refusal, *_missing(path, values, columns, doubt))
     first = [float(number) if rows and np.isfinite(number) else None for number in numbers[0]]
     load = numbers[:rows, 2]
     peak = float(load[np.nanargmax(np.abs(load))]) if np.isfinite(load).any() else None
     specimens = one_below * below * (1 if hints.columns_given else beside(table, columns))
-    return Inspection(
-        path, table.sheet, columns, values, rows, (first[0], first[1], first[2]), peak, specimens, questions, notes
-    )
+    start = (first[0], first[1], first[2])
+    return Inspection(path, table.sheet, columns, values, rows, start, peak, specimens, questions, notes, recordings)
 
 
-def _as_read(path: Path, hints: Hints) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Why the file cannot be imported as it is, if so, and else the remarks on its tests."""
+def _as_read(source: Source, hints: Hints) -> tuple[tuple[Recording, ...], tuple[str, ...]]:
+    """The tests in the file, or why it cannot be imported as it is."""
     try:
-        recordings = read_recordings(path, hints, first_of_alike=True)
+        recordings = read_recordings(source, hints, first_of_alike=True)
+        for one in recordings:
+            check_times(one)
+            as_told(one, hints)
     except BadInput as error:
-        return (str(error).removeprefix(f"{path}: "),), ()
-    return (), tuple(dict.fromkeys(remark for one in recordings for remark in remarks(one)))
+        return (), (str(error).removeprefix(f"{source.path}: "),)
+    return tuple(recordings), ()
 
 
-def _go_on(path: Path, table: Table, columns: Sequence[Column | None]) -> bool:
+def _go_on(source: Source, table: Table, columns: Sequence[Column | None]) -> bool:
     """Whether times go on from each table with the titles of this one to the next: they are one test then."""
     time = columns[0]
     if time is None:
         return False
     times: list[np.ndarray[Any, Any]] = []
-    for one in read_tables(path):
+    for one in tables_of(source):
         if one.titles[1:] != table.titles[1:] or len(one.rows) < FEWEST_ROWS:
             continue
         between = any(cell for row in one.header[one.own :] for cell in row) if times else False
@@ -233,9 +245,13 @@ def _doubt(table: Table, columns: Sequence[Column | None], length_mm: float | No
     return f"length: {length_mm:g} mm in the lines above, but {implied:.4g} mm by '{strains.title}'; --length-mm"
 
 
-def _missing(values: dict[str, float | None], columns: Sequence[Column | None], doubt: str) -> Iterable[str]:
+def _missing(
+    path: Path, values: dict[str, float | None], columns: Sequence[Column | None], doubt: str
+) -> Iterable[str]:
+    proposed = [f"{size} {mm:g} mm" for size, mm in sizes_in_name(path.stem).items()]
+    perhaps = f", but its name may: {', '.join(proposed)}" if proposed else ""
     if values["length"] is None:
-        yield doubt or "length: the file does not tell it; --length-mm"
+        yield doubt or f"length: the file does not tell it{perhaps}; --length-mm"
     load = columns[2]
     if values["area"] is None and (load is None or load.quantity is not STRESS):
-        yield "cross-section: the file does not tell it; --area-mm2"
+        yield f"cross-section: the file does not tell it{perhaps}; --area-mm2"

@@ -13,6 +13,7 @@ from jinja2.sandbox import SandboxedEnvironment
 from sinew.runner.errors import one_line
 from sinew.tasks.data.first_ranges import FirstRanges
 from sinew.tasks.data.names import FileName, plain_name
+from sinew.tasks.data.rates import rate_words
 from sinew.tasks.data.recordings import Recording
 from sinew.tasks.data.sizes import SIZES
 from sinew.tasks.model import Curve, Specimen
@@ -118,4 +119,6 @@ def _ranges(curve: Curve, length_mm: float | None) -> str:
         strain = f" (strain {f'{low:.3g} ' if low < 0 else ''}to {high:.3g} %)"
     reach = f"displacement {displacement.min():.4g} to {displacement.max():.4g} mm{strain}"
     force = f"force {curve.force_N.min():.4g} to {curve.force_N.max():.4g} N"
-    return f"{time_s.size:,} points, {time_s[-1]:,.4g} s, {reach}, {force}"
+    rate = rate_words(curve.protocol, length_mm)
+    loaded = f", loaded at {rate}" if rate else ""
+    return f"{time_s.size:,} points, {time_s[-1]:,.4g} s, {reach}, {force}{loaded}"

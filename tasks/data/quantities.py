@@ -20,10 +20,10 @@ class Quantity:
 
 
 TIME = Quantity("time", words.TIME, units.TIME)
-DISPLACEMENT = Quantity("displacement", words.DISPLACEMENT, units.LENGTH)
+DISPLACEMENT = Quantity("displacement", words.DISPLACEMENT + words.EXTENSOMETER, units.LENGTH)
 POSITION = Quantity("position", words.POSITION, units.LENGTH)
 LENGTH = Quantity("length", words.LENGTH, units.LENGTH)
-STRAIN = Quantity("strain", words.STRAIN, units.FRACTION)
+STRAIN = Quantity("strain", words.STRAIN + words.EXTENSOMETER, units.FRACTION)
 STRETCH = Quantity("stretch", words.STRETCH, units.FRACTION, bare=True)
 FORCE = Quantity("force", words.FORCE, units.FORCE)
 STRESS = Quantity("stress", words.STRESS, units.STRESS)

@@ -10,8 +10,10 @@ import numpy as np
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.columns import LIKELY, NOWHERE, Column, NoColumn, recognise
 from sinew.tasks.data.further import Kept, kept
+from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS, STRETCH
+from sinew.tasks.data.quantities import LENGTH, POSITION, STRAIN, STRESS, STRETCH
+from sinew.tasks.data.questions import Doubt
 from sinew.tasks.data.several import (
     Block,
     Columns,
@@ -24,8 +26,9 @@ from sinew.tasks.data.several import (
     name_beside,
     told_apart,
 )
+from sinew.tasks.data.signs import counted, doubts
 from sinew.tasks.data.sizes import Size, read_sizes
-from sinew.tasks.data.tables import Row, Table, read_tables
+from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.text import HUGE
 from sinew.tasks.data.timing import Timing
 from sinew.tasks.data.titles import is_spread
@@ -45,7 +48,8 @@ class Recording:
     from one of the ``rows`` of the file. ``columns`` says which columns these are, ``left_out`` names the others.
     ``header`` holds the rows above the titles, and ``sizes`` what they tell of the specimen. ``test`` is the name of
     the test if its file holds several. ``notes``: what a person should know of how it was read. ``remedy``: what may
-    help if times do not increase. ``further``: columns that are kept beside the force.
+    help if times do not increase. ``doubts``: what may be meant otherwise. ``further``: columns that are kept beside
+    the force.
     """
 
     path: Path
@@ -58,6 +62,7 @@ class Recording:
     test: str = ""
     notes: tuple[str, ...] = ()
     remedy: str = ""
+    doubts: tuple[Doubt, ...] = ()
     further: Kept = field(default_factory=Kept)
 
     @property
@@ -87,7 +92,7 @@ class Bar:
         return self.width_mm * self.thickness_mm
 
 
-def read_recordings(path: Path, hints: Hints, *, first_of_alike: bool = False) -> list[Recording]:
+def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool = False) -> list[Recording]:
     """The tests in a file: those of the first table with columns of time, motion and load, and of all further tables
     with the same titles.
 
@@ -100,7 +105,8 @@ def read_recordings(path: Path, hints: Hints, *, first_of_alike: bool = False) -
     missing: NoColumn | None = None
     found: list[tuple[Table, list[Recording]]] = []
     short = 0
-    for table in read_tables(path):
+    source = file if isinstance(file, Source) else read_source(file)
+    for table in tables_of(source):
         if found and (not any(table.titles[1:]) or table.titles[1:] != found[0][0].titles[1:]):
             continue  # of another kind
         try:
@@ -203,7 +209,7 @@ def _recording(
         numbers, notes = _timed(table, columns, numbers, hints.timing, block)
     if hints.cycle_column is not None:
         numbers[:, 0] = going_on(numbers[:, 0], _within(blocks_of_cycles(table, block.end, hints.cycle_column), block))
-    back = [block.start + int(at) + 1 for at in np.flatnonzero(np.diff(numbers[:, 0]) < 0)]
+    back = [block.start + int(at) + 1 for at in np.flatnonzero(np.diff(numbers[:, 0]) <= 0)]
     apart = told_apart(table, block.end, back, list(places)) if hints.test_column is None else None
     if apart is not None and not back:
         notes += (f"{apart.count} values of '{apart.title}': {apart.option}, if each is a test of its own",)
@@ -218,7 +224,7 @@ def _recording(
         block.name,
         notes,
         "" if apart is None or not back else f", or {apart.option} {shown(apart.title)}, which changes there",
-        further,
+        further=further,
     )
 
 
@@ -272,18 +278,33 @@ def _number(table: Table, row: int, column: Column) -> float:
     return value
 
 
+def as_told(recording: Recording, hints: Hints) -> Recording:
+    """The recording with displacement and force counted as a person says, and what is doubtful then."""
+    numbers, notes = counted(str(recording.path), recording.columns, recording.numbers, hints)
+    titles = (*(column.title for column in recording.columns), *recording.left_out)
+    lines = (" ".join(row) for row in recording.header)
+    found = doubts(recording.columns, numbers, (*titles, *lines), hints)
+    return replace(recording, numbers=numbers, notes=(*recording.notes, *notes), doubts=tuple(found))
+
+
+def check_times(recording: Recording) -> None:
+    """Raises :class:`BadInput` for times that do not increase."""
+    time_s = recording.numbers[:, 0]
+    back = np.flatnonzero(np.diff(time_s) <= 0)
+    if back.size:
+        problem = f"{time_s[back[0] + 1]:g} s after {time_s[back[0]]:g} s"
+        where = f"{recording.path}: row {recording.rows[back[0] + 1]}, time"
+        raise BadInput(where, problem, f"increasing times{recording.remedy}")
+
+
 def curve_of(recording: Recording, bar: Bar, protocol: str, *, reference: float | None = None) -> Curve:
     """The curve of a bar. Time starts at 0. A stress becomes a force with the cross-section.
 
     ``reference``: the stretch at zero displacement (default: 1), for a column of stretch only. Raises
     :class:`BadInput` for times that do not increase and for displacements that the gauge length makes impossible.
     """
+    check_times(recording)
     time_s, _, load = recording.numbers.T
-    back = np.flatnonzero(np.diff(time_s) <= 0)
-    if back.size:
-        problem = f"{time_s[back[0] + 1]:g} s after {time_s[back[0]]:g} s"
-        where = f"{recording.path}: row {recording.rows[back[0] + 1]}, time"
-        raise BadInput(where, problem, f"increasing times{recording.remedy}")
     displacement = _displacement(recording, bar.length_mm, reference)
     stress = recording.load.quantity is STRESS
     force = load * bar.width_mm * bar.thickness_mm if stress else load.copy()
@@ -331,36 +352,4 @@ def remarks(recording: Recording) -> list[str]:
             found.append(f"{column.quantity.name} from column {column.place + 1}; it may be in another: {others}")
     if recording.motion.quantity is POSITION:
         found.append(f"positions, {LIKELY} to count from the first one")
-    if recording.motion.quantity is DISPLACEMENT:
-        found += _offset(recording.numbers[:, 1])
-    found += _signs(recording)
-    return found
-
-
-def _offset(displacement: Array) -> list[str]:
-    """A remark where a displacement (mm) begins further from 0 than it goes."""
-    start, way = float(displacement[0]), float(np.ptp(displacement))
-    if abs(start) <= way:
-        return []
-    return [f"the displacement begins at {start:g} mm and moves by {way:.4g} mm: is it the position of the machine?"]
-
-
-def _signs(recording: Recording) -> list[str]:
-    """A remark where the specimen gets shorter or is pushed; positive is tension."""
-    motion, force = recording.numbers[:, 1], recording.numbers[:, 2]
-    if recording.motion.quantity in (POSITION, LENGTH, STRETCH):
-        motion = motion - motion[0]
-    shorter, pushed = _below(motion), _below(force)
-    if shorter and pushed:
-        unless = "unless the machine counts tension as negative"
-        fibres = "fibres carry no load then, so this test tells nothing of their parameters"
-        return [f"a compression, {unless}: it gets shorter, forces are below 0; {fibres}"]
-    if shorter:
-        return ["the specimen gets shorter, but forces are above 0; in a compression they should be below 0"]
-    if pushed:
-        return ["forces are below 0; tension is positive here, so look at the machine's sign"]
-    return []
-
-
-def _below(values: np.ndarray[Any, Any]) -> bool:
-    return bool(np.median(values) < 0 and abs(values.min()) > 5 * abs(values.max()))
+    return [*found, *map(str, recording.doubts)]

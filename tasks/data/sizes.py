@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from sinew.tasks.data import units, words
-from sinew.tasks.data.tables import Row, is_row_of_units
+from sinew.tasks.data.heads import Row, is_row_of_units
 
 SIZES = ("length", "width", "thickness")
 SAME = 1e-3  # two statements of a size that differ by less agree: 10 mm and 10.0005 mm
@@ -31,6 +31,12 @@ _LABEL = (
 _SIZE = re.compile(
     rf"{_LABEL}(?:[ _/]* ?[(\[]?(?P<unit>{_UNIT})[)\]]?)? ?[:=]? ?"
     rf"(?P<value>[0-9]+(?:[.,][0-9]+)?(?:e[-+]?[0-9]+)?)(?: ?[(\[]?(?P<behind>{_UNIT})[)\]]?)?",
+    re.IGNORECASE,
+)
+#: "Cross-sectional area: 0.3 cm²", which needs a unit.
+_AREA = re.compile(
+    rf"(?:.*: ?)?(?:(?:specimen|sample|initial)[ _])*(?:{'|'.join(map(re.escape, words.SIZES['area']))}) ?[:=]? ?"
+    rf"(?P<value>[0-9]+(?:[.,][0-9]+)?(?:e[-+]?[0-9]+)?) ?[(\[]?(?P<unit>{'|'.join(map(re.escape, units.AREA))})[)\]]?",
     re.IGNORECASE,
 )
 _CELL = re.compile(rf"{_LABEL} ?:?", re.IGNORECASE)
@@ -129,6 +135,8 @@ def _read(row: Row) -> tuple[str, Size] | None:
         if found := _SIZE.fullmatch(text):
             name = _name(found["what"])
             return name, _size(name, found["value"], found["unit"] or found["behind"] or "")
+        if found := _AREA.fullmatch(text):
+            return "area", _size("area", found["value"], found["unit"])
     if found := _CELL.fullmatch(_joined(row[:1])):
         return _name(found["what"]), Size(None, False, _joined(row[1:3]))
     return None

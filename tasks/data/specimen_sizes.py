@@ -1,7 +1,7 @@
 """Sizes of the specimens of a new study: what a person gives, what files tell, and what must be asked for."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
@@ -10,6 +10,7 @@ from sinew.tasks.data.columns import LIKELY
 from sinew.tasks.data.quantities import LENGTH
 from sinew.tasks.data.recordings import Recording
 from sinew.tasks.data.sizes import LONGEST_MM, SAME, SIZES, square_side
+from sinew.tasks.data.sizes_in_names import sizes_in_name
 
 FOR_ALL = "all"  # behind an answer: it holds for all specimens that are left
 
@@ -41,17 +42,27 @@ class Sizes:
 class Known:
     """Sizes (mm) of one specimen by name, None for those that nobody tells, and notes for a person.
 
-    ``told``: those that a person has told.
+    ``told``: those that a person has told, ``proposed``: those that names of files may tell, which are not taken.
     """
 
     mm: Mapping[str, float | None]
     notes: tuple[str, ...] = ()
     told: Mapping[str, float] = field(default_factory=dict)
+    proposed: Mapping[str, float] = field(default_factory=dict)
 
     def answered(self, answers: Mapping[str, float | None]) -> "Known":
         """The same with answers to what nobody tells."""
         new = {size: mm for size, mm in answers.items() if mm is not None and self.mm.get(size) is None}
-        return Known({**self.mm, **new}, self.notes, {**self.told, **new})
+        return replace(self, mm={**self.mm, **new}, told={**self.told, **new})
+
+    @property
+    def proposals(self) -> tuple[str, ...]:
+        """A note on each size that nobody tells, but perhaps the name of a file."""
+        return tuple(
+            f"{size} may be {mm:g} mm by the name of the file; it is not taken"
+            for size, mm in self.proposed.items()
+            if size in SIZES and self.mm.get(size) is None
+        )
 
 
 def size_of(recording: Recording, name: str) -> float | None:
@@ -86,10 +97,23 @@ def known_sizes(specimen: str, recordings: Sequence[Recording], given: Sizes) ->
             (first, one), (second, other) = ((value, told[value]) for value in (min(told), max(told)))
             problem = f"a {size} of {second:g} mm, but {first:g} mm in {one}, of the same specimen {specimen}"
             raise BadInput(other, problem, f"files of one specimen, or --{size}-mm with --override")
-    if mm["length"] is None and all(recording.motion.quantity is LENGTH for recording in recordings):
-        mm["length"] = float(recordings[0].numbers[0, 1])
-        notes.append(f"gauge length {mm['length']:g} mm, {LIKELY}: the length in the first row")
-    return Known(mm, tuple(notes), only_given)
+    proposed = {size: value for one in reversed(recordings) for size, value in sizes_in_name(one.path.stem).items()}
+    return Known(mm, tuple(notes), only_given, proposed)
+
+
+def with_first_length(known: Known, recordings: Sequence[Recording], *, certain: bool = False) -> Known:
+    """The sizes with the length in the first row for a gauge length, where the tests hold lengths and nobody tells it.
+
+    ``certain``: raises :class:`BadInput` in place of that.
+    """
+    if known.mm["length"] is not None or any(recording.motion.quantity is not LENGTH for recording in recordings):
+        return known
+    first = float(recordings[0].numbers[0, 1])
+    if certain:
+        problem = f"does not tell the gauge length; {first:g} mm, the length in the first row, is {LIKELY}, not certain"
+        raise BadInput(recordings[0].path, problem, "--length-mm")
+    note = f"gauge length {first:g} mm, {LIKELY}: the length in the first row"
+    return replace(known, mm={**known.mm, "length": first}, notes=(*known.notes, note))
 
 
 def _contradictions(size: str, asked: float, told: Mapping[float, Path], override: bool) -> list[str]:
@@ -114,17 +138,18 @@ def ask_for_sizes(known: Mapping[str, Known], ask: Ask) -> dict[str, Known]:
     for size in SIZES:
         left = [specimen for specimen, mm in found.items() if mm[size] is None]
         while left:
-            value, for_all = _answer(size, left, ask)
+            value, for_all = _answer(size, left, known[left[0]].proposed.get(size), ask)
             for specimen in left if for_all else left[:1]:
                 found[specimen][size] = value
             left = [] if for_all else left[1:]
     return {specimen: known[specimen].answered(mm) for specimen, mm in found.items()}
 
 
-def _answer(size: str, left: Sequence[str], ask: Ask) -> tuple[float | None, bool]:
+def _answer(size: str, left: Sequence[str], proposed: float | None, ask: Ask) -> tuple[float | None, bool]:
     """A size in mm, or None; and whether it holds for all specimens that are ``left``. Asks until it can be read."""
     more = f"; '{FOR_ALL}' behind it: for all {len(left)} that are left" if len(left) > 1 else ""
-    question = f"{size} of {left[0]} in mm? (empty: fill it in later{more})"
+    perhaps = "" if proposed is None else f"; the name of the file may say {proposed:g}"
+    question = f"{size} of {left[0]} in mm? (empty: fill it in later{more}{perhaps})"
     wrong = ""
     while True:
         answer = ask(wrong + question, ()).strip()

@@ -3,24 +3,20 @@
 This module knows how a table looks, and nothing of what its columns mean.
 """
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data.heads import Head, Row, head_of, is_label
 from sinew.tasks.data.sheets import is_sheet, read_sheets
 from sinew.tasks.data.text import SEPARATORS, cells, is_clock, is_number, number, read_lines, records, same_day
-from sinew.tasks.data.units import is_unit
 
 MOST_COLUMNS = 1000
 FEWEST_COLUMNS = (3, 2)  # time, motion and load; where no table has three, motion and load
 HEAD_LINES = 450  # where separator and decimal mark are looked for first
 EXPECTED = "three columns or more: time, displacement (or strain) and force (or stress)"
-#: "d", "°C" or "mm/min", among units that are known.
-_UNKNOWN_UNIT = re.compile(r"[A-Za-z°µ%/²³]{1,3}|[A-Za-z°µ%]{1,3}/[A-Za-z]{1,3}")
 RUN = 3  # rows that must agree for a table to begin
-Row = tuple[str, ...]
 
 
 class NoTable(BadInput):
@@ -80,45 +76,77 @@ class _Run:
     columns: frozenset[int]
 
 
-def read_tables(path: Path) -> Iterator[Table]:
-    """The tables of a file, from top to bottom. Raises :class:`NoTable` if there is none.
+@dataclass(frozen=True)
+class _Page:
+    """The rows of a text or a sheet, each with its number (from 1), and how each reads if it holds ``titles``."""
 
-    Of all separators and decimal marks of a text, those count that give the longest table. A table begins where three
-    rows (or all that are left) have numbers in the same columns, three at least; two, in three rows or more, where no
-    table has three. It ends with the file or sheet, or where titles and units are repeated. Above the tables of a
-    sheet, its header also holds the sheets before it.
+    name: str
+    rows: Sequence[tuple[int, Row]]
+    titles: Sequence[Row]
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """The rows of a file, read once. ``fewest``: columns that a table must have; of several, the first that fits."""
+
+    path: Path
+    pages: tuple[_Page, ...]
+    separator: str
+    decimal: str
+    fewest: tuple[int, ...]
+
+
+def read_source(path: Path) -> Source:
+    """The rows of a file. Raises :class:`NoTable` if a text has no table.
+
+    Of all separators and decimal marks of a text, those count that give the longest table.
     """
-    yield from _tables_of_sheets(path) if is_sheet(path) else _tables_of_text(path)
-
-
-def _tables_of_text(path: Path) -> Iterator[Table]:
+    if is_sheet(path):
+        pages = [(name, _without_blank_end(list(enumerate(texts, start=1)))) for name, texts in read_sheets(path)]
+        sheets = tuple(_Page(name, rows, [row for _, row in rows]) for name, rows in pages)
+        return Source(path, sheets, "", ".", FEWEST_COLUMNS)
     lines = records(read_lines(path))
     separator, decimal, fewest = _layout(path, lines)
-    rows = [(at, tuple(cells(line, separator))) for at, line in lines]
+    rows = _without_blank_end([(at, tuple(cells(line, separator))) for at, line in lines])
     titles = [_title_cells(line, separator) for _, line in lines] if separator == " " else [row for _, row in rows]
-    yield from _tables(path, rows, titles, separator, decimal, fewest)
+    return Source(path, (_Page("", rows, titles),), separator, decimal, (fewest,))
 
 
-def _tables_of_sheets(path: Path) -> Iterator[Table]:
-    for fewest in FEWEST_COLUMNS:
-        before: tuple[Row, ...] = ()
-        found = False
-        for name, texts in read_sheets(path):
-            for table in _tables(path, list(enumerate(texts, start=1)), texts, "", ".", fewest):
-                yield replace(table, header=(*before, *table.header), sheet=name, own=len(before) + table.own)
-                found = True
-            before += tuple(row for row in texts[:HEAD_LINES] if any(row))
-        if found:
-            return
-    raise NoTable(path, "no sheet has a table of numbers", EXPECTED)
-
-
-def _tables(
-    path: Path, rows: list[tuple[int, Row]], titles: Sequence[Row], separator: str, decimal: str, fewest: int
-) -> Iterator[Table]:
-    """The tables of a text or of a sheet; ``titles``: how each row reads if it holds titles."""
+def _without_blank_end(rows: list[tuple[int, Row]]) -> list[tuple[int, Row]]:
     while rows and not any(rows[-1][1]):
         rows.pop()
+    return rows
+
+
+def read_tables(path: Path) -> Iterator[Table]:
+    """The tables of a file, as :func:`tables_of` finds them."""
+    yield from tables_of(read_source(path))
+
+
+def tables_of(source: Source) -> Iterator[Table]:
+    """The tables of a file, from top to bottom. Raises :class:`NoTable` if there is none.
+
+    A table begins where three rows (or all that are left) have numbers in the same columns, three at least; two, in
+    three rows or more, where no table has three. It ends with the file or sheet, or where titles and units are
+    repeated. Above the tables of a sheet, its header also holds the sheets before it.
+    """
+    for fewest in source.fewest:
+        before: tuple[Row, ...] = ()
+        found = False
+        for page in source.pages:
+            for table in _tables(source, page, fewest):
+                found = True
+                own = len(before) + table.own
+                yield replace(table, header=(*before, *table.header), sheet=page.name, own=own) if page.name else table
+            before += tuple(row for _, row in page.rows[:HEAD_LINES] if any(row))
+        if found:
+            return
+    raise NoTable(source.path, "no sheet has a table of numbers", EXPECTED)
+
+
+def _tables(source: Source, page: _Page, fewest: int) -> Iterator[Table]:
+    """The tables of a text or of a sheet."""
+    path, rows, titles, decimal = source.path, page.rows, page.titles, source.decimal
     places: list[tuple[int, int]] = []
     end = 0
     for run in _runs([row for _, row in rows], decimal, fewest):
@@ -128,35 +156,34 @@ def _tables(
         if start >= end:  # else it belongs to the table above, behind a broken row
             places.append((start, titles_at))
         end = run.end
-    named = [_beside_row_names(*_titles_and_units(titles, at), rows[start : start + RUN]) for start, at in places]
-    stops = _stops([(at, *found) for (_, at), found in zip(places, named, strict=True)])
+    heads = [_beside_row_names(head_of(titles, at), rows[start : start + RUN]) for start, at in places]
     before: dict[Row, tuple[int, int]] = {}  # by titles: the top of the first table, and the end of the last one
-    for (start, at), (words, units), stop in zip(places, named, stops, strict=True):
+    for (start, _), head, stop in zip(places, heads, _stops(heads), strict=True):
+        words = head.titles
         end = len(rows) if stop is None else _last_numbers(rows, start, stop, decimal)
-        top = max(at - bool(units), 0)
+        top = max(head.top, 0)
         first, last = before.get(words[1:], (top, top)) if any(words[1:]) else (top, top)
         before[words[1:]] = first, end
         header = tuple(row for _, row in (*rows[:first], *rows[last:top]))
         own = first if last < top or first < top else 0
-        title_row = rows[top][0] if at >= 0 else 0
-        yield Table(path, header, words, units, rows[start:end], separator, decimal, title_row, own=own)
+        title_row = rows[top][0] if head.top >= 0 else 0
+        yield Table(path, header, words, head.units, rows[start:end], source.separator, decimal, title_row, own=own)
 
 
-def _stops(named: Sequence[tuple[int, Row, Row]]) -> list[int | None]:
+def _stops(heads: Sequence[Head]) -> list[int | None]:
     """Where each table ends: at the next one with the same titles, or with units if it has units; None: at the end.
 
-    ``named``: the row above a table, its titles and its units. The first title may be the number of a specimen.
+    The first title may be the number of a specimen.
     """
     found: list[int | None] = []
     same: dict[Row, int] = {}
     measured: int | None = None
-    for at, titles, units in reversed(named):
-        repeated = same.get(titles[1:]) if any(titles[1:]) else None
-        next_tables = [one for one in (repeated, measured if units else None) if one is not None]
+    for head in reversed(heads):
+        repeated = same.get(head.titles[1:]) if any(head.titles[1:]) else None
+        next_tables = [one for one in (repeated, measured if head.units else None) if one is not None]
         found.append(min(next_tables, default=None))
-        top = at - bool(units)
-        same[titles[1:]] = top
-        measured = top if units else measured
+        same[head.titles[1:]] = head.top
+        measured = head.top if head.units else measured
     return found[::-1]
 
 
@@ -225,25 +252,21 @@ def _top(rows: Sequence[tuple[int, Row]], run: _Run, decimal: str) -> tuple[int,
         above = start - 1
         while above >= 0 and not any(rows[above][1]):
             above -= 1
-        if above < 0 or 2 * len(_numeric(rows[above][1], decimal) & run.columns) < len(run.columns):
+        if (
+            above < 0
+            or is_label(rows[above][1])
+            or 2 * len(_numeric(rows[above][1], decimal) & run.columns) < len(run.columns)
+        ):
             return start, above
         start = above
 
 
-def _titles_and_units(titles: Sequence[Row], at: int) -> tuple[Row, Row]:
-    """Titles and units of a table; ``at``: the row above it, which may hold either (-1: none)."""
-    if at < 0:
-        return (), ()
-    above = titles[at - 1] if at > 0 else ()
-    return (above, titles[at]) if any(above) and is_row_of_units(titles[at]) else (titles[at], ())
-
-
-def _beside_row_names(titles: Row, units: Row, rows: Sequence[tuple[int, Row]]) -> tuple[Row, Row]:
-    """Titles and units, with an empty one in front if the rows below have numbers as names, as R writes them."""
-    first = [row[0].strip('"') if len(row) == len(titles) + 1 else "" for _, row in rows]
-    if not titles or first != [str(number) for number in range(1, RUN + 1)]:
-        return titles, units
-    return ("", *titles), ("", *units) if units else ()
+def _beside_row_names(head: Head, rows: Sequence[tuple[int, Row]]) -> Head:
+    """A head with an empty title in front if the rows below have numbers as names, as R writes them."""
+    first = [row[0].strip('"') if len(row) == len(head.titles) + 1 else "" for _, row in rows]
+    if not head.titles or first != [str(number) for number in range(1, RUN + 1)]:
+        return head
+    return Head(("", *head.titles), ("", *head.units) if head.units else (), head.top)
 
 
 def _title_cells(line: str, separator: str) -> Row:
@@ -253,7 +276,7 @@ def _title_cells(line: str, separator: str) -> Row:
     for other in SEPARATORS:  # titles may be separated in another way than the numbers below them
         if other in line:
             return tuple(cells(line, other))
-    return tuple(_split_titles(line))
+    return tuple(title.strip('"') for title in _split_titles(line))
 
 
 def _split_titles(line: str) -> Iterator[str]:
@@ -268,16 +291,3 @@ def _split_titles(line: str) -> Iterator[str]:
         open_brackets += word.count("(") + word.count("[") - word.count(")") - word.count("]")
     if title:
         yield title
-
-
-def is_row_of_units(row: Row) -> bool:
-    """Whether all cells are units; one that is not known may be among two that are, such as a ``d`` for days."""
-    filled = [cell for cell in row if cell]
-    unknown = [cell for cell in filled if not (is_bracketed(cell) or is_unit(cell.strip("()[] ")))]
-    known = len(filled) - len(unknown)
-    return known > len(unknown) and all(_UNKNOWN_UNIT.fullmatch(cell) for cell in unknown)
-
-
-def is_bracketed(text: str) -> bool:
-    """Whether a text stands in brackets, as units often do."""
-    return len(text) > 1 and text[0] in "([" and text[-1] in ")]"

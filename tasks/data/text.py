@@ -21,6 +21,10 @@ _BYTES_WITH_WORDS = 2**20  # where lines with letters that English has not are l
 _LINES_WITH_WORDS = 50  # the most of them
 _QUOTED_LINES = 5  # the most lines of one quoted cell
 _OPEN_QUOTE = re.compile(r'(?:^|[\t;,|])\s*"[^"]*$')
+#: Zeros that fill a cell or the end of a file up, as programs in C leave them; and a zero before anything else.
+_PADDING = re.compile(r"(?<!\0)\0++(?=[\t\n\r;,| ]|\Z)")
+_ZERO_INSIDE = re.compile(rb"\0[^\0\t\n\r;,| ]")
+_ZEROS, _OTHER_ZEROS = 0.3, 0.05  # at least, of every second byte of UTF-16; and at most, of the others
 _LONGEST_CLOCK = 40  # characters
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?")
 #: A time of day or since the start, with a date in front or not: 00:42:18.872, 2024-05-03 10:22:33, 12:55.4.
@@ -31,8 +35,11 @@ _CLOCK = re.compile(
 _THOUSANDS = {".": re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+"), ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+")}
 
 
-def check_text(path: Path, max_bytes: int, *, utf16: bool = False) -> None:
-    """Refuse what cannot be a text file of at most ``max_bytes``, before it is read. Raises :class:`BadInput`."""
+def check_text(path: Path, max_bytes: int, *, export: bool = False) -> None:
+    """Refuse what cannot be a text file of at most ``max_bytes``, before it is read. Raises :class:`BadInput`.
+
+    ``export``: it may be in UTF-16, or padded with zero bytes.
+    """
     if path.suffix.lower() in BINARY:
         raise BadInput(path, "pickled and binary data are never read", "a CSV file")
     try:
@@ -50,7 +57,7 @@ def check_text(path: Path, max_bytes: int, *, utf16: bool = False) -> None:
             start = file.read(4096)
     except OSError as error:
         raise BadInput(path, (error.strerror or "cannot be read").lower(), "a readable file") from None
-    if b"\0" in start and not (utf16 and _is_utf16(start)):
+    if b"\0" in start and not (export and (_utf16(start) or not _ZERO_INSIDE.search(start))):
         raise BadInput(path, "not a text file", "text in UTF-8")
 
 
@@ -60,7 +67,7 @@ def read_lines(path: Path) -> list[str]:
     Raises :class:`BadInput` for files that are no text, too large, or hold a line of more than ``LONGEST_LINE``
     characters.
     """
-    check_text(path, MAX_TEXT_BYTES, utf16=True)
+    check_text(path, MAX_TEXT_BYTES, export=True)
     lines = re.split(r"\r*\n|\r", _decoded(path))  # Windows programs write \r\r\n where they convert twice
     while lines and is_blank(lines[-1]):
         lines.pop()
@@ -74,24 +81,32 @@ def read_lines(path: Path) -> list[str]:
     return lines
 
 
-def _is_utf16(start: bytes) -> bool:
-    return start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+def _utf16(content: bytes) -> str | None:
+    """The kind of UTF-16 that text has, by its mark, or by the zeros in every second byte of digits; None: another."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    start = content[:4096]
+    first, second = start[::2].count(0), start[1::2].count(0)
+    for encoding, zeros, others in (("utf-16-le", second, first), ("utf-16-be", first, second)):
+        if zeros >= _ZEROS * len(start) / 2 and others <= _OTHER_ZEROS * zeros:
+            return encoding
+    return None
 
 
 def _decoded(path: Path) -> str:
     content = read_input(path, MAX_TEXT_BYTES, "a text export")
-    if _is_utf16(content):
+    if (encoding := _utf16(content)) is not None:
         try:
-            return content.decode("utf-16")
+            return _PADDING.sub("", content.decode(encoding))
         except UnicodeDecodeError:
             raise BadInput(path, "not valid UTF-16 text", "a text export") from None
     try:
-        return content.decode("utf-8-sig")
+        return _PADDING.sub("", content.decode("utf-8-sig"))
     except UnicodeDecodeError:
         pass
     for encoding in _encodings(content):
         try:
-            return content.decode(encoding)
+            return _PADDING.sub("", content.decode(encoding))
         except UnicodeDecodeError:
             continue
     raise BadInput(path, "neither UTF-8 nor Windows text", "a text export")

@@ -21,12 +21,19 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
     if brackets := re.findall(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]", title):
         told = [text for text in brackets if units.is_unit(text)]
         return _plain(re.split(r"[(\[]", title)[0]), units.agreed([*told, below]) or brackets[0]
+    title = title.rstrip("._") or title  # "Time_s_" of MATLAB and "Time..s." of R, which have no brackets in names
     for pattern in (r"(.+?)\s*/\s*(\S+)", r"(.+?)\s*,\s*(\S+)", r"(.+)[_ .-](?!1$)([^\s_.-]+)", r"(.+?)\s+in\s+(\S+)"):
-        if (found := re.fullmatch(pattern, title)) and units.is_unit(found[2]):
+        found = re.fullmatch(pattern, title)
+        if found and units.is_unit(found[2]) and not _is_minimum(*found.groups()):
             return _plain(found[1]), units.agreed([found[2], below])
     if title in words.UNITS_AS_TITLES:
         return f"({title})", units.agreed([title, below])
     return _plain(title), below
+
+
+def _is_minimum(name: str, unit: str) -> bool:
+    """Whether a ``min`` behind a name is the smallest value, as in ``Load Min``, and not minutes."""
+    return unit.lower() == "min" and _plain(name) not in words.TIME
 
 
 def without_numbers(names: Sequence[str]) -> list[str]:

@@ -1,6 +1,7 @@
 """The words by which exports of testing machines call their columns and sizes, in several languages.
 
-In lower case, the usual words first. English, German, French, Spanish, Italian, Chinese, Japanese and Korean.
+In lower case, the usual words first. English, German, French, Spanish, Italian, Portuguese, Chinese, Japanese and
+Korean.
 """
 
 import unicodedata
@@ -10,7 +11,8 @@ TIME = (
     "running time", "step time", "time elapsed", "run time", "elapsed", "scan time", "machine time", "laufzeit",
     "testzeit", "messzeit", "pruefzeit", "gesamtzeit", "temps d'essai", "temps essai", "temps d’essai", "temps écoulé",
     "durée", "tiempo de ensayo", "tiempo total", "tempo", "tempo di prova", "时间", "试验时间", "测试时间", "总时间",
-    "時間", "試験時間", "経過時間", "시간", "(s)", "(sec)", "(Sec)", "(seconds)", "(Seconds)", "(ms)", "(min)",
+    "時間", "試験時間", "経過時間", "시간", "time since start of test", "time since start", "timestamp", "time stamp",
+    "zeitstempel", "(s)", "(sec)", "(Sec)", "(seconds)", "(Seconds)", "(ms)", "(min)",
 )  # fmt: skip
 DISPLACEMENT = (
     "displacement", "disp", "extension", "elongation", "tensile extension", "tensile displacement", "deformation",
@@ -23,15 +25,26 @@ DISPLACEMENT = (
     "indentation", "change in length", "maschine", "maschinenweg", "kolbenweg", "prüfweg", "verschiebung",
     "wegänderung", "längenänderung", "course standard", "course", "course traverse", "course de la traverse",
     "déplacement traverse", "deplacement traverse", "extensión", "carrera", "alargamiento", "spostamento", "corsa",
-    "allungamento", "recorrido", "desplazamiento de la cruceta", "course machine", "位移", "横梁位移", "夹具位移",
-    "拉伸位移", "压缩位移", "行程", "变形", "伸长", "伸长量", "伸長", "変位", "ストローク", "伸び", "변위", "신장",
+    "allungamento", "recorrido", "desplazamiento de la cruceta", "course machine",
+    "déplacement en traction", "déplacement en compression", "extensión de tracción", "extensión por tracción",
+    "desplazamiento en tracción", "deslocamento", "extensão", "alongamento", "extn", "stauchung", "disp feedback",
+    "displacement feedback", "axial displacement feedback", "位移", "横梁位移", "夹具位移",
+    "拉伸位移", "压缩位移", "行程", "伸长", "伸长量", "伸長", "変位", "ストローク", "변위", "신장",
     "クロスヘッド変位",
     "displ", "axial disp", "machine extension", "crosshead disp", "cross head displacement", "distance",
     "(mm)", "(µm)", "(um)", "(μm)",
 )  # fmt: skip
+#: Displacements and strains of the specimen itself, which count before those of the machine.
+EXTENSOMETER = (
+    "extensometer", "extensometer 1", "extensometer displacement", "extensometer extension", "extensometer strain",
+    "axial extensometer", "video extensometer", "clip gauge", "lvdt", "feindehnung", "feindehnungsaufnehmer", "feinweg",
+    "dehnungsaufnehmer", "extensomètre", "extensometre", "extensómetro", "extensometro", "extensômetro", "estensimetro",
+    "estensometro", "引伸计", "引伸計", "变形", "變形", "伸び", "伸び計", "伸び 1", "신율계", "연신계",
+)  # fmt: skip
 POSITION = (
     "position", "pos", "crosshead", "crosshead position", "actuator", "digital position", "crosshead absolute",
-    "absolute crosshead travel", "traverse abs", "traverse absolue", "position traverse", "kolbenposition", "posición",
+    "absolute crosshead travel", "traverse abs", "traverse absolue", "position traverse", "traverse", "kolbenposition",
+    "posición",
 )  # fmt: skip
 LENGTH = (
     "length", "gauge length", "len", "länge", "longueur", "l", "size", "current length", "gap", "grip separation",
@@ -39,7 +52,9 @@ LENGTH = (
 )  # fmt: skip
 STRAIN = (
     "strain", "tensile strain", "engineering strain", "nominal strain", "dehnung", "eps", "epsilon", "ε",
-    "déformation", "axial strain", "eng strain", "compressive strain", "strain 1", "technische dehnung", "allongement",
+    "déformation", "axial strain", "eng strain", "compressive strain", "strain 1", "technische dehnung", "stauchung",
+    "déformation en traction", "déformation en compression",
+    "deformación por tracción", "deformação", "allongement",
     "deformación", "deformazione", "应变", "拉伸应变", "压缩应变", "應變", "ひずみ", "歪み", "변형률",
 )  # fmt: skip
 STRETCH = ("stretch", "stretch ratio", "length ratio", "l/l0", "lambda", "λ", "l", "streckung", "拉伸比")
@@ -47,14 +62,32 @@ FORCE = (
     "force", "load", "tensile force", "kraft", "standardkraft", "prüfkraft", "last", "fuerza", "charge", "f", "p",
     "load cell", "axial force", "axial load", "standard force", "tensile load", "compressive load", "compressive force",
     "reaction force", "rf", "normal force", "zugkraft", "druckkraft", "force standard", "effort", "carga", "forza",
-    "carico", "力", "载荷", "负荷", "负载", "力值", "试验力", "拉力", "压力", "載荷", "荷重", "試験力", "하중", "힘",
+    "carico", "força", "static force", "force feedback", "axial force feedback", "load feedback", "axial load feedback",
+    "力", "载荷", "负荷", "负载", "力值", "试验力", "拉力", "压力", "載荷", "荷重", "試験力", "하중", "힘",
     "(N)", "(kN)", "(mN)", "(lbf)", "(kgf)", "(gf)",
 )  # fmt: skip
 STRESS = (
     "stress", "tensile stress", "engineering stress", "nominal stress", "spannung", "contrainte", "σ", "sigma",
-    "tension", "axial stress", "eng stress", "compressive stress", "esfuerzo", "sforzo", "应力", "應力", "応力", "응력",
+    "tension", "axial stress", "eng stress", "compressive stress", "esfuerzo", "sforzo",
+    "contrainte en traction", "contrainte en compression",     "esfuerzo de tracción", "esfuerzo a tracción", "tensão",
+    "应力", "應力", "応力", "응력",
     "拉伸应力", "压缩应力", "(MPa)", "(kPa)", "(Pa)",
 )  # fmt: skip
+#: By which a title or a line above a table tells of a compression.
+COMPRESSION = (
+    "compressi", "compresi", "druckversuch", "druckprüfung", "druckkraft", "druckspannung", "stauchung",
+    "stauchversuch", "压缩", "壓縮", "圧縮", "압축",
+)  # fmt: skip
+#: Beside one of them, the line tells nothing: "tension/compression load cell".
+TENSION = ("tension", "tensile", "traction", "zug", "tracción", "trazione", "拉", "引張", "인장")
+
+#: Titles of times, displacements and forces that also mean something else: a column may hold another quantity.
+DOUBTFUL = frozenset({
+    "step time", "scan time", "tempo", "laufzeit",
+    "deformation", "compression", "indentation", "distance", "travel", "course", "carrera", "corsa", "recorrido", "u",
+    "d", "dl", "δl", "maschine", "stroke", "ストローク", "行程",
+    "f", "p", "rf", "last", "charge", "effort", "carga", "carico", "load cell", "normal force", "压力", "负载", "하중",
+})  # fmt: skip
 
 #: Titles of columns that tell the tests of one table apart.
 TESTS = (
@@ -71,9 +104,10 @@ CYCLES = (
 )  # fmt: skip
 SIZES = {
     "length": ("length", "länge", "laenge", "messlänge", "longueur", "longitud", "anvil height", "l0", "le",
-               "einspannlänge", "标距", "標距", "原始标距", "標点距離"),
-    "width": ("width", "breite", "largeur", "anchura", "ancho", "b0", "宽度", "寬度", "幅"),
-    "thickness": ("thickness", "dicke", "épaisseur", "epaisseur", "espesor", "a0", "厚度", "厚さ"),
+               "einspannlänge", "lunghezza", "标距", "標距", "原始标距", "標点距離"),
+    "width": ("width", "breite", "largeur", "anchura", "ancho", "larghezza", "largura", "b0", "宽度", "寬度", "幅"),
+    "thickness": ("thickness", "dicke", "épaisseur", "epaisseur", "espesor", "spessore", "espessura", "a0",
+                  "厚度", "厚さ"),
     "diameter": ("diameter", "durchmesser", "diamètre", "diametre", "diámetro", "d0", "直径", "直徑", "直径"),
     "area": ("area", "cross-section", "cross section", "original cross-section", "cross-sectional area", "section",
              "querschnitt", "fläche", "sección", "s0", "面积", "截面积", "断面積"),
@@ -85,6 +119,6 @@ UNITS_AS_TITLES = frozenset(
     for word in words
     if word.startswith("(")
 )
-_ALL = (TIME, DISPLACEMENT, POSITION, LENGTH, STRAIN, STRETCH, FORCE, STRESS, *SIZES.values())
+_ALL = (TIME, DISPLACEMENT, EXTENSOMETER, POSITION, LENGTH, STRAIN, STRETCH, FORCE, STRESS, *SIZES.values())
 #: Words with other letters than English has, by which the encoding of a file is told.
 FOREIGN = (*sorted({word for words in _ALL for word in words if not word.isascii()}), "²", "µ", "°")

@@ -2,7 +2,7 @@
 
 import json
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,18 +16,17 @@ from sinew.runner.files import NotReadable, read_regular
 from sinew.runner.store.store import Store, open_store, refuse_strange_entries
 from sinew.runner.store.table import Table
 from sinew.tasks.discover.result import DiscoverResult
-from sinew.tasks.drawing.thinning import drawn_points
-from sinew.tasks.model import FORCE, Protocol, file_name
+from sinew.tasks.model import FORCE, file_name
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.status import read_status
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.registry import of_own_models
+from sinew.tasks.study.curves import POINTS, MeasuredCurve, MeasuredQuantity, kept_curves, represented
 from sinew.tasks.study.result import Result
 
 R = TypeVar("R", bound=Result)
 
 MAX_LOG_BYTES = 2**27
-POINTS = 500  # of a curve, at the most: more than a plot of a page's width can show
 
 
 @dataclass(frozen=True)
@@ -38,29 +37,6 @@ class State:
     why: str = ""
     seconds: float | None = None
     evaluations: int | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredQuantity:
-    """What was measured beside the force along a protocol: ``values`` ``[q]`` in ``unit`` at the times ``time_s``."""
-
-    unit: str
-    time_s: Array
-    values: Array
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredCurve:
-    """A curve at points that represent it, each array ``[p]``; ``total`` points were measured or stored.
-
-    ``force_N`` is NaN where nothing was measured, but the specimen was pulled. ``others``: what is compared besides.
-    """
-
-    time_s: Array
-    displacement_mm: Array
-    force_N: Array
-    total: int
-    others: Mapping[str, MeasuredQuantity] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -102,15 +78,26 @@ class ResultFolder:
 
     @cached_property
     def measured(self) -> dict[str, dict[str, MeasuredCurve]]:
-        """Measured curves by specimen and protocol, from the evaluations, else from what a discovery looked at."""
-        found = {name: dict(_curves(tables)) for name, tables in self.tables.items()}
+        """Measured curves by specimen and protocol.
+
+        They are those of the cohort; in folders of older versions, those at the points of the evaluations, or what a
+        discovery looked at. What is compared beside the force is that at the points of the evaluations.
+        """
+        found = kept_curves(self.store) if self.store is not None else {}
+        found |= {name: dict(_curves(tables[0])) for name, tables in self.tables.items() if name not in found}
         discovery = self.result(DiscoverResult)
         for name in discovery.cells if discovery is not None else ():
             if name not in found and self.store is not None:
                 kept = self.store.read_result(f"discover/{file_name(name)}")
                 protocols = sorted(str(key).removeprefix("time_") for key in kept.dims)
                 found[name] = {protocol: _discovered(kept, protocol) for protocol in protocols}
-        return dict(sorted(found.items()))
+        return {
+            name: {
+                protocol: replace(curve, others=_others(self.tables.get(name, ()), protocol))
+                for protocol, curve in every.items()
+            }
+            for name, every in sorted(found.items())
+        }
 
     @property
     def forces(self) -> bool:
@@ -192,14 +179,18 @@ def _points(table: Table) -> int:
     )
 
 
-def _curves(tables: Sequence[Table]) -> Iterator[tuple[str, MeasuredCurve]]:
-    """The curves of the first table, and what is compared beside the force in any of them."""
-    for name in protocols_of(tables[0]):
-        others = {quantity: one for table in reversed(tables) for quantity, one in _others(table, name)}
-        yield name, replace(_represented(name, *columns_of(tables[0], name)), others=dict(sorted(others.items())))
+def _curves(table: Table) -> Iterator[tuple[str, MeasuredCurve]]:
+    for name in protocols_of(table):
+        yield name, represented(name, *columns_of(table, name))
 
 
-def _others(table: Table, protocol: str) -> Iterator[tuple[str, MeasuredQuantity]]:
+def _others(tables: Sequence[Table], protocol: str) -> dict[str, MeasuredQuantity]:
+    """What any of the tables of a specimen holds of a protocol beside the force; the first one counts."""
+    found = {quantity: one for table in reversed(tables) for quantity, one in _compared(table, protocol)}
+    return dict(sorted(found.items()))
+
+
+def _compared(table: Table, protocol: str) -> Iterator[tuple[str, MeasuredQuantity]]:
     specimen = table.identity.get("specimen")
     compared = specimen.get("compared") if isinstance(specimen, dict) else None
     for quantity in compared if isinstance(compared, dict) else ():
@@ -214,12 +205,7 @@ def _others(table: Table, protocol: str) -> Iterator[tuple[str, MeasuredQuantity
 
 def _discovered(kept: xr.Dataset, protocol: str) -> MeasuredCurve:
     columns = (kept[f"{kind}_{protocol}"].to_numpy() for kind in ("time", "displacement", "measured"))
-    return _represented(protocol, *columns)
-
-
-def _represented(protocol: str, time: Array, moved: Array, force: Array) -> MeasuredCurve:
-    keep = drawn_points(Protocol(protocol, time, moved), force, count=POINTS)
-    return MeasuredCurve(time[keep], moved[keep], force[keep], time.size)
+    return represented(protocol, *columns)
 
 
 def protocols_of(table: Table) -> list[str]:

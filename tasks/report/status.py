@@ -17,6 +17,7 @@ from sinew.runner.store.schema import PENDING, STATUSES, Array
 from sinew.runner.store.segment import Segment
 from sinew.runner.store.store import open_store
 from sinew.runner.store.table import Table
+from sinew.tasks.drawing.blocks import duration
 from sinew.tasks.registry import TASKS
 
 PAGE = "report.html"
@@ -170,8 +171,8 @@ def _now(progress: dict[str, Any] | None) -> str:
         return "nothing runs"
     line = one_line(f"{progress['title']}: {progress['done']:,} of {progress['total']:,} rows")
     if not progress["alive"]:
-        return f"nothing runs; last sign of life {duration(progress['age_s'])} ago ({line})"
-    left = f", {duration(progress['eta_s'])} left" if progress.get("eta_s") is not None else ""
+        return f"nothing runs; last sign of life {duration(round(progress['age_s']))} ago ({line})"
+    left = f", {duration(round(progress['eta_s']))} left" if progress.get("eta_s") is not None else ""
     counted = f"{progress.get('running', 0):,} running, {progress.get('rows_per_s', 0):.4g} rows/s{left}"
     return f"{line}, {counted}{about_left(left_of_run(progress))}"
 
@@ -193,14 +194,7 @@ def left_of_run(progress: dict[str, Any]) -> float | None:
 
 
 def about_left(seconds: float | None) -> str:
-    return f", about {duration(seconds)} left of the run" if seconds is not None else ""
-
-
-def duration(seconds: float) -> str:
-    for size, unit in ((86_400, "d"), (3600, "h"), (60, "min")):
-        if seconds >= 2 * size:
-            return f"{seconds / size:.1f} {unit}"
-    return f"{seconds:.0f} s"
+    return f", about {duration(round(seconds))} left of the run" if seconds is not None else ""
 
 
 def _print_jobs(console: Console, found: dict[str, Any]) -> None:

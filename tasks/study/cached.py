@@ -4,12 +4,17 @@ A result's key covers what it means, not how the code is written: study and data
 libraries, and the declared version of the method (:class:`sinew.tasks.study.result.Result`).
 """
 
+import io
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, TypeVar
 
 import xarray as xr
 
-from sinew.runner.errors import BadInput
+from sinew.runner.console import Console
+from sinew.runner.errors import BadInput, StoreError
+from sinew.runner.store.store import Store
+from sinew.tasks.registry import TASKS
 from sinew.tasks.study.files import digest
 from sinew.tasks.study.result import Result
 from sinew.tasks.study.workspace import Workspace
@@ -35,9 +40,29 @@ def cached(
         return None
     if found is None or found.inputs != inputs:
         return None
-    root = workspace.store.root
-    there = all(name in root and root[name].attrs.get("inputs", inputs) == inputs for name in arrays)
-    return found if there and all((workspace.out / name).is_file() for name in files) else None
+    there = all(_is_whole(workspace.store, name, inputs) for name in arrays)
+    there = there and all((workspace.out / name).is_file() for name in files)
+    return found if there and _can_be_shown(found, workspace.out) else None
+
+
+def _can_be_shown(found: Result, out: Path) -> bool:
+    """Whether a result is one that this program wrote: fields that are right one by one may contradict each other."""
+    nowhere = Console(file=io.StringIO())
+    try:
+        show = TASKS[found.TASK].module("show")
+        show.summary(found, out, nowhere)
+        show.table(found)
+    except Exception:  # noqa: BLE001 - whatever it is, the result is made again
+        return False
+    return True
+
+
+def _is_whole(store: Store, name: str, inputs: str) -> bool:
+    """Whether arrays of these ``inputs`` are there and can be read."""
+    try:
+        return bool(store.read_result(name).attrs.get("inputs", inputs) == inputs)
+    except StoreError:
+        return False
 
 
 def commit(workspace: Workspace, result: Result, arrays: Mapping[str, xr.Dataset]) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from sinew.runner.errors import BadInput, one_line
+from sinew.runner.errors import BadInput, brief
 from sinew.tasks.data.cohort import Cohort
 from sinew.tasks.model import Model, Parameter, Specimen
 from sinew.tasks.simulate import Simulator
@@ -55,10 +55,11 @@ class Ranges(BaseModel):
         """What a person should know before the work begins, in a line each."""
         if far := self.out_of_reach:
             count = len({one.specimen for one in self.reach})
-            yield one_line(f"ranges: {len(far)} of {count} specimens are out of reach, such as {words(far[0])}")
+            yield brief(f"ranges: {len(far)} of {count} specimens are out of reach, such as {words(far[0])}")
         if self.unseen:
             values = "a fixed value" if len(self.unseen) == 1 else "fixed values"
-            yield f"ranges: no force of these tests depends on {', '.join(self.unseen)}; {values} would save work"
+            names = ", ".join(self.unseen)
+            yield brief(f"ranges: no force of these tests depends on {names}; {values} would save work")
 
     def refuse(self, study: Path) -> None:
         """Raises :class:`BadInput` where the ranges cannot reach the data, with such as would."""
@@ -135,7 +136,7 @@ def look(study: Study, cohort: Cohort, out: Path) -> Ranges | None:
     effects = list(study.model.effects)
     specimens = [one.identity() | {"name": one.name} for one in cohort.specimens]
     inputs = digest(VERSION, model.identity(), ranges, effects, specimens)
-    if (found := _read(out / RANGES)) is not None and found.inputs == inputs:
+    if (found := read(out / RANGES)) is not None and found.inputs == inputs:
         return found
     simulator = simulator_of(study, "uniaxial", out)
     reaches = [each for specimen in cohort.specimens for each in reach(simulator, model, specimen)]
@@ -149,11 +150,12 @@ def look(study: Study, cohort: Cohort, out: Path) -> Ranges | None:
 
 def keep(ranges: Ranges, out: Path) -> None:
     """Write a look into a result folder, unless it is there."""
-    if _read(out / RANGES) != ranges:
+    if read(out / RANGES) != ranges:
         write_json(out / RANGES, ranges.model_dump())
 
 
-def _read(path: Path) -> Ranges | None:
+def read(path: Path) -> Ranges | None:
+    """What an earlier run saw; None where there is nothing that can be used."""
     try:
         found = Ranges.model_validate(read_json(path) or {})
     except ValidationError:

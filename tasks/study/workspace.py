@@ -3,7 +3,6 @@
 import json
 import logging
 import os
-import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
@@ -24,6 +23,7 @@ from sinew.runner.evaluation.adaptive import AdaptiveRun
 from sinew.runner.evaluation.batch import Evaluation
 from sinew.runner.evaluation.ensemble import evaluate, run_adaptive
 from sinew.runner.evaluation.policy import Policy
+from sinew.runner.files import remove_folder
 from sinew.runner.library_logs import libraries_log_to
 from sinew.runner.printing import put
 from sinew.runner.progress import Board, Report, Show, open_board, progress
@@ -37,6 +37,7 @@ from sinew.tasks.simulate import Array, Simulator
 from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study.cohort import cohort_of
+from sinew.tasks.study.curves import keep_curves
 from sinew.tasks.study.json_lines import LogFile
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.ranges import Ranges, keep, look
@@ -225,6 +226,7 @@ def open_workspace(
         stack.enter_context(_no_abandoned_folders(out))
         if ranges is not None:
             keep(ranges, out)
+        keep_curves(store, cohort)
         board = stack.enter_context(open_board(out))
         if isinstance(cluster, Local):
             board.put(workers=cluster.workers)
@@ -288,7 +290,7 @@ def _no_abandoned_folders(out: Path) -> Iterator[None]:
 
 def _remove_abandoned(out: Path) -> None:
     for abandoned in (workers_folder(out), *(out / "attempts").glob("attempt-*")):
-        shutil.rmtree(abandoned, ignore_errors=True)
+        remove_folder(abandoned)
     for partial in fields_folder(out).glob(".*.partial"):
         partial.unlink(missing_ok=True)
 

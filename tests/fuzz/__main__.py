@@ -55,6 +55,7 @@ def main() -> int:
 def _place(broken: Broken) -> str:
     """Where an error came from: one fault is kept once."""
     frames = traceback.extract_tb((broken.__cause__ or broken).__traceback__)
+    frames = [one for one in frames if one.name != "hangs"] or frames
     return f"{Path(frames[-1].filename).name}:{frames[-1].lineno}"
 
 

@@ -1,7 +1,7 @@
 """What is fuzzed: valid files by target, and the functions that read them; an input is a damaged file."""
 
 import json
-import shutil
+import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,13 +10,17 @@ from typing import Any
 import numpy as np
 
 from sinew.runner.cluster.job_table import JobTable
+from sinew.runner.errors import brief
 from sinew.runner.store.segment import Segment
 from sinew.runner.store.store import Store, open_store
 from sinew.tasks import pipeline
-from sinew.tasks.cli.look import Rows, look
+from sinew.tasks.benchmark.answers import read_answers as hidden_answers
+from sinew.tasks.cli.watch_state import Rows, look
 from sinew.tasks.cluster.profile import read_profile
+from sinew.tasks.data.answers import read_answers
 from sinew.tasks.data.cohort import read_cohort
 from sinew.tasks.data.exports import read_export
+from sinew.tasks.data.new_model_study import Choices, init_model
 from sinew.tasks.model import Model
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report import page
@@ -26,16 +30,22 @@ from sinew.tasks.simulate.febio import rendering
 from sinew.tasks.simulate.febio.files import read_text
 from sinew.tasks.simulate.febio.kept import Run, entry_of, write_runs
 from sinew.tasks.simulate.febio.kept_files import contents, read_run
+from sinew.tasks.simulate.febio.model_file.contents import contents_of
+from sinew.tasks.simulate.febio.model_file.listing import as_json, lines
+from sinew.tasks.simulate.febio.model_file.source import read_source
 from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at
 from sinew.tasks.simulate.febio.plot_file import plot_file_of, read_plot_file
 from sinew.tasks.simulate.rows import read_parameters
+from sinew.tasks.study import ranges
 from sinew.tasks.study.checkpoint import Checkpoint
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.study import read_study
 from tests.runner.evaluations import Quick, table_spec
 from tests.runner.stores import fill, some
 from tests.tasks.cli.bad_input import EXPORT, GEOMETRY, HEADER, PARAMETERS, ROWS, STUDY
+from tests.tasks.data.test_sheets import write_workbook
 from tests.tasks.simulate.febio import plot_writer
+from tests.tasks.simulate.febio.model_file.cube import CUBE, in_format_3
 
 ROOT = Path(__file__).parents[2]
 EXPECTED = ROOT / "tests" / "golden" / "expected"
@@ -71,6 +81,11 @@ def targets(folder: Path) -> dict[str, Target]:
         _kept_runs(folder),
         _checkpoint(),
         _results(),
+        _model(),
+        _ranges(),
+        _answers(),
+        _hidden(),
+        _workbook(folder),
     ]
     return {target.name: target for target in (*made, _result_folder(folder))}
 
@@ -100,7 +115,8 @@ def _cohort() -> Target:
 
 
 def _export() -> Target:
-    tabs = "Time [s]\tWeg / mm\tKraft / N\r\n0,0\t0,0\t0,0\r\n1,0\t0,1\t5,0\r\n2,0\t0,2\t9,0\r\n"
+    tabs = "Length\t10 mm\r\nWidth\t4 mm\r\nThickness\t1 mm\r\nTime [s]\tWeg / mm\tKraft / N\r\n"
+    tabs += "0,0\t0,0\t0,0\r\n1,0\t0,1\t5,0\r\n2,0\t0,2\t9,0\r\n"
     plain = (
         "# gauge length: 10 mm, width 4 mm, thickness 1 mm\ntime (s), strain (%), stress (MPa)\n0,0,0\n1,1,5\n2,2,9\n"
     )
@@ -167,14 +183,95 @@ def _kept_runs(folder: Path) -> Target:
     return Target("kept runs", {written.name: written.read_bytes()}, read)
 
 
+def _model() -> Target:
+    """FEBio models as ``sinew init`` takes them: what they hold is listed, and a study is made of it."""
+    fields = {"vary": ["gel ä.elastic.E", "gel ä.g1=0.1:1"], "measure": ["side=ux@cube:max", "stress=sz@part"]}
+    files = {"cube.feb": CUBE.encode("latin-1"), "three.feb": in_format_3(CUBE).encode("latin-1")}
+
+    def read(folder: Path, path: Path) -> None:
+        source = read_source(path)
+        contents = contents_of(source)
+        listed = [*lines(source, contents), json.dumps(as_json(source, contents))]
+        assert all(isinstance(line, str) for line in listed)
+        vary = [*fields["vary"], *list(contents.numbers)[:1]]
+        for number, move in enumerate(("pull", None)):
+            init_model(source, contents, Choices(vary, move, measure=fields["measure"]), folder / f"study{number}")
+
+    return Target("model", files, read, share=2)
+
+
+def _ranges() -> Target:
+    """What an earlier run saw of a study's ranges."""
+    numbers = {"measured_N": 90.0, "least_N": 1.0, "most_N": 9.0, "area_mm2": 4.0}
+    far, near = {"specimen": "a", "protocol": "pull"} | numbers, {"specimen": "b", "protocol": "pull"} | numbers
+    written = {"inputs": "0", "reach": [far, near | {"measured_N": 5.0}], "unseen": ["nu_m"], "advice": [["E_f", 1, 9]]}
+
+    def read(_: Path, path: Path) -> None:
+        found = ranges.read(path)
+        for line in () if found is None else found.remarks():
+            assert line == brief(line), line
+        if found is not None:
+            found.refuse(path)
+
+    return Target("ranges", {ranges.RANGES: json.dumps(written).encode()}, read)
+
+
+def _answers() -> Target:
+    text = """# answers
+time_unit: s
+force_column: Kraft
+rate_hz: 10.0
+specimens:
+  A 1: {length_mm: 10.0, width_mm: 4.0}
+  "07": {thickness_mm: 1.5}
+"""
+    return Target("answers", {"answers.yaml": text.encode()}, lambda _, path: read_answers(path))
+
+
+def _hidden() -> Target:
+    """``answers.json`` of cohorts with hidden effects."""
+    case = {"truth": ["preload"], "case": "one", "magnitude": {"stretch": 1.01}, "same_form": {"preload_stretch": 1.01}}
+    files = {"answers.json": json.dumps({"a": case, "b": {"truth": ["OUTSIDE"]}, "c": {"truth": []}}).encode()}
+
+    def read(folder: Path, _: Path) -> None:
+        for name in "abc":
+            (folder / name).mkdir()
+        hidden_answers(folder)
+
+    return Target("hidden effects", files, read)
+
+
+def _workbook(made: Path) -> Target:
+    """Spreadsheets with damage inside of the archive, where no checksum sees it."""
+    rows: list[list[object]] = [["length", 10, "mm"], ["width", 4, "mm"], ["thickness", 1, "mm"]]
+    rows += [["time (s)", "displacement (mm)", "force (N)"], [0.0, 0.0, 0.0], [1, 0.1, 5], [2, 1, 9]]
+    book = write_workbook(made / "book.xlsx", tests=rows, more=[["a", "b & c"], [None, 1e-7]])
+    with zipfile.ZipFile(book) as archive:
+        parts = {f"parts/{name}": archive.read(name) for name in archive.namelist()}
+
+    def read(folder: Path, _: Path) -> None:
+        with zipfile.ZipFile(folder / "test.xlsx", "w") as archive:
+            for name in parts:
+                archive.write(folder / name, name.removeprefix("parts/"))
+        read_export(folder / "test.xlsx")
+
+    return Target("workbook", parts, read, share=2)
+
+
 def _checkpoint() -> Target:
     files = {"fits.jsonl": b'{"inputs": "a"}\n[1.0, 2.0]\n[3.0]\n'}
     return Target("checkpoint", files, lambda _, path: Checkpoint(path, "a").kept)
 
 
 def _results() -> Target:
-    files = {path.name: path.read_bytes() for path in sorted(EXPECTED.glob("*.json")) if path.stem in TASKS}
+    files = {f"{task}.json": _result(task) for task in sorted(TASKS)}
     return Target("results", files, lambda folder, path: TASKS[path.stem].read(folder), share=3)
+
+
+def _result(task: str) -> bytes:
+    """A result as a run writes it; the golden files leave out what it was made from."""
+    content = json.loads((EXPECTED / f"{task}.json").read_bytes())
+    return json.dumps({"inputs": "0", **content}).encode()
 
 
 def _result_folder(folder: Path) -> Target:
@@ -195,7 +292,7 @@ def _result_folder(folder: Path) -> Target:
     jobs = JobTable(made / "jobs")
     jobs.note("7", "submitted", role="worker", cores=2, nodes="n1")
     jobs.note("7", "started")
-    shutil.copyfile(EXPECTED / "sobol.json", made / "sobol.json")
+    (made / "sobol.json").write_bytes(_result("sobol"))
     files = {path.relative_to(made).as_posix(): path.read_bytes() for path in sorted(made.rglob("*")) if path.is_file()}
     named = {f"out/{name}": content for name, content in files.items()}
     return Target("result folder", named, lambda place, _: _look_at(place / "out"), share=5)

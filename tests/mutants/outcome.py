@@ -1,11 +1,14 @@
 """What became of a target's mutants."""
 
 import json
+import random
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from scipy.stats import binomtest
 
 KILLED = (1, 3)
 TIMED_OUT = (-24, 24, 36, 152, 255)
@@ -14,13 +17,17 @@ SURVIVORS = Path(__file__).with_name("survivors.md")
 
 @dataclass(frozen=True)
 class Outcome:
-    """The mutants of a target: how many were killed, ran out of time, survived or were not tested yet."""
+    """The mutants of a target: how many were killed, ran out of time, survived or were not tested yet.
+
+    ``of``: how many the target has; they are a sample where that is more.
+    """
 
     target: str
     killed: int
     timed_out: int
     survived: int
     untested: int
+    of: int
 
     @property
     def mutants(self) -> int:
@@ -30,6 +37,14 @@ class Outcome:
     def percent(self) -> float:
         """Part that was noticed: a mutant that never ends is one that somebody notices."""
         return 100.0 * (self.killed + self.timed_out) / max(self.mutants, 1)
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval (Clopper and Pearson) of ``percent`` for all mutants of the target, from a sample."""
+        if self.mutants in (0, self.of):
+            return self.percent, self.percent
+        found = binomtest(self.killed + self.timed_out, self.mutants).proportion_ci(method="exact")
+        return 100.0 * found.low, 100.0 * found.high
 
 
 def exit_codes(folder: Path) -> dict[str, int | None]:
@@ -50,10 +65,16 @@ def forget(folder: Path) -> None:
     (folder / "mutants" / "mutmut-stats.json").unlink(missing_ok=True)
 
 
-def outcome(target: str, codes: dict[str, int | None]) -> Outcome:
+def drawn(codes: Iterable[str], sample: int | None, seed: int = 0) -> list[str]:
+    """The names of ``sample`` mutants, or of all: an order drawn at random, so that a larger sample holds a smaller."""
+    names = sorted(codes)
+    return names if sample is None else random.Random(seed).sample(names, len(names))[:sample]
+
+
+def outcome(target: str, codes: dict[str, int | None], of: int) -> Outcome:
     """Counts of the exit codes. A mutant that no test runs has survived."""
     kinds = Counter(_kind(code) for code in codes.values())
-    return Outcome(target, kinds["killed"], kinds["timed out"], kinds["survived"], kinds["untested"])
+    return Outcome(target, kinds["killed"], kinds["timed out"], kinds["survived"], kinds["untested"], of)
 
 
 def survivors(codes: dict[str, int | None]) -> list[str]:
@@ -63,11 +84,12 @@ def survivors(codes: dict[str, int | None]) -> list[str]:
 def table(outcomes: Sequence[Outcome]) -> str:
     """The outcomes, a line each."""
     lines = [
-        f"{'target':10} {'mutants':>8} {'killed':>8} {'timed out':>10} {'survived':>9} {'untested':>9} {'killed':>8}"
+        f"{'target':10} {'mutants':>8} {'tested':>8} {'killed':>8} {'timed out':>10} {'survived':>9} {'untested':>9} "
+        f"{'killed':>8} {'95 % interval':>15}"
     ]
     lines += [
-        f"{one.target:10} {one.mutants:8} {one.killed:8} {one.timed_out:10} {one.survived:9} {one.untested:9} "
-        f"{one.percent:6.1f} %"
+        f"{one.target:10} {one.of:8} {one.mutants:8} {one.killed:8} {one.timed_out:10} {one.survived:9} "
+        f"{one.untested:9} {one.percent:6.1f} % {one.interval[0]:6.1f} to {one.interval[1]:.1f}"
         for one in outcomes
     ]
     return "\n".join(lines)

@@ -8,7 +8,14 @@ from pathlib import Path
 import pytest
 
 from sinew.runner import files
-from sinew.runner.files import NotReadable, own_folder, read_regular, strange_entry, temporary_folder
+from sinew.runner.files import (
+    NotReadable,
+    own_folder,
+    read_regular,
+    remove_folder,
+    strange_entry,
+    temporary_folder,
+)
 
 
 def pipe(path):
@@ -143,3 +150,21 @@ def test_the_temporary_folder_is_the_user_s_own(tmp_path, monkeypatch):
     assert folder.parent == tmp_path
     assert folder.stat().st_mode & 0o777 == 0o700
     assert temporary_folder() == folder, "it is there already"
+
+
+def test_a_folder_is_removed_however_deep_it_is(tmp_path):
+    here = Path.cwd()
+    (tmp_path / "a").mkdir()
+    (tmp_path / "other").mkdir()
+    (tmp_path / "a" / "link").symlink_to(tmp_path / "other")
+    os.chdir(tmp_path / "a")
+    for _ in range(3000):
+        os.mkdir("d")  # noqa: PTH102 - the path is longer than the system takes
+        os.chdir("d")
+    os.chdir(here)
+    remove_folder(tmp_path / "a")
+    assert [path.name for path in tmp_path.iterdir()] == ["other"]
+    (tmp_path / "link").symlink_to(tmp_path / "other")
+    remove_folder(tmp_path / "link")
+    assert len(list(tmp_path.iterdir())) == 2, "a link is no folder, and is not followed"
+    remove_folder(tmp_path / "gone")

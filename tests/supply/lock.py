@@ -40,8 +40,13 @@ def version() -> str:
 
 
 def pins(text: str) -> dict[str, Pin]:
-    """The pins of a lock file by name. Raises ``ValueError`` for an entry that is no exact version."""
-    found = {}
+    """The pins of a lock file by name, the last one of each. Raises ``ValueError`` for one that is no exact version."""
+    return {pin.name: pin for pin in all_pins(text)}
+
+
+def all_pins(text: str) -> list[Pin]:
+    """The pins of a lock file; a package has several where its version depends on that of Python. Raises as above."""
+    found = []
     for entry in _entries(text):
         head = re.match(r"([A-Za-z0-9._-]+)==([^\s;\\]+)", entry)
         if head is None:
@@ -49,7 +54,7 @@ def pins(text: str) -> dict[str, Pin]:
         _, _, via = entry.partition("# via")
         needed_by = [canonicalize_name(word) for word in re.findall(r"([A-Za-z0-9._-]+)(?: \([^)]*\))?", via)]
         name = canonicalize_name(head[1])
-        found[name] = Pin(name, Version(head[2]), entry.count("--hash=sha256:"), tuple(needed_by), entry)
+        found.append(Pin(name, Version(head[2]), entry.count("--hash=sha256:"), tuple(needed_by), entry))
     return found
 
 

@@ -13,15 +13,24 @@ from sinew.runner.cluster.job_table import JobTable
 from sinew.runner.errors import SinewError
 from sinew.runner.progress import PROGRESS, read_progress
 from sinew.runner.store.planned import PlannedRows
-from sinew.tasks.cli.look import _logged_tasks
+from sinew.tasks.benchmark.answers import read_answers as hidden_answers
+from sinew.tasks.cli.watch_state import _logged_tasks
 from sinew.tasks.cluster.profile import read_profile
+from sinew.tasks.data.answers import read_answers
 from sinew.tasks.data.cohort import read_cohort
 from sinew.tasks.data.exports import read_export
+from sinew.tasks.data.sheets import read_sheets
 from sinew.tasks.model import Model
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.folder import _read_log
+from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.files import read_text
+from sinew.tasks.simulate.febio.kept_files import contents
+from sinew.tasks.simulate.febio.model_file.source import read_source
+from sinew.tasks.simulate.febio.output import read_records
+from sinew.tasks.simulate.febio.plot_file import read_plot_file
 from sinew.tasks.simulate.rows import read_parameters
+from sinew.tasks.study import ranges
 from sinew.tasks.study.checkpoint import Checkpoint
 from sinew.tasks.study.files import read_json
 from sinew.tasks.study.study import read_study
@@ -40,6 +49,14 @@ READERS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "export": ("export.csv", read_export),
     "parameters": ("rows.csv", lambda path: read_parameters(path, Model())),
     "template": ("bar.feb", read_text),
+    "FEBio model": ("cube.feb", read_source),
+    "answers": ("answers.yaml", read_answers),
+    "hidden effects": ("answers.json", lambda path: hidden_answers(path.parent)),
+    "spreadsheet": ("a.xlsx", lambda path: list(read_sheets(path))),
+    "plot file": ("model.xplt", lambda path: read_plot_file(path, 2**20)),
+    "output": ("force.txt", lambda path: read_records(path, 2**20)),
+    "kept runs": ("runs.safetensors", lambda path: list(contents(path))),
+    "ranges": (ranges.RANGES, ranges.read),
     "JSON": ("any.json", read_json),
     "progress": (PROGRESS, lambda path: read_progress(path.parent)),
     "log": ("log.jsonl", lambda path: _logged_tasks(path.parent)),
@@ -95,6 +112,9 @@ def test_what_is_no_file_is_refused_at_once(tmp_path, reader, kind):
     KINDS[kind](path)
     try:
         found = read(path)
+    except Failed as failed:  # of a row
+        assert failed.status == "bad_output"
+        assert "\n" not in failed.words
     except SinewError as error:
         assert str(error).startswith(str(tmp_path))
         assert "\n" not in str(error)

@@ -7,7 +7,8 @@ import numpy as np
 
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, number, plural, span
-from sinew.tasks.report.folder import POINTS, MeasuredCurve, MeasuredQuantity, ResultFolder
+from sinew.tasks.report.folder import ResultFolder
+from sinew.tasks.study.curves import POINTS, MeasuredCurve, MeasuredQuantity
 
 AXES = {
     "time": "time (s)",

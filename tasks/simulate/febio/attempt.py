@@ -17,7 +17,7 @@ import numpy as np
 
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation import external
-from sinew.runner.files import what_is
+from sinew.runner.files import remove_folder, what_is
 from sinew.runner.store.schema import STATUSES
 from sinew.runner.temporary import temporary_folder
 from sinew.tasks.model import Model
@@ -25,6 +25,7 @@ from sinew.tasks.simulate import Array, impossible
 
 INPUT, LOG = "model.feb", "model.log"
 VERSION_TRIES, VERSION_S = 3, 20.0
+DEEPEST = 50  # folders in each other in an attempt that is kept
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
@@ -95,6 +96,8 @@ def attempt(
     try:
         prepare(directory)
         finished = _run(solver, directory, "-silent")
+        if folder == _identity(directory):
+            directory.chmod(0o700)  # the solver may have changed it
         if finished.returncode == 1 and folder == _identity(directory) and not os.path.lexists(directory / LOG):
             finished = _run(solver, directory)  # refused: with -silent it does not say why
         if folder != _identity(directory):
@@ -103,18 +106,18 @@ def attempt(
         found = read(directory)
     except Failed as failed:
         if _is_full(scratch):
-            shutil.rmtree(directory, ignore_errors=True)
+            remove_folder(directory)
             raise _no_space(scratch) from None
         if folder == _identity(directory):
             _keep(solver, directory, failed, parameters)
         raise
     except OSError:
         full = _is_full(scratch)
-        shutil.rmtree(directory, ignore_errors=True)
+        remove_folder(directory)
         if full:
             raise _no_space(scratch) from None
         raise
-    shutil.rmtree(directory, ignore_errors=True)
+    remove_folder(directory)
     return found
 
 
@@ -141,25 +144,41 @@ def _keep(solver: Solver, directory: Path, failed: Failed, parameters: Mapping[s
     """Keep a failed attempt with its parameters for inspection, unless there are many already."""
     solver.scratch.mkdir(parents=True, exist_ok=True)
     if sum(1 for _ in solver.scratch.glob("failed-*")) >= solver.keep_failed:
-        shutil.rmtree(directory, ignore_errors=True)
+        remove_folder(directory)
         return
-    _leave_only_files(directory)
+    if not _leave_only_files(directory):
+        remove_folder(directory)
+        return
     report = {"status": failed.status, "message": failed.words, "parameters": dict(parameters)}
     (directory / "failure.json").write_text(json.dumps(report, indent=1) + "\n", "utf-8")
     shutil.move(directory, solver.scratch / directory.name.replace("attempt-", f"failed-{failed.status}-"))
 
 
-def _leave_only_files(directory: Path) -> None:
-    """Remove links, pipes, devices, and what stands where ``failure.json`` is written: a solver may leave anything."""
-    for folder, folders, files in os.walk(directory):
-        for path in [Path(folder, name) for name in (*folders, *files)]:
-            mode = os.lstat(path).st_mode
-            if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-                path.unlink()
+def _leave_only_files(directory: Path) -> bool:
+    """Remove links, pipes, devices, and what stands where ``failure.json`` is written: a solver may leave anything.
+
+    Returns whether the folder can be kept: not one of folders in each other without end, or that cannot be read.
+    """
     failure = directory / "failure.json"
-    if failure.is_dir():
-        shutil.rmtree(failure)
-    failure.unlink(missing_ok=True)
+    if failure.is_dir() and not failure.is_symlink():
+        remove_folder(failure)
+    else:
+        failure.unlink(missing_ok=True)
+    folders = [(directory, 0)]
+    try:
+        while folders:
+            folder, depth = folders.pop()
+            for path in list(folder.iterdir()):
+                mode = os.lstat(path).st_mode
+                if stat.S_ISDIR(mode):
+                    folders.append((path, depth + 1))
+                elif not stat.S_ISREG(mode):
+                    path.unlink()
+            if depth > DEEPEST:
+                return False
+    except OSError:
+        return False
+    return True
 
 
 _BOX = re.compile(r"^ \* {10,}ERROR {10,}\*\n((?: \* .*\*\n)+)", re.MULTILINE)

@@ -2,11 +2,13 @@
 
 import os
 import signal
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -15,6 +17,7 @@ from sinew.runner.cluster import local
 from sinew.runner.cluster.client import Address, ask_for, open_client
 from sinew.runner.cluster.local import Local
 from sinew.runner.errors import ClusterError
+from sinew.runner.temporary import PREFIX
 
 
 def worker_processes() -> list[psutil.Process]:
@@ -123,6 +126,34 @@ def test_what_workers_write_stays_in_the_folder_and_goes_with_it(tmp_path):
         folders = client.run(lambda dask_worker: dask_worker.local_directory).values()
         assert all(Path(folder).is_relative_to(place) for folder in folders)
     assert not place.exists()
+
+
+@pytest.mark.parametrize("named", [False, True])
+def test_the_key_of_a_run_lies_in_its_own_folder_alone(tmp_path, monkeypatch, named):
+    """Dask writes a key that it is given as text to a temporary folder, and a process killed then would leave it."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
+    (tmp_path / "tmp").mkdir()
+    place = tmp_path / "out" / ".workers" if named else tmp_path / "tmp"
+    with open_client(Local(1), place if named else None) as client:
+        (keys,) = client.run(_keys).values()
+        assert _keys(client.cluster.scheduler) == keys
+        for key in map(Path, keys):
+            assert (key.name, key.stat().st_mode & 0o777, key.parent.stat().st_mode & 0o777) == (
+                "key.pem",
+                0o600,
+                0o700,
+            )
+            assert key.is_relative_to(place)
+            assert named or key.relative_to(place).parts[0].startswith(PREFIX), "the next process removes no other one"
+    assert not list(tmp_path.rglob("*.pem"))
+    assert not list((tmp_path / "tmp").iterdir())
+
+
+def _keys(dask_worker: Any) -> list[str]:
+    """What a process of Dask knows of the keys: texts, or paths of files."""
+    roles = ("client", "scheduler", "worker")
+    return sorted({dask_worker.security.get_tls_config_for_role(role)["key"] for role in roles})
 
 
 def test_an_encrypted_scheduler_without_a_certificate_is_one_line():

@@ -66,6 +66,12 @@ def test_a_batch_is_no_larger_than_a_chunk_or_a_fair_part():
     assert size(measured(0.01), 4, left=101) == 26
 
 
+def test_the_last_rows_are_not_cut_into_ever_smaller_batches():
+    assert size(measured(0.001), 2, left=10) == 50
+    assert size(measured(0.1), 2, left=10) == 5, "half of them takes long enough"
+    assert size(measured(0.001), 2, left=10, running=50, awaited=0) == 15, "an adaptive run waits for them all"
+
+
 def test_what_an_adaptive_run_waits_for_comes_in_short_batches():
     assert size(measured(0.01), awaited=0) == 10
     assert size(measured(0.01), awaited=0, aim_s=0.05) == 5
@@ -79,8 +85,8 @@ def test_in_a_long_queue_batches_may_be_longer_up_to_the_usual_duration():
 
 
 def test_half_of_what_waits_and_runs_is_left_for_those_who_become_free():
-    assert size(measured(0.01), 2, awaited=0, left=7, running=12) == 5
-    assert size(measured(0.01), 2, left=7, running=12) == 4
+    assert size(measured(0.02), 2, awaited=0, left=7, running=12) == 5
+    assert size(measured(0.02), 2, left=7, running=12) == 4
 
 
 def test_how_long_rows_may_take_is_told_by_the_slowest():

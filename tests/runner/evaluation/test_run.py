@@ -53,6 +53,24 @@ def test_tables_take_turns(tables):
     assert run.left == 0
 
 
+def test_complete_chunks_are_committed_only_when_they_are_many(tables, monkeypatch):
+    monkeypatch.setattr("sinew.runner.store.table.FOLD_CHUNKS", 2)
+    run = new_run()
+    for table, chunks in zip(tables, (1, 2, 2), strict=True):
+        source = run.add(table, Quick())
+        source.put(table.plan(some(chunks * table.chunk_rows)))
+        evaluations[source.key] = source.evaluation
+    run.sources[2].open = True
+    while run.left:
+        source, batch = run.next_batch(1, 0)
+        run_batch(batch)
+        run.note(source, batch)
+    run.commit_many()
+    assert [table.finished() for table in tables] == [0, len(tables[1]), 0], "an adaptive run commits when it ends"
+    run.commit()
+    assert [table.finished() for table in tables] == [len(table) for table in tables]
+
+
 def test_the_size_of_a_batch_follows_from_all_tables(tables):
     run = new_run(policy=Policy(batch_s=0.2))
     for table in tables[:2]:

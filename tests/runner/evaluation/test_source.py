@@ -68,7 +68,7 @@ def test_a_batch_says_how_long_it_may_take(source, table):
 
 def test_the_size_of_a_batch_is_limited_by_the_chunk_and_shared(source, table):
     source.put(table.plan(some(40)))
-    source.sizes.measured(1e-6)
+    source.sizes.measured(0.02)
     source.sizes.largest = 1000
     assert source.batch_size(1, 0.5, 40, 0) == 16
     assert source.batch_size(10, 0.5, 40, 0) == 4
@@ -80,18 +80,20 @@ def test_the_size_of_a_batch_is_limited_by_the_chunk_and_shared(source, table):
     assert source.batch_size(1, 0.5, 40, 0) == 4, "many wait"
 
 
-def test_chunks_are_committed_together_once_they_are_complete(source, table, monkeypatch):
-    monkeypatch.setattr("sinew.runner.store.table.FOLD_CHUNKS", 2)
+def test_chunks_are_committed_together_once_they_are_complete(source, table):
     source.put(table.plan(some(60)))
     seen = []
     for _ in range(4):
         assert finish(source, 10) == 0
+        source.commit(at_least=2)
         seen.append((table.finished(), table.waiting()))
     assert seen == [(0, 10), (0, 16), (0, 26), (32, 0)], "two chunks of 16 rows, the second in two batches"
     for _ in range(3):
         finish(source, 10)
+        source.commit(at_least=2)
     assert (table.finished(), table.waiting(), len(source.finished)) == (32, 26, 2)
     finish(source, 10)
+    source.commit(at_least=2)
     assert (table.finished(), table.waiting(), len(source.finished)) == (60, 0, 0)
 
 

@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from sinew.tasks.cli import files
 from sinew.tasks.cli.main import main
 from tests.tasks.simulate.febio.model_file.cube import CUBE
 
@@ -81,6 +82,14 @@ def test_the_peak_of_a_compression_is_its_largest_force(tmp_path, monkeypatch, c
     said = capsys.readouterr().out.splitlines()
     assert said[0].endswith("stretch 0.7 to 1, peak -9 N")
     assert said[1].startswith("a/test: a compression, unless the machine counts tension as negative")
+
+
+def test_the_table_of_files_does_not_steer_the_terminal(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "200")
+    files._show(("file", "time"), [("a\x1b[2J.csv", "[red]Time (s)[/]")])
+    out = capsys.readouterr().out
+    assert "\x1b[2J" not in out
+    assert "[red]Time (s)[/]" in out
 
 
 # ---- a FEBio model

@@ -47,7 +47,7 @@ def test_no_module_is_imported_from_there(study, tmp_path):
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("name", ["matplotlibrc", ".numba_config.yaml"])
+@pytest.mark.parametrize("name", ["matplotlibrc", ".numba_config.yaml", "arvizrc"])
 def test_settings_of_libraries_that_lie_there_are_refused(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["sinew", "status", "out"])
@@ -68,3 +68,15 @@ def test_modules_that_a_result_folder_brings_are_removed_unread(study, tmp_path)
     assert [path.name for path in marks.iterdir()] == [], done.stderr
     assert done.returncode == 0, done.stderr
     assert not (out / ".workers").exists()
+
+
+def test_names_that_a_locale_does_not_know_do_no_harm(study, tmp_path):
+    """With ASCII alone, Python reads other names as what it cannot send to a worker."""
+    there = study.parent.rename(tmp_path / "st\u00fcdie \u529b")
+    plain = {name: value for name, value in os.environ.items() if not name.startswith(("LC_", "LANG", "PYTHON"))}
+    environment = plain | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    for command in (["sobol", "study.yaml", "--out", "\u00f6ut"], ["status", "\u00f6ut"], ["sobol", "k\u00e4se.yaml"]):
+        done = subprocess.run([COMMAND, *command], cwd=there, env=environment, capture_output=True)
+        said = done.stdout.decode("utf-8"), done.stderr.decode("utf-8")
+        assert done.returncode == (2 if "k\u00e4se.yaml" in command else 0), said
+        assert command[-1] in "".join(said)

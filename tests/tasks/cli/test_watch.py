@@ -24,9 +24,9 @@ from sinew.runner.errors import BadInput
 from sinew.runner.progress import open_board, progress
 from sinew.runner.store.schema import Field, TableSpec
 from sinew.runner.store.store import Store
-from sinew.tasks.cli.look import Rows, look
-from sinew.tasks.cli.picture import line, picture
 from sinew.tasks.cli.watch import watch
+from sinew.tasks.cli.watch_screen import line, picture
+from sinew.tasks.cli.watch_state import Rows, look
 
 COMMAND = ["-m", "sinew", "watch"]
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f\x1b]")

@@ -15,7 +15,7 @@ SIZES = st.dictionaries(st.sampled_from(["length", "width", "thickness"]), st.fl
 @given(TEXTS, TEXTS, st.none() | st.floats(0.1, 1e4), st.dictionaries(st.sampled_from(["T1", "a/2"]), SIZES))
 def test_answers_are_read_as_they_were_written(tmp_path_factory, force_unit, test_column, rate, sizes):
     path = tmp_path_factory.mktemp("answers") / "answers.yaml"
-    answers = Answers(Hints(force_unit=force_unit, test_column=test_column, rate_hz=rate), sizes)
+    answers = Answers(Hints(test_column=test_column, rate_hz=rate), sizes, Hints(force_unit=force_unit))
     write_answers(path, answers)
     if answers == Answers():
         assert not path.exists()
@@ -37,6 +37,10 @@ def test_what_is_given_now_goes_before_answers():
         ("specimens: {T1: {length_mm: 0}}", "specimens.T1.length_mm"),
         ("specimens: {T1: {length_mm: ten}}", "specimens.T1.length_mm"),
         ("rate_hz: -1", "--rate-hz: -1"),
+        ("negate: everything", "negate"),
+        ("zero_force: 3", "zero_force"),
+        ("answered: {force: N}", "answered.force"),
+        ("answered: kN", "answered"),
         ("- a", "not a mapping"),
         ("a: !!python/object:os.system x", "the tag"),
     ],

@@ -27,7 +27,7 @@ LOADS = f"{FORCES}, Pa, kPa, MPa, GPa, N/cm2, kgf/mm2, kgf/cm2, bar, mbar, psi, 
         ),
         (
             "time_s|u_mm|F_N|F (N)", {},
-            ": 'F_N' and 'F (N)' may both be the force; expected --force-column NUMBER, from 1",
+            ": 'F_N' and 'F (N)' may both be the force; expected --force-column, one of 'F_N', 'F (N)'",
         ),
         (
             "time_s|u_mm|F_N", {"time_column": "4"},

@@ -5,9 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import GIVEN, Column, NoColumn, UnknownUnit, recognise
+from sinew.tasks.data.columns import GIVEN, Column, NoColumn, recognise
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, POSITION, STRAIN, STRESS, STRETCH
+from sinew.tasks.data.questions import UnknownUnit
 from sinew.tasks.data.tables import Table
 
 NUMBERS = ["0", "1", "2", "3", "4", "5"]
@@ -130,7 +131,16 @@ def test_a_unit_that_may_be_milli_or_mega_is_asked(title):
 def test_displacement_goes_before_strain_and_force_before_stress():
     found = columns("Stress (MPa)|Strain (%)|Time (s)|Load (N)|Extension (mm)")
     assert [column.place for column in found] == [2, 4, 3]
-    assert [column.how for column in found] == ["sure", "likely", "likely"]
+    assert [column.how for column in found] == ["sure", "likely", "sure"], "the strain may be an extensometer's"
+
+
+@pytest.mark.parametrize(
+    ("title", "how"),
+    [("Standardweg (mm)", "sure"), ("Axial Displacement (mm)", "sure"), ("横梁位移(mm)", "sure"),
+     ("Maschine (mm)", "likely"), ("u (mm)", "likely"), ("Deformation (mm)", "likely")],
+)  # fmt: skip
+def test_a_title_that_means_one_thing_is_sure(title, how):
+    assert columns(f"Running Time (s)|{title}|Axial Force (kN)")[1].how == how
 
 
 def test_of_one_quantity_a_column_with_a_unit_goes_first():
@@ -140,7 +150,7 @@ def test_of_one_quantity_a_column_with_a_unit_goes_first():
 
 def test_two_columns_alike_are_asked_or_the_first_counts():
     titles = "time_s|Force (N)|displacement_mm|Force (N)"
-    with pytest.raises(BadInput, match=r"may both be the force; expected --force-column NUMBER"):
+    with pytest.raises(BadInput, match=r"may both be the force; expected --force-column, one of '2', '4'"):
         columns(titles)
     assert columns(titles, force_column="4")[2].place == 3
     load = columns(titles, first=True)[2]
@@ -253,6 +263,27 @@ def table_of(titles: str, *rows: str) -> Table:
 def test_of_columns_alike_none_is_taken_unless_that_is_asked_for():
     with pytest.raises(BadInput, match="may both be the force"):
         recognise(table_of("t_s|u_mm|F_N|F_N", *["0|1|2|3"] * 3), Hints())
+
+
+@pytest.mark.parametrize(
+    ("title", "quantity"),
+    [("Extensometer (mm)", "displacement"), ("变形(mm)", "displacement"), ("Extensometer (%)", "strain"),
+     ("LVDT (mm/mm)", "strain")],
+)  # fmt: skip
+def test_an_extensometer_goes_before_the_machine_which_may_be_meant_as_well(title, quantity):
+    table = table_of(f"t_s|Crosshead (mm)|F_N|{title}|Disp (mm)", "0|0|1|0|0", "1|2|2|1|2", "2|4|3|2|4")
+    motion = recognise(table, Hints(), first_of_alike=True)[1]
+    assert (motion.title, motion.quantity.name) == (title, quantity)
+    assert motion.alike == ("Crosshead (mm)", "Disp (mm)")
+    with pytest.raises(BadInput, match="may both be the"):
+        recognise(table, Hints())
+
+
+def test_a_column_that_never_changes_is_taken_only_if_no_other_does():
+    table = table_of("t_s|Extensometer (mm)|F_N|Crosshead (mm)", "0|0.0|1|0", "1|0.0|2|2", "2|0.0|3|4")
+    assert recognise(table, Hints())[1].title == "Crosshead (mm)"
+    table = table_of("t_s|Disp (mm)|F_N|Crosshead (mm)", "0|5|1|0", "1|5|2|0", "2|5|3|0")
+    assert recognise(table, Hints())[1].title == "Disp (mm)"
 
 
 def test_texts_beyond_the_titles_do_no_harm_and_numbers_do():

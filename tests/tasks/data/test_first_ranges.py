@@ -14,16 +14,16 @@ from sinew.tasks.simulate.uniaxial import Uniaxial
 SPECIMENS, _ = virtual_cohort(seed=1, per_site=1, rate_hz=2.0)
 
 
-def tissue(strain, *, noise=0.0, lambda_0=1.01, **parameters) -> Specimen:
-    """A specimen of 10 x 5 x 2 mm, ramped to a strain in 20 s and held for 40 s."""
-    time = np.linspace(0.0, 60.0, 601)
+def tissue(strain, *, noise=0.0, lambda_0=1.01, slower=1.0, **parameters) -> Specimen:
+    """A specimen of 10 x 5 x 2 mm, ramped to a strain in 20 s and held for 40 s, all ``slower`` by a factor."""
+    time = slower * np.linspace(0.0, 60.0, 601)
     rng = np.random.default_rng(4)
-    moved = 10.0 * strain * np.minimum(time / 20.0, 1.0) + noise * rng.standard_normal(time.size)
+    moved = 10.0 * strain * np.minimum(time / (20.0 * slower), 1.0) + noise * rng.standard_normal(time.size)
     protocol = Protocol("relax", time, moved)
     bare = Specimen("a", 10.0, 5.0, 2.0)
     model = Model(lambda_0=lambda_0)
     row = [[parameters.get(one.name, one.reference) for one in model.parameters]]
-    smooth = Protocol("relax", time, 10.0 * strain * np.minimum(time / 20.0, 1.0))
+    smooth = Protocol("relax", time, 10.0 * strain * np.minimum(time / (20.0 * slower), 1.0))
     force = Uniaxial().simulate(model, bare, smooth, np.array(row)).force_N[0]
     return replace(bare, curves=(Curve(protocol, force),))
 
@@ -78,6 +78,33 @@ def test_compression_leaves_the_matrix_alone(noise):
     assert range_of(found.model, "E_f") == (0.0, 0.0)
     low, high = range_of(found.model, "E_m")
     assert low < 0.005 < high
+
+
+@pytest.mark.parametrize("factor", [0.05, 100.0])
+@pytest.mark.parametrize("modulus", [200.0, 0.2])
+def test_tests_of_seconds_or_hours_get_relaxation_times_of_their_own(factor, modulus):
+    times = {f"tau_{i}{part}": factor * each for i, each in ((1, 1.0), (2, 10.0), (3, 50.0)) for part in "fm"}
+    specimen = tissue(0.04, slower=factor, E_f=modulus, E_m=modulus / 5.0, **times)
+    found = first_ranges([specimen])
+    assert found.scaled
+    (line,) = [line for line in found.lines if "relaxation times" in line]
+    assert f"lasts {60 * factor:.3g} s" in line
+    for name, value in times.items():
+        low, high = range_of(found.model, name)
+        assert low <= value * 2.0, "the published first time is shorter than a band of these tests"
+        assert high >= value / 2.0
+    assert range_of(found.model, "tau_1f")[0] >= 2 * 0.0999 * factor, "two samples"
+    assert range_of(found.model, "tau_1f")[1] == range_of(found.model, "tau_2f")[0]
+    assert range_of(found.model, "tau_3f")[1] == 60 * factor
+    assert all(one.reached for one in reach(Uniaxial(), found.model, specimen))
+
+
+def test_few_samples_still_make_three_bands():
+    time = np.array([0.0, 3.0, 6.0, 9.0])
+    curve = Curve(Protocol("relax", time, 0.04 * time), 10.0 * np.minimum(time, 3.0))
+    found = first_ranges([Specimen("a", 10.0, 5.0, 2.0, curves=(curve,))])
+    ends = [range_of(found.model, f"tau_{i}f") for i in (1, 2, 3)]
+    assert ends == [(0.9, 1.9), (1.9, 4.2), (4.2, 9.0)]
 
 
 def test_without_a_force_or_sizes_the_published_ranges_stand():

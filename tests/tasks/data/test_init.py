@@ -16,6 +16,7 @@ from sinew.tasks.data.init import Files, find_tables, init, read_all, specimens_
 from sinew.tasks.data.names import names_of
 from sinew.tasks.data.new_study import NewSpecimen
 from sinew.tasks.data.specimen_sizes import Sizes, size_of
+from sinew.tasks.data.text import read_lines
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace
 from tests.tasks.test_pipeline import sinew
@@ -54,7 +55,7 @@ def test_the_study_runs_as_it_is(tmp_path, capsys, monkeypatch):
     sinew("init", tmp_path / "T1_relax.csv", "--out", tmp_path / "out", *BAR_OPTIONS)
     said = capsys.readouterr().out
     assert "specimen T1: 10 x 8 x 4 mm" in said
-    assert "displacement from 'Standardweg [um]' in um (likely)" in said
+    assert "displacement from 'Standardweg [um]' in um (sure)" in said
     assert said.splitlines()[-1] == f"next: sinew run {study}"
     (curve,) = read_cohort(tmp_path / "out" / "cohort").specimens[0].curves
     np.testing.assert_allclose(curve.force_N[-1], 80_000)
@@ -241,7 +242,23 @@ def test_a_person_is_asked(tmp_path):
     assert (specimen["length_mm"], specimen["width_mm"], specimen["thickness_mm"]) == (10, 8.5, None)
     assert made.to_fill_in == (tmp_path / "out" / "cohort" / "T1" / "specimen.json",)
     kept = read_answers(tmp_path / "out" / "answers.yaml")
-    assert kept == Answers(Hints(force_unit="mN"), {"T1": {"length": 10.0, "width": 8.5}})
+    assert kept == Answers(sizes={"T1": {"length": 10.0, "width": 8.5}}, answered=Hints(force_unit="mN"))
+
+
+def test_what_files_are_taken_for_is_shown_before_anything_is_asked_and_they_are_read_once(tmp_path, monkeypatch):
+    reads: list[str] = []
+    monkeypatch.setattr("sinew.tasks.data.tables.read_lines", lambda path: reads.append(path.name) or read_lines(path))
+    paths = [table(tmp_path / "A_relax.csv"), table(tmp_path / "B_relax.csv", "time_s,displacement_mm,force", 2.0)]
+    ask, asked = answers(force="N", length="10 all", width="8 all", thickness="4 all")
+    shown: list[tuple[str, ...]] = []
+
+    def show(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+        assert (asked, titles[0]) == ([], "file")
+        shown.extend(map(tuple, rows))
+
+    init(paths, tmp_path / "out", ask=ask, show=show)
+    assert [(row[0], row[3]) for row in shown] == [("A_relax.csv", "force_N in N"), ("B_relax.csv", "force in ?")]
+    assert reads == ["A_relax.csv", "B_relax.csv", "B_relax.csv"], "the one that is asked for, again"
 
 
 def test_answers_are_kept_and_the_same_export_needs_none(tmp_path):
@@ -289,8 +306,8 @@ def test_a_study_that_needed_no_answers_keeps_none(tmp_path):
 @pytest.mark.parametrize(
     ("header", "words"),
     [
-        ("time_s,Standardweg_mm,force_N", "displacement from 'Standardweg_mm' is likely, not certain; expected "
-         "--displacement-column 'Standardweg_mm' to confirm it"),
+        ("time_s,Deformation_mm,force_N", "displacement from 'Deformation_mm' is likely, not certain; expected "
+         "--displacement-column 'Deformation_mm' to confirm it"),
         ("time_s,displacement_mm,force_N", "does not tell the length of T1; expected --length-mm"),
     ],
 )  # fmt: skip
@@ -308,13 +325,80 @@ def test_a_trial_that_may_be_a_specimen_is_not_certain(tmp_path):
         init([path], tmp_path / "out", sizes=BAR, certain=True)
 
 
+def test_which_column_is_meant_is_asked_once(tmp_path):
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for path in paths:
+        path.write_text("Time (s),Crosshead (mm),Extensometer (mm),Load (N)\n0,0,0,0\n1,2,1,5\n2,4,2,9\n")
+    with pytest.raises(BadInput, match=r"'Extensometer .mm.' and 'Crosshead .mm.' may both be the"):
+        read_all(Files(tuple(paths), ()), Hints())
+    ask, asked = answers(displacement="Crosshead (mm)")
+    read = read_all(Files(tuple(paths), ()), Hints(), ask)
+    assert [one.numbers[-1, 1] for one in read.recordings] == [4.0, 4.0]
+    assert asked == ["displacement in a.csv: which column? (for all files that do not say)"]
+
+
+def test_where_a_displacement_counts_from_and_its_sign_are_asked_once_and_kept(tmp_path):
+    rows = "".join(f"{i},{37.21 + i / 20},{-5 * i}\n" for i in range(6))
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for number, path in enumerate(paths):
+        path.write_text(f"time_s,displacement_mm,force_N\n{rows}6,37.6,{-30 - number}\n")
+    asked = []
+
+    def ask(question: str, choices: Sequence[str]) -> str:
+        asked.append(question)
+        return choices[0]
+
+    made = init(paths, tmp_path / "out", ask=ask, sizes=BAR)
+    assert asked == [
+        "a.csv: the displacement begins at 37.21 mm and moves by 0.39 mm, perhaps an offset of the machine; "
+        "count it from its first value? (for all files that do not say)",
+        "a.csv: forces are below 0; tension is positive here, so look at the machine's sign; "
+        "what gets the other sign? (for all files that do not say)",
+    ]
+    assert [one.curves[0].force_N[-1] for one in made.specimens] == [30.0, 31.0]
+    assert [one.curves[0].protocol.displacement_mm[0] for one in made.specimens] == [0.0, 0.0]
+    assert "    a.csv: displacement counted from its first value, 37.21 mm" in made.lines
+    kept = read_answers(tmp_path / "out" / "answers.yaml")
+    assert kept.answered == Hints(zero_displacement="first", negate="force")
+    again = init(paths, tmp_path / "again", answers=kept, sizes=BAR, certain=True)
+    assert again.specimens[0].curves[0].digest == made.specimens[0].curves[0].digest
+
+
+@pytest.mark.parametrize(
+    ("motion", "load", "words"),
+    [(37.0, 1.0, "expected --zero-displacement first or none"), (0.0, -1.0, "expected --negate force or none")],
+)
+def test_an_offset_or_a_sign_that_may_be_meant_otherwise_is_not_certain(tmp_path, motion, load, words):
+    path = tmp_path / "a.csv"
+    path.write_text("time_s,displacement_mm,force_N\n" + "".join(f"{i},{motion + i},{load * i}\n" for i in range(6)))
+    with pytest.raises(BadInput, match=words):
+        init([path], tmp_path / "out", sizes=BAR, certain=True)
+    init([path], tmp_path / "out", sizes=BAR, certain=True, hints=Hints(zero_displacement="none", negate="none"))
+
+
+def test_an_answer_holds_for_no_file_that_says_it_itself(tmp_path):
+    rows = "".join(f"{i},{i / 20},{-5 * i}\n" for i in range(6))
+    (tmp_path / "a.csv").write_text(f"time_s,displacement_mm,force\n{rows}")
+    (tmp_path / "b.csv").write_text(f"time_s,displacement_mm,force_N\n{rows.replace('-', '')}")
+    (tmp_path / "c.csv").write_text(f"time_s,displacement_mm,force\n{rows.replace('25', '26')}")
+    paths = [tmp_path / f"{name}.csv" for name in "abc"]
+    ask, asked = answers(**{"force": "kN", "a.csv:": "force"})
+    made = init(paths, tmp_path / "out", ask=ask, sizes=BAR)
+    assert len(asked) == 2
+    assert [one.curves[0].force_N[-1] for one in made.specimens] == [25_000.0, 25.0, 26_000.0]
+    kept = read_answers(tmp_path / "out" / "answers.yaml")
+    assert kept.answered == Hints(force_unit="kN", negate="force")
+    again = init(paths, tmp_path / "again", answers=kept, sizes=BAR, certain=True)
+    assert [one.curves[0].digest for one in again.specimens] == [one.curves[0].digest for one in made.specimens]
+
+
 def test_an_answer_holds_for_all_files_that_do_not_say(tmp_path):
     paths = [table(tmp_path / f"{name}.csv", "time_s,displacement_mm,force") for name in "ab"]
     ask, asked = answers(force="kN")
     read = read_all(Files(tuple(paths), ()), Hints(), ask)
     assert [recording.numbers[-1, 2] for recording in read.recordings] == [80_000, 80_000]
     assert read.left_out == []
-    assert read.hints == Hints(force_unit="kN")
+    assert read.answered == Hints(force_unit="kN")
     assert asked == ["force in a.csv: which unit? (for all files that do not say)"]
 
 
@@ -373,6 +457,18 @@ def test_the_first_of_lengths_is_the_gauge_length_if_nobody_says(tmp_path):
     (new,) = new_specimens(path, sizes=Sizes(None, 8.0, 4.0))
     assert new.specimen.length_mm == 12.0
     assert new.notes == ("gauge length 12 mm, likely: the length in the first row",)
+
+
+def test_the_first_of_lengths_is_not_certain_to_be_the_gauge_length(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time_s,Length (mm),force_N\n0,12,0\n1,12.1,5\n2,12.2,9\n")
+    told = {"sizes": Sizes(None, 8.0, 4.0), "hints": Hints(displacement_column="2"), "certain": True}
+    with pytest.raises(
+        BadInput, match=r"12 mm, the length in the first row, is likely, not certain; expected --length-mm"
+    ):
+        init([path], tmp_path / "out", **told)
+    made = init([path], tmp_path / "out", **told, answers=Answers(sizes={"a": {"length": 11.0}}))
+    assert made.specimens[0].length_mm == 11.0
 
 
 @pytest.mark.parametrize("header", ["time_s,strain (%),force_N", "time_s,displacement_mm,stress (MPa)"])

@@ -8,9 +8,11 @@ from typing import Any
 import pytest
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.exports import Reading, read_export
+from sinew.tasks.data import tables
+from sinew.tasks.data.exports import Reading, read_export, read_exports
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import inspect
+from sinew.tasks.data.text import read_lines
 from tests.conftest import SHARED
 
 EXPORTS = SHARED / "real" / "exports"
@@ -48,6 +50,25 @@ def test_titles_in_other_languages(tmp_path, titles, encoding):
     columns = [found[name]["column"] for name in ("time", "displacement", "force")]
     assert columns == titles.split(",")
     assert len(found["ask"]) == 2, "length and cross-section"
+
+
+@pytest.mark.parametrize(
+    ("titles", "encoding"),
+    [
+        ("Temps;Déplacement en traction;Charge", "cp1252"),
+        ("Tempo;Deslocamento;Força", "cp1252"),
+        ("Zeit;Stauchung;Druckkraft", "utf-8"),
+        ("Time since start of test;Extn;Load feedback", "utf-8"),
+    ],
+)
+def test_titles_of_further_programs(tmp_path, titles, encoding):
+    found = taken(tmp_path, f"{titles}\ns;mm;N\n0;0;1\n1;1;2\n2;2;3\n", encoding)
+    assert [found[name]["column"] for name in ("time", "displacement", "force")] == titles.split(";")
+
+
+def test_tables_of_peaks_and_valleys_are_not_taken_for_tests(tmp_path):
+    found = taken(tmp_path, "Time,Disp Max,Disp Min,Load Max,Load Min\ns,mm,mm,N,N\n0,1,0,2,0\n1,1,0,2,0\n2,1,0,2,0\n")
+    assert (found["displacement"], found["force"]) == (None, None)
 
 
 def test_set_values_and_counters_are_not_taken(tmp_path):
@@ -90,6 +111,25 @@ def test_tests_and_cycles_that_a_column_tells_apart_are_asked_for(tmp_path, titl
     )
 
 
+def test_cycles_whose_times_go_on_are_one_test_and_need_no_answer(tmp_path):
+    rows = [f"{i // 3},{i},{i},{i}" for i in range(9)]
+    found = taken(tmp_path, "\n".join(["Cycle,Time (s),Load (N),Stroke (mm)", *rows, ""]))
+    assert (found["specimens"], found["rows"], len(found["ask"]), found["remarks"]) == (1, 9, 2, [])
+    answered = inspect(tmp_path / "export.csv", Reading(hints=Hints(cycle_column="Cycle"))).content()
+    assert answered == found
+
+
+def test_cycles_that_share_a_time_are_asked_for(tmp_path):
+    rows = [f"{cycle},{2 * cycle + i},{i},{i}" for cycle in range(3) for i in range(3)]
+    found = taken(tmp_path, "\n".join(["Cycle,Time (s),Load (N),Stroke (mm)", *rows, ""]))
+    assert found["ask"][0] == (
+        "row 5, time: 2 s after 2 s; expected increasing times, or --cycle-column 'Cycle', which changes there"
+    )
+    reading = Reading(length_mm=10, area_mm2=4, hints=Hints(cycle_column="Cycle"))
+    assert inspect(tmp_path / "export.csv", reading).content()["ask"] == []
+    assert read_export(tmp_path / "export.csv", reading=reading).curves[0].protocol.time_s.size == 9
+
+
 def test_tests_without_times_are_told_apart_by_the_title_of_a_column(tmp_path):
     rows = "".join(f"{name},{i},{i}\n" for name in "ab" for i in range(4))
     found = taken(tmp_path, f"Specimen,Load (N),Stroke (mm)\n{rows}")
@@ -119,6 +159,22 @@ def test_two_columns_without_times_are_asked_for_a_rate(tmp_path):
     assert found["ask"][0].endswith("--time-column NAME or NUMBER, --rate-hz or --speed")
 
 
+@pytest.mark.parametrize(("told", "title"), [({"speed": 0.1}, "--speed 0.1"), ({"rate_hz": 10.0}, "--rate-hz 10")])
+def test_times_that_are_told_are_said(tmp_path, told, title):
+    taken(tmp_path, "Extension (mm),Load (N)\n0,0\n0.1,5\n0.3,9\n")
+    found = inspect(tmp_path / "export.csv", Reading(hints=Hints(**told))).content()
+    assert (found["time"], found["first"]) == ({"column": title, "unit": "s"}, [0.0, 0.0, 0.0])
+    assert found["remarks"] == [f"times by {title}"]
+
+
+def test_a_file_is_read_once(tmp_path, monkeypatch):
+    reads = []
+    monkeypatch.setattr(tables, "read_lines", lambda path: reads.append(path) or read_lines(path))
+    block = "Time (s),Load (N),Stroke (mm)\n{},1,0\n{},2,1\n{},3,2\n"
+    assert taken(tmp_path, block.format(0, 1, 2) + block.format(3, 4, 5))["specimens"] == 1
+    assert len(reads) == 1
+
+
 def test_lines_that_end_in_two_returns_and_a_feed_are_one(tmp_path):
     found = taken(tmp_path, "Time (s),Load (N),Stroke (mm)\r\r\n0,1,0\r\r\n1,2,1\r\r\n2,3,2\r\r\n")
     assert found["rows"] == 3
@@ -137,6 +193,28 @@ def test_a_length_that_contradicts_the_strains_is_asked_for(tmp_path):
 def test_a_column_of_current_lengths_tells_the_gauge_length(tmp_path):
     found = taken(tmp_path, "Time_S,Size_mm,Displacement_mm,Force_N\n0,12.5,0,1\n1,12.6,0.1,2\n2,12.7,0.2,3\n")
     assert (found["length_mm"], found["time"]["unit"]) == (12.5, "s")
+
+
+def test_sizes_in_the_name_of_a_file_are_said_and_not_taken(tmp_path):
+    path = tmp_path / "T1_L10mm_W8mm.csv"
+    path.write_text("Time (s),Load (N),Extension (mm)\n0,1,0\n1,2,1\n2,3,2\n")
+    found = inspect(path).content()
+    assert (found["length_mm"], found["width_mm"]) == (None, None)
+    assert found["ask"] == [
+        "length: the file does not tell it, but its name may: length 10 mm, width 8 mm; --length-mm",
+        "cross-section: the file does not tell it, but its name may: length 10 mm, width 8 mm; --area-mm2",
+    ]
+
+
+def test_the_first_length_for_a_gauge_length_is_remarked_on(tmp_path):
+    text = "Time (s),Length (mm),Load (N)\n0,12,1\n1,12.5,2\n2,13,3\n"
+    remark = "gauge length 12 mm, likely: the length in the first row"
+    assert taken(tmp_path, text)["remarks"] == [remark]
+    path = tmp_path / "export.csv"
+    assert read_exports([path], reading=Reading(area_mm2=4)).remarks == {"export/test": (remark,)}
+    told = Reading(area_mm2=4, length_mm=11.5)
+    assert (read_exports([path], reading=told).remarks, inspect(path, told).remarks) == ({}, ())
+    assert taken(tmp_path, f"Length,11.5,mm\n{text}")["remarks"] == []
 
 
 def test_units_that_a_file_does_not_tell_are_asked_for(tmp_path):

@@ -91,15 +91,18 @@ def test_what_was_guessed_is_said(tmp_path):
     assert list(describe([known])) == [
         "specimen T1: 10 x 8 x 4 mm (length x width x thickness)",
         f"  {path}: protocol relax (likely); time from 'Time (min)' in min (sure), "
-        "displacement from 'Standardweg [um]' in um (likely), force from 'Load (kN)' in kN (sure)",
-        "    3 points, 660 s, displacement 0 to 0.4 mm (strain to 4 %), force 0 to 8e+04 N",
+        "displacement from 'Standardweg [um]' in um (sure), force from 'Load (kN)' in kN (sure)",
+        "    3 points, 660 s, displacement 0 to 0.4 mm (strain to 4 %), force 0 to 8e+04 N, loaded at 6.06e-05 1/s",
         "    left out: SD",
         "    a note",
     ]
     path.write_text("time_s,displacement_mm,force_N\n0,0,0\n1,-1,-5\n2,-3,-9\n")
     pressed = curve_of(*read_recordings(path, Hints()), Bar(10.0, 8.0, 4.0), "relax")
     lines = list(describe([NewSpecimen(Specimen("T1", 10.0, 8.0, 4.0, (pressed,)), (file,), (), ())]))
-    assert lines[2] == "    3 points, 2 s, displacement -3 to 0 mm (strain -30 to 0 %), force -9 to 0 N"
+    assert (
+        lines[2]
+        == "    3 points, 2 s, displacement -3 to 0 mm (strain -30 to 0 %), force -9 to 0 N, loaded at 0.15 1/s"
+    )
     unknown = NewSpecimen(known.specimen, known.tests, ("length",), ())
     lines = list(describe([unknown]))
     assert lines[0] == "specimen T1: ? x 8 x 4 mm (length x width x thickness)"

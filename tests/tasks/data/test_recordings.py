@@ -9,9 +9,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import UnknownUnit
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings, remarks
+from sinew.tasks.data.questions import UnknownUnit
+from sinew.tasks.data.recordings import Bar, Recording, as_told, curve_of, read_recordings, remarks
 from tests.tasks.data.test_sheets import write_workbook
 
 TIME_S = np.array([0.0, 0.5, 1.0, 1.5, 2.0])
@@ -31,7 +31,7 @@ def read(folder: Path, content: str | bytes, **hints: object) -> Recording:
     path = folder / "test.csv"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     (found,) = read_recordings(path, Hints(**hints))
-    return found
+    return as_told(found, Hints(**hints))
 
 
 @st.composite
@@ -223,7 +223,10 @@ def test_a_compression_is_said_to_be_one(tmp_path, title, motion):
 
 def test_a_compression_with_forces_above_0_is_remarked_on(tmp_path):
     (remark,) = remarks(read(tmp_path, "time_s,displacement_mm,force_N\n0,0,0\n1,-1,5\n2,-2,9\n"))
-    assert remark == "the specimen gets shorter, but forces are above 0; in a compression they should be below 0"
+    assert remark == (
+        "the specimen gets shorter, but forces are above 0; in a compression they should be below 0; "
+        "--negate displacement, force or none"
+    )
 
 
 def test_remarks(tmp_path):
@@ -331,7 +334,7 @@ def test_every_remark_in_words(tmp_path):
     pushed = PLAIN.replace("displacement", "position").replace("5", "-5").replace("9", "-9")
     assert remarks(read(tmp_path, pushed)) == [
         "positions, likely to count from the first one",
-        "forces are below 0; tension is positive here, so look at the machine's sign",
+        "forces are below 0; tension is positive here, so look at the machine's sign; --negate force or none",
     ]
     path = tmp_path / "test.csv"
     path.write_text("time_s,disp_mm,Load (N),Load (N),Load (N)\n0,0,0,1,1\n1,1,1,1,1\n2,2,2,1,1\n")

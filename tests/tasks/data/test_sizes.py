@@ -60,6 +60,8 @@ def test_a_size_that_makes_no_sense_is_kept_as_text(line):
         ("Specimen properties : Anvil height|6.08000|mm", "length", 6.08),
         ("Original cross-section:|19.65|mm²", "area", 19.65),
         ("Section|0.0596|cm²", "area", 5.96),
+        ("Cross-sectional area: 0.3 cm²", "area", 30.0),
+        ("Specimen : Area 3.159e-05 m²", "area", 31.59),
         ("Durchmesser :|100,1", "diameter", 100.1),
     ],
 )

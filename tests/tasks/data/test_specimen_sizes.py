@@ -78,3 +78,13 @@ def test_an_answer_that_is_no_size_is_asked_for_again(wrong):
     found = ask_for_sizes({"A": Known({"length": None, "width": 1.0, "thickness": 1.0})}, ask)
     assert found["A"].mm["length"] == 3.0
     assert asked[1].startswith(f"'{wrong}' is no number of millimetres. length of A")
+
+
+def test_what_the_name_of_a_file_may_say_is_proposed_and_not_taken(tmp_path):
+    known = known_sizes("T1", [recording(tmp_path, "Width,9,mm", name="T1_L10mm_W8mm.csv")], Sizes())
+    assert known.mm == {"length": None, "width": 9.0, "thickness": None}
+    assert known.proposals == ("length may be 10 mm by the name of the file; it is not taken",)
+    ask, asked = person("", "")
+    found = ask_for_sizes({"T1": known}, ask)
+    assert asked[0] == "length of T1 in mm? (empty: fill it in later; the name of the file may say 10)"
+    assert found["T1"].mm["length"] is None

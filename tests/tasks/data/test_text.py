@@ -33,7 +33,7 @@ def test_lines_in_every_encoding(tmp_path, encoding, end):
         (b"\xff\xfe\0", "not valid UTF-16 text"),
         (b"Time \x81", "neither UTF-8 nor Windows text"),
         (b"a\n" + b"a" * 200_000, "row 2: a line of 200,000 characters"),
-        (b"a" * 5000 + b"\n\0", "row 2: not text"),
+        (b"a" * 5000 + b"\n\0b", "row 2: not text"),
     ],
 )
 def test_what_is_no_text_is_refused(tmp_path, content, words):
@@ -106,7 +106,7 @@ def test_a_number_is_finite_and_has_one_decimal_mark(cell, decimal):
         (b"\xff\xfe\0", ": not valid UTF-16 text; expected a text export"),
         (b"Time \x81", ": neither UTF-8 nor Windows text; expected a text export"),
         (b"a\n" + b"a" * 100_001, ": row 2: a line of 100,001 characters; expected a table, row by row"),
-        (b"a" * 5000 + b"\n\0", ": row 2: not text; expected a text export"),
+        (b"a" * 5000 + b"\n\0b", ": row 2: not text; expected a text export"),
     ],
 )
 def test_why_a_file_is_no_text_is_said(tmp_path, content, words):
@@ -114,6 +114,30 @@ def test_why_a_file_is_no_text_is_said(tmp_path, content, words):
     with pytest.raises(BadInput) as refused:
         read_lines(path)
     assert str(refused.value) == f"{path}{words}"
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize("text", ["Time,Force\r\n0.5,1.5\r\n", "时间,力\n0.5,1.5\n1.5,2.5\n"])
+def test_text_in_utf_16_needs_no_mark(tmp_path, text, encoding):
+    path = tmp_path / "test.csv"
+    path.write_bytes(text.encode(encoding))
+    assert read_lines(path) == text.split()
+    path.write_bytes(text.encode(encoding) + b"a")
+    with pytest.raises(BadInput, match="not valid UTF-16 text"):
+        read_lines(path)
+
+
+def test_zeros_that_fill_up_are_nothing_and_others_are_refused(tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_bytes(b"Time\0\0,Force\0\n0,1\0\0 \r\n1,2\n" + b"\0" * 5000)
+    assert read_lines(path) == ["Time,Force", "0,1 ", "1,2"]
+    for content in (b"Time,Force\n0,\0\0" + b"1\n", b"\0\0Time,Force\n0,1\n"):
+        path.write_bytes(content)
+        with pytest.raises(BadInput, match="not a text file"):
+            read_lines(path)
+    path.write_bytes(b"Time,Force\n" + b"0,1\n" * 2000 + b"\0" * 90_000 + b"x")
+    with pytest.raises(BadInput, match="row 2002: not text"):
+        read_lines(path)
 
 
 def test_why_a_file_is_not_read_is_said(tmp_path, monkeypatch):
@@ -129,7 +153,7 @@ def test_why_a_file_is_not_read_is_said(tmp_path, monkeypatch):
     assert said(large) == "2 MB; expected at most 2 MB"
     check_text(large, 2 * 2**20 + 1)
     assert said(written(tmp_path, "a".encode("utf-16"))) == "not a text file; expected text in UTF-8"
-    check_text(tmp_path / "test.csv", 100, utf16=True)
+    check_text(tmp_path / "test.csv", 100, export=True)
     check_text(written(tmp_path, b"a" * 4096 + b"\0"), 10_000)
     assert said(written(tmp_path, b"a" * 4095 + b"\0"), 10_000) == "not a text file; expected text in UTF-8"
 

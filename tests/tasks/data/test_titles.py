@@ -17,6 +17,10 @@ from sinew.tasks.data.titles import is_spread, name_and_unit, without_numbers, w
         ("Tensile strain (Extension) (%)", "tensile strain", "%"),
         ("C_1_Force[kN]", "force", "kN"),
         ("Running Time", "running time", ""),
+        ("Time_s_", "time", "s"),
+        ("Force..kN.", "force", "kN"),
+        ("Disp Min", "disp min", ""),
+        ("Time min", "time", "min"),
     ],
 )
 def test_a_title_has_a_name_and_a_unit(title, name, unit):

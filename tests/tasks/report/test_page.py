@@ -8,15 +8,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sinew.runner.store.store import Store
 from sinew.tasks import pipeline
 from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.cluster.spec import cluster_of
+from sinew.tasks.data.cohort import Cohort
+from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import number, percent
+from sinew.tasks.model import Model
 from sinew.tasks.report import folder, page
 from sinew.tasks.report.comparison import compare
 from sinew.tasks.report.page import build
 from sinew.tasks.report.sections import data
+from sinew.tasks.simulate.evaluation import SpecimenEvaluation
+from sinew.tasks.simulate.uniaxial import Uniaxial
+from sinew.tasks.study.curves import POINTS, keep_curves
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace, open_workspace
 from tests.tasks.measured import study_of, write_measured
@@ -84,9 +91,21 @@ def test_a_thinned_curve_keeps_its_largest_force_and_displacement():
     moved, force = np.sin(0.31 * time), np.cos(0.17 * time)
     moved[1234], force[4321] = 1.5, -7.0
     columns = {"time_pull": time, "displacement_pull": moved, "measured_pull": force, "protocol": np.array(["pull"])}
-    ((name, curve),) = folder._curves([SimpleNamespace(coordinate=columns.get, identity={})])
-    assert (name, curve.total, curve.time_s.size <= folder.POINTS) == ("pull", 5001, True)
+    ((name, curve),) = folder._curves(SimpleNamespace(coordinate=columns.get))
+    assert (name, curve.total, curve.time_s.size <= POINTS) == ("pull", 5001, True)
     assert (curve.displacement_mm.max(), curve.force_N.min()) == (1.5, -7.0)
+
+
+def test_measured_curves_are_those_of_the_cohort_however_few_points_are_stored(tmp_path):
+    (specimen, *_), _ = virtual_cohort(seed=3, per_site=1, rate_hz=20.0)
+    with Store.writing(tmp_path, "study") as store:
+        store.table(SpecimenEvaluation(Model(), specimen, Uniaxial(), 8).table())
+        older = folder.read_folder(tmp_path).measured
+        keep_curves(store, Cohort(tmp_path, (specimen,)))
+    assert {curve.total for curve in older[specimen.name].values()} == {8}
+    for curve in specimen.curves:
+        drawn = folder.read_folder(tmp_path).measured[specimen.name][curve.name]
+        assert (drawn.force_N.min(), drawn.force_N.max()) == (curve.force_N.min(), curve.force_N.max())
 
 
 def test_the_largest_stress_and_strain_of_each_specimen(whole_run):

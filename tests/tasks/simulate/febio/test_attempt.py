@@ -366,6 +366,25 @@ def test_a_solver_that_removes_its_own_folder_fails_its_row(tmp_path, model, the
     assert message.startswith("the solver removed or replaced its own folder.")
 
 
+DEEP = "here = os.getcwd()\nfor i in range(3000): os.mkdir('d'); os.chdir('d')\nos.chdir(here)\n"
+OWN_FOLDER = {
+    "folders in each other": DEEP,
+    "a folder that nobody may enter": "os.mkdir('a'); open('a/b', 'w'); os.chmod('a', 0)\n",
+    "its own folder closed": "os.chmod('.', 0)\n",
+    "many files": "for i in range(5000): open(f'f{i}', 'w')\n",
+    "many links": "for i in range(500): os.symlink('/', f'l{i}')\n",
+    "its input replaced by a pipe": "os.unlink('model.feb'); os.mkfifo('model.feb')\n",
+}
+
+
+@pytest.mark.parametrize(("end", "status"), [(OK, "ok"), ("sys.exit(3)", "crashed")])
+@pytest.mark.parametrize("left", OWN_FOLDER.values(), ids=OWN_FOLDER)
+def test_whatever_a_solver_makes_of_its_folder_ends_no_run(tmp_path, model, left, end, status):
+    simulator = solver(tmp_path, f"{left}{end}")
+    assert outcome(simulator, model)[0] == status
+    assert all(name.startswith("failed-crashed-") for name in attempts(simulator))
+
+
 def test_version_of_what_cannot_run(tmp_path):
     (tmp_path / "text").write_text("no program")
     for path in (tmp_path / "nothing", tmp_path / "text"):

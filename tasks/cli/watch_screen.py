@@ -12,8 +12,9 @@ from rich.text import Text
 
 from sinew.runner.errors import one_line
 from sinew.runner.progress import FAILED, FINISHED, INTERRUPTED, RUNNING
-from sinew.tasks.cli.look import ABSENT, QUEUED, UNKNOWN
-from sinew.tasks.report.status import about_left, duration
+from sinew.tasks.cli.watch_state import ABSENT, QUEUED, UNKNOWN
+from sinew.tasks.drawing.blocks import duration
+from sinew.tasks.report.status import about_left
 
 if TYPE_CHECKING:
     from sinew.tasks.study.estimate import Estimate
@@ -66,7 +67,7 @@ def _head(found: dict[str, Any]) -> Text:
     head = Text(one_line(f"{found['study']}: " if found["study"] else "") + one_line(found["folder"]) + "  ", "bold")
     head.append(_WORDS.get(found["state"], found["state"]), style)
     if found["state"] == INTERRUPTED and found["now"] is not None:
-        head.append(f" (last sign of life {duration(found['now']['age_s'])} ago)")
+        head.append(f" (last sign of life {duration(round(found['now']['age_s']))} ago)")
     if found["state"] == RUNNING:
         head.append(_forces(found) + about_left(found["left_s"]))
     return head
@@ -85,7 +86,7 @@ def _forces(found: dict[str, Any]) -> str:
 def _tasks_line(tasks: list[dict[str, Any]]) -> Text:
     cells = []
     for one in tasks:
-        took = f" {duration(one['seconds'])}" if "seconds" in one else ""
+        took = f" {duration(round(one['seconds']))}" if "seconds" in one else ""
         cells.append(f"{one['task']} {_MARKS.get(one['state'], '[dim]' + one['state'] + '[/]')}{took}")
     return Text.from_markup("  ".join(cells))
 
@@ -98,7 +99,7 @@ def _bar(now: dict[str, Any], state: str) -> RenderableType:
     words = f"{now['done']:,} of {now['total']:,} {now['of']}"
     if state == RUNNING and now["done"] < now["total"]:
         words += f", {now['rows_per_s'] or 0:,.3g}/s"
-        words += f", {duration(now['eta_s'])} left" if now["eta_s"] is not None else ""
+        words += f", {duration(round(now['eta_s']))} left" if now["eta_s"] is not None else ""
         words += f", {now['running']:,} run" if now["running"] else ""
     cells = Text(words)
     if now["failed"]:
@@ -143,11 +144,11 @@ def estimate_table(found: Estimate) -> RenderableType:
         grid.add_column(name, justify="right")
     for one in found.tasks:
         evaluations = f"{one.evaluations:,}" if one.evaluations and not one.done else "-"
-        grid.add_row(one.task, evaluations, "done already" if one.done else duration(one.wall_s))
+        grid.add_row(one.task, evaluations, "done already" if one.done else duration(round(one.wall_s)))
     if found.workers is None:
-        words = f"about {duration(found.wall_s)} with one slot; many slots share the evaluations"
+        words = f"about {duration(round(found.wall_s))} with one slot; many slots share the evaluations"
     else:
-        words = f"about {duration(found.wall_s)} with {found.workers} worker{'s' if found.workers != 1 else ''}"
+        words = f"about {duration(round(found.wall_s))} with {found.workers} worker{'s' if found.workers != 1 else ''}"
     tried = f"an evaluation took {found.row_s:.3g} s just now; expect half to twice the time. Nothing was written."
     done = [one.task for one in found.tasks if one.done]
     kept = f"Done already, and kept if nothing has changed: {', '.join(done)}." if done else ""
@@ -158,7 +159,7 @@ def line(found: dict[str, Any]) -> str:
     """What was found, in one line."""
     now, words = found["now"], [_head(found).plain]
     if found["state"] == RUNNING and now is not None and now["total"]:
-        eta = f", {duration(now['eta_s'])} left" if now["eta_s"] is not None else ""
+        eta = f", {duration(round(now['eta_s']))} left" if now["eta_s"] is not None else ""
         failed = f", {now['failed']:,} failed" if now["failed"] else ""
         words.append(f"{now['title']}: {now['done']:,} of {now['total']:,} {now['of']}{failed}{eta}")
     elif found["tasks"]:

@@ -1,0 +1,81 @@
+"""The arrays of a task's result in the store, beside the evaluations: written with a list of them, checked when read.
+
+A folder that somebody else made may hold arrays that fill the memory. One that lost files must not be shown as if
+nothing were missing: Zarr passes over an array without ``zarr.json`` and reads a missing chunk as an empty one.
+"""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+import zarr
+
+from sinew.runner.store.chunks import MAX_TEXT_BYTES, chunk_files, zstd_size
+from sinew.runner.store.durable import DurableStore
+from sinew.runner.store.layout import Damaged
+
+ARRAYS = "arrays"  # attribute of a group: the names of its arrays; stores of version 0.1 do not have it
+MAX_BYTES = 2**28  # of all arrays of a group
+MAX_ITEMS = 2**24  # of an array of texts
+NUMBERS, TEXTS = ("bytes", "zstd"), ("vlen-utf8", "zstd")
+
+
+def write(path: Path, name: str, dataset: xr.Dataset) -> None:
+    """Write a dataset as the group ``name`` of the store in ``path``."""
+    texts = {
+        str(variable): dataset[variable].astype(object)  # Zarr v3 has no fixed-width text
+        for variable in dataset.variables
+        if dataset[variable].dtype.kind == "U"
+    }
+    dataset = dataset.assign({n: v for n, v in texts.items() if n in dataset.data_vars})
+    dataset = dataset.assign_coords({n: v for n, v in texts.items() if n in dataset.coords})
+    dataset = dataset.assign_attrs({ARRAYS: sorted(map(str, dataset.variables))})
+    target = DurableStore(path)
+    dataset.to_zarr(target, group=name, mode="w", zarr_format=3, consolidated=False, write_empty_chunks=True)
+    target.sync_folders()
+
+
+def read(path: Path, group: zarr.Group, name: str) -> xr.Dataset:
+    """The dataset in ``group``, which is ``name`` of the store in ``path``. Raises :class:`Damaged`, and as Zarr."""
+    folder = path / name
+    listed = group.attrs.get(ARRAYS)
+    if listed is not None and not (isinstance(listed, list) and all(isinstance(one, str) for one in listed)):
+        raise Damaged(f"its list of arrays is {str(listed)[:40]}")
+    there = {each.name for each in folder.iterdir() if each.is_dir()}
+    total = 0
+    for one in sorted(there | set(listed or ())):
+        if not (folder / one / "zarr.json").is_file():
+            raise Damaged(f"the array {one} is missing")
+        array = group.get(one)
+        if isinstance(array, zarr.Group):
+            continue
+        if not isinstance(array, zarr.Array):
+            raise Damaged(f"the zarr.json of {one} is not that of an array")
+        total += _checked(array, folder / one, whole=listed is not None)
+    if total > MAX_BYTES:
+        raise Damaged(f"its arrays take {total:,} bytes")
+    dataset = xr.open_zarr(path, group=name, consolidated=False, zarr_format=3).load()
+    dataset.attrs.pop(ARRAYS, None)
+    return dataset
+
+
+def _checked(array: zarr.Array[Any], folder: Path, *, whole: bool) -> int:
+    """The bytes that an array takes in memory. Raises :class:`Damaged` for one that :func:`write` does not make."""
+    text = array.dtype.kind in "OT"
+    codecs = tuple(str(codec.to_dict()["name"]) for codec in array.metadata.codecs)  # type: ignore[union-attr]
+    if codecs != (TEXTS if text else NUMBERS):
+        raise Damaged(f"the codecs of {folder.name} are {', '.join(codecs)}")
+    if 0 in array.chunks or (text and math.prod(array.shape) > MAX_ITEMS):
+        raise Damaged(f"the shape of {folder.name} is {array.shape}, its chunks are {array.chunks}")
+    size, chunk = (array.dtype.itemsize * math.prod(shape) for shape in (array.shape, array.chunks))
+    if max(size, chunk) > MAX_BYTES:
+        raise Damaged(f"the shape of {folder.name} is {array.shape}, its chunks are {array.chunks}")
+    files = chunk_files(folder / "c")
+    if whole and len(files) != math.prod(-(-n // part) for n, part in zip(array.shape, array.chunks, strict=True)):
+        raise Damaged(f"a chunk of {folder.name} is missing")
+    for file in files:
+        claimed = zstd_size(file.read_bytes()) if file.stat().st_size <= MAX_BYTES else None
+        if claimed is None or claimed > MAX_TEXT_BYTES or (not text and claimed != chunk):
+            raise Damaged(f"a chunk of {folder.name} claims to hold too much, or is cut short")
+    return size

@@ -1,0 +1,93 @@
+"""From where a displacement and a force are counted, and in which direction: what is doubtful, and what a person says.
+
+Here, tension is positive. Some machines count a compression as positive, or a pull as negative, and some tell the
+position of the crosshead as its displacement.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data import words
+from sinew.tasks.data.columns import Column
+from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRETCH
+from sinew.tasks.data.questions import Doubt
+
+Array = np.ndarray[Any, np.dtype[Any]]
+ZERO, NEGATE = "--zero-displacement", "--negate"
+_TURNED = "what gets the other sign?"
+_UNITS = {"displacement": "mm", "force": "N", "stress": "MPa"}
+_TENSION = re.compile(rf"(?<![a-z])(?:{'|'.join(words.TENSION)})")
+
+
+def counted(where: str, columns: Sequence[Column], numbers: Array, hints: Hints) -> tuple[Array, tuple[str, ...]]:
+    """The numbers ``[t, 3]`` of a test as a person wants them counted, and a note on each change.
+
+    A length, a stretch and a position have a zero of their own. Raises :class:`BadInput` for a length or a stretch that
+    is to be negated.
+    """
+    found, notes = numbers.copy(), []
+    for place, name, zero in ((1, "displacement", hints.zero_displacement), (2, "force", hints.zero_force)):
+        quantity = columns[place].quantity
+        if zero == "first" and quantity not in (LENGTH, STRETCH, POSITION) and found[0, place] != 0:
+            start = f"{found[0, place]:.6g} {_UNITS.get(quantity.name, '')}".strip()
+            notes.append(f"{quantity.name} counted from its first value, {start}")
+            found[:, place] -= found[0, place]
+        if hints.negate in (name, "both"):
+            if quantity in (LENGTH, STRETCH):
+                problem = f"a {quantity.name} has no sign, but {NEGATE} says {hints.negate}"
+                raise BadInput(where, problem, f"{NEGATE} force or none")
+            notes.append(f"{quantity.name} with the other sign, by {NEGATE}")
+            found[:, place] = 0.0 - found[:, place]
+    return found, tuple(notes)
+
+
+def doubts(columns: Sequence[Column], numbers: Array, texts: Iterable[str], hints: Hints) -> Iterator[Doubt]:
+    """What is doubtful in numbers ``[t, 3]`` that are counted as ``hints`` say; ``texts``: titles and lines above."""
+    if hints.zero_displacement is None and columns[1].quantity is DISPLACEMENT:
+        start, way = float(numbers[0, 1]), float(np.ptp(numbers[:, 1]))
+        if abs(start) > way:
+            text = (
+                f"the displacement begins at {start:g} mm and moves by {way:.4g} mm, perhaps an offset of the machine"
+            )
+            yield Doubt(text, "count it from its first value?", ZERO, ("first", "none"))
+    if hints.negate is None:
+        yield from _sign(columns, numbers, texts)
+
+
+def _sign(columns: Sequence[Column], numbers: Array, texts: Iterable[str]) -> Iterator[Doubt]:
+    """Where the specimen gets shorter or is pushed, or a compression is told."""
+    motion, force = numbers[:, 1], numbers[:, 2]
+    has_sign = columns[1].quantity not in (LENGTH, STRETCH)
+    if columns[1].quantity in (POSITION, LENGTH, STRETCH):
+        motion = motion - motion[0]
+    shorter, pushed = _below(motion), _below(force)
+    told = next(filter(_tells_compression, texts), None)
+    either = ("both", "force", "none") if has_sign else ("force", "none")
+    if shorter and pushed:
+        unless = "" if told else ", unless the machine counts tension as negative"
+        fibres = "fibres carry no load then, so this test tells nothing of their parameters"
+        text = f"a compression{unless}: it gets shorter, forces are below 0; {fibres}"
+        yield Doubt(text, _TURNED, NEGATE, either)
+    elif shorter:
+        text = "the specimen gets shorter, but forces are above 0; in a compression they should be below 0"
+        yield Doubt(text, _TURNED, NEGATE, ("displacement", *either[1:]) if has_sign else either)
+    elif pushed:
+        text = "forces are below 0; tension is positive here, so look at the machine's sign"
+        yield Doubt(text, _TURNED, NEGATE, ("force", "none"))
+    elif told is not None:
+        text = f"a compression by {shown(told)}, but displacement and force are above 0, which is the sign of tension"
+        yield Doubt(text, _TURNED, NEGATE, either)
+
+
+def _tells_compression(text: str) -> bool:
+    folded = text.casefold()
+    return any(word in folded for word in words.COMPRESSION) and not _TENSION.search(folded)
+
+
+def _below(values: Array) -> bool:
+    return bool(np.median(values) < 0 and abs(values.min()) > 5 * abs(values.max()))

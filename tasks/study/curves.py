@@ -1,0 +1,118 @@
+"""The measured curves of a cohort as its page draws them, kept in the result folder whatever was evaluated.
+
+They are the group ``measured`` of ``store.zarr``: all curves one after the other along ``point``, with the number of
+points of each in ``row_size`` (a contiguous ragged array of the CF conventions).
+"""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import xarray as xr
+
+from sinew.runner.errors import StoreError
+from sinew.runner.store.store import Store
+from sinew.tasks.data.cohort import Cohort
+from sinew.tasks.drawing.thinning import drawn_points
+from sinew.tasks.model import Protocol
+from sinew.tasks.simulate import Array
+
+GROUP = "measured"
+POINTS = 500  # of a curve, at the most: more than a plot of a page's width can show
+COLUMNS = {"time": "s", "displacement": "mm", "force": "N"}
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredQuantity:
+    """What was measured beside the force along a protocol: ``values`` ``[q]`` in ``unit`` at the times ``time_s``."""
+
+    unit: str
+    time_s: Array
+    values: Array
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredCurve:
+    """A curve at points that represent it, each array ``[p]``; ``total`` points were measured or stored.
+
+    ``force_N`` is NaN where nothing was measured, but the specimen was pulled. ``others``: what is compared besides.
+    """
+
+    time_s: Array
+    displacement_mm: Array
+    force_N: Array
+    total: int
+    others: Mapping[str, MeasuredQuantity] = field(default_factory=dict)
+
+
+def represented(protocol: str, time: Array, moved: Array, force: Array) -> MeasuredCurve:
+    """A curve ``[t]`` at the points that are drawn."""
+    keep = drawn_points(Protocol(protocol, time, moved), force, count=POINTS)
+    return MeasuredCurve(time[keep], moved[keep], force[keep], time.size)
+
+
+def keep_curves(store: Store, cohort: Cohort) -> None:
+    """Write the cohort's curves into the store, unless they are there. Raises ``StoreError``."""
+    names, curves = [], []
+    for specimen in cohort.specimens:
+        for curve in specimen.curves:
+            protocol = curve.protocol
+            names.append((specimen.name, curve.name))
+            curves.append(represented(curve.name, protocol.time_s, protocol.displacement_mm, curve.force_N))
+    if not curves:
+        return
+    columns = [
+        np.concatenate(each)
+        for each in zip(*((one.time_s, one.displacement_mm, one.force_N) for one in curves), strict=True)
+    ]
+    found = xr.Dataset(
+        {
+            "specimen": ("curve", np.array([name for name, _ in names], dtype=object)),
+            "protocol": ("curve", np.array([name for _, name in names], dtype=object)),
+            "row_size": ("curve", np.array([one.time_s.size for one in curves]), {"sample_dimension": "point"}),
+            "total": ("curve", np.array([one.total for one in curves]), {"long_name": "points that were measured"}),
+        }
+        | {
+            name: ("point", column, {"units": unit})
+            for (name, unit), column in zip(COLUMNS.items(), columns, strict=True)
+        }
+    )
+    content = hashlib.blake2b(repr((names, found["total"].values.tolist())).encode(), digest_size=16)
+    for column in columns:
+        content.update(column.tobytes())
+    if GROUP not in store.root or store.root[GROUP].attrs.get("content") != content.hexdigest():
+        store.write_result(GROUP, found.assign_attrs(content=content.hexdigest()))
+
+
+def kept_curves(store: Store) -> dict[str, dict[str, MeasuredCurve]]:
+    """The curves that :func:`keep_curves` wrote, by specimen and protocol; none in a folder of an older version.
+
+    Raises ``StoreError`` for a group that is damaged.
+    """
+    if GROUP not in store.root:
+        return {}
+    kept = store.read_result(GROUP)
+    wanted = {"specimen": "curve", "protocol": "curve", "row_size": "curve", "total": "curve"} | dict.fromkeys(
+        COLUMNS, "point"
+    )
+    if any(name not in kept or kept[name].dims != (dim,) for name, dim in wanted.items()):
+        raise StoreError(f"{store.path / GROUP}: its arrays are not those of curves; remove it and run again")
+    return _cut(kept, store)
+
+
+def _cut(kept: xr.Dataset, store: Store) -> dict[str, dict[str, MeasuredCurve]]:
+    sizes, totals = kept["row_size"].to_numpy(), kept["total"].to_numpy()
+    time, moved, force = (kept[name].to_numpy() for name in COLUMNS)
+    kinds = [each.dtype.kind for each in (sizes, totals, time, moved, force)]
+    if kinds != [*"iifff"] or (sizes < 1).any() or int(sizes.sum()) != time.size:
+        raise StoreError(f"{store.path / GROUP}: its curves have other lengths; remove it and run again")
+    ends = np.cumsum(sizes)
+    found: dict[str, dict[str, MeasuredCurve]] = {}
+    labels: Mapping[str, list[str]] = {
+        name: [str(one) for one in kept[name].to_numpy()] for name in ("specimen", "protocol")
+    }
+    for i, (specimen, protocol) in enumerate(zip(labels["specimen"], labels["protocol"], strict=True)):
+        part = slice(int(ends[i] - sizes[i]), int(ends[i]))
+        found.setdefault(specimen, {})[protocol] = MeasuredCurve(time[part], moved[part], force[part], int(totals[i]))
+    return found

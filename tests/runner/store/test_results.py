@@ -1,0 +1,102 @@
+"""The arrays of a task's result: what is missing, or larger than what was written, is said and not shown."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from numcodecs import Zstd
+
+from sinew.runner.errors import StoreError
+from sinew.runner.store.results import ARRAYS
+from sinew.runner.store.store import Store, open_store
+
+DATASET = xr.Dataset(
+    {"S1": ("parameter", [1.0, 2.0]), "gap": ("parameter", [np.nan, np.nan]), "one": ((), 3.0), "none": ("x", [])},
+    {"parameter": np.array(["E_f", "alpha_f"])},
+    {"inputs": "key"},
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    with Store.writing(tmp_path, "study") as store:
+        store.write_result("sobol", DATASET)
+        store.write_result("sobol/inner", DATASET)
+    return tmp_path
+
+
+def test_arrays_are_read_as_they_were_written(folder):
+    for name in ("sobol", "sobol/inner"):
+        xr.testing.assert_identical(open_store(folder).read_result(name), DATASET)
+
+
+def test_arrays_of_a_store_without_a_list_are_read(folder):
+    """Stores of version 0.1; where all of a chunk was empty, they have no file."""
+    edit(folder / "store.zarr" / "sobol", lambda group: group["attributes"].pop(ARRAYS))
+    shutil.rmtree(folder / "store.zarr" / "sobol" / "gap" / "c")
+    xr.testing.assert_identical(open_store(folder).read_result("sobol"), DATASET)
+
+
+def edit(place: Path, change: Callable[[Any], Any]) -> None:
+    content = json.loads((place / "zarr.json").read_text())
+    change(content)
+    (place / "zarr.json").write_text(json.dumps(content))
+
+
+def shape(value: list[int], chunk: list[int]) -> Callable[[Path], None]:
+    def change(content: Any) -> None:
+        content["shape"] = value
+        content["chunk_grid"]["configuration"]["chunk_shape"] = chunk
+
+    return lambda group: edit(group / "S1", change)
+
+
+def bomb(name: str) -> Callable[[Path], Any]:
+    return lambda group: (group / name / "c" / "0").write_bytes(Zstd().encode(np.zeros(2**29, dtype="u1")))
+
+
+DAMAGE: dict[str, tuple[Callable[[Path], Any], str]] = {
+    "no metadata": (lambda group: (group / "S1" / "zarr.json").unlink(), "the array S1 is missing"),
+    "no array": (lambda group: shutil.rmtree(group / "S1"), "the array S1 is missing"),
+    "no chunk": (lambda group: (group / "S1" / "c" / "0").unlink(), "a chunk of S1 is missing"),
+    "no name": (lambda group: shutil.rmtree(group / "parameter" / "c"), "a chunk of parameter is missing"),
+    "metadata of a group": (
+        lambda group: (group / "zarr.json").write_text(json.dumps({"zarr_format": 3, "node_type": "array"})), "damaged",
+    ),
+    "huge": (shape([10**13], [2]), "the shape of S1"),
+    "huge in one chunk": (shape([2**31], [2**31]), "the shape of S1"),
+    "chunks of nothing": (shape([2], [0]), ""),
+    "negative": (shape([-1], [2]), ""),
+    "two dimensions": (shape([2, 2], [2, 2]), ""),
+    "text as shape": (lambda group: edit(group / "S1", lambda one: one.update(shape="two")), ""),
+    "many arrays": (
+        lambda group: edit(group, lambda one: one["attributes"].update({ARRAYS: 7})), "its list of arrays is 7",
+    ),
+    "bomb": (bomb("S1"), "a chunk of S1 claims to hold too much"),
+    "bomb of text": (bomb("parameter"), "a chunk of parameter claims to hold too much"),
+    "cut": (lambda group: (group / "S1" / "c" / "0").write_bytes(b"\x28\xb5"), "a chunk of S1"),
+    "another codec": (
+        lambda group: edit(group / "S1", lambda one: one.update(codecs=[{"name": "bytes"}])), "the codecs of S1",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", DAMAGE)
+def test_what_was_not_written_is_one_line(folder, kind):
+    damage, words = DAMAGE[kind]
+    damage(folder / "store.zarr" / "sobol")
+    with pytest.raises(StoreError) as error:
+        open_store(folder).read_result("sobol")
+    line = str(error.value)
+    assert words in line
+    assert line.startswith(f"{folder / 'store.zarr' / 'sobol'}: damaged (")
+    assert line.endswith("; run the study again, which makes this result anew")
+    assert "\n" not in line
+    with Store.writing(folder, "study") as store:
+        store.write_result("sobol", DATASET)
+    xr.testing.assert_identical(open_store(folder).read_result("sobol"), DATASET)

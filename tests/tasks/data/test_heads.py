@@ -1,0 +1,86 @@
+"""Titles and units above a table, and what may stand between them and the numbers."""
+
+import pytest
+
+from sinew.tasks.data.heads import Head, head_of, is_bracketed
+
+TITLES, UNITS = ("Time", "Disp", "Force"), ("s", "mm", "N")
+
+
+def head(*lines: str) -> Head:
+    rows = [tuple(cell.strip() for cell in line.split(",")) for line in lines]
+    return head_of(rows, len(rows) - 1)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ("Time,Disp,Force", "s,mm,N"),
+        ("Time,Disp,Force", ",,", "s,mm,N"),
+        ("Time,Disp,Force", "s,mm,N", "float,float,float"),
+        ("Time,Disp,Force", "s,mm,N", "Sensor A,Sensor B,", "double,double,double"),
+        ("s,mm,N", "Time,Disp,Force"),
+        ("Channel 1,Channel 2,Channel 3", "Time,Disp,Force", "s,mm,N"),
+    ],
+)
+def test_titles_and_units_are_found_above_and_below_each_other(lines):
+    found = head("Operator,me", *lines)
+    assert (found.titles, found.units) == (TITLES, UNITS)
+    assert found.top == 1 + min(lines.index(row) for row in ("Time,Disp,Force", "s,mm,N"))
+
+
+def test_one_unit_that_nobody_knows_may_stand_among_others():
+    found = head("Axial Displacement,Axial Force,Running Time,Axial Count", "mm,kN,Sec,segments")
+    assert found.units == ("mm", "kN", "Sec", "segments")
+    assert head("MTS,of,May,2020", "mm,kN,Sec,segments").titles == ("mm", "kN", "Sec", "segments"), "no title above"
+    assert head("Time,Disp,,Count", "mm,kN,Sec,segments").units == (), "one of them has no title"
+
+
+def test_texts_between_titles_and_numbers_are_passed_over_where_titles_are_known():
+    assert head("Time [s],Force [N],Disp [mm]", "T0 = 3,MX 1,MX 2", "10 Hz,U9C,WA20").titles[0] == "Time [s]"
+    assert head("a,b,c", "10 Hz,U9C,WA20").titles == ("10 Hz", "U9C", "WA20")
+    assert head("Time,Disp,Force", "1,2,3", "x,y,z").titles == ("x", "y", "z"), "those of another table"
+    assert head("Time,Disp,", "x,y,z").titles == ("x", "y", "z"), "a column would have no title"
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ("ChannelTitle=,Force,Length", "Range=,10 V,10 V", "UnitName=,mN,mm", "TopValue=,100,10"),
+        ("Kanalname,Force,Length", "Einheit,mN,mm"),
+        ("Units:,mN,mm", "Names:,Force,Length"),
+    ],
+)
+def test_rows_may_say_what_they_hold(lines):
+    found = head("Sample=,T1", *lines)
+    assert (found.titles, found.units) == (("", "Force", "Length"), ("", "mN", "mm"))
+    assert found.top == 1
+
+
+def test_titles_may_be_listed_one_in_a_row():
+    lines = ("Nsig,3", "Sig1,Time (min)", "Sig2,Static Force (N)", "Sig3,Displacement (µm)", "OrgFile,a")
+    found = head("Instrument,DMA", *lines, "StartOfData")
+    assert found == Head(("Time (min)", "Static Force (N)", "Displacement (µm)"), (), 2)
+    assert head("Instrument,DMA", "StartOfData").titles == ("StartOfData",)
+
+
+def test_a_row_of_names_alone_is_no_label():
+    assert head("Name,Time,Force", "T1,s,N").titles == ("Name", "Time", "Force")
+    assert head("Name,Time,Force").titles == ("Name", "Time", "Force")
+
+
+def test_no_row_is_above():
+    assert head_of([], -1) == Head()
+    assert head("Time,Disp,Force") == Head(TITLES, (), 0)
+
+
+def test_text_in_brackets():
+    assert is_bracketed("(N)")
+    assert is_bracketed("[N)")
+    assert is_bracketed("()")
+    assert not is_bracketed("(")
+    assert not is_bracketed("(N")
+    assert not is_bracketed("(X")
+    assert not is_bracketed("X)")
+    assert not is_bracketed("N)")
+    assert not is_bracketed("")

@@ -1,0 +1,111 @@
+"""Where displacements and forces are counted from, and their signs: what is doubtful, and what a person says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.recordings import Recording, as_told, read_recordings, remarks
+
+TITLES = "Time (s),Displacement (mm),Force (N)"
+
+
+def read(
+    folder: Path, motion: float, load: float, *, above: str = "", titles: str = TITLES, start: float = 0.0, **told
+):
+    """A test of six rows whose motion and load grow by these steps, counted as told."""
+    path = folder / "test.csv"
+    rows = "".join(f"{i},{start + i * motion:g},{i * load:g}\n" for i in range(6))
+    path.write_text(f"{above}\n{titles}\n{rows}")
+    (recording,) = read_recordings(path, Hints())
+    return as_told(recording, Hints(**told))
+
+
+def ends(recording: Recording) -> list[float]:
+    return [float(number) for number in recording.numbers[-1, 1:]]
+
+
+def test_a_displacement_that_begins_far_from_0_is_doubtful_until_told(tmp_path):
+    found = read(tmp_path, 0.05, 2.0, start=37.21)
+    (doubt,) = found.doubts
+    assert doubt.text == "the displacement begins at 37.21 mm and moves by 0.25 mm, perhaps an offset of the machine"
+    assert (doubt.option, doubt.choices) == ("--zero-displacement", ("first", "none"))
+    assert remarks(found) == [f"{doubt.text}; --zero-displacement first or none"]
+    assert ends(found) == [37.46, 10.0]
+    kept = read(tmp_path, 0.05, 2.0, start=37.21, zero_displacement="none")
+    assert (ends(kept), kept.doubts, kept.notes) == ([37.46, 10.0], (), ())
+
+
+def test_both_may_be_counted_from_their_first_value(tmp_path):
+    zeroed = read(tmp_path, 0.05, 2.0, start=37.21, zero_displacement="first")
+    np.testing.assert_allclose(zeroed.numbers[:, 1], [0, 0.05, 0.1, 0.15, 0.2, 0.25], atol=1e-12)
+    assert (zeroed.doubts, zeroed.notes) == ((), ("displacement counted from its first value, 37.21 mm",))
+    tared = read(tmp_path, 2.0, 0.5, titles="t_s,Load (kN),Disp_mm", start=1.0, zero_force="first")
+    assert tared.numbers[:, 2].tolist() == [0, 2000, 4000, 6000, 8000, 10000]
+    assert tared.notes == ("force counted from its first value, 1000 N",)
+
+
+@pytest.mark.parametrize("title", ["Position (mm)", "Length (mm)", "Stretch"])
+def test_what_has_a_zero_of_its_own_is_not_shifted(tmp_path, title):
+    titles = f"t_s,{title},F_N"
+    assert ends(read(tmp_path, 0.05, 2.0, titles=titles, start=1.5, zero_displacement="first")) == [1.75, 10.0]
+
+
+@pytest.mark.parametrize(
+    ("motion", "load", "words", "choices"),
+    [
+        (-0.1, -2.0, "a compression, unless the machine counts tension as negative", ("both", "force", "none")),
+        (-0.1, 2.0, "the specimen gets shorter, but forces are above 0", ("displacement", "force", "none")),
+        (0.1, -2.0, "forces are below 0; tension is positive here", ("force", "none")),
+    ],
+)
+def test_signs_are_doubtful_until_told(tmp_path, motion, load, words, choices):
+    (doubt,) = read(tmp_path, motion, load).doubts
+    assert doubt.text.startswith(words)
+    assert (doubt.option, doubt.choices) == ("--negate", choices)
+    assert read(tmp_path, motion, load, negate="none").doubts == ()
+
+
+def test_what_gets_the_other_sign(tmp_path):
+    assert ends(read(tmp_path, 0.1, -2.0, negate="force")) == [0.5, 10.0]
+    assert ends(read(tmp_path, -0.1, 2.0, negate="displacement")) == [0.5, 10.0]
+    both = read(tmp_path, 0.1, 2.0, negate="both")
+    assert ends(both) == [-0.5, -10.0]
+    assert not np.signbit(both.numbers[0]).any(), "0 stays 0"
+    assert both.notes == ("displacement with the other sign, by --negate", "force with the other sign, by --negate")
+    with pytest.raises(
+        BadInput, match="a stretch has no sign, but --negate says both; expected --negate force or none"
+    ):
+        read(tmp_path, 0.1, 2.0, titles="t_s,Stretch,F_N", start=1.0, negate="both")
+
+
+@pytest.mark.parametrize(
+    ("above", "titles"),
+    [
+        ("Test type: Compression", TITLES),
+        ("Prüfart,Druckversuch", TITLES),
+        ("", "Time (s),Compressive extension (mm),Load (N)"),
+        ("", f"{TITLES},压缩应变(%)"),
+    ],
+)
+def test_a_compression_counted_as_positive_is_doubtful(tmp_path, above, titles):
+    path = tmp_path / "test.csv"
+    path.write_text(
+        f"{above}\n{titles}\n" + "".join(f"{i},{i},{i}{',1' * (titles.count(',') - 2)}\n" for i in range(6))
+    )
+    (doubt,) = as_told(read_recordings(path, Hints())[0], Hints()).doubts
+    assert doubt.text.startswith("a compression by '")
+    assert "which is the sign of tension" in doubt.text
+    assert doubt.choices == ("both", "force", "none")
+
+
+@pytest.mark.parametrize("above", ["Load cell: tension/compression 50 N", "Tensile test", "Zug-Druckversuch"])
+def test_a_line_on_both_directions_tells_of_none(tmp_path, above):
+    assert read(tmp_path, 0.1, 2.0, above=above).doubts == ()
+
+
+def test_a_compression_that_is_told_and_below_0_is_certain_to_be_one(tmp_path):
+    (doubt,) = read(tmp_path, -0.1, -2.0, above="Compression test").doubts
+    assert doubt.text.startswith("a compression: it gets shorter, forces are below 0")

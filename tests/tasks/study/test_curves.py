@@ -1,0 +1,80 @@
+"""The measured curves that a result folder keeps for its page."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sinew.runner.errors import StoreError
+from sinew.runner.store.store import Store, open_store
+from sinew.tasks.data.cohort import Cohort
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.model import Curve, Protocol, Specimen
+from sinew.tasks.study.curves import GROUP, POINTS, keep_curves, kept_curves
+
+SPECIMENS, _ = virtual_cohort(seed=3, per_site=1, rate_hz=20.0)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    with Store.writing(tmp_path, "study") as store:
+        keep_curves(store, Cohort(tmp_path, SPECIMENS))
+    return tmp_path
+
+
+def test_they_are_those_of_the_cohort_with_their_peaks(folder):
+    kept = kept_curves(open_store(folder))
+    assert list(kept) == [one.name for one in SPECIMENS]
+    for specimen in SPECIMENS:
+        for curve in specimen.curves:
+            drawn = kept[specimen.name][curve.name]
+            assert drawn.total == curve.force_N.size > POINTS >= drawn.time_s.size > POINTS / 3
+            assert (drawn.force_N.min(), drawn.force_N.max()) == (curve.force_N.min(), curve.force_N.max())
+            at = np.searchsorted(curve.protocol.time_s, drawn.time_s)
+            assert np.array_equal(curve.protocol.displacement_mm[at], drawn.displacement_mm)
+            assert np.array_equal(curve.force_N[at], drawn.force_N)
+
+
+def test_curves_that_are_there_are_not_written_again(folder):
+    group = folder / "store.zarr" / GROUP / "zarr.json"
+    before = group.stat().st_mtime_ns
+    with Store.writing(folder, "study") as store:
+        keep_curves(store, Cohort(folder, SPECIMENS))
+        assert group.stat().st_mtime_ns == before
+        changed = replace(SPECIMENS[0], curves=SPECIMENS[0].curves[:1])
+        keep_curves(store, Cohort(folder, (changed,)))
+    (specimen,) = kept_curves(open_store(folder)).values()
+    assert list(specimen) == [SPECIMENS[0].curves[0].name]
+
+
+def test_a_protocol_without_forces_is_drawn_too(tmp_path):
+    protocol = Protocol("ramp", np.linspace(0.0, 1.0, 5), np.linspace(0.0, 0.1, 5))
+    pulled = Specimen("a", 10.0, 5.0, 2.0, curves=(Curve(protocol, np.full(5, np.nan)),))
+    with Store.writing(tmp_path, "study") as store:
+        keep_curves(store, Cohort(tmp_path, (pulled, Specimen("b", 10.0, 5.0, 2.0))))
+    (curve,) = kept_curves(open_store(tmp_path))["a"].values()
+    assert np.isnan(curve.force_N).all()
+    assert curve.displacement_mm.tolist() == protocol.displacement_mm.tolist()
+
+
+def test_a_cohort_without_curves_keeps_none(tmp_path):
+    with Store.writing(tmp_path, "study") as store:
+        keep_curves(store, Cohort(tmp_path, (Specimen("b", 10.0, 5.0, 2.0),)))
+        assert GROUP not in store.root
+        assert kept_curves(store) == {}
+
+
+@pytest.mark.parametrize(("name", "value"), [("row_size", -1), ("row_size", 10**6), ("row_size", 1.5), ("force", None)])
+def test_a_damaged_group_is_one_line(folder, name, value):
+    with Store.writing(folder, "study") as store:
+        found = store.read_result(GROUP)
+        if value is None:
+            found = found.drop_vars(name)
+        else:
+            numbers = found[name].to_numpy().astype(type(value))
+            numbers[0] = value
+            found = found.assign({name: ("curve", numbers)})
+        store.write_result(GROUP, found)
+    with pytest.raises(StoreError, match=r"measured: its .* remove it and run again") as caught:
+        kept_curves(open_store(folder))
+    assert len(str(caught.value).splitlines()) == 1
