@@ -36,6 +36,14 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
         click.option("--force-column", metavar="NAME", help="The same for force or stress."),
         click.option("--test-column", metavar="NAME", help="Column whose value tells the tests of one table apart."),
         click.option("--cycle-column", metavar="NAME", help="Column of cycles, if times start again with a cycle."),
+        click.option(
+            "--keep-column",
+            metavar="COLUMN=NAME",
+            multiple=True,
+            callback=lambda _context, _option, value: value or None,
+            help="Keep a further column beside the force, such as 'Lateral strain=lateral_strain'; "
+            "NAME:UNIT where the file tells no unit.",
+        ),
         click.option("--rate-hz", type=float, help="Rows per second, for files without times."),
         click.option(
             "--speed", type=float, help="Speed of the motion (mm/s; 1/s for strains), for files without times."
@@ -310,6 +318,7 @@ def import_(
                 f"{one.name}: {curve.name}, {curve.force_N.size:,} points, "
                 f"{one.length_mm:g} x {one.width_mm:.4g} x {one.thickness_mm:.4g} mm, "
                 f"stretch {stretch.min():.4g} to {stretch.max():.4g}, peak {peak_N:.4g} N"
+                f"{', with ' if curve.others else ''}{', '.join(curve.others)}"
             )
     for where, names in found.spreads.items():
         put(one_line(f"{where}: {', '.join(names)} left out; a cohort holds curves, and noise is estimated from them"))

@@ -29,7 +29,8 @@ from sinew.runner.store.schema import STATUSES
 from sinew.tasks.cluster.profile import Profile
 from sinew.tasks.cluster.submission import check_scripts, job_scripts
 from sinew.tasks.data.cohort import Cohort
-from sinew.tasks.model import Specimen
+from sinew.tasks.drawing.blocks import plural, span
+from sinew.tasks.model import FORCE, Specimen
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.design import base_samples
@@ -80,7 +81,7 @@ def examine(
 
     cohort = check_cohort(study, data, out)
     specimens = cohort.specimens
-    note("study and cohort", True, f"{len(specimens)} specimens")
+    note("study and cohort", True, f"{plural(len(specimens), 'specimen')}{_compared(specimens)}")
     _look_at_the_ranges(study, cohort, out, note)
     with _temporary_folder(out) as folder:
         _look_at_the_disk(study, specimens, folder, note)
@@ -110,6 +111,20 @@ def _temporary_folder(out: Path) -> Iterator[Path]:
 
 
 Note = Callable[[str, bool, str], None]
+
+
+def _compared(specimens: tuple[Specimen, ...]) -> str:
+    """What is compared, where that is more than the force: how noisy it is, and at how many points of a specimen."""
+    parts = []
+    for name in dict.fromkeys(name for one in specimens for name in one.noise):
+        levels = span([one.noise[name] for one in specimens if name in one.noise])
+        points = [
+            sum(int(np.isfinite(curve.force_N if name == FORCE else curve.others[name]).sum()) for curve in one.curves)
+            for one in specimens
+            if name in one.noise
+        ]
+        parts.append(f"{name} ({span(points)} points, noise {levels})")
+    return f"; compared: {', '.join(parts)}" if parts else ""
 
 
 def _look_at_the_ranges(study: Study, cohort: Cohort, out: Path, note: Note) -> None:

@@ -25,6 +25,7 @@ class _Sizes(Section):
 
 
 _HINTS: Any = {one.name: (one.type, one.default) for one in fields(Hints)}
+_HINTS["keep_column"] = Annotated[tuple[str, ...] | None, Field(strict=False)], None  # YAML has lists
 _Hints = create_model("_Hints", __base__=Section, **_HINTS)
 
 

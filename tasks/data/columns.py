@@ -185,6 +185,12 @@ def in_place(table: Table, hints: Hints, column: Column, place: int) -> Column:
     return _column(table, titles, _named(table, titles), role, _Choice(column.quantity, place, column.how))
 
 
+def names_and_units(table: Table) -> tuple[Row, list[tuple[str, str]]]:
+    """The title of each column, and its name and unit, which may be empty."""
+    titles = _titles(table)
+    return titles, _named(table, titles)
+
+
 def _roles(hints: Hints) -> tuple[_Role, _Role, _Role]:
     stress = hints.force_unit is not None and units.factor(STRESS.units, hints.force_unit) is not None
     loads, more = ((STRESS,), FORCE.titles) if stress else (LOADS, ())

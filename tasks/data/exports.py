@@ -9,6 +9,7 @@ from pathlib import Path
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import NAME, refuse_duplicates
 from sinew.tasks.data.columns import LIKELY
+from sinew.tasks.data.further import refuse_unknown
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH, TIME
 from sinew.tasks.data.recordings import MOST_STRETCH, Bar, Recording, as_told, curve_of, read_recordings, remarks
@@ -103,6 +104,7 @@ def read_exports(
         raise BadInput("--protocol", f"one name for {len(paths)} files of one specimen", "names of files as protocols")
     reading = reading or Reading()
     recordings = [recording for path in paths for recording in _read(path, reading)]
+    refuse_unknown(reading.hints.further, [one.further.values for one in recordings], recordings[0].left_out)
     parts: list[Specimen] = []
     spreads: dict[str, tuple[str, ...]] = {}
     noticed: dict[str, tuple[str, ...]] = {}

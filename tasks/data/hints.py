@@ -3,11 +3,31 @@
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from sinew.runner.errors import BadInput
+from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data.cohort import COLUMNS, NAME
 from sinew.tasks.data.timing import Timing
 
 Zero = Literal["first", "none"]
 Negate = Literal["none", "displacement", "force", "both"]
+
+
+@dataclass(frozen=True)
+class Further:
+    """A column that is kept beside the force: its title or number, its ``name`` in curve files, its unit if told."""
+
+    column: str
+    name: str
+    unit: str | None
+
+
+def further(text: str) -> Further:
+    """What ``TITLE=NAME`` or ``TITLE=NAME:UNIT`` asks for. Raises :class:`BadInput`."""
+    column, _, rest = text.rpartition("=")
+    name, _, unit = rest.partition(":")
+    if not column.strip() or not NAME.fullmatch(name.strip()) or name.strip() in COLUMNS:
+        expected = "TITLE=NAME or TITLE=NAME:UNIT, NAME of letters, digits and '_'"
+        raise BadInput("--keep-column", shown(text), expected)
+    return Further(column.strip(), name.strip(), unit.strip() or None)
 
 
 @dataclass(frozen=True)
@@ -18,6 +38,7 @@ class Hints:
     ``cycle_column`` its cycles, if their times start again. ``rate_hz`` and ``speed``: see :class:`Timing`.
     ``zero_displacement`` and ``zero_force``: whether each counts from its ``first`` value. ``negate``: which of
     them get the other sign.
+    ``keep_column``: columns that are kept beside the force, as for :func:`further`.
     """
 
     time_column: str | None = None
@@ -33,9 +54,13 @@ class Hints:
     zero_displacement: Zero | None = None
     zero_force: Zero | None = None
     negate: Negate | None = None
+    keep_column: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
-        """Raises :class:`BadInput` for a rate or a speed that is impossible."""
+        """Raises :class:`BadInput` for a rate or a speed that is impossible, and for what names no column to keep."""
+        names = [one.name for one in self.further]
+        if len(set(names)) < len(names):
+            raise BadInput("--keep-column", f"two columns called {shown(max(names, key=names.count))}", "other names")
         if self.timing.given and self.time_column is not None:
             raise BadInput(str(self.timing), "given together with --time-column", "one of them")
 
@@ -43,6 +68,11 @@ class Hints:
     def columns_given(self) -> bool:
         """Whether a person names a column of the test."""
         return any(one is not None for one in (self.time_column, self.displacement_column, self.force_column))
+
+    @property
+    def further(self) -> tuple[Further, ...]:
+        """The columns that are kept beside the force."""
+        return tuple(map(further, self.keep_column or ()))
 
     @property
     def timing(self) -> Timing:

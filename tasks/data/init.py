@@ -15,6 +15,7 @@ from sinew.tasks.data.answers import Answers, with_answers, write_answers
 from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, visible, write_cohort
 from sinew.tasks.data.columns import LIKELY, NoColumn
 from sinew.tasks.data.first_ranges import first_ranges
+from sinew.tasks.data.further import refuse_unknown
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.names import UNSURE, FileName, names_of, of_test
 from sinew.tasks.data.new_study import (
@@ -229,6 +230,7 @@ def read_all(
     if not recordings:
         path, problem = left_out[-1]
         raise BadInput(path, problem, "at least one file with a table of numbers")
+    refuse_unknown(hints.further, [one.further.values for one in recordings], recordings[0].left_out)
     return Read(recordings, left_out, person.answered)
 
 

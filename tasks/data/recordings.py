@@ -1,7 +1,7 @@
 """What one test recorded: a file becomes a recording, and a recording of a bar of known size a curve."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.columns import LIKELY, NOWHERE, Column, NoColumn, recognise
+from sinew.tasks.data.further import Kept, kept
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import LENGTH, POSITION, STRAIN, STRESS, STRETCH
@@ -47,7 +48,8 @@ class Recording:
     from one of the ``rows`` of the file. ``columns`` says which columns these are, ``left_out`` names the others.
     ``header`` holds the rows above the titles, and ``sizes`` what they tell of the specimen. ``test`` is the name of
     the test if its file holds several. ``notes``: what a person should know of how it was read. ``remedy``: what may
-    help if times do not increase. ``doubts``: what may be meant otherwise.
+    help if times do not increase. ``doubts``: what may be meant otherwise. ``further``: columns that are kept beside
+    the force.
     """
 
     path: Path
@@ -61,6 +63,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     remedy: str = ""
     doubts: tuple[Doubt, ...] = ()
+    further: Kept = field(default_factory=Kept)
 
     @property
     def motion(self) -> Column:
@@ -158,9 +161,13 @@ def _times_go_on(tests: Sequence[Recording]) -> bool:
 def _joined(tests: Sequence[Recording]) -> Recording:
     note = f"{len(tests)} tables whose times go on: read as one test"
     rows = tuple(row for test in tests for row in test.rows)
-    return replace(
-        tests[0], numbers=np.concatenate([test.numbers for test in tests]), rows=rows, notes=(*tests[0].notes, note)
-    )
+    numbers = np.concatenate([test.numbers for test in tests])
+    values = {
+        name: np.concatenate([test.further.values.get(name, np.full(len(test.rows), np.nan)) for test in tests])
+        for name in dict.fromkeys(name for test in tests for name in test.further.values)
+    }
+    further = replace(next((test.further for test in tests if test.further.values), Kept()), values=values)
+    return replace(tests[0], numbers=numbers, rows=rows, notes=(*tests[0].notes, note), further=further)
 
 
 def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Recording]:
@@ -173,16 +180,18 @@ def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Rec
         if count > 1 and rows < FEWEST_ROWS:
             continue  # of fewer tests than there is room for
         if hints.test_column is None:
-            found.append(_recording(table, ours, hints, Block(name, 0, rows)))
+            found.append(_recording(table, ours, hints, Block(name, 0, rows), number, count))
             continue
         for block in blocks_of_tests(table, rows, hints.test_column):
             both = replace(block, name="_".join(filter(None, (name, block.name))))
-            found.append(_recording(table, ours, hints, both))
+            found.append(_recording(table, ours, hints, both, number, count))
     return found
 
 
-def _recording(table: Table, columns: Columns, hints: Hints, block: Block) -> Recording:
-    """The test in a block of rows of a table."""
+def _recording(
+    table: Table, columns: Columns, hints: Hints, block: Block, number: int = 0, beside: int = 1
+) -> Recording:
+    """The test in a block of rows of a table; ``number``: which of the tests ``beside`` each other."""
     numbers = np.array([[_number(table, row, column) for column in columns] for row in range(block.start, block.end)])
     numbers = numbers * [column.factor for column in columns]
     beyond = np.argwhere(~(np.abs(numbers) < HUGE))
@@ -192,7 +201,8 @@ def _recording(table: Table, columns: Columns, hints: Hints, block: Block) -> Re
         raise BadInput(where, f"{numbers[row, column]:g}", "a number below 1e100")
     if len(numbers) < FEWEST_ROWS:
         raise BadInput(table.path, f"{len(numbers)} rows of numbers{_of(block)}", f"at least {FEWEST_ROWS}")
-    places = {column.place for column in columns}
+    further = kept(table, range(block.start, block.end), hints.further, number, beside)
+    places = {*further.places, *(column.place for column in columns)}
     left_out = tuple(title for place, title in enumerate(table.titles) if place not in places and title)
     notes: tuple[str, ...] = ()
     if hints.timing.given:
@@ -214,6 +224,7 @@ def _recording(table: Table, columns: Columns, hints: Hints, block: Block) -> Re
         block.name,
         notes,
         "" if apart is None or not back else f", or {apart.option} {shown(apart.title)}, which changes there",
+        further=further,
     )
 
 
@@ -297,7 +308,7 @@ def curve_of(recording: Recording, bar: Bar, protocol: str, *, reference: float 
     displacement = _displacement(recording, bar.length_mm, reference)
     stress = recording.load.quantity is STRESS
     force = load * bar.width_mm * bar.thickness_mm if stress else load.copy()
-    return Curve(Protocol(protocol, time_s - time_s[0], displacement), force)
+    return Curve(Protocol(protocol, time_s - time_s[0], displacement), force, dict(recording.further.values))
 
 
 def _displacement(recording: Recording, length_mm: float, reference: float | None) -> Array:
@@ -334,7 +345,7 @@ def _check_displacement(recording: Recording, displacement: Array, length_mm: fl
 
 def remarks(recording: Recording) -> list[str]:
     """What a person should check in a recording that was understood."""
-    found = list(recording.notes)
+    found = [*recording.notes, *recording.further.notes]
     for column in recording.columns:
         if column.alike:
             others = ", ".join(f"'{title}'" for title in column.alike)

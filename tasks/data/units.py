@@ -102,6 +102,13 @@ def _same(one: str, other: str) -> bool:
     return one == other or any(factor(u, one) == factor(u, other) is not None for u in _EVERY)
 
 
+def to_own(unit: str) -> tuple[float, str] | None:
+    """The factor of a unit of any quantity to that which sinew computes in, and this one; None if it is not known."""
+    own = ("s", "mm", "N", "MPa", "mm2", "1")
+    found = ((factor(table, unit), name) for table, name in zip(_EVERY, own, strict=True))
+    return next(((value, name) for value, name in found if value is not None), None)
+
+
 def is_rate(unit: str) -> bool:
     """Whether a unit is one of a change in time, such as mm/s or %/min."""
     per = unit.rpartition("/")[2].strip()

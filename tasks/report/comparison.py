@@ -77,6 +77,8 @@ def _setup(pair: Pair) -> Section:
     specimens = [set(one.measured) for one in (pair.first, pair.second)]
     both = specimens[0] & specimens[1]
     other = [name for name in sorted(both) if _data(pair.first, name) != _data(pair.second, name)]
+    quantities = [", ".join(_quantities(one)) or "–" for one in (pair.first, pair.second)]
+    rows.append(["compared", *quantities, "" if quantities[0] == quantities[1] else "differs"])
     counts = [str(len(each)) for each in specimens]
     rows.append(["specimens", *counts, "" if specimens[0] == specimens[1] else "differs"])
     words = f"{plural(len(both), 'specimen')} in both"
@@ -85,6 +87,12 @@ def _setup(pair: Pair) -> Section:
     differs = [row[0] for row in rows if row[3]]
     found = f"differ in {', '.join(differs)}" if differs else "the same settings"
     return Section("setup", "Setup", "What was set otherwise?", [table, Words(words)], found=found)
+
+
+def _quantities(found: ResultFolder) -> list[str]:
+    """What is compared in a folder, by the stored evaluations."""
+    others = {name for every in found.measured.values() for curve in every.values() for name in curve.others}
+    return [*(["force"] if found.forces else []), *sorted(others)]
 
 
 def _data(found: ResultFolder, specimen: str) -> Any:
@@ -127,6 +135,7 @@ def _calibration(pair: Pair) -> Section:
             parameters.append([f"{name} {parameter}", *cells])
     blocks: list[Block] = [
         Table("RMSEs together (N)", ["specimen", *pair.names, "second / first"], fits),
+        *_beside(pair, first, second),
         Table("Parameters", ["parameter", *pair.names, "difference", "in sd"], parameters, open=len(parameters) <= 40),
         Words(INDEPENDENT, "note"),
     ]
@@ -136,6 +145,21 @@ def _calibration(pair: Pair) -> Section:
     words = f"{plural(len(fits), 'specimen')} in both; "
     words += f"{far} of {len(parameters)} parameters differ by more than {FAR:g} sd"
     return Section("calibration", title, question, blocks, found=words)
+
+
+def _beside(pair: Pair, first: CalibrateResult, second: CalibrateResult) -> Iterator[Table]:
+    """The errors of what both fits compare beside the force, a table for each quantity."""
+    both = [(name, fit.sums(), second.specimens[name].sums()) for name, fit in first.specimens.items()
+            if name in second.specimens]  # fmt: skip
+    for quantity in dict.fromkeys(each for _, one, other in both for each in one if each in other):
+        rows = []
+        for name, one, other in both:
+            if quantity in one and quantity in other:
+                ratio = other[quantity] / one[quantity] if one[quantity] else float("nan")
+                rows.append([name, number(one[quantity], 4), number(other[quantity], 4), number(ratio, 3)])
+        yield Table(
+            f"{quantity.removeprefix('rmse_')}, RMSEs together", ["specimen", *pair.names, "second / first"], rows
+        )
 
 
 def _apart(values: Sequence[float], sds: Sequence[float] | None) -> tuple[list[str], bool]:

@@ -2,8 +2,8 @@
 
 import json
 import shlex
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,12 +16,12 @@ from sinew.runner.files import NotReadable, read_regular
 from sinew.runner.store.store import Store, open_store, refuse_strange_entries
 from sinew.runner.store.table import Table
 from sinew.tasks.discover.result import DiscoverResult
-from sinew.tasks.model import file_name
+from sinew.tasks.model import FORCE, file_name
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.status import read_status
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.registry import of_own_models
-from sinew.tasks.study.curves import MeasuredCurve, kept_curves, represented
+from sinew.tasks.study.curves import POINTS, MeasuredCurve, MeasuredQuantity, kept_curves, represented
 from sinew.tasks.study.result import Result
 
 R = TypeVar("R", bound=Result)
@@ -81,7 +81,7 @@ class ResultFolder:
         """Measured curves by specimen and protocol.
 
         They are those of the cohort; in folders of older versions, those at the points of the evaluations, or what a
-        discovery looked at.
+        discovery looked at. What is compared beside the force is that at the points of the evaluations.
         """
         found = kept_curves(self.store) if self.store is not None else {}
         found |= {name: dict(_curves(tables[0])) for name, tables in self.tables.items() if name not in found}
@@ -91,7 +91,13 @@ class ResultFolder:
                 kept = self.store.read_result(f"discover/{file_name(name)}")
                 protocols = sorted(str(key).removeprefix("time_") for key in kept.dims)
                 found[name] = {protocol: _discovered(kept, protocol) for protocol in protocols}
-        return dict(sorted(found.items()))
+        return {
+            name: {
+                protocol: replace(curve, others=_others(self.tables.get(name, ()), protocol))
+                for protocol, curve in every.items()
+            }
+            for name, every in sorted(found.items())
+        }
 
     @property
     def forces(self) -> bool:
@@ -176,6 +182,25 @@ def _points(table: Table) -> int:
 def _curves(table: Table) -> Iterator[tuple[str, MeasuredCurve]]:
     for name in protocols_of(table):
         yield name, represented(name, *columns_of(table, name))
+
+
+def _others(tables: Sequence[Table], protocol: str) -> dict[str, MeasuredQuantity]:
+    """What any of the tables of a specimen holds of a protocol beside the force; the first one counts."""
+    found = {quantity: one for table in reversed(tables) for quantity, one in _compared(table, protocol)}
+    return dict(sorted(found.items()))
+
+
+def _compared(table: Table, protocol: str) -> Iterator[tuple[str, MeasuredQuantity]]:
+    specimen = table.identity.get("specimen")
+    compared = specimen.get("compared") if isinstance(specimen, dict) else None
+    for quantity in compared if isinstance(compared, dict) else ():
+        values = table.coordinate(f"measured_{quantity}_{protocol}")
+        time_s = table.coordinate(f"time_{protocol}")
+        if quantity != FORCE and values is not None and time_s is not None and values.size == time_s.size:
+            there = np.flatnonzero(np.isfinite(values))
+            there = there[:: max(1, -(-there.size // POINTS))]
+            unit = str(table.group[f"measured_{quantity}_{protocol}"].attrs.get("units", "1"))
+            yield quantity, MeasuredQuantity(unit, time_s[there], values[there])
 
 
 def _discovered(kept: xr.Dataset, protocol: str) -> MeasuredCurve:

@@ -6,7 +6,7 @@ points of each in ``row_size`` (a contiguous ragged array of the CF conventions)
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
@@ -24,16 +24,26 @@ COLUMNS = {"time": "s", "displacement": "mm", "force": "N"}
 
 
 @dataclass(frozen=True, eq=False)
+class MeasuredQuantity:
+    """What was measured beside the force along a protocol: ``values`` ``[q]`` in ``unit`` at the times ``time_s``."""
+
+    unit: str
+    time_s: Array
+    values: Array
+
+
+@dataclass(frozen=True, eq=False)
 class MeasuredCurve:
     """A curve at points that represent it, each array ``[p]``; ``total`` points were measured or stored.
 
-    ``force_N`` is NaN where nothing was measured, but the specimen was pulled.
+    ``force_N`` is NaN where nothing was measured, but the specimen was pulled. ``others``: what is compared besides.
     """
 
     time_s: Array
     displacement_mm: Array
     force_N: Array
     total: int
+    others: Mapping[str, MeasuredQuantity] = field(default_factory=dict)
 
 
 def represented(protocol: str, time: Array, moved: Array, force: Array) -> MeasuredCurve:

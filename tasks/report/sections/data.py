@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from sinew.tasks.drawing import plots
-from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, number, plural
+from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, number, plural, span
 from sinew.tasks.report.folder import ResultFolder
-from sinew.tasks.study.curves import POINTS, MeasuredCurve
+from sinew.tasks.study.curves import POINTS, MeasuredCurve, MeasuredQuantity
 
 AXES = {
     "time": "time (s)",
@@ -45,6 +45,9 @@ def section(found: ResultFolder) -> Section:
     sized = found.forces and any(map(_sizes, bars.values()))
     across = FORCES + (STRESSES if sized else ()) if found.forces else DISPLACEMENTS
     what = "Measured curves" if found.forces else "Nothing was measured: displacements that the study asks for"
+    quantities = {
+        quantity: one.unit for *_, curve in curves for quantity, one in curve.others.items() if one.values.size
+    }
     blocks: list[Block] = [
         plots.picked(
             "data-curves",
@@ -53,7 +56,8 @@ def section(found: ResultFolder) -> Section:
             {name: _sources(every, protocols, bars[name]) for name, every in measured.items()},
             lambda sources: _draw(sources, protocols, across),
         ),
-        _table(found, bars),
+        *([_beside(measured, protocols, quantities)] if quantities else []),
+        _table(found, bars, quantities),
     ]
     kind = "curve" if found.forces else "protocol"
     of = f" of {plural(len(sites), 'site')}" if sites else ""
@@ -63,8 +67,52 @@ def section(found: ResultFolder) -> Section:
         question,
         blocks,
         found=f"{plural(len(measured), 'specimen')}{of}, {plural(len(curves), kind)} ({', '.join(protocols)})"
-        + ("" if found.forces else "; nothing was measured"),
+        + ("" if found.forces else "; nothing was measured")
+        + (f"; compared beside the force: {', '.join(map(_words, quantities))}" if quantities else ""),
     )
+
+
+def _beside(
+    measured: Mapping[str, Mapping[str, MeasuredCurve]], protocols: list[str], quantities: Mapping[str, str]
+) -> Block:
+    """What is compared beside the force: a plot for each quantity, points in a colour for each protocol."""
+    nothing = MeasuredQuantity("1", np.zeros(0), np.zeros(0))
+
+    def sources(every: Mapping[str, MeasuredCurve]) -> dict[str, dict[str, Any]]:
+        found = {}
+        for quantity in quantities:
+            for protocol in protocols:
+                one = every[protocol].others.get(quantity, nothing) if protocol in every else nothing
+                found[f"{protocol}: {quantity}"] = {"time": one.time_s, "value": one.values}
+        return found
+
+    def draw(drawn_of: plots.Sources) -> list[Plot]:
+        drawn = []
+        for count, (quantity, unit) in enumerate(quantities.items()):
+            behind = "" if unit == "1" else f" {unit}"
+            plot = plots.figure(AXES["time"], _words(quantity) + (f" ({unit})" if behind else ""), height=320)
+            entries = []
+            for number_, protocol in enumerate(protocols):
+                source = drawn_of[f"{protocol}: {quantity}"]
+                dots = plot.scatter("time", "value", source=source, color=plots.colour(number_), size=4)
+                plots.hover(plot, dots, [(protocol, ""), TOOLTIPS["time"], (_words(quantity), f"@value{behind}")])
+                entries.append((protocol.replace("_", " "), [dots]))
+            plots.legend(plot, entries)
+            label = f"Measured {_words(quantity)} of the picked specimen over time, points for each protocol"
+            drawn.append(plots.plot(f"data-beside-{count}", plot, label))
+        return drawn
+
+    return plots.picked(
+        "data-beside",
+        "What is compared beside the force, at the stored points at which it was measured.",
+        "Specimen",
+        {name: sources(every) for name, every in measured.items()},
+        draw,
+    )
+
+
+def _words(quantity: str) -> str:
+    return quantity.replace("_", " ")
 
 
 def _sources(every: dict[str, MeasuredCurve], protocols: list[str], bar: dict[str, Any]) -> dict[str, dict[str, Any]]:
@@ -106,7 +154,7 @@ def _draw(sources: plots.Sources, protocols: list[str], axes: Sequence[tuple[str
     return drawn
 
 
-def _table(found: ResultFolder, bars: Mapping[str, dict[str, Any]]) -> Table:
+def _table(found: ResultFolder, bars: Mapping[str, dict[str, Any]], quantities: Mapping[str, str]) -> Table:
     rows = []
     for name, every in found.measured.items():
         bar = bars[name]
@@ -117,10 +165,19 @@ def _table(found: ResultFolder, bars: Mapping[str, dict[str, Any]]) -> Table:
         farthest = max(float(np.max(np.abs(curve.displacement_mm))) for curve in every.values())
         stress, strain = peak / (sizes[1] * sizes[2]), 100.0 * farthest / sizes[0]
         rows.append([name, ", ".join(every), *(number(size, 4) for size in sizes), number(lasts), f"{points:,}",
-                     number(peak), number(stress), number(strain)])  # fmt: skip
+                     number(peak), number(stress), number(strain),
+                     *(_reach(every, quantity) for quantity in quantities)])  # fmt: skip
     header = ["specimen", "protocols", "length (mm)", "width (mm)", "thickness (mm)", "time (s)", "points",
-              "peak force (N)", "peak stress (MPa)", "peak strain (%)"]  # fmt: skip
+              "peak force (N)", "peak stress (MPa)", "peak strain (%)",
+              *(_words(name) + ("" if unit == "1" else f" ({unit})") for name, unit in quantities.items())]  # fmt: skip
     return Table("Specimens", header, rows, words=(1,), open=len(rows) <= 6)
+
+
+def _reach(every: Mapping[str, MeasuredCurve], quantity: str) -> str:
+    """From the smallest to the largest value of a quantity, over all protocols of a specimen."""
+    values = [curve.others[quantity].values for curve in every.values() if quantity in curve.others]
+    values = [each for each in values if each.size]
+    return span(np.concatenate(values).tolist()) if values else "–"
 
 
 def _geometry(found: ResultFolder, name: str) -> dict[str, Any]:

@@ -52,6 +52,18 @@ def test_what_an_option_tells_is_not_asked_for(dry_run):
     assert (code, found["length_mm"], found["area_mm2"], found["ask"]) == (0, 21.0, 4.0, [])
 
 
+def test_columns_that_are_kept_beside_the_force(dry_run, tmp_path, monkeypatch, capsys):
+    path = tmp_path / "a.csv"
+    path.write_text(path.read_text().replace("Load (kN)\n", "Load (kN),Width\n").replace(",0.2\n", ",0.2,-0.03\n"))
+    _, out = dry_run("a.csv", "--keep-column", "Width=width_change_mm")
+    assert "  ask: 'Width': no unit can be found; expected --keep-column 'Width=width_change_mm:UNIT'" in out
+    words = ["a.csv", "--out", "cohort", "--area-mm2", "4", "--keep-column", "Width=width_change_mm:mm"]
+    monkeypatch.setattr(sys, "argv", ["sinew", "import", *words])
+    main()
+    assert ", peak 300 N, with width_change_mm\n" in capsys.readouterr().out
+    assert (tmp_path / "cohort/a/test.csv").read_text().splitlines()[2] == "1,0.1,200,-0.03"
+
+
 def test_without_a_dry_run_a_folder_is_needed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.csv").write_text(EXPORT)

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from sinew.tasks.cluster import doctor as doctor_module
@@ -10,11 +11,13 @@ from sinew.tasks.cluster.doctor import examine
 from sinew.tasks.cluster.profile import read_profile
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.drawing.blocks import span
 from sinew.tasks.model import Curve
 from sinew.tasks.study.cohort import cohort_of
 from sinew.tasks.study.study import read_study
 from tests.batch import places
 from tests.tasks.cluster.slurm_studies import ALLOCATION, PROFILE, live, prepare, profile_with, sinew_process, until
+from tests.tasks.measured import study_of, write_measured
 from tests.trusting import trusted
 
 LOOKED_AT = (
@@ -53,6 +56,17 @@ def doctor(folder, expect=0):
     """What the command prints on the study in a folder."""
     profile = folder / "profile.yaml"
     return sinew_process("doctor", folder / "study.yaml", "--profile", profile, "--out", folder / "out", expect=expect)
+
+
+def test_what_is_compared_beside_the_force_is_told(tmp_path):
+    write_measured(tmp_path, 2, 2.0)
+    several = study_of(tmp_path, "", "measured: {force: {noise: 0.5}, lateral_strain: {noise: 0.0003}}")
+    specimens = cohort_of(read_study(several)).specimens
+    points = {sum(int(np.isfinite(c.others["lateral_strain"]).sum()) for c in one.curves) for one in specimens}
+    words = doctor_module._compared(specimens)
+    assert words.startswith("; compared: force (")
+    assert words.endswith(f"lateral_strain ({span(sorted(points))} points, noise 0.0003)")
+    assert doctor_module._compared(cohort_of(read_study(study_of(tmp_path, "", ""))).specimens) == ""
 
 
 @pytest.mark.parametrize(("factor", "good"), [(1.0, True), (1e-4, False), (-1.0, False)])

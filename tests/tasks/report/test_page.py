@@ -18,6 +18,7 @@ from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import number, percent
 from sinew.tasks.model import Model
 from sinew.tasks.report import folder, page
+from sinew.tasks.report.comparison import compare
 from sinew.tasks.report.page import build
 from sinew.tasks.report.sections import data
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
@@ -242,5 +243,14 @@ def test_quantities_beside_the_force_have_plots_and_columns_of_their_own(tmp_pat
     assert "(noise alone: 6)" in text
     assert "times the noise" not in text
     assert "one_step: lateral_strain: measured and fitted" in text
+    assert (
+        "1 specimen of 1 site, 3 curves (cyclic, one_step, two_step); compared beside the force: lateral strain" in text
+    )
+    assert "Measured lateral strain of the picked specimen over time" in text
+    both = compare(tmp_path / "out", tmp_path / "out", tmp_path / "both.html")
+    assert both.trouble == ()
+    words = html.unescape(both.path.read_text())
+    assert "force, lateral_strain" in words
+    assert "lateral_strain, RMSEs together" in words
     assert "The same for the lateral strain." in text
     assert "Measured points of further quantities inside the bands" in text
