@@ -392,6 +392,16 @@ def test_an_answer_holds_for_no_file_that_says_it_itself(tmp_path):
     assert [one.curves[0].digest for one in again.specimens] == [one.curves[0].digest for one in made.specimens]
 
 
+def test_an_answer_that_is_none_of_the_choices_of_another_file_is_asked_again(tmp_path):
+    for name, motion, load in (("a", -1, 1), ("b", 1, -1)):
+        rows = "".join(f"{i},{motion * i},{load * 5 * i}\n" for i in range(6))
+        (tmp_path / f"{name}.csv").write_text(f"time_s,displacement_mm,force_N\n{rows}")
+    ask, asked = answers(**{"a.csv:": "displacement", "b.csv:": "force"})
+    read = read_all(Files((tmp_path / "a.csv", tmp_path / "b.csv"), ()), Hints(), ask)
+    assert [one.numbers[-1, 1:].tolist() for one in read.recordings] == [[5.0, 25.0], [5.0, 25.0]]
+    assert len(asked) == 2
+
+
 def test_an_answer_holds_for_all_files_that_do_not_say(tmp_path):
     paths = [table(tmp_path / f"{name}.csv", "time_s,displacement_mm,force") for name in "ab"]
     ask, asked = answers(force="kN")

@@ -28,7 +28,7 @@ def test_several_speeds_are_told_from_the_slowest_to_the_fastest():
 
 def test_a_compression_is_loaded_too_and_a_small_way_is_none():
     assert rate_words(protocol((0, 0), (10, -1)), 10.0) == "0.01 1/s"
-    small = protocol((0, 0), (10, 1), (20, 0.95), (20.5, 1.0), (30, 0))
+    small = protocol((0, 0), (10, 1), (11, 0.95), (12, 1.0), (22, 0))
     assert rate_words(small, 10.0) == "0.01 1/s"
 
 

@@ -203,6 +203,12 @@ def test_a_row_with_half_of_the_numbers_is_a_broken_row(tmp_path, above, first):
     assert table.first == first
 
 
+def test_a_row_that_begins_with_a_label_is_no_broken_row(tmp_path):
+    above = ("ChannelTitle=,Force,Length", "UnitName=,mN,mm", "TopValue=,100,10")
+    (table,) = tables(tmp_path, *above, *["1,2,3"] * 3)
+    assert (table.titles, table.units, table.first) == (("", "Force", "Length"), ("", "mN", "mm"), 4)
+
+
 def test_a_row_of_numbers_alone_begins_no_table(tmp_path):
     (table,) = tables(tmp_path, "1,2,3", "a,b,c", "t,u,F", "0,0,0", "1,1,1", "2,2,2")
     assert (table.titles, table.first) == (("t", "u", "F"), 4)
