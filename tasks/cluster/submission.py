@@ -20,7 +20,7 @@ from sinew.runner.errors import BadInput, ClusterError, WalltimeReached
 from sinew.runner.evaluation import external
 from sinew.runner.files import read_input
 from sinew.runner.store.schema import PENDING
-from sinew.runner.store.store import open_store
+from sinew.runner.store.store import open_store, refuse_strange_entries
 from sinew.runner.temporary import temporary_folder
 from sinew.tasks.cluster.profile import AllocationSettings, Profile
 from sinew.tasks.registry import TASKS
@@ -215,6 +215,7 @@ def cancel(out: Path) -> list[QueuedJob]:
     """End all jobs of a result folder; returns those that were ended. What is finished is kept."""
     if not (JobTable(jobs_folder(out)).path.exists() or (out / "store.zarr").is_dir()):
         raise ClusterError(f"{out}: holds no jobs; name a result folder, as given to --out")
+    refuse_strange_entries(out)
     jobs = live_jobs(out)
     if jobs:
         _system_of(JobTable(jobs_folder(out)).read()).cancel([job.job for job in jobs])

@@ -28,7 +28,7 @@ from sinew.runner.library_logs import libraries_log_to
 from sinew.runner.printing import put
 from sinew.runner.progress import Board, Report, Show, open_board, progress
 from sinew.runner.store.schema import TableSpec
-from sinew.runner.store.store import Store
+from sinew.runner.store.store import Store, refuse_strange_entries
 from sinew.runner.store.table import Table
 from sinew.tasks.data.cohort import Cohort
 from sinew.tasks.model import Model, Specimen
@@ -239,7 +239,7 @@ def open_workspace(
 def check_cohort(study: Study, data: Path | None, out: Path) -> Cohort:
     """The study's cohort, or the one in ``data``, if it and the result folder can be used for the study.
 
-    Raises :class:`BadInput`.
+    Raises :class:`BadInput`, and ``StoreError`` for a result folder with links, pipes or devices.
     """
     cohort = cohort_of(study, data)
     for task in TASKS:
@@ -247,6 +247,8 @@ def check_cohort(study: Study, data: Path | None, out: Path) -> Cohort:
         if names != "all":
             cohort.choose(names, f"{study.path}: {task}.specimens")
     check_folder(out)
+    if out.is_dir():
+        refuse_strange_entries(out)
     if out.resolve().is_relative_to(cohort.folder.resolve()):
         raise BadInput(f"--out {out}", f"lies inside the cohort {cohort.folder}", "a folder beside it")
     return cohort

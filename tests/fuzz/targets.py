@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from sinew.runner.cluster.job_table import JobTable
 from sinew.runner.errors import brief
@@ -287,6 +288,7 @@ def _result_folder(folder: Path) -> Target:
             rows, outcome.status, ones.astype(np.int16), ones, outcome.values, outcome.messages, "node:1 job 7"
         )
         segment.write(table.journal / "rows-000000020-00004.safetensors")
+        store.write_result("sobol", xr.Dataset({"ST": ("parameter", ones)}, {"parameter": list("abcd")}))
     (made / "log.jsonl").write_text(_LOG)
     (made / "progress.json").write_text(json.dumps(_PROGRESS))
     jobs = JobTable(made / "jobs")
@@ -301,7 +303,7 @@ def _result_folder(folder: Path) -> Target:
 def _look_at(out: Path) -> None:
     """Everything that commands read of a result folder; each part must end by itself."""
     errors = []
-    for part in (_status, _all_rows, _look, _page, pipeline.repair, _all_rows):
+    for part in (_status, _all_rows, _arrays, _look, _page, pipeline.repair, _all_rows):
         try:
             part(out)
         except Exception as error:
@@ -322,6 +324,10 @@ def _look(out: Path) -> None:
 
 def _page(out: Path) -> None:
     page._key(read_folder(out))  # what is wrong with a section, the page says in its place
+
+
+def _arrays(out: Path) -> None:
+    open_store(out).read_result("sobol")
 
 
 def _all_rows(out: Path) -> None:

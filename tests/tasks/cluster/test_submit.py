@@ -191,3 +191,16 @@ def test_an_answer_without_a_number(sinew, answered):
 def test_the_number_of_a_job_in_a_federation(accepted):
     answer("sbatch", "echo '123;north'")
     assert accepted(*SUBMIT).startswith("job 123 leads")
+
+
+@pytest.mark.parametrize("command", [SUBMIT, ("cancel", "out"), ("doctor", "study.yaml", "--out", "out")], ids=str)
+@pytest.mark.parametrize("place", ["jobs", "jobs/jobs.jsonl", "jobs/job.sh"])
+def test_nothing_is_written_through_a_link_in_a_result_folder(refused, command, place):
+    Path("elsewhere").mkdir()
+    Path("elsewhere", "mine").write_text("mine")
+    link = Path("out", place)
+    link.parent.mkdir(parents=True)
+    Path("out", "store.zarr").mkdir()
+    link.symlink_to(Path("elsewhere").absolute() if place == "jobs" else Path("elsewhere", "mine").absolute())
+    refused(command, f"out/{place}: is a link; a result folder holds files and folders only, remove it")
+    assert [(path.name, path.read_text()) for path in Path("elsewhere").iterdir()] == [("mine", "mine")]
