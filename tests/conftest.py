@@ -5,13 +5,16 @@ import os
 import shutil
 import signal
 import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import numpy as np
 import pytest
 
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
+from tests.shared_folders import made_once
 
 pytest_plugins = ("tests.batch.plugin",)
 
@@ -59,11 +62,37 @@ def _must_run(report: pytest.TestReport) -> bool:
     return os.environ.get("CI") == "true" and not allowed
 
 
+DRAWN = {"page": "report", "figures": "_draw"}  # marks, and what in the pipeline they are about
+
+
+@pytest.fixture(scope="session", autouse=True)
+def drawing() -> Iterator[dict[str, Callable[..., Any]]]:
+    """Figures and page take longer than all the rest: runs within this process have none, see :func:`_drawn`."""
+    from sinew.tasks import pipeline
+
+    real = {name: getattr(pipeline, name) for name in DRAWN.values()}
+    with pytest.MonkeyPatch.context() as patch:
+        for name in real:
+            patch.setattr(pipeline, name, lambda *_, **__: None)
+        yield real
+
+
 @pytest.fixture(autouse=True)
-def _no_page(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Building a page takes seconds: runs within this process build one only where it is what a test is about."""
-    if not request.node.get_closest_marker("page"):
-        monkeypatch.setattr("sinew.tasks.pipeline.report", lambda folder, console, **_: None)
+def _drawn(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, drawing: dict[str, Callable[..., Any]]
+) -> None:
+    """Where a figure or the page is what a test is about, its runs draw them."""
+    for mark, name in DRAWN.items():
+        if request.node.get_closest_marker(mark):
+            monkeypatch.setattr(f"sinew.tasks.pipeline.{name}", drawing[name])
+
+
+@pytest.fixture(scope="session")
+def golden_run(tmp_path_factory: pytest.TempPathFactory, drawing: object) -> Path:
+    """The result folder of the golden study, to be read only; the study and its cohort are beside it."""
+    from tests.golden.study import make
+
+    return made_once(tmp_path_factory, "golden", make) / "out"
 
 
 @pytest.fixture(autouse=True)

@@ -1,6 +1,7 @@
 """``import sinew``: results that print and plot, and open as the objects of the libraries that others work with."""
 
 import json
+import shutil
 import subprocess
 import sys
 import warnings
@@ -20,14 +21,14 @@ from sinew.tasks.model import Model
 from sinew.tasks.registry import TASKS
 from sinew.tasks.study.files import read_json, write_json
 from sinew.tasks.study.workspace import Workspace
-from tests.golden.study import FREE, make
+from tests.golden.study import FREE
 from tests.tasks.calibrations import calibration_of, fit_of
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Results of every task over two specimens of two sites."""
-    return make(tmp_path_factory.mktemp("notebook"))
+def folder(golden_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of every task over two specimens of two sites, with their study."""
+    return Path(shutil.copytree(golden_run.parent, tmp_path_factory.mktemp("notebook") / "golden")) / "out"
 
 
 @pytest.fixture
@@ -142,6 +143,7 @@ def test_run_refuses_what_the_command_refuses(folder, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.figures
 def test_running_again_evaluates_nothing(folder, monkeypatch):
     monkeypatch.setattr(Workspace, "client", lambda self: pytest.fail("a cluster was started"))
     before = (folder / "sobol.json").read_bytes()

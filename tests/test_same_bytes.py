@@ -35,15 +35,15 @@ def listed(name: str) -> bool:
 
 
 @pytest.fixture(scope="module")
-def twice(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def twice(golden_run: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """The result folders of two runs, each with a page."""
-    found = []
-    for place in ("one", "another/deeper"):
-        folder = tmp_path_factory.mktemp("run") / place
-        folder.mkdir(parents=True)
-        found.append(make(folder))
-        build(found[-1])
-    return found[0], found[1]
+    folder = tmp_path_factory.mktemp("run")
+    deeper = folder / "another" / "deeper"
+    deeper.mkdir(parents=True)
+    found = Path(shutil.copytree(golden_run, folder / "one" / "out")), make(deeper)
+    for out in found:
+        build(out)
+    return found
 
 
 def test_only_listed_files_differ(twice):

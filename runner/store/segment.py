@@ -7,17 +7,19 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import google_crc32c
 import numpy as np
 import safetensors.numpy
-import zarr
 from safetensors import SafetensorError, safe_open
 
 from sinew.runner.errors import StoreError
 from sinew.runner.store.damage import words
 from sinew.runner.store.schema import STATUSES, Array
+
+if TYPE_CHECKING:  # workers write segments, and nothing else of the store
+    import zarr
 
 CHECKSUMS = "crc32c"  # the key of the checksums in a segment's metadata
 OWN = {"rows": "int64", "status": "int8", "attempts": "int16", "wall": "float64"}
@@ -180,7 +182,7 @@ def is_whole(path: Path) -> bool:
 Part = tuple[Segment, Array, Array]
 
 
-def column_of(parts: list[Part], array: zarr.Array[Any], name: str, size: int, held: Array | None) -> Array:
+def column_of(parts: list[Part], array: "zarr.Array[Any]", name: str, size: int, held: Array | None) -> Array:
     """The column ``name`` of ``size`` rows: what the store ``held``, or nothing, and ``parts``."""
     columns = [segment.column(name, inside) for segment, inside, _ in parts]
     ascend = [(np.diff(rows) == 1).all() for _, _, rows in parts]

@@ -11,8 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
-from scipy.optimize import minimize_scalar
 
 from sinew.tasks.model import Curve
 from sinew.tasks.model.phases import Phase, phases
@@ -106,6 +104,7 @@ def noise_of_each(groups: Sequence[Sequence[Curve]]) -> list[Noise]:
 
 def _correlation_and_growth(groups: Sequence[list[_Piece]], proportional: bool) -> tuple[float, list[float]]:
     """One correlation for all groups of phases, and the growth of each group in levels per newton (0: none)."""
+    from scipy.optimize import minimize_scalar  # slow to import
 
     def correlation(growths: Sequence[float]) -> float:
         def loss(r: float) -> float:
@@ -178,6 +177,8 @@ def _pieces(curve: Curve) -> list[_Piece]:
 
 def _splines(phase: Phase, since: Array, median_step: float) -> Array:
     """Cubic B-splines ``[t, p]`` at the times ``since`` (s) the phase began. Splines without any point are left out."""
+    from scipy.interpolate import BSpline  # slow to import
+
     hold = phase.kind == "hold"
     x = np.log1p(since / median_step) if hold else since
     most = MOST_COEFFICIENTS + (0 if hold else since.size // POINTS_PER_EXTRA)

@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from sinew.tasks.model.specimen import Array, Protocol
 
@@ -54,6 +53,8 @@ def phases(protocol: Protocol) -> tuple[Phase, ...]:
         return (Phase("hold", 1, 0, moved.size),)
     speed = np.diff(moved) / np.diff(time)
     if speed.size > 2 * SMOOTHED:
+        from scipy.ndimage import median_filter  # slow to import
+
         speed = median_filter(speed, SMOOTHED, mode="nearest")
     kinds = _directions(speed, np.diff(time), moved, STAYS * whole)
     for begin, end in _runs(kinds):  # a small reversal within a phase

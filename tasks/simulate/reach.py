@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from sinew.tasks.model import Curve, Model, Parameter, Protocol, Specimen
 from sinew.tasks.model.phases import phases
@@ -162,6 +161,8 @@ def thinned(curve: Curve) -> Curve:
 
 def _peak(curve: Curve) -> tuple[int, float]:
     """Where the measured force is largest in size, and how large; a single point that stands out does not count."""
+    from scipy.ndimage import median_filter  # slow to import
+
     smooth = median_filter(np.nan_to_num(curve.force_N), 3, mode="nearest")
     at = int(np.abs(smooth).argmax())
     return at, float(smooth[at])

@@ -7,17 +7,11 @@ import pytest
 
 from sinew.tasks.registry import TASKS
 from tests.golden import compare as golden
-from tests.golden.study import make
-
-
-@pytest.fixture(scope="module")
-def out(tmp_path_factory):
-    return make(tmp_path_factory.mktemp("golden"))
 
 
 @pytest.mark.parametrize("task", TASKS)
-def test_results_are_the_accepted_ones(out, task):
-    lines = golden.compare(out).get(task, [])
+def test_results_are_the_accepted_ones(golden_run, task):
+    lines = golden.compare(golden_run).get(task, [])
     assert not lines, "\n".join(["a result changed (see CONTRIBUTING.md, golden results):", *lines[:20]])
 
 
@@ -25,16 +19,16 @@ def test_what_was_accepted_for_a_version_is_what_stands_there():
     assert golden.edited_by_hand() == []
 
 
-def test_a_changed_result_needs_another_version(out, tmp_path, monkeypatch):
+def test_a_changed_result_needs_another_version(golden_run, tmp_path, monkeypatch):
     monkeypatch.setattr(golden, "EXPECTED", tmp_path / "expected")
     monkeypatch.setattr(golden, "ACCEPTED", tmp_path / "expected" / "accepted.json")
-    assert golden.accept(out) == list(TASKS)
-    assert golden.accept(out) == []
-    content = json.loads((out / "sobol.json").read_text())
+    assert golden.accept(golden_run) == list(TASKS)
+    assert golden.accept(golden_run) == []
+    content = json.loads((golden_run / "sobol.json").read_text())
     changed = tmp_path / "changed"
     changed.mkdir()
     for task in TASKS:
-        (changed / f"{task}.json").write_bytes((out / f"{task}.json").read_bytes())
+        (changed / f"{task}.json").write_bytes((golden_run / f"{task}.json").read_bytes())
     content["ST"][0] *= 1.001
     (changed / "sobol.json").write_text(json.dumps(content))
     assert list(golden.compare(changed)) == ["sobol"]

@@ -60,6 +60,7 @@ def new_simulations(out: Path) -> list[int]:
 
 
 @pytest.mark.page
+@pytest.mark.figures
 def test_a_run_leaves_results_arrays_figures_and_a_log(study, tmp_path, capsys):
     out = tmp_path / "out"
     sinew("run", study, "--out", out, "--workers", 2)
@@ -107,6 +108,7 @@ def test_a_run_leaves_results_arrays_figures_and_a_log(study, tmp_path, capsys):
     assert not list((out / "journal").rglob("*.safetensors"))
 
 
+@pytest.mark.figures
 def test_running_again_simulates_nothing_and_starts_no_cluster(study, tmp_path, in_this_process, monkeypatch):
     out = tmp_path / "out"
     sinew("run", study, "--out", out, "--quiet")
@@ -127,12 +129,6 @@ def test_running_again_simulates_nothing_and_starts_no_cluster(study, tmp_path, 
 def in_this_process(monkeypatch):
     """Evaluate without a cluster."""
     monkeypatch.setattr(Workspace, "client", lambda self: None)
-
-
-@pytest.fixture
-def no_figures(monkeypatch):
-    """Figures take longer than all the rest."""
-    monkeypatch.setattr(pipeline, "_draw", lambda *_: None)
 
 
 @pytest.fixture
@@ -177,7 +173,7 @@ def test_a_page_is_built_again_only_when_something_changed(shown, monkeypatch, c
     assert len(built) == 1 + again
 
 
-def test_extending_pays_for_new_rows_only(study, tmp_path, in_this_process, no_figures):
+def test_extending_pays_for_new_rows_only(study, tmp_path, in_this_process):
     out = tmp_path / "out"
     sinew("sobol", study, "--out", out, "--quiet")
     sinew("sobol", study, "--out", out, "--quiet", "--extend")
@@ -192,14 +188,14 @@ def test_extending_pays_for_new_rows_only(study, tmp_path, in_this_process, no_f
     assert again["ST"] == sobol["ST"]
 
 
-def test_points_are_rounded_aloud(study, tmp_path, in_this_process, no_figures, capsys):
+def test_points_are_rounded_aloud(study, tmp_path, in_this_process, capsys):
     study.write_text(STUDY.replace("base_samples: 32", "points: 100"))
     sinew("sobol", study, "--out", tmp_path / "out")
     said = " ".join(capsys.readouterr().out.split())
     assert "100 points asked; the next power of two is 8 base samples, 144 rows for 16 parameters" in said
 
 
-def test_the_seed_decides_the_numbers(study, tmp_path, in_this_process, no_figures):
+def test_the_seed_decides_the_numbers(study, tmp_path, in_this_process):
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
         sinew("sobol", study, "--out", tmp_path / name, "--seed", seed, "--quiet")
     a, b, c = ((tmp_path / name / "sobol.json").read_bytes() for name in "abc")
@@ -239,7 +235,7 @@ def test_failed_rows_are_told_and_left_out(study, tmp_path, in_this_process, mon
     assert new_simulations(out)[-1] == 2 * sobol["failed"]
 
 
-def test_status_speaks_json(study, tmp_path, in_this_process, no_figures, capsys):
+def test_status_speaks_json(study, tmp_path, in_this_process, capsys):
     sinew("sobol", study, "--out", tmp_path / "out", "--quiet")
     capsys.readouterr()
     sinew("status", tmp_path / "out", "--json")
@@ -378,7 +374,7 @@ def test_a_protocol_may_not_be_called_total(study, tmp_path, capsys):
     assert "total.csv: the name 'total' is taken" in capsys.readouterr().err
 
 
-def test_changed_bounds_in_one_folder_do_not_mix(study, tmp_path, in_this_process, no_figures):
+def test_changed_bounds_in_one_folder_do_not_mix(study, tmp_path, in_this_process):
     out = tmp_path / "out"
     sinew("sobol", study, "--out", out, "--quiet")
     study.write_text(STUDY + "model: {parameters: {nu_m: {fixed: 0.2}}}\nstore: {points_per_curve: 20}\n")
@@ -386,9 +382,7 @@ def test_changed_bounds_in_one_folder_do_not_mix(study, tmp_path, in_this_proces
     assert len(json.loads((out / "sobol.json").read_text())["names"]) == 15
 
 
-def test_words_from_a_store_cannot_steer_the_terminal(
-    study, tmp_path, in_this_process, no_figures, monkeypatch, capsys
-):
+def test_words_from_a_store_cannot_steer_the_terminal(study, tmp_path, in_this_process, monkeypatch, capsys):
     real = Uniaxial.compare
 
     def shouting(self, model, specimen, curve, parameters, keep):

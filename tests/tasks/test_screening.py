@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import sinew
+from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Model
@@ -32,12 +33,14 @@ model:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory, drawing):
     here = tmp_path_factory.mktemp("screening")
     specimens, _ = virtual_cohort(seed=2, per_site=1, rate_hz=0.5)
     write_cohort(here / "cohort", specimens[:2])
     (here / "study.yaml").write_text(STUDY)
-    sinew.run(sinew.read_study(here / "study.yaml"), out=here / "out", figures=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "_draw", drawing["_draw"])
+        sinew.run(sinew.read_study(here / "study.yaml"), out=here / "out", figures=True)
     return here / "out"
 
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from typing import Protocol as Interface
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
@@ -281,5 +280,7 @@ class FEBio:
         nearest = np.clip(np.searchsorted(at, times[first:] - slack(times[-1])), 0, at.size - 1)
         if np.all(np.abs(at[nearest] - times[first:]) <= slack(times[-1])):  # the solver stopped where it was asked to
             return at_every_row(protocol, rows, logged[nearest], self.still_mm)
+        from scipy.interpolate import PchipInterpolator  # slow to import
+
         asked = protocol.time_s - protocol.time_s[0] + times[first]
         return np.asarray(PchipInterpolator(at, logged)(np.minimum(asked, at[-1])))

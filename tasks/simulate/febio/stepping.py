@@ -3,7 +3,6 @@
 from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from sinew.tasks.model import Protocol
 from sinew.tasks.simulate import Array
@@ -81,6 +80,8 @@ def at_every_row(protocol: Protocol, rows: Array, force: Array, still_mm: float)
     """Force at every row from the force at the solver's ``rows``: splines in holds, monotone cubics in motion."""
     if rows.size == protocol.time_s.size:
         return force
+    from scipy.interpolate import CubicSpline, PchipInterpolator  # slow to import
+
     full = np.empty(protocol.time_s.size)
     for begin, end, still in _segments(protocol, still_mm):
         inside = (rows >= begin) & (rows <= end)

@@ -47,6 +47,7 @@ def here(monkeypatch):
     monkeypatch.setattr(figures, "_draw_typical", lambda *_: [])
 
 
+@pytest.mark.figures
 def test_specimens_are_calibrated_down_to_their_noise(study, tmp_path, capsys, here, monkeypatch):
     out = tmp_path / "out"
     sinew("run", study, "--out", out)

@@ -52,14 +52,13 @@ def study(calibrated, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def inferred(calibrated, tmp_path_factory):
+def inferred(calibrated, tmp_path_factory, drawing):
     """A copy of it with an inference and what builds upon it, drawn."""
     folder = tmp_path_factory.mktemp("inferred")
     shutil.copytree(calibrated, folder, dirs_exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Workspace, "client", lambda self: None)
-        patch.setattr("sinew.tasks.pipeline.report", lambda folder, console, **_: None)
-        draw = pipeline._draw
+        draw = drawing["_draw"]
         patch.setattr(pipeline, "_draw", lambda work, name, result: name == "infer" and draw(work, name, result))
         sinew("run", folder / "study.yaml", "--out", folder / "out", "--quiet")
     return folder

@@ -204,6 +204,7 @@ def test_other_simulators_give_the_same_forces_and_say_why_there_are_no_stresses
         assert workspace.simulations == done
 
 
+@pytest.mark.figures
 def test_what_is_measured_beside_the_force_has_bands_of_its_own(tmp_path, capsys):
     truth = write_measured(tmp_path, 4, 2.0, 4)
     study = read_study(study_of(tmp_path, ""))

@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rich.console import Console
 
 from sinew.tasks import pipeline
 from sinew.tasks.calibrate.task import fitted_curves
 from sinew.tasks.cluster.spec import cluster_of
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.drawing import plots
+from sinew.tasks.report.page import build
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace, open_workspace
 
@@ -36,22 +37,21 @@ discover: {effects: [toe-slack, time-lag], starts: 1}
 
 
 @pytest.fixture(scope="session")
-def whole_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The result folder of a study with all tasks; figures take longer than all the rest, so there are none."""
-    folder = tmp_path_factory.mktemp("report")
+def whole_run(tmp_path_factory: pytest.TempPathFactory, drawing: object) -> Path:
+    """The result folder of a study with all tasks, to be read only; without figures, as they take longer than all."""
+    folder = tmp_path_factory.mktemp("report")  # of this process: a test moves it away for a while
     specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
     write_cohort(folder / "cohort", specimens[:2], truth)
     (folder / "study.yaml").write_text(STUDY)
     study = read_study(folder / "study.yaml")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "_draw", lambda *_: None)
         patch.setattr(Workspace, "client", lambda self: None)  # evaluates in this process
         cluster = cluster_of(study)
         with open_workspace(study, out=folder / "out", cluster=cluster, quiet=True) as workspace:
             results = pipeline.run(workspace, study.tasks)
             for specimen in workspace.cohort.specimens:
                 fitted_curves(workspace, specimen, results["calibrate"].specimens[specimen.name].parameters)
-    pipeline.report(folder / "out", Console(quiet=True))
+    build(folder / "out")
     return folder / "out"
 
 
@@ -59,6 +59,12 @@ def whole_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run_folder(whole_run: Path, tmp_path: Path) -> Path:
     """A copy of that result folder, to be spoilt."""
     return Path(shutil.copytree(whole_run, tmp_path / "out"))
+
+
+@pytest.fixture
+def no_plots(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For tests of texts: plots are drawn, but not written, which takes half of the time that a page takes."""
+    monkeypatch.setattr(plots, "item", lambda _: {})
 
 
 @pytest.fixture(scope="session")

@@ -22,6 +22,7 @@ from tests.tasks.test_pipeline import sinew
 pytestmark = pytest.mark.page
 
 
+@pytest.mark.usefixtures("no_plots")
 def test_sections_without_their_task_say_what_to_run(run_folder):
     for task in TASKS:
         (run_folder / f"{task}.json").unlink()
@@ -40,6 +41,7 @@ def test_sections_without_their_task_say_what_to_run(run_folder):
     assert page.count('<details class="folded"><summary>Not run: Calibration, ') == 1
 
 
+@pytest.mark.usefixtures("no_plots")
 @pytest.mark.parametrize(
     ("message", "word", "words"),
     [
@@ -59,6 +61,7 @@ def test_a_run_that_ended_early_says_so(run_folder, message, word, words):
     assert f"infer: {word}" in seen.sections["failures"]
 
 
+@pytest.mark.usefixtures("no_plots")
 def test_a_task_that_was_not_run_for_another_that_failed_names_it(run_folder):
     calibration = (run_folder / "calibrate.json").read_bytes()
     keep_only(run_folder, "sobol")
@@ -81,6 +84,7 @@ def test_a_task_that_was_not_run_for_another_that_failed_names_it(run_folder):
     assert "Not run yet: sinew infer" in " ".join(read(run_folder).sections["posterior"].split())
 
 
+@pytest.mark.usefixtures("no_plots")
 def test_commands_name_the_folder_unless_it_is_the_usual_one(run_folder):
     (run_folder / "infer.json").unlink()
     log = run_folder / "log.jsonl"
@@ -94,6 +98,7 @@ def test_commands_name_the_folder_unless_it_is_the_usual_one(run_folder):
         assert words.replace("'", "&#39;").replace("`", "</code>") in told
 
 
+@pytest.mark.usefixtures("no_plots")
 @pytest.mark.parametrize("verdict", ["NAMED", "OUTSIDE"])
 def test_results_of_a_model_that_lacks_a_named_effect_say_so(run_folder, verdict):
     path = run_folder / "discover.json"
@@ -117,6 +122,7 @@ def test_results_of_a_model_that_lacks_a_named_effect_say_so(run_folder, verdict
     assert "of the model without toe-slack" not in read(run_folder).sections["posterior"]
 
 
+@pytest.mark.usefixtures("no_plots")
 def test_results_of_the_model_with_the_named_effect_come_first(run_folder):
     path = run_folder / "discover.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"verdict": "NAMED", "effects": ["toe-slack"]}))
@@ -153,6 +159,7 @@ def test_a_folder_that_only_just_began_has_a_page(tmp_path):
     assert "Nothing failed" in seen.sections["failures"]
 
 
+@pytest.mark.usefixtures("no_plots")
 @pytest.mark.parametrize(
     ("task", "content", "words"),
     [

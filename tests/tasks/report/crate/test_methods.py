@@ -12,15 +12,14 @@ from sinew.tasks.report.crate import environment
 from sinew.tasks.report.crate.methods import cited, methods, numbered
 from sinew.tasks.report.crate.references import REFERENCES
 from sinew.tasks.report.crate.source import Source, read_source
-from tests.golden.study import make
 
 DOCS = Path(__file__).resolve().parents[4] / "docs" / "methods.md"
 
 
 @pytest.fixture(scope="module")
-def source(tmp_path_factory: pytest.TempPathFactory) -> Source:
+def source(golden_run: Path) -> Source:
     """A study with all tasks, also the optional ones."""
-    return read_source(make(tmp_path_factory.mktemp("methods")))
+    return read_source(golden_run)
 
 
 def paragraph(text: str, title: str) -> str:

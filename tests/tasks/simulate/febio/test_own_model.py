@@ -74,6 +74,7 @@ def with_cohort(folder: Path, settings: dict) -> dict:
     return left | {"cohort": "cohort"}
 
 
+@pytest.mark.figures
 def test_sobol_and_importance_of_any_output(tmp_path, settings, capsys, monkeypatch):
     study = written(tmp_path, settings)
     command("run", study, "--out", tmp_path / "out")
