@@ -293,7 +293,8 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
     others = {other for same, other, one in found if same == rank or one in machine} - {place}
     title = named[place][0]
     doubtful = title.startswith("(") or title in words.DOUBTFUL or quantity not in (TIME, DISPLACEMENT, FORCE)
-    rivals = [one for *_, one in found if quantity is not FORCE or one is FORCE]  # a stress beside it is its own
+    same = [STRESS] if quantity is FORCE else [LENGTH] if quantity is DISPLACEMENT else []  # they say it once more
+    rivals = [one for *_, one in found if one not in same]
     sure = len(rivals) == 1 and not doubtful
     return _Choice(quantity, place, SURE if sure else LIKELY, tuple(sorted(others)))
 

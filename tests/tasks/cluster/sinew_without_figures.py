@@ -1,4 +1,4 @@
-"""``sinew`` without figures, page and Dask's own pages, which take longer than all else in the small studies of these tests.
+"""``sinew`` without figures, page and Dask's own pages, which take longer than all else in the small studies of tests.
 
 A run that fails still tries to build its page.
 """

@@ -140,6 +140,7 @@ def test_displacement_goes_before_strain_and_force_before_stress():
      ("Maschine (mm)", "likely"), ("u (mm)", "likely"), ("Deformation (mm)", "likely")],
 )  # fmt: skip
 def test_a_title_that_means_one_thing_is_sure(title, how):
+    assert columns(f"Running Time (s)|{title}|Size_mm|Axial Force (kN)")[1].how == how
     assert columns(f"Running Time (s)|{title}|Axial Force (kN)")[1].how == how
 
 
