@@ -24,6 +24,7 @@ _OPEN_QUOTE = re.compile(r'(?:^|[\t;,|])\s*"[^"]*$')
 #: Zeros that fill a cell or the end of a file up, as programs in C leave them; and a zero before anything else.
 _PADDING = re.compile(r"(?<!\0)\0++(?=[\t\n\r;,| ]|\Z)")
 _ZERO_INSIDE = re.compile(rb"\0[^\0\t\n\r;,| ]")
+_CONTROL = re.compile(r"[\x01-\x08\x0e-\x1f]")  # what no text holds
 _ZEROS, _OTHER_ZEROS = 0.3, 0.05  # at least, of every second byte of UTF-16; and at most, of the others
 _LONGEST_CLOCK = 40  # characters
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?")
@@ -85,11 +86,12 @@ def _utf16(content: bytes) -> str | None:
     """The kind of UTF-16 that text has, by its mark, or by the zeros in every second byte of digits; None: another."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
-    start = content[:4096]
+    start = content[: min(4096, len(content) // 2 * 2)]
     first, second = start[::2].count(0), start[1::2].count(0)
     for encoding, zeros, others in (("utf-16-le", second, first), ("utf-16-be", first, second)):
-        if zeros >= _ZEROS * len(start) / 2 and others <= _OTHER_ZEROS * zeros:
-            return encoding
+        if not zeros or zeros < _ZEROS * len(start) / 2 or others > _OTHER_ZEROS * zeros:
+            continue
+        return None if _CONTROL.search(start.decode(encoding, errors="replace")) else encoding
     return None
 
 

@@ -127,6 +127,14 @@ def test_text_in_utf_16_needs_no_mark(tmp_path, text, encoding):
         read_lines(path)
 
 
+@pytest.mark.parametrize("content", [b"\0\1\2", b"\1\0\2\0\3\0" * 100, b"a\0b\0\x1f\0" * 100])
+def test_numbers_of_two_bytes_are_no_text(tmp_path, content):
+    path = tmp_path / "test.csv"
+    path.write_bytes(content)
+    with pytest.raises(BadInput, match="not a text file"):
+        read_lines(path)
+
+
 def test_zeros_that_fill_up_are_nothing_and_others_are_refused(tmp_path):
     path = tmp_path / "test.csv"
     path.write_bytes(b"Time\0\0,Force\0\n0,1\0\0 \r\n1,2\n" + b"\0" * 5000)
