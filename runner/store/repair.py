@@ -34,7 +34,7 @@ from sinew.runner.store.segment import Segment
 
 @dataclass(frozen=True)
 class Repaired:
-    """What a repair did: ``rows`` that are pending now, and a line for each other thing that it removed."""
+    """What a repair did: ``rows`` that are pending now, and a line for each thing that it removed or made anew."""
 
     rows: int
     removed: tuple[str, ...]
@@ -42,7 +42,7 @@ class Repaired:
 
 def repair_tables(store: Path, root: zarr.Group, journal: Path) -> Repaired:
     """Repair all tables of a store and their segments. Raises ``StoreError`` when something cannot be read now."""
-    rows, removed = 0, []
+    rows, removed = 0, list[str]()
     folder = store / "evaluations"
     for place in sorted(folder.iterdir()) if folder.is_dir() else ():
         if not (place / "zarr.json").is_file():
@@ -52,7 +52,8 @@ def repair_tables(store: Path, root: zarr.Group, journal: Path) -> Repaired:
                 with _damage("zarr.json"):
                     group = table_group(root, place.name)
                 if group.attrs.get("complete"):
-                    rows += _repair_table(place, group)
+                    lost, made = _repair_table(place, group)
+                    rows, removed = rows + lost, removed + made
         except Damaged as error:
             _drop(place, journal)
             removed.append(f"{place}: {error}; it cannot be mended, all of its rows are computed again")
@@ -77,8 +78,11 @@ def without_numbers(values: Array) -> Array:
     return np.asarray(np.isnan(values).any(axis=tuple(range(1, values.ndim))))
 
 
-def _repair_table(place: Path, group: zarr.Group) -> int:
-    """Returns the number of rows that are pending now. Raises :class:`Damaged` for what no repair can bring back."""
+def _repair_table(place: Path, group: zarr.Group) -> tuple[int, list[str]]:
+    """Returns the number of rows that are pending now, and a line for each column that was created again.
+
+    Raises :class:`Damaged` for what no repair can bring back.
+    """
     chunk_rows, fields = chunk_rows_of(group), fields_of(group)
     arrays = {}
     for name in ("parameters", *fields):
@@ -86,13 +90,16 @@ def _repair_table(place: Path, group: zarr.Group) -> int:
             arrays[name] = row_array(group, name)
     _check_coordinates(place, group, arrays.values())
     planned = min(array.shape[0] for array in arrays.values())
-    status = _column(place, group, "status", planned)
+    made: list[str] = []
+    status = _column(place, group, "status", planned, made)
+    forgotten = status.shape[0] if made and not chunk_files(place / "status" / "c") else 0
     for name in COLUMNS:
-        arrays[name] = _column(place, group, name, status.shape[0])
+        arrays[name] = _column(place, group, name, status.shape[0], made)
     for array in arrays.values():
         if array.shape[0] < status.shape[0]:
             array.resize((status.shape[0], *array.shape[1:]))
-    return _repair_chunks(place, {"status": status, **arrays}, fields, chunk_rows)
+    lost = _repair_chunks(place, {"status": status, **arrays}, fields, chunk_rows)
+    return max(lost, forgotten), made
 
 
 def _check_coordinates(place: Path, group: zarr.Group, arrays: Iterable[zarr.Array[Any]]) -> None:
@@ -108,12 +115,16 @@ def _check_coordinates(place: Path, group: zarr.Group, arrays: Iterable[zarr.Arr
         raise Damaged(f"{lost[0]}: the array is missing")
 
 
-def _column(place: Path, group: zarr.Group, name: str, count: int) -> zarr.Array[Any]:
-    """A column of a table; where it is missing or laid out wrongly, it is created again, and its chunks stay."""
+def _column(place: Path, group: zarr.Group, name: str, count: int, made: list[str]) -> zarr.Array[Any]:
+    """A column of a table; where it is missing or laid out wrongly, it is created again, and its chunks stay.
+
+    What was wrong is added to ``made``.
+    """
     try:
         with _damage(name):
             return status_array(group, place) if name == "status" else row_array(group, name)
-    except Damaged:
+    except Damaged as error:
+        made.append(f"{place / name}: damaged ({str(error).removeprefix(f'{name}: ')}); it is created again")
         (place / name / "zarr.json").unlink(missing_ok=True)
         create_column(group, name, count, chunk_rows_of(group))
         return row_array(group, name)

@@ -107,6 +107,18 @@ def test_a_missing_array_is_named_and_created_again(folder, array, again):
     assert repaired_and_run_again(folder)[1] == again
 
 
+@pytest.mark.parametrize(("array", "rows"), [("status", ROWS), ("worker", 0), ("message", 0), ("attempts", 0)])
+def test_a_repair_tells_of_a_column_that_it_created_again(folder, array, rows):
+    """It must not say that all is well."""
+    place = table_folder(folder) / array
+    shutil.rmtree(place)
+    with Store.writing(folder, "study") as store:
+        done = store.repair()
+        assert done.rows == rows
+        assert done.removed == (f"{place}: damaged (the array is missing); it is created again",)
+        assert store.repair().removed == ()
+
+
 @pytest.mark.parametrize("content", ["", "[]", "{", '{"zarr_format": 3, "node_type": "array"}', "null"])
 def test_a_table_whose_own_metadata_are_damaged_is_computed_again(folder, content):
     (table_folder(folder) / "zarr.json").write_text(content)

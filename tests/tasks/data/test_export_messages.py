@@ -1,5 +1,6 @@
 """What `sinew import` says of files that it cannot read or join, and how it names what it can."""
 
+import time
 from pathlib import Path
 
 import pytest
@@ -188,3 +189,29 @@ def test_a_length_that_is_recorded_begins_with_the_gauge_or_that_of_the_header(t
 def test_the_side_of_a_bar_is_rounded_to_what_can_be_measured(tmp_path):
     bar = read_export(exported(tmp_path, BLOCK + EXTENSIONS), reading=Reading(area_mm2=2.0))
     assert (bar.width_mm, bar.thickness_mm) == (1.414213562, 1.414213562)
+
+
+LONG = {
+    "title": "{}displacement (mm)",
+    "unit": "displacement ({}mm)",
+    "between": "displacement{}(mm)",
+    "size": "displacement (mm)",
+}
+
+
+@pytest.mark.parametrize("piece", [" ", "\t", "(", "(a", "1", " mm", "a=", ": ", "\u2003", "'"])
+@pytest.mark.parametrize("place", LONG)
+def test_a_line_of_nearly_100_000_characters_takes_no_time(tmp_path, place, piece):
+    """Patterns that try every way to divide spaces would take hours: read or refused, in seconds of a processor."""
+    long = (piece * 100_000)[:99_900]  # longer lines are refused unread
+    size = long if place == "size" else " "
+    titles = f"time (s),{LONG[place].format(long)},force (N)"
+    path = tmp_path / "a.csv"
+    path.write_text(f"length:{size}10 mm\nwidth: 4 mm\nthickness: 1 mm\n{titles}\n0,0,0\n1,1,5\n2,2,9\n")
+    started = time.process_time()
+    try:
+        read_export(path)
+    except BadInput as error:
+        assert "\n" not in str(error)
+        assert len(str(error)) < 2000
+    assert time.process_time() - started < 5
