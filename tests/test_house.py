@@ -132,6 +132,15 @@ def test_reading_a_finished_study_loads_no_library_that_only_computing_and_drawi
     assert done.stdout.strip() == "[]"
 
 
+def test_workers_load_no_library_that_only_the_main_process_needs():
+    """There are many of them, and what they import is most of their work until the first row."""
+    code = "import sinew.runner.evaluation.batch, sinew.tasks.simulate.evaluation, sinew.tasks.simulate.febio.simulator"
+    libraries = {"bokeh", "matplotlib", "scipy", "xarray", "zarr"}
+    shown = f"{code}; import sys; print(sorted({libraries!r} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
 def test_beside_a_file_of_the_users_own_called_tasks_the_command_runs(tmp_path):
     for name in ("tasks", "runner", "tests"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('the wrong module')\n")
