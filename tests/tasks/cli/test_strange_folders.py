@@ -34,17 +34,23 @@ def study(tmp_path) -> Path:
 
 
 def test_no_module_is_imported_from_there(study, tmp_path):
-    """Dask puts its own folder below the temporary one on the path, and starts workers by ``python -c``."""
-    marks, shared = tmp_path / "marks", tmp_path / "tmp"
-    marks.mkdir()
-    plant(study.parent, marks)
-    plant(shared / "dask-scratch-space", marks)
-    (shared / "dask-scratch-space").chmod(0o777)
+    """Dask puts its own folder below the temporary one on the path, and starts workers by ``python -c``.
+
+    So it does with a folder in the result folder, where local workers keep their files; it is removed unread.
+    """
+    marks, shared, out = tmp_path / "marks", tmp_path / "tmp", tmp_path / "out"
+    places = {"here": study.parent, "temporary": shared / "dask-scratch-space",
+              "results": out / ".workers" / "dask-scratch-space"}  # fmt: skip
+    for name, folder in places.items():
+        (marks / name).mkdir(parents=True)
+        plant(folder, marks / name)
+    places["temporary"].chmod(0o777)
     environment = {**os.environ, "TMPDIR": str(shared)}
-    command = [COMMAND, "sobol", "study.yaml", "--out", tmp_path / "out"]
+    command = [COMMAND, "sobol", "study.yaml", "--out", out]
     done = subprocess.run(command, cwd=study.parent, env=environment, capture_output=True, text=True)
-    assert [path.name for path in marks.iterdir()] == [], done.stderr
+    assert [str(path.relative_to(marks)) for path in marks.glob("*/*")] == [], done.stderr
     assert done.returncode == 0, done.stderr
+    assert not (out / ".workers").exists()
 
 
 @pytest.mark.parametrize("name", ["matplotlibrc", ".numba_config.yaml", "arvizrc"])
@@ -56,18 +62,6 @@ def test_settings_of_libraries_that_lie_there_are_refused(name, tmp_path, monkey
         main()
     assert ended.value.code == 2
     assert capsys.readouterr().err.startswith(f"sinew: {tmp_path / name}: ")
-
-
-def test_modules_that_a_result_folder_brings_are_removed_unread(study, tmp_path):
-    """Local workers keep their files there, in a folder that Dask puts on the path."""
-    marks, out = tmp_path / "marks", tmp_path / "out"
-    marks.mkdir()
-    plant(out / ".workers" / "dask-scratch-space", marks)
-    command = [COMMAND, "sobol", study, "--out", out]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-    assert [path.name for path in marks.iterdir()] == [], done.stderr
-    assert done.returncode == 0, done.stderr
-    assert not (out / ".workers").exists()
 
 
 def test_names_that_a_locale_does_not_know_do_no_harm(study, tmp_path):

@@ -124,7 +124,7 @@ def submit(study: Path, out: Path | None = None, *, at_once: bool = False) -> Pa
 
 
 class RunHere:
-    """The same study on one worker of this machine, in the background and without accidents."""
+    """The same study in one process of this machine, in the background and without accidents."""
 
     def __init__(self, study: Path) -> None:
         """``study``: a study for SLURM."""
@@ -135,7 +135,8 @@ class RunHere:
         local.write_text(study.read_text().replace("cluster: slurm", "cluster: {name: local, workers: 1}"))
         command = [sys.executable, WITHOUT_FIGURES, "run", trusted(local), "--out", self.out, "--quiet"]
         with open(self.errors, "wb") as errors:
-            self.process = subprocess.Popen(command, stdout=errors, stderr=errors)
+            here = os.environ | {"SINEW_TESTS_ONE_PROCESS": "1"}
+            self.process = subprocess.Popen(command, stdout=errors, stderr=errors, env=here)
 
     def finished(self) -> Path:
         """Wait for its end; returns its result folder."""
@@ -147,11 +148,15 @@ class RunHere:
 
 
 def until(condition: Callable[[], T], what: str, seconds: float = 600.0) -> T:
-    """Wait until a condition holds; returns what it gave. The limit is for what hangs, not for what is slow."""
-    end = time.monotonic() + seconds
+    """Wait until a condition holds; returns what it gave. The limit is for what hangs, not for what is slow.
+
+    What comes soon is seen soon. Whoever waits for long asks less often: asking costs more than a study's solvers.
+    """
+    began = time.monotonic()
     while not (found := condition()):
-        assert time.monotonic() < end, f"{what} did not happen within {seconds} s"
-        time.sleep(0.3)
+        waited = time.monotonic() - began
+        assert waited < seconds, f"{what} did not happen within {seconds} s"
+        time.sleep(min(0.2 + 0.05 * waited, 1.0))
     return found
 
 

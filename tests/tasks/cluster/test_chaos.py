@@ -78,7 +78,7 @@ def disturb(study: Path, out: Path) -> Damage:
         if time.monotonic() > following + EVERY_S:
             following += EVERY_S
             damage.struck += [job] if (job := strike(dice)) else []
-        time.sleep(0.5)
+        time.sleep(1.0)
     return damage
 
 
