@@ -7,11 +7,14 @@ points of each in ``row_size`` (a contiguous ragged array of the CF conventions)
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from sinew.runner.errors import StoreError
+from sinew.runner.store.damage import result_errors
+from sinew.runner.store.layout import Damaged
 from sinew.runner.store.store import Store
 from sinew.tasks.data.cohort import Cohort
 from sinew.tasks.drawing.thinning import drawn_points
@@ -20,6 +23,7 @@ from sinew.tasks.simulate import Array
 
 GROUP = "measured"
 POINTS = 500  # of a curve, at the most: more than a plot of a page's width can show
+MOST = 2 * POINTS  # that are taken from a folder
 COLUMNS = {"time": "s", "displacement": "mm", "force": "N"}
 
 
@@ -53,7 +57,7 @@ def represented(protocol: str, time: Array, moved: Array, force: Array) -> Measu
 
 
 def keep_curves(store: Store, cohort: Cohort) -> None:
-    """Write the cohort's curves into the store, unless they are there. Raises ``StoreError``."""
+    """Write the cohort's curves into the store, unless they are there, whole. Raises ``StoreError``."""
     names, curves = [], []
     for specimen in cohort.specimens:
         for curve in specimen.curves:
@@ -81,8 +85,16 @@ def keep_curves(store: Store, cohort: Cohort) -> None:
     content = hashlib.blake2b(repr((names, found["total"].values.tolist())).encode(), digest_size=16)
     for column in columns:
         content.update(column.tobytes())
-    if GROUP not in store.root or store.root[GROUP].attrs.get("content") != content.hexdigest():
+    if _content(store) != content.hexdigest():
         store.write_result(GROUP, found.assign_attrs(content=content.hexdigest()))
+
+
+def _content(store: Store) -> Any:
+    """The hash of the curves that are kept; None where there are none, or damaged ones."""
+    try:
+        return store.read_result(GROUP).attrs.get("content")
+    except StoreError:
+        return None
 
 
 def kept_curves(store: Store) -> dict[str, dict[str, MeasuredCurve]]:
@@ -90,23 +102,25 @@ def kept_curves(store: Store) -> dict[str, dict[str, MeasuredCurve]]:
 
     Raises ``StoreError`` for a group that is damaged.
     """
-    if GROUP not in store.root:
+    if not (store.path / GROUP).is_dir():
         return {}
-    kept = store.read_result(GROUP)
+    with result_errors(store.path / GROUP):
+        return _cut(store.read_result(GROUP))
+
+
+def _cut(kept: xr.Dataset) -> dict[str, dict[str, MeasuredCurve]]:
     wanted = {"specimen": "curve", "protocol": "curve", "row_size": "curve", "total": "curve"} | dict.fromkeys(
         COLUMNS, "point"
     )
     if any(name not in kept or kept[name].dims != (dim,) for name, dim in wanted.items()):
-        raise StoreError(f"{store.path / GROUP}: its arrays are not those of curves; remove it and run again")
-    return _cut(kept, store)
-
-
-def _cut(kept: xr.Dataset, store: Store) -> dict[str, dict[str, MeasuredCurve]]:
+        raise Damaged("its arrays are not those of curves")
     sizes, totals = kept["row_size"].to_numpy(), kept["total"].to_numpy()
     time, moved, force = (kept[name].to_numpy() for name in COLUMNS)
     kinds = [each.dtype.kind for each in (sizes, totals, time, moved, force)]
-    if kinds != [*"iifff"] or (sizes < 1).any() or int(sizes.sum()) != time.size:
-        raise StoreError(f"{store.path / GROUP}: its curves have other lengths; remove it and run again")
+    if kinds != [*"iifff"] or (sizes < 1).any() or (sizes > MOST).any() or int(sizes.sum()) != time.size:
+        raise Damaged("its curves have other lengths")
+    if (totals < sizes).any():
+        raise Damaged("fewer points were measured than are kept")
     ends = np.cumsum(sizes)
     found: dict[str, dict[str, MeasuredCurve]] = {}
     labels: Mapping[str, list[str]] = {

@@ -64,8 +64,7 @@ def test_a_cohort_without_curves_keeps_none(tmp_path):
         assert kept_curves(store) == {}
 
 
-@pytest.mark.parametrize(("name", "value"), [("row_size", -1), ("row_size", 10**6), ("row_size", 1.5), ("force", None)])
-def test_a_damaged_group_is_one_line(folder, name, value):
+def damaged_arrays(folder, name, value):
     with Store.writing(folder, "study") as store:
         found = store.read_result(GROUP)
         if value is None:
@@ -74,7 +73,40 @@ def test_a_damaged_group_is_one_line(folder, name, value):
             numbers = found[name].to_numpy().astype(type(value))
             numbers[0] = value
             found = found.assign({name: ("curve", numbers)})
-        store.write_result(GROUP, found)
-    with pytest.raises(StoreError, match=r"measured: its .* remove it and run again") as caught:
+        store.write_result(GROUP, found.assign_attrs(content="of others"))
+
+
+def is_one_line_and_mended(folder):
+    with pytest.raises(StoreError, match=r"measured: damaged \(.*run the study again") as caught:
         kept_curves(open_store(folder))
     assert len(str(caught.value).splitlines()) == 1
+    with Store.writing(folder, "study") as store:
+        keep_curves(store, Cohort(folder, SPECIMENS))
+    assert list(kept_curves(open_store(folder))) == [one.name for one in SPECIMENS]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("row_size", -1), ("row_size", 10**6), ("row_size", 1.5), ("force", None), ("total", 1)],
+)
+def test_arrays_that_are_no_curves_are_one_line_and_written_again(folder, name, value):
+    damaged_arrays(folder, name, value)
+    is_one_line_and_mended(folder)
+
+
+def test_lengths_whose_sum_runs_over_are_refused(folder):
+    with Store.writing(folder, "study") as store:
+        found = store.read_result(GROUP)
+        sizes = found["row_size"].to_numpy().copy()
+        sizes[:3] = [2**63 - 1, 2**63 - 1, 2 + sizes[:3].sum()]
+        assert int(sizes.sum()) == found["time"].size
+        store.write_result(GROUP, found.assign(row_size=("curve", sizes)).assign_attrs(content="of others"))
+    is_one_line_and_mended(folder)
+
+
+@pytest.mark.parametrize("place", ["zarr.json", "force/zarr.json", "force/c/0"])
+def test_a_damaged_file_is_one_line_and_written_again(folder, place):
+    path = folder / "store.zarr" / GROUP / place
+    assert path.is_file()
+    path.write_text("{")
+    is_one_line_and_mended(folder)
