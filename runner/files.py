@@ -143,9 +143,11 @@ def remove_folder(folder: Path) -> None:
     with suppress(RecursionError):
         shutil.rmtree(folder, ignore_errors=True)
     if os.path.lexists(folder) and not folder.is_symlink():
-        for command in (["chmod", "-R", "u+rwx"], ["rm", "-rf"]):
+        place = str(folder.absolute())
+        folders_only = ["-type", "d", "-exec", "chmod", "u+rwx", "{}", ";"]  # a file may have another name elsewhere
+        for command in (["find", place, *folders_only], ["rm", "-rf", "--", place]):
             with suppress(OSError):
-                subprocess.run([*command, "--", str(folder.absolute())], stderr=subprocess.DEVNULL, check=False)
+                subprocess.run(command, stderr=subprocess.DEVNULL, check=False)
 
 
 def _kind(path: Path) -> str | None:

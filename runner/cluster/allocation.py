@@ -5,7 +5,7 @@ import logging
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -94,12 +94,13 @@ def open_allocation(spec: Allocation) -> Iterator[Client]:
 
 def remove_abandoned(folder: Path, this: str) -> None:
     """Remove what allocations that were killed have left in the folder of jobs; ``this`` is the present one."""
-    for left in folder.glob("certificate-*"):
-        if left.name != f"certificate-{this}":
+    for left in (*folder.glob("certificate-*"), *folder.glob(".certificate-*.partial")):
+        if left.name not in (f"certificate-{this}", f".certificate-{this}.partial"):
             shutil.rmtree(left, ignore_errors=True)
     for left in folder.glob("scheduler-*.json"):
         if left.name != f"scheduler-{this}.json":
-            left.unlink(missing_ok=True)
+            with suppress(OSError):  # whatever stands there
+                left.unlink()
 
 
 def join_allocation(spec: Allocation) -> None:

@@ -5,6 +5,7 @@ libraries, and the declared version of the method (:class:`sinew.tasks.study.res
 """
 
 import io
+import logging
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,7 +13,7 @@ from typing import Any, TypeVar
 import xarray as xr
 
 from sinew.runner.console import Console
-from sinew.runner.errors import BadInput, StoreError
+from sinew.runner.errors import BadInput, StoreError, one_line
 from sinew.runner.store.store import Store
 from sinew.tasks.registry import TASKS
 from sinew.tasks.study.files import digest
@@ -20,6 +21,8 @@ from sinew.tasks.study.result import Result
 from sinew.tasks.study.workspace import Workspace
 
 R = TypeVar("R", bound=Result)
+
+log = logging.getLogger("sinew")
 
 
 def key(kind: type[Result], *parts: Any) -> str:
@@ -52,7 +55,9 @@ def _can_be_shown(found: Result, out: Path) -> bool:
         show = TASKS[found.TASK].module("show")
         show.summary(found, out, nowhere)
         show.table(found)
-    except Exception:  # noqa: BLE001 - whatever it is, the result is made again
+    except Exception as error:  # noqa: BLE001 - whatever it is, the result is made again
+        why = f"{type(error).__name__}: {error}"
+        log.warning("a result that cannot be shown is made anew", extra={"task": found.TASK, "reason": one_line(why)})
         return False
     return True
 

@@ -19,10 +19,10 @@ from sinew.tasks.benchmark.answers import read_answers as hidden_answers
 from sinew.tasks.cli.watch_state import Rows, look
 from sinew.tasks.cluster.profile import read_profile
 from sinew.tasks.data.answers import read_answers
-from sinew.tasks.data.cohort import read_cohort
+from sinew.tasks.data.cohort import Cohort, read_cohort
 from sinew.tasks.data.exports import read_export
 from sinew.tasks.data.new_model_study import Choices, init_model
-from sinew.tasks.model import Model
+from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report import page
 from sinew.tasks.report.folder import read_folder
@@ -39,6 +39,7 @@ from sinew.tasks.simulate.febio.plot_file import plot_file_of, read_plot_file
 from sinew.tasks.simulate.rows import read_parameters
 from sinew.tasks.study import ranges
 from sinew.tasks.study.checkpoint import Checkpoint
+from sinew.tasks.study.curves import keep_curves, kept_curves
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.study import read_study
 from tests.runner.evaluations import Quick, table_spec
@@ -289,6 +290,7 @@ def _result_folder(folder: Path) -> Target:
         )
         segment.write(table.journal / "rows-000000020-00004.safetensors")
         store.write_result("sobol", xr.Dataset({"ST": ("parameter", ones)}, {"parameter": list("abcd")}))
+        keep_curves(store, _COHORT)
     (made / "log.jsonl").write_text(_LOG)
     (made / "progress.json").write_text(json.dumps(_PROGRESS))
     jobs = JobTable(made / "jobs")
@@ -303,7 +305,7 @@ def _result_folder(folder: Path) -> Target:
 def _look_at(out: Path) -> None:
     """Everything that commands read of a result folder; each part must end by itself."""
     errors = []
-    for part in (_status, _all_rows, _arrays, _look, _page, pipeline.repair, _all_rows):
+    for part in (_status, _all_rows, _arrays, _curves, _look, _page, pipeline.repair, _all_rows, _run_again):
         try:
             part(out)
         except Exception as error:
@@ -330,6 +332,15 @@ def _arrays(out: Path) -> None:
     open_store(out).read_result("sobol")
 
 
+def _curves(out: Path) -> None:
+    kept_curves(open_store(out))
+
+
+def _run_again(out: Path) -> None:
+    with Store.writing(out, "study") as store:
+        keep_curves(store, _COHORT)
+
+
 def _all_rows(out: Path) -> None:
     list(rows_as_csv(out))
     for table in open_store(out).tables():
@@ -338,6 +349,8 @@ def _all_rows(out: Path) -> None:
         table.coordinate("protocol")
 
 
+_PULL = Protocol("pull", np.linspace(0.0, 9.0, 10), np.linspace(0.0, 0.3, 10))
+_COHORT = Cohort(Path("cohort"), (Specimen("a", 10.0, 5.0, 2.0, curves=(Curve(_PULL, np.ones(10)),)),))
 _LOG = """{"asctime": "2026-01-01", "levelname": "INFO", "name": "sinew", "message": "run started", "version": "0", \
 "seed": 1, "study_file": "study.yaml", "cohort": "cohort", "tasks": ["sobol"], \
 "packages": {"numpy": "2"}, "study_text": "name: a", "specimens": {"a": {"length_mm": 10.0}}}

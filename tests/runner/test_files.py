@@ -152,19 +152,31 @@ def test_the_temporary_folder_is_the_user_s_own(tmp_path, monkeypatch):
     assert temporary_folder() == folder, "it is there already"
 
 
-def test_a_folder_is_removed_however_deep_it_is(tmp_path):
-    here = Path.cwd()
+def test_a_folder_is_removed_however_deep_it_is(tmp_path, monkeypatch):
     (tmp_path / "a").mkdir()
     (tmp_path / "other").mkdir()
     (tmp_path / "a" / "link").symlink_to(tmp_path / "other")
-    os.chdir(tmp_path / "a")
-    for _ in range(3000):
-        os.mkdir("d")  # noqa: PTH102 - the path is longer than the system takes
-        os.chdir("d")
-    os.chdir(here)
+    with monkeypatch.context() as patch:
+        patch.chdir(tmp_path / "a")
+        for _ in range(3000):
+            os.mkdir("d")  # noqa: PTH102 - the path is longer than the system takes
+            os.chdir("d")
     remove_folder(tmp_path / "a")
     assert [path.name for path in tmp_path.iterdir()] == ["other"]
     (tmp_path / "link").symlink_to(tmp_path / "other")
     remove_folder(tmp_path / "link")
     assert len(list(tmp_path.iterdir())) == 2, "a link is no folder, and is not followed"
     remove_folder(tmp_path / "gone")
+
+
+def test_a_file_that_has_another_name_elsewhere_keeps_its_mode(tmp_path):
+    (tmp_path / "mine").write_text("kept")
+    (tmp_path / "mine").chmod(0o400)
+    closed = tmp_path / "a" / "closed" / "inner"
+    closed.mkdir(parents=True)
+    os.link(tmp_path / "mine", closed / "link")
+    closed.chmod(0o500)
+    closed.parent.chmod(0o000)
+    remove_folder(tmp_path / "a")
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+    assert (tmp_path / "mine").stat().st_mode & 0o777 == 0o400
