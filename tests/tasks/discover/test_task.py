@@ -1,6 +1,7 @@
 """`sinew discover` from end to end: a hidden effect is named and added, and where nothing is hidden, nothing is."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,6 +12,7 @@ import xarray as xr
 import yaml
 
 from sinew.runner.cluster.local import Local
+from sinew.runner.store.store import Store
 from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import autoregressive, virtual_cohort
@@ -258,7 +260,8 @@ def test_a_changed_range_of_an_effect_is_another_method(monkeypatch):
         (lambda out, work: (out / "one.feb").unlink(), False),
         (lambda out, work: (out / "verdict.json").unlink(), False),
         (lambda out, work: (out / "verdict.json").write_text('{"inputs": "former"}'), False),
-        (lambda out, work: work.store.root.clear(), False),
+        (lambda out, work: shutil.rmtree(out / "store.zarr" / "discover" / "a_1"), False),
+        (lambda out, work: (out / "store.zarr" / "discover" / "a_1" / "force" / "c" / "0").unlink(), False),
         (lambda out, work: setattr(work, "retry_failed", True), False),
     ],
 )
@@ -270,8 +273,10 @@ def test_a_verdict_is_kept_with_all_that_goes_with_it(tmp_path, monkeypatch, spo
     specimens = [SimpleNamespace(name="a/1")]
     monkeypatch.setattr(task, "library_for", lambda _: library())
     monkeypatch.setattr(task, "study_with", lambda _, effects: (MODEL.path, MODEL.difference))
-    root = {"discover/a_1": SimpleNamespace(attrs={"inputs": "these"})}
-    work = SimpleNamespace(out=tmp_path, retry_failed=False, store=SimpleNamespace(root=root))
+    arrays = xr.Dataset({"force": ("point", np.ones(3))}, attrs={"inputs": "these"})
+    with Store.writing(tmp_path, "study") as store:
+        store.write_result("discover/a_1", arrays)
+    work = SimpleNamespace(out=tmp_path, retry_failed=False, store=store)
     spoil(tmp_path, work)
     known = task._known(work, specimens, "these")
     assert (known is not None and plain(known) == plain(found)) is kept
