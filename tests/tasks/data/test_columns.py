@@ -319,6 +319,7 @@ def test_long_titles_are_listed_in_full():
 def test_how_sure_a_choice_is():
     assert columns("time_s|Tensile displacement (mm)|F_N")[1].how == "sure"
     assert columns("time_s|Deformation (mm)|F_N")[1].how == "likely", "a title that may mean something else"
+    assert columns("time_s|u_mm|Static Force (N)")[2].how == "likely", "only the mean load of a DMA, perhaps"
     assert columns("time_s|u|F_N", displacement_unit="mm")[1].how == "as you said"
     assert columns("time_s|Stretch|F_N")[1].how == "likely"
 
