@@ -280,6 +280,23 @@ def test_an_extensometer_goes_before_the_machine_which_may_be_meant_as_well(titl
         recognise(table, Hints())
 
 
+@pytest.mark.parametrize("told", [{}, {"displacement_unit": "mm"}])
+@pytest.mark.parametrize("title", ["LVDT (V)", "Extensometer [mV]", "Extensometer"])
+@pytest.mark.parametrize("machine", ["Displacement (mm)", "Position (mm)"])
+def test_an_extensometer_without_a_known_unit_is_not_taken_before_the_machine(title, machine, told):
+    assert columns(f"t_s|{title}|{machine}|F_N", **told)[1].title == machine
+
+
+def test_an_extensometer_without_a_known_unit_is_taken_where_nothing_else_is():
+    assert columns("t_s|LVDT (V)|F_N", displacement_unit="mm")[1].title == "LVDT (V)"
+    assert columns("t_s|LVDT (V)|Disp|F_N", displacement_unit="mm")[1].title == "Disp"
+    assert columns("t_s|Extensometer|F_N", displacement_unit="mm")[1].title == "Extensometer"
+    with pytest.raises(UnknownUnit, match="unit 'V' of the displacement is not known"):
+        columns("t_s|LVDT (V)|F_N")
+    with pytest.raises(BadInput, match="'Disp' and 'Extensometer' may both be the displacement"):
+        columns("t_s|Extensometer|Disp|F_N", displacement_unit="mm")
+
+
 def test_a_column_that_never_changes_is_taken_only_if_no_other_does():
     table = table_of("t_s|Extensometer (mm)|F_N|Crosshead (mm)", "0|0.0|1|0", "1|0.0|2|2", "2|0.0|3|4")
     assert recognise(table, Hints())[1].title == "Crosshead (mm)"
