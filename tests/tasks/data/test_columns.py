@@ -304,6 +304,18 @@ def test_a_column_that_never_changes_is_taken_only_if_no_other_does():
     assert recognise(table, Hints())[1].title == "Disp (mm)"
 
 
+def test_a_displacement_that_never_changes_beside_a_strain_is_named():
+    table = table_of("t_s|Displacement (mm)|F_N|Strain (%)", "0|5|1|0", "1|5|2|1", "2|5|3|2")
+    motion = recognise(table, Hints(), first_of_alike=True)[1]
+    assert (motion.title, motion.alike) == ("Strain (%)", ("Displacement (mm)",))
+    with pytest.raises(BadInput, match=r"'Strain \(%\)' and 'Displacement \(mm\)' may both be the strain"):
+        recognise(table, Hints())
+    table = table_of("t_s|Extensometer (mm)|F_N|Strain (%)|Length (mm)", "0|0|1|0|9", "1|0|2|1|9", "2|0|3|2|9")
+    assert recognise(table, Hints())[1].title == "Strain (%)"
+    table = table_of("t_s|mm|F_N|Strain (%)", "0|5|1|0", "1|6|2|1", "2|7|3|2")
+    assert recognise(table, Hints())[1].title == "Strain (%)"
+
+
 def test_texts_beyond_the_titles_do_no_harm_and_numbers_do():
     assert len(recognise(table_of("t_s|u_mm|F_N", *["0|1|2|note"] * 3), Hints())) == 3
     for titles, row in (("t_s|u_mm|F_N", "0.5|1.5|2.5|3.5"), ("t_s|u_mm|F_N|||", "0|1|2|3|4|5")):
