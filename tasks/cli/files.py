@@ -57,7 +57,7 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
         click.option(
             "--negate",
             type=click.Choice(["none", "displacement", "force", "both"]),
-            help="What gets the other sign; tension is positive here.",
+            help="Reverse the sign of displacements, forces or both; sinew takes tension as positive.",
         ),
     ]
     for option in reversed(options):

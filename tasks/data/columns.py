@@ -21,6 +21,7 @@ from sinew.tasks.data.quantities import (
     POSITION,
     STRAIN,
     STRESS,
+    STRETCH,
     TIME,
     Quantity,
 )
@@ -283,34 +284,49 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
         if column[0] in role.titles(quantity)
         and _possible(quantity, column[0], column[1] or role.given or "", column[1])
     ]
+    still: set[int] = set()
     if len(found) > 1 and DISPLACEMENT in role.quantities:  # an extensometer that is not used says 0 all the time
+        still = {at for _, at, one in found if one is DISPLACEMENT and named[at][0] not in words.EXTENSOMETER}
         found = [one for one in found if _changes(table, one[1])] or found
+        still -= {at for _, at, _ in found}
+    known = [one for one in found if units.is_unit(named[one[1]][1])]
+    found = [one for one in found if not known or not _in_volts(*named[one[1]])]
     if not found:
         listed = ", ".join(title or "(no name)" for title in titles[:12])
         raise NoColumn(_where(table), f"no column of {role.name} among {shown(listed, 200)}", role.remedy)
     rank, place, quantity = min(found, key=lambda one: one[:2])
     machine = (DISPLACEMENT, POSITION) if named[place][0] in words.EXTENSOMETER else ()
-    others = {other for same, other, one in found if same == rank or one in machine} - {place}
-    title = named[place][0]
+    others = {other for same, other, one in found if same == rank or one in machine}
+    if quantity in (STRAIN, STRETCH):  # perhaps of a camera, while the crosshead rested
+        others |= still
+    title, unit = named[place]
+    if not unit:
+        others |= {other for _, other, _ in found if named[other][0] in words.EXTENSOMETER and not named[other][1]}
     doubtful = title.startswith("(") or title in words.DOUBTFUL or quantity not in (TIME, DISPLACEMENT, FORCE)
     same = [STRESS] if quantity is FORCE else [LENGTH] if quantity is DISPLACEMENT else []  # they say it once more
     rivals = [one for *_, one in found if one not in same]
     sure = len(rivals) == 1 and not doubtful
-    return _Choice(quantity, place, SURE if sure else LIKELY, tuple(sorted(others)))
+    return _Choice(quantity, place, SURE if sure else LIKELY, tuple(sorted(others - {place})))
 
 
 def _rank(
     table: Table, role: _Role, number: int, place: int, name: str, unit: str
-) -> tuple[bool, bool, int, bool, bool, int]:
+) -> tuple[bool, int, int, bool, bool, int]:
     """The lower, the rather a column is meant: by its quantity, whether it has a unit, and how usual its title is.
 
-    A title that is only a unit comes last, and the motion of an extensometer before that of the machine. A clock may
-    stand beside the time since the start, which is finer.
+    A title that is only a unit comes last. The motion of an extensometer comes before that of the machine if the file
+    tells its unit, else behind it. A clock may stand beside the time since the start, which is finer.
     """
     quantity = role.quantities[number]
-    last = (name.startswith("("), name not in words.EXTENSOMETER)
+    extensometer = 0 if name not in words.EXTENSOMETER else -1 if unit and not _in_volts(name, unit) else 1
+    last = (name.startswith("("), extensometer)
     no_unit = not (unit or role.given or quantity.bare)
     return *last, number, table.has_clock(place), no_unit, role.titles(quantity).index(name)
+
+
+def _in_volts(name: str, unit: str) -> bool:
+    """Whether an extensometer has a unit that is not known, such as V of its amplifier."""
+    return name in words.EXTENSOMETER and bool(unit) and not any(map(units.is_unit, unit.split(units.EITHER)))
 
 
 def _changes(table: Table, place: int) -> bool:

@@ -1,5 +1,6 @@
 """Columns that a person wants kept beside the force, such as the lateral strain of a camera."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,6 +18,7 @@ from sinew.tasks.study.measured import UNITS
 
 Array = np.ndarray[Any, np.dtype[Any]]
 NOTHING = ("", "nan")  # cells without a number
+_NUMBER_OF_TEST = re.compile(r"(?<=[^\d .]) ?\d{1,3}$")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +47,11 @@ def kept(table: Table, rows: range, further: Sequence[Further], number: int = 0,
         if not found:
             notes.append(f"no column {shown(one.column)} to keep")
             continue
+        if beside > 1 and len(found) == 1:
+            found = _of_each_test(found[0], named, beside)
         if len(found) not in (1, beside):
-            raise BadInput(table.path, f"{shown(one.column)} names {len(found)} columns", "--keep-column NUMBER=NAME")
+            expected = "--keep-column NUMBER=NAME" if beside == 1 else f"one for each of {beside} tests, or one for all"
+            raise BadInput(table.path, f"{shown(one.column)} names {len(found)} columns", expected)
         place = found[number if len(found) > 1 else 0]
         where = f"{table.path}: {shown(titles[place] or f'column {place + 1}')}"
         factor, unit = _factor(where, one, named[place][1])
@@ -77,6 +82,16 @@ def _places(wanted: str, titles: Sequence[str], named: Sequence[tuple[str, str]]
     if not found and wanted.isascii() and wanted.isdigit() and len(wanted) < 5 and 1 <= int(wanted) <= len(titles):
         return [int(wanted) - 1]
     return found
+
+
+def _of_each_test(place: int, named: Sequence[tuple[str, str]], beside: int) -> list[int]:
+    """The columns with the name of this one, which may have the number of a test at its end: ``strain 1``."""
+    names = [name for name, _ in named]
+    same = [at for at, name in enumerate(names) if name == names[place]]
+    if len(same) == beside:
+        return same
+    plain = [_NUMBER_OF_TEST.sub("", name) for name in names]
+    return [at for at, name in enumerate(plain) if name == plain[place]]
 
 
 def _factor(where: str, one: Further, unit: str) -> tuple[float, str]:

@@ -39,6 +39,8 @@ def head_of(rows: Sequence[Row], at: int) -> Head:
     Titles stand there, or above a row of units. Between titles and numbers may be rows of other texts, such as types
     or names of sensors, if the titles are known ones. Units may also stand above the titles.
     """
+    while at >= 0 and not any(rows[at]):  # nothing but a mark of a comment, such as "#"
+        at -= 1
     if at < 0:
         return Head()
     told = _labelled(rows, at) or _listed(rows, at)

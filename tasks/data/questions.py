@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from sinew.runner.errors import BadInput
 
-FOR_ALL_ALIKE = "(for all files that do not say)"  # behind a question
+FOR_ALL_ALIKE = "(the answer applies to all files that leave this open)"  # behind a question
 
 
 class Unclear(BadInput):

@@ -19,7 +19,7 @@ from sinew.tasks.data.questions import Doubt
 
 Array = np.ndarray[Any, np.dtype[Any]]
 ZERO, NEGATE = "--zero-displacement", "--negate"
-_TURNED = "what gets the other sign?"
+_TURNED = "which sign should be reversed?"
 _UNITS = {"displacement": "mm", "force": "N", "stress": "MPa"}
 _TENSION = re.compile(rf"(?<![a-z])(?:{'|'.join(words.TENSION)})")
 
@@ -52,7 +52,8 @@ def doubts(columns: Sequence[Column], numbers: Array, texts: Iterable[str], hint
         start, way = float(numbers[0, 1]), float(np.ptp(numbers[:, 1]))
         if abs(start) > way:
             text = (
-                f"the displacement begins at {start:g} mm and moves by {way:.4g} mm, perhaps an offset of the machine"
+                f"the displacement starts at {start:g} mm but changes by only {way:.4g} mm; "
+                "the start may be an offset of the machine"
             )
             yield Doubt(text, "count it from its first value?", ZERO, ("first", "none"))
     if hints.negate is None:
@@ -70,8 +71,8 @@ def _sign(columns: Sequence[Column], numbers: Array, texts: Iterable[str]) -> It
     either = ("both", "force", "none") if has_sign else ("force", "none")
     if shorter and pushed:
         unless = "" if told else ", unless the machine counts tension as negative"
-        fibres = "fibres carry no load then, so this test tells nothing of their parameters"
-        text = f"a compression{unless}: it gets shorter, forces are below 0; {fibres}"
+        fibres = "fibres carry no load in compression, so this test says nothing about their parameters"
+        text = f"a compression{unless}: the specimen gets shorter and forces are negative; {fibres}"
         yield Doubt(text, _TURNED, NEGATE, either)
     elif shorter:
         text = "the specimen gets shorter, but forces are above 0; in a compression they should be below 0"

@@ -33,7 +33,9 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
 
 def _is_minimum(name: str, unit: str) -> bool:
     """Whether a ``min`` behind a name is the smallest value, as in ``Load Min``, and not minutes."""
-    return unit.lower() == "min" and _plain(name) not in words.TIME
+    name = _plain(name)
+    numbered = _NUMBERED.fullmatch(name)  # of tests beside each other: "time_1_min"
+    return unit.lower() == "min" and name not in words.TIME and (not numbered or numbered[1] not in words.TIME)
 
 
 def without_numbers(names: Sequence[str]) -> list[str]:

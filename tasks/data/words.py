@@ -69,7 +69,7 @@ FORCE = (
 STRESS = (
     "stress", "tensile stress", "engineering stress", "nominal stress", "spannung", "contrainte", "σ", "sigma",
     "tension", "axial stress", "eng stress", "compressive stress", "esfuerzo", "sforzo",
-    "contrainte en traction", "contrainte en compression",     "esfuerzo de tracción", "esfuerzo a tracción", "tensão",
+    "contrainte en traction", "contrainte en compression", "esfuerzo de tracción", "esfuerzo a tracción", "tensão",
     "应力", "應力", "応力", "응력",
     "拉伸应力", "压缩应力", "(MPa)", "(kPa)", "(Pa)",
 )  # fmt: skip
@@ -86,7 +86,8 @@ DOUBTFUL = frozenset({
     "step time", "scan time", "tempo", "laufzeit",
     "deformation", "compression", "indentation", "distance", "travel", "course", "carrera", "corsa", "recorrido", "u",
     "d", "dl", "δl", "maschine", "stroke", "ストローク", "行程",
-    "f", "p", "rf", "last", "charge", "effort", "carga", "carico", "load cell", "normal force", "压力", "负载", "하중",
+    "f", "p", "rf", "last", "charge", "effort", "carga", "carico", "load cell", "normal force", "static force",
+    "压力", "负载", "하중",
 })  # fmt: skip
 
 #: Titles of columns that tell the tests of one table apart.

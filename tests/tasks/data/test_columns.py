@@ -280,11 +280,40 @@ def test_an_extensometer_goes_before_the_machine_which_may_be_meant_as_well(titl
         recognise(table, Hints())
 
 
+@pytest.mark.parametrize("told", [{}, {"displacement_unit": "mm"}])
+@pytest.mark.parametrize("title", ["LVDT (V)", "Extensometer [mV]", "Extensometer"])
+@pytest.mark.parametrize("machine", ["Displacement (mm)", "Position (mm)"])
+def test_an_extensometer_without_a_known_unit_is_not_taken_before_the_machine(title, machine, told):
+    assert columns(f"t_s|{title}|{machine}|F_N", **told)[1].title == machine
+
+
+def test_an_extensometer_without_a_known_unit_is_taken_where_nothing_else_is():
+    assert columns("t_s|LVDT (V)|F_N", displacement_unit="mm")[1].title == "LVDT (V)"
+    assert columns("t_s|LVDT (V)|Disp|F_N", displacement_unit="mm")[1].title == "Disp"
+    assert columns("t_s|Extensometer|F_N", displacement_unit="mm")[1].title == "Extensometer"
+    with pytest.raises(UnknownUnit, match="unit 'V' of the displacement is not known"):
+        columns("t_s|LVDT (V)|F_N")
+    with pytest.raises(BadInput, match="'Disp' and 'Extensometer' may both be the displacement"):
+        columns("t_s|Extensometer|Disp|F_N", displacement_unit="mm")
+
+
 def test_a_column_that_never_changes_is_taken_only_if_no_other_does():
     table = table_of("t_s|Extensometer (mm)|F_N|Crosshead (mm)", "0|0.0|1|0", "1|0.0|2|2", "2|0.0|3|4")
     assert recognise(table, Hints())[1].title == "Crosshead (mm)"
     table = table_of("t_s|Disp (mm)|F_N|Crosshead (mm)", "0|5|1|0", "1|5|2|0", "2|5|3|0")
     assert recognise(table, Hints())[1].title == "Disp (mm)"
+
+
+def test_a_displacement_that_never_changes_beside_a_strain_is_named():
+    table = table_of("t_s|Displacement (mm)|F_N|Strain (%)", "0|5|1|0", "1|5|2|1", "2|5|3|2")
+    motion = recognise(table, Hints(), first_of_alike=True)[1]
+    assert (motion.title, motion.alike) == ("Strain (%)", ("Displacement (mm)",))
+    with pytest.raises(BadInput, match=r"'Strain \(%\)' and 'Displacement \(mm\)' may both be the strain"):
+        recognise(table, Hints())
+    table = table_of("t_s|Extensometer (mm)|F_N|Strain (%)|Length (mm)", "0|0|1|0|9", "1|0|2|1|9", "2|0|3|2|9")
+    assert recognise(table, Hints())[1].title == "Strain (%)"
+    table = table_of("t_s|mm|F_N|Strain (%)", "0|5|1|0", "1|6|2|1", "2|7|3|2")
+    assert recognise(table, Hints())[1].title == "Strain (%)"
 
 
 def test_texts_beyond_the_titles_do_no_harm_and_numbers_do():
@@ -319,6 +348,7 @@ def test_long_titles_are_listed_in_full():
 def test_how_sure_a_choice_is():
     assert columns("time_s|Tensile displacement (mm)|F_N")[1].how == "sure"
     assert columns("time_s|Deformation (mm)|F_N")[1].how == "likely", "a title that may mean something else"
+    assert columns("time_s|u_mm|Static Force (N)")[2].how == "likely", "only the mean load of a DMA, perhaps"
     assert columns("time_s|u|F_N", displacement_unit="mm")[1].how == "as you said"
     assert columns("time_s|Stretch|F_N")[1].how == "likely"
 

@@ -124,6 +124,36 @@ def test_tests_beside_each_other_have_columns_of_their_own(tmp_path):
     np.testing.assert_allclose(two.curves[0].others["lateral_strain"], -0.02 * TIMES, atol=1e-12)
 
 
+@pytest.mark.parametrize("wanted", ["Strain 1 (%)", "Strain 2 (%)", "Strain", "4", "8"])
+def test_tests_with_numbered_titles_have_columns_of_their_own(tmp_path, wanted):
+    one, two = read(numbered(tmp_path), keep=(f"{wanted}=lateral",)).specimens
+    np.testing.assert_allclose(one.curves[0].others["lateral"], -0.01 * TIMES, atol=1e-12)
+    np.testing.assert_allclose(two.curves[0].others["lateral"], -0.02 * TIMES, atol=1e-12)
+
+
+@pytest.mark.parametrize("wanted", ["Temperature (1)", "9"])
+def test_one_column_is_that_of_all_tests_beside_each_other(tmp_path, wanted):
+    one, two = read(numbered(tmp_path, more=("Temperature (1)",)), keep=(f"{wanted}=warmth",)).specimens
+    assert one.curves[0].others["warmth"].tolist() == two.curves[0].others["warmth"].tolist() == [9.0] * 12
+
+
+def test_columns_that_are_neither_for_each_test_nor_for_all_are_refused(tmp_path):
+    path = numbered(tmp_path, more=("Cam 1 (1)", "Cam 2 (1)", "Cam 3 (1)"))
+    with pytest.raises(BadInput, match=r"'9' names 3 columns; expected one for each of 2 tests, or one for all"):
+        read(path, keep=("9=cam",))
+
+
+def numbered(folder, more=()):
+    """Two tests beside each other, whose titles have numbers, and ``more`` columns of 9 behind them."""
+    titles = [f"{each} {n} ({unit})" for n in (1, 2)
+              for each, unit in (("Time", "s"), ("Disp", "mm"), ("Force", "N"), ("Strain", "%"))]  # fmt: skip
+    rows = [f"{t:g},{0.1 * t:g},{3 * t:g},{-t:g},{t:g},{0.2 * t:g},{5 * t:g},{-2 * t:g}" + ",9" * len(more)
+            for t in TIMES]  # fmt: skip
+    path = folder / "both.csv"
+    path.write_text("\n".join([",".join([*titles, *more]), *rows]) + "\n")
+    return path
+
+
 def test_a_tare_of_the_force_leaves_them(tmp_path):
     (one,) = read(written(tmp_path), tare=True).specimens
     assert "lateral_strain" in one.curves[0].others

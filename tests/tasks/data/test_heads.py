@@ -69,6 +69,13 @@ def test_a_row_of_names_alone_is_no_label():
     assert head("Name,Time,Force").titles == ("Name", "Time", "Force")
 
 
+def test_rows_of_nothing_but_a_mark_are_passed_over():
+    titles = ("time(s)", "disp(mm)", "force(N)")
+    assert head_of([titles, (), ()], 2) == Head(titles, (), 0)
+    assert head_of([TITLES, UNITS, ()], 2) == Head(TITLES, UNITS, 0)
+    assert head_of([(), ()], 1) == Head()
+
+
 def test_no_row_is_above():
     assert head_of([], -1) == Head()
     assert head("Time,Disp,Force") == Head(TITLES, (), 0)

@@ -334,7 +334,7 @@ def test_which_column_is_meant_is_asked_once(tmp_path):
     ask, asked = answers(displacement="Crosshead (mm)")
     read = read_all(Files(tuple(paths), ()), Hints(), ask)
     assert [one.numbers[-1, 1] for one in read.recordings] == [4.0, 4.0]
-    assert asked == ["displacement in a.csv: which column? (for all files that do not say)"]
+    assert asked == ["displacement in a.csv: which column? (the answer applies to all files that leave this open)"]
 
 
 def test_where_a_displacement_counts_from_and_its_sign_are_asked_once_and_kept(tmp_path):
@@ -350,10 +350,11 @@ def test_where_a_displacement_counts_from_and_its_sign_are_asked_once_and_kept(t
 
     made = init(paths, tmp_path / "out", ask=ask, sizes=BAR)
     assert asked == [
-        "a.csv: the displacement begins at 37.21 mm and moves by 0.39 mm, perhaps an offset of the machine; "
-        "count it from its first value? (for all files that do not say)",
+        "a.csv: the displacement starts at 37.21 mm but changes by only 0.39 mm; "
+        "the start may be an offset of the machine; "
+        "count it from its first value? (the answer applies to all files that leave this open)",
         "a.csv: forces are below 0; tension is positive here, so look at the machine's sign; "
-        "what gets the other sign? (for all files that do not say)",
+        "which sign should be reversed? (the answer applies to all files that leave this open)",
     ]
     assert [one.curves[0].force_N[-1] for one in made.specimens] == [30.0, 31.0]
     assert [one.curves[0].protocol.displacement_mm[0] for one in made.specimens] == [0.0, 0.0]
@@ -409,7 +410,7 @@ def test_an_answer_holds_for_all_files_that_do_not_say(tmp_path):
     assert [recording.numbers[-1, 2] for recording in read.recordings] == [80_000, 80_000]
     assert read.left_out == []
     assert read.answered == Hints(force_unit="kN")
-    assert asked == ["force in a.csv: which unit? (for all files that do not say)"]
+    assert asked == ["force in a.csv: which unit? (the answer applies to all files that leave this open)"]
 
 
 # ---- sizes and specimens

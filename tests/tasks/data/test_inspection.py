@@ -360,6 +360,6 @@ def test_what_an_import_would_refuse_is_asked(tmp_path):
 def test_remarks_tell_of_signs_and_of_a_displacement_that_begins_far_off(tmp_path):
     rows = "".join(f"{i},{37.21 + i / 20},{-5 * i}\n" for i in range(6))
     remarks = taken(tmp_path, f"Time (s),Displacement (mm),Force (N)\n{rows}")["remarks"]
-    assert [remark for remark in remarks if "begins at 37.21 mm and moves by 0.25 mm" in remark]
+    assert [remark for remark in remarks if "starts at 37.21 mm but changes by only 0.25 mm" in remark]
     assert [remark for remark in remarks if "forces are below 0" in remark]
     assert taken(tmp_path, "Time (s),Displacement (mm),Force (N)\n0,0,1\n1,1,2\n2,2,3\n")["remarks"] == []

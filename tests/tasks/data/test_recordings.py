@@ -218,7 +218,7 @@ def test_curves_that_cannot_be(tmp_path, content, words):
 def test_a_compression_is_said_to_be_one(tmp_path, title, motion):
     rows = [f"{i},{x},{-i}" for i, x in enumerate(motion)]
     (*_, remark) = remarks(read(tmp_path, "\n".join([f"time_s,{title},force_N", *rows, ""])))
-    assert remark.startswith("a compression, unless the machine counts tension as negative: it gets shorter")
+    assert remark.startswith("a compression, unless the machine counts tension as negative: the specimen gets shorter")
 
 
 def test_a_compression_with_forces_above_0_is_remarked_on(tmp_path):

@@ -30,7 +30,9 @@ def ends(recording: Recording) -> list[float]:
 def test_a_displacement_that_begins_far_from_0_is_doubtful_until_told(tmp_path):
     found = read(tmp_path, 0.05, 2.0, start=37.21)
     (doubt,) = found.doubts
-    assert doubt.text == "the displacement begins at 37.21 mm and moves by 0.25 mm, perhaps an offset of the machine"
+    assert doubt.text == (
+        "the displacement starts at 37.21 mm but changes by only 0.25 mm; the start may be an offset of the machine"
+    )
     assert (doubt.option, doubt.choices) == ("--zero-displacement", ("first", "none"))
     assert remarks(found) == [f"{doubt.text}; --zero-displacement first or none"]
     assert ends(found) == [37.46, 10.0]
@@ -108,4 +110,4 @@ def test_a_line_on_both_directions_tells_of_none(tmp_path, above):
 
 def test_a_compression_that_is_told_and_below_0_is_certain_to_be_one(tmp_path):
     (doubt,) = read(tmp_path, -0.1, -2.0, above="Compression test").doubts
-    assert doubt.text.startswith("a compression: it gets shorter, forces are below 0")
+    assert doubt.text.startswith("a compression: the specimen gets shorter and forces are negative")

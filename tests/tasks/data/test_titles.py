@@ -21,6 +21,8 @@ from sinew.tasks.data.titles import is_spread, name_and_unit, without_numbers, w
         ("Force..kN.", "force", "kN"),
         ("Disp Min", "disp min", ""),
         ("Time min", "time", "min"),
+        ("time_1_min", "time 1", "min"),
+        ("Load_1_Min", "load 1 min", ""),
     ],
 )
 def test_a_title_has_a_name_and_a_unit(title, name, unit):

@@ -17,7 +17,7 @@ from sinew.tasks.simulate.febio.field_export import export_rows
 from sinew.tasks.simulate.febio.kept_files import files
 from tests.tasks.simulate.febio.dogbone import BAR, OWN, RELAX
 from tests.tasks.simulate.febio.plotting_bar import runs
-from tests.tasks.simulate.febio.test_kept import ROWS, keeping_bar
+from tests.tasks.simulate.febio.test_kept import LATERAL, PLOTTED, ROWS, keeping_bar
 
 FORCE = np.linspace(0.1, 2.0, RELAX.time_s.size)
 SHORT = Protocol("short relax", RELAX.time_s[:9], RELAX.displacement_mm[:9])
@@ -59,6 +59,20 @@ def test_rows_of_an_inference_have_kept_fields(tmp_path):
     alone = evaluated(tmp_path, SpecimenEvaluation(OWN, one, simulator, 96), ROWS[1:2])
     assert runs(tmp_path) == 2 * 3  # a fit of the same specimen finds them, too
     assert len(export_rows(tmp_path, [0], tmp_path / "vtk", alone).paths) == 2
+
+
+def test_of_several_runs_of_a_row_that_with_the_most_variables_is_written(tmp_path):
+    one = replace(BAR, curves=(Curve(RELAX, FORCE),))
+    few = replace(keeping_bar(tmp_path), plotted=("stress",))
+    for rows in (ROWS[:2], ROWS[:3]):  # in files of their own
+        few._rows(OWN, BAR, RELAX, rows)
+    evaluated(tmp_path, SpecimenEvaluation(OWN, one, keeping_bar(tmp_path, LATERAL), 96), ROWS)
+    assert runs(tmp_path) == 3 + 3
+    paths = export_rows(tmp_path, [0, 1, 2], tmp_path / "vtk").paths
+    assert len(paths) == 3
+    for path in paths:
+        written = next(path.with_suffix("").iterdir()).read_text("latin-1")
+        assert all(f'Name="{name}"' in written for name in PLOTTED)
 
 
 def test_a_damaged_file_is_named_and_costs_no_other_row(tmp_path):
