@@ -1,5 +1,7 @@
 """Reading kept runs, which may come from anywhere: nothing is believed that a file says about its own size."""
 
+import os
+import stat
 import struct
 import zipfile
 from collections.abc import Iterator, Mapping
@@ -12,6 +14,7 @@ import numpy as np
 import zarr
 
 from sinew.runner.errors import StoreError, of_the_system
+from sinew.runner.files import what_is
 from sinew.runner.store.chunks import codecs_fault
 from sinew.runner.store.damage import words
 from sinew.tasks.simulate import Array
@@ -77,6 +80,8 @@ def read_run(place: Place) -> Run:
 def _sound(path: Path) -> Iterator[tuple[zipfile.ZipFile, zarr.Group]]:
     """A file whose members are what they claim to be, as a zip and as a hierarchy."""
     try:
+        if not stat.S_ISREG(mode := os.lstat(path).st_mode):
+            raise ValueError(f"it is {what_is(mode)}")  # a device has no end, and zipfile looks for it
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
             stored = all(

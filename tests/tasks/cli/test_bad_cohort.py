@@ -55,7 +55,7 @@ CURVES = {
     "NUL far below": (curve(*(f"{i},0,1" for i in range(2000)), "2000,0,1\0"), f"{BAR}: row 2002, force_N"),
     "Latin-1": (replaced(4, "2,0.2,9µ").encode("latin-1"), f"{BAR}: row 4, force_N"),
     "UTF-16": (curve(*ROWS).encode("utf-16"), f"{BAR}: not a text file; expected text in UTF-8"),
-    "a long line": (HEADER + "x" * 200_000, f"{BAR}: row 1: header"),
+    "a long line": (HEADER + "x" * 200_000, f"{BAR}: row 1: more than 120,000 characters"),
     "a long cell": (replaced(4, "2,0.2," + "9" * 200_000), f"{BAR}"),
 }
 
