@@ -4,8 +4,7 @@ They are the group ``measured`` of ``store.zarr``: all curves one after the othe
 points of each in ``row_size`` (a contiguous ragged array of the CF conventions).
 """
 
-import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,8 +17,9 @@ from sinew.runner.store.layout import Damaged
 from sinew.runner.store.store import Store
 from sinew.tasks.data.cohort import Cohort
 from sinew.tasks.drawing.thinning import drawn_points
-from sinew.tasks.model import Protocol
+from sinew.tasks.model import Curve, Protocol
 from sinew.tasks.simulate import Array
+from sinew.tasks.study.files import digest
 
 GROUP = "measured"
 POINTS = 500  # of a curve, at the most: more than a plot of a page's width can show
@@ -58,39 +58,34 @@ def represented(protocol: str, time: Array, moved: Array, force: Array) -> Measu
 
 def keep_curves(store: Store, cohort: Cohort) -> None:
     """Write the cohort's curves into the store, unless they are there, whole. Raises ``StoreError``."""
-    names, curves = [], []
-    for specimen in cohort.specimens:
-        for curve in specimen.curves:
-            protocol = curve.protocol
-            names.append((specimen.name, curve.name))
-            curves.append(represented(curve.name, protocol.time_s, protocol.displacement_mm, curve.force_N))
-    if not curves:
-        return
-    columns = [
-        np.concatenate(each)
-        for each in zip(*((one.time_s, one.displacement_mm, one.force_N) for one in curves), strict=True)
+    curves = [(specimen.name, curve) for specimen in cohort.specimens for curve in specimen.curves]
+    content = digest(POINTS, [[name, curve.name, curve.digest] for name, curve in curves])
+    if curves and _content(store) != content:
+        store.write_result(GROUP, _ragged(curves).assign_attrs(content=content))
+
+
+def _ragged(curves: Sequence[tuple[str, Curve]]) -> xr.Dataset:
+    """The curves of specimens by name, each at the points that are drawn, one after the other."""
+    drawn = [
+        represented(curve.name, curve.protocol.time_s, curve.protocol.displacement_mm, curve.force_N)
+        for _, curve in curves
     ]
-    found = xr.Dataset(
-        {
-            "specimen": ("curve", np.array([name for name, _ in names], dtype=object)),
-            "protocol": ("curve", np.array([name for _, name in names], dtype=object)),
-            "row_size": ("curve", np.array([one.time_s.size for one in curves]), {"sample_dimension": "point"}),
-            "total": ("curve", np.array([one.total for one in curves]), {"long_name": "points that were measured"}),
-        }
-        | {
-            name: ("point", column, {"units": unit})
-            for (name, unit), column in zip(COLUMNS.items(), columns, strict=True)
-        }
-    )
-    content = hashlib.blake2b(repr((names, found["total"].values.tolist())).encode(), digest_size=16)
-    for column in columns:
-        content.update(column.tobytes())
-    if _content(store) != content.hexdigest():
-        store.write_result(GROUP, found.assign_attrs(content=content.hexdigest()))
+    columns = zip(*((one.time_s, one.displacement_mm, one.force_N) for one in drawn), strict=True)
+    about = {
+        "specimen": ("curve", np.array([name for name, _ in curves], dtype=object)),
+        "protocol": ("curve", np.array([curve.name for _, curve in curves], dtype=object)),
+        "row_size": ("curve", np.array([one.time_s.size for one in drawn]), {"sample_dimension": "point"}),
+        "total": ("curve", np.array([one.total for one in drawn]), {"long_name": "points that were measured"}),
+    }
+    points = {
+        name: ("point", np.concatenate(column), {"units": unit})
+        for (name, unit), column in zip(COLUMNS.items(), columns, strict=True)
+    }
+    return xr.Dataset(about | points)
 
 
 def _content(store: Store) -> Any:
-    """The hash of the curves that are kept; None where there are none, or damaged ones."""
+    """The hash of the measured curves of which points are kept; None where there are none, or damaged ones."""
     try:
         return store.read_result(GROUP).attrs.get("content")
     except StoreError:
