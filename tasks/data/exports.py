@@ -8,11 +8,19 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import NAME, refuse_duplicates
-from sinew.tasks.data.columns import LIKELY
 from sinew.tasks.data.further import refuse_unknown
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH, TIME
-from sinew.tasks.data.recordings import MOST_STRETCH, Bar, Recording, as_told, curve_of, read_recordings, remarks
+from sinew.tasks.data.recordings import (
+    MOST_STRETCH,
+    Bar,
+    Recording,
+    as_told,
+    curve_of,
+    first_length_in_words,
+    read_recordings,
+    remarks,
+)
 from sinew.tasks.data.sizes import LARGEST_MM2, LONGEST_MM, SAME, square_side
 from sinew.tasks.data.units import factor, listed
 from sinew.tasks.model import Specimen
@@ -167,7 +175,7 @@ def _bar(recording: Recording, reading: Reading) -> Bar:
 def first_length(recording: Recording, reading: Reading) -> Iterator[str]:
     """A remark where the length in the first row serves as gauge length."""
     if reading.length_mm is None and "length" not in recording.sizes and recording.motion.quantity is LENGTH:
-        yield f"gauge length {_length(recording):g} mm, {LIKELY}: the length in the first row"
+        yield first_length_in_words(recording)
 
 
 def _replaced(recording: Recording, part: Specimen, reading: Reading) -> Iterator[str]:

@@ -27,10 +27,7 @@ ROWS = 64  # values of toe and relaxation that are tried
 BEST = 6  # of them, whose moduli count
 WIDER = 3.0  # on both sides of their moduli
 LOOKED_AT = 12  # specimens, at most
-LASTING = (
-    20.0,
-    2000.0,
-)  # s; tests that last for less or more cannot show the published relaxation times, or have others
+LASTING = (20.0, 2000.0)  # s; shorter tests cannot show the published relaxation times, longer ones have others
 SPAN = 2000.0  # between the largest and the smallest relaxation time, as published
 SAMPLES = 2.0  # that the smallest relaxation time lasts at least
 

@@ -1,6 +1,5 @@
 """Columns that a person wants kept beside the force, such as the lateral strain of a camera."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,12 +12,11 @@ from sinew.tasks.data.columns import names_and_units
 from sinew.tasks.data.hints import Further
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import HUGE
-from sinew.tasks.data.titles import name_and_unit
+from sinew.tasks.data.titles import name_and_unit, without_number
 from sinew.tasks.study.measured import UNITS
 
 Array = np.ndarray[Any, np.dtype[Any]]
 NOTHING = ("", "nan")  # cells without a number
-_NUMBER_OF_TEST = re.compile(r"(?<=[^\d .]) ?\d{1,3}$")
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +88,7 @@ def _of_each_test(place: int, named: Sequence[tuple[str, str]], beside: int) -> 
     same = [at for at, name in enumerate(names) if name == names[place]]
     if len(same) == beside:
         return same
-    plain = [_NUMBER_OF_TEST.sub("", name) for name in names]
+    plain = list(map(without_number, names))
     return [at for at, name in enumerate(plain) if name == plain[place]]
 
 

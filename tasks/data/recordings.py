@@ -343,6 +343,11 @@ def _check_displacement(recording: Recording, displacement: Array, length_mm: fl
         raise BadInput(where, problem, "another gauge length, unit or column")
 
 
+def first_length_in_words(recording: Recording) -> str:
+    """A remark on the length in the first row, where that serves as gauge length."""
+    return f"gauge length {recording.numbers[0, 1]:g} mm, {LIKELY}: the length in the first row"
+
+
 def remarks(recording: Recording) -> list[str]:
     """What a person should check in a recording that was understood."""
     found = [*recording.notes, *recording.further.notes]

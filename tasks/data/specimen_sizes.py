@@ -8,7 +8,7 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import GEOMETRY
 from sinew.tasks.data.columns import LIKELY
 from sinew.tasks.data.quantities import LENGTH
-from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.recordings import Recording, first_length_in_words
 from sinew.tasks.data.sizes import LONGEST_MM, SAME, SIZES, square_side
 from sinew.tasks.data.sizes_in_names import sizes_in_name
 
@@ -112,8 +112,7 @@ def with_first_length(known: Known, recordings: Sequence[Recording], *, certain:
     if certain:
         problem = f"does not tell the gauge length; {first:g} mm, the length in the first row, is {LIKELY}, not certain"
         raise BadInput(recordings[0].path, problem, "--length-mm")
-    note = f"gauge length {first:g} mm, {LIKELY}: the length in the first row"
-    return replace(known, mm={**known.mm, "length": first}, notes=(*known.notes, note))
+    return replace(known, mm={**known.mm, "length": first}, notes=(*known.notes, first_length_in_words(recordings[0])))
 
 
 def _contradictions(size: str, asked: float, told: Mapping[float, Path], override: bool) -> list[str]:

@@ -33,9 +33,14 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
 
 def _is_minimum(name: str, unit: str) -> bool:
     """Whether a ``min`` behind a name is the smallest value, as in ``Load Min``, and not minutes."""
-    name = _plain(name)
-    numbered = _NUMBERED.fullmatch(name)  # of tests beside each other: "time_1_min"
-    return unit.lower() == "min" and name not in words.TIME and (not numbered or numbered[1] not in words.TIME)
+    name = _plain(name)  # "time_1_min" is of tests beside each other
+    return unit.lower() == "min" and name not in words.TIME and without_number(name) not in words.TIME
+
+
+def without_number(name: str) -> str:
+    """A name without the number at its end: ``strain`` of ``strain 1``."""
+    found = _NUMBERED.fullmatch(name)
+    return name if found is None else found[1]
 
 
 def without_numbers(names: Sequence[str]) -> list[str]:
