@@ -33,6 +33,7 @@ from sinew.tasks.calibrate.show import (
     searches_table,
 )
 from sinew.tasks.calibrate.task import fitted_curves
+from sinew.tasks.drawing.blocks import behind
 from sinew.tasks.drawing.figures import COLOURS, STYLE, save
 from sinew.tasks.drawing.formats import DRAWN
 from sinew.tasks.drawing.thinning import drawn_points
@@ -193,7 +194,7 @@ def measured_and_fitted(specimen: Specimen, forces: Mapping[str, Array], rmse_N:
 
 def quantity_and_fitted(specimen: Specimen, courses: Mapping[str, Array], name: str, quantity: QuantityFit) -> Figure:
     """A quantity that is compared beside the force: what was measured and the calibrated model, over time."""
-    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+    unit = behind(quantity.unit)
     with plt.rc_context(STYLE):
         size = (3.2 * len(specimen.curves), 2.8)
         figure, axes = plt.subplots(1, len(specimen.curves), figsize=size, squeeze=False)

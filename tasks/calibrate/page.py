@@ -7,7 +7,19 @@ import numpy as np
 from sinew.tasks.calibrate.result import CalibrateResult, SpecimenFit
 from sinew.tasks.calibrate.show import bound_advice, in_words
 from sinew.tasks.drawing import plots
-from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, Words, beyond, listed, number, plural
+from sinew.tasks.drawing.blocks import (
+    Block,
+    Plot,
+    Section,
+    Table,
+    Words,
+    behind,
+    beyond,
+    listed,
+    number,
+    plural,
+    with_its_unit,
+)
 from sinew.tasks.drawing.figures import COLOURS
 from sinew.tasks.drawing.thinning import drawn_points
 from sinew.tasks.model import FORCE, Protocol
@@ -131,17 +143,15 @@ def _draw_fit(sources: plots.Sources, protocols: list[str], units: dict[str, str
 
 def _draw_quantity(source: Any, title: str, quantity: str, unit: str, number_: int) -> Plot:
     """What was measured of a quantity and the fitted model, at the points that are kept, and what the model leaves."""
-    axis = quantity.replace("_", " ") + ("" if unit == "1" else f" ({unit})")
-    behind = "" if unit == "1" else f" {unit}"
-    fit = plots.figure("time (s)", axis)
+    fit = plots.figure("time (s)", with_its_unit(quantity.replace("_", " "), unit))
     measured = fit.scatter("time", "measured", source=source, color=plots.MEASURED, size=4)
     model = fit.line("time", "model", source=source, color=COLOURS[1], line_width=1.3)
     plots.legend(fit, [(f"{title.replace('_', ' ')}, measured", [measured]), ("model", [model])])
-    rows = [("time", "@time{0.00} s"), ("measured", f"@measured{behind}"), ("model", f"@model{behind}")]
+    rows = [("time", "@time{0.00} s"), ("measured", f"@measured{behind(unit)}"), ("model", f"@model{behind(unit)}")]
     plots.hover(fit, model, rows)
     left = plots.figure("time (s)", "measured less model", height=190, x_range=fit.x_range)
     dots = left.scatter("time", "left", source=source, color=COLOURS[1], size=2.5)
-    plots.hover(left, dots, [("time", "@time{0.00} s"), ("left", f"@left{behind}")])
+    plots.hover(left, dots, [("time", "@time{0.00} s"), ("left", f"@left{behind(unit)}")])
     left.hspan(0.0, line_color=plots.INK, line_width=0.7)
     label = f"{title}: measured and fitted, and what the fitted model leaves"
     return plots.plot(f"calibration-fit-{number_}", fit, label, below=left)
@@ -151,7 +161,7 @@ def _in_words(fit: SpecimenFit) -> str:
     parts = [f"RMSE {', '.join(f'{name} {_error(fit, name)}' for name in fit.rmse_N)}"]
     for quantity, one in (fit.quantities or {}).items():
         if quantity != FORCE:
-            unit = "" if one.unit == "1" else f" {one.unit}"
+            unit = behind(one.unit)
             errors = ", ".join(f"{name} {number(rmse, 3)}{unit}" for name, rmse in one.rmse.items())
             parts.append(f"{quantity.replace('_', ' ')}: RMSE {errors}, noise {number(one.noise, 3)}{unit}")
     parts.append(f"by {fit.method.replace('_', ' ')}")
@@ -285,9 +295,8 @@ def _table(result: CalibrateResult) -> Table:
                      ", ".join(fit.on_bound) or "–", ", ".join(result.not_determined(fit)) or "–",
                      *(number(value, 4) for value in fit.sums().values()),
                      *(number(value, 4) for value in fit.values(result.names))])  # fmt: skip
-    units = ["" if unit == "1" else f" ({unit})" for unit in result.units]
     header = ["specimen", "RMSEs together (N)", "noise together (N)", "above the noise",
               "largest RMSE (% of peak)", "lowest R²", "on a bound", "not determined",
               *(f"{with_unit(name, unit)}, RMSEs together" for name, unit in _units(result).items()),
-              *(f"{name}{unit}" for name, unit in zip(result.names, units, strict=True))]  # fmt: skip
+              *map(with_its_unit, result.names, result.units)]  # fmt: skip
     return Table("Fits of all specimens", header, rows, words=(6, 7), open=len(rows) <= 3)

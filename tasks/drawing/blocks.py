@@ -135,6 +135,16 @@ def largest(names: Sequence[str], values: Sequence[float] | Any, most: int = 3) 
     return ", ".join(f"{names[j]} {number(values[j])}" for j in order[:most])
 
 
+def behind(unit: str) -> str:
+    """A unit as it stands behind a number, with the space before it; nothing for a number without a unit."""
+    return "" if unit == "1" else f" {unit}"
+
+
+def with_its_unit(name: str, unit: str) -> str:
+    """What an axis or a column shows: ``width change (mm)``, or the name alone for a number without a unit."""
+    return name if unit == "1" else f"{name} ({unit})"
+
+
 def plural(count: int, word: str) -> str:
     """``3 rows``, ``1 row``."""
     return f"{count:,} {word}{'' if count == 1 else 's'}"

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from scipy.stats import gaussian_kde
 
 from sinew.runner.store.store import open_store
+from sinew.tasks.drawing.blocks import with_its_unit
 from sinew.tasks.drawing.figures import COLOURS, STYLE, save, symbol
 from sinew.tasks.drawing.views import FigureKind
 from sinew.tasks.infer.result import InferResult, Posterior, particles_group
@@ -106,7 +107,7 @@ def marginals(particles: xr.Dataset, result: InferResult, site: str) -> Figure:
             axis.plot(grid, posterior, color=COLOURS[0], label="posterior")
             axis.axvspan(*marginal.hdi, color=COLOURS[0], alpha=0.12, lw=0)
             axis.axvline(marginal.mean, color=COLOURS[0], lw=0.8, ls="--")
-            axis.set_title(symbol(name) + ("" if unit == "1" else f" ({unit})"), fontsize=9)
+            axis.set_title(with_its_unit(symbol(name), unit), fontsize=9)
             axis.set_yticks([])
         axes[0, 0].legend(fontsize=7)
         percent = round(100 * result.interval)

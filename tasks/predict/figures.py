@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sinew.runner.store.store import open_store
+from sinew.tasks.drawing.blocks import with_its_unit
 from sinew.tasks.drawing.figures import COLOURS, STYLE, save
 from sinew.tasks.drawing.views import FigureKind
 from sinew.tasks.predict.result import BANDS, PredictResult, SitePrediction, bands_group, of_quantity
@@ -29,8 +30,7 @@ def draw(workspace: Workspace, result: PredictResult) -> None:
         save(site_bands(dataset, prediction, site), folder, f"predict_{site}", forces)
         save(each_specimen(dataset, prediction, site), folder, f"predict_{site}_specimens", forces)
         for name, other in (prediction.others or {}).items():
-            own, label = of_quantity(dataset, name), name.replace("_", " ")
-            label += "" if other.unit == "1" else f" ({other.unit})"
+            own, label = of_quantity(dataset, name), with_its_unit(name.replace("_", " "), other.unit)
             shown = replace(prediction, coverage=other.coverage)
             table = points_table(dataset, f"{name}_", other.unit)
             save(site_bands(own, shown, site, label), folder, f"predict_{site}_{name}", table)

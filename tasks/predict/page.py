@@ -8,7 +8,18 @@ import numpy as np
 import xarray as xr
 
 from sinew.tasks.drawing import plots
-from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, Words, number, percent, plural
+from sinew.tasks.drawing.blocks import (
+    Block,
+    Plot,
+    Section,
+    Table,
+    Words,
+    behind,
+    number,
+    percent,
+    plural,
+    with_its_unit,
+)
 from sinew.tasks.drawing.figures import COLOURS
 from sinew.tasks.model import FORCE
 from sinew.tasks.predict.result import BANDS, Coverage, PredictResult, bands_group, of_quantity
@@ -56,8 +67,7 @@ def _given(result: PredictResult) -> dict[str, Coverage]:
 
 def _bands(result: PredictResult, kept: Sequence[xr.Dataset], quantity: str = FORCE, unit: str = "N") -> Block:
     given = _given(result)
-    behind = "" if unit == "1" else f" {unit}"
-    label_y = f"{quantity.replace('_', ' ')}{behind and f' ({unit})'}"
+    label_y = with_its_unit(quantity.replace("_", " "), unit)
     digits, key = ("{0.0}", "prediction") if quantity == FORCE else ("", f"prediction-{quantity}")
     bands = [band for band in COLOUR if band in given]
     data, protocols = _columns(kept, bands)
@@ -74,8 +84,8 @@ def _bands(result: PredictResult, kept: Sequence[xr.Dataset], quantity: str = FO
                 edges = [plot.line("time", end, source=source, **style) for end in ends]
                 entries.append((BANDS[band], [area, *edges]))
             line = plot.line("time", "measured", source=source, color=plots.INK, line_width=1.6)
-            rows = [("time", "@time{0.0} s"), ("measured", f"@measured{digits}{behind}")]
-            rows += [(BANDS[band], f"@{band}_low{digits} to @{band}_high{digits}{behind}") for band in bands]
+            rows = [("time", "@time{0.0} s"), ("measured", f"@measured{digits}{behind(unit)}")]
+            rows += [(BANDS[band], f"@{band}_low{digits} to @{band}_high{digits}{behind(unit)}") for band in bands]
             plots.hover(plot, line, rows)
             plots.legend(plot, [("measured", [line]), *entries])
             label = f"{protocol}: measured curve and predicted bands"

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from sinew.tasks.drawing import plots
-from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, number, plural, span
+from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, behind, number, plural, span, with_its_unit
 from sinew.tasks.report.folder import ResultFolder
 from sinew.tasks.study.curves import POINTS, MeasuredCurve, MeasuredQuantity
 
@@ -89,13 +89,12 @@ def _beside(
     def draw(drawn_of: plots.Sources) -> list[Plot]:
         drawn = []
         for count, (quantity, unit) in enumerate(quantities.items()):
-            behind = "" if unit == "1" else f" {unit}"
-            plot = plots.figure(AXES["time"], _words(quantity) + (f" ({unit})" if behind else ""), height=320)
+            plot = plots.figure(AXES["time"], with_its_unit(_words(quantity), unit), height=320)
             entries = []
             for number_, protocol in enumerate(protocols):
                 source = drawn_of[f"{protocol}: {quantity}"]
                 dots = plot.scatter("time", "value", source=source, color=plots.colour(number_), size=4)
-                plots.hover(plot, dots, [(protocol, ""), TOOLTIPS["time"], (_words(quantity), f"@value{behind}")])
+                plots.hover(plot, dots, [(protocol, ""), TOOLTIPS["time"], (_words(quantity), f"@value{behind(unit)}")])
                 entries.append((protocol.replace("_", " "), [dots]))
             plots.legend(plot, entries)
             label = f"Measured {_words(quantity)} of the picked specimen over time, points for each protocol"
@@ -169,7 +168,7 @@ def _table(found: ResultFolder, bars: Mapping[str, dict[str, Any]], quantities: 
                      *(_reach(every, quantity) for quantity in quantities)])  # fmt: skip
     header = ["specimen", "protocols", "length (mm)", "width (mm)", "thickness (mm)", "time (s)", "points",
               "peak force (N)", "peak stress (MPa)", "peak strain (%)",
-              *(_words(name) + ("" if unit == "1" else f" ({unit})") for name, unit in quantities.items())]  # fmt: skip
+              *(with_its_unit(_words(name), unit) for name, unit in quantities.items())]  # fmt: skip
     return Table("Specimens", header, rows, words=(1,), open=len(rows) <= 6)
 
 
