@@ -57,6 +57,16 @@ def test_progress_begins_with_what_is_known_and_counts_equal_rows_once(table):
     assert failures(table, rows) == {"diverged": 2}
 
 
+def test_chunks_are_committed_while_others_wait(tmp_path, monkeypatch):
+    monkeypatch.setattr("sinew.runner.store.schema.CHUNK_ROWS", 16)
+    monkeypatch.setattr("sinew.runner.store.table.FOLD_CHUNKS", 1)
+    with Store.writing(tmp_path, "study") as store:
+        table, committed = store.table(table_spec()), set()
+        rows = table.plan(some(64))
+        evaluate(lambda: None, table, Quick(), rows, lambda *_: committed.add(table.finished()), Policy(multiple=16))
+    assert committed == {0, 16, 32, 48}
+
+
 def test_failures_are_counted_by_status(table):
     rows = table.plan(some(6))
     evaluate(lambda: None, table, Quick(), rows)

@@ -83,6 +83,15 @@ def test_progress_is_reported_with_what_runs(stand_in, table):
     assert [done for done, *_ in said] == sorted(done for done, *_ in said)
 
 
+def test_chunks_are_committed_while_workers_have_others(stand_in, tmp_path, monkeypatch):
+    monkeypatch.setattr("sinew.runner.store.schema.CHUNK_ROWS", 16)
+    monkeypatch.setattr("sinew.runner.store.table.FOLD_CHUNKS", 1)
+    with Store.writing(tmp_path, "study") as store:
+        table, committed = store.table(table_spec()), set()
+        run(stand_in, table, 96, Policy(multiple=16, batches_per_worker=1), lambda *_: committed.add(table.finished()))
+    assert committed & {16, 32, 48, 64, 80}
+
+
 def test_a_batch_whose_workers_die_is_tried_row_by_row_apart(stand_in, table):
     stand_in.kills = {2: 1}
     rows = run(stand_in, table, 6, Policy(multiple=3))

@@ -10,7 +10,7 @@ from sinew.runner.store.store import Store, open_store
 from sinew.tasks.data.cohort import Cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Curve, Protocol, Specimen
-from sinew.tasks.study.curves import GROUP, POINTS, keep_curves, kept_curves
+from sinew.tasks.study.curves import GROUP, MOST, POINTS, keep_curves, kept_curves
 
 SPECIMENS, _ = virtual_cohort(seed=3, per_site=1, rate_hz=20.0)
 
@@ -45,6 +45,14 @@ def test_curves_that_are_there_are_not_written_again(folder):
         keep_curves(store, Cohort(folder, (changed,)))
     (specimen,) = kept_curves(open_store(folder)).values()
     assert list(specimen) == [SPECIMENS[0].curves[0].name]
+
+
+def test_a_curve_that_was_measured_again_is_kept_anew(folder):
+    first, *others = SPECIMENS[0].curves
+    again = replace(SPECIMENS[0], curves=(Curve(first.protocol, 2.0 * first.force_N), *others))
+    with Store.writing(folder, "study") as store:
+        keep_curves(store, Cohort(folder, (again, *SPECIMENS[1:])))
+    assert kept_curves(open_store(folder))[again.name][first.name].force_N.max() == 2.0 * first.force_N.max()
 
 
 def test_a_protocol_without_forces_is_drawn_too(tmp_path):
@@ -101,6 +109,16 @@ def test_lengths_whose_sum_runs_over_are_refused(folder):
         sizes[:3] = [2**63 - 1, 2**63 - 1, 2 + sizes[:3].sum()]
         assert int(sizes.sum()) == found["time"].size
         store.write_result(GROUP, found.assign(row_size=("curve", sizes)).assign_attrs(content="of others"))
+    is_one_line_and_mended(folder)
+
+
+def test_a_curve_of_more_points_than_are_drawn_is_refused(folder):
+    with Store.writing(folder, "study") as store:
+        found = store.read_result(GROUP)
+        whole = found["time"].size
+        assert whole > MOST
+        one = found.isel(curve=[0]).assign(row_size=("curve", [whole]), total=("curve", [whole]))
+        store.write_result(GROUP, one.assign_attrs(content="of others"))
     is_one_line_and_mended(folder)
 
 
