@@ -107,7 +107,8 @@ def test_a_job_is_seen_from_submission_to_end(site, tmp_path):
 
 
 def test_a_cancelled_job_ends(site, tmp_path):
-    job = site.system.submit(site.script(tmp_path, "sleep 600"))
+    # exec: a shell that is killed while it starts a program could leave that program behind
+    job = site.system.submit(site.script(tmp_path, "exec sleep 600"))
     until(lambda: (found := seen(site, job)) and found.running, "the job to run")
     site.system.cancel([job])
     until(lambda: ended(site, job), "the job to end")
