@@ -1,6 +1,7 @@
 """Known vulnerabilities of the locked packages: by pip-audit or, without a network, by a copy of the OSV database.
 
-The copy is what https://osv.dev offers as ``PyPI/all.zip``, or a folder with such JSON files.
+The copy is what https://osv.dev offers as ``PyPI/all.zip``, or a folder with such files: JSON, or YAML as in a checkout
+of github.com/pypa/advisory-database.
 """
 
 import json
@@ -13,6 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import yaml
 from packaging.markers import Marker
 from packaging.utils import canonicalize_name
 from packaging.version import InvalidVersion, Version
@@ -63,7 +65,7 @@ def _is_for_here(pin: Pin) -> bool:
 def _by_copy(locked: Sequence[Pin], advisories: Path) -> int:
     try:
         records = list(read(advisories))
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, zipfile.BadZipFile, yaml.YAMLError) as error:
         print(
             f"{NOT_AUDITED}: {advisories} cannot be read ({error}); expected a copy of the OSV database, PyPI/all.zip"
         )
@@ -84,6 +86,8 @@ def read(advisories: Path) -> Iterator[dict[str, Any]]:
     if advisories.is_dir():
         for path in sorted(advisories.rglob("*.json")):
             yield json.loads(path.read_bytes())
+        for path in sorted([*advisories.rglob("PYSEC-*.yaml"), *advisories.rglob("GHSA-*.yaml")]):
+            yield yaml.load(path.read_bytes(), Loader=yaml.CSafeLoader)
         return
     with zipfile.ZipFile(advisories) as archive:
         for name in archive.namelist():

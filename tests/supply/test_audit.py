@@ -3,10 +3,12 @@
 import json
 import zipfile
 from collections.abc import Sequence
+from datetime import date
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+import yaml
 from packaging.version import Version
 
 from tests.supply import audit, sbom
@@ -54,6 +56,20 @@ def test_the_lock_is_compared_with_a_copy_of_the_database(tmp_path, capsys):
     (tmp_path / "copy" / "b.json").write_text(other)
     assert audit.audit(tmp_path / "copy") == 1
     assert f"numpy {numpy.version}: X-1" in capsys.readouterr().out
+
+
+def test_the_sources_of_the_database_are_a_copy_too(tmp_path, capsys):
+    numpy = pins(LOCK.read_text("utf-8"))["numpy"]
+    known = advisory([{"introduced": "0"}]) | {"published": date(2024, 1, 1)}
+    (tmp_path / "numpy").mkdir()
+    path = tmp_path / "numpy" / "PYSEC-2024-1.yaml"
+    path.write_text(yaml.safe_dump(known).replace("Some_Package", "numpy"))
+    (tmp_path / "config.yaml").write_text("- no advisory")
+    assert audit.audit(tmp_path) == 1
+    assert f"numpy {numpy.version}: X-1" in capsys.readouterr().out
+    path.write_text("id: [")
+    assert audit.audit(tmp_path) == 2
+    assert "not audited" in capsys.readouterr().out
 
 
 def test_a_copy_that_says_nothing_is_no_audit(tmp_path, capsys):
