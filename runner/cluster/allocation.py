@@ -66,7 +66,12 @@ def open_allocation(spec: Allocation) -> Iterator[Client]:
     try:
         runner = spec.system.allocation_runner(jobqueue(spec.system.dask_module()))(
             scheduler_file=str(scheduler_file),
-            scheduler_options={**common, "dashboard_address": DASHBOARD, "plugins": [_EndWithClient()]},
+            scheduler_options={
+                **common,
+                "local_directory": str(temporary_folder()),
+                "dashboard_address": DASHBOARD,
+                "plugins": [_EndWithClient()],
+            },
             worker_class="distributed.Nanny",
             worker_options={
                 **common,

@@ -29,6 +29,7 @@ from sinew.runner.cluster.keeper import Growing, Keeper
 from sinew.runner.cluster.network import Network, check_interface, shared_certificate
 from sinew.runner.errors import ClusterError
 from sinew.runner.evaluation import external
+from sinew.runner.files import temporary_folder
 from sinew.runner.periodic import every
 
 
@@ -209,7 +210,7 @@ def open_jobs(spec: Jobs) -> Iterator[Client]:
                 **_job_options(spec),
                 security=security,
                 protocol="tls://" if security else "tcp://",
-                scheduler_options={"dashboard_address": DASHBOARD, **host},
+                scheduler_options={"dashboard_address": DASHBOARD, "local_directory": str(temporary_folder()), **host},
                 silence_logs=logging.ERROR,
                 name=f"sinew-{os.getpid()}-{round(time.time())}",
             )

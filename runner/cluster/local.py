@@ -77,7 +77,9 @@ def _open_cluster(spec: Local, place: Path) -> Iterator[Client]:
             silence_logs=logging.ERROR,
             memory_limit=parse_memory_limit("auto", 1, spec.workers, logger=log),
             preload="sinew.runner.cluster.interrupts",
-            local_directory=str(place),  # also of workers that start while the settings are taken back
+            # also of a scheduler and of workers that start while an interrupt takes the settings back
+            scheduler_kwargs={"local_directory": str(place)},
+            local_directory=str(place),
         )
     except (OSError, RuntimeError) as error:
         raise ClusterError(f"cluster: the scheduler could not be started ({error})") from error

@@ -6,7 +6,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -174,3 +174,12 @@ def test_nobody_else_writes_into_the_folder_of_local_workers(tmp_path):
             assert (tmp_path / "out" / "mine").stat().st_mode & 0o777 == 0o700
     finally:
         os.umask(before)
+
+
+def test_nothing_of_dask_lies_elsewhere_when_an_interrupt_has_taken_the_settings_back(tmp_path, monkeypatch):
+    """The thread that starts the cluster goes on for a moment."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(local.dask.config, "set", lambda *_, **__: nullcontext())
+    with open_client(Local(1), tmp_path / "out") as client:
+        assert client.submit(sum, (1, 2)).result(60) == 3
+    assert not (tmp_path / "dask-scratch-space").exists()
