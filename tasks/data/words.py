@@ -71,7 +71,7 @@ STRESS = (
     "tension", "axial stress", "eng stress", "compressive stress", "esfuerzo", "sforzo",
     "contrainte en traction", "contrainte en compression", "esfuerzo de tracción", "esfuerzo a tracción", "tensão",
     "应力", "應力", "応力", "응력",
-    "拉伸应力", "压缩应力", "(MPa)", "(kPa)", "(Pa)",
+    "拉伸应力", "压缩应力", "(MPa)", "(kPa)", "(Pa)", "(GPa)", "(psi)", "(ksi)",
 )  # fmt: skip
 #: By which a title or a line above a table tells of a compression.
 COMPRESSION = (

@@ -137,6 +137,7 @@ NORMALISED = {
     "a force for a stress": (RATIOS.replace("F", "F (N)"), KPA, "ramp.csv: row 1: no column of stress among 'Time, L"),
     "millipascal": (RATIOS.replace("F", "F (mPa)"), KPA, "'F (mPa)': unit 'mPa' may stand for milli or for mega; ex"),
     "a force for a ratio": (RATIOS.replace("L", "L (N)"), KPA, "ramp.csv: 'L (N)': unit 'N'; expected one of %"),
+    "a unit that is none": (RATIOS, ("--stress", "stone"), "--stress: 'stone'; expected one of Pa, kPa, MPa, "),
     "no ratio": (RATIOS.replace("L", "Strain"), KPA, "ramp.csv: 'Strain': no unit of the strain can be found; expec"),
     "no stress": (RATIOS.replace("F", "G"), KPA, "ramp.csv: row 1: no column of stress among 'Time, L, G, SD'; expec"),
     "neither": (RATIOS.replace("F", "Stress"), KPA[2:], "ramp.csv: 'Stress': no unit of the stress can be found; exp"),
