@@ -60,9 +60,10 @@ def lines_of(content: bytes) -> Iterator[str | list[str]]:
 
 def main() -> None:
     """Read one spreadsheet."""
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
-    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 1))
+    for kind, most in ((resource.RLIMIT_CORE, 0), (resource.RLIMIT_AS, MEMORY_BYTES), (resource.RLIMIT_CPU, SECONDS)):
+        hard = resource.getrlimit(kind)[1]
+        most = most if hard == resource.RLIM_INFINITY else min(most, hard)  # a limit of the shell may be lower
+        resource.setrlimit(kind, (most, most))
     end: dict[str, str] | None = None
     try:
         for line in lines_of(sys.stdin.buffer.read()):

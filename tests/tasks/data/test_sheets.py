@@ -1,5 +1,7 @@
 """Spreadsheets: their cells as texts, and files that are refused."""
 
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 from xml.sax.saxutils import escape
@@ -141,3 +143,10 @@ def test_a_text_in_every_cell_has_a_limit(tmp_path, monkeypatch):
     path = write_workbook(tmp_path / "a.xlsx", one=[["a" * 100]] * 11)
     with pytest.raises(sheet_reading.TooMuch, match="more than 1,000 characters"):
         list(sheet_reading.lines_of(path.read_bytes()))
+
+
+def test_a_lower_limit_of_the_shell_stays(tmp_path):
+    path = write_workbook(tmp_path / "a.xlsx", one=[[1.5]])
+    script = f"ulimit -v 1000000 && exec {sys.executable} -I {sheet_reading.__file__}"
+    done = subprocess.run(["bash", "-c", script], input=path.read_bytes(), capture_output=True, check=True)
+    assert done.stdout.splitlines() == [b'"one"', b'["1.5"]', b"null"]
