@@ -87,11 +87,12 @@ def _adaptive_run(
     """The calibration of specimen ``number``, which asks for its evaluations as it goes."""
     table, _ = workspace.plan(evaluation, np.empty((0, len(workspace.model.names))))
     folder, name = workspace.out / "calibrate", file_name(evaluation.specimen.name)
-    known = Checkpoint(folder / f"{name}.known.jsonl", inputs)
+    known = Checkpoint(folder / f"{name}.known.jsonl", inputs, 1)
     if not len(known):
         known.append(np.array([len(table)]))
     seeds = _seeds(workspace, evaluation, table, int(known.kept[0][0]), settings.bayesian.seeds)
-    checkpoint = Checkpoint(folder / f"{name}.proposals.jsonl", digest(inputs, seeds.points, seeds.totals))
+    width = 2 * len(workspace.model.free) + 2  # of a point, and of the kernel that it was proposed by
+    checkpoint = Checkpoint(folder / f"{name}.proposals.jsonl", digest(inputs, seeds.points, seeds.totals), width)
     seed = streams.key(workspace.seed, Stream.CALIBRATION, number)
     note = _best_so_far(workspace, evaluation)
 

@@ -1,12 +1,14 @@
 """Commands that look at a result folder or mend it, and the completion of a shell."""
 
 import json
+import logging
 from pathlib import Path
 from typing import Any
 
 import click
 
 from sinew.runner.errors import BadInput, SinewError, one_line
+from sinew.runner.library_logs import libraries_log_to
 from sinew.runner.printing import put
 from sinew.tasks.cli.group import PATH, sinew, to_see
 from sinew.tasks.cli.terminal import (
@@ -89,7 +91,8 @@ def report(folder: Path, other: Path | None, out: Path | None) -> None:
 
     if other is None and out is not None:
         raise BadInput("--out", "given with one folder, whose page lies in it", "a second folder, or no --out")
-    built = build(folder) if other is None else compare(folder, other, out or Path("comparison.html"))
+    with libraries_log_to(logging.NullHandler()):  # Bokeh names what is odd in a damaged result
+        built = build(folder) if other is None else compare(folder, other, out or Path("comparison.html"))
     put(built.path)
     if built.trouble:
         more = f" (and {len(built.trouble) - 1} more on the page)" if len(built.trouble) > 1 else ""

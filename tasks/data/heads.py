@@ -15,6 +15,7 @@ Row = tuple[str, ...]
 #: "d", "°C" or "mm/min", among units that are known.
 _UNKNOWN_UNIT = re.compile(r"[A-Za-z°µ%/²³]{1,3}|[A-Za-z°µ%]{1,3}/[A-Za-z]{1,3}")
 _SIGNAL = re.compile(r"Sig\d{1,3}\Z")
+_SIGNAL_LINES = 450  # at the top of a file, where signals are listed
 #: What stands in front of a row of titles and of a row of units, as LabChart and DIAdem write it.
 _TITLE_LABELS = (
     "channeltitle", "channel title", "channel name", "channel", "channels", "name", "names", "title", "titles",
@@ -76,7 +77,8 @@ def _listed(rows: Sequence[Row], at: int) -> Head | None:
     """Titles from rows with one each, as DMA and rheometers of TA Instruments list them: ``Sig1  Time (min)``."""
     if rows[at][0].casefold() != "startofdata":
         return None
-    found = {row[0]: (place, row[1]) for place, row in enumerate(rows[:at]) if len(row) > 1 and _SIGNAL.match(row[0])}
+    top = enumerate(rows[: min(at, _SIGNAL_LINES)])
+    found = {row[0]: (place, row[1]) for place, row in top if len(row) > 1 and _SIGNAL.match(row[0])}
     if not found:
         return None
     return Head(tuple(title for _, title in found.values()), (), min(place for place, _ in found.values()))

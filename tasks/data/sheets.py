@@ -1,18 +1,22 @@
 """Spreadsheets (.xlsx, .xlsm, .xlsb, .xls, .ods): the cells of their sheets as texts."""
 
-import datetime
 import io
+import json
+import signal
+import subprocess
+import sys
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-from sinew.runner.errors import BadInput
+from sinew.runner.errors import BadInput, one_line
 from sinew.runner.files import read_input
+from sinew.tasks.data import sheet_reading
 
 SUFFIXES = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 MAX_BYTES = 64 * 2**20
 MAX_UNPACKED_BYTES = 512 * 2**20
+WALL_S = 600.0  # of the process that reads, whose processor time is limited as well
 
 
 def is_sheet(path: Path) -> bool:
@@ -23,37 +27,42 @@ def is_sheet(path: Path) -> bool:
 def read_sheets(path: Path) -> Iterator[tuple[str, list[tuple[str, ...]]]]:
     """Name and rows of each sheet. Numbers are written with a point; dates as ISO 8601; empty cells are empty texts.
 
-    Raises :class:`BadInput` for files that are too large, locked or broken.
+    Another process reads them, with bounds for time and memory. Raises :class:`BadInput` for files that are too large,
+    locked or broken.
     """
-    from python_calamine import CalamineError, CalamineWorkbook  # loaded where a spreadsheet is read only
-
-    content = io.BytesIO(read_input(path, MAX_BYTES, f"a spreadsheet of at most {MAX_BYTES / 2**20:,.0f} MB"))
+    content = read_input(path, MAX_BYTES, f"a spreadsheet of at most {MAX_BYTES / 2**20:,.0f} MB")
     _refuse_large_archive(path, content)
+    command = [sys.executable, "-I", str(Path(sheet_reading.__file__).resolve())]
     try:
-        with CalamineWorkbook.from_filelike(content) as workbook:
-            for name in workbook.sheet_names:
-                rows = workbook.get_sheet_by_name(name).to_python(skip_empty_area=False)
-                yield name, [tuple(_text(cell) for cell in row) for row in rows]
-    except (CalamineError, OSError, ValueError) as error:
-        raise BadInput(path, f"not a spreadsheet that can be read ({error})", "a file without a password") from None
+        done = subprocess.run(command, input=content, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+                              timeout=WALL_S, check=False)  # fmt: skip
+    except subprocess.TimeoutExpired:
+        raise BadInput(path, f"takes more than {WALL_S:g} s", sheet_reading.SMALLER) from None
+    lines = done.stdout.splitlines()
+    end = json.loads(lines.pop()) if done.returncode == 0 else {"wrong": _why(done.returncode)}
+    if end is not None:
+        raise BadInput(path, one_line(end["wrong"]), end.get("expected", sheet_reading.SMALLER))
+    sheets: list[tuple[str, list[tuple[str, ...]]]] = []
+    for line in map(json.loads, lines):
+        if isinstance(line, str):
+            sheets.append((line, []))
+        else:
+            sheets[-1][1].append(tuple(line))
+    yield from sheets
 
 
-def _refuse_large_archive(path: Path, content: io.BytesIO) -> None:
+def _why(returncode: int) -> str:
+    """Why the process ended early: the library ends it when there is no memory, and the kernel when its time is up."""
+    return sheet_reading.TIME if -returncode in (signal.SIGXCPU, signal.SIGKILL) else sheet_reading.MEMORY
+
+
+def _refuse_large_archive(path: Path, content: bytes) -> None:
     """Spreadsheets are archives, except for .xls; one of a few kilobytes can hold gigabytes."""
     try:
-        with zipfile.ZipFile(content) as archive:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
             size = sum(entry.file_size for entry in archive.infolist())
     except zipfile.BadZipFile:
         size = 0
-    content.seek(0)
     if size > MAX_UNPACKED_BYTES:
         expected = f"at most {MAX_UNPACKED_BYTES / 2**20:,.0f} MB"
         raise BadInput(path, f"{size / 2**20:,.0f} MB when unpacked", expected)
-
-
-def _text(cell: Any) -> str:
-    if isinstance(cell, float):
-        return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
-    if isinstance(cell, datetime.date | datetime.time):
-        return cell.isoformat()
-    return str(cell).strip()

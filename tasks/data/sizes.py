@@ -81,7 +81,7 @@ def read_sizes(header: Sequence[Row], own: int = 0) -> Mapping[str, Size]:
 
 def _in_cells(row: Row) -> tuple[str, Size] | None:
     """A size from the cells label, number, unit."""
-    if len(row) < 2 or _OTHER_UNIT.search(row[0]) or (name := _meant(row[0])) is None:
+    if len(row) < 2 or (name := _meant(row[0])) is None or _OTHER_UNIT.search(row[0]):
         return None
     size = _size(name, row[1], row[2] if len(row) > 2 else "")
     return None if size.mm is None and not row[1][:1].isdigit() else (name, size)

@@ -14,7 +14,7 @@ from sinew.tasks.data.text import SEPARATORS, cells, is_clock, is_number, number
 
 MOST_COLUMNS = 1000
 FEWEST_COLUMNS = (3, 2)  # time, motion and load; where no table has three, motion and load
-HEAD_LINES = 450  # where separator and decimal mark are looked for first
+HEAD_LINES = 450  # where separator and decimal mark are looked for first; and at each end of long lines above a table
 EXPECTED = "three columns or more: time, displacement (or strain) and force (or stress)"
 RUN = 3  # rows that must agree for a table to begin
 
@@ -30,7 +30,7 @@ class Table:
     ``titles`` are in row ``title_row`` of the file, and ``units`` in the row below; both may be empty. ``rows`` holds
     the rows from the first one with numbers to the end of the table, each with its number in the file (from 1).
     ``header`` holds the rows above the titles, without earlier tables of the same titles; those from ``own`` on stand
-    behind the last of these.
+    behind the last of these. Of many rows, it holds those at both ends.
     """
 
     path: Path
@@ -152,7 +152,7 @@ def _tables(source: Source, page: _Page, fewest: int) -> Iterator[Table]:
     for run in _runs([row for _, row in rows], decimal, fewest):
         if fewest < FEWEST_COLUMNS[0] and run.end - run.start < RUN:
             continue  # two numbers in a line of text
-        start, titles_at = _top(rows, run, decimal)
+        start, titles_at = _top(rows, run, decimal, end)
         if start >= end:  # else it belongs to the table above, behind a broken row
             places.append((start, titles_at))
         end = run.end
@@ -164,10 +164,18 @@ def _tables(source: Source, page: _Page, fewest: int) -> Iterator[Table]:
         top = max(head.top, 0)
         first, last = before.get(words[1:], (top, top)) if any(words[1:]) else (top, top)
         before[words[1:]] = first, end
-        header = tuple(row for _, row in (*rows[:first], *rows[last:top]))
-        own = first if last < top or first < top else 0
+        above = _ends(rows, 0, first)
+        header = (*above, *_ends(rows, last, top))
+        own = len(above) if last < top or first < top else 0
         title_row = rows[top][0] if head.top >= 0 else 0
         yield Table(path, header, words, head.units, rows[start:end], source.separator, decimal, title_row, own=own)
+
+
+def _ends(rows: Sequence[tuple[int, Row]], start: int, stop: int) -> tuple[Row, ...]:
+    """The rows from ``start`` to ``stop``, of many those at both ends: a file may hold thousands of tables."""
+    if stop - start <= 2 * HEAD_LINES:
+        return tuple(row for _, row in rows[start:stop])
+    return tuple(row for _, row in (*rows[start : start + HEAD_LINES], *rows[stop - HEAD_LINES : stop]))
 
 
 def _stops(heads: Sequence[Head]) -> list[int | None]:
@@ -242,13 +250,14 @@ def _numeric(row: Sequence[str], decimal: str) -> set[int]:
     return {i for i, cell in enumerate(row) if is_number(cell, decimal)} if len(row) <= MOST_COLUMNS else set()
 
 
-def _top(rows: Sequence[tuple[int, Row]], run: _Run, decimal: str) -> tuple[int, int]:
+def _top(rows: Sequence[tuple[int, Row]], run: _Run, decimal: str, end: int) -> tuple[int, int]:
     """The first row of a table and the row above it that is not blank (-1: none).
 
-    Rows above a run that have numbers in half of its columns or more are broken rows of the same table.
+    Rows above a run that have numbers in half of its columns or more are broken rows of the same table. What reaches
+    into the table above, which has its ``end`` there, is not followed farther: it belongs to that table.
     """
     start = run.start
-    while True:
+    while start >= end:
         above = start - 1
         while above >= 0 and not any(rows[above][1]):
             above -= 1
@@ -259,6 +268,7 @@ def _top(rows: Sequence[tuple[int, Row]], run: _Run, decimal: str) -> tuple[int,
         ):
             return start, above
         start = above
+    return start, -1
 
 
 def _beside_row_names(head: Head, rows: Sequence[tuple[int, Row]]) -> Head:

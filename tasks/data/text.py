@@ -20,7 +20,6 @@ ENCODINGS = ("cp1252", "gb18030", "shift_jis", "big5", "euc_kr")
 _BYTES_WITH_WORDS = 2**20  # where lines with letters that English has not are looked for, which tell an encoding
 _LINES_WITH_WORDS = 50  # the most of them
 _QUOTED_LINES = 5  # the most lines of one quoted cell
-_OPEN_QUOTE = re.compile(r'(?:^|[\t;,|])\s*"[^"]*$')
 #: Zeros that fill a cell or the end of a file up, as programs in C leave them; and a zero before anything else.
 _PADDING = re.compile(r"(?<!\0)\0++(?=[\t\n\r;,| ]|\Z)")
 _ZERO_INSIDE = re.compile(rb"\0[^\0\t\n\r;,| ]")
@@ -147,11 +146,18 @@ def records(lines: list[str]) -> list[tuple[int, str]]:
     at = 0
     while at < len(lines):
         count = 1
-        if '"' in lines[at] and _OPEN_QUOTE.search(lines[at]):
+        if _opens_a_quote(lines[at]):
             count = next((n for n in range(2, _QUOTED_LINES + 1) if _quotes(lines[at : at + n]) % 2 == 0), 1)
         found.append((at + 1, "\n".join(lines[at : at + count])))
         at += count
     return found
+
+
+def _opens_a_quote(line: str) -> bool:
+    """Whether the last quotation mark of a line stands at the beginning of a cell."""
+    before, mark, _ = line.rpartition('"')
+    filled = before.rstrip()
+    return bool(mark) and (not filled or filled[-1] in SEPARATORS or "\t" in before[len(filled) :])
 
 
 def _quotes(lines: list[str]) -> int:

@@ -11,6 +11,7 @@ SPREADS = ("sd", "std", "se", "sem", "standard deviation", "standard error")
 _CHANNEL = re.compile(r"(?:c|ch|chan|channel|kanal|canal|voie) ?\d+ (?=\D)")  # "C_1_Force", "Ch 1 Kraft"
 _NUMBERED = re.compile(r"(.*[^\d .]) ?(\d{1,3})")
 _AGAIN = re.compile(r"\.\d{1,3}$")
+_LONGEST = 300  # characters of a title with a unit: the patterns take time with the square of its length
 
 
 def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
@@ -18,7 +19,9 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
     title = unicodedata.normalize("NFKC", title).strip().lstrip("#").strip().strip("\"'")
     if title.lower() in words.STRETCH:
         return title.lower(), below
-    if brackets := re.findall(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]", title):
+    if len(title) > _LONGEST:
+        return _plain(title), below
+    if brackets := [text.strip() for text in re.findall(r"[(\[]([^()\[\]]*)[)\]]", title)]:
         told = [text for text in brackets if units.is_unit(text)]
         return _plain(re.split(r"[(\[]", title)[0]), units.agreed([*told, below]) or brackets[0]
     title = title.rstrip("._") or title  # "Time_s_" of MATLAB and "Time..s." of R, which have no brackets in names
@@ -68,7 +71,7 @@ def without_suffix(title: str, titles: Sequence[str]) -> str:
 
 def is_spread(title: str) -> bool:
     """Whether a column holds the spread of a mean, such as a standard deviation."""
-    return re.sub(r"\s*[(\[].*", "", title, flags=re.DOTALL).strip().lower() in SPREADS
+    return re.split(r"[(\[]", title, maxsplit=1)[0].strip().lower() in SPREADS
 
 
 def _plain(text: str) -> str:

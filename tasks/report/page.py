@@ -88,8 +88,7 @@ def build(folder: Path) -> Built:
             found.trouble.append(line)
             sections.append(Section(part.name, part.name.capitalize(), "", missing=line))
     sections = [_marked(found, part, section) for part, section in zip(parts, sections, strict=True)]
-    page = _page(found, parts, sections)
-    write_text(folder / PAGE, page.encode("utf-8", "replace").decode("utf-8"))  # half a character has no bytes
+    write_text(folder / PAGE, _page(found, parts, sections))
     return Built(folder / PAGE, tuple(found.trouble))
 
 

@@ -9,37 +9,41 @@ from sinew.runner.errors import BadInput
 from sinew.runner.files import NotReadable, read_regular
 from sinew.tasks.simulate import Array
 
-MAX_BYTES = 2**28
+MAX_BYTES = 2**26
+MAX_LINES = 100_000
 
 
 class Checkpoint:
     """Arrays of numbers by position, one line of JSON each, that belong to one set of ``inputs``.
 
-    A file of other inputs is begun anew. A line that was cut short is ignored, and so are all lines after it.
+    A file of other inputs is begun anew. A line that was cut short, or that has not ``width`` numbers (None: any), is
+    ignored, and so are all lines after it.
     """
 
-    def __init__(self, path: Path, inputs: str) -> None:
+    def __init__(self, path: Path, inputs: str, width: int | None = None) -> None:
         self.path = path
+        self.width = width
         self.kept: list[Array] = []
-        lines = _content(path).splitlines(keepends=True)
         head = json.dumps({"inputs": inputs}).encode() + b"\n"
-        whole = head
-        if lines and lines[0] == head:
-            for line in lines[1:]:
-                numbers = _numbers(line)
-                if numbers is None:
-                    break
-                self.kept.append(numbers)
-                whole += line
-        if b"".join(lines) != whole:
+        content = _content(path)
+        begun = content.startswith(head)
+        end = len(head) if begun else 0
+        while begun and len(self.kept) < MAX_LINES and (after := content.find(b"\n", end) + 1):
+            numbers = _numbers(content[end:after], width)
+            if numbers is None:
+                break
+            self.kept.append(numbers)
+            end = after
+        if not begun or end < len(content):
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(whole)
+            path.write_bytes(head + content[len(head) : end])
 
     def __len__(self) -> int:
         return len(self.kept)
 
     def append(self, numbers: Array) -> None:
         """Write ``numbers`` ``[n]`` at the next position."""
+        assert self.width in (None, numbers.size), "it would not be read again"
         self.kept.append(numbers)
         with self.path.open("ab") as file:
             file.write(json.dumps(numbers.tolist()).encode() + b"\n")
@@ -54,9 +58,10 @@ def _content(path: Path) -> bytes:
         raise BadInput(path, str(problem), "a checkpoint; delete it, and it is made again") from None
 
 
-def _numbers(line: bytes) -> Array | None:
+def _numbers(line: bytes, width: int | None) -> Array | None:
     try:
         numbers = np.array(json.loads(line), dtype=np.float64)
     except (ValueError, TypeError, OverflowError, RecursionError):
         return None
-    return numbers if line.endswith(b"\n") and numbers.ndim == 1 and np.isfinite(numbers).all() else None
+    right = numbers.ndim == 1 and numbers.size == (width or max(1, numbers.size))
+    return numbers if right and np.isfinite(numbers).all() else None

@@ -32,8 +32,13 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write a file, whole or not at all."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_text(text, "utf-8")
+    temporary.write_bytes(as_bytes(text))
     os.replace(temporary, path)
+
+
+def as_bytes(text: str) -> bytes:
+    """Text in UTF-8. JSON may hold half a character, which has no bytes: a question mark stands for it."""
+    return text.encode("utf-8", "replace")
 
 
 def read_json(path: Path) -> dict[str, Any] | None:

@@ -92,6 +92,11 @@ class Candidate:
     def size(self) -> int:
         return len(self.varied) + sum(len(effect.parameters) for effect in self.effects)
 
+    @property
+    def fitted_width(self) -> int:
+        """How many numbers :meth:`Fitted.numbers` of its fits has."""
+        return 2 + 3 * self.size
+
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds ``[k]``: the model's, then the effects'."""
         own = [p for p in self.model.free if p.name != BLIND]

@@ -60,13 +60,13 @@ class SpecimenFits:
         """The model with ``effects``."""
         return Candidate(self.model, effects, self.solver, self.retries)
 
-    def _checkpoint(self, *what: Any) -> Checkpoint:
-        """The file of one kind of fits."""
+    def _checkpoint(self, width: int, *what: Any) -> Checkpoint:
+        """The file of one kind of fits, with ``width`` numbers of each."""
         bounds = [[p.minimum, p.maximum] for p in self.model.parameters]
         solver = self.solver.identity() if self.solver else None
         how = [asdict(self.measured.noise), solver, VERSION, [each.name for each in fields(Fitted)]]
         inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, *how, what)
-        return Checkpoint(self.folder / f"{file_name(self.name)}.{digest(what)[:12]}.jsonl", inputs)
+        return Checkpoint(self.folder / f"{file_name(self.name)}.{digest(what)[:12]}.jsonl", inputs, width)
 
     def _fitted(self, checkpoint: Checkpoint, number: int, session: Session, *arguments: Any) -> Fitted:
         """Fit ``number`` of a checkpoint: read back, or computed on a worker by a function and its arguments."""
@@ -78,7 +78,7 @@ class SpecimenFits:
     def bare(self, session: Session, count: int, seed: tuple[int, ...]) -> list[Fitted]:
         """Fits of the model without effects, the best first, from ``count`` starts and, until two agree, some more."""
         candidate = self.candidate()
-        checkpoint = self._checkpoint("bare", seed)
+        checkpoint = self._checkpoint(candidate.fitted_width, "bare", seed)
         fits: list[Fitted] = []
         for i, at in enumerate(starts(candidate, np.random.default_rng(seed), MAX_STARTS_RATIO * count)):
             if i >= count and agree(fits):
@@ -90,7 +90,7 @@ class SpecimenFits:
     def alone(self, session: Session, pooled: Fitted) -> list[Fitted]:
         """Fits of the model without effects to each curve alone, from where the fit to all of them ended."""
         candidate = self.candidate()
-        checkpoint = self._checkpoint("alone", digest(pooled.at))
+        checkpoint = self._checkpoint(candidate.fitted_width, "alone", digest(pooled.at))
         return [
             self._fitted(checkpoint, i, session, fit, candidate, self.measured, pooled.at, [curve])
             for i, curve in enumerate(self.measured.curves)
@@ -99,31 +99,37 @@ class SpecimenFits:
     def extended(self, session: Session, effects: Effects, base: Fitted) -> Fitted:
         """The best fit with ``effects``, of which all but the last were fitted in ``base``."""
         candidate, before = self.candidate(effects), self.candidate(effects[:-1])
-        checkpoint = self._checkpoint("extended", _forms(effects), digest(base.at, *candidate.bounds()))
+        checkpoint = self._checkpoint(
+            candidate.fitted_width, "extended", _forms(effects), digest(base.at, *candidate.bounds())
+        )
         return self._fitted(checkpoint, 0, session, extended, before, base.at, effects[-1], self.measured)
 
     def refitted(self, session: Session, effects: Effects, before: Fitted, begins: Sequence[Array]) -> Fitted:
         """The better of ``before`` and fits with ``effects`` from ``begins``, each ``[k]``."""
         candidate = self.candidate(effects)
-        checkpoint = self._checkpoint("refitted", _forms(effects), digest(*begins, *candidate.bounds()))
+        checkpoint = self._checkpoint(
+            candidate.fitted_width, "refitted", _forms(effects), digest(*begins, *candidate.bounds())
+        )
         fits = [self._fitted(checkpoint, i, session, fit, candidate, self.measured, at) for i, at in enumerate(begins)]
         return min([before, *fits], key=lambda one: one.loss)
 
     def profiled(self, session: Session, effects: Effects, fitted: Fitted) -> Profiled:
         """The fit with ``effects``, or a better one, and 90 % intervals of the effects' parameters."""
         candidate = self.candidate(effects)
-        checkpoint = self._checkpoint("profiled", _forms(effects), digest(fitted.at, *candidate.bounds()))
+        ends = 2 * (candidate.size - len(candidate.varied))
+        checkpoint = self._checkpoint(
+            ends + candidate.fitted_width, "profiled", _forms(effects), digest(fitted.at, *candidate.bounds())
+        )
         if not len(checkpoint):
             profile = session.compute(profiled, candidate, self.measured, fitted)
             checkpoint.append(np.concatenate([profile.ends.ravel(), profile.fitted.numbers()]))
         kept = checkpoint.kept[0]
-        ends = 2 * (candidate.size - len(candidate.varied))
         return Profiled(Fitted.of(kept[ends:]), kept[:ends].reshape(-1, 2))
 
     def promise(self, session: Session, effects: Effects, base: Fitted) -> float:
         """The loss that a fit with ``effects`` may reach, predicted from ``base``, which lacks the last of them."""
         candidate, before = self.candidate(effects), self.candidate(effects[:-1])
-        checkpoint = self._checkpoint("promise", _forms(effects), digest(base.at, *candidate.bounds()))
+        checkpoint = self._checkpoint(1, "promise", _forms(effects), digest(base.at, *candidate.bounds()))
         if not len(checkpoint):
             ahead = session.compute(look_ahead, before, base.at, effects[-1], self.measured)
             checkpoint.append(np.array([ahead[0]]))
@@ -132,7 +138,9 @@ class SpecimenFits:
     def held_out(self, session: Session, effects: Effects, start: Array) -> dict[str, dict[str, Array]]:
         """By kind of split and curve: whitened squared errors ``[t]`` of what a fit of the rest predicts."""
         candidate = self.candidate(effects)
-        checkpoint = self._checkpoint("held out", _forms(effects), digest(start, *candidate.bounds()))
+        checkpoint = self._checkpoint(
+            candidate.fitted_width, "held out", _forms(effects), digest(start, *candidate.bounds())
+        )
         squares: dict[str, dict[str, Array]] = {}
         for i, split in enumerate(splits(self.measured)):
             fitted = self._fitted(checkpoint, i, session, fit, candidate, split.seen, start)
@@ -146,7 +154,9 @@ class SpecimenFits:
         """As :meth:`held_out`, with the effects at ``values`` ``[m]`` (unit cube) fitted to other specimens."""
         candidate = self.candidate(effects)
         begin = np.concatenate([start[: start.size - values.size], values])
-        checkpoint = self._checkpoint("of others", _forms(effects), digest(begin, *candidate.bounds()))
+        checkpoint = self._checkpoint(
+            candidate.fitted_width, "of others", _forms(effects), digest(begin, *candidate.bounds())
+        )
         how = (_fit_beside, candidate, self.measured, begin, values.size)
         fitted = self._fitted(checkpoint, 0, session, *how)
         return {

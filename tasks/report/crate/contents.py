@@ -16,6 +16,7 @@ from sinew.tasks.report.crate.source import Source
 from sinew.tasks.report.status import PAGE
 from sinew.tasks.simulate.febio.files import read_files
 from sinew.tasks.simulate.febio.renderer import Allowance
+from sinew.tasks.study.files import as_bytes
 from sinew.tasks.study.study import read_study
 
 PLAIN = re.compile(r"[A-Za-z0-9_+. -]{1,255}")  # names that every archive, list of hashes and system can hold
@@ -76,7 +77,7 @@ def table_items(source: Source) -> Iterator[Item]:
     for task, result in source.found.results.items():
         table = TASKS[task].module("show").table(result)
         text = table.to_csv(lineterminator="\n", float_format="%.10g")
-        yield Item(f"tables/{task}.csv", text.encode(), f"numbers of {task} as a table")
+        yield Item(f"tables/{task}.csv", as_bytes(text), f"numbers of {task} as a table")
 
 
 def kept(relative: PurePosixPath, *, store: bool) -> bool:

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from sinew.runner.errors import SinewError, one_line
 from sinew.runner.files import read_input
 from sinew.tasks.cluster.profile import read_profile
 from sinew.tasks.report.crate import environment
 from sinew.tasks.report.crate.contents import cohort_items, result_items, strangers, study_items, table_items
-from sinew.tasks.report.crate.layout import changed_fields, layout_of
+from sinew.tasks.report.crate.layout import Layout, changed_fields, layout_of
 from sinew.tasks.report.crate.metadata import METADATA, Person, metadata
 from sinew.tasks.report.crate.methods import methods
 from sinew.tasks.report.crate.pack import Item, packed, packing, refuse_taken
@@ -55,12 +56,8 @@ def export(
         *study_items(source, layout),
         *cohort_items(source, layout),
         *result_items(source, layout, store=store),
-        *table_items(source),
         *_profile(profile),
-        Item("environment/environment.json", environment.as_json(source), "versions and hashes of the run"),
-        Item("environment/requirements.txt", environment.requirements(source), "versions of packages, for pip"),
-        Item("METHODS.md", methods(source), "words for a methods section, with references"),
-        Item("README.md", readme(source, layout, store=store), "what is here, and how to run it again"),
+        *_written(source, layout, store=store),
     ]
     with packing(out) as put:
         files = packed(items, put)
@@ -69,6 +66,25 @@ def export(
         described = metadata(source, layout, files, licence=licence, authors=authors)
         files += packed([Item(METADATA, described, "description of the crate")], put)
     return Exported(out, len(files), sum(one.bytes for one in files), tuple(_remarks(source, licence)))
+
+
+def _written(source: Source, layout: Layout, *, store: bool) -> list[Item]:
+    """What is written for the crate. Raises ``SinewError`` where a result or the log contradicts itself."""
+    try:
+        return [
+            *table_items(source),
+            Item("environment/environment.json", environment.as_json(source), "versions and hashes of the run"),
+            Item("environment/requirements.txt", environment.requirements(source), "versions of packages, for pip"),
+            Item("METHODS.md", methods(source), "words for a methods section, with references"),
+            Item("README.md", readme(source, layout, store=store), "what is here, and how to run it again"),
+        ]
+    except (SinewError, OSError):
+        raise
+    except Exception as error:  # fields that are right one by one may contradict each other
+        what = one_line(f"{type(error).__name__}: {error}")[:100]
+        raise SinewError(
+            f"{source.found.folder}: its results or its log contradict themselves ({what}); run the study again"
+        ) from error
 
 
 def _profile(profile: Path | None) -> list[Item]:

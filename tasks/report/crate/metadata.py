@@ -14,6 +14,7 @@ from sinew.tasks.report.crate import environment
 from sinew.tasks.report.crate.layout import Layout
 from sinew.tasks.report.crate.pack import Packed
 from sinew.tasks.report.crate.source import Source
+from sinew.tasks.study.files import as_bytes
 from sinew.tasks.study.resources import DISTRIBUTION
 
 METADATA = "ro-crate-metadata.json"
@@ -85,7 +86,7 @@ def metadata(
     if licence:
         graph.append({"@id": licence, "@type": "CreativeWork", "name": licence.rpartition("/")[2] or licence})
     context = [f"{SPECIFICATION}/context", {"sha256": "http://schema.org/sha256"}]
-    return (json.dumps({"@context": context, "@graph": graph}, indent=1, ensure_ascii=False) + "\n").encode()
+    return as_bytes(json.dumps({"@context": context, "@graph": graph}, indent=1, ensure_ascii=False) + "\n")
 
 
 def _description(source: Source) -> str:

@@ -12,6 +12,7 @@ from sinew.tasks.registry import TASKS
 from sinew.tasks.report.crate import environment
 from sinew.tasks.report.crate.references import REFERENCES
 from sinew.tasks.report.crate.source import Source
+from sinew.tasks.study.files import as_bytes
 from sinew.tasks.study.model import model_of
 
 CITED = re.compile(r"\[@([a-z, @]+)\]")
@@ -28,7 +29,7 @@ def methods(source: Source) -> bytes:
     text, order = numbered(text)
     head = f"# Methods of {source.study.name}\nWritten from the study file and the results. Check and shorten it.\n\n"
     listed = [f"{i}. {REFERENCES[key].line()}" for i, key in enumerate(order, start=1)]
-    return (head + text + "\n".join(["", "## References", *listed]) + "\n").encode()
+    return as_bytes(head + text + "\n".join(["", "## References", *listed]) + "\n")
 
 
 def numbered(text: str) -> tuple[str, list[str]]:

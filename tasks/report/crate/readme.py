@@ -11,6 +11,7 @@ from sinew.tasks.report.crate import environment
 from sinew.tasks.report.crate.layout import Layout, changed_fields
 from sinew.tasks.report.crate.source import Source
 from sinew.tasks.simulate.febio.settings import FEBIO, SolverSettings
+from sinew.tasks.study.files import as_bytes
 
 OF_SOBOL = {name for name, task in TASKS.items() if task.needs == "sobol"}
 CHANGES = {
@@ -54,7 +55,7 @@ def readme(source: Source, layout: Layout, *, store: bool) -> bytes:
         "",
         *_remarks(source, layout, store=store),
     ]
-    return ("\n".join(lines).rstrip() + "\n").encode()
+    return as_bytes("\n".join(lines).rstrip() + "\n")
 
 
 def commands(source: Source, layout: Layout) -> list[str]:

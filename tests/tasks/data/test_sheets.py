@@ -1,5 +1,7 @@
 """Spreadsheets: their cells as texts, and files that are refused."""
 
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 from xml.sax.saxutils import escape
@@ -7,7 +9,7 @@ from xml.sax.saxutils import escape
 import pytest
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data import sheets
+from sinew.tasks.data import sheet_reading, sheets
 from sinew.tasks.data.exports import read_export
 from sinew.tasks.data.inspection import inspect
 from sinew.tasks.data.sheets import read_sheets
@@ -17,8 +19,8 @@ OFFICE = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
 PACKAGE = "http://schemas.openxmlformats.org/package/2006"
 
 
-def write_workbook(path: Path, **tables: list[list[object]]) -> Path:
-    """A workbook with a sheet for each of ``tables``; rows of numbers, texts and None."""
+def write_workbook(path: Path, **tables: list[list[object]] | str) -> Path:
+    """A workbook with a sheet for each of ``tables``; rows of numbers, texts and None, or the XML of all rows."""
     names = list(tables)
     sheet_list = "".join(f'<sheet name="{n}" sheetId="{i}" r:id="r{i}"/>' for i, n in enumerate(names, start=1))
     links = "".join(
@@ -39,7 +41,10 @@ def write_workbook(path: Path, **tables: list[list[object]]) -> Path:
             "xl/_rels/workbook.xml.rels", f'<Relationships xmlns="{PACKAGE}/relationships">{links}</Relationships>'
         )
         for i, name in enumerate(names, start=1):
-            rows = "".join(f"<row>{''.join(map(cell, row))}</row>" for row in tables[name])
+            table = tables[name]
+            rows = (
+                table if isinstance(table, str) else "".join(f"<row>{''.join(map(cell, row))}</row>" for row in table)
+            )
             archive.writestr(
                 f"xl/worksheets/sheet{i}.xml",
                 f'<worksheet xmlns="{MAIN}"><sheetData>{rows}</sheetData></worksheet>',
@@ -105,3 +110,43 @@ def test_a_workbook_that_unpacks_to_gigabytes_is_refused_unread(tmp_path, monkey
 def test_a_workbook_without_numbers(tmp_path):
     with pytest.raises(BadInput, match="no sheet has a table of numbers"):
         inspect(write_workbook(tmp_path / "a.xlsx", one=[["a", "b"], ["c", "d"]]))
+
+
+def far_apart(last: str) -> str:
+    """The rows of a sheet with two cells, the second of which is ``last``."""
+    number = last.lstrip("ABCDEFGHIJKLMNOPQRSTUVWXYZ")
+    return f'<row r="1"><c r="A1"><v>1</v></c></row><row r="{number}"><c r="{last}"><v>2</v></c></row>'
+
+
+@pytest.mark.parametrize(
+    ("last", "problem"),
+    [("XFD1048576", "takes more than 2 GB"), ("Z1048576", "27,262,976 cells up to the last one that is not empty")],
+)
+def test_two_cells_far_apart_are_refused_in_one_line(tmp_path, last, problem):
+    """The library asks for 512 GB for the rows between them, and ends its process when it does not get them."""
+    path = write_workbook(tmp_path / "a.xlsx", one=far_apart(last))
+    with pytest.raises(BadInput, match=problem):
+        list(read_sheets(path))
+
+
+def test_cells_of_all_sheets_count(tmp_path, monkeypatch):
+    monkeypatch.setattr(sheet_reading, "MAX_CELLS", 20)
+    path = write_workbook(tmp_path / "a.xlsx", one=[[1] * 15], two=[[1] * 15])
+    with pytest.raises(sheet_reading.TooMuch, match="30 cells"):
+        list(sheet_reading.lines_of(path.read_bytes()))
+    monkeypatch.setattr(sheet_reading, "MAX_CELLS", 30)
+    assert [len(line) for line in sheet_reading.lines_of(path.read_bytes())] == [3, 15, 3, 15]
+
+
+def test_a_text_in_every_cell_has_a_limit(tmp_path, monkeypatch):
+    monkeypatch.setattr(sheet_reading, "MAX_CHARACTERS", 1000)
+    path = write_workbook(tmp_path / "a.xlsx", one=[["a" * 100]] * 11)
+    with pytest.raises(sheet_reading.TooMuch, match="more than 1,000 characters"):
+        list(sheet_reading.lines_of(path.read_bytes()))
+
+
+def test_a_lower_limit_of_the_shell_stays(tmp_path):
+    path = write_workbook(tmp_path / "a.xlsx", one=[[1.5]])
+    script = f"ulimit -v 1000000 && exec {sys.executable} -I {sheet_reading.__file__}"
+    done = subprocess.run(["bash", "-c", script], input=path.read_bytes(), capture_output=True, check=True)
+    assert done.stdout.splitlines() == [b'"one"', b'["1.5"]', b"null"]

@@ -1,6 +1,8 @@
 """Tables in files: where they begin, and the titles, units and header lines above them."""
 
 import math
+import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -8,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data.inspection import inspect
 from sinew.tasks.data.tables import Table, read_tables
 
 
@@ -232,3 +235,38 @@ def test_blank_rows_around_a_table_are_nothing(tmp_path):
     (table,) = tables(tmp_path, "", *["1,2,3"] * 3, '"",""')
     assert (table.titles, table.title_row, table.header) == ((), 0, ())
     assert [at for at, _ in table.rows] == [2, 3, 4]
+
+
+ROWS = "1,2,3\n2,3,4\n3,4,5\n"
+LONG = {
+    "rows that lack a number in turns": ("1,2,3,x\n" * 3 + "x,1,2,3\n" * 3) * 6_000,
+    "tabs behind a quotation mark": f'a""{"	" * 95_000}x\n{ROWS}' * 5,
+    "spaces in brackets": f"a ({' ' * 95_000}x(,b,c\n{ROWS}",
+    "slashes in a title": f"a{'/' * 95_000} b,b,c\n{ROWS}",
+    "brackets above a table": f"{'(' * 95_000},5,\n" * 20 + f"time,force,strain\n{ROWS}",
+    "segments without signals": "Sig1 time (min)\n" + f"StartOfData\n{ROWS}".replace(",", " ") * 8_000,
+}
+
+
+@pytest.mark.parametrize("text", LONG.values(), ids=LONG)
+def test_long_files_take_no_more_than_their_length(tmp_path, text):
+    """Each took minutes or hours, with the square of its length or worse."""
+    path = tmp_path / "long.csv"
+    path.write_text(text, "utf-8")
+    before = time.process_time()
+    with suppress(BadInput):
+        inspect(path)
+    assert time.process_time() - before < 10
+
+
+def test_of_many_rows_above_a_table_those_at_both_ends_are_its_header(tmp_path):
+    lines = [f"note {number}" for number in range(2_000)]
+    (table,) = tables(tmp_path, *lines, "a,b,c", "1,2,3", "2,3,4", "3,4,5")
+    assert table.header == tuple((line,) for line in (*lines[:450], *lines[-450:]))
+
+
+def test_the_rows_above_the_second_of_two_tables_are_known_where_there_are_many(tmp_path):
+    lines = [f"note {number}" for number in range(2_000)]
+    _, second = tables(tmp_path, *lines, "t,u,F", "1,2,3", "2,3,4", "3,4,5", "Length: 7 mm", "t,u,F", "1,2,3")
+    assert second.header[second.own :] == (("Length: 7 mm",),)
+    assert second.header[: second.own] == tuple((line,) for line in (*lines[:450], *lines[-450:]))

@@ -1,6 +1,8 @@
 """One page about two result folders."""
 
+import io
 import json
+import logging
 import sys
 
 import pytest
@@ -89,6 +91,13 @@ def test_names_from_a_folder_are_words(whole_run, run_folder, tmp_path):
     assert "onerror" in found["setup"]
 
 
+def test_half_a_character_is_a_question_mark(whole_run, run_folder, tmp_path):
+    edit(run_folder / "discover.json", lambda told: told.update(set=["\ud800half"]))
+    found, trouble = sections(whole_run, run_folder, tmp_path)
+    assert not trouble
+    assert "?half" in found["discovery"]
+
+
 def test_no_folder_is_one_line_and_writes_nothing(whole_run, tmp_path):
     with pytest.raises(BadInput, match="is not there"):
         compare(whole_run, tmp_path / "none", tmp_path / "both.html")
@@ -105,3 +114,17 @@ def test_the_command(whole_run, tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit):
         cli.main()
     assert "--out: given with one folder" in capsys.readouterr().err
+
+
+def test_what_bokeh_says_of_a_damaged_result_is_not_printed(run_folder, monkeypatch):
+    """Dask, once it is imported, gives Bokeh's logger a way to the terminal."""
+    edit(run_folder / "sobol.json", lambda told: told.update(names=["\x1b[31m" * 100] * len(told["names"])))
+    monkeypatch.setattr(sys, "argv", ["sinew", "report", str(run_folder)])
+    said = io.StringIO()
+    handler = logging.StreamHandler(said)
+    logging.getLogger("bokeh").addHandler(handler)
+    try:
+        cli.main()
+    finally:
+        logging.getLogger("bokeh").removeHandler(handler)
+    assert said.getvalue() == ""

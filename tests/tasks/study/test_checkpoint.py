@@ -1,9 +1,12 @@
 """A checkpoint survives crashes, and holds nothing that belongs to other inputs."""
 
+import time
+import tracemalloc
+
 import numpy as np
 import pytest
 
-from sinew.tasks.study.checkpoint import Checkpoint
+from sinew.tasks.study.checkpoint import MAX_BYTES, MAX_LINES, Checkpoint
 
 
 def test_what_was_kept_is_there_again(tmp_path):
@@ -19,7 +22,8 @@ def test_what_was_kept_is_there_again(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "harm", [b"[1.0, 2", b"[[1.0]]\n", b"[NaN]\n", b"\xff\n", b'{"a": 1}\n', b"[1.0]", b"[1" + b"0" * 400 + b"]\n"]
+    "harm",
+    [b"[1.0, 2", b"[]\n", b"[[1.0]]\n", b"[NaN]\n", b"\xff\n", b'{"a": 1}\n', b"[1.0]", b"[1" + b"0" * 400 + b"]\n"],
 )
 def test_a_broken_line_and_what_follows_do_not_count(tmp_path, harm):
     path = tmp_path / "checkpoint.jsonl"
@@ -30,3 +34,26 @@ def test_a_broken_line_and_what_follows_do_not_count(tmp_path, harm):
     assert len(again) == 1
     again.append(np.array([2.0]))
     assert [float(kept[0]) for kept in Checkpoint(path, "a").kept] == [1.0, 2.0]
+
+
+def test_a_line_of_another_width_and_what_follows_do_not_count(tmp_path):
+    path = tmp_path / "checkpoint.jsonl"
+    checkpoint = Checkpoint(path, "a")
+    for row in ([1.0, 2.0], [3.0], [4.0, 5.0]):
+        checkpoint.append(np.array(row))
+    assert [kept.tolist() for kept in Checkpoint(path, "a", 2).kept] == [[1.0, 2.0]]
+    assert len(Checkpoint(path, "a")) == 1, "they are gone"
+
+
+def test_lines_without_end_take_neither_memory_nor_time(tmp_path):
+    """A file of the size of a photograph took gigabytes, or minutes."""
+    path = tmp_path / "checkpoint.jsonl"
+    before = time.process_time()
+    for content in (b"\n" * 2**26, b'{"inputs": "a"}\n' + b"[1]\n" * 2**24):
+        path.write_bytes(content[:MAX_BYTES])
+        tracemalloc.start()
+        kept = len(Checkpoint(path, "a"))
+        assert kept == (MAX_LINES if b"[" in content else 0)
+        assert tracemalloc.get_traced_memory()[1] < 2**28
+        tracemalloc.stop()
+    assert time.process_time() - before < 30

@@ -17,6 +17,8 @@ STEPS = ("Step", "step")
 _NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"  # one way to read each text: matching takes linear time
 _NUMBERS = re.compile(rf"\s*{_NUMBER}\s*(?:,\s*{_NUMBER}\s*)*")
 _AXES = ("x", "y", "z")
+_LONGEST = 1000  # bytes of a list of numbers that can vary: a tensor of fourth order has 21
+MOST_CHARACTERS = 2**25  # of the paths of all numbers
 
 
 @dataclass(frozen=True)
@@ -82,18 +84,20 @@ def contents_of(source: Source) -> Contents:
         raise BadInput(source.path, "has no material", "a FEBio model with a Material section")
     numbers: list[Number] = []
     texts: list[str] = []
-    for name, material in _named(materials, "material"):
-        for path, element in _leaves(name, material):
-            found = list(_numbers(source, path, element))
-            numbers += found
-            if not found and element.text:
-                texts.append(f"{path} ({element.text[:40]})")
-    others = []
-    for prefix, parent in _parents(source):
-        for part in parent.all(*SECTIONS):
-            for name, one in _named(part.children, ""):
-                leaves = _leaves(f"{prefix}{part.tag}.{name}", one)
-                others += [number for path, leaf in leaves for number in _numbers(source, path, leaf)]
+    leaves = (leaf for name, material in _named(materials, "material") for leaf in _leaves(name, material))
+    for path, element in _few(source, leaves):
+        found = list(_numbers(source, path, element))
+        numbers += found
+        if not found and element.text:
+            texts.append(f"{path} ({element.text[:40]})")
+    leaves = (
+        leaf
+        for prefix, parent in _parents(source)
+        for part in parent.all(*SECTIONS)
+        for name, one in _named(part.children, "")
+        for leaf in _leaves(f"{prefix}{part.tag}.{name}", one)
+    )
+    others = [number for path, leaf in _few(source, leaves) for number in _numbers(source, path, leaf)]
     return Contents(tuple(numbers), tuple(others), tuple(texts), tuple(_moved(source)), _sets(source, materials))
 
 
@@ -121,11 +125,23 @@ def _leaves(path: str, element: Element) -> Iterator[tuple[str, Element]]:
         yield from _leaves(f"{path}.{step}", child)
 
 
+def _few(source: Source, leaves: Iterator[tuple[str, Element]]) -> Iterator[tuple[str, Element]]:
+    """The same leaves. Raises :class:`BadInput` where the paths of their numbers would fill the memory."""
+    left = MOST_CHARACTERS
+    for path, element in leaves:
+        left -= len(path) * (1 + element.text[:_LONGEST].count(","))
+        if left < 0:
+            raise BadInput(source.path, "has too many numbers beside its mesh, or names that are too long", "fewer")
+        yield path, element
+
+
 def _numbers(source: Source, path: str, element: Element) -> Iterator[Number]:
     """The number that an element holds, or each number of its list."""
     if element.inside is None:
         return
     begin, end = element.inside
+    if end - begin > _LONGEST:
+        return
     text = source.text[begin:end].decode()
     if not text.isascii() or not _NUMBERS.fullmatch(text):
         return

@@ -12,11 +12,19 @@ from sinew.runner.files import read_input
 
 MAX_BYTES = 2**26
 DEEPEST = 100
+MOST_ELEMENTS = 2_000_000  # beside those of the mesh: each takes 300 bytes or more
+LONGEST_NAME = 200  # characters of a tag, or of a name
 MESH = ("Mesh", "Geometry")  # below these sections only the sections themselves are kept
 VERSIONS = ("3.0", "4.0")
 _DECLARATION = re.compile(r"\A\s*<\?xml[^>]*\?>\s*")
 _ENCODING = re.compile(rb"\A[^>]{0,200}?encoding\s*=\s*[\"']([A-Za-z0-9_.:-]{1,40})[\"']")
-_TAG = re.compile(rb"""<(?:[^"'>]|"[^"]*"|'[^']*')*>""")
+_TAG = re.compile(rb"""<(?:[^"'>]++|"[^"]*+"|'[^']*+')*+>""")  # without places to return to, which take memory
+#: Encodings of models, as Python calls them. Others take time with the square of the text, or give no text at all.
+ENCODINGS = frozenset((
+    "utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "ascii", "gb2312", "gbk", "gb18030", "big5", "shift_jis",
+    "cp932", "euc_jp", "euc_kr", "cp949", "koi8-r", *(f"iso8859-{number}" for number in range(1, 17)),
+    *(f"cp{number}" for number in range(1250, 1259)),
+))  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -89,9 +97,10 @@ def read_source(path: Path) -> Source:
 
 
 def _walk(element: Element) -> Iterator[Element]:
-    yield element
-    for child in element.children:
-        yield from _walk(child)
+    waiting = [element]
+    while waiting:
+        yield (one := waiting.pop())
+        waiting.extend(reversed(one.children))
 
 
 def _decoded(path: Path, content: bytes) -> str:
@@ -102,6 +111,8 @@ def _decoded(path: Path, content: bytes) -> str:
     elif content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
     try:
+        if codecs.lookup(encoding).name not in ENCODINGS:
+            raise LookupError(encoding)
         return content.decode(encoding)
     except LookupError:
         raise BadInput(path, f"is in an unknown encoding ({encoding})", "UTF-8") from None
@@ -114,21 +125,30 @@ def _elements(path: Path, text: bytes) -> Element:
     parser = expat.ParserCreate("utf-8")
     top = Element("", {}, 0)
     open_elements = [top]
+    texts: list[list[str]] = [[]]  # of these
+    count = 0
     skipped = 0  # depth below a part of the mesh, whose nodes and elements are not kept
 
     def refuse(*_: object) -> None:
         raise BadInput(path, "has a document type", "XML without one")
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal skipped
+        nonlocal skipped, count
         if skipped or (len(open_elements) == 4 and open_elements[2].tag in MESH):
             skipped += 1
             return
+        count += 1
+        if count > MOST_ELEMENTS:
+            raise BadInput(path, f"has more than {MOST_ELEMENTS:,} elements beside its mesh", "a smaller model")
+        for name in (tag, attributes.get("name", "")):
+            if len(name) > LONGEST_NAME:
+                raise BadInput(path, f"has a name of {len(name):,} characters", f"at most {LONGEST_NAME}")
         if len(open_elements) > DEEPEST:
             raise BadInput(path, "is nested too deeply", f"at most {DEEPEST} elements in each other")
         element = Element(tag, attributes, parser.CurrentByteIndex)
         open_elements[-1].children.append(element)
         open_elements.append(element)
+        texts.append([])
 
     def end(tag: str) -> None:
         nonlocal skipped
@@ -136,6 +156,7 @@ def _elements(path: Path, text: bytes) -> Element:
             skipped -= 1
             return
         element = open_elements.pop()
+        element.text = "".join(texts.pop()).strip()
         opening = _TAG.match(text, element.start)
         assert opening is not None, "expat has read it"
         begin, at = opening.end(), parser.CurrentByteIndex
@@ -145,11 +166,10 @@ def _elements(path: Path, text: bytes) -> Element:
         closing = _TAG.match(text, at)
         assert closing is not None, "expat has read it"
         element.inside, element.end = (begin, at), closing.end()
-        element.text = element.text.strip()
 
     def characters(data: str) -> None:
         if not skipped and not (len(open_elements) == 4 and open_elements[2].tag in MESH):
-            open_elements[-1].text += data
+            texts[-1].append(data)
 
     parser.buffer_text = True
     parser.StartDoctypeDeclHandler = refuse

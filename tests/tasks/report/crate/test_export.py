@@ -198,14 +198,22 @@ def test_links_and_odd_files_are_refused(run_folder, whole_run, tmp_path):
         (lambda folder: (folder / "sobol.json").write_text("{"), "sobol.json: line 1: damaged"),
         (lambda folder: edit(folder / "sobol.json", lambda content: content.pop("names")), "names: missing"),
         (lambda folder: (folder / "log.jsonl").unlink(), "does not say which run made"),
+        (lambda folder: edit(folder / "calibrate.json", lambda told: told.update(names=["other"])), "contradict"),
     ],
-    ids=["damaged", "field missing", "no log"],
+    ids=["damaged", "field missing", "no log", "contradiction"],
 )
 def test_a_damaged_folder_is_refused(run_folder, whole_run, tmp_path, spoil, told):
     spoil(run_folder)
     with pytest.raises(SinewError, match=told):
         export(run_folder, tmp_path / "crate.zip", study=whole_run.parent / "study.yaml")
     assert [path.name for path in tmp_path.iterdir()] == ["out"], "something was written"
+
+
+def test_half_a_character_is_a_question_mark(run_folder, whole_run, tmp_path):
+    edit(run_folder / "sobol.json", lambda told: told.update(objective="\ud800half"))
+    where = {"study": whole_run.parent / "study.yaml", "data": whole_run.parent / "cohort"}
+    export(run_folder, tmp_path / "crate", **where)
+    assert "?half" in (tmp_path / "crate" / "METHODS.md").read_text("utf-8")
 
 
 def test_a_place_that_is_taken_is_refused(whole_run, tmp_path):

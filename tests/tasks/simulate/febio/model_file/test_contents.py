@@ -155,3 +155,21 @@ def test_a_long_number_takes_no_time(tmp_path):
     started = time.process_time()
     contents_of(source)
     assert time.process_time() - started < 5
+
+
+def test_lists_of_thousands_of_numbers_do_not_vary(tmp_path):
+    found = contents_of(
+        read(tmp_path, CUBE.replace("<v>0.3</v>", f"<v>0.3</v><a>{'1,' * 499}1</a><b>{'1,' * 500}1</b>"))
+    )
+    paths = [one.path for one in found.materials]
+    assert sum(path.startswith(f"{GEL}.elastic.a[") for path in paths) == 500
+    assert not any(".b" in path for path in paths)
+
+
+def test_paths_of_numbers_take_no_more_memory_than_their_limit(tmp_path, monkeypatch):
+    nested = "".join(f"<{name}>" for name in "abcdefgh") + "<n>1,2,3</n>" * 10 + "".join(f"</{n}>" for n in "hgfedcba")
+    text = CUBE.replace("<v>0.3</v>", f"<v>0.3</v>{nested}")
+    assert sum(".h.n[" in one.path for one in contents_of(read(tmp_path, text)).materials) == 30
+    monkeypatch.setattr("sinew.tasks.simulate.febio.model_file.contents.MOST_CHARACTERS", 700)
+    with pytest.raises(BadInput, match="has too many numbers beside its mesh, or names that are too long"):
+        contents_of(read(tmp_path, text))

@@ -1,12 +1,15 @@
 """Reading FEBio inputs: where each element stands, and what is refused."""
 
 import re
+import time
+import tracemalloc
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.simulate.febio.model_file import source as source_module
 from sinew.tasks.simulate.febio.model_file.source import read_source
 from tests.tasks.simulate.febio.model_file.cube import CUBE
 
@@ -89,3 +92,52 @@ def test_what_cannot_be_imported_is_refused_in_one_line(tmp_path, text, words):
     with pytest.raises(BadInput, match=re.escape(words)) as error:
         read(tmp_path, text)
     assert str(error.value).startswith(str(tmp_path / "cube.feb"))
+
+
+def model(inside: str, declared: str = "") -> str:
+    return f'{declared}<febio_spec version="4.0"><Material>{inside}</Material></febio_spec>'
+
+
+@pytest.mark.parametrize("encoding", ["unicode_escape", "raw_unicode_escape", "utf-7", "punycode", "idna", "zlib"])
+def test_encodings_that_no_model_has_are_refused_unread(tmp_path, encoding):
+    """Some take time with the square of the text; others give half characters, which no file can hold."""
+    declared = f"<?xml version='1.0' encoding='{encoding}'?>"
+    text = model("\\ud800+2AA-", declared) + "-" + "a" * 4_000_000
+    before = time.process_time()
+    with pytest.raises(BadInput, match=f"is in an unknown encoding \\({encoding}\\); expected UTF-8"):
+        read(tmp_path, text)
+    assert time.process_time() - before < 5
+
+
+@pytest.mark.parametrize("encoding", ["GBK", "Shift_JIS", "windows-1252", "US-ASCII", "ISO-8859-15", "latin1", "UTF8"])
+def test_usual_encodings_are_read(tmp_path, encoding):
+    assert (
+        read(tmp_path, model("<m>1</m>", f"<?xml version='1.0' encoding='{encoding}'?>")).section("Material").children
+    )
+
+
+def test_a_text_between_many_elements_is_read_once(tmp_path):
+    before = time.process_time()
+    source = read(tmp_path, model("x<a/>" * 600_000))
+    assert source.section("Material").text == "x" * 600_000
+    assert time.process_time() - before < 10, "with its square, it took many minutes"
+
+
+def test_a_tag_of_blanks_takes_no_memory(tmp_path):
+    path = tmp_path / "cube.feb"
+    path.write_text(model(f"<m{' ' * 2**25}>1</m>"))
+    read_source(path)
+    tracemalloc.start()
+    assert read_source(path).section("Material").find("m").text == "1"
+    assert tracemalloc.get_traced_memory()[1] < 2**28, "a place to return to for each blank: 4 GB"
+    tracemalloc.stop()
+
+
+def test_elements_beside_the_mesh_and_their_names_have_limits(tmp_path, monkeypatch):
+    monkeypatch.setattr(source_module, "MOST_ELEMENTS", 10)
+    assert len(read(tmp_path, model("<a/>" * 8)).section("Material").children) == 8
+    with pytest.raises(BadInput, match="has more than 10 elements beside its mesh"):
+        read(tmp_path, model("<a/>" * 9))
+    for long in (f"<{'a' * 201}/>", f'<a name="{"a" * 201}"/>'):
+        with pytest.raises(BadInput, match="has a name of 201 characters; expected at most 200"):
+            read(tmp_path, model(long))
