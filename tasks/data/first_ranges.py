@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import nnls
 
+from sinew.tasks.drawing.blocks import listed
 from sinew.tasks.model import Model, Parameter, Specimen
 from sinew.tasks.model.parameters import LARGEST_LAMBDA_0
 from sinew.tasks.model.phases import is_compression
@@ -45,12 +46,21 @@ class FirstRanges:
     unseen: tuple[str, ...] = ()
 
 
-def first_ranges(specimens: Sequence[Specimen]) -> FirstRanges:
-    """Ranges for the measured curves of specimens whose sizes are known."""
+def first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen] = ()) -> FirstRanges:
+    """Ranges for the measured curves of specimens whose sizes are known; of ``others``, only the times count."""
+    found = _first_ranges(specimens, others)
+    if not specimens or not others:
+        return found
+    names = listed([one.name for one in others])
+    line = f"ranges: {names} not looked at; once all sizes are filled in, a run looks whether they reach the forces"
+    return replace(found, lines=(*found.lines, line))
+
+
+def _first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen]) -> FirstRanges:
     simulator = Uniaxial()
     chosen = [one for one in specimens if one.measured and any(curve.force_N.any() for curve in one.curves)]
     chosen = chosen[:: -(-len(chosen) // LOOKED_AT)] if chosen else []
-    model, timed = _with_times(Model(), chosen)
+    model, timed = _with_times(Model(), [*chosen, *others])
     reaches = [each for one in chosen for each in reach(simulator, model, one)]
     if not reaches:
         line = "ranges: those of human tendon; once all sizes are filled in, a run looks whether they reach the forces"

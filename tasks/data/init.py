@@ -89,7 +89,8 @@ def init(
         refuse_doubts(read.recordings, names)
     new = specimens_of(read.recordings, names, sizes, ask, answers.sizes, certain=certain)
     refuse_duplicates([one.specimen for one in new], {one.specimen.name: one.tests[0].path for one in new})
-    ranges = first_ranges([one.specimen for one in new if not one.missing])
+    whole, others = ([one.specimen for one in new if bool(one.missing) == left] for left in (False, True))
+    ranges = first_ranges(whole, others)
     out.mkdir(parents=True, exist_ok=True)
     write_cohort(out / "cohort", [one.specimen for one in new])
     to_fill_in = []

@@ -26,7 +26,7 @@ from sinew.tasks.data.several import (
     name_beside,
     told_apart,
 )
-from sinew.tasks.data.signs import counted, doubts
+from sinew.tasks.data.signs import counted, doubts, zeroed_anew
 from sinew.tasks.data.sizes import Size, read_sizes
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.text import HUGE
@@ -284,7 +284,8 @@ def as_told(recording: Recording, hints: Hints) -> Recording:
     titles = (*(column.title for column in recording.columns), *recording.left_out)
     lines = (" ".join(row) for row in recording.header)
     found = doubts(recording.columns, numbers, (*titles, *lines), hints)
-    return replace(recording, numbers=numbers, notes=(*recording.notes, *notes), doubts=tuple(found))
+    notes = (*recording.notes, *notes, *zeroed_anew(recording.columns, numbers))
+    return replace(recording, numbers=numbers, notes=notes, doubts=tuple(found))
 
 
 def check_times(recording: Recording) -> None:

@@ -18,6 +18,9 @@ from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRETCH
 from sinew.tasks.data.questions import Doubt
 
 Array = np.ndarray[Any, np.dtype[Any]]
+#: A motion that was zeroed anew moves by this part of its range, and by so many times its usual step, from one row to
+#: the next; the force by no more than the last part of its own range.
+JUMP, STEPS, STAYS = 0.2, 20.0, 0.02
 ZERO, NEGATE = "--zero-displacement", "--negate"
 _TURNED = "which sign should be reversed?"
 _UNITS = {"displacement": "mm", "force": "N", "stress": "MPa"}
@@ -58,6 +61,25 @@ def doubts(columns: Sequence[Column], numbers: Array, texts: Iterable[str], hint
             yield Doubt(text, "count it from its first value?", ZERO, ("first", "none"))
     if hints.negate is None:
         yield from _sign(columns, numbers, texts)
+
+
+def zeroed_anew(columns: Sequence[Column], numbers: Array) -> Iterator[str]:
+    """A remark for each row of numbers ``[t, 3]`` at which a motion jumps and the force stays.
+
+    Machines count the displacement from zero again after a preload. The rows before have another reference then.
+    """
+    steps, loads = np.abs(np.diff(numbers[:, 1])), np.abs(np.diff(numbers[:, 2]))
+    moving = steps[steps > 0.0]
+    if not moving.size:
+        return
+    far = (steps > JUMP * np.ptp(numbers[:, 1])) & (steps > STEPS * np.median(moving))
+    unit = _UNITS.get(columns[1].quantity.name, "")
+    for row in np.flatnonzero(far & (loads < STAYS * np.ptp(numbers[:, 2]))):
+        before, after = (f"{each:.4g} {unit}".strip() for each in numbers[row : row + 2, 1])
+        yield (
+            f"{columns[1].quantity.name} jumps from {before} to {after} at {numbers[row + 1, 0]:.6g} s while the force "
+            "stays: likely zeroed anew after a preload. Leave out the rows before, and give the length at the new zero"
+        )
 
 
 def _sign(columns: Sequence[Column], numbers: Array, texts: Iterable[str]) -> Iterator[Doubt]:

@@ -107,6 +107,22 @@ def test_few_samples_still_make_three_bands():
     assert ends == [(0.9, 1.9), (1.9, 4.2), (4.2, 9.0)]
 
 
+def test_tests_of_specimens_without_sizes_count_for_the_times_and_are_named():
+    long = replace(SPECIMENS[0], name="long", curves=(lasting(SPECIMENS[0], 900.0),))
+    short = replace(SPECIMENS[0], name="short", curves=(lasting(SPECIMENS[0], 16.0),))
+    alone, both = first_ranges([short]), first_ranges([short], [long])
+    assert "the longest test lasts 16 s" in "".join(alone.lines)
+    assert "lasts 16 s" not in "".join(both.lines)
+    assert both.lines[-1].startswith("ranges: long not looked at; once all sizes are filled in, a run looks")
+
+
+def lasting(specimen: Specimen, seconds: float) -> Curve:
+    """A ramp of the specimen that lasts so long."""
+    time = np.linspace(0.0, seconds, 200)
+    protocol = Protocol("ramp", time, 0.03 * specimen.length_mm * time / seconds)
+    return Curve(protocol, 20000.0 * protocol.displacement_mm / specimen.length_mm)
+
+
 def test_without_a_force_or_sizes_the_published_ranges_stand():
     specimen = tissue(0.04)
     for specimens in ([], [replace(specimen, curves=(Curve(specimen.curves[0].protocol, np.zeros(601)),))]):

@@ -111,3 +111,28 @@ def test_a_line_on_both_directions_tells_of_none(tmp_path, above):
 def test_a_compression_that_is_told_and_below_0_is_certain_to_be_one(tmp_path):
     (doubt,) = read(tmp_path, -0.1, -2.0, above="Compression test").doubts
     assert doubt.text.startswith("a compression: the specimen gets shorter and forces are negative")
+
+
+@pytest.mark.parametrize(
+    ("motion", "load", "told"),
+    [
+        ([0, 1, 2, 3, 4, 5, 0, 1, 2], [0, 1, 2, 3, 4, 5, 5.05, 6, 7], "jumps from 5 mm to 0 mm at 6 s"),
+        ([0, 1, 2, 3, 4, 5, 0, 1, 2], [0, 1, 2, 3, 4, 5, 0, 1, 2], None),  # the specimen was let go
+        ([0, 1, 2, 3, 4, 5, 4, 3, 2], [0, 1, 2, 3, 4, 5, 4.95, 4, 3], None),
+        ([0, 0, 0, 0, 0, 0, 0, 0, 0], [0, 1, 2, 3, 4, 5, 6, 7, 8], None),
+    ],
+)
+def test_a_displacement_that_is_zeroed_anew_after_a_preload_is_said(tmp_path, motion, load, told):
+    fine = np.linspace(0.0, 8.0, 401)
+    back = np.interp(fine, range(9), motion)
+    if motion[6] == 0 and motion[5]:
+        back = np.where(fine < 6.0, np.interp(fine, range(6), motion[:6]), np.interp(fine, range(6, 9), motion[6:]))
+    force = np.interp(fine, range(9), load)
+    if load[6] == 0:
+        force = np.where(fine < 6.0, np.interp(fine, range(6), load[:6]), np.interp(fine, range(6, 9), load[6:]))
+    path = tmp_path / "test.csv"
+    path.write_text(TITLES + "\n" + "".join(f"{t:g},{u:g},{f:g}\n" for t, u, f in zip(fine, back, force, strict=True)))
+    (recording,) = read_recordings(path, Hints())
+    found = [note for note in as_told(recording, Hints()).notes if "zeroed anew" in note]
+    assert len(found) == (told is not None)
+    assert told is None or told in found[0]
