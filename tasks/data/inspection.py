@@ -13,6 +13,7 @@ from sinew.tasks.data.columns import Column, partly
 from sinew.tasks.data.exports import Reading, first_length
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.length_columns import column_of, length_beside
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
 from sinew.tasks.data.recordings import FEWEST_ROWS, Recording, as_told, check_times, read_recordings, remarks
 from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart
@@ -21,7 +22,6 @@ from sinew.tasks.data.sizes_in_names import sizes_in_name
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.units import usual
 
-SAME = 1e-3  # of a gauge length that two columns tell
 NEAR = 0.05  # by how much a length and the one that strains imply may differ
 
 
@@ -185,17 +185,10 @@ def _numbers(table: Table, columns: Sequence[Column | None]) -> tuple[np.ndarray
     found = np.full((len(table.rows), 3), np.nan)
     for i, column in enumerate(columns):
         if column is not None:
-            found[:, i] = _column(table, column)
+            found[:, i] = column_of(table, column)
     known = np.isfinite(found).any(axis=1) if any(columns) else [any(row) for _, row in table.rows]
     filled = np.flatnonzero(known)
     return found, int(filled[-1]) + 1 if filled.size else 0
-
-
-def _column(table: Table, column: Column) -> np.ndarray[Any, Any]:
-    """The numbers ``[t]`` of a column, NaN where a cell has none; clock times since the first row."""
-    cells = (table.number(row, column.place) for row in range(len(table.rows)))
-    found = np.array([np.nan if cell is None else cell * column.factor for cell in cells])
-    return found - found[0] if table.has_clock(column.place) else found
 
 
 def _sizes(table: Table, columns: Sequence[Column | None], numbers: np.ndarray[Any, Any]) -> dict[str, float | None]:
@@ -207,23 +200,14 @@ def _sizes(table: Table, columns: Sequence[Column | None], numbers: np.ndarray[A
     if values["length"] is None and motion is not None and motion.quantity is LENGTH and len(numbers):
         values["length"] = float(numbers[0, 1])
     if values["length"] is None and motion is not None and motion.quantity is DISPLACEMENT:
-        values["length"] = _length_beside(table, numbers[:, 1])
+        beside_it = length_beside(table, numbers[:, 1])
+        values["length"] = None if beside_it is None else beside_it.mm
     width, thickness, diameter = (values[name] for name in ("width", "thickness", "diameter"))
     if values["area"] is None and diameter is not None:
         values["area"] = float(np.pi / 4 * diameter**2)
     if values["area"] is None and width is not None and thickness is not None:
         values["area"] = width * thickness
     return values
-
-
-def _length_beside(table: Table, displacement: np.ndarray[Any, Any]) -> float | None:
-    """The gauge length (mm) by a column of current lengths: these less the displacements are always the same."""
-    lengths = partly(table, Hints(), only=LENGTH)[0][1]
-    if lengths is None or not lengths.unit:
-        return None
-    at_rest = _column(table, lengths)[: displacement.size] - displacement
-    same = at_rest.size and np.ptp(at_rest) <= SAME * abs(at_rest[0])
-    return float(at_rest[0]) if same else None
 
 
 def _doubt(table: Table, columns: Sequence[Column | None], length_mm: float | None) -> str:
@@ -234,7 +218,7 @@ def _doubt(table: Table, columns: Sequence[Column | None], length_mm: float | No
     strains = partly(table, Hints(), only=STRAIN)[0][1]
     if strains is None:
         return ""
-    both = np.column_stack([_column(table, motion), _column(table, strains)])
+    both = np.column_stack([column_of(table, motion), column_of(table, strains)])
     both = both[np.isfinite(both).all(axis=1)]
     large = both[np.abs(both[:, 1]) > 0.5 * np.abs(both[:, 1]).max()] if both.size else both
     if not large.size or not np.abs(large[:, 1]).max():

@@ -12,7 +12,8 @@ from sinew.tasks.data.columns import LIKELY, NOWHERE, Column, NoColumn, recognis
 from sinew.tasks.data.further import Kept, kept
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.quantities import LENGTH, POSITION, STRAIN, STRESS, STRETCH
+from sinew.tasks.data.length_columns import length_beside
+from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.questions import Doubt
 from sinew.tasks.data.several import (
     Block,
@@ -219,13 +220,22 @@ def _recording(
         columns,
         tuple(at for at, _ in table.rows[block.start : block.end]),
         table.header,
-        read_sizes(table.header, table.own),
+        _sizes(table, columns, numbers, block),
         left_out,
         block.name,
         notes,
         "" if apart is None or not back else f", or {apart.option} {shown(apart.title)}, which changes there",
         further=further,
     )
+
+
+def _sizes(table: Table, columns: Columns, numbers: Array, block: Block) -> Mapping[str, Size]:
+    """What the rows above a table, or a column of current lengths, tell of the specimen."""
+    sizes = dict(read_sizes(table.header, table.own))
+    if "length" not in sizes and columns[1].quantity is DISPLACEMENT:
+        found = length_beside(table, numbers[:, 1], block.start)
+        sizes |= {} if found is None else {"length": found}
+    return sizes
 
 
 def _of(block: Block) -> str:

@@ -558,3 +558,14 @@ def test_a_speed_tells_no_times_of_a_motion_that_rests_or_is_noisy(tmp_path):
 def test_a_rate_and_a_column_of_times_contradict_each_other():
     with pytest.raises(BadInput, match="--rate-hz 10: given together with --time-column"):
         Hints(rate_hz=10.0, time_column="t")
+
+
+def test_a_column_of_current_lengths_tells_the_gauge_length_of_each_test(tmp_path):
+    rows = "".join(f"{i},{12.5 + 0.1 * i:g},{0.1 * i:g},{i}\n" for i in range(5))
+    path = tmp_path / "lengths.csv"
+    path.write_text("Time_S,Size_mm,Displacement_mm,Force_N\n" + rows)
+    (one,) = read_recordings(path, Hints())
+    assert (one.sizes["length"].mm, one.sizes["length"].has_unit) == (pytest.approx(12.5), True)
+    path.write_text("Time_S,Size_mm,Displacement_mm,Force_N\n" + rows + "5,17,0,5\n6,17.1,0.1,6\n")
+    (zeroed,) = read_recordings(path, Hints())
+    assert "length" not in zeroed.sizes
