@@ -59,6 +59,11 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
             type=click.Choice(["none", "displacement", "force", "both"]),
             help="Reverse the sign of displacements, forces or both; sinew takes tension as positive.",
         ),
+        click.option(
+            "--preload",
+            type=click.Choice(["leave-out", "keep"]),
+            help="The rows before the displacement is zeroed anew.",
+        ),
     ]
     for option in reversed(options):
         function = option(function)

@@ -9,6 +9,7 @@ from sinew.tasks.data.timing import Timing
 
 Zero = Literal["first", "none"]
 Negate = Literal["none", "displacement", "force", "both"]
+Preload = Literal["leave-out", "keep"]
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Hints:
     ``force_unit`` may be a unit of stress; the load is a stress then. ``test_column`` tells the tests of a table apart,
     ``cycle_column`` its cycles, if their times start again. ``rate_hz`` and ``speed``: see :class:`Timing`.
     ``zero_displacement`` and ``zero_force``: whether each counts from its ``first`` value. ``negate``: which of
-    them get the other sign.
+    them get the other sign. ``preload``: what becomes of the rows before a motion is zeroed anew.
     ``keep_column``: columns that are kept beside the force, as for :func:`further`.
     """
 
@@ -54,6 +55,7 @@ class Hints:
     zero_displacement: Zero | None = None
     zero_force: Zero | None = None
     negate: Negate | None = None
+    preload: Preload | None = None
     keep_column: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:

@@ -17,6 +17,7 @@ from sinew.tasks.data.length_columns import column_of, length_beside
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
 from sinew.tasks.data.recordings import FEWEST_ROWS, Recording, as_told, check_times, read_recordings, remarks
 from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart
+from sinew.tasks.data.signs import without_preload
 from sinew.tasks.data.sizes import SIZES, read_sizes
 from sinew.tasks.data.sizes_in_names import sizes_in_name
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
@@ -88,10 +89,10 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
             path, f"no columns of a test: {'; '.join(problems)}", "time, displacement and force, with titles"
         )
     numbers, rows = _numbers(table, columns)
-    values = _sizes(table, columns, numbers[:rows])
+    values = _sizes(table, columns, numbers[:rows], hints)
     given = {"length": reading.length_mm, "area": reading.area_mm2}
     values |= {name: size for name, size in given.items() if size is not None}
-    doubt = _doubt(table, columns, values["length"]) if reading.length_mm is None else ""
+    doubt = _doubt(table, columns, values["length"], numbers[:rows]) if reading.length_mm is None else ""
     if doubt:
         values["length"] = None
     one_below = titles[table.titles[1:]] if any(table.titles[1:]) else 1
@@ -191,7 +192,9 @@ def _numbers(table: Table, columns: Sequence[Column | None]) -> tuple[np.ndarray
     return found, int(filled[-1]) + 1 if filled.size else 0
 
 
-def _sizes(table: Table, columns: Sequence[Column | None], numbers: np.ndarray[Any, Any]) -> dict[str, float | None]:
+def _sizes(
+    table: Table, columns: Sequence[Column | None], numbers: np.ndarray[Any, Any], hints: Hints
+) -> dict[str, float | None]:
     told = read_sizes(table.header, table.own)
     values: dict[str, float | None] = {
         name: told[name].mm if name in told else None for name in (*SIZES, "diameter", "area")
@@ -200,7 +203,8 @@ def _sizes(table: Table, columns: Sequence[Column | None], numbers: np.ndarray[A
     if values["length"] is None and motion is not None and motion.quantity is LENGTH and len(numbers):
         values["length"] = float(numbers[0, 1])
     if values["length"] is None and motion is not None and motion.quantity is DISPLACEMENT:
-        beside_it = length_beside(table, numbers[:, 1])
+        first = without_preload(numbers) if hints.preload == "leave-out" else 0
+        beside_it = length_beside(table, numbers[first:, 1], first)
         values["length"] = None if beside_it is None else beside_it.mm
     width, thickness, diameter = (values[name] for name in ("width", "thickness", "diameter"))
     if values["area"] is None and diameter is not None:
@@ -210,11 +214,23 @@ def _sizes(table: Table, columns: Sequence[Column | None], numbers: np.ndarray[A
     return values
 
 
-def _doubt(table: Table, columns: Sequence[Column | None], length_mm: float | None) -> str:
+def _two_lengths(table: Table, displacement: np.ndarray[Any, Any], first: int) -> str:
+    """The question for a gauge length that is another one after a preload, or nothing."""
+    before, after = length_beside(table, displacement[:first]), length_beside(table, displacement[first:], first)
+    if before is None or after is None or not first:
+        return ""
+    return f"length: {before.mm:g} mm by '{before.text}', and {after.mm:g} mm where it is zeroed anew; --length-mm"
+
+
+def _doubt(
+    table: Table, columns: Sequence[Column | None], length_mm: float | None, numbers: np.ndarray[Any, Any]
+) -> str:
     """The question for a length that contradicts the numbers, or nothing: it is displacement over strain."""
     motion = columns[1]
-    if motion is None or motion.quantity in (STRAIN, POSITION, LENGTH) or length_mm is None:
+    if motion is None or motion.quantity in (STRAIN, POSITION, LENGTH):
         return ""
+    if length_mm is None:
+        return _two_lengths(table, numbers[:, 1], without_preload(numbers))
     strains = partly(table, Hints(), only=STRAIN)[0][1]
     if strains is None:
         return ""

@@ -27,7 +27,7 @@ from sinew.tasks.data.several import (
     name_beside,
     told_apart,
 )
-from sinew.tasks.data.signs import counted, doubts, zeroed_anew
+from sinew.tasks.data.signs import counted, doubts, without_preload
 from sinew.tasks.data.sizes import Size, read_sizes
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.text import HUGE
@@ -38,6 +38,7 @@ from sinew.tasks.model import Curve, Protocol
 Array = np.ndarray[Any, np.dtype[Any]]
 FEWEST_ROWS = 3
 MOST_TURNS = 0.1  # of the rows: a motion that turns more often is noisy, and its way is longer than that of the machine
+AT_NEW_ZERO = "length at the new zero"  # a size: the gauge length where a displacement is zeroed anew
 MOST_STRETCH = 10.0  # a ratio of lengths beyond it is in percent, or a length
 
 
@@ -233,8 +234,9 @@ def _sizes(table: Table, columns: Columns, numbers: Array, block: Block) -> Mapp
     """What the rows above a table, or a column of current lengths, tell of the specimen."""
     sizes = dict(read_sizes(table.header, table.own))
     if "length" not in sizes and columns[1].quantity is DISPLACEMENT:
-        found = length_beside(table, numbers[:, 1], block.start)
-        sizes |= {} if found is None else {"length": found}
+        for name, first in (("length", 0), (AT_NEW_ZERO, without_preload(numbers))):
+            found = length_beside(table, numbers[first:, 1], block.start + first)
+            sizes |= {} if found is None else {name: found}
     return sizes
 
 
@@ -290,12 +292,29 @@ def _number(table: Table, row: int, column: Column) -> float:
 
 def as_told(recording: Recording, hints: Hints) -> Recording:
     """The recording with displacement and force counted as a person says, and what is doubtful then."""
+    first = without_preload(recording.numbers) if hints.preload == "leave-out" else 0
+    if first:
+        note = f"the first {first:,} rows left out, by --preload: the {recording.motion.quantity.name} was zeroed after"
+        recording = _from_row(recording, first, note)
     numbers, notes = counted(str(recording.path), recording.columns, recording.numbers, hints)
     titles = (*(column.title for column in recording.columns), *recording.left_out)
     lines = (" ".join(row) for row in recording.header)
     found = doubts(recording.columns, numbers, (*titles, *lines), hints)
-    notes = (*recording.notes, *notes, *zeroed_anew(recording.columns, numbers))
-    return replace(recording, numbers=numbers, notes=notes, doubts=tuple(found))
+    return replace(recording, numbers=numbers, notes=(*recording.notes, *notes), doubts=tuple(found))
+
+
+def _from_row(recording: Recording, first: int, note: str) -> Recording:
+    """The recording without the rows before ``first``."""
+    values = {name: each[first:] for name, each in recording.further.values.items()}
+    length = recording.sizes.get(AT_NEW_ZERO)
+    return replace(
+        recording,
+        numbers=recording.numbers[first:],
+        rows=recording.rows[first:],
+        notes=(*recording.notes, note),
+        further=replace(recording.further, values=values),
+        sizes={**recording.sizes, **({"length": length} if length is not None else {})},
+    )
 
 
 def check_times(recording: Recording) -> None:

@@ -21,7 +21,8 @@ Array = np.ndarray[Any, np.dtype[Any]]
 #: A motion that was zeroed anew moves by this part of its range, and by so many times its usual step, from one row to
 #: the next; the force by no more than the last part of its own range.
 JUMP, STEPS, STAYS = 0.2, 20.0, 0.02
-ZERO, NEGATE = "--zero-displacement", "--negate"
+FEWEST = 3  # rows on either side of it
+ZERO, NEGATE, PRELOAD = "--zero-displacement", "--negate", "--preload"
 _TURNED = "which sign should be reversed?"
 _UNITS = {"displacement": "mm", "force": "N", "stress": "MPa"}
 _TENSION = re.compile(rf"(?<![a-z])(?:{'|'.join(words.TENSION)})")
@@ -59,27 +60,42 @@ def doubts(columns: Sequence[Column], numbers: Array, texts: Iterable[str], hint
                 "the start may be an offset of the machine"
             )
             yield Doubt(text, "count it from its first value?", ZERO, ("first", "none"))
+    if hints.preload is None:
+        yield from _preload(columns, numbers)
     if hints.negate is None:
         yield from _sign(columns, numbers, texts)
 
 
-def zeroed_anew(columns: Sequence[Column], numbers: Array) -> Iterator[str]:
-    """A remark for each row of numbers ``[t, 3]`` at which a motion jumps and the force stays.
+def zeroed_anew(numbers: Array) -> Array:
+    """Rows ``[n]`` of numbers ``[t, 3]`` at which a motion has jumped and the force has stayed.
 
     Machines count the displacement from zero again after a preload. The rows before have another reference then.
     """
     steps, loads = np.abs(np.diff(numbers[:, 1])), np.abs(np.diff(numbers[:, 2]))
     moving = steps[steps > 0.0]
-    if not moving.size:
-        return
-    far = (steps > JUMP * np.ptp(numbers[:, 1])) & (steps > STEPS * np.median(moving))
-    unit = _UNITS.get(columns[1].quantity.name, "")
-    for row in np.flatnonzero(far & (loads < STAYS * np.ptp(numbers[:, 2]))):
-        before, after = (f"{each:.4g} {unit}".strip() for each in numbers[row : row + 2, 1])
-        yield (
-            f"{columns[1].quantity.name} jumps from {before} to {after} at {numbers[row + 1, 0]:.6g} s while the force "
-            "stays: likely zeroed anew after a preload. Leave out the rows before, and give the length at the new zero"
+    usual = float(np.median(moving)) if moving.size else np.inf
+    far = (steps > JUMP * np.ptp(numbers[:, 1])) & (steps > STEPS * usual)
+    rows: Array = np.flatnonzero(far & (loads < STAYS * np.ptp(numbers[:, 2]))) + 1
+    return rows
+
+
+def _preload(columns: Sequence[Column], numbers: Array) -> Iterator[Doubt]:
+    """Where the motion is zeroed anew, once."""
+    rows = zeroed_anew(numbers)
+    if len(rows) == 1 and FEWEST <= rows[0] < len(numbers) - FEWEST:
+        unit = _UNITS.get(columns[1].quantity.name, "")
+        before, after = (f"{each:.4g} {unit}".strip() for each in numbers[rows[0] - 1 : rows[0] + 1, 1])
+        text = (
+            f"the {columns[1].quantity.name} jumps from {before} to {after} at {numbers[rows[0], 0]:.6g} s while the "
+            f"force stays: likely zeroed anew after a preload, the {rows[0]:,} rows before"
         )
+        yield Doubt(text, "leave them out?", PRELOAD, ("leave-out", "keep"))
+
+
+def without_preload(numbers: Array) -> int:
+    """The first row of numbers ``[t, 3]`` that counts from the last zero of the motion: 0 where there is one zero."""
+    rows = zeroed_anew(numbers)
+    return int(rows[0]) if len(rows) == 1 else 0
 
 
 def _sign(columns: Sequence[Column], numbers: Array, texts: Iterable[str]) -> Iterator[Doubt]:

@@ -195,6 +195,19 @@ def test_a_column_of_current_lengths_tells_the_gauge_length(tmp_path):
     assert (found["length_mm"], found["time"]["unit"]) == (12.5, "s")
 
 
+def test_a_gauge_length_that_a_preload_has_changed_is_asked_for(tmp_path):
+    before = [f"{i},{12.5 + 0.1 * i:g},{0.1 * i:g},{i}" for i in range(50)]
+    after = [f"{50 + i},{17.5 + 0.1 * i:g},{0.1 * i:g},{50 + i}" for i in range(50)]
+    text = "\n".join(["Time_S,Size_mm,Displacement_mm,Force_N", *before, *after, ""])
+    found = taken(tmp_path, text)
+    assert found["length_mm"] is None
+    assert found["ask"][0] == "length: 12.5 mm by 'Size_mm', and 17.5 mm where it is zeroed anew; --length-mm"
+    (tmp_path / "preload.csv").write_text(text)
+    told = inspect(tmp_path / "preload.csv", Reading(hints=Hints(preload="leave-out"))).content()
+    assert told["length_mm"] == pytest.approx(17.5)
+    assert not [question for question in told["ask"] if question.startswith("length")]
+
+
 def test_sizes_in_the_name_of_a_file_are_said_and_not_taken(tmp_path):
     path = tmp_path / "T1_L10mm_W8mm.csv"
     path.write_text("Time (s),Load (N),Extension (mm)\n0,1,0\n1,2,1\n2,3,2\n")

@@ -566,6 +566,16 @@ def test_a_column_of_current_lengths_tells_the_gauge_length_of_each_test(tmp_pat
     path.write_text("Time_S,Size_mm,Displacement_mm,Force_N\n" + rows)
     (one,) = read_recordings(path, Hints())
     assert (one.sizes["length"].mm, one.sizes["length"].has_unit) == (pytest.approx(12.5), True)
-    path.write_text("Time_S,Size_mm,Displacement_mm,Force_N\n" + rows + "5,17,0,5\n6,17.1,0.1,6\n")
-    (zeroed,) = read_recordings(path, Hints())
-    assert "length" not in zeroed.sizes
+    path.write_text("Time_S,Size_mm,Displacement_mm,Force_N\n" + rows + "5,17,0,9\n6,17.1,0.1,6\n")
+    (other,) = read_recordings(path, Hints())
+    assert "length" not in other.sizes
+
+
+def test_after_a_preload_the_gauge_length_is_that_at_the_new_zero(tmp_path):
+    before = [f"{i},{12.5 + 0.1 * i:g},{0.1 * i:g},{i}" for i in range(50)]
+    after = [f"{50 + i},{17.5 + 0.1 * i:g},{0.1 * i:g},{50 + i}" for i in range(50)]
+    path = tmp_path / "lengths.csv"
+    path.write_text("\n".join(["Time_S,Size_mm,Displacement_mm,Force_N", *before, *after, ""]))
+    (one,) = read_recordings(path, Hints())
+    assert "length" not in as_told(one, Hints(preload="keep")).sizes
+    assert as_told(one, Hints(preload="leave-out")).sizes["length"].mm == pytest.approx(17.5)

@@ -113,26 +113,55 @@ def test_a_compression_that_is_told_and_below_0_is_certain_to_be_one(tmp_path):
     assert doubt.text.startswith("a compression: the specimen gets shorter and forces are negative")
 
 
+SAMPLES_S = np.linspace(0.0, 8.0, 401)
+PULL, AFTER = np.minimum(SAMPLES_S, 6.0), np.maximum(SAMPLES_S - 6.0, 0.0)
+LATER = SAMPLES_S >= 6.0
+
+
+def sampled(folder: Path, motion_mm: np.ndarray, force_N: np.ndarray, **told) -> Recording:
+    path = folder / "test.csv"
+    rows = "".join(f"{t:g},{u:g},{f:g}\n" for t, u, f in zip(SAMPLES_S, motion_mm, force_N, strict=True))
+    path.write_text(f"{TITLES}\n{rows}")
+    (recording,) = read_recordings(path, Hints())
+    return as_told(recording, Hints(**told))
+
+
+def test_a_displacement_that_is_zeroed_anew_after_a_preload_is_doubtful_until_told(tmp_path):
+    motion, force = np.where(LATER, AFTER, PULL), SAMPLES_S
+    found = sampled(tmp_path, motion, force)
+    (doubt,) = found.doubts
+    assert doubt.text == (
+        "the displacement jumps from 5.98 mm to 0 mm at 6 s while the force stays: likely zeroed anew after a preload, "
+        "the 300 rows before"
+    )
+    assert (doubt.option, doubt.choices) == ("--preload", ("leave-out", "keep"))
+    kept = sampled(tmp_path, motion, force, preload="keep")
+    assert (len(kept.numbers), kept.doubts, kept.notes) == (401, (), ())
+    cut = sampled(tmp_path, motion, force, preload="leave-out")
+    assert (len(cut.numbers), len(cut.rows), cut.doubts) == (101, 101, ())
+    assert cut.numbers[0].tolist() == [6.0, 0.0, 6.0]
+    assert cut.notes == ("the first 300 rows left out, by --preload: the displacement was zeroed after",)
+
+
 @pytest.mark.parametrize(
-    ("motion", "load", "told"),
+    ("motion", "force"),
     [
-        ([0, 1, 2, 3, 4, 5, 0, 1, 2], [0, 1, 2, 3, 4, 5, 5.05, 6, 7], "jumps from 5 mm to 0 mm at 6 s"),
-        ([0, 1, 2, 3, 4, 5, 0, 1, 2], [0, 1, 2, 3, 4, 5, 0, 1, 2], None),  # the specimen was let go
-        ([0, 1, 2, 3, 4, 5, 4, 3, 2], [0, 1, 2, 3, 4, 5, 4.95, 4, 3], None),
-        ([0, 0, 0, 0, 0, 0, 0, 0, 0], [0, 1, 2, 3, 4, 5, 6, 7, 8], None),
+        (np.where(LATER, AFTER, PULL), np.where(LATER, AFTER, PULL)),  # the specimen was let go
+        (PULL - AFTER, PULL - AFTER),
+        (0.0 * PULL, PULL),
+        (np.where(LATER, AFTER, PULL) + 5.0 * (SAMPLES_S > 7.0), SAMPLES_S),  # two jumps
     ],
 )
-def test_a_displacement_that_is_zeroed_anew_after_a_preload_is_said(tmp_path, motion, load, told):
-    fine = np.linspace(0.0, 8.0, 401)
-    back = np.interp(fine, range(9), motion)
-    if motion[6] == 0 and motion[5]:
-        back = np.where(fine < 6.0, np.interp(fine, range(6), motion[:6]), np.interp(fine, range(6, 9), motion[6:]))
-    force = np.interp(fine, range(9), load)
-    if load[6] == 0:
-        force = np.where(fine < 6.0, np.interp(fine, range(6), load[:6]), np.interp(fine, range(6, 9), load[6:]))
+def test_other_courses_are_not_taken_for_a_preload(tmp_path, motion, force):
+    assert not [one for one in sampled(tmp_path, motion, force).doubts if one.option == "--preload"]
+    assert len(sampled(tmp_path, motion, force, preload="leave-out").numbers) == 401
+
+
+def test_what_is_kept_beside_the_force_goes_with_the_rows(tmp_path):
     path = tmp_path / "test.csv"
-    path.write_text(TITLES + "\n" + "".join(f"{t:g},{u:g},{f:g}\n" for t, u, f in zip(fine, back, force, strict=True)))
-    (recording,) = read_recordings(path, Hints())
-    found = [note for note in as_told(recording, Hints()).notes if "zeroed anew" in note]
-    assert len(found) == (told is not None)
-    assert told is None or told in found[0]
+    rows = "".join(f"{t:g},{u:g},{t:g},{t:g}\n" for t, u in zip(SAMPLES_S, np.where(LATER, AFTER, PULL), strict=True))
+    path.write_text(f"{TITLES},Width\n{rows}")
+    hints = Hints(keep_column=("Width=width:mm",), preload="leave-out")
+    (recording,) = read_recordings(path, hints)
+    found = as_told(recording, hints)
+    assert found.further.values["width"].tolist() == found.numbers[:, 0].tolist()
