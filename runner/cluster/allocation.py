@@ -16,7 +16,7 @@ from distributed.core import Status
 
 from sinew.runner.cluster.batch_system import BatchSystem, jobqueue
 from sinew.runner.cluster.batch_systems import BATCH_SYSTEMS
-from sinew.runner.cluster.dask_settings import DASHBOARD, ENVIRONMENT, SETTINGS
+from sinew.runner.cluster.dask_settings import DASHBOARD, ENVIRONMENT, SETTINGS, scheduler_folder
 from sinew.runner.cluster.network import Network, check_interface, shared_certificate
 from sinew.runner.errors import ClusterError
 from sinew.runner.evaluation import external
@@ -68,7 +68,7 @@ def open_allocation(spec: Allocation) -> Iterator[Client]:
             scheduler_file=str(scheduler_file),
             scheduler_options={
                 **common,
-                "local_directory": str(temporary_folder()),
+                "local_directory": scheduler_folder(),
                 "dashboard_address": DASHBOARD,
                 "plugins": [_EndWithClient()],
             },

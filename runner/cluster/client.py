@@ -21,7 +21,6 @@ from sinew.runner.cluster.jobs import Jobs, open_jobs
 from sinew.runner.cluster.keeper import Growing
 from sinew.runner.cluster.local import Local, LocalWorkers, open_local
 from sinew.runner.errors import ClusterError
-from sinew.runner.files import temporary_folder
 
 ADDRESS_S = 10.0  # to connect to a scheduler that runs already
 
@@ -54,22 +53,12 @@ def open_client(spec: ClusterSpec, folder: Path | None = None) -> Iterator[Clien
         Jobs: open_jobs,
         Allocation: open_allocation,
     }
-    private = {} if isinstance(spec, Local | Address) else {"temporary-directory": str(_private_folder())}
     with (
-        dask.config.set({**SETTINGS, **private}),
+        dask.config.set(SETTINGS),
         dask.config.set({"distributed.nanny.pre-spawn-environ": ENVIRONMENT}),
         kinds[type(spec)](spec) as client,
     ):
         yield client
-
-
-def _private_folder() -> Path:
-    """For a scheduler's files: Dask puts this folder on the path from which modules are imported."""
-    try:
-        return temporary_folder()
-    except OSError as error:
-        words = f"{error.filename}: {error.strerror}; expected that you remove it, or another TMPDIR"
-        raise ClusterError(words) from None
 
 
 def wait_for_workers(client: Client, check: Callable[[], None]) -> None:

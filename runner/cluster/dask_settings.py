@@ -1,4 +1,7 @@
-"""Dask's settings for all clusters, and how long to wait for workers."""
+"""Dask's settings for all clusters, where a scheduler keeps its files, and how long to wait for workers."""
+
+from sinew.runner.errors import ClusterError
+from sinew.runner.files import temporary_folder
 
 WAIT_FOR_WORKERS_S = 120.0
 _PAGES = ("scheduler.prometheus", "scheduler.info", "scheduler.json", "health", "statics")
@@ -28,3 +31,16 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_
 # workers import nothing from the folder that they start in: it may be that of a study which somebody else wrote
 ENVIRONMENT = {**ONE_THREAD, "PYTHONSAFEPATH": "1"}
 DASHBOARD = "127.0.0.1:0"  # anyone who reaches it sees everything
+
+
+def scheduler_folder() -> str:
+    """The folder for a scheduler's files, which Dask puts on the path from which modules are imported.
+
+    Every scheduler is told: one that asks Dask's settings may do so when an interrupt has taken them back. Raises
+    ``ClusterError``.
+    """
+    try:
+        return str(temporary_folder())
+    except OSError as error:
+        words = f"{error.filename}: {error.strerror}; expected that you remove it, or another TMPDIR"
+        raise ClusterError(words) from None

@@ -23,13 +23,12 @@ from distributed.core import Status
 from sinew.runner.cluster import drain
 from sinew.runner.cluster.batch_system import BatchSystem, JobRequest, jobqueue
 from sinew.runner.cluster.batch_systems import BATCH_SYSTEMS, patiently
-from sinew.runner.cluster.dask_settings import DASHBOARD, ENVIRONMENT, SETTINGS
+from sinew.runner.cluster.dask_settings import DASHBOARD, ENVIRONMENT, SETTINGS, scheduler_folder
 from sinew.runner.cluster.job_table import WORKER, JobTable, noted
 from sinew.runner.cluster.keeper import Growing, Keeper
 from sinew.runner.cluster.network import Network, check_interface, shared_certificate
 from sinew.runner.errors import ClusterError
 from sinew.runner.evaluation import external
-from sinew.runner.files import temporary_folder
 from sinew.runner.periodic import every
 
 
@@ -210,7 +209,7 @@ def open_jobs(spec: Jobs) -> Iterator[Client]:
                 **_job_options(spec),
                 security=security,
                 protocol="tls://" if security else "tcp://",
-                scheduler_options={"dashboard_address": DASHBOARD, "local_directory": str(temporary_folder()), **host},
+                scheduler_options={"dashboard_address": DASHBOARD, "local_directory": scheduler_folder(), **host},
                 silence_logs=logging.ERROR,
                 name=f"sinew-{os.getpid()}-{round(time.time())}",
             )

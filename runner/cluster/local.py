@@ -9,7 +9,6 @@ from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
-import dask
 from distributed import Client, LocalCluster
 from distributed.core import Status
 from distributed.worker_memory import parse_memory_limit
@@ -57,7 +56,6 @@ def open_local(spec: Local, folder: Path | None = None) -> Iterator[Client]:
         place.parent.mkdir(parents=True, exist_ok=True)
         own_folder(place)  # Dask puts it on the path from which modules are imported
         stack.enter_context(children_write_to(place / "errors"))
-        stack.enter_context(dask.config.set({"temporary-directory": str(place)}))
         yield stack.enter_context(_open_cluster(spec, place))
 
 
@@ -77,7 +75,6 @@ def _open_cluster(spec: Local, place: Path) -> Iterator[Client]:
             silence_logs=logging.ERROR,
             memory_limit=parse_memory_limit("auto", 1, spec.workers, logger=log),
             preload="sinew.runner.cluster.interrupts",
-            # also of a scheduler and of workers that start while an interrupt takes the settings back
             scheduler_kwargs={"local_directory": str(place)},
             local_directory=str(place),
         )

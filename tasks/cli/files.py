@@ -62,7 +62,7 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
         click.option(
             "--preload",
             type=click.Choice(["leave-out", "keep"]),
-            help="The rows before the displacement is zeroed anew.",
+            help="Leave out or keep the rows before the displacement is set to zero again.",
         ),
     ]
     for option in reversed(options):

@@ -52,7 +52,7 @@ def first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen] = ())
     if not specimens or not others:
         return found
     names = listed([one.name for one in others])
-    line = f"ranges: {names} not looked at; once all sizes are filled in, a run looks whether they reach the forces"
+    line = f"ranges: not compared with {names}; once all sizes are filled in, a run checks that they reach the forces"
     return replace(found, lines=(*found.lines, line))
 
 
@@ -63,11 +63,11 @@ def _first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen]) -> 
     model, timed = _with_times(Model(), [*chosen, *others])
     reaches = [each for one in chosen for each in reach(simulator, model, one)]
     if not reaches:
-        line = "ranges: those of human tendon; once all sizes are filled in, a run looks whether they reach the forces"
-        return FirstRanges(model, (line,))
+        line = "ranges: those of human tendon; once all sizes are filled in, a run checks that they reach the forces"
+        return FirstRanges(model, (line, *timed), scaled=bool(timed))
     if all(each.other_sign for each in reaches):
         line = "ranges: those of human tendon, which give forces of the other sign; tension is positive"
-        return FirstRanges(model, (f"{line}, so look at the machine's sign",))
+        return FirstRanges(model, (f"{line}, so look at the machine's sign", *timed), scaled=bool(timed))
     squeezed = all(is_compression(curve.protocol) for one in chosen for curve in one.curves)
     strains = [one.stretch(curve.protocol) - 1.0 for one in chosen for curve in one.curves]
     strain = max(float(each.max()) for each in strains)

@@ -38,7 +38,7 @@ class Hints:
     ``force_unit`` may be a unit of stress; the load is a stress then. ``test_column`` tells the tests of a table apart,
     ``cycle_column`` its cycles, if their times start again. ``rate_hz`` and ``speed``: see :class:`Timing`.
     ``zero_displacement`` and ``zero_force``: whether each counts from its ``first`` value. ``negate``: which of
-    them get the other sign. ``preload``: what becomes of the rows before a motion is zeroed anew.
+    them get the other sign. ``preload``: what becomes of the rows before a motion is set to zero again.
     ``keep_column``: columns that are kept beside the force, as for :func:`further`.
     """
 

@@ -89,7 +89,8 @@ def init(
         refuse_doubts(read.recordings, names)
     new = specimens_of(read.recordings, names, sizes, ask, answers.sizes, certain=certain)
     refuse_duplicates([one.specimen for one in new], {one.specimen.name: one.tests[0].path for one in new})
-    whole, others = ([one.specimen for one in new if bool(one.missing) == left] for left in (False, True))
+    whole = [one.specimen for one in new if not one.missing]
+    others = [one.specimen for one in new if one.missing]
     ranges = first_ranges(whole, others)
     out.mkdir(parents=True, exist_ok=True)
     write_cohort(out / "cohort", [one.specimen for one in new])

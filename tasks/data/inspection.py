@@ -13,11 +13,11 @@ from sinew.tasks.data.columns import Column, partly
 from sinew.tasks.data.exports import Reading, first_length
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.length_columns import column_of, length_beside
+from sinew.tasks.data.length_columns import length_beside, numbers_of
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
 from sinew.tasks.data.recordings import FEWEST_ROWS, Recording, as_told, check_times, read_recordings, remarks
 from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart
-from sinew.tasks.data.signs import without_preload
+from sinew.tasks.data.signs import new_zero
 from sinew.tasks.data.sizes import SIZES, read_sizes
 from sinew.tasks.data.sizes_in_names import sizes_in_name
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
@@ -186,7 +186,7 @@ def _numbers(table: Table, columns: Sequence[Column | None]) -> tuple[np.ndarray
     found = np.full((len(table.rows), 3), np.nan)
     for i, column in enumerate(columns):
         if column is not None:
-            found[:, i] = column_of(table, column)
+            found[:, i] = numbers_of(table, column, range(len(table.rows)))
     known = np.isfinite(found).any(axis=1) if any(columns) else [any(row) for _, row in table.rows]
     filled = np.flatnonzero(known)
     return found, int(filled[-1]) + 1 if filled.size else 0
@@ -203,7 +203,7 @@ def _sizes(
     if values["length"] is None and motion is not None and motion.quantity is LENGTH and len(numbers):
         values["length"] = float(numbers[0, 1])
     if values["length"] is None and motion is not None and motion.quantity is DISPLACEMENT:
-        first = without_preload(numbers) if hints.preload == "leave-out" else 0
+        first = new_zero(numbers) if hints.preload == "leave-out" else 0
         beside_it = length_beside(table, numbers[first:, 1], first)
         values["length"] = None if beside_it is None else beside_it.mm
     width, thickness, diameter = (values[name] for name in ("width", "thickness", "diameter"))
@@ -216,10 +216,13 @@ def _sizes(
 
 def _two_lengths(table: Table, displacement: np.ndarray[Any, Any], first: int) -> str:
     """The question for a gauge length that is another one after a preload, or nothing."""
-    before, after = length_beside(table, displacement[:first]), length_beside(table, displacement[first:], first)
-    if before is None or after is None or not first:
+    if not first:
         return ""
-    return f"length: {before.mm:g} mm by '{before.text}', and {after.mm:g} mm where it is zeroed anew; --length-mm"
+    before, after = length_beside(table, displacement[:first]), length_beside(table, displacement[first:], first)
+    if before is None or after is None:
+        return ""
+    both = f"{before.mm:g} mm by '{before.text}', and {after.mm:g} mm where it is set to zero again"
+    return f"length: {both}; --length-mm"
 
 
 def _doubt(
@@ -230,11 +233,12 @@ def _doubt(
     if motion is None or motion.quantity in (STRAIN, POSITION, LENGTH):
         return ""
     if length_mm is None:
-        return _two_lengths(table, numbers[:, 1], without_preload(numbers))
+        return _two_lengths(table, numbers[:, 1], new_zero(numbers))
     strains = partly(table, Hints(), only=STRAIN)[0][1]
     if strains is None:
         return ""
-    both = np.column_stack([column_of(table, motion), column_of(table, strains)])
+    rows = range(len(table.rows))
+    both = np.column_stack([numbers_of(table, motion, rows), numbers_of(table, strains, rows)])
     both = both[np.isfinite(both).all(axis=1)]
     large = both[np.abs(both[:, 1]) > 0.5 * np.abs(both[:, 1]).max()] if both.size else both
     if not large.size or not np.abs(large[:, 1]).max():

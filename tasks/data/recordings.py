@@ -27,7 +27,7 @@ from sinew.tasks.data.several import (
     name_beside,
     told_apart,
 )
-from sinew.tasks.data.signs import counted, doubts, without_preload
+from sinew.tasks.data.signs import counted, doubts, new_zero
 from sinew.tasks.data.sizes import Size, read_sizes
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.text import HUGE
@@ -38,7 +38,6 @@ from sinew.tasks.model import Curve, Protocol
 Array = np.ndarray[Any, np.dtype[Any]]
 FEWEST_ROWS = 3
 MOST_TURNS = 0.1  # of the rows: a motion that turns more often is noisy, and its way is longer than that of the machine
-AT_NEW_ZERO = "length at the new zero"  # a size: the gauge length where a displacement is zeroed anew
 MOST_STRETCH = 10.0  # a ratio of lengths beyond it is in percent, or a length
 
 
@@ -51,7 +50,7 @@ class Recording:
     ``header`` holds the rows above the titles, and ``sizes`` what they tell of the specimen. ``test`` is the name of
     the test if its file holds several. ``notes``: what a person should know of how it was read. ``remedy``: what may
     help if times do not increase. ``doubts``: what may be meant otherwise. ``further``: columns that are kept beside
-    the force.
+    the force. ``new_length``: the gauge length where the displacement is set to zero again.
     """
 
     path: Path
@@ -66,6 +65,7 @@ class Recording:
     remedy: str = ""
     doubts: tuple[Doubt, ...] = ()
     further: Kept = field(default_factory=Kept)
+    new_length: Size | None = None
 
     @property
     def motion(self) -> Column:
@@ -215,29 +215,27 @@ def _recording(
     apart = told_apart(table, block.end, back, list(places)) if hints.test_column is None else None
     if apart is not None and not back:
         notes += (f"{apart.count} values of '{apart.title}': {apart.option}, if each is a test of its own",)
+    sizes = dict(read_sizes(table.header, table.own))
+    new_length = None
+    if "length" not in sizes and columns[1].quantity is DISPLACEMENT:
+        length = length_beside(table, numbers[:, 1], block.start)
+        sizes |= {} if length is None else {"length": length}
+        if first := new_zero(numbers):
+            new_length = length_beside(table, numbers[first:, 1], block.start + first)
     return Recording(
         table.path,
         numbers,
         columns,
         tuple(at for at, _ in table.rows[block.start : block.end]),
         table.header,
-        _sizes(table, columns, numbers, block),
+        sizes,
         left_out,
         block.name,
         notes,
         "" if apart is None or not back else f", or {apart.option} {shown(apart.title)}, which changes there",
         further=further,
+        new_length=new_length,
     )
-
-
-def _sizes(table: Table, columns: Columns, numbers: Array, block: Block) -> Mapping[str, Size]:
-    """What the rows above a table, or a column of current lengths, tell of the specimen."""
-    sizes = dict(read_sizes(table.header, table.own))
-    if "length" not in sizes and columns[1].quantity is DISPLACEMENT:
-        for name, first in (("length", 0), (AT_NEW_ZERO, without_preload(numbers))):
-            found = length_beside(table, numbers[first:, 1], block.start + first)
-            sizes |= {} if found is None else {name: found}
-    return sizes
 
 
 def _of(block: Block) -> str:
@@ -292,9 +290,10 @@ def _number(table: Table, row: int, column: Column) -> float:
 
 def as_told(recording: Recording, hints: Hints) -> Recording:
     """The recording with displacement and force counted as a person says, and what is doubtful then."""
-    first = without_preload(recording.numbers) if hints.preload == "leave-out" else 0
+    first = new_zero(recording.numbers) if hints.preload == "leave-out" else 0
     if first:
-        note = f"the first {first:,} rows left out, by --preload: the {recording.motion.quantity.name} was zeroed after"
+        reason = f"then the {recording.motion.quantity.name} was set to zero again"
+        note = f"the first {first:,} rows left out, as --preload says: {reason}"
         recording = _from_row(recording, first, note)
     numbers, notes = counted(str(recording.path), recording.columns, recording.numbers, hints)
     titles = (*(column.title for column in recording.columns), *recording.left_out)
@@ -306,14 +305,14 @@ def as_told(recording: Recording, hints: Hints) -> Recording:
 def _from_row(recording: Recording, first: int, note: str) -> Recording:
     """The recording without the rows before ``first``."""
     values = {name: each[first:] for name, each in recording.further.values.items()}
-    length = recording.sizes.get(AT_NEW_ZERO)
+    length = {} if recording.new_length is None else {"length": recording.new_length}
     return replace(
         recording,
         numbers=recording.numbers[first:],
         rows=recording.rows[first:],
         notes=(*recording.notes, note),
         further=replace(recording.further, values=values),
-        sizes={**recording.sizes, **({"length": length} if length is not None else {})},
+        sizes={**recording.sizes, **length},
     )
 
 

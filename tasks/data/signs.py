@@ -18,8 +18,8 @@ from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRETCH
 from sinew.tasks.data.questions import Doubt
 
 Array = np.ndarray[Any, np.dtype[Any]]
-#: A motion that was zeroed anew moves by this part of its range, and by so many times its usual step, from one row to
-#: the next; the force by no more than the last part of its own range.
+#: Where a motion is set to zero again, it moves by this part of its range, and by so many times its usual step, from
+#: one row to the next; the force by no more than the last part of its own range.
 JUMP, STEPS, STAYS = 0.2, 20.0, 0.02
 FEWEST = 3  # rows on either side of it
 ZERO, NEGATE, PRELOAD = "--zero-displacement", "--negate", "--preload"
@@ -66,36 +66,29 @@ def doubts(columns: Sequence[Column], numbers: Array, texts: Iterable[str], hint
         yield from _sign(columns, numbers, texts)
 
 
-def zeroed_anew(numbers: Array) -> Array:
-    """Rows ``[n]`` of numbers ``[t, 3]`` at which a motion has jumped and the force has stayed.
+def new_zero(numbers: Array) -> int:
+    """The row of numbers ``[t, 3]`` from which on a motion counts from another zero: it jumps, and the force stays.
 
-    Machines count the displacement from zero again after a preload. The rows before have another reference then.
+    Machines set the displacement to zero again after a preload. 0 where there is no such row, or more than one.
     """
     steps, loads = np.abs(np.diff(numbers[:, 1])), np.abs(np.diff(numbers[:, 2]))
     moving = steps[steps > 0.0]
     usual = float(np.median(moving)) if moving.size else np.inf
     far = (steps > JUMP * np.ptp(numbers[:, 1])) & (steps > STEPS * usual)
-    rows: Array = np.flatnonzero(far & (loads < STAYS * np.ptp(numbers[:, 2]))) + 1
-    return rows
+    rows = np.flatnonzero(far & (loads < STAYS * np.ptp(numbers[:, 2]))) + 1
+    return int(rows[0]) if len(rows) == 1 and FEWEST <= rows[0] < len(numbers) - FEWEST else 0
 
 
 def _preload(columns: Sequence[Column], numbers: Array) -> Iterator[Doubt]:
-    """Where the motion is zeroed anew, once."""
-    rows = zeroed_anew(numbers)
-    if len(rows) == 1 and FEWEST <= rows[0] < len(numbers) - FEWEST:
+    """Where the motion is set to zero again, once."""
+    if row := new_zero(numbers):
         unit = _UNITS.get(columns[1].quantity.name, "")
-        before, after = (f"{each:.4g} {unit}".strip() for each in numbers[rows[0] - 1 : rows[0] + 1, 1])
+        before, after = (f"{each:.4g} {unit}".strip() for each in numbers[row - 1 : row + 1, 1])
         text = (
-            f"the {columns[1].quantity.name} jumps from {before} to {after} at {numbers[rows[0], 0]:.6g} s while the "
-            f"force stays: likely zeroed anew after a preload, the {rows[0]:,} rows before"
+            f"the {columns[1].quantity.name} jumps from {before} to {after} at {numbers[row, 0]:.6g} s while the "
+            f"force stays: likely set to zero again after a preload of {row:,} rows"
         )
-        yield Doubt(text, "leave them out?", PRELOAD, ("leave-out", "keep"))
-
-
-def without_preload(numbers: Array) -> int:
-    """The first row of numbers ``[t, 3]`` that counts from the last zero of the motion: 0 where there is one zero."""
-    rows = zeroed_anew(numbers)
-    return int(rows[0]) if len(rows) == 1 else 0
+        yield Doubt(text, "leave out these rows?", PRELOAD, ("leave-out", "keep"))
 
 
 def _sign(columns: Sequence[Column], numbers: Array, texts: Iterable[str]) -> Iterator[Doubt]:

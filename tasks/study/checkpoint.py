@@ -63,5 +63,5 @@ def _numbers(line: bytes, width: int | None) -> Array | None:
         numbers = np.array(json.loads(line), dtype=np.float64)
     except (ValueError, TypeError, OverflowError, RecursionError):
         return None
-    right = numbers.ndim == 1 and numbers.size == (width or max(1, numbers.size))
+    right = numbers.ndim == 1 and numbers.size > 0 and width in (None, numbers.size)
     return numbers if right and np.isfinite(numbers).all() else None

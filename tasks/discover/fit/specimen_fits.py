@@ -68,6 +68,10 @@ class SpecimenFits:
         inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, *how, what)
         return Checkpoint(self.folder / f"{file_name(self.name)}.{digest(what)[:12]}.jsonl", inputs, width)
 
+    def _fits_with(self, kind: str, candidate: Candidate, effects: Effects, *starts: Array) -> Checkpoint:
+        """The file of fits of one kind with ``effects``, which begin at ``starts``, each ``[k]``."""
+        return self._checkpoint(candidate.fitted_width, kind, _forms(effects), digest(*starts, *candidate.bounds()))
+
     def _fitted(self, checkpoint: Checkpoint, number: int, session: Session, *arguments: Any) -> Fitted:
         """Fit ``number`` of a checkpoint: read back, or computed on a worker by a function and its arguments."""
         if number == len(checkpoint):
@@ -99,17 +103,13 @@ class SpecimenFits:
     def extended(self, session: Session, effects: Effects, base: Fitted) -> Fitted:
         """The best fit with ``effects``, of which all but the last were fitted in ``base``."""
         candidate, before = self.candidate(effects), self.candidate(effects[:-1])
-        checkpoint = self._checkpoint(
-            candidate.fitted_width, "extended", _forms(effects), digest(base.at, *candidate.bounds())
-        )
+        checkpoint = self._fits_with("extended", candidate, effects, base.at)
         return self._fitted(checkpoint, 0, session, extended, before, base.at, effects[-1], self.measured)
 
     def refitted(self, session: Session, effects: Effects, before: Fitted, begins: Sequence[Array]) -> Fitted:
         """The better of ``before`` and fits with ``effects`` from ``begins``, each ``[k]``."""
         candidate = self.candidate(effects)
-        checkpoint = self._checkpoint(
-            candidate.fitted_width, "refitted", _forms(effects), digest(*begins, *candidate.bounds())
-        )
+        checkpoint = self._fits_with("refitted", candidate, effects, *begins)
         fits = [self._fitted(checkpoint, i, session, fit, candidate, self.measured, at) for i, at in enumerate(begins)]
         return min([before, *fits], key=lambda one: one.loss)
 
@@ -138,9 +138,7 @@ class SpecimenFits:
     def held_out(self, session: Session, effects: Effects, start: Array) -> dict[str, dict[str, Array]]:
         """By kind of split and curve: whitened squared errors ``[t]`` of what a fit of the rest predicts."""
         candidate = self.candidate(effects)
-        checkpoint = self._checkpoint(
-            candidate.fitted_width, "held out", _forms(effects), digest(start, *candidate.bounds())
-        )
+        checkpoint = self._fits_with("held out", candidate, effects, start)
         squares: dict[str, dict[str, Array]] = {}
         for i, split in enumerate(splits(self.measured)):
             fitted = self._fitted(checkpoint, i, session, fit, candidate, split.seen, start)
@@ -154,9 +152,7 @@ class SpecimenFits:
         """As :meth:`held_out`, with the effects at ``values`` ``[m]`` (unit cube) fitted to other specimens."""
         candidate = self.candidate(effects)
         begin = np.concatenate([start[: start.size - values.size], values])
-        checkpoint = self._checkpoint(
-            candidate.fitted_width, "of others", _forms(effects), digest(begin, *candidate.bounds())
-        )
+        checkpoint = self._fits_with("of others", candidate, effects, begin)
         how = (_fit_beside, candidate, self.measured, begin, values.size)
         fitted = self._fitted(checkpoint, 0, session, *how)
         return {

@@ -10,6 +10,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
+import dask
 import psutil
 import pytest
 
@@ -179,7 +180,7 @@ def test_nobody_else_writes_into_the_folder_of_local_workers(tmp_path):
 def test_nothing_of_dask_lies_elsewhere_when_an_interrupt_has_taken_the_settings_back(tmp_path, monkeypatch):
     """The thread that starts the cluster goes on for a moment."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    monkeypatch.setattr(local.dask.config, "set", lambda *_, **__: nullcontext())
+    monkeypatch.setattr(dask.config, "set", lambda *_, **__: nullcontext())
     with open_client(Local(1), tmp_path / "out") as client:
         assert client.submit(sum, (1, 2)).result(60) == 3
     assert not (tmp_path / "dask-scratch-space").exists()

@@ -113,7 +113,24 @@ def test_tests_of_specimens_without_sizes_count_for_the_times_and_are_named():
     alone, both = first_ranges([short]), first_ranges([short], [long])
     assert "the longest test lasts 16 s" in "".join(alone.lines)
     assert "lasts 16 s" not in "".join(both.lines)
-    assert both.lines[-1].startswith("ranges: long not looked at; once all sizes are filled in, a run looks")
+    assert both.lines[-1].startswith("ranges: not compared with long; once all sizes are filled in, a run checks")
+
+
+@pytest.mark.parametrize("sign", [0.0, -1.0])
+def test_scaled_times_are_told_where_the_moduli_stay_as_published(sign):
+    curve = lasting(SPECIMENS[0], 9.0)
+    specimen = replace(SPECIMENS[0], curves=(replace(curve, force_N=sign * curve.force_N),))
+    found = first_ranges([specimen])
+    assert found.lines[0].startswith("ranges: those of human tendon")
+    assert [range_of(found.model, "tau_3f")[1] == 9.0, found.scaled] == [bool(sign), bool(sign)]
+    assert ("the longest test lasts 9 s" in "".join(found.lines)) == bool(sign)
+
+
+def test_without_a_force_the_times_of_others_are_told():
+    found = first_ranges([], [replace(SPECIMENS[0], curves=(lasting(SPECIMENS[0], 9.0),))])
+    assert range_of(found.model, "tau_3f")[1] == 9.0
+    assert "the longest test lasts 9 s" in "".join(found.lines)
+    assert found.scaled
 
 
 def lasting(specimen: Specimen, seconds: float) -> Curve:

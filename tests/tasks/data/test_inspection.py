@@ -201,7 +201,7 @@ def test_a_gauge_length_that_a_preload_has_changed_is_asked_for(tmp_path):
     text = "\n".join(["Time_S,Size_mm,Displacement_mm,Force_N", *before, *after, ""])
     found = taken(tmp_path, text)
     assert found["length_mm"] is None
-    assert found["ask"][0] == "length: 12.5 mm by 'Size_mm', and 17.5 mm where it is zeroed anew; --length-mm"
+    assert found["ask"][0] == "length: 12.5 mm by 'Size_mm', and 17.5 mm where it is set to zero again; --length-mm"
     (tmp_path / "preload.csv").write_text(text)
     told = inspect(tmp_path / "preload.csv", Reading(hints=Hints(preload="leave-out"))).content()
     assert told["length_mm"] == pytest.approx(17.5)

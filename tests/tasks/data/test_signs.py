@@ -126,13 +126,13 @@ def sampled(folder: Path, motion_mm: np.ndarray, force_N: np.ndarray, **told) ->
     return as_told(recording, Hints(**told))
 
 
-def test_a_displacement_that_is_zeroed_anew_after_a_preload_is_doubtful_until_told(tmp_path):
+def test_a_displacement_that_is_set_to_zero_again_after_a_preload_is_doubtful_until_told(tmp_path):
     motion, force = np.where(LATER, AFTER, PULL), SAMPLES_S
     found = sampled(tmp_path, motion, force)
     (doubt,) = found.doubts
     assert doubt.text == (
-        "the displacement jumps from 5.98 mm to 0 mm at 6 s while the force stays: likely zeroed anew after a preload, "
-        "the 300 rows before"
+        "the displacement jumps from 5.98 mm to 0 mm at 6 s while the force stays: likely set to zero again after a "
+        "preload of 300 rows"
     )
     assert (doubt.option, doubt.choices) == ("--preload", ("leave-out", "keep"))
     kept = sampled(tmp_path, motion, force, preload="keep")
@@ -140,7 +140,7 @@ def test_a_displacement_that_is_zeroed_anew_after_a_preload_is_doubtful_until_to
     cut = sampled(tmp_path, motion, force, preload="leave-out")
     assert (len(cut.numbers), len(cut.rows), cut.doubts) == (101, 101, ())
     assert cut.numbers[0].tolist() == [6.0, 0.0, 6.0]
-    assert cut.notes == ("the first 300 rows left out, by --preload: the displacement was zeroed after",)
+    assert cut.notes == ("the first 300 rows left out, as --preload says: then the displacement was set to zero again",)
 
 
 @pytest.mark.parametrize(
