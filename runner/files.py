@@ -5,6 +5,7 @@ In folders that all users share, such as ``/tmp``, others may have made what thi
 """
 
 import errno
+import json
 import os
 import shutil
 import stat
@@ -13,10 +14,13 @@ import tempfile
 from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from sinew.runner.errors import BadInput
 
 PIECE = 2**20  # bytes that are read at once of a file that does not say its size
+MAX_CONTAINERS = 2**20  # lists and objects of a JSON text: an empty one of two bytes takes a hundred in memory
+MAX_VALUES = 2**23
 
 _KINDS = {
     stat.S_IFDIR: "a folder",
@@ -80,6 +84,20 @@ def read_regular(path: Path, max_bytes: int, *, last: int | None = None, follow:
     if not left:  # it grew, or its size is not known before it is read, as in /proc
         raise NotReadable(f"a file of more than {max_bytes:,} bytes")
     return b"".join(pieces)
+
+
+def parse_json(content: bytes) -> Any:
+    """What a JSON text in UTF-8 holds. Raises ``ValueError``, also for one that would fill the memory, and
+    ``RecursionError``.
+    """
+    if containers(content) > MAX_CONTAINERS or content.count(b",") > MAX_VALUES:
+        raise ValueError("holds more than a million lists, or eight million values")
+    return json.loads(content.decode("utf-8"))
+
+
+def containers(content: bytes) -> int:
+    """How many lists and objects a JSON text holds at most."""
+    return content.count(b"[") + content.count(b"{")
 
 
 def own_folder(folder: Path) -> Path:

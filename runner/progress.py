@@ -19,7 +19,7 @@ from rich.text import Text
 
 from sinew.runner.console import Console
 from sinew.runner.errors import WalltimeReached
-from sinew.runner.files import NotReadable, read_regular
+from sinew.runner.files import NotReadable, parse_json, read_regular
 from sinew.runner.periodic import every
 from sinew.runner.printing import put
 
@@ -206,7 +206,7 @@ def read_progress(folder: Path) -> dict[str, Any] | None:
     are there if they were written. Files may come from anywhere: values of another form are left out.
     """
     try:
-        facts = json.loads(read_regular(folder / PROGRESS, MAX_BYTES))
+        facts = parse_json(read_regular(folder / PROGRESS, MAX_BYTES))
     except (OSError, NotReadable, ValueError, RecursionError):
         return None
     if not isinstance(facts, dict) or not _usable(facts):

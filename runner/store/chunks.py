@@ -10,9 +10,9 @@ from typing import Any
 
 import zarr
 
-MAX_TEXT_BYTES = 2**27  # of a chunk of names or messages
+MAX_TEXT_BYTES = 2**25  # of a chunk of names or messages
 NUMBERS, TEXTS = ("bytes", "blosc", "crc32c"), ("vlen-utf8", "zstd")
-_BLOSC, _ZSTD = struct.Struct("<4xI"), b"\x28\xb5\x2f\xfd"
+_BLOSC, _COUNT, _ZSTD = struct.Struct("<4xI"), struct.Struct("<I"), b"\x28\xb5\x2f\xfd"
 
 
 def codecs_fault(array: zarr.Array[Any]) -> str:
@@ -39,10 +39,26 @@ def _fault(file: Path, array: zarr.Array[Any]) -> str:
         return "" if whole else f"a chunk is not one of {expected:,} bytes"
     if file.stat().st_size > MAX_TEXT_BYTES:
         return f"a chunk has more than {MAX_TEXT_BYTES:,} bytes"
-    claimed = zstd_size(file.read_bytes())
-    return (
-        "" if claimed is not None and claimed <= MAX_TEXT_BYTES else "a chunk claims to hold too much, or is cut short"
-    )
+    return text_fault(file.read_bytes(), math.prod(array.chunks))
+
+
+def text_fault(content: bytes, count: int) -> str:
+    """Why a chunk of ``count`` texts must not be decoded, or nothing.
+
+    It begins with the number of its texts, for which memory is taken before the first of them is read.
+    """
+    claimed = zstd_size(content)
+    if claimed is None or claimed > MAX_TEXT_BYTES:
+        return "a chunk claims to hold too much, or is cut short"
+    import pyarrow  # type: ignore[import-untyped]  # slow to import
+
+    try:
+        texts = pyarrow.decompress(content, claimed, "zstd", asbytes=True)
+    except OSError as error:
+        return str(error)
+    if len(texts) < _COUNT.size or _COUNT.unpack_from(texts)[0] != count:
+        return f"a chunk does not hold {count:,} texts"
+    return ""
 
 
 def chunk_files(folder: Path) -> list[Path]:

@@ -4,6 +4,7 @@ What a damaged ``zarr.json`` says would otherwise be believed: rows that fill th
 """
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,13 @@ import numpy as np
 import zarr
 
 from sinew.runner.store.chunks import chunk_fault, chunk_files, codecs_fault
-from sinew.runner.store.schema import PENDING, STATUSES, Array
+from sinew.runner.store.schema import MAX_CHUNK_ROWS, PENDING, STATUSES, Array
 
-MAX_ROWS = 2**26
-MAX_CHUNK_ROWS = 2**16
+MAX_ROWS = 2**24
 MAX_CHUNK_BYTES = 2**28  # a chunk has 16 rows at least, so this is a curve of two million points
-MAX_COORDINATE = 2**24
+MAX_COORDINATE = 2**22
+KEY_DIGITS = 12  # of a key: the name of its folder in the journal, and the end of its table's name
+_KEY = re.compile(r"[0-9a-f]{32}")
 #: The types of the columns; fields and parameters are float64.
 KINDS = {"status": "int8", "attempts": "int16", "wall_seconds": "float64", "worker": "text", "message": "text"}
 
@@ -33,6 +35,30 @@ def table_group(root: zarr.Group, name: str) -> zarr.Group:
     return group
 
 
+def table_key(group: zarr.Group) -> str:
+    """The key of a table, which also names a folder of the journal. Raises :class:`Damaged`."""
+    key = group.attrs.get("key")
+    if not isinstance(key, str) or not _KEY.fullmatch(key):
+        raise Damaged(f"key is {str(key)[:40]!r}")
+    return key
+
+
+def journal_of(name: str) -> str | None:
+    """The folder in the journal of the table ``name``, None where the name is none that is written here."""
+    key = name.rpartition("-")[2]
+    return key if re.fullmatch(rf"[0-9a-f]{{{KEY_DIGITS}}}", key) else None
+
+
+def is_plain(name: object) -> bool:
+    """Whether a name is that of an array beside others: one that leads elsewhere would be followed."""
+    return isinstance(name, str) and 0 < len(name) <= 255 and name not in (".", "..") and not set(name) & set("/\\\0")
+
+
+def has(group: zarr.Group, name: str) -> bool:
+    """Whether a group has an array or group of this name."""
+    return is_plain(name) and name in group
+
+
 def chunk_rows_of(group: zarr.Group) -> int:
     """The rows of a chunk that a table's attributes say. Raises :class:`Damaged`."""
     rows = group.attrs.get("chunk_rows")
@@ -44,8 +70,8 @@ def chunk_rows_of(group: zarr.Group) -> int:
 def fields_of(group: zarr.Group) -> tuple[str, ...]:
     """The names of a table's fields. Raises :class:`Damaged`."""
     fields = group.attrs.get("fields")
-    if not isinstance(fields, list) or not all(isinstance(name, str) and name for name in fields):
-        raise Damaged(f"fields are {fields!r}")
+    if not isinstance(fields, list) or not all(map(is_plain, fields)):
+        raise Damaged(f"fields are {str(fields)[:40]}")
     return tuple(fields)
 
 
@@ -57,6 +83,8 @@ def row_array(group: zarr.Group, name: str) -> zarr.Array[Any]:
     dims = array.metadata.dimension_names or ()  # type: ignore[union-attr]
     if array.ndim != ndim or not array.ndim or len(dims) != array.ndim or dims[0] != "row":
         raise Damaged(f"its dimensions are {dims}, its shape is {array.shape}")
+    if not all(map(is_plain, dims)):
+        raise Damaged(f"its dimensions are {str(dims)[:40]}")
     for dim, size in zip(dims[1:], array.shape[1:], strict=True):
         if isinstance(along := group.get(str(dim)), zarr.Array) and along.shape != (size,):
             raise Damaged(f"its shape is {array.shape}, but {dim} has {along.shape}")
@@ -108,7 +136,7 @@ def unknown_status(values: Array) -> Array:
 
 
 def _array(group: zarr.Group, name: str) -> zarr.Array[Any]:
-    array = group.get(name)
+    array = group.get(name) if is_plain(name) else None
     if not isinstance(array, zarr.Array):  # some faults in its zarr.json make Zarr say that there is none
         raise Damaged("the array is missing")
     if fault := codecs_fault(array):

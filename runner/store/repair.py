@@ -22,9 +22,11 @@ from sinew.runner.store.layout import (
     chunk_rows_of,
     coordinate,
     fields_of,
+    journal_of,
     row_array,
     status_array,
     table_group,
+    table_key,
     unknown_status,
 )
 from sinew.runner.store.rows import slices
@@ -52,6 +54,7 @@ def repair_tables(store: Path, root: zarr.Group, journal: Path) -> Repaired:
                 with _damage("zarr.json"):
                     group = table_group(root, place.name)
                 if group.attrs.get("complete"):
+                    table_key(group)
                     lost, made = _repair_table(place, group)
                     rows, removed = rows + lost, removed + made
         except Damaged as error:
@@ -162,7 +165,8 @@ def _repair_chunks(place: Path, arrays: dict[str, zarr.Array[Any]], fields: tupl
 def _drop(place: Path, journal: Path) -> None:
     """Give a table up: without its ``zarr.json`` it is created anew. Its segments speak of rows that are gone."""
     (place / "zarr.json").unlink()
-    shutil.rmtree(journal / place.name.rpartition("-")[2], ignore_errors=True)
+    if segments := journal_of(place.name):
+        shutil.rmtree(journal / segments, ignore_errors=True)
 
 
 def _remove_chunk(place: Path) -> None:

@@ -11,13 +11,13 @@ from typing import Any
 import xarray as xr
 import zarr
 
-from sinew.runner.store.chunks import MAX_TEXT_BYTES, chunk_files, zstd_size
+from sinew.runner.store.chunks import chunk_files, text_fault, zstd_size
 from sinew.runner.store.durable import DurableStore
 from sinew.runner.store.layout import Damaged
 
 ARRAYS = "arrays"  # attribute of a group: the names of its arrays; stores of version 0.1 do not have it
 MAX_BYTES = 2**28  # of all arrays of a group
-MAX_ITEMS = 2**24  # of an array of texts
+MAX_ITEMS = 2**20  # of an array of texts
 NUMBERS, TEXTS = ("bytes", "zstd"), ("vlen-utf8", "zstd")
 
 
@@ -66,7 +66,7 @@ def _checked(array: zarr.Array[Any], folder: Path, *, whole: bool) -> int:
     codecs = tuple(str(codec.to_dict()["name"]) for codec in array.metadata.codecs)  # type: ignore[union-attr]
     if codecs != (TEXTS if text else NUMBERS):
         raise Damaged(f"the codecs of {folder.name} are {', '.join(codecs)}")
-    if 0 in array.chunks or (text and math.prod(array.shape) > MAX_ITEMS):
+    if 0 in array.chunks or (text and max(map(math.prod, (array.shape, array.chunks))) > MAX_ITEMS):
         raise Damaged(f"the shape of {folder.name} is {array.shape}, its chunks are {array.chunks}")
     size, chunk = (array.dtype.itemsize * math.prod(shape) for shape in (array.shape, array.chunks))
     if max(size, chunk) > MAX_BYTES:
@@ -75,7 +75,9 @@ def _checked(array: zarr.Array[Any], folder: Path, *, whole: bool) -> int:
     if whole and len(files) != math.prod(-(-n // part) for n, part in zip(array.shape, array.chunks, strict=True)):
         raise Damaged(f"a chunk of {folder.name} is missing")
     for file in files:
-        claimed = zstd_size(file.read_bytes()) if file.stat().st_size <= MAX_BYTES else None
-        if claimed is None or claimed > MAX_TEXT_BYTES or (not text and claimed != chunk):
+        content = file.read_bytes() if file.stat().st_size <= MAX_BYTES else b""
+        if text and (fault := text_fault(content, math.prod(array.chunks))):
+            raise Damaged(fault.replace("a chunk", f"a chunk of {folder.name}"))
+        if not text and zstd_size(content) != chunk:
             raise Damaged(f"a chunk of {folder.name} claims to hold too much, or is cut short")
     return size

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 CHUNK_ROWS = 2048
+MAX_CHUNK_ROWS = 4 * CHUNK_ROWS  # that are read
 CHUNK_BYTES = 2**25
 STATUSES = (
     "ok",

@@ -16,12 +16,13 @@ from safetensors import SafetensorError, safe_open
 
 from sinew.runner.errors import StoreError
 from sinew.runner.store.damage import words
-from sinew.runner.store.schema import STATUSES, Array
+from sinew.runner.store.schema import MAX_CHUNK_ROWS, STATUSES, Array
 
 if TYPE_CHECKING:  # workers write segments, and nothing else of the store
     import zarr
 
 CHECKSUMS = "crc32c"  # the key of the checksums in a segment's metadata
+MAX_BYTES, MAX_WORDS_BYTES = 2**29, 2**24  # of a file; of its names, messages and checksums
 OWN = {"rows": "int64", "status": "int8", "attempts": "int16", "wall": "float64"}
 
 
@@ -56,7 +57,7 @@ class Segment:
     @staticmethod
     def read(path: Path, *, whole: bool = False) -> "Segment":
         """Read a segment; its values are read on access, or at once if ``whole``. Raises ``StoreError``."""
-        with _segment_errors(path), safe_open(path, framework="numpy") as file:
+        with _segment_errors(path), _opened(path) as file:
             metadata = file.metadata() or {}
             names = [name.removeprefix("value:") for name in file.keys() if name.startswith("value:")]  # noqa: SIM118
             checksums = _checksums(metadata)
@@ -102,12 +103,12 @@ class _LazyValues(Mapping[str, Array]):
     def __getitem__(self, name: str) -> Array:
         if name not in self.names:
             raise KeyError(name)
-        with _segment_errors(self.path), safe_open(self.path, framework="numpy") as file:
+        with _segment_errors(self.path), _opened(self.path) as file:
             return _checked(file, f"value:{name}", self.checksums)
 
     def read(self) -> dict[str, Array]:
         """All values."""
-        with _segment_errors(self.path), safe_open(self.path, framework="numpy") as file:
+        with _segment_errors(self.path), _opened(self.path) as file:
             return {name: _checked(file, f"value:{name}", self.checksums) for name in self.names}
 
     def __iter__(self) -> Iterator[str]:
@@ -123,7 +124,9 @@ def _check_ranges(segment: Segment, shapes: Mapping[str, list[int]]) -> None:
     own = (segment.rows, segment.status, segment.attempts, segment.wall_seconds)
     if [str(array.dtype) for array in own] != list(OWN.values()) or any(array.shape != (count,) for array in own):
         raise ValueError("its arrays have other types or lengths")
-    if not count or segment.rows.min() < 0 or np.unique(segment.rows).size < count:
+    if np.isinf(segment.wall_seconds).any() or (segment.wall_seconds < 0).any():
+        raise ValueError("a time that no evaluation takes")
+    if not 0 < count <= MAX_CHUNK_ROWS or segment.rows.min() < 0 or np.unique(segment.rows).size < count:
         raise ValueError("its rows are negative or not different")
     if (segment.status < 0).any() or (segment.status >= len(STATUSES)).any():
         raise ValueError(f"a status of {segment.status[(segment.status < 0) | (segment.status >= len(STATUSES))][0]}")
@@ -158,6 +161,15 @@ def _checksum_of_words(metadata: Mapping[str, str]) -> int:
     return int(google_crc32c.value(json.dumps(metadata, sort_keys=True).encode()))
 
 
+def _opened(path: Path) -> Any:
+    """The file, if it is not larger than any segment. Raises ``ValueError``: memory is taken for what it says."""
+    with path.open("rb") as file:
+        words_size = int.from_bytes(file.read(8), "little")
+    if path.stat().st_size > MAX_BYTES or words_size > MAX_WORDS_BYTES:
+        raise ValueError("it is larger than any that is written")
+    return safe_open(path, framework="numpy")
+
+
 @contextmanager
 def _segment_errors(path: Path) -> Iterator[None]:
     try:
@@ -172,9 +184,9 @@ def _segment_errors(path: Path) -> Iterator[None]:
 def is_whole(path: Path) -> bool:
     """Whether a segment file exists and is complete."""
     try:
-        with safe_open(path, framework="numpy"):
+        with _opened(path):
             return True
-    except (SafetensorError, OSError):
+    except (SafetensorError, OSError, ValueError):
         return False
 
 

@@ -47,7 +47,7 @@ from sinew.runner.store import results
 from sinew.runner.store.arrays import create_table
 from sinew.runner.store.damage import result_errors, store_errors
 from sinew.runner.store.durable import DurableStore, sync_folder, sync_names
-from sinew.runner.store.layout import Damaged, table_group
+from sinew.runner.store.layout import KEY_DIGITS, Damaged, table_group, table_key
 from sinew.runner.store.lock import lock
 from sinew.runner.store.repair import Repaired, remove_damaged_segments, repair_tables
 from sinew.runner.store.schema import TableSpec
@@ -96,11 +96,11 @@ class Store:
         """The table of ``spec``, created if it does not exist."""
         with store_errors(self.path):
             for group in self._groups():
-                if group.attrs["key"] == spec.key:  # the content decides, not the name at its creation
+                if table_key(group) == spec.key:  # the content decides, not the name at its creation
                     return self._open(group)
             if not self.writable:
                 raise StoreError(f"{self.path}: holds no evaluations of {spec.title}")
-            name = f"evaluations/{_slug(spec.title)}-{spec.key[:12]}"
+            name = f"evaluations/{_slug(spec.title)}-{spec.key[:KEY_DIGITS]}"
             create_table(self.root, name, spec)
             return self._open(self.root[name])  # type: ignore[arg-type]
 

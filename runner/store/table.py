@@ -16,13 +16,16 @@ from sinew.runner.store.arrays import COLUMNS
 from sinew.runner.store.damage import store_errors
 from sinew.runner.store.durable import sync_file, sync_folder, sync_names
 from sinew.runner.store.layout import (
+    KEY_DIGITS,
     Damaged,
     check_chunks,
     chunk_rows_of,
     coordinate,
     fields_of,
+    has,
     row_array,
     status_array,
+    table_key,
     unknown_status,
 )
 from sinew.runner.store.planned import PlannedRows
@@ -45,10 +48,10 @@ class Table:
         self.folder = folder
         self.group = group
         self.title = str(group.attrs["title"])
-        self.key = str(group.attrs["key"])
+        self.key = table_key(group)
         self.chunk_rows = chunk_rows_of(group)
         self.fields: tuple[str, ...] = fields_of(group)
-        self.journal = folder / "journal" / self.key[:12]
+        self.journal = folder / "journal" / self.key[:KEY_DIGITS]
         self._planned = PlannedRows(self.journal / "planned")
         self._arrays: dict[str, zarr.Array[Any]] = {}
         self._synced: set[Path] = set()
@@ -298,7 +301,7 @@ class Table:
     def coordinate(self, name: str) -> Array | None:
         """The values of a coordinate, or None where the table has none of this name."""
         with store_errors(self._path(name)):
-            return coordinate(self.group, name, self._path(name)) if name in self.group else None
+            return coordinate(self.group, name, self._path(name)) if has(self.group, name) else None
 
     def dataset(self) -> xr.Dataset:
         """The table as a lazily loaded :class:`xarray.Dataset` with named dimensions and units."""

@@ -14,7 +14,7 @@ from types import FrameType
 
 import click
 
-from sinew.runner.errors import BadInput, SinewError, WalltimeReached, brief, of_the_system, one_line
+from sinew.runner.errors import BadInput, SinewError, WalltimeReached, brief, of_the_system, one_line, shown
 from sinew.runner.library_logs import warnings_are_logged
 from sinew.runner.printing import put
 from sinew.tasks.cli import benchmarks, clusters, files, results, studies, trust
@@ -106,7 +106,7 @@ def _unraisable(unraisable: "sys.UnraisableHookArgs") -> None:
     if issubclass(unraisable.exc_type, KeyboardInterrupt):
         _send_again()
         return
-    why = f"{unraisable.exc_type.__name__}: {unraisable.exc_value} in {unraisable.object!r}"
+    why = f"{unraisable.exc_type.__name__}: {shown(unraisable.exc_value)} in {shown(unraisable.object)}"
     logging.getLogger("sinew").error("an error that could not be raised", extra={"reason": one_line(why)})
 
 

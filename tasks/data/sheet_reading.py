@@ -17,7 +17,7 @@ from typing import Any
 
 MEMORY_BYTES = 2**31  # of the process
 SECONDS = 60  # of a processor; a spreadsheet of the largest size takes less
-MAX_CELLS = 10**7  # of all sheets, with those that are empty
+MAX_CELLS = 4 * 10**6  # of all sheets, with those that are empty
 MAX_CHARACTERS = 2**27  # of all texts: a text that is stored once may stand in every cell
 
 

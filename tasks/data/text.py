@@ -12,7 +12,8 @@ from sinew.tasks.data.words import FOREIGN
 
 HUGE = 1e100
 LONGEST_LINE = 100_000
-MAX_TEXT_BYTES = 512 * 2**20
+MAX_LINES, MAX_CELLS = 2_000_000, 10_000_000  # each takes memory, however short it is
+MAX_TEXT_BYTES = 128 * 2**20  # three million rows; reading takes five times as much
 BINARY = {".pkl", ".pickle", ".p", ".npy", ".npz", ".joblib", ".dill", ".pt", ".mat"}
 SEPARATORS = "\t;,|"
 #: Of text that is not UTF-8: that of Western Windows first, which can read nearly every file.
@@ -96,6 +97,8 @@ def _utf16(content: bytes) -> str | None:
 
 def _decoded(path: Path) -> str:
     content = read_input(path, MAX_TEXT_BYTES, "a text export")
+    if max(content.count(b"\n"), content.count(b"\r")) > MAX_LINES or sum(map(content.count, b"\t,;")) > MAX_CELLS:
+        raise BadInput(path, "too many rows or columns", f"at most {MAX_LINES:,} rows and {MAX_CELLS:,} cells")
     if (encoding := _utf16(content)) is not None:
         try:
             return _PADDING.sub("", content.decode(encoding))

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from sinew.runner.errors import BadInput, StoreError, one_line
-from sinew.runner.files import NotReadable, read_regular
+from sinew.runner.files import MAX_CONTAINERS, NotReadable, containers, read_regular
 from sinew.runner.store.store import Store, open_store, refuse_strange_entries
 from sinew.runner.store.table import Table
 from sinew.tasks.discover.result import DiscoverResult
@@ -26,7 +26,7 @@ from sinew.tasks.study.result import Result
 
 R = TypeVar("R", bound=Result)
 
-MAX_LOG_BYTES = 2**27
+MAX_LOG_BYTES = 2**25  # the last of them are read: hundred thousands of lines
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ def columns_of(table: Table, protocol: str) -> tuple[Array, Array, Array]:
 def _read_log(path: Path, trouble: list[str]) -> list[dict[str, Any]]:
     """Events of ``log.jsonl``; the last line may be cut short, where a run was killed."""
     try:
-        lines = read_regular(path, MAX_LOG_BYTES).split(b"\n")
+        content = read_regular(path, 0, last=MAX_LOG_BYTES)
     except FileNotFoundError:
         return []
     except NotReadable as problem:
@@ -234,6 +234,10 @@ def _read_log(path: Path, trouble: list[str]) -> list[dict[str, Any]]:
     except OSError as error:
         trouble.append(f"{path}: {error.strerror or 'cannot be read'}")
         return []
+    if len(content) == MAX_LOG_BYTES or containers(content) > MAX_CONTAINERS:
+        content = _shortened(content)
+        trouble.append(f"{path}: is too long; only its end is read, what was earlier is missing here")
+    lines = content.split(b"\n")
     events, bad = [], 0
     for line in lines[:-1]:
         try:
@@ -247,6 +251,13 @@ def _read_log(path: Path, trouble: list[str]) -> list[dict[str, Any]]:
     if bad:
         trouble.append(f"{path}: {bad} of {len(lines) - 1} lines cannot be read; their content is missing here")
     return events
+
+
+def _shortened(content: bytes) -> bytes:
+    """The last lines of a log that fit into the memory."""
+    while containers(content) > MAX_CONTAINERS:
+        content = content[len(content) // 2 :]
+    return content.partition(b"\n")[2]
 
 
 def _state(task: str, folder: Path, results: dict[str, Any], events: list[dict[str, Any]], *, alive: bool) -> State:

@@ -36,12 +36,14 @@ def read_status(folder: Path) -> dict[str, Any]:
     for table in store.tables() if store is not None else ():
         outcomes = _Outcomes(table)
         failed = {name: int((outcomes.status == i).sum()) for i, name in enumerate(STATUSES) if i}
-        for worker, count in zip(*np.unique(outcomes.worker, return_counts=True), strict=True):
-            job = split_worker(str(worker))[2]
-            by_job[job] = by_job.get(job, 0) + int(count)
-        for at in np.flatnonzero(outcomes.status > 0)[-FAILURES_SHOWN:]:
-            node, _, job = split_worker(str(outcomes.worker[at]))
-            status, message = STATUSES[outcomes.status[at]], str(outcomes.message[at])
+        if jobs:
+            for worker, count in zip(*np.unique(outcomes.read("worker"), return_counts=True), strict=True):
+                job = split_worker(str(worker))[2]
+                by_job[job] = by_job.get(job, 0) + int(count)
+        last = np.flatnonzero(outcomes.status > 0)[-FAILURES_SHOWN:]
+        for at, worker, words in zip(last, *(outcomes.read(name, last) for name in ("worker", "message")), strict=True):
+            node, _, job = split_worker(str(worker))
+            status, message = STATUSES[outcomes.status[at]], str(words)
             failure = {"table": table.title, "row": int(outcomes.rows[at]), "status": status, "message": message}
             failures.append(failure | {"node": node, "job": job})
         tables.append(
@@ -52,7 +54,7 @@ def read_status(folder: Path) -> dict[str, Any]:
                 ),  # the journal may be ahead of what is planned in the store
                 "done": int(outcomes.rows.size),
                 "failed": {name: count for name, count in failed.items() if count},
-                "core_hours": float(np.nansum(outcomes.seconds)) / 3600,
+                "core_hours": float(outcomes.seconds[np.isfinite(outcomes.seconds)].sum()) / 3600,
             }
         )
     by_job.pop("", None)
@@ -95,26 +97,43 @@ def current_page(folder: Path) -> Path | None:
 
 
 class _Outcomes:
-    """All rows of a table that have an outcome, with those that are not folded in yet."""
+    """All rows of a table that have an outcome, with those that are not folded in yet.
+
+    ``rows``, their ``status`` and ``seconds``, each ``[n]``; other columns are read when they are asked for.
+    """
 
     def __init__(self, table: Table) -> None:
-        parts: list[tuple[Array, ...]] = []
+        self._table = table
+        self._segments = []
         for path in table.segments():
             try:
-                segment = Segment.read(path)
+                self._segments.append(Segment.read(path))
             except StoreError:  # folded in meanwhile
                 continue
-            count = segment.rows.size
-            messages = segment.messages or ("",) * count
-            words = np.array([segment.worker] * count, dtype=object), np.array(messages, dtype=object)
-            parts.append((segment.rows, segment.status, segment.wall_seconds, segment.attempts, *words))
-        waiting = np.concatenate([part[0] for part in parts]) if parts else np.zeros(0, dtype=np.int64)
-        rows = np.setdiff1d(np.flatnonzero(table.status != PENDING), waiting)
-        names = ("wall_seconds", "attempts", "worker", "message")
-        parts.insert(0, (rows, table.status[rows], *(table.read(name, rows) for name in names)))
-        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-        order = np.argsort(columns[0], kind="stable")
-        self.rows, self.status, self.seconds, self.attempts, self.worker, self.message = (c[order] for c in columns)
+        waiting = [segment.rows for segment in self._segments]
+        folded = np.flatnonzero(table.status != PENDING)
+        self._folded = np.setdiff1d(folded, np.concatenate(waiting)) if waiting else folded
+        rows = np.concatenate([self._folded, *waiting])
+        self._order = np.argsort(rows, kind="stable")
+        self.rows = rows[self._order]
+        status = [table.status[self._folded], *(segment.status for segment in self._segments)]
+        self.status: Array = np.concatenate(status)[self._order]
+        self.seconds = self.read("wall_seconds")
+
+    def read(self, name: str, chosen: Array | None = None) -> Array:
+        """A column of all rows, or of those at the ``chosen`` positions ``[k]``."""
+        places = self._order if chosen is None else self._order[chosen]
+        counts = [self._folded.size, *(segment.rows.size for segment in self._segments)]
+        ends = np.cumsum(counts)
+        found = np.empty(places.size, dtype=object if name in ("worker", "message") else np.float64)
+        for number, (end, count) in enumerate(zip(ends, counts, strict=True)):
+            here = np.flatnonzero((places >= end - count) & (places < end))
+            inside = places[here] - (end - count)
+            if number == 0:
+                found[here] = self._table.read(name, self._folded[inside])
+            else:
+                found[here] = self._segments[number - 1].column(name, inside)
+        return found
 
 
 def split_worker(worker: str) -> tuple[str, str, str]:
@@ -129,10 +148,18 @@ def rows_as_csv(folder: Path) -> Iterator[str]:
     yield "table,row,status,attempts,seconds,node,process,job"
     for table in open_store(folder).tables():
         outcomes = _Outcomes(table)
+        title = _cell(table.title)
+        workers, attempts = outcomes.read("worker"), outcomes.read("attempts")
         for i, row in enumerate(outcomes.rows):
-            node, process, job = split_worker(str(outcomes.worker[i]))
-            title, status = table.title.replace(",", " "), STATUSES[outcomes.status[i]]
-            yield f"{title},{row},{status},{outcomes.attempts[i]},{outcomes.seconds[i]:.6g},{node},{process},{job}"
+            worker = ",".join(_cell(part) for part in split_worker(str(workers[i])))
+            yield f"{title},{row},{STATUSES[outcomes.status[i]]},{attempts[i]:.0f},{outcomes.seconds[i]:.6g},{worker}"
+
+
+def _cell(text: str) -> str:
+    """A text as a cell of a CSV table, which no spreadsheet takes for a formula."""
+    text = one_line(text)
+    text = f"'{text}" if text[:1] in ("=", "+", "-", "@") else text
+    return '"' + text.replace('"', '""') + '"' if set(text) & set('",') else text
 
 
 def sign_of_life(folder: Path, now: float) -> dict[str, Any] | None:

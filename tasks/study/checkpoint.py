@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from sinew.runner.errors import BadInput
-from sinew.runner.files import NotReadable, read_regular
+from sinew.runner.files import NotReadable, parse_json, read_regular
 from sinew.tasks.simulate import Array
 
 MAX_BYTES = 2**26
@@ -60,7 +60,7 @@ def _content(path: Path) -> bytes:
 
 def _numbers(line: bytes, width: int | None) -> Array | None:
     try:
-        numbers = np.array(json.loads(line), dtype=np.float64)
+        numbers = np.array(parse_json(line), dtype=np.float64)
     except (ValueError, TypeError, OverflowError, RecursionError):
         return None
     right = numbers.ndim == 1 and numbers.size > 0 and width in (None, numbers.size)

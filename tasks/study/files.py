@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sinew.runner.files import NotReadable, read_regular
+from sinew.runner.files import NotReadable, parse_json, read_regular
 
 MAX_JSON_BYTES = 64 * 2**20
 
@@ -44,7 +44,7 @@ def as_bytes(text: str) -> bytes:
 def read_json(path: Path) -> dict[str, Any] | None:
     """A JSON object that was written before, or None when there is none that can be read."""
     try:
-        content = json.loads(read_regular(path, MAX_JSON_BYTES))
+        content = parse_json(read_regular(path, MAX_JSON_BYTES))
     except (OSError, NotReadable, ValueError, RecursionError):
         return None
     return content if isinstance(content, dict) else None

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, GetPydanticSchema, TypeAdapter, Validation
 from pydantic_core import core_schema
 
 from sinew.runner.errors import BadInput, shown
-from sinew.runner.files import NotReadable, read_regular
+from sinew.runner.files import NotReadable, parse_json, read_regular
 from sinew.tasks.study.files import MAX_JSON_BYTES, write_json
 
 #: Libraries whose version changes what any task computes.
@@ -91,7 +91,7 @@ class Result:
 def read_object(path: Path, expected: str) -> dict[str, Any] | None:
     """A JSON object from a file, or None when there is no file. Raises :class:`BadInput` when it is damaged."""
     try:
-        content = json.loads(read_regular(path, MAX_JSON_BYTES).decode("utf-8"))
+        content = parse_json(read_regular(path, MAX_JSON_BYTES))
     except FileNotFoundError:
         return None
     except json.JSONDecodeError as error:
@@ -100,6 +100,8 @@ def read_object(path: Path, expected: str) -> dict[str, Any] | None:
         raise BadInput(path, str(problem), expected) from None
     except UnicodeDecodeError:
         raise BadInput(path, "damaged, no UTF-8 text", expected) from None
+    except ValueError as error:
+        raise BadInput(path, str(error), expected) from None
     except RecursionError:
         raise BadInput(path, "damaged, nested without end", expected) from None
     except OSError as error:

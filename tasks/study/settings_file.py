@@ -17,6 +17,7 @@ from sinew.tasks.study.files import write_text
 
 MAX_BYTES = 2**18
 MAX_DEPTH = 12
+MAX_VALUES = 20_000  # scalars of a file
 
 
 class Section(BaseModel):
@@ -87,7 +88,7 @@ _Loader.yaml_implicit_resolvers = {
 }
 _Loader.add_implicit_resolver(  # without the base of 60, in which 4:00:00 is a number
     "tag:yaml.org,2002:int",
-    re.compile(r"^[-+]?(0b[01_]+|0[0-7_]*|[1-9][0-9_]*|0x[0-9a-fA-F_]+)$"),
+    re.compile(r"^[-+]?(0b[01_]{1,64}|0[0-7_]{0,32}|[1-9][0-9_]{0,32}|0x[0-9a-fA-F_]{1,16})$"),
     list("-+0123456789"),
 )
 _Loader.add_implicit_resolver(
@@ -142,7 +143,7 @@ def _parse(path: Path, text: str, what: str) -> tuple[dict[str, Any], dict[tuple
 
 def _check_events(path: Path, text: str, what: str) -> None:
     depth = 0
-    documents = 0
+    documents = values = 0
     for event in yaml.parse(text, Loader=_Loader):
         where = f"{path}: line {event.start_mark.line + 1 if event.start_mark else 1}"
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
@@ -155,6 +156,10 @@ def _check_events(path: Path, text: str, what: str) -> None:
                 raise BadInput(where, f"nested deeper than {MAX_DEPTH} levels", f"a {what} file")
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
+        elif isinstance(event, yaml.ScalarEvent):
+            values += 1
+            if values > MAX_VALUES:
+                raise BadInput(where, f"more than {MAX_VALUES:,} values", f"a {what} file")
         elif isinstance(event, yaml.DocumentStartEvent):
             documents += 1
             if documents > 1:

@@ -27,6 +27,9 @@ else:
     TaskName = Literal[tuple(TASKS)]
 
 
+MAX_POINTS = 2_000_000  # of all histories of a study
+
+
 class HistorySettings(Section):
     """A displacement history by its corners, at ``points`` times evenly spread, and at the corners themselves."""
 
@@ -132,6 +135,8 @@ class StudyFields(Section):
             for name in self.protocols:
                 if not NAME.fullmatch(name):
                     raise FieldError(f"protocols.{name}", "cannot be a name", "letters, digits, '_', '-' and '.'")
+            if sum(one.points + len(one.time_s) for one in self.protocols.values()) > MAX_POINTS:
+                raise FieldError("protocols", f"more than {MAX_POINTS:,} points in all", "fewer points")
             if not self.protocols:
                 raise FieldError("protocols", "none", "at least one")
         if self.specimen is not None and self.protocols is None:

@@ -11,6 +11,7 @@ from sinew.runner import files
 from sinew.runner.files import (
     NotReadable,
     own_folder,
+    parse_json,
     read_regular,
     remove_folder,
     strange_entry,
@@ -181,3 +182,18 @@ def test_a_file_that_has_another_name_elsewhere_keeps_its_mode(tmp_path, monkeyp
     remove_folder(tmp_path / "a")
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
     assert (tmp_path / "mine").stat().st_mode & 0o777 == 0o400
+
+
+@pytest.mark.parametrize(
+    "text", [b"[" + b"[]," * 2**20 + b"[]]", b"[" + b"{}," * 2**20 + b"1]", b"[" + b"1," * (2**23 + 1) + b"1]"]
+)
+def test_json_that_would_fill_the_memory_is_refused_unparsed(text, monkeypatch):
+    monkeypatch.setattr("sinew.runner.files.json.loads", lambda _: pytest.fail("it was parsed"))
+    with pytest.raises(ValueError, match="more than a million lists"):
+        parse_json(text)
+
+
+def test_json_is_parsed():
+    assert parse_json('{"a": [1, 2.5, "é"]}'.encode()) == {"a": [1, 2.5, "é"]}
+    with pytest.raises(ValueError, match="utf-8"):
+        parse_json(b"\xff")

@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Any
 
-from sinew.runner.errors import one_line
 from sinew.tasks.report.crate.source import Source
 from sinew.tasks.study import provenance
 from sinew.tasks.study.resources import DISTRIBUTION
 
-NAME, VERSION = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*"), re.compile(r"[A-Za-z0-9][A-Za-z0-9.+!_-]*")
+VERSION = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+!_-]*")
 SOLVER = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,99}")
 FACTS = ("version", "code", "python", "system", "seed", "simulator", "study_hash", "cohort_hash", "asctime")
 
@@ -44,17 +43,24 @@ def direct(run: Mapping[str, Any]) -> dict[str, str]:
     """Versions of the packages that sinew asks for, as the log says; whatever is no version is left out."""
     packages = run.get("packages")
     found = packages.items() if isinstance(packages, dict) else ()
-    return {name: each for name, each in found if isinstance(each, str) and NAME.fullmatch(name)
+    asked = {_key(_first_word(line)) for line in requires(DISTRIBUTION) or ()}
+    return {name: each for name, each in found if isinstance(each, str) and _key(name) in asked
             and VERSION.fullmatch(each)}  # fmt: skip
+
+
+def version_of(run: Mapping[str, Any], name: str, otherwise: str) -> str:
+    """The version of ``sinew`` (``version``) or of ``python`` that the log of a run says, if it is one."""
+    found = run.get(name)
+    return found if isinstance(found, str) and len(found) <= 100 and VERSION.fullmatch(found) else otherwise
 
 
 def requirements(source: Source) -> bytes:
     """Exact versions for pip: of what sinew asks for, and of all that this needs, if it is installed here as then."""
     asked = direct(source.run)
     here = {name: found for name in asked if (found := _version(name)) is not None}
-    versions = [one_line(str(source.run.get(key, ""))) for key in ("version", "python")]  # from a log of anybody's
+    versions = [version_of(source.run, name, "of unknown version") for name in ("version", "python")]
     head = f"# {DISTRIBUTION} {versions[0]}, Python {versions[1]}\n"
-    pins = {name.lower().replace("_", "-"): each for name, each in asked.items()}
+    pins = {_key(name): each for name, each in asked.items()}
     if here == asked:
         pins = _all_below(asked) | pins
     else:
@@ -66,8 +72,7 @@ def install(source: Source) -> str:
     """The command that installs this very program, as far as it is known here."""
     if source.run.get("code") == provenance.code():
         return provenance.install_command()
-    found = source.run.get("version")
-    return f"pip install {DISTRIBUTION}=={found if isinstance(found, str) and VERSION.fullmatch(found) else 'VERSION'}"
+    return f"pip install {DISTRIBUTION}=={version_of(source.run, 'version', 'VERSION')}"
 
 
 def _all_below(names: Mapping[str, str]) -> dict[str, str]:
@@ -76,13 +81,21 @@ def _all_below(names: Mapping[str, str]) -> dict[str, str]:
     waiting = list(names)
     while waiting:
         name = waiting.pop()
-        key, installed = name.lower().replace("_", "-"), _version(name)
+        key, installed = _key(name), _version(name)
         if key in found or installed is None:  # the latter: for another system or Python
             continue
         found[key] = installed
         lines = [line for line in requires(name) or () if "extra ==" not in line]
-        waiting += [re.split(r"[^A-Za-z0-9_.-]", line, maxsplit=1)[0] for line in lines]
+        waiting += map(_first_word, lines)
     return found
+
+
+def _first_word(requirement: str) -> str:
+    return re.split(r"[^A-Za-z0-9_.-]", requirement, maxsplit=1)[0]
+
+
+def _key(name: str) -> str:
+    return name.lower().replace("_", "-")
 
 
 def _version(name: str) -> str | None:

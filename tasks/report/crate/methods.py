@@ -127,7 +127,7 @@ def _ranges(model: Model) -> str:
 def _computation(source: Source) -> str:
     packages = environment.direct(source.run)
     named = ", ".join(f"{name} {packages[name]}" for name in ("numpy", "scipy", "numba") if name in packages)
-    version, python = (str(source.run.get(name, "of unknown version")) for name in ("version", "python"))
+    version, python = (environment.version_of(source.run, name, "of unknown version") for name in ("version", "python"))
     return one_line(
         f"All computations were made with sinew {version} under Python {python}{f' ({named})' if named else ''}, with "
         f"the seed {source.run['seed']}. The same seed, study and data give the same numbers. All versions are in "

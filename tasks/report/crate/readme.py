@@ -124,7 +124,7 @@ def _needs(source: Source) -> str:
     name, version = environment.solver(source)
     embedded = source.run["simulator"] == "uniaxial"
     solver = "" if embedded else f", and the solver {name} {version} as `{FEBIO}` on the PATH"
-    return one_line(f"You need Python {source.run.get('python', '3.11 or newer')}{solver}.")
+    return one_line(f"You need Python {environment.version_of(source.run, 'python', '3.11 or newer')}{solver}.")
 
 
 def _remarks(source: Source, layout: Layout, *, store: bool) -> Iterator[str]:

@@ -1,11 +1,16 @@
 """Provenance: which program, data and machine these results come from, what they cost, and how to make them again."""
 
+import re
 import shlex
 from typing import Any
 
+from sinew.runner.errors import brief
 from sinew.tasks.drawing.blocks import Block, Code, Facts, Section, Table, Words, duration, number
+from sinew.tasks.registry import TASKS
 from sinew.tasks.report.folder import ResultFolder
 from sinew.tasks.simulate.registry import of_own_models
+from sinew.tasks.study.provenance import install_command
+from sinew.tasks.study.resources import DISTRIBUTION
 
 
 def section(found: ResultFolder) -> Section:
@@ -88,14 +93,24 @@ def _again(found: ResultFolder, run: dict[str, Any]) -> Code:
     simulator = None if run.get("simulator") in of_own_models() else run.get("simulator")  # the study names those
     options = {"--data": run.get("cohort") or None, "--seed": run.get("seed"), "--simulator": simulator}
     given = " ".join(f"{name} {shlex.quote(str(value))}" for name, value in options.items() if value is not None)
-    asked = dict.fromkeys(tuple(map(str, each["tasks"])) for each in found.runs if isinstance(each.get("tasks"), list))
+    asked = dict.fromkeys(
+        tuple(map(str, each["tasks"]))
+        for each in found.runs
+        if isinstance(each.get("tasks"), list) and {*map(str, each["tasks"])} <= {*TASKS, "simulate"}
+    )
     commands = [tasks[0] if len(tasks) == 1 else "run" for tasks in asked]
-    lines = [str(run["install"])] if run.get("install") else []  # logs of 0.1 do not say
+    lines = [_install(run["install"])] if run.get("install") else []  # logs of 0.1 do not say
     lines += [f"sinew {command} {study} {given} --out AGAIN" for command in dict.fromkeys(commands)]
     name = shlex.quote(found.folder.resolve().name)
     lines += [f"# compare with {name}, the folder of this page"] if found.results else []
     lines += [f"cmp AGAIN/{task}.json {name}/{task}.json" for task in found.results]
     return Code("How to make it again", "\n".join(lines))
+
+
+def _install(said: Any) -> str:
+    """The command that installed the program, as the log says; what anybody may have written there is a comment."""
+    ours = re.fullmatch(rf"pip install {re.escape(DISTRIBUTION)}==[A-Za-z0-9][A-Za-z0-9.+!_-]*", str(said))
+    return str(said) if ours or said == install_command() else f"# installed by: {brief(str(said))}"
 
 
 def _inputs(found: ResultFolder, task: str) -> str:

@@ -23,7 +23,7 @@ from sinew.tasks.simulate.febio.plot_file import PlotFile, Variable, fits
 from sinew.tasks.simulate.febio.plot_mesh import Mesh, Region
 
 MAX_MEMBERS = 200_000
-MAX_ARRAY_BYTES = 2**30
+MAX_ARRAY_BYTES = 2**28
 MAX_JSON = 2**24
 _BLOSC = struct.Struct("<4xI")
 

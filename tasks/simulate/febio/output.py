@@ -118,7 +118,7 @@ def read_records(path: Path, max_bytes: int) -> tuple[Array, Array, bool]:
     equally many lines. Raises :class:`Failed`.
     """
     try:
-        text = read_regular(path, max_bytes).decode("ascii").replace("\r\n", "\n")
+        text = read_regular(path, min(max_bytes, MAX_TEXT_BYTES)).decode("ascii").replace("\r\n", "\n")
     except FileNotFoundError:
         raise Failed("bad_output", f"the solver wrote no {path.name}") from None
     except NotReadable as odd:
@@ -141,4 +141,5 @@ def read_records(path: Path, max_bytes: int) -> tuple[Array, Array, bool]:
     return found, table, len(records) == found.size and len(set(records)) == 1
 
 
+MAX_TEXT_BYTES = 2**28  # of numbers that are logged; plot files may be larger
 _STAMP = re.compile(r"^\*Time\s*=\s*(\S+)$", re.MULTILINE)

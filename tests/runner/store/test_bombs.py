@@ -32,20 +32,24 @@ def zstd_bomb() -> bytes:
     return bytes(Zstd().encode(np.zeros(2**29, dtype="u1")))
 
 
-BOMBS = {
-    "force": blosc_bomb,
-    "status": blosc_bomb,
-    "parameters": blosc_bomb,
-    "worker": zstd_bomb,
-    "protocol": zstd_bomb,
-}
+def bomb_of_texts() -> bytes:
+    """Four bytes that promise two billion texts."""
+    return bytes(Zstd().encode(struct.pack("<I", 2**31 - 1)))
 
 
-@pytest.mark.parametrize("array", BOMBS)
-def test_a_bomb_is_refused_and_removed(folder, array):
+BOMBS = [
+    ("force", blosc_bomb),
+    ("status", blosc_bomb),
+    ("parameters", blosc_bomb),
+    *((array, bomb) for array in ("worker", "protocol") for bomb in (zstd_bomb, bomb_of_texts)),
+]
+
+
+@pytest.mark.parametrize(("array", "bomb"), BOMBS)
+def test_a_bomb_is_refused_and_removed(folder, array, bomb):
     (place,) = (folder / "store.zarr" / "evaluations").glob("specimen-*/" + array)
     chunk = next(path for path in (place / "c").rglob("*") if path.is_file())
-    chunk.write_bytes(BOMBS[array]())
+    chunk.write_bytes(bomb())
     in_use = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (in_use + 2**28, hard))

@@ -243,3 +243,64 @@ def test_rows_lost_in_two_arrays_are_pending_once(folder):
     status[3], status[20] = 55, 55
     force[3:6] = np.nan
     assert repaired_and_run_again(folder) == (4, 4)
+
+
+# ---- names in the attributes of a table are those of its own arrays, and lead nowhere else
+
+LEADING_AWAY = ("../elsewhere", "/elsewhere", "..", ".", "", "a\0b", "x" * 300, 7)
+
+
+def change_attributes(folder: Path, **changes: Any) -> None:
+    path = table_folder(folder) / "zarr.json"
+    content = json.loads(path.read_text())
+    content["attributes"] |= changes
+    path.write_text(json.dumps(content))
+
+
+@pytest.mark.parametrize("key", ["../attempts/", "/tmp/x", "../../victim", "ab" * 15, "AB" * 16, 7, None])
+def test_a_key_that_is_no_hash_leads_to_no_folder(folder, key):
+    change_attributes(folder, key=key)
+    with pytest.raises(StoreError, match=r"damaged .*key is"):
+        read_all(folder)
+    assert repaired_and_run_again(folder)[1] == ROWS
+
+
+@pytest.mark.parametrize("name", LEADING_AWAY)
+@pytest.mark.parametrize("attribute", ["fields", "coordinates", "dimension"])
+def test_a_repair_deletes_nothing_elsewhere(folder, name, attribute, tmp_path_factory):
+    """A field whose name is a path had its chunks removed there."""
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    (elsewhere / "c").mkdir()
+    (elsewhere / "c" / "0").write_text("a thesis")
+    name = name.replace("/elsewhere", str(elsewhere)) if isinstance(name, str) else name
+    place = table_folder(folder)
+    if attribute == "dimension":
+        path = place / "force" / "zarr.json"
+        edit(path, dimension_names=["row", name])
+    elif attribute == "fields":
+        change_attributes(folder, fields=["force", name])
+    else:
+        change_attributes(folder, coordinates=f"parameter_unit {name}")
+    if isinstance(name, str) and name.startswith("/"):  # an array of this very name, as the store would look for it
+        shutil.copytree(place / "force", Path(f"{place}{name}"))
+    with Store.writing(folder, "study") as store:
+        store.repair()
+    assert (elsewhere / "c" / "0").read_text() == "a thesis"
+    assert repaired_and_run_again(folder)[1] in (0, ROWS)
+
+
+@pytest.mark.parametrize("name", ["a-..", "a-", "table", "a-0123456789"])
+def test_a_table_that_is_given_up_takes_only_its_own_segments_along(folder, name):
+    (folder / "results.json").write_text("kept")
+    kept = folder / "journal" / "0123456789ab"
+    kept.mkdir(parents=True)
+    (kept / "note").write_text("kept")
+    place = table_folder(folder).with_name(name)
+    place.mkdir()
+    attributes = {"complete": True, "key": "k", "title": "t", "chunk_rows": 16, "fields": ["x"]}
+    (place / "zarr.json").write_text(json.dumps({"zarr_format": 3, "node_type": "group", "attributes": attributes}))
+    with Store.writing(folder, "study") as store:
+        (line,) = store.repair().removed
+    assert "cannot be mended" in line
+    assert (folder / "results.json").exists()
+    assert (kept / "note").exists()

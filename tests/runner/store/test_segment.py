@@ -11,6 +11,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import save_file
 
 from sinew.runner.errors import StoreError
+from sinew.runner.store.schema import MAX_CHUNK_ROWS
 from sinew.runner.store.segment import Segment, is_whole
 
 BOTH = np.array([0, 1])
@@ -154,6 +155,8 @@ def same(one: Segment, other: Segment) -> bool:
         ({"values": {"y": np.array(3.0)}}, "values"),
         ({"messages": ("one",)}, "messages"),
         ({"messages": (1, 2)}, "messages"),
+        ({"wall_seconds": np.array([0.1, np.inf])}, "a time that no evaluation takes"),
+        ({"wall_seconds": np.array([0.1, -1.0])}, "a time that no evaluation takes"),
     ],
 )
 def test_what_no_worker_writes_is_refused(tmp_path, change, problem):
@@ -161,3 +164,32 @@ def test_what_no_worker_writes_is_refused(tmp_path, change, problem):
     replace(segment(), **change).write(path)
     with pytest.raises(StoreError, match=problem):
         Segment.read(path)
+
+
+def test_a_segment_that_is_larger_than_any_is_refused_unread(tmp_path):
+    """A sparse file of gigabytes takes no place on the disk, and all of it in memory."""
+    path = tmp_path / "one.safetensors"
+    header = b'{"rows":{"dtype":"I64","shape":[800000000],"data_offsets":[0,6400000000]}}'
+    with path.open("wb") as file:
+        file.write(len(header).to_bytes(8, "little") + header)
+        file.truncate(8 + len(header) + 6_400_000_000)
+    with pytest.raises(StoreError, match="larger than any"):
+        Segment.read(path)
+    assert not is_whole(path)
+
+
+def test_words_of_a_segment_that_would_fill_the_memory_are_refused_unread(tmp_path):
+    path = tmp_path / "one.safetensors"
+    words = b'{"__metadata__":{"messages":"[' + b"[]," * 7_000_000 + b'[]]"}}'
+    path.write_bytes(len(words).to_bytes(8, "little") + words)
+    with pytest.raises(StoreError, match="larger than any"):
+        Segment.read(path)
+
+
+def test_a_segment_has_no_more_rows_than_a_chunk(tmp_path):
+    count = MAX_CHUNK_ROWS + 1
+    zeros = np.zeros(count)
+    many = Segment(np.arange(count), zeros.astype(np.int8), zeros.astype(np.int16), zeros, {}, (), "w")
+    many.write(tmp_path / "one.safetensors")
+    with pytest.raises(StoreError, match="its rows"):
+        Segment.read(tmp_path / "one.safetensors")

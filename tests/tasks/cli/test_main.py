@@ -5,6 +5,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -148,3 +149,11 @@ def test_an_error_that_ctrl_c_became_is_ctrl_c(interrupted, code):
     assert ended.returncode == code
     assert ("Traceback" in ended.stderr) != interrupted
     assert interrupted == (ended.stderr == f"sinew: {main.INTERRUPTED}\n")
+
+
+def test_an_error_that_cannot_be_raised_is_logged_whatever_its_object_is(caplog):
+    """Python refuses to print an integer of thousands of digits: that was a traceback from the hook itself."""
+    huge = 10**20_000
+    main._unraisable(SimpleNamespace(exc_type=ValueError, exc_value=ValueError(huge), object=huge))
+    (record,) = caplog.records
+    assert record.reason == "ValueError: a number of thousands of digits in a number of thousands of digits"

@@ -1,14 +1,20 @@
 """``sinew status`` and ``sinew cancel`` on damaged folders and with a SLURM that does not answer."""
 
+import csv
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import zarr
 
 from sinew.runner.store.store import Store
+from sinew.tasks.report.status import rows_as_csv
+from tests.runner.evaluations import table_spec
+from tests.runner.stores import fill, some
 from tests.tasks.cli.bad_input import folder_for_file, link, listing, write
 from tests.tasks.cluster.stand_in_slurm import (
     QUEUE,
@@ -233,3 +239,16 @@ def test_damaged_progress(sinew, contents):
             assert "finished: nothing yet" in said.out
             assert strict_json(sinew("status", "out", "--json").out)["study"] == "check"
     assert problems == {}
+
+
+def test_words_of_a_worker_are_one_cell_and_no_formula(tmp_path):
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec('a,b "c"'))
+        fill(table, some(2))
+        group = zarr.open_group(tmp_path / "store.zarr", mode="r+")
+        group[f"evaluations/{table.name}/worker"][:] = np.array(["=cmd|'/C calc',x:1,2 job 7\n8", "-1:2"], dtype=object)
+    rows = list(csv.DictReader(rows_as_csv(tmp_path)))
+    assert [row["table"] for row in rows] == ['specimen a,b "c"'] * 2
+    assert [row["node"] for row in rows] == ["'=cmd|'/C calc',x", "'-1"]
+    assert [row["job"] for row in rows] == ["7\\n8", ""]
+    assert [row["status"] for row in rows] == ["ok", "ok"]

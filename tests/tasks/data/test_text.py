@@ -242,3 +242,15 @@ def test_clock_times_are_numbers_of_seconds_with_any_decimal_mark(cell, seconds)
 def test_what_is_not_surely_a_clock_time_is_no_number(cell):
     assert not is_clock(cell)
     assert number(cell, ".") is None
+
+
+@pytest.mark.parametrize("row", ["1\n", "1\r\n", "1,,,,\n", "1\t\t\t\t\n"])
+def test_rows_and_cells_without_end_are_refused_before_they_are_split(tmp_path, monkeypatch, row):
+    monkeypatch.setattr("sinew.tasks.data.text.MAX_LINES", 1000)
+    monkeypatch.setattr("sinew.tasks.data.text.MAX_CELLS", 2000)
+    path = tmp_path / "long.txt"
+    path.write_text(row * 400, newline="")
+    assert len(read_lines(path)) == 400
+    path.write_text(row * 2001, newline="")
+    with pytest.raises(BadInput, match="too many rows or columns; expected at most 1,000 rows and 2,000 cells"):
+        read_lines(path)

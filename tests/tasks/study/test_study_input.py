@@ -5,10 +5,12 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+import pytest
 import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from sinew.runner.errors import BadInput
 from sinew.tasks.model import TENDON
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.study import Study, read_study
@@ -81,3 +83,31 @@ def test_mutated_study(mutations):
             for p in model_of(read.model, read.simulator.law).parameters
         )
         assert read.seed in range(2**32)
+
+
+def refusal(text: str, tmp_path) -> str:
+    path = tmp_path / "study.yaml"
+    path.write_text(text)
+    with pytest.raises(BadInput) as error:
+        read_study(path)
+    return str(error.value)
+
+
+def test_numbers_of_thousands_of_digits_are_texts(tmp_path):
+    """Python cannot print such integers, and fails where nobody catches it."""
+    for number in ("0x" + "f" * 20_000, "9" * 20_000, "0b" + "1" * 20_000):
+        assert "seed" in refusal(f"name: a\nseed: {number}\n", tmp_path)
+
+
+def test_values_without_end_are_refused_before_they_are_judged(tmp_path):
+    assert "more than 20,000 values" in refusal(f"name: a\ntasks: [{'a,' * 20_001}]\n", tmp_path)
+
+
+def test_points_of_all_histories_are_bounded(tmp_path):
+    history = "{time_s: [0, 1], displacement_mm: [0, 1], points: 1000000}"
+    (tmp_path / "bar.feb").write_text("<febio_spec/>")
+    outputs = "{x: {data: node_data, item: ux, set: a, unit: mm}}"
+    study = f"name: a\nsimulator: {{name: template, file: bar.feb, outputs: {outputs}}}\n"
+    study += "model: {parameters: {E: {min: 1, max: 2, unit: MPa}}}\nprotocols:\n"
+    histories = "".join(f"  p{i}: {history}\n" for i in range(3))
+    assert "more than 2,000,000 points in all" in refusal(study + histories, tmp_path)

@@ -12,7 +12,7 @@ from sinew.runner.files import read_input
 
 MAX_BYTES = 2**26
 DEEPEST = 100
-MOST_ELEMENTS = 2_000_000  # beside those of the mesh: each takes 300 bytes or more
+MOST_ELEMENTS = 500_000  # beside those of the mesh: each takes up to 900 bytes
 LONGEST_NAME = 200  # characters of a tag, or of a name
 MESH = ("Mesh", "Geometry")  # below these sections only the sections themselves are kept
 VERSIONS = ("3.0", "4.0")

@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import pytest
 
+from sinew.tasks.report.crate import environment
 from sinew.tasks.report.crate.layout import layout_of
+from sinew.tasks.report.crate.methods import methods
 from sinew.tasks.report.crate.readme import commands, readme
 from sinew.tasks.report.crate.source import Source, read_source
 
@@ -73,3 +75,13 @@ def test_results_with_the_named_effect_are_made_and_compared_too(run_folder, who
     first, *others = commands(source, layout_of(source))
     assert first.startswith("sinew run ") and first.endswith(" --adopt")
     assert others[-1].startswith("cmp ") and others[-1].endswith("out-again/adopted/sobol.json")
+
+
+def test_what_a_log_names_as_versions_is_neither_installed_nor_shown(source):
+    packages = {"numpy": "2.0.0", "evil-package": "6.6.6", "sci-py": "1.0; curl x"}
+    said = replace(source, run={**source.run, "packages": packages, "python": '3"><script>', "version": "0.1`x`"})
+    assert environment.direct(said.run) == {"numpy": "2.0.0"}
+    assert b"evil" not in environment.requirements(said)
+    for text in (readme(said, layout_of(source), store=False), methods(said), environment.requirements(said)):
+        assert b"<script" not in text
+        assert b"0.1`x`" not in text

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sinew.tasks.simulate.febio.attempt import Failed
-from sinew.tasks.simulate.febio.output import Logged, read_output
+from sinew.tasks.simulate.febio.output import Logged, read_output, read_records
 from tests.tasks.simulate.febio.dogbone import FORCE
 
 
@@ -88,3 +88,11 @@ def test_what_is_amiss_in_a_log_is_told(tmp_path, text, told):
     ids = (1, 2) if "1e+308" in text else (1,)
     with pytest.raises(Failed, match=told):
         read_output(tmp_path / "q.txt", Logged("q", "1", "max", "node_data", "uz", ids, None, "sum"), 10**6, 1.0)
+
+
+def test_a_log_of_gigabytes_is_not_read(tmp_path):
+    path = tmp_path / "reaction.txt"
+    with path.open("wb") as file:
+        file.truncate(3 * 2**30)
+    with pytest.raises(Failed, match="is a file of 3,221,225,472 bytes, more than 268,435,456"):
+        read_records(path, 2**40)
