@@ -211,7 +211,8 @@ def read_progress(folder: Path) -> dict[str, Any] | None:
         return None
     if not isinstance(facts, dict) or not _usable(facts):
         return None
-    forms = {"state": str, "error": str, "of": str, "process": dict, "tasks": dict, "notes": dict, "dashboard": dict}
+    forms = {"state": str, "error": str, "of": str, "process": dict, "tasks": dict, "notes": dict, "dashboard": dict,
+             "task": str}  # fmt: skip
     return {n: fact for n, fact in facts.items() if fact is None or isinstance(fact, forms.get(n, object))}
 
 

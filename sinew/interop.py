@@ -3,7 +3,9 @@
 Nothing is unpickled: numbers come from ``TASK.json``, the store, pyABC's SQLite database and a NetCDF file.
 """
 
+import sqlite3
 import warnings
+from contextlib import closing
 from pathlib import Path
 from types import MethodType
 from typing import Any
@@ -54,8 +56,10 @@ def salib_samples(result: SobolResult, folder: Path, specimen: str) -> tuple[Arr
     if specimen not in result.tables:
         raise BadInput(f"{where}: specimen", shown(specimen), f"one of {', '.join(result.tables)}")
     problem, second = salib_problem(result), result.S2 is not None
-    drawn = sobol.sample(problem, result.base_samples, calc_second_order=second, scramble=True, seed=result.seed)
     table = _table(folder, result.tables[specimen])
+    if result.base_samples > len(table):
+        raise BadInput(where, f"{result.base_samples:,} base samples of {len(table):,} rows", "those of the store")
+    drawn = sobol.sample(problem, result.base_samples, calc_second_order=second, scramble=True, seed=result.seed)
     names = _parameters(table)
     at = [names.index(name) for name in problem["names"]]
     full = np.repeat(table.parameters(np.arange(1)), len(drawn), axis=0)  # the others are the same in every row
@@ -70,7 +74,20 @@ def abc_history(folder: Path, site: str) -> Any:
     """The inference of a site as :class:`pyabc.History`, for all of ``pyabc.visualization``."""
     import pyabc
 
-    return pyabc.History(f"sqlite:///{_of_site(folder, site, 'db').absolute()}", create=False)
+    path = _of_site(folder, site, "db").absolute()
+    _refuse_program(path)
+    return pyabc.History(f"sqlite:///{path}", create=False)
+
+
+def _refuse_program(path: Path) -> None:
+    """Refuse a database with more than tables: a view or trigger is a program, which may never end."""
+    try:
+        with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as database:
+            kinds = {str(kind) for (kind,) in database.execute("SELECT DISTINCT type FROM sqlite_master")}
+    except sqlite3.Error as error:
+        raise BadInput(path, f"damaged ({error})", "what `sinew infer` writes; run it again") from None
+    if more := sorted(kinds - {"table", "index"}):
+        raise BadInput(path, f"holds a {shown(more[0])[1:-1]}", "what `sinew infer` writes; run it again")
 
 
 def posterior(folder: Path, site: str) -> Any:

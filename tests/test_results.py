@@ -2,9 +2,12 @@
 
 import json
 import shutil
+import sqlite3
+import struct
 import subprocess
 import sys
 import warnings
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +16,12 @@ import pytest
 import xarray as xr
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
+from numcodecs import Zstd
 
 import sinew
-from sinew.runner.errors import SinewError
+from sinew.runner.errors import BadInput, SinewError, StoreError
 from sinew.runner.store.schema import STATUSES
+from sinew.runner.store.store import open_store
 from sinew.tasks.model import Model
 from sinew.tasks.registry import TASKS
 from sinew.tasks.study.files import read_json, write_json
@@ -34,6 +39,12 @@ def folder(golden_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def results(folder: Path) -> sinew.Results:
     return sinew.results(folder)
+
+
+@pytest.fixture
+def copied_run(folder: Path, tmp_path: Path) -> Path:
+    """A folder of results that a test may damage."""
+    return Path(shutil.copytree(folder, tmp_path / "out"))
 
 
 @pytest.fixture(autouse=True)
@@ -261,3 +272,31 @@ def test_a_format_that_is_not_there(results, tmp_path):
         results.export(tmp_path, "pickle")
     with pytest.raises(SinewError, match="no evaluations 'x'"):
         results.samples("x")
+
+
+def test_a_database_with_a_program_is_refused(copied_run):
+    with closing(sqlite3.connect(copied_run / "infer" / "distal.db")) as database:
+        database.execute("ALTER TABLE version RENAME TO version_of")
+        endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i AS version_num FROM n"
+        database.execute(f"CREATE VIEW version AS {endless}")
+        database.commit()
+    with pytest.raises(BadInput, match=r"distal\.db: holds a view; expected what `sinew infer` writes"):
+        sinew.results(copied_run).abc_history("distal")
+    (copied_run / "infer" / "distal.db").write_bytes(b"no database at all")
+    with pytest.raises(BadInput, match=r"distal\.db: damaged"):
+        sinew.results(copied_run).abc_history("distal")
+
+
+def test_samples_that_the_store_does_not_hold_are_not_drawn(copied_run):
+    path = copied_run / "sobol.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"base_samples": 2**26}))
+    with pytest.raises(BadInput, match="67,108,864 base samples of"):
+        sinew.results(copied_run).salib_samples("distal/1")
+
+
+def test_chunks_are_checked_before_they_become_a_table(copied_run):
+    (table, *_) = open_store(copied_run).tables()
+    chunk = copied_run / "store.zarr" / "evaluations" / table.name / "parameter" / "c" / "0"
+    chunk.write_bytes(bytes(Zstd().encode(struct.pack("<I", 500_000_000))))
+    with pytest.raises(StoreError, match="a chunk does not hold"):
+        sinew.results(copied_run).samples(table.name)

@@ -17,9 +17,20 @@ _BLOSC, _COUNT, _ZSTD = struct.Struct("<4xI"), struct.Struct("<I"), b"\x28\xb5\x
 
 def codecs_fault(array: zarr.Array[Any]) -> str:
     """What is wrong with the codecs of an array, or nothing: only those that are written here are read."""
-    names = tuple(str(codec.to_dict()["name"]) for codec in array.metadata.codecs)  # type: ignore[union-attr]
     allowed = TEXTS if array.dtype.kind in "OT" else NUMBERS
-    return "" if names == allowed else f"its codecs are {', '.join(names)}"
+    names = codec_names(array)
+    return files_fault(array) or ("" if names == allowed else f"its codecs are {', '.join(names)}")
+
+
+def codec_names(array: zarr.Array[Any]) -> tuple[str, ...]:
+    """The names of an array's codecs, in their order."""
+    return tuple(str(codec.to_dict()["name"]) for codec in array.metadata.codecs)  # type: ignore[union-attr]
+
+
+def files_fault(array: zarr.Array[Any]) -> str:
+    """What is wrong with the names of an array's chunks, or nothing: others than ``c/0/1`` would be read unchecked."""
+    named = array.metadata.to_dict().get("chunk_key_encoding")
+    return "" if named == {"name": "default", "configuration": {"separator": "/"}} else f"its chunks are named {named}"
 
 
 def chunk_fault(file: Path, array: zarr.Array[Any]) -> str:

@@ -32,7 +32,14 @@ def table_group(root: zarr.Group, name: str) -> zarr.Group:
     group = root.get(f"evaluations/{name}")
     if not isinstance(group, zarr.Group):
         raise Damaged(f"the zarr.json of {name} is not that of a table")
+    check_group(group)
     return group
+
+
+def check_group(group: zarr.Group) -> None:
+    """Raises :class:`Damaged` for a group that describes its arrays itself: Zarr would believe it, and not them."""
+    if group.metadata.consolidated_metadata is not None:
+        raise Damaged("it holds metadata of its arrays")
 
 
 def table_key(group: zarr.Group) -> str:
@@ -70,7 +77,7 @@ def chunk_rows_of(group: zarr.Group) -> int:
 def fields_of(group: zarr.Group) -> tuple[str, ...]:
     """The names of a table's fields. Raises :class:`Damaged`."""
     fields = group.attrs.get("fields")
-    if not isinstance(fields, list) or not all(map(is_plain, fields)):
+    if not isinstance(fields, list) or not all(map(is_plain, fields)) or len(set(fields)) < len(fields):
         raise Damaged(f"fields are {str(fields)[:40]}")
     return tuple(fields)
 
@@ -119,6 +126,16 @@ def coordinate(group: zarr.Group, name: str, folder: Path) -> Array:
     return np.asarray(array[:])
 
 
+def check_arrays(group: zarr.Group, folder: Path) -> None:
+    """Raises :class:`Damaged` for any array of a table that must not be read, and whatever Zarr raises."""
+    for name in group.array_keys():
+        array = _array(group, name)
+        if (array.metadata.dimension_names or ("",))[0] == "row":  # type: ignore[union-attr]
+            check_chunks(row_array(group, name), folder / name)
+        else:
+            coordinate(group, name, folder / name)
+
+
 def status_array(group: zarr.Group, folder: Path) -> zarr.Array[Any]:
     """The array of statuses, whose length is the number of rows. Raises :class:`Damaged`, and whatever Zarr raises.
 
@@ -128,6 +145,16 @@ def status_array(group: zarr.Group, folder: Path) -> zarr.Array[Any]:
     if array.shape[0] > 2 * chunk_rows_of(group) * (_chunks(folder / "parameters") + 8):
         raise Damaged(f"it has {array.shape[0]:,} rows, but parameters are there for fewer")
     return array
+
+
+def statuses(group: zarr.Group, folder: Path) -> Array:
+    """The status of each row ``[n]``. Raises :class:`Damaged`, and whatever Zarr raises."""
+    array = status_array(group, folder)
+    check_chunks(array, folder / "status")
+    status = np.asarray(array[:])
+    if (wrong := unknown_status(status)).any():
+        raise Damaged(f"a status is {status[wrong][0]}")
+    return status
 
 
 def unknown_status(values: Array) -> Array:

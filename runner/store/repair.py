@@ -14,6 +14,7 @@ import numpy as np
 import zarr
 
 from sinew.runner.errors import StoreError
+from sinew.runner.files import remove_folder
 from sinew.runner.store.arrays import COLUMNS, create_column
 from sinew.runner.store.chunks import chunk_fault, chunk_files
 from sinew.runner.store.damage import is_shortage, words
@@ -71,7 +72,7 @@ def remove_damaged_segments(journal: Path) -> list[str]:
             try:
                 Segment.read(path, whole=True)
             except StoreError as error:
-                path.unlink()
+                path.unlink() if path.is_file() else remove_folder(path)
                 removed.append(f"{str(error).partition(';')[0]}; it is removed, its rows are computed again")
     return removed
 
@@ -138,6 +139,9 @@ def _repair_chunks(place: Path, arrays: dict[str, zarr.Array[Any]], fields: tupl
     status = arrays["status"]
     lost = np.zeros(status.shape[0], dtype=bool)
     for name in arrays:  # the status first
+        if (stray := place / name / "c").is_file():  # in the place of the folder of chunks
+            stray.unlink()
+            lost[:] = True
         for chunk, rows in enumerate(slices(lost.size, chunk_rows)):
             with _refuse_shortage(place / name):
                 try:

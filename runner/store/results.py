@@ -11,9 +11,9 @@ from typing import Any
 import xarray as xr
 import zarr
 
-from sinew.runner.store.chunks import chunk_files, text_fault, zstd_size
+from sinew.runner.store.chunks import chunk_files, codec_names, files_fault, text_fault, zstd_size
 from sinew.runner.store.durable import DurableStore
-from sinew.runner.store.layout import Damaged
+from sinew.runner.store.layout import Damaged, check_group
 
 ARRAYS = "arrays"  # attribute of a group: the names of its arrays; stores of version 0.1 do not have it
 MAX_BYTES = 2**28  # of all arrays of a group
@@ -39,6 +39,7 @@ def write(path: Path, name: str, dataset: xr.Dataset) -> None:
 def read(path: Path, group: zarr.Group, name: str) -> xr.Dataset:
     """The dataset in ``group``, which is ``name`` of the store in ``path``. Raises :class:`Damaged`, and as Zarr."""
     folder = path / name
+    check_group(group)
     listed = group.attrs.get(ARRAYS)
     if listed is not None and not (isinstance(listed, list) and all(isinstance(one, str) for one in listed)):
         raise Damaged(f"its list of arrays is {str(listed)[:40]}")
@@ -63,7 +64,9 @@ def read(path: Path, group: zarr.Group, name: str) -> xr.Dataset:
 def _checked(array: zarr.Array[Any], folder: Path, *, whole: bool) -> int:
     """The bytes that an array takes in memory. Raises :class:`Damaged` for one that :func:`write` does not make."""
     text = array.dtype.kind in "OT"
-    codecs = tuple(str(codec.to_dict()["name"]) for codec in array.metadata.codecs)  # type: ignore[union-attr]
+    if fault := files_fault(array):
+        raise Damaged(f"{folder.name}: {fault}")
+    codecs = codec_names(array)
     if codecs != (TEXTS if text else NUMBERS):
         raise Damaged(f"the codecs of {folder.name} are {', '.join(codecs)}")
     if 0 in array.chunks or (text and max(map(math.prod, (array.shape, array.chunks))) > MAX_ITEMS):

@@ -18,15 +18,15 @@ from sinew.runner.store.durable import sync_file, sync_folder, sync_names
 from sinew.runner.store.layout import (
     KEY_DIGITS,
     Damaged,
+    check_arrays,
     check_chunks,
     chunk_rows_of,
     coordinate,
     fields_of,
     has,
     row_array,
-    status_array,
+    statuses,
     table_key,
-    unknown_status,
 )
 from sinew.runner.store.planned import PlannedRows
 from sinew.runner.store.repair import without_numbers
@@ -58,11 +58,7 @@ class Table:
         self._chunk: tuple[int, Array] = -1, np.empty((0, 0))  # the last one whose parameters were asked for
         self._unsettled: list[Array] = []  # parameters of the last rows, which are not in the arrays yet
         with store_errors(self._path("status")):
-            status = status_array(group, self._path(""))
-            check_chunks(status, self._path("status"))
-            self.status: Array = np.asarray(status[:])
-            if (wrong := unknown_status(self.status)).any():
-                raise Damaged(f"a status is {self.status[wrong][0]}")
+            self.status: Array = statuses(group, self._path(""))
         self._index = self._build_index()
         if writable and self._planned.path.is_file():
             self._restore_planned()
@@ -306,6 +302,7 @@ class Table:
     def dataset(self) -> xr.Dataset:
         """The table as a lazily loaded :class:`xarray.Dataset` with named dimensions and units."""
         with store_errors(self._path("")):
+            check_arrays(self.group, self._path(""))
             return xr.open_zarr(self.folder / "store.zarr", group=self.group.path, consolidated=False, zarr_format=3)
 
     # ---- arrays and index

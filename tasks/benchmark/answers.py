@@ -2,7 +2,8 @@
 
 The file is an object by case: ``truth`` (slugs of effects, or ``["OUTSIDE"]``, or nothing), ``magnitude`` (numbers by
 name), and optionally ``case`` (a label), ``noise_fraction_of_peak``, ``noise_ar1``, ``specimens`` (their true
-parameters) and ``same_form`` (true values by the names of the library's parameters).
+parameters), ``same_form`` (true values by the names of the library's parameters) and ``becomes``: the truth of a case
+from outside once the library has what is hidden there.
 """
 
 import math
@@ -102,7 +103,9 @@ def _truth(where: str, entry: Mapping[str, Any]) -> tuple[str, ...]:
     if not isinstance(truth, list) or not all(isinstance(one, str) for one in truth):
         raise BadInput(where, shown(truth), f'a list of effects, ["{OUTSIDE}"], or []')
     if truth == [OUTSIDE]:
-        return (OUTSIDE,)
+        becomes = entry.get("becomes") or []
+        known = isinstance(becomes, list) and all(isinstance(slug, str) and slug in library() for slug in becomes)
+        return tuple(becomes) if becomes and known else (OUTSIDE,)
     for slug in truth:
         if slug not in library():
             raise BadInput(where, f"{shown(slug)} is no effect", f"{OUTSIDE} alone, or some of {', '.join(library())}")

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from sinew.runner.errors import BadInput, WalltimeReached, one_line, shown
+from sinew.runner.files import strange_entry
 from sinew.tasks import pipeline
 from sinew.tasks.benchmark.answers import Answer, read_answers
 from sinew.tasks.benchmark.score import Case, Median, Share, class_of, coverage, medians, outcome_of, shares
@@ -57,6 +58,7 @@ def benchmark(
     answers = _chosen(_answers(folders), only)
     base = _base(study or resource(STUDY))
     check_folder(out)
+    _refuse_strange(out)
     for folder in folders:
         if out.resolve().is_relative_to(folder.resolve()):
             raise BadInput(f"--out {out}", f"lies inside {folder}", "a folder beside it")
@@ -105,10 +107,12 @@ def run_case(cohort: Path, out: Path, base: dict[str, Any], workers: int | None)
     text = as_yaml({**base, "cohort": str(cohort), "tasks": ["discover"]})
     inputs, method = digest(_files(cohort), text), digest(DiscoverResult.method())
     before = read_json(out / LOGGED) or {}
-    codes = [one for one in before.get("codes", []) if isinstance(one, str)]
+    listed = before.get("codes")
+    codes = [one for one in listed if isinstance(one, str)] if isinstance(listed, list) else []
     verdict = out / COPY
     if before.get("inputs") == inputs and codes[-1:] == [method] and before.get("finished") and verdict.is_file():
-        return Run(before.get("seconds"), None, len(codes) > 1)
+        took = before.get("seconds")
+        return Run(took if isinstance(took, int | float) else None, None, len(codes) > 1)
     out.mkdir(parents=True, exist_ok=True)
     verdict.unlink(missing_ok=True)
     fresh = not (out / "discover").exists()
@@ -137,9 +141,19 @@ def _discover(study: Study, out: Path, workers: int | None) -> str | None:
 
 
 def _files(folder: Path) -> list[list[str]]:
-    """Names and hashes of all files below a folder."""
-    paths = sorted(path for path in folder.rglob("*") if path.is_file())
-    return [[str(path.relative_to(folder)), hashlib.blake2b(path.read_bytes()).hexdigest()[:32]] for path in paths]
+    """Names and hashes of all files below a folder. Raises :class:`BadInput` for links, pipes and devices in it."""
+    _refuse_strange(folder)
+    found = []
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        with path.open("rb") as file:
+            hashed = hashlib.file_digest(file, "blake2b").hexdigest()[:32]
+        found.append([str(path.relative_to(folder)), hashed])
+    return found
+
+
+def _refuse_strange(folder: Path) -> None:
+    if (found := strange_entry(folder)) is not None:
+        raise BadInput(found[0], f"is {found[1]}", "files and folders only")
 
 
 def _verdict(out: Path) -> DiscoverResult:

@@ -234,7 +234,7 @@ class DiscoverResult(Result):
     """
 
     TASK = "discover"
-    VERSION = 2
+    VERSION = 3
     LIBRARIES = ("scikit-learn",)
 
     verdict: Word

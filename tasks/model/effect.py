@@ -46,8 +46,9 @@ are expressions that replace the constant.
 class Bars:
     """The state of ``n`` bars between two stages, along one protocol of ``t`` points.
 
-    ``time_s`` ``[t]``; ``material`` by name ``[n, 1]`` (MPa, s, mm2 or none); ``displacement_mm`` of the gauge length,
-    ``stretch`` of bar and fibres, elastic stresses (MPa) and force (N) ``[n, t]``. What a later stage gives is zero
+    ``time_s`` ``[t]``; ``material`` by name ``[n, 1]`` (MPa, s, mm2 or none); ``displacement_mm`` of the gauge length
+    and, as it was prescribed, of the grips (``grips_mm``), ``stretch`` of bar and fibres, elastic stresses (MPa) and
+    force (N) ``[n, t]``. What a later stage gives is zero
     before it, except that ``displacement`` receives the force of the iteration before, and ``rigid_N`` ``[n, t]``: the
     force (N) if nothing gave way between grips and gauge length.
     """
@@ -55,6 +56,7 @@ class Bars:
     time_s: Array
     length_mm: float
     material: Mapping[str, Array]
+    grips_mm: Array
     displacement_mm: Array
     stretch: Array
     fibre_stretch: Array

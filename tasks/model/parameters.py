@@ -14,7 +14,8 @@ class Parameter:
 
     A fixed parameter has equal bounds. ``floor`` and ``ceiling`` bound what is physically possible; a floor that is
     ``exclusive`` is not possible itself (a relaxation time of 0 s). For a parameter of a user's ``own`` model, only
-    the range is known, so the range bounds what is possible.
+    the range is known, so the range bounds what is possible. ``strain_power``: the power of the
+    tests' strain with which a range grows, 1 for a strain, -1 for a number per strain.
     """
 
     name: str
@@ -27,6 +28,7 @@ class Parameter:
     ceiling: float = np.inf
     exclusive: bool = False
     own: bool = False
+    strain_power: int = 0
 
     @property
     def fixed(self) -> bool:

@@ -125,9 +125,10 @@ def _calibration(pair: Pair) -> Section:
         ratio = other.total_N / one.total_N if one.total_N else float("nan")
         fits.append([name, number(one.total_N, 4), number(other.total_N, 4), number(ratio, 3)])
         widths = [dict(zip(each.free, (high - low for low, high in each.bounds), strict=True)) for each in found]
-        for parameter in (each for each in first.free if each in second.free):
+        determined = [set(fit.determined) for fit in (one, other)]
+        for parameter in (each for each in first.free if each in widths[1]):
             values = [fit.parameters[parameter] for fit in (one, other)]
-            known = all(parameter in fit.determined for fit in (one, other))
+            known = all(parameter in names for names in determined)
             sds = [fit.sd_of_range[parameter] * width[parameter]
                    for fit, width in zip((one, other), widths, strict=True)]  # fmt: skip
             cells, apart = _apart(values, sds if known else None)
@@ -140,7 +141,8 @@ def _calibration(pair: Pair) -> Section:
         Words(INDEPENDENT, "note"),
     ]
     for name, mine, others in ((pair.names[0], first, second), (pair.names[1], second, first)):
-        if own := [parameter for parameter in mine.names if parameter not in others.names]:
+        known_there = set(others.names)
+        if own := [parameter for parameter in mine.names if parameter not in known_there]:
             blocks.append(Words(f"Only in {name}: {', '.join(own)}."))
     words = f"{plural(len(fits), 'specimen')} in both; "
     words += f"{far} of {len(parameters)} parameters differ by more than {FAR:g} sd"
@@ -175,10 +177,10 @@ def _sensitivity(pair: Pair) -> Section:
     title, question = "Sensitivity", "Do the same parameters matter?"
     if (found := pair.results(SobolResult)) is None:
         return Section("sensitivity", title, question, missing=pair.missing("sobol"))
-    first, second = found
     rows, apart = [], []
-    for name in (name for name in first.names if name in second.names):
-        at = [one.names.index(name) for one in found]
+    places = [{name: i for i, name in enumerate(one.names)} for one in found]
+    for name in (name for name in places[0] if name in places[1]):
+        at = [place[name] for place in places]
         values = [float(one.ST[i]) for one, i in zip(found, at, strict=True)]
         bounds = [float(one.ST_conf[i]) for one, i in zip(found, at, strict=True)]
         beyond = abs(values[1] - values[0]) > hypot(*bounds)

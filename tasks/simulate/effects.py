@@ -159,6 +159,7 @@ def _bars(
         specimen.length_mm,
         material,
         displacement,
+        displacement,
         stretch=nothing,
         fibre_stretch=nothing,
         matrix_MPa=nothing,

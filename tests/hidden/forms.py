@@ -282,6 +282,35 @@ def _hum(rng: Random, size: float) -> Hidden:
     return Hidden(Physics(reading=reading), {"part": part, "Hz": frequency})
 
 
+def _buckling(rng: Random, size: float) -> Hidden:
+    part = size * rng.uniform(0.85, 1.0)
+
+    def reading(time_s: Array, displacement_mm: Array, force_N: Array) -> Array:
+        return np.where(force_N < 0.0, (1.0 - part) * force_N, force_N)
+
+    return Hidden(Physics(reading=reading), {"part": part})
+
+
+def _gain(rng: Random, size: float) -> Hidden:
+    part = size * rng.uniform(0.06, 0.15)
+
+    def reading(time_s: Array, displacement_mm: Array, force_N: Array) -> Array:
+        share = force_N / force_N.max()
+        return force_N * (1.0 + part * share * (1.0 - share))  # a load cell whose line is bent
+
+    return Hidden(Physics(reading=reading), {"part": part})
+
+
+def _crosstalk(rng: Random, size: float) -> Hidden:
+    part, wave_mm, begin = size * rng.uniform(0.01, 0.025), rng.uniform(0.01, 0.03), rng.uniform(0.0, 6.3)
+
+    def reading(time_s: Array, displacement_mm: Array, force_N: Array) -> Array:
+        # the screw of the drive, once a turn
+        return force_N + part * force_N.max() * np.sin(2.0 * np.pi * displacement_mm / wave_mm + begin)
+
+    return Hidden(Physics(reading=reading), {"part": part, "mm": wave_mm})
+
+
 def _warming(rng: Random, size: float) -> Hidden:
     part, time = size * rng.uniform(0.08, 0.2), rng.uniform(30.0, 120.0)
 
@@ -312,11 +341,14 @@ FORMS = {
     "fluid-two": Form("fluid-flow", _fluid_two),
     "preload-shift": Form("preload", _preload_shift),
     "compression-linear": Form("fiber-compression", _compression_linear, seen=False),
+    "friction-sudden": Form("friction", _friction),
+    "rupture-sudden": Form("rupture", _rupture),
+    "creep-strain": Form("creep", _creep),
+    "buckling-whole": Form("buckling", _buckling),
 }
 OUTSIDE = {
-    "friction": Form("OUTSIDE", _friction),
-    "rupture": Form("OUTSIDE", _rupture),
-    "creep": Form("OUTSIDE", _creep),
+    "gain": Form("OUTSIDE", _gain),
+    "crosstalk": Form("OUTSIDE", _crosstalk),
     "hum": Form("OUTSIDE", _hum),
     "warming": Form("OUTSIDE", _warming),
 }

@@ -114,3 +114,9 @@ def test_the_way_to_a_dashboard():
     assert way_to(there, "node7") == "http://127.0.0.1:8787/status"
     assert way_to(there, "login") == "ssh -N -L 8787:127.0.0.1:8787 node7, then http://127.0.0.1:8787/status"
     assert way_to(None) is way_to({"host": "a; rm -rf", "port": 1}) is way_to({"host": "a"}) is None
+
+
+def test_what_is_no_name_of_a_task_is_left_out(tmp_path):
+    facts = {"title": "s01", "done": 3, "total": 9, "time": 1e9, "task": ["l"], "notes": {"a": {}}}
+    (tmp_path / "progress.json").write_text(json.dumps(facts))
+    assert read_progress(tmp_path) == {name: fact for name, fact in facts.items() if name != "task"}

@@ -18,7 +18,7 @@ EFFECT = Effect(
     equation="dp/dt = fluid_modulus dE/dt - p / diffusion_time; S -> S + p",
     reference="Armstrong et al. (1984) J Biomech Eng 106:165; Atkinson et al. (1997) J Biomech Eng 119:400",
     parameters=(
-        Parameter("fluid_modulus", "MPa", 0.0, 300.0, 80.0, "pressure per strain when it is fast"),
+        Parameter("fluid_modulus", "MPa", 0.0, 300.0, 80.0, "pressure per strain when it is fast", strain_power=-1),
         Parameter("diffusion_time", "s", 0.1, 300.0, 10.0, "time in which the pressure is gone", exclusive=True),
     ),
     null={"fluid_modulus": 0.0},

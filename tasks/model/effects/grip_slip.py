@@ -28,6 +28,16 @@ def _steps(bars: Bars) -> Array:
     return np.diff(bars.time_s, prepend=bars.time_s[0])
 
 
+def _slid(bars: Bars, values: Values) -> Array:
+    beyond = np.maximum(bars.force_N - values["slip_force"], 0.0)
+    return bars.displacement_mm - values["slip_speed"] * np.cumsum(beyond * _steps(bars), axis=1)
+
+
+def _sliding(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
+    beyond = bars.force_N > values["slip_force"]
+    return (GivingWay(values["slip_speed"] * beyond * _steps(bars), np.ones_like(bars.force_N)),)
+
+
 def _crept(bars: Bars, values: Values) -> Array:
     beyond = np.maximum(bars.force_N - _held(bars, values), 0.0)
     return bars.displacement_mm - values["slip_rate"] * np.cumsum(beyond * _steps(bars), axis=1)
@@ -68,6 +78,29 @@ CREEP = Effect(
     giving_way=_creeping,
 )
 
+SLIDING = Effect(
+    slug="grip-slip",
+    form="force",
+    title="Slip beyond a force",
+    description="The grips hold up to a force, the same in all tests; beyond it the specimen slides out of them, the "
+    "faster the higher the force, and stays where it is when the force falls.",
+    equation="gauge displacement = grip displacement - slip_speed x integral of max(F - slip_force, 0) dt",
+    reference="Cheung and Zhang (2006) Med Eng Phys 28:379 (gripping tendons)",
+    parameters=(
+        Parameter("slip_speed", "mm/(N s)", 0.0, 1e-3, 5e-5, "speed of slip per force beyond what the grips hold"),
+        Parameter("slip_force", "N", 0.0, 1500.0, 500.0, "force up to which they hold"),
+    ),
+    null={"slip_speed": 0.0},
+    seen_by=("peak", "early hold", "unload", "valley", "later cycles"),
+    confounded_with={
+        "softening": "both lower the force once a peak is passed; slip goes on in the early hold",
+        "creep": "a specimen that creeps loses nearly the same displacement",
+    },
+    no_febio="the template prescribes the displacement of the specimen itself; there are no grips in it",
+    displacement=_slid,
+    giving_way=_sliding,
+)
+
 EFFECT = Effect(
     slug="grip-slip",
     title="Slip in the grips",
@@ -88,7 +121,7 @@ EFFECT = Effect(
         "tau_3f": "creep in the grips relaxes the force like a slow mode",
     },
     no_febio="the template prescribes the displacement of the specimen itself; there are no grips in it",
-    other_forms=(CREEP,),
+    other_forms=(CREEP, SLIDING),
     displacement=_displacement,
     giving_way=_giving_way,
 )

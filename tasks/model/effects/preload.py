@@ -22,7 +22,9 @@ _RELAXED = Effect(
     equation="fibre stretch = preload_stretch x stretch; S_f -> preload_stretch x S_f(fibre stretch)",
     reference="Maas et al. (2016) J Mech Behav Biomed Mater 61:499 (prestrain)",
     parameters=(
-        Parameter("preload_stretch", "1", 1.0, 1.02, 1.004, "stretch of the fibres at gauge length", floor=0.5),
+        Parameter(
+            "preload_stretch", "1", 1.0, 1.02, 1.004, "stretch of the fibres at gauge length", floor=0.5, strain_power=1
+        ),
     ),
     null={"preload_stretch": 1.0},
     seen_by=("rest", "toe", "ramp", "valley"),

@@ -18,7 +18,11 @@ EFFECT = Effect(
     "in a hold, with its sign turned in unloading. Rates are backward differences of the samples.",
     equation="S -> S + viscosity dE/dt",
     reference="Limbert and Middleton (2004) Int J Solids Struct 41:4237; Pioletti et al. (1998) J Biomech 31:753",
-    parameters=(Parameter("viscosity", "MPa s", 0.0, 300.0, 60.0, "stress per rate of the Green-Lagrange strain"),),
+    parameters=(
+        Parameter(
+            "viscosity", "MPa s", 0.0, 300.0, 60.0, "stress per rate of the Green-Lagrange strain", strain_power=-1
+        ),
+    ),
     null={"viscosity": 0.0},
     seen_by=("toe", "ramp", "early hold", "unload", "valley", "other rates"),
     confounded_with={

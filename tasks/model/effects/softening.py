@@ -70,7 +70,16 @@ EFFECT = Effect(
     parameters=(
         Parameter("softening_loss", "1", 0.0, 0.9, 0.3, "part of the stress that can be lost", ceiling=1.0),
         Parameter("softening_shape", "1", 0.4, 5.0, 2.0, "shape of the Weibull distribution", exclusive=True),
-        Parameter("softening_strain", "1", 0.002, 0.2, 0.03, "scale of the Weibull distribution", exclusive=True),
+        Parameter(
+            "softening_strain",
+            "1",
+            0.002,
+            0.2,
+            0.03,
+            "scale of the Weibull distribution",
+            exclusive=True,
+            strain_power=1,
+        ),
     ),
     null={"softening_loss": 0.0},
     seen_by=_PHASES,

@@ -18,7 +18,16 @@ EFFECT = Effect(
     equation="tau_i -> tau_i exp(slowing_per_strain x E) for all six times, E = present Green-Lagrange strain",
     reference="Provenzano et al. (2001) Ann Biomed Eng 29:908; Duenwald et al. (2009) Ann Biomed Eng 37:1131",
     parameters=(
-        Parameter("slowing_per_strain", "1", -60.0, 60.0, 25.0, "logarithm of the times per strain", floor=-np.inf),
+        Parameter(
+            "slowing_per_strain",
+            "1",
+            -60.0,
+            60.0,
+            25.0,
+            "logarithm of the times per strain",
+            floor=-np.inf,
+            strain_power=-1,
+        ),
     ),
     null={"slowing_per_strain": 0.0},
     seen_by=("early hold", "middle hold", "late hold", "unload", "later cycles"),

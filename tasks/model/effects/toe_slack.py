@@ -42,7 +42,11 @@ _TOGETHER = Effect(
     equation="fibre stretch = slack_stretch x stretch; S_f -> slack_stretch x S_f(fibre stretch)",
     reference="Fratzl et al. (1998) J Struct Biol 122:119; "
     "Maas et al. (2016) J Mech Behav Biomed Mater 61:499 (prestrain)",
-    parameters=(Parameter("slack_stretch", "1", 0.97, 1.0, 0.99, "fibre stretch at gauge length", exclusive=True),),
+    parameters=(
+        Parameter(
+            "slack_stretch", "1", 0.97, 1.0, 0.99, "fibre stretch at gauge length", exclusive=True, strain_power=1
+        ),
+    ),
     null={"slack_stretch": 1.0},
     seen_by=("toe", "ramp", "peak", "valley", "later cycles"),
     confounded_with={

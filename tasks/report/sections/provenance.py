@@ -4,7 +4,7 @@ import re
 import shlex
 from typing import Any
 
-from sinew.runner.errors import brief
+from sinew.runner.errors import brief, one_line
 from sinew.tasks.drawing.blocks import Block, Code, Facts, Section, Table, Words, duration, number
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.folder import ResultFolder
@@ -22,7 +22,7 @@ def section(found: ResultFolder) -> Section:
         blocks.append(Facts([*_program(run), *_costs(found)]))
         blocks.append(_again(found, run))
         if isinstance(run.get("study_text"), str):
-            blocks.append(Code(f"The study, {run.get('study_file', '')}", run["study_text"], open=False))
+            blocks.append(Code(f"The study, {one_line(str(run.get('study_file', '')))}", run["study_text"], open=False))
         packages = run.get("packages")
         if isinstance(packages, dict):
             rows = [[str(name), str(version)] for name, version in packages.items()]
@@ -68,7 +68,7 @@ def _program(run: dict[str, Any]) -> list[tuple[str, str]]:
         "study_hash": "hash of the study file",
         "asctime": "last run began",
     }
-    return [(label, str(run[name])) for name, label in names.items() if run.get(name) not in (None, "")]
+    return [(label, one_line(str(run[name]))) for name, label in names.items() if run.get(name) not in (None, "")]
 
 
 def _costs(found: ResultFolder) -> list[tuple[str, str]]:
@@ -89,10 +89,11 @@ def _costs(found: ResultFolder) -> list[tuple[str, str]]:
 
 def _again(found: ResultFolder, run: dict[str, Any]) -> Code:
     """Commands that make the same numbers again: seed and study decide them, not the number of workers."""
-    study = shlex.quote(str(run.get("study_file", "study.yaml")))
+    study = shlex.quote(one_line(str(run.get("study_file", "study.yaml"))))
     simulator = None if run.get("simulator") in of_own_models() else run.get("simulator")  # the study names those
     options = {"--data": run.get("cohort") or None, "--seed": run.get("seed"), "--simulator": simulator}
-    given = " ".join(f"{name} {shlex.quote(str(value))}" for name, value in options.items() if value is not None)
+    quoted = {name: shlex.quote(one_line(str(value))) for name, value in options.items() if value is not None}
+    given = " ".join(f"{name} {value}" for name, value in quoted.items())
     asked = dict.fromkeys(
         tuple(map(str, each["tasks"]))
         for each in found.runs

@@ -14,6 +14,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from sinew.runner.errors import BadInput
 from sinew.runner.store.durable import write_whole
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.febio.plot_file import PlotFile, Variable
@@ -27,6 +28,8 @@ _CELLS = {
     "pyra13": (27, 13), "line3": (21, 3),
 }  # fmt: skip
 _TYPES = {"f4": "Float32", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
+MAX_STATES = 20_000
+MAX_NUMBERS = 2**24  # of the mesh, and of a field in a state: each takes some thirty bytes while it is written
 _FULL = (0, 3, 5, 3, 1, 4, 5, 4, 2)  # xx, yy, zz, xy, yz, xz as a matrix by rows
 
 
@@ -34,8 +37,15 @@ def write_vtk(path: Path, plot: PlotFile) -> list[str]:
     """Write ``path``, which ends in .pvd, and a folder of states beside it. Points are those at rest.
 
     Returns the names of variables that VTK's files have no place for: those of surfaces, edges, the whole model, and of
-    nodes by domain. Raises ``OSError``.
+    nodes by domain. Raises :class:`BadInput` for more states than a folder should hold files, and ``OSError``.
     """
+    if plot.time_s.size > MAX_STATES:
+        raise BadInput(path, f"its fields have {plot.time_s.size:,} states", f"at most {MAX_STATES:,}, a file for each")
+    cells = sum(len(region.corners) for region in plot.mesh.domains)
+    width = max((variable.values.shape[2] for variable in plot.variables.values()), default=1)
+    numbers = 3 * len(plot.mesh.nodes) + sum(region.corners.size for region in plot.mesh.domains)
+    if max(numbers, cells * width, len(plot.mesh.nodes) * width) > MAX_NUMBERS:
+        raise BadInput(path, "its mesh or a field of it is too large", f"at most {MAX_NUMBERS:,} numbers")
     folder = path.with_suffix("")
     folder.mkdir(parents=True, exist_ok=True)
     grid = "".join(_grid(plot))

@@ -304,3 +304,23 @@ def test_a_table_that_is_given_up_takes_only_its_own_segments_along(folder, name
     assert "cannot be mended" in line
     assert (folder / "results.json").exists()
     assert (kept / "note").exists()
+
+
+def test_a_file_for_the_folder_of_chunks_and_a_folder_for_a_segment_are_removed(folder):
+    for array in ("status", "force"):
+        place = table_folder(folder) / array / "c"
+        shutil.rmtree(place)
+        place.write_text("no chunk")
+    segment = folder / "journal" / table_folder(folder).name.rpartition("-")[2] / "rows-000000000-00003.safetensors"
+    (segment / "inner").mkdir(parents=True)
+    with pytest.raises(StoreError, match="damaged"):
+        read_all(folder)
+    assert repaired_and_run_again(folder)[1] == ROWS
+    assert not segment.exists()
+
+
+def test_a_field_is_there_once(folder):
+    change_attributes(folder, fields=["force"] * 300_000)
+    with pytest.raises(StoreError, match=r"damaged \(fields are"):
+        read_all(folder)
+    assert repaired_and_run_again(folder)[1] == ROWS

@@ -255,3 +255,43 @@ def test_metadata_beside_those_of_the_root_are_not_believed(tmp_path):
     (root / "zarr.json").write_text(json.dumps(top))
     assert open_store(tmp_path).tables()[0].status.tolist() == before
     assert not (tmp_path / "ran").exists()
+
+
+def test_metadata_of_a_table_describe_no_arrays(tmp_path):
+    """Zarr would believe those in the group, while all that checks an array reads its own."""
+    with Store.writing(tmp_path, "study") as store:
+        fill(store.table(table_spec()), some(20))
+        store.write_result("sobol", xr.Dataset({"S1": ("parameter", np.arange(2.0))}))
+    for path in [
+        *(tmp_path / "store.zarr" / "evaluations").glob("*/zarr.json"),
+        tmp_path / "store.zarr/sobol/zarr.json",
+    ]:
+        content = json.loads(path.read_text())
+        content["consolidated_metadata"] = {"kind": "inline", "must_understand": False, "metadata": {}}
+        path.write_text(json.dumps(content))
+    with pytest.raises(StoreError, match=r"damaged \(it holds metadata of its arrays"):
+        open_store(tmp_path).tables()
+    with pytest.raises(StoreError, match=r"damaged \(it holds metadata of its arrays"):
+        open_store(tmp_path).read_result("sobol")
+    with Store.writing(tmp_path, "study") as store:
+        assert "computed again" in store.repair().removed[0]
+
+
+@pytest.mark.parametrize("encoding", [{"name": "default", "configuration": {"separator": "."}}, {"name": "v2"}])
+@pytest.mark.parametrize(
+    "place", ["evaluations/*/worker", "evaluations/*/parameter", "evaluations/*/force", "sobol/S1"]
+)
+def test_chunks_have_the_names_that_are_checked(tmp_path, encoding, place):
+    """Else a small file beside them, under another name, is decompressed unchecked."""
+    with Store.writing(tmp_path, "study") as store:
+        fill(store.table(table_spec()), some(20))
+        store.write_result("sobol", xr.Dataset({"S1": ("parameter", np.arange(2.0))}))
+    (path,) = (tmp_path / "store.zarr").glob(f"{place}/zarr.json")
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"chunk_key_encoding": encoding}))
+    with pytest.raises(StoreError, match="its chunks are named"):
+        if place == "sobol/S1":
+            open_store(tmp_path).read_result("sobol")
+        else:
+            (table,) = open_store(tmp_path).tables()
+            table.coordinate("parameter")
+            table.read(path.parent.name, np.arange(20))

@@ -13,8 +13,9 @@ from sinew.tasks.model.effect import PHASES, PLACES, Effect, in_order, model_wit
 from sinew.tasks.model.effects import library
 
 SLUGS = [
-    *("area-error", "cyclic-fatigue", "fiber-compression", "fluid-flow", "force-drift", "grip-slip"),
-    *("machine-compliance", "permanent-set", "preload", "rate-viscosity", "relaxation-mode", "softening"),
+    *("area-error", "buckling", "creep", "cyclic-fatigue", "fiber-compression", "fluid-flow", "force-drift"),
+    *("friction", "grip-slip", "machine-compliance", "matrix-stiffening", "permanent-set", "preload"),
+    *("rate-viscosity", "relaxation-mode", "rupture", "softening"),
     *("strain-dependent-relaxation", "time-lag", "toe-exponent", "toe-slack"),
 ]
 FORMS = [form for effect in library().values() for form in (effect, *effect.other_forms)]

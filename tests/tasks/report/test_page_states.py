@@ -311,6 +311,7 @@ def test_commands_of_a_log_are_no_commands_of_the_page(run_folder, said, shown):
     events = [json.loads(line) for line in log.read_text().splitlines()]
     runs = [one | {"install": said} if one["message"] == "run started" else one for one in events]
     runs.append(next(one for one in runs if one["message"] == "run started") | {"tasks": ["sobol; curl y"]})
+    runs[-1] |= {"study_file": "study.yaml\ncurl z\n#", "cohort": "\u202ea\ncurl z\n"}
     log.write_text("".join(json.dumps(one) + "\n" for one in runs))
     build(run_folder)
     page = html.unescape((run_folder / "report.html").read_text())
@@ -318,6 +319,7 @@ def test_commands_of_a_log_are_no_commands_of_the_page(run_folder, said, shown):
     lines = [line for line in re.sub("<[^>]*>", "\n", again).splitlines() if line.strip()]
     assert shown in lines
     assert not any("curl" in line and not line.startswith("# installed by: ") for line in lines if "evil" in line)
+    assert not any(line.startswith("curl z") or "\u202e" in line for line in lines)
     assert not any("curl y" in line and line.startswith("sinew") for line in lines)
 
 

@@ -11,6 +11,9 @@ def test_an_interval_is_that_of_the_tables():
     assert clopper_pearson(55, 55) == pytest.approx((0.9351, 1.0), abs=1e-4)
 
 
+TRUE = "such verdicts were true in the blind benchmark of virtual specimens, with 16 effects in the library"
+
+
 @pytest.mark.parametrize("word", RECORD)
 def test_a_confidence_is_what_the_record_says_of_the_word(word):
     true, of = RECORD[word]
@@ -25,10 +28,16 @@ def test_a_confidence_is_what_the_record_says_of_the_word(word):
     [
         (
             "AMBIGUOUS",
-            "5 of 6 such verdicts were true in the blind benchmark of virtual specimens (95 %: 36 to 100 %): ",
+            f"5 of 6 {TRUE} (95 %: 36 to 100 %): ",
         ),
-        ("OUTSIDE", "6 of 9 such verdicts were true in the blind benchmark of virtual specimens (95 %: 30 to 93 %): "),
-        ("NONE", "30 of 31 such verdicts were true in the blind benchmark of virtual specimens (95 %: 83 to 100 %): "),
+        (
+            "OUTSIDE",
+            f"6 of 9 {TRUE} (95 %: 30 to 93 %): ",
+        ),
+        (
+            "NONE",
+            f"30 of 31 {TRUE} (95 %: 83 to 100 %): ",
+        ),
     ],
 )
 def test_it_is_said_in_one_line(word, words):

@@ -3,12 +3,15 @@
 import base64
 import struct
 import zlib
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+from sinew.runner.errors import BadInput
+from sinew.tasks.simulate.febio import vtk
 from sinew.tasks.simulate.febio.plot_file import plot_file_of
 from sinew.tasks.simulate.febio.vtk import write_vtk
 from tests.tasks.simulate.febio import plot_writer as w
@@ -75,3 +78,20 @@ def test_equal_runs_are_equal_bytes(tmp_path, compressed):
         write_vtk(tmp_path / name / "row.pvd", plot_file_of(w.plot_file(compressed=compressed), 2**20))
     one, two = (sorted((tmp_path / name).rglob("*.*")) for name in ("one", "two"))
     assert [path.read_bytes() for path in one] == [path.read_bytes() for path in two]
+
+
+def test_states_without_end_become_no_files(tmp_path, monkeypatch):
+    monkeypatch.setattr(vtk, "MAX_STATES", 2)
+    plot = plot_file_of(w.plot_file(compressed=True), 2**20)
+    many = replace(plot, time_s=np.arange(3.0))
+    with pytest.raises(BadInput, match="its fields have 3 states; expected at most 2, a file for each"):
+        write_vtk(tmp_path / "row.pvd", many)
+    assert not list(tmp_path.iterdir())
+
+
+def test_fields_that_would_fill_the_memory_become_no_files(tmp_path, monkeypatch):
+    plot = plot_file_of(w.plot_file(compressed=True), 2**20)
+    monkeypatch.setattr(vtk, "MAX_NUMBERS", 3)
+    with pytest.raises(BadInput, match="its mesh or a field of it is too large; expected at most 3 numbers"):
+        write_vtk(tmp_path / "row.pvd", plot)
+    assert not list(tmp_path.iterdir())
