@@ -297,11 +297,16 @@ def once(out: Path) -> None:
     assert not again, "rows were begun more than once"
 
 
-def gave_up(out: Path, pattern: str) -> None:
-    """The leading job ends with one clear line and exit code 2, and is not requeued; nothing is left behind."""
+def gave_up(out: Path, pattern: str, *, late_workers: bool = False) -> None:
+    """The leading job ends with one clear line and exit code 2, and is not requeued; nothing is left behind.
+
+    With ``late_workers``, it may have been requeued before, where workers of a slow machine came too late to be judged.
+    """
     until(lambda: not live(), "the end of all jobs")
     said = said_by_leader(out)
-    errors = [line for line in said.splitlines() if line.startswith("sinew: ")]
+    lines = [line for line in said.splitlines() if line.startswith("sinew: ")]
+    late = [line for line in lines if late_workers and line.startswith("sinew: the walltime is near: 0 of ")]
+    errors = [line for line in lines if line not in late]
     assert len(errors) == 1, said
     assert re.search(pattern, errors[0]), said
     assert "Traceback" not in said
@@ -309,5 +314,5 @@ def gave_up(out: Path, pattern: str) -> None:
     shown = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert "JobState=FAILED" in shown
     assert "ExitCode=2:0" in shown
-    assert "Restarts=0" in shown
+    assert f"Restarts={len(late)}" in shown
     nothing_is_left(out)

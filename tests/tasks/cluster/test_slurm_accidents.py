@@ -182,7 +182,7 @@ def test_worker_jobs_whose_walltime_is_too_short(tmp_path, slurm_cluster, bed):
 @pytest.mark.takes(65)
 def test_a_leading_job_whose_walltime_is_too_short(tmp_path, slurm_cluster, bed):
     out = submit(prepare(tmp_path, profile_with(leader="1:00", jobs=1), seconds=100, base_samples=2))
-    gave_up(out, r"coordinator\.walltime: nothing finished within its walltime \(1:00\)")
+    gave_up(out, r"coordinator\.walltime: nothing finished within its walltime \(1:00\)", late_workers=True)
 
 
 @pytest.mark.takes(65)
