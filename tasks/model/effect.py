@@ -66,6 +66,12 @@ class Bars:
     rigid_N: Array
 
     @property
+    def steps_s(self) -> Array:
+        """The time step (s) that leads to each point ``[t]``, 0 for the first."""
+        steps: Array = np.diff(self.time_s, prepend=self.time_s[0])
+        return steps
+
+    @property
     def strain(self) -> Array:
         """Green-Lagrange strain of the bar ``[n, t]``."""
         return 0.5 * (self.stretch**2 - 1.0)

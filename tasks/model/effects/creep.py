@@ -6,10 +6,6 @@ from sinew.tasks.model.effect import Array, Bars, Effect, GivingWay, Values
 from sinew.tasks.model.parameters import Parameter
 
 
-def _steps(bars: Bars) -> Array:
-    return np.diff(bars.time_s, prepend=bars.time_s[0])
-
-
 def _longer(bars: Bars, growth: Array) -> Array:
     """Displacement of a gauge length that has grown: its stretch is the present length over the length at rest."""
     return (bars.length_mm + bars.displacement_mm) / (1.0 + growth) - bars.length_mm
@@ -17,7 +13,7 @@ def _longer(bars: Bars, growth: Array) -> Array:
 
 def _by_strain(bars: Bars, values: Values) -> Array:
     strain = np.maximum(bars.displacement_mm / bars.length_mm, 0.0)
-    between = 0.5 * (strain[:, 1:] + strain[:, :-1]) * _steps(bars)[1:]
+    between = 0.5 * (strain[:, 1:] + strain[:, :-1]) * bars.steps_s[1:]
     growth = values["creep_rate"] * np.cumsum(between, axis=1)
     return _longer(bars, np.concatenate([np.zeros_like(growth[:, :1]), growth], axis=1))
 
@@ -28,11 +24,11 @@ def _beyond_stress(bars: Bars, values: Values) -> Array:
 
 
 def _by_stress(bars: Bars, values: Values) -> Array:
-    return _longer(bars, values["creep_per_stress"] * np.cumsum(_beyond_stress(bars, values) * _steps(bars), axis=1))
+    return _longer(bars, values["creep_per_stress"] * np.cumsum(_beyond_stress(bars, values) * bars.steps_s, axis=1))
 
 
 def _by_stress_way(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
-    creeps = (_beyond_stress(bars, values) > 0.0) * _steps(bars) * bars.length_mm / bars.material["area_mm2"]
+    creeps = (_beyond_stress(bars, values) > 0.0) * bars.steps_s * bars.length_mm / bars.material["area_mm2"]
     return (GivingWay(values["creep_per_stress"] * creeps, np.ones_like(bars.force_N)),)
 
 
@@ -46,11 +42,11 @@ def _beyond_part(bars: Bars, values: Values) -> Array:
 
 
 def _by_part(bars: Bars, values: Values) -> Array:
-    return _longer(bars, values["creep_speed"] * np.cumsum(_beyond_part(bars, values) * _steps(bars), axis=1))
+    return _longer(bars, values["creep_speed"] * np.cumsum(_beyond_part(bars, values) * bars.steps_s, axis=1))
 
 
 def _by_part_way(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
-    creeps = (_beyond_part(bars, values) > 0.0) * _steps(bars) * bars.length_mm / _peak(bars)
+    creeps = (_beyond_part(bars, values) > 0.0) * bars.steps_s * bars.length_mm / _peak(bars)
     return (GivingWay(values["creep_speed"] * creeps, np.ones_like(bars.force_N)),)
 
 

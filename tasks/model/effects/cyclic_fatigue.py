@@ -24,9 +24,8 @@ def _fibre_stress(bars: Bars, values: Values) -> Array:
 
 def _not_healed(bars: Bars, values: Values) -> Array:
     path = np.abs(np.diff(bars.strain, axis=1, prepend=bars.strain[:, :1]))
-    steps = np.diff(bars.time_s, prepend=bars.time_s[0])
     left = np.empty_like(path)
-    _tire_and_heal(values["fatigue_per_strain"] * path, values["healing_rate"] * steps, left)
+    _tire_and_heal(values["fatigue_per_strain"] * path, values["healing_rate"] * bars.steps_s, left)
     return left
 
 
@@ -51,7 +50,6 @@ def _healing_fibre_stress(bars: Bars, values: Values) -> Array:
 
 
 _NO_FEBIO = "inside `viscoelastic`, `reactive fatigue` of FEBio 4.11 runs and does not fatigue"
-
 _CONFOUNDED = {
     "softening": "with growing peaks, both lose stiffness from cycle to cycle; equal peaks tell them apart",
     "tau_3f": "slow relaxation also lowers the peaks of a row of cycles",

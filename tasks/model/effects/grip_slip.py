@@ -8,7 +8,7 @@ from sinew.tasks.model.parameters import Parameter
 
 def _displacement(bars: Bars, values: Values) -> Array:
     pull = np.maximum(bars.force_N, 0.0)
-    impulse = np.cumsum(pull * _steps(bars), axis=1)
+    impulse = np.cumsum(pull * bars.steps_s, axis=1)
     largest = np.maximum.accumulate(pull, axis=1)
     slip = values["slip_per_force"] * (largest - pull[:, :1]) + values["slip_per_impulse"] * impulse
     return bars.displacement_mm - slip
@@ -20,32 +20,28 @@ def _giving_way(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
     rises = np.diff(largest, axis=1, prepend=largest[:, :1]) > 0.0
     return (
         GivingWay(values["slip_per_force"] * rises, 1.0 - rises),
-        GivingWay(values["slip_per_impulse"] * pulled * _steps(bars), np.ones_like(bars.force_N)),
+        GivingWay(values["slip_per_impulse"] * pulled * bars.steps_s, np.ones_like(bars.force_N)),
     )
-
-
-def _steps(bars: Bars) -> Array:
-    return np.diff(bars.time_s, prepend=bars.time_s[0])
 
 
 def _slid(bars: Bars, values: Values) -> Array:
     beyond = np.maximum(bars.force_N - values["slip_force"], 0.0)
-    return bars.displacement_mm - values["slip_speed"] * np.cumsum(beyond * _steps(bars), axis=1)
+    return bars.displacement_mm - values["slip_speed"] * np.cumsum(beyond * bars.steps_s, axis=1)
 
 
 def _sliding(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
     beyond = bars.force_N > values["slip_force"]
-    return (GivingWay(values["slip_speed"] * beyond * _steps(bars), np.ones_like(bars.force_N)),)
+    return (GivingWay(values["slip_speed"] * beyond * bars.steps_s, np.ones_like(bars.force_N)),)
 
 
 def _crept(bars: Bars, values: Values) -> Array:
     beyond = np.maximum(bars.force_N - _held(bars, values), 0.0)
-    return bars.displacement_mm - values["slip_rate"] * np.cumsum(beyond * _steps(bars), axis=1)
+    return bars.displacement_mm - values["slip_rate"] * np.cumsum(beyond * bars.steps_s, axis=1)
 
 
 def _creeping(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
     beyond = bars.force_N > _held(bars, values)
-    return (GivingWay(values["slip_rate"] * beyond * _steps(bars), np.ones_like(bars.force_N)),)
+    return (GivingWay(values["slip_rate"] * beyond * bars.steps_s, np.ones_like(bars.force_N)),)
 
 
 def _held(bars: Bars, values: Values) -> Array:

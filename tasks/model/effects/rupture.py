@@ -9,17 +9,12 @@ BUNDLES = 4  # that can tear one after the other
 LEAST = 0.02  # part that never tears
 
 
-def _torn(bars: Bars, values: Values, begin: Array) -> Array:
-    """How much of the bundle that begins to tear at a strain ``[n, 1]`` is torn ``[n, t]``."""
-    largest = np.maximum.accumulate(bars.strain, axis=1)
-    return np.clip((largest - begin) / values["tearing_range"], 0.0, 1.0)
-
-
 def _left(bars: Bars, values: Values) -> Array:
-    torn = _torn(bars, values, values["tearing_strain"])
-    if "tearing_distance" in values:
-        for bundle in range(1, BUNDLES):
-            torn += _torn(bars, values, values["tearing_strain"] + bundle * values["tearing_distance"])
+    largest = np.maximum.accumulate(bars.strain, axis=1)
+    torn = np.zeros_like(largest)
+    for bundle in range(BUNDLES if "tearing_distance" in values else 1):
+        begin = values["tearing_strain"] + (bundle * values["tearing_distance"] if bundle else 0.0)
+        torn += np.clip((largest - begin) / values["tearing_range"], 0.0, 1.0)
     return np.maximum(1.0 - values["torn_part"] * torn, LEAST)
 
 
