@@ -18,18 +18,23 @@ def _by_strain(bars: Bars, values: Values) -> Array:
     return _longer(bars, np.concatenate([np.zeros_like(growth[:, :1]), growth], axis=1))
 
 
-def _beyond_stress(bars: Bars, values: Values) -> Array:
-    """The nominal stress beyond that at which creep begins ``[n, t]`` (MPa)."""
-    return np.asarray(np.maximum(bars.force_N / bars.material["area_mm2"] - values["creep_stress"], 0.0))
+def _flown(bars: Bars, rate: Array, unit: Array, limit: Array) -> Array:
+    """Displacement of a gauge length that grows with ``rate`` (1/s) per force / ``unit`` (N) beyond ``limit``."""
+    beyond = np.maximum(bars.force_N / unit - limit, 0.0)
+    return _longer(bars, rate * np.cumsum(beyond * bars.steps_s, axis=1))
+
+
+def _flowing(bars: Bars, rate: Array, unit: Array, limit: Array) -> tuple[GivingWay, ...]:
+    creeps = (bars.force_N / unit > limit) * bars.steps_s * bars.length_mm / unit
+    return (GivingWay(rate * creeps, np.ones_like(bars.force_N)),)
 
 
 def _by_stress(bars: Bars, values: Values) -> Array:
-    return _longer(bars, values["creep_per_stress"] * np.cumsum(_beyond_stress(bars, values) * bars.steps_s, axis=1))
+    return _flown(bars, values["creep_per_stress"], bars.material["area_mm2"], values["creep_stress"])
 
 
 def _by_stress_way(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
-    creeps = (_beyond_stress(bars, values) > 0.0) * bars.steps_s * bars.length_mm / bars.material["area_mm2"]
-    return (GivingWay(values["creep_per_stress"] * creeps, np.ones_like(bars.force_N)),)
+    return _flowing(bars, values["creep_per_stress"], bars.material["area_mm2"], values["creep_stress"])
 
 
 def _peak(bars: Bars) -> Array:
@@ -37,17 +42,12 @@ def _peak(bars: Bars) -> Array:
     return np.asarray(np.maximum(bars.rigid_N.max(axis=1, keepdims=True), np.finfo(float).tiny))
 
 
-def _beyond_part(bars: Bars, values: Values) -> Array:
-    return np.asarray(np.maximum(bars.force_N / _peak(bars) - values["creep_part"], 0.0))
-
-
 def _by_part(bars: Bars, values: Values) -> Array:
-    return _longer(bars, values["creep_speed"] * np.cumsum(_beyond_part(bars, values) * bars.steps_s, axis=1))
+    return _flown(bars, values["creep_speed"], _peak(bars), values["creep_part"])
 
 
 def _by_part_way(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
-    creeps = (_beyond_part(bars, values) > 0.0) * bars.steps_s * bars.length_mm / _peak(bars)
-    return (GivingWay(values["creep_speed"] * creeps, np.ones_like(bars.force_N)),)
+    return _flowing(bars, values["creep_speed"], _peak(bars), values["creep_part"])
 
 
 _SEEN = ("ramp", "peak", "late hold", "unload", "valley", "later cycles")

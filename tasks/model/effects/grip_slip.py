@@ -24,24 +24,31 @@ def _giving_way(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
     )
 
 
+def _slipped(bars: Bars, speed: Array, held: Array) -> Array:
+    """Displacement of the gauge length where grips that hold up to ``held`` (N) lose it with ``speed`` (mm/(N s))."""
+    beyond = np.maximum(bars.force_N - held, 0.0)
+    return bars.displacement_mm - speed * np.cumsum(beyond * bars.steps_s, axis=1)
+
+
+def _slipping(bars: Bars, speed: Array, held: Array) -> tuple[GivingWay, ...]:
+    beyond = bars.force_N > held
+    return (GivingWay(speed * beyond * bars.steps_s, np.ones_like(bars.force_N)),)
+
+
 def _slid(bars: Bars, values: Values) -> Array:
-    beyond = np.maximum(bars.force_N - values["slip_force"], 0.0)
-    return bars.displacement_mm - values["slip_speed"] * np.cumsum(beyond * bars.steps_s, axis=1)
+    return _slipped(bars, values["slip_speed"], values["slip_force"])
 
 
 def _sliding(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
-    beyond = bars.force_N > values["slip_force"]
-    return (GivingWay(values["slip_speed"] * beyond * bars.steps_s, np.ones_like(bars.force_N)),)
+    return _slipping(bars, values["slip_speed"], values["slip_force"])
 
 
 def _crept(bars: Bars, values: Values) -> Array:
-    beyond = np.maximum(bars.force_N - _held(bars, values), 0.0)
-    return bars.displacement_mm - values["slip_rate"] * np.cumsum(beyond * bars.steps_s, axis=1)
+    return _slipped(bars, values["slip_rate"], _held(bars, values))
 
 
 def _creeping(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
-    beyond = bars.force_N > _held(bars, values)
-    return (GivingWay(values["slip_rate"] * beyond * bars.steps_s, np.ones_like(bars.force_N)),)
+    return _slipping(bars, values["slip_rate"], _held(bars, values))
 
 
 def _held(bars: Bars, values: Values) -> Array:
