@@ -15,6 +15,7 @@ import pytest
 
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from tests.shared_folders import made_once
+from tests.small_disk import unmount_below
 
 pytest_plugins = ("tests.batch.plugin",)
 
@@ -34,6 +35,9 @@ def pytest_configure() -> None:
     hypothesis.settings.load_profile("busy machine")
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    # pytest deletes these at its end, and fails where a session that was killed left something mounted
+    for garbage in Path(tempfile.gettempdir()).glob("pytest-of-*/garbage-*"):
+        unmount_below(garbage)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -16,6 +16,7 @@ from sinew.runner.errors import StoreError
 from sinew.runner.store.store import Store, open_store
 from tests.runner.evaluations import Quick, table_spec
 from tests.runner.stores import contents, fill, some
+from tests.small_disk import may_mount, small_disk
 
 
 def test_it_stays_a_few_files(tmp_path):
@@ -61,25 +62,22 @@ def test_a_full_disk_is_named_and_loses_nothing(tmp_path, monkeypatch):
         assert (table.status == 0).all()
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="mounting a small disk needs root")
-def test_a_disk_that_really_fills_up(tmp_path):
-    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(tmp_path)], check=True)
-    try:
-        with Store.writing(tmp_path / "out", "study") as store:
+@may_mount
+def test_a_disk_that_really_fills_up():
+    with small_disk(megabytes=3) as disk:
+        with Store.writing(disk / "out", "study") as store:
             table = store.table(table_spec(points=500))
             evaluation = Quick(points=500)
             fill(table, some(200), evaluation)
             with pytest.raises(StoreError, match="no space left on the disk"):
                 fill(table, some(5000, seed=1), evaluation)
-        (tmp_path / "out" / "lock").stat()
-        subprocess.run(["mount", "-o", "remount,size=80m", str(tmp_path)], check=True)
-        with Store.writing(tmp_path / "out", "study") as store:
+        (disk / "out" / "lock").stat()
+        subprocess.run(["mount", "-o", "remount,size=80m", disk], check=True)
+        with Store.writing(disk / "out", "study") as store:
             table = store.table(table_spec(points=500))
             assert (table.status[:200] == 0).all()
             rows = fill(table, some(5000, seed=1), evaluation)
             assert (table.status[rows] == 0).all()
-    finally:
-        subprocess.run(["umount", "-l", str(tmp_path)], check=True)
 
 
 def test_results_stand_beside_the_evaluations(tmp_path):

@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import os
 import subprocess
 import time
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from sinew.runner.cluster import slurm
+from tests.small_disk import may_mount, small_disk
 from tests.tasks.cluster.slurm_studies import (
     ALLOCATION,
     JOB_SCRIPT,
@@ -223,15 +223,10 @@ def test_the_client_of_an_allocation_is_killed(tmp_path, slurm_cluster, bed):
 
 
 @pytest.fixture
-def disk(tmp_path):
+def disk():
     """A small file system of its own."""
-    folder = tmp_path / "disk"
-    folder.mkdir()
-    if os.geteuid() or subprocess.run(["mount", "-t", "tmpfs", "-o", "size=16m", "tmpfs", folder]).returncode:
-        pytest.skip("only root can mount a file system")
-    yield folder
-    for path in (folder / "out" / "journal", folder):
-        subprocess.run(["umount", "--lazy", path], capture_output=True)
+    with small_disk(megabytes=16) as folder:
+        yield folder
 
 
 def fill(folder: Path) -> Path:
@@ -242,6 +237,7 @@ def fill(folder: Path) -> Path:
     return path
 
 
+@may_mount
 @pytest.mark.takes(45)
 def test_a_full_disk(tmp_path, slurm_cluster, disk, bed):
     study = prepare(tmp_path, profile_with(), seconds=0.3)
@@ -254,6 +250,7 @@ def test_a_full_disk(tmp_path, slurm_cluster, disk, bed):
     finished_well(submit(study, out), before)
 
 
+@may_mount
 @pytest.mark.takes(50)
 def test_a_disk_that_becomes_read_only(tmp_path, slurm_cluster, disk, bed):
     study = prepare(tmp_path, profile_with(), seconds=0.3)
