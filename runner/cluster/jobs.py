@@ -31,6 +31,8 @@ from sinew.runner.errors import ClusterError
 from sinew.runner.evaluation import external
 from sinew.runner.periodic import every
 
+POLL_S = 15.0  # between two questions about the queue, unless a profile says otherwise
+
 
 @dataclass(frozen=True)
 class Jobs:
@@ -53,7 +55,7 @@ class Jobs:
     directives: tuple[str, ...] = ()
     prologue: tuple[str, ...] = ()
     scratch: str | None = None
-    poll_s: float = 15.0
+    poll_s: float = POLL_S
     batch_system: str = "slurm"
 
     @property

@@ -13,7 +13,6 @@ from sinew.tasks.fitting.fits import (
     BestFit,
     FitSession,
     best_apart,
-    from_unit,
     jacobians_at,
     polished,
     search,
@@ -21,6 +20,7 @@ from sinew.tasks.fitting.fits import (
     weighing_of,
 )
 from sinew.tasks.model import FORCE, Model
+from sinew.tasks.model.parameters import from_unit
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study.checkpoint import Checkpoint

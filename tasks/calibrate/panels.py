@@ -163,7 +163,3 @@ def round_numbers(low: float, high: float) -> list[float]:
 def apart(low: float, high: float) -> tuple[float, float]:
     """Two limits of a logarithmic scale, which must not be equal."""
     return (low, high) if high > 1.001 * low else (0.999 * low, 1.001 * low)
-
-
-def bounds(parameters: Sequence[Parameter]) -> tuple[Array, Array]:
-    return np.array([each.minimum for each in parameters]), np.array([each.maximum for each in parameters])

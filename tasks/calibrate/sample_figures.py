@@ -16,7 +16,6 @@ from sinew.tasks.calibrate.panels import (
     Samples,
     apart,
     axis_label,
-    bounds,
     came_to,
     caption,
     colour_bar,
@@ -30,6 +29,7 @@ from sinew.tasks.calibrate.panels import (
 )
 from sinew.tasks.drawing.figures import STYLE
 from sinew.tasks.model import Parameter
+from sinew.tasks.model.parameters import unscaled
 from sinew.tasks.simulate import Array
 
 
@@ -54,8 +54,7 @@ def all_samples(samples: Samples) -> Figure:
     All panels are squares in one pair of axes, row over column: a hundred pairs of axes would take ten times as long.
     """
     count = len(samples.parameters)
-    low, high = bounds(samples.parameters)
-    inside = 0.1 + 0.8 * np.array([(each - low) / (high - low) for each in (*samples.points, samples.calibrated)])
+    inside = 0.1 + 0.8 * unscaled(samples.parameters, np.array([*samples.points, samples.calibrated]))
     points, calibrated = inside[:-1], inside[-1]
     best = points[int(np.argmin(samples.totals))]
     down, right = np.tril_indices(count, -1)

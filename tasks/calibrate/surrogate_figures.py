@@ -20,7 +20,6 @@ from sinew.tasks.calibrate.panels import (
     Samples,
     apart,
     axis_label,
-    bounds,
     finish,
     grid,
     head,
@@ -32,6 +31,7 @@ from sinew.tasks.calibrate.panels import (
 )
 from sinew.tasks.drawing.figures import COLOURS, STYLE
 from sinew.tasks.fitting.bayesian import Process, fitted, informative
+from sinew.tasks.model.parameters import bounds, unscaled
 from sinew.tasks.simulate import Array
 
 BACKGROUND = 100  # points over which a partial dependence is the mean
@@ -63,8 +63,7 @@ def learned(samples: Samples) -> Learned:
     """
     alive = np.flatnonzero(samples.alive)
     chosen = alive[informative(samples.totals[alive], LEARNED)]
-    low, high = bounds(samples.parameters)
-    points = (samples.points[chosen] - low) / (high - low)
+    points = unscaled(samples.parameters, samples.points[chosen])
     process, _ = fitted(points, np.log(np.maximum(samples.totals[chosen, np.newaxis], 1e-12)), None)
     return Learned(
         process, qmc.LatinHypercube(len(samples.parameters), rng=np.random.default_rng(0)).random(BACKGROUND)
@@ -139,7 +138,7 @@ def influences(samples: Samples, surrogate: Learned) -> Figure:
     """Partial dependence of the surrogate on every parameter, and its spread over the background (figure S2)."""
     low, high = bounds(samples.parameters)
     line = np.linspace(0.0, 1.0, FINE)
-    best = (samples.best - low) / (high - low)
+    best = unscaled(samples.parameters, samples.best)
     with plt.rc_context(STYLE):
         figure, axes = grid(len(samples.parameters), width=2.0, height=1.75, sharey=True)
         for k, (axis, parameter) in enumerate(zip(axes, samples.parameters, strict=True)):

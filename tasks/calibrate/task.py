@@ -21,8 +21,9 @@ from sinew.tasks.calibrate.method import Fits, calibrated, most_evaluations, spe
 from sinew.tasks.calibrate.result import SEARCHES, CalibrateResult, search_group
 from sinew.tasks.calibrate.settings import Settings
 from sinew.tasks.fitting.bayesian import Search, informative
-from sinew.tasks.fitting.fits import FitSession, from_unit, residuals_of, to_unit
+from sinew.tasks.fitting.fits import FitSession, residuals_of
 from sinew.tasks.model import FORCE, Specimen, file_name
+from sinew.tasks.model.parameters import from_unit, to_unit
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study import streams

@@ -33,8 +33,8 @@ from sinew.tasks.drawing.blocks import plural, span
 from sinew.tasks.model import FORCE, Specimen
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.build import simulator_of
-from sinew.tasks.simulate.design import base_samples
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
+from sinew.tasks.simulate.saltelli import base_samples
 from sinew.tasks.sobol.settings import Settings as SobolSettings
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.ranges import look

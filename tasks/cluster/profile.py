@@ -12,7 +12,7 @@ from pydantic import Field, PrivateAttr, field_validator
 from sinew.runner.cluster.allocation import Allocation
 from sinew.runner.cluster.batch_system import BatchSystem
 from sinew.runner.cluster.batch_systems import BATCH_SYSTEMS
-from sinew.runner.cluster.jobs import Jobs
+from sinew.runner.cluster.jobs import POLL_S, Jobs
 from sinew.runner.cluster.network import Network
 from sinew.runner.errors import shown
 from sinew.tasks.study.settings_file import FieldError, Section, read_settings
@@ -92,7 +92,7 @@ class WorkerSettings(_Size):
     walltime: str = "4:00:00"
     jobs: Annotated[int, Field(ge=1, le=10_000)] = 4
     minimum: Annotated[int, Field(ge=0, le=10_000)] = 0
-    poll_s: Annotated[float, Field(ge=1, le=600)] = 15.0
+    poll_s: Annotated[float, Field(ge=1, le=600)] = POLL_S
 
 
 class AllocationSettings(_Size):

@@ -14,6 +14,7 @@ from sinew.runner.evaluation.adaptive import Session
 from sinew.tasks.fitting.bayesian import Search, Surrogate, bayesian, propose
 from sinew.tasks.fitting.least_squares import STEP, Fit, Seen, Weighing, curvature_of, least_squares
 from sinew.tasks.model import Model
+from sinew.tasks.model.parameters import from_unit
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation, kept_points
 from sinew.tasks.study.checkpoint import Checkpoint
@@ -300,26 +301,6 @@ def residuals_of(evaluation: SpecimenEvaluation, forces: tuple[Array, ...]) -> A
         residuals = np.sqrt(share) * (force[:, watched] - series.at(rows))
         curves.append(np.pad(residuals, ((0, 0), (0, most - rows.size))))
     return np.stack(curves, axis=1)
-
-
-def from_unit(model: Model, points: Array) -> Array:
-    """Parameter sets ``[n, all]`` from points ``[n, free]`` of the unit cube."""
-    low, high = _bounds(model)
-    return model.full(tuple(parameter.name for parameter in model.free), low + (high - low) * points)
-
-
-def to_unit(model: Model, parameters: Array) -> Array:
-    """Points ``[n, free]`` of the unit cube from parameter sets ``[n, all]``."""
-    low, high = _bounds(model)
-    columns = [model.names.index(parameter.name) for parameter in model.free]
-    return (parameters[:, columns] - low) / (high - low)
-
-
-def _bounds(model: Model) -> tuple[Array, Array]:
-    return (
-        np.array([parameter.minimum for parameter in model.free]),
-        np.array([parameter.maximum for parameter in model.free]),
-    )
 
 
 def uncertainty(

@@ -18,7 +18,7 @@ from pyabc.sampler import Sampler
 from sinew.tasks.infer.history import IN_MEMORY, close
 from sinew.tasks.infer.observations import SiteEvaluation, root_mean_square
 from sinew.tasks.infer.prior import Prior
-from sinew.tasks.infer.priors import Alike, Normals
+from sinew.tasks.infer.pyabc_priors import Alike, Normals
 from sinew.tasks.infer.result import INTERVAL, Distance, GenerationCounts, Marginal, Posterior, draws
 from sinew.tasks.infer.sampler import Generation, StoreSampler
 from sinew.tasks.infer.settings import Settings

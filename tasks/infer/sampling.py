@@ -12,7 +12,7 @@ from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.tasks.infer import files
 from sinew.tasks.infer.history import keep
 from sinew.tasks.infer.method import DRAWS, Inferred, comparison, infer, posterior
-from sinew.tasks.infer.priors import Normals
+from sinew.tasks.infer.pyabc_priors import Normals
 from sinew.tasks.infer.result import Posterior, draws
 from sinew.tasks.infer.sampler import Generation, StoredModel, StoreSampler
 from sinew.tasks.infer.settings import Settings

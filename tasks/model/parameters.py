@@ -1,5 +1,6 @@
 """The parameters of the fibre-reinforced viscoelastic tendon, with the ranges of Pekedis (2025), table 1."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -47,6 +48,24 @@ class Parameter:
         """Whether the model can be evaluated at ``value`` at all."""
         above = value > self.floor if self.exclusive else value >= self.floor
         return bool(above and value < self.ceiling)
+
+
+def bounds(parameters: Sequence[Parameter]) -> tuple[Array, Array]:
+    """The lower and the upper ends ``[k]`` of the ranges of ``k`` parameters, in their order and units."""
+    lower = np.array([parameter.minimum for parameter in parameters], dtype=float)
+    return lower, np.array([parameter.maximum for parameter in parameters], dtype=float)
+
+
+def scaled(parameters: Sequence[Parameter], unit: Array) -> Array:
+    """Values ``[n, k]`` of ``k`` parameters at points ``[n, k]`` of the unit cube: 0 is a lower end, 1 an upper one."""
+    lower, upper = bounds(parameters)
+    return np.asarray(lower + (upper - lower) * unit)
+
+
+def unscaled(parameters: Sequence[Parameter], values: Array) -> Array:
+    """The points of the unit cube of which :func:`scaled` makes ``values``; no range may be a point."""
+    lower, upper = bounds(parameters)
+    return np.asarray((values - lower) / (upper - lower))
 
 
 LARGEST_LAMBDA_0 = 2.0  # the stretch at which the toe of a study may end at most
@@ -127,3 +146,14 @@ class Model:
     def with_parameter(self, parameter: Parameter) -> "Model":
         """The same model with one parameter replaced by name."""
         return replace(self, parameters=tuple(parameter if p.name == parameter.name else p for p in self.parameters))
+
+
+def from_unit(model: Model, points: Array) -> Array:
+    """Parameter sets ``[n, all]`` from points ``[n, free]`` of the unit cube; what is fixed stays at its reference."""
+    return model.full(tuple(parameter.name for parameter in model.free), scaled(model.free, points))
+
+
+def to_unit(model: Model, parameters: Array) -> Array:
+    """Points ``[n, free]`` of the unit cube from parameter sets ``[n, all]``."""
+    columns = [model.names.index(parameter.name) for parameter in model.free]
+    return unscaled(model.free, parameters[:, columns])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sinew.tasks.model import Model
+from sinew.tasks.model.parameters import from_unit
 from sinew.tasks.morris.result import Effects
 from sinew.tasks.study.streams import state
 
@@ -43,13 +44,10 @@ def trajectories(model: Model, count: int, levels: int, seed: int) -> Trajectori
     """Random trajectories over the ranges of a model's free parameters."""
     import SALib.sample.morris as salib_sample
 
-    free = model.free
-    names = tuple(parameter.name for parameter in free)
+    names = tuple(parameter.name for parameter in model.free)
     problem = {"num_vars": len(names), "names": list(names), "bounds": [[0.0, 1.0]] * len(names)}
     unit = salib_sample.sample(problem, count, num_levels=levels, seed=state(seed, "morris trajectories"))
-    low = np.array([parameter.minimum for parameter in free], dtype=float)
-    high = np.array([parameter.maximum for parameter in free], dtype=float)
-    return Trajectories(names, count, levels, unit, model.full(names, low + unit * (high - low)))
+    return Trajectories(names, count, levels, unit, from_unit(model, unit))
 
 
 def elementary_effects(

@@ -12,7 +12,7 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.morris.method import elementary_effects, trajectories
 from sinew.tasks.morris.result import KEYS, MorrisResult
 from sinew.tasks.morris.settings import Settings
-from sinew.tasks.simulate.objective import objectives_by_output, quantity
+from sinew.tasks.simulate.studied_quantity import objectives_by_output, quantity
 from sinew.tasks.study.cached import cached, commit, key
 from sinew.tasks.study.workspace import Workspace
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sinew.tasks.simulate.objective import panels
+from sinew.tasks.simulate.studied_quantity import panels
 from sinew.tasks.study.result import OMIT, Number, Numbers, Result
 
 KEYS = ("median", "median_low", "median_high", "maximum", "mean", "CV")

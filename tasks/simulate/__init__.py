@@ -137,8 +137,13 @@ def taking_effects(simulator: Simulator) -> TakesEffects | None:
 
 
 def rmse_of(values: Array, measured: Array) -> Array:
-    """Root mean square ``[n]`` of ``values`` ``[n, t]`` less ``measured`` ``[t]``, where that is a number."""
+    """Root mean square ``[n]`` of ``values`` ``[n, t]`` less ``measured`` ``[t]``, where that is a number.
+
+    NaN where nothing was measured.
+    """
     there = np.flatnonzero(np.isfinite(measured))
+    if not there.size:
+        return np.full(len(values), np.nan)
     return np.asarray(np.sqrt(np.mean((np.take(values, there, axis=1) - measured[there]) ** 2, axis=1)))
 
 

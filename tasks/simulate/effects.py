@@ -15,7 +15,7 @@ from sinew.runner.store.schema import STATUSES
 from sinew.tasks.model import Curve, Model, Protocol, Specimen, fibre
 from sinew.tasks.model.effect import Bars, Branch, Effect, Law, Values, in_order
 from sinew.tasks.model.effects import named
-from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, impossible, memory
+from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, impossible, memory, rmse_of
 from sinew.tasks.simulate.lateral import OUTPUTS, laterals
 from sinew.tasks.simulate.uniaxial import without_width
 
@@ -73,8 +73,7 @@ class UniaxialWith:
 
     def compare(self, model: Model, specimen: Specimen, curve: Curve, parameters: Array, keep: Array) -> Compared:
         done, strain = self._pulled(model, specimen, curve.protocol, parameters)
-        rmse = np.sqrt(np.mean((done.force_N - curve.force_N) ** 2, axis=1))
-        compared = Compared(rmse, done.force_N[:, keep], done.status, done.messages)
+        compared = Compared(rmse_of(done.force_N, curve.force_N), done.force_N[:, keep], done.status, done.messages)
         if not self.compared:
             return compared
         values, summaries, errors = laterals(

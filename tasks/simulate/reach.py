@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sinew.tasks.model import Curve, Model, Parameter, Protocol, Specimen
+from sinew.tasks.model.parameters import scaled
 from sinew.tasks.model.phases import phases
 from sinew.tasks.simulate import Array, Simulator
 
@@ -136,13 +137,11 @@ def spread(model: Model, count: int = ROWS) -> Array:
     """
     from scipy.stats.qmc import Sobol  # slow to import
 
-    low = np.array([parameter.minimum for parameter in model.parameters])
-    high = np.array([parameter.maximum for parameter in model.parameters])
     kinds = np.array([_kind(parameter) for parameter in model.parameters])
     corners = np.array([[bits >> kind & 1 for kind in kinds] for bits in range(8)], dtype=float)
-    inside = Sobol(len(low), scramble=False).random(count) + 0.5 / count  # its first point is a corner
+    inside = Sobol(len(kinds), scramble=False).random(count) + 0.5 / count  # its first point is a corner
     nudged = np.clip(corners, 1e-6, 1 - 1e-6)  # an end of a range may be just impossible
-    return low + (high - low) * np.vstack([nudged, inside])
+    return scaled(model.parameters, np.vstack([nudged, inside]))
 
 
 def _kind(parameter: Parameter) -> int:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
-from sinew.tasks.simulate.design import Design
+from sinew.tasks.simulate.saltelli import Design
 from sinew.tasks.sobol.result import KEYS, Analysis, Convergence, Indices
 from sinew.tasks.study.streams import Stream, state
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sinew.tasks.simulate.objective import panels
+from sinew.tasks.simulate.studied_quantity import panels
 from sinew.tasks.study.result import OMIT, Number, Numbers, Result
 
 Array = np.ndarray[Any, Any]

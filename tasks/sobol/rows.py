@@ -8,8 +8,8 @@ from sinew.runner.errors import BadInput
 from sinew.runner.store.table import Table
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.design import Design, saltelli
-from sinew.tasks.simulate.objective import objectives_by_output, quantity
+from sinew.tasks.simulate.saltelli import Design, saltelli
+from sinew.tasks.simulate.studied_quantity import objectives_by_output, quantity
 from sinew.tasks.sobol.result import SobolResult
 from sinew.tasks.sobol.settings import Settings
 from sinew.tasks.study.workspace import Workspace

@@ -16,9 +16,9 @@ from sinew.runner.evaluation.ensemble import failures
 from sinew.runner.store.table import Table
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.design import Design, block_of, saltelli
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
-from sinew.tasks.simulate.objective import objectives_by_output, quantity
+from sinew.tasks.simulate.saltelli import Design, block_of, saltelli
+from sinew.tasks.simulate.studied_quantity import objectives_by_output, quantity
 from sinew.tasks.sobol.method import (
     RULE,
     Bootstrap,

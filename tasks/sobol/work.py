@@ -1,6 +1,6 @@
 """How long Sobol indices will take."""
 
-from sinew.tasks.simulate.design import base_samples, block_of
+from sinew.tasks.simulate.saltelli import base_samples, block_of
 from sinew.tasks.sobol.settings import Settings
 from sinew.tasks.study.work import Given, Work
 

@@ -20,8 +20,8 @@ from sinew.tasks.calibrate.task import run
 from sinew.tasks.cluster.spec import cluster_of
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
-from sinew.tasks.fitting.fits import from_unit
 from sinew.tasks.model import Model, Specimen
+from sinew.tasks.model.parameters import from_unit
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.simulate.uniaxial import Uniaxial
 from sinew.tasks.study.study import read_study

@@ -13,7 +13,7 @@ from sinew.runner.evaluation.policy import Policy
 from sinew.runner.store.schema import CHUNK_ROWS
 from sinew.runner.store.store import Store
 from sinew.tasks.model import Model
-from sinew.tasks.simulate.design import base_samples, saltelli
+from sinew.tasks.simulate.saltelli import base_samples, saltelli
 from tests.benchmarks.common import evaluation, median_line, rows
 
 ROUNDS = 10

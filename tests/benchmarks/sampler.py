@@ -28,7 +28,7 @@ from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.runner.evaluation.ensemble import run_adaptive
 from sinew.runner.store.store import Store
 from sinew.tasks.infer.history import IN_MEMORY, close, keep
-from sinew.tasks.infer.priors import Alike, Normals
+from sinew.tasks.infer.pyabc_priors import Alike, Normals
 from sinew.tasks.infer.sampler import Generation, StoredModel, StoreSampler
 from sinew.tasks.infer.stock_sampler import DirectModel, stock_sampler
 from sinew.tasks.infer.transitions import DefensiveNormal

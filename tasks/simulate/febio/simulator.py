@@ -145,10 +145,9 @@ class FEBio:
     def compare(self, model: Model, specimen: Specimen, curve: Curve, parameters: Array, keep: Array) -> Compared:
         found, status, messages = self._rows(model, specimen, curve.protocol, parameters)
         force = found[:, self._force] if self.capabilities.force is not None else np.full(found[:, 0].shape, np.nan)
-        rmse = np.sqrt(np.mean((force - curve.force_N) ** 2, axis=1))  # NaN where nothing was measured
         outputs = {output.name: found[:, number] for number, output in enumerate(self.capabilities.outputs)}
         return Compared(
-            rmse,
+            rmse_of(force, curve.force_N),
             force[:, keep],
             status,
             messages,

@@ -7,8 +7,9 @@ import pytest
 
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.fitting.bayesian import Search, Surrogate, bayesian, components, fitted, propose, totals_of
-from sinew.tasks.fitting.fits import from_unit, residuals_of
+from sinew.tasks.fitting.fits import residuals_of
 from sinew.tasks.model import Model
+from sinew.tasks.model.parameters import from_unit
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.simulate.uniaxial import Uniaxial
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from sinew.tasks.data.virtual import virtual_cohort
-from sinew.tasks.fitting.fits import FitSession, exchanged, from_unit, uncertainty, weighing_of
+from sinew.tasks.fitting.fits import FitSession, exchanged, uncertainty, weighing_of
 from sinew.tasks.fitting.least_squares import Fit, Seen, Weighing, least_squares
 from sinew.tasks.model import TENDON, Model
+from sinew.tasks.model.parameters import from_unit
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.simulate.uniaxial import Uniaxial
 

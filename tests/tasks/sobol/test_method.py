@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from SALib.test_functions import Sobol_G
 
 from sinew.tasks.model import Model, Parameter
-from sinew.tasks.simulate.design import Design, base_samples, saltelli
+from sinew.tasks.simulate.saltelli import Design, base_samples, saltelli
 from sinew.tasks.sobol.method import Bootstrap, analyse, convergence, indices, indices_if_failed_had
 from sinew.tasks.sobol.result import KEYS
 

@@ -12,8 +12,8 @@ from sinew.runner.errors import BadInput
 from sinew.runner.store.schema import STATUSES
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
-from sinew.tasks.simulate.design import saltelli
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
+from sinew.tasks.simulate.saltelli import saltelli
 from sinew.tasks.sobol.rows import SobolRows, sobol_rows
 from sinew.tasks.study.workspace import Workspace, open_workspace
 from tests.tasks.sobol.results import sobol_result
