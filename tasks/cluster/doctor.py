@@ -37,7 +37,7 @@ from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.simulate.saltelli import base_samples
 from sinew.tasks.sobol.settings import Settings as SobolSettings
 from sinew.tasks.study.model import model_of
-from sinew.tasks.study.ranges import look
+from sinew.tasks.study.range_check import look
 from sinew.tasks.study.study import Study
 from sinew.tasks.study.workspace import attempts_folder, check_cohort
 

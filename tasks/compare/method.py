@@ -25,6 +25,7 @@ from sinew.tasks.study import streams
 from sinew.tasks.study.streams import Stream
 
 Array = np.ndarray[Any, Any]
+FEWEST = 4  # particles of a site
 GRID = 201  # values of the component at which densities are computed
 
 

@@ -9,14 +9,13 @@ import numpy as np
 import xarray as xr
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.compare.method import Array, Component, Particles, densities, first_component, pairs_of
+from sinew.tasks.compare.method import FEWEST, Array, Component, Particles, densities, first_component, pairs_of
 from sinew.tasks.compare.result import CompareResult, Loadings, SiteParticles
 from sinew.tasks.compare.settings import Settings
 from sinew.tasks.infer.result import InferResult, particles_group
 from sinew.tasks.study.cached import cached, commit, key
 from sinew.tasks.study.workspace import Workspace
 
-FEWEST = 4
 NOTE = (
     "intervals are about the number of particles: they say how well the overlap of two posteriors is known, "
     "not whether more specimens would set the sites apart"
@@ -42,7 +41,8 @@ def run(workspace: Workspace, settings: Settings) -> CompareResult:
         return known
     for site, particles in sites.items():
         if len(particles.weights) < FEWEST:
-            raise BadInput(path, f"{site}: {len(particles.weights)} particles", "4 or more: a larger infer.population")
+            expected = f"{FEWEST} or more: a larger infer.population"
+            raise BadInput(path, f"{site}: {len(particles.weights)} particles", expected)
     component = first_component(list(sites.values()))
     along = {site: component.of(particles.values) for site, particles in sites.items()}
     result = CompareResult(

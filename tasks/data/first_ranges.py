@@ -19,7 +19,7 @@ from sinew.tasks.model.phases import is_compression
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.reach import reach, spread, thinned, unseen
 from sinew.tasks.simulate.uniaxial import Uniaxial
-from sinew.tasks.study.ranges import out_of_reach, rounded, words
+from sinew.tasks.study.range_check import out_of_reach, rounded, words
 
 EXTENSIBLE = 0.1  # strain from which on a toe that ends at 1 % is no toe
 TOE_ENDS = (0.25, 0.5, 0.75, 1.0)  # parts of the largest strain at which the toe may end

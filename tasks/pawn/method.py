@@ -12,6 +12,7 @@ from sinew.tasks.pawn.result import Pawn
 from sinew.tasks.study.streams import generator
 
 Array = np.ndarray[Any, Any]
+FEWEST_ROWS_OF_A_SLIDE = 5  # a distribution of fewer outcomes says nothing
 
 
 def pawn_indices(

@@ -9,15 +9,13 @@ import numpy as np
 import xarray as xr
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.pawn.method import pawn_indices
+from sinew.tasks.pawn.method import FEWEST_ROWS_OF_A_SLIDE, pawn_indices
 from sinew.tasks.pawn.result import KEYS, PawnResult
 from sinew.tasks.pawn.settings import Settings
 from sinew.tasks.sobol.rows import sobol_rows
 from sinew.tasks.sobol.settings import Settings as SobolSettings
 from sinew.tasks.study.cached import cached, commit, key
 from sinew.tasks.study.workspace import Workspace
-
-FEWEST_IN_A_SLIDE = 5
 
 
 def run(workspace: Workspace, settings: Settings) -> PawnResult:
@@ -31,9 +29,9 @@ def run(workspace: Workspace, settings: Settings) -> PawnResult:
     place = np.arange(len(design.rows)) % design.block
     independent = (place == 0) | (place == design.block - 1)
     used = np.flatnonzero(independent & found.ok)
-    if used.size < FEWEST_IN_A_SLIDE * settings.slides:
+    if used.size < FEWEST_ROWS_OF_A_SLIDE * settings.slides:
         problem = f"{used.size} independent rows for {settings.slides} slides"
-        raise BadInput(workspace.out, problem, f"{FEWEST_IN_A_SLIDE} for each slide: a larger sobol design")
+        raise BadInput(workspace.out, problem, f"{FEWEST_ROWS_OF_A_SLIDE} for each slide: a larger sobol design")
     indices_of = partial(
         pawn_indices, design.free_rows[used], slides=settings.slides, resamples=settings.resamples,
         confidence=settings.confidence, seed=workspace.seed,

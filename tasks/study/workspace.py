@@ -40,7 +40,7 @@ from sinew.tasks.study.cohort import cohort_of
 from sinew.tasks.study.curves import keep_curves
 from sinew.tasks.study.json_lines import LogFile
 from sinew.tasks.study.model import model_of
-from sinew.tasks.study.ranges import Ranges, keep, look
+from sinew.tasks.study.range_check import Ranges, keep, look
 from sinew.tasks.study.study import Study
 
 T = TypeVar("T")

@@ -37,7 +37,7 @@ from sinew.tasks.simulate.febio.model_file.source import read_source
 from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at
 from sinew.tasks.simulate.febio.plot_file import plot_file_of, read_plot_file
 from sinew.tasks.simulate.rows import read_parameters
-from sinew.tasks.study import ranges
+from sinew.tasks.study import range_check as ranges
 from sinew.tasks.study.checkpoint import Checkpoint
 from sinew.tasks.study.curves import keep_curves, kept_curves
 from sinew.tasks.study.model import model_of

@@ -30,7 +30,7 @@ from sinew.tasks.simulate.febio.model_file.source import read_source
 from sinew.tasks.simulate.febio.output import read_records
 from sinew.tasks.simulate.febio.plot_file import read_plot_file
 from sinew.tasks.simulate.rows import read_parameters
-from sinew.tasks.study import ranges
+from sinew.tasks.study import range_check as ranges
 from sinew.tasks.study.checkpoint import Checkpoint
 from sinew.tasks.study.files import read_json
 from sinew.tasks.study.study import read_study

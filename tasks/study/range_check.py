@@ -80,7 +80,7 @@ def advised(simulator: Simulator, model: Model, specimens: Sequence[Specimen], f
     low, high = min([1.0, *scales]), max([1.0, *scales])
     if all(not one.reached for one in found):
         low, high = min(scales), max(scales)
-    moduli = [scaled(one, low, high) for one in model.free if one.unit == "MPa"]
+    moduli = [widened(one, low, high) for one in model.free if one.unit == "MPa"]
     wider = model
     for one in moduli:
         wider = wider.with_parameter(one)
@@ -103,7 +103,7 @@ def _hopeless(reaches: Sequence[Reach]) -> bool:
     return len(out_of_reach(reaches)) > MOST * len({one.specimen for one in reaches})
 
 
-def scaled(parameter: Parameter, low: float, high: float) -> Parameter:
+def widened(parameter: Parameter, low: float, high: float) -> Parameter:
     """The parameter with its ends times ``low`` and ``high``, rounded outwards to two digits."""
     minimum, maximum = rounded(parameter.minimum * low, up=False), rounded(parameter.maximum * high, up=True)
     return replace(parameter, minimum=minimum, maximum=maximum, reference=(minimum + maximum) / 2)

@@ -11,9 +11,9 @@ from sinew.tasks.cli import main as cli
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Curve
-from sinew.tasks.study import ranges
+from sinew.tasks.study import range_check
 from sinew.tasks.study.cohort import cohort_of
-from sinew.tasks.study.ranges import Ranges, keep, look, rounded
+from sinew.tasks.study.range_check import RANGES, Ranges, keep, look, rounded
 from sinew.tasks.study.study import read_study
 
 SPECIMENS, _ = virtual_cohort(seed=1, per_site=1, rate_hz=2.0)
@@ -73,10 +73,10 @@ def test_an_earlier_look_counts_until_something_changes(tmp_path, monkeypatch):
     out = tmp_path / "out"
     out.mkdir()
     keep(found, out)
-    monkeypatch.setattr(ranges, "reach", lambda *_: pytest.fail("it looked again"))
+    monkeypatch.setattr(range_check, "reach", lambda *_: pytest.fail("it looked again"))
     assert look(study, cohort_of(study), out) == found
     (tmp_path / "study.yaml").write_text("name: x\ncohort: cohort\nmodel: {parameters: {E_m: {max: 60}}}\n")
-    monkeypatch.setattr(ranges, "reach", lambda *_: ())
+    monkeypatch.setattr(range_check, "reach", lambda *_: ())
     changed = read_study(tmp_path / "study.yaml")
     assert look(changed, cohort_of(changed), out).reach == []
 
@@ -85,7 +85,7 @@ def test_an_earlier_look_counts_until_something_changes(tmp_path, monkeypatch):
 def test_a_damaged_look_is_made_again(tmp_path, content):
     study, found = looked(tmp_path, SPECIMENS[:1])
     (tmp_path / "out").mkdir()
-    (tmp_path / "out" / ranges.RANGES).write_text(content)
+    (tmp_path / "out" / RANGES).write_text(content)
     assert look(study, cohort_of(study), tmp_path / "out") == found
 
 
@@ -94,7 +94,7 @@ def test_impossible_numbers_under_the_right_key_are_looked_at_again(tmp_path, nu
     study, found = looked(tmp_path, SPECIMENS[:1])
     (tmp_path / "out").mkdir()
     keep(found, tmp_path / "out")
-    path = tmp_path / "out" / ranges.RANGES
+    path = tmp_path / "out" / RANGES
     content = json.loads(path.read_text())
     content["reach"][0]["measured_N"] = number
     path.write_text(json.dumps(content))
@@ -143,7 +143,7 @@ def test_given_rows_are_simulated_whatever_the_ranges(tmp_path, monkeypatch):
     monkeypatch.setattr("sys.argv", ["sinew", *map(str, words), "--workers", "1"])
     cli.main()
     assert json.loads((tmp_path / "out" / "simulate.json").read_text())["failed"] == 0
-    assert not (tmp_path / "out" / ranges.RANGES).exists()
+    assert not (tmp_path / "out" / RANGES).exists()
 
 
 @pytest.mark.parametrize("value", [0.0, 1e-9, 0.0123, 9.99, 10.0, 275.0, 9.96e7])
@@ -158,4 +158,4 @@ def test_numbers_are_rounded_to_two_digits_outwards(value):
 def test_what_is_kept_is_what_was_found(tmp_path):
     _, found = looked(tmp_path, SPECIMENS[:1])
     keep(found, tmp_path)
-    assert Ranges.model_validate(json.loads((tmp_path / ranges.RANGES).read_text())) == found
+    assert Ranges.model_validate(json.loads((tmp_path / RANGES).read_text())) == found
