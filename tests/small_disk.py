@@ -19,14 +19,19 @@ may_mount = pytest.mark.skipif(os.geteuid() != 0, reason="only root can mount a 
 
 @contextlib.contextmanager
 def small_disk(megabytes: int) -> Iterator[Path]:
-    """An empty file system of that size, gone at the end with all that was mounted inside."""
-    folder = Path(tempfile.mkdtemp(prefix="sinew-disk-"))
+    """An empty file system of that size, in a folder of its own with room beside it; gone at the end with that folder.
+
+    What was mounted inside is gone as well.
+    """
+    around = Path(tempfile.mkdtemp(prefix="sinew-disk-"))
+    folder = around / "disk"
+    folder.mkdir()
     subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={megabytes}m", "tmpfs", folder], check=True)
     try:
         yield folder
     finally:
         unmount_below(folder)
-        shutil.rmtree(folder)
+        shutil.rmtree(around)
 
 
 def unmount_below(folder: Path) -> None:

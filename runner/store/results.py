@@ -56,7 +56,7 @@ def read(path: Path, group: zarr.Group, name: str) -> xr.Dataset:
         total += _checked(array, folder / one, whole=listed is not None)
     if total > MAX_BYTES:
         raise Damaged(f"its arrays take {total:,} bytes")
-    dataset = xr.open_zarr(path, group=name, consolidated=False, zarr_format=3).load()
+    dataset = xr.open_zarr(path, group=name, consolidated=False, zarr_format=3, chunks=None).load()
     dataset.attrs.pop(ARRAYS, None)
     return dataset
 

@@ -239,8 +239,8 @@ def fill(folder: Path) -> Path:
 
 @may_mount
 @pytest.mark.takes(45)
-def test_a_full_disk(tmp_path, slurm_cluster, disk, bed):
-    study = prepare(tmp_path, profile_with(), seconds=0.3)
+def test_a_full_disk(slurm_cluster, disk, bed):
+    study = prepare(disk.parent, profile_with(), seconds=0.3)
     out = submit(study, disk / "out")
     before = progress(out)
     filler = fill(disk)
@@ -252,8 +252,8 @@ def test_a_full_disk(tmp_path, slurm_cluster, disk, bed):
 
 @may_mount
 @pytest.mark.takes(50)
-def test_a_disk_that_becomes_read_only(tmp_path, slurm_cluster, disk, bed):
-    study = prepare(tmp_path, profile_with(), seconds=0.3)
+def test_a_disk_that_becomes_read_only(slurm_cluster, disk, bed):
+    study = prepare(disk.parent, profile_with(), seconds=0.3)
     out = submit(study, disk / "out")
     before = progress(out)
     journal = out / "journal"
