@@ -13,9 +13,11 @@ import hypothesis
 import numpy as np
 import pytest
 
+from sinew.runner.cluster.client import open_client
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from tests.shared_folders import made_once
 from tests.small_disk import unmount_below
+from tests.warm_workers import WarmWorkers
 
 pytest_plugins = ("tests.batch.plugin",)
 
@@ -79,6 +81,23 @@ def drawing() -> Iterator[dict[str, Callable[..., Any]]]:
         for name in real:
             patch.setattr(pipeline, name, lambda *_, **__: None)
         yield real
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _warm_workers() -> Iterator[None]:
+    """Studies that run in this process share local workers, see :mod:`tests.warm_workers`."""
+    workers = WarmWorkers()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sinew.tasks.study.workspace.open_client", workers.open_client)
+        yield
+    workers.close()
+
+
+@pytest.fixture(autouse=True)
+def _own_workers(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where workers are what a test is about, its runs start their own."""
+    if request.node.get_closest_marker("own_workers"):
+        monkeypatch.setattr("sinew.tasks.study.workspace.open_client", open_client)
 
 
 @pytest.fixture(autouse=True)
