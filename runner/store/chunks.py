@@ -4,6 +4,7 @@ A few damaged or hostile bytes may claim gigabytes, which a decompressor would a
 """
 
 import math
+import os
 import struct
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,9 @@ import zarr
 
 MAX_TEXT_BYTES = 2**25  # of a chunk of names or messages
 NUMBERS, TEXTS = ("bytes", "blosc", "crc32c"), ("vlen-utf8", "zstd")
-_BLOSC, _COUNT, _ZSTD = struct.Struct("<4xI"), struct.Struct("<I"), b"\x28\xb5\x2f\xfd"
+BLOSC_HEADER = struct.Struct("<4xI4xI")  # the bytes that it holds, and those of itself
+BLOSC_MOST, CHECKSUM = 16, 4  # bytes that Blosc may add to what cannot be compressed; of the CRC32C behind it
+_COUNT, _ZSTD = struct.Struct("<I"), b"\x28\xb5\x2f\xfd"
 
 
 def codecs_fault(array: zarr.Array[Any]) -> str:
@@ -44,13 +47,24 @@ def chunk_fault(file: Path, array: zarr.Array[Any]) -> str:
 def _fault(file: Path, array: zarr.Array[Any]) -> str:
     if array.dtype.kind not in "OT":
         with file.open("rb") as opened:
-            header = opened.read(_BLOSC.size)
-        expected = array.dtype.itemsize * math.prod(array.chunks)
-        whole = len(header) == _BLOSC.size and _BLOSC.unpack(header)[0] == expected
-        return "" if whole else f"a chunk is not one of {expected:,} bytes"
+            header, size = opened.read(BLOSC_HEADER.size), os.fstat(opened.fileno()).st_size
+        return blosc_fault(header, size, array.dtype.itemsize * math.prod(array.chunks))
     if file.stat().st_size > MAX_TEXT_BYTES:
         return f"a chunk has more than {MAX_TEXT_BYTES:,} bytes"
     return text_fault(file.read_bytes(), math.prod(array.chunks))
+
+
+def blosc_fault(header: bytes, size: int, expected: int) -> str:
+    """Why a chunk of numbers must not be decompressed, or nothing, by the ``header`` of its file of ``size`` bytes.
+
+    Blosc is not told where its input ends: it believes the header, and reads the memory behind a file that is shorter.
+    """
+    if len(header) < BLOSC_HEADER.size:
+        return "a chunk is cut short"
+    holds, own = BLOSC_HEADER.unpack(header)
+    if holds != expected or own > expected + BLOSC_MOST:
+        return f"a chunk is not one of {expected:,} bytes"
+    return "" if own + CHECKSUM == size else f"a chunk of {own + CHECKSUM:,} bytes has {size:,}"
 
 
 def text_fault(content: bytes, count: int) -> str:

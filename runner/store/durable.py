@@ -12,18 +12,36 @@ from pathlib import Path
 from typing import Any
 
 import zarr
-from zarr.core.buffer import Buffer
+from zarr.abc.store import ByteRequest
+from zarr.core.buffer import Buffer, BufferPrototype
 from zarr.storage import LocalStore
 
+MAX_METADATA_BYTES = 2**24  # of a zarr.json
+MAX_CHUNK_FILE_BYTES = 2**28 + 2**10  # of the largest chunk that is read, where nothing of it could be compressed
 CANNOT = (errno.EINVAL, errno.EACCES, errno.EBADF, errno.ENOTSUP)  # folders on some network file systems
 
 
 class DurableStore(LocalStore):
-    """Zarr's files on a disk. ``sync_folders`` brings the names of all files written so far there."""
+    """Zarr's files on a disk. ``sync_folders`` brings the names of all files written so far there.
+
+    A file is read whole, so one that is larger than any that is written here is refused (``ValueError``).
+    """
 
     def __init__(self, root: Path | str, *, read_only: bool = False) -> None:
         super().__init__(root, read_only=read_only)
         self.folders: set[Path] = set()
+
+    async def get(
+        self, key: str, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
+    ) -> Buffer | None:
+        _check_size(self.root / key)
+        return await super().get(key, prototype, byte_range)
+
+    def get_sync(
+        self, key: str, *, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
+    ) -> Buffer | None:
+        _check_size(self.root / key)
+        return super().get_sync(key, prototype=prototype, byte_range=byte_range)
 
     async def _set(self, key: str, value: Buffer, exclusive: bool = False) -> None:
         if not self._is_open:
@@ -48,6 +66,15 @@ class DurableStore(LocalStore):
         folders, self.folders = self.folders, set()
         for folder in sorted(folders):
             sync_folder(folder)
+
+
+def _check_size(path: Path) -> None:
+    try:
+        size = path.stat().st_size
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    if size > (MAX_METADATA_BYTES if path.name == "zarr.json" else MAX_CHUNK_FILE_BYTES):
+        raise ValueError(f"{path.name} has {size:,} bytes")
 
 
 def sync_names(group: zarr.Group) -> None:

@@ -17,6 +17,7 @@ from sinew.runner.store.layout import Damaged, check_group
 
 ARRAYS = "arrays"  # attribute of a group: the names of its arrays; stores of version 0.1 do not have it
 MAX_BYTES = 2**28  # of all arrays of a group
+MAX_MISSING = 1024  # chunks of an array without a list: those of version 0.1 were not written where all is empty
 MAX_ITEMS = 2**20  # of an array of texts
 NUMBERS, TEXTS = ("bytes", "zstd"), ("vlen-utf8", "zstd")
 
@@ -75,8 +76,11 @@ def _checked(array: zarr.Array[Any], folder: Path, *, whole: bool) -> int:
     if max(size, chunk) > MAX_BYTES:
         raise Damaged(f"the shape of {folder.name} is {array.shape}, its chunks are {array.chunks}")
     files = chunk_files(folder / "c")
-    if whole and len(files) != math.prod(-(-n // part) for n, part in zip(array.shape, array.chunks, strict=True)):
+    chunks = math.prod(-(-n // part) for n, part in zip(array.shape, array.chunks, strict=True))
+    if whole and len(files) != chunks:
         raise Damaged(f"a chunk of {folder.name} is missing")
+    if chunks > max(len(files), MAX_MISSING):
+        raise Damaged(f"{folder.name} claims {chunks:,} chunks")
     for file in files:
         content = file.read_bytes() if file.stat().st_size <= MAX_BYTES else b""
         if text and (fault := text_fault(content, math.prod(array.chunks))):

@@ -2,7 +2,6 @@
 
 import os
 import stat
-import struct
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -15,7 +14,7 @@ import zarr
 
 from sinew.runner.errors import StoreError, of_the_system
 from sinew.runner.files import what_is
-from sinew.runner.store.chunks import codecs_fault
+from sinew.runner.store.chunks import BLOSC_HEADER, blosc_fault, codecs_fault
 from sinew.runner.store.damage import words
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.febio.kept import ENDING, FORMAT, Entry, Run, as_zarr
@@ -24,8 +23,8 @@ from sinew.tasks.simulate.febio.plot_mesh import Mesh, Region
 
 MAX_MEMBERS = 200_000
 MAX_ARRAY_BYTES = 2**28
-MAX_JSON = 2**24
-_BLOSC = struct.Struct("<4xI")
+MAX_JSON = 2**22
+MAX_RUNS = 10_000  # of a file, which keeps those of a batch
 
 
 @dataclass(frozen=True)
@@ -49,6 +48,8 @@ def contents(path: Path) -> list[tuple[Entry, Place]]:
         if about.get("sinew_fields") != FORMAT:
             raise ValueError(f"its format is {str(about.get('sinew_fields'))[:20]}, not {FORMAT}")
         runs: Any = about["runs"]
+        if len(runs) > MAX_RUNS:
+            raise ValueError(f"it lists {len(runs):,} runs")
         found = []
         for number, run in enumerate(runs):
             parameters = {str(name): float(value) for name, value in run["parameters"].items()}
@@ -149,9 +150,9 @@ class _Reader:
             raise ValueError(f"{name} claims {size:,} bytes")
         for member in self._chunks.get(name, ()):
             with self.archive.open(member) as file:
-                head = file.read(_BLOSC.size)
-            if len(head) < _BLOSC.size or _BLOSC.unpack(head)[0] != chunk:
-                raise ValueError(f"a chunk of {name} is not one of {chunk:,} bytes")
+                header = file.read(BLOSC_HEADER.size)
+            if fault := blosc_fault(header, self.archive.getinfo(member).file_size, chunk):
+                raise ValueError(f"{name}: {fault}")
         return np.asarray(array[...])
 
 

@@ -131,4 +131,4 @@ def _decompressed(content: memoryview, at: int, most: int) -> tuple[memoryview, 
                 raise damaged(f"its states have more than {most:,} bytes")
     except zlib.error:
         raise damaged("neither a state nor compressed data where a state is expected") from None
-    return memoryview(bytes(found)), at - len(stream.unused_data)
+    return memoryview(found).toreadonly(), at - len(stream.unused_data)

@@ -40,7 +40,8 @@ COMPONENTS: dict[str, tuple[str, ...]] = {
     "mat3f": ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"),
 }
 MAX_VARIABLES, MAX_ARRAY, MAX_STATES = 1000, 4096, 10**6
-MAX_BYTES = 2**30  # of a file, of its states, and of the arrays that are made of them: what can be kept and read again
+MAX_BYTES = 2**28  # of a file, of its states, and of the arrays that are made of them: what can be kept and read again
+MAX_REGIONS = 2**22  # of all variables in all states, each of which is looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +89,7 @@ class _Entry:
 
 
 def read_plot_file(path: Path, max_bytes: int) -> PlotFile:
-    """Read a plot file of at most ``max_bytes`` and 1 GiB. Raises :class:`Failed` for any damage."""
+    """Read a plot file of at most ``max_bytes`` and 256 MiB. Raises :class:`Failed` for any damage."""
     max_bytes = min(max_bytes, MAX_BYTES)
     try:
         content = read_regular(path, max_bytes)
@@ -175,6 +176,7 @@ class _Course:
 
 def _with_states(entries: list[_Entry], mesh: Mesh, rest: memoryview, max_bytes: int) -> PlotFile:
     times: list[float] = []
+    regions = 0
     courses: dict[tuple[Where, int], _Course] = {
         (where, number): _Course(entry)
         for where in _WHERE.values()
@@ -194,7 +196,9 @@ def _with_states(entries: list[_Entry], mesh: Mesh, rest: memoryview, max_bytes:
             if first.setdefault(place, len(times) - 1) + len(course.states) == len(times):
                 seen = -1
                 break
-            _append(course, mesh, content)
+            regions += _append(course, mesh, content)
+            if regions > MAX_REGIONS:
+                raise damaged(f"its states have more than {MAX_REGIONS:,} regions")
         if seen != len(first):
             raise damaged(f"the state at {times[-1]:g} s does not hold each variable once")
     at = np.array(times)
@@ -228,9 +232,9 @@ def _state_data(content: memoryview) -> Iterator[tuple[tuple[Where, int], memory
             yield (_DATA[tag], number), parts.get(0x02020003, memoryview(b""))
 
 
-def _append(course: _Course, mesh: Mesh, content: memoryview) -> None:
-    """Add what one state has of a variable, region by region."""
-    entry, before, seen = course.entry, len(course.regions), set[int]()
+def _append(course: _Course, mesh: Mesh, content: memoryview) -> int:
+    """Add what one state has of a variable, region by region; returns how many these are."""
+    entry, seen = course.entry, set[int]()
     for region, numbers in chunks(content, "a variable's data"):
         if region not in course.items:
             course.items[region] = _items_of(entry, region, mesh)
@@ -243,7 +247,8 @@ def _append(course: _Course, mesh: Mesh, content: memoryview) -> None:
         seen.add(region)
         course.regions.append(region)
         course.numbers.extend(numbers)
-    course.states.append(len(course.regions) - before)
+    course.states.append(len(seen))
+    return len(seen)
 
 
 def _items_of(entry: _Entry, number: int, mesh: Mesh) -> int:

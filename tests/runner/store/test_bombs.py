@@ -1,5 +1,6 @@
 """A chunk that claims to hold more than it may is not decompressed."""
 
+import os
 import resource
 import struct
 from pathlib import Path
@@ -66,6 +67,44 @@ def test_a_bomb_is_refused_and_removed(folder, array, bomb):
         table = store.table(table_spec())
         rows = fill(table, some(20))
         assert np.array_equal(table.read("force", rows), Quick()(some(20)).values["force"])
+
+
+def lying(nbytes: int, own: int, content: bytes = b"") -> bytes:
+    """A chunk that is stored as it is, of a header that says what it holds and how long it is."""
+    packed = struct.pack("<BBBBIII", 2, 1, 2, 8, nbytes, nbytes, own) + content
+    return packed + struct.pack("<I", checksum(packed))
+
+
+def test_a_chunk_that_says_it_is_longer_is_not_read_beyond_its_end(folder):
+    """Blosc would give the memory of the process that lies behind it."""
+    (file,) = (folder / "store.zarr" / "evaluations").glob("specimen-*/wall_seconds/c/0")
+    array = open_store(folder).tables()[0].group["wall_seconds"]
+    holds = 8 * array.chunks[0]
+    file.write_bytes(lying(holds, holds + 16))
+    with pytest.raises(StoreError, match=f"a chunk of {holds + 20:,} bytes has 20"):
+        open_store(folder).tables()[0].read("wall_seconds", np.arange(20))
+    for header, words in ((lying(holds, 8 * holds), "not one of"), (b"\2\1", "cut short")):
+        file.write_bytes(header)
+        assert words in chunk_fault(file, array)
+    file.write_bytes(lying(holds, holds + 16, bytes(holds)))
+    assert chunk_fault(file, array) == ""
+    assert not open_store(folder).tables()[0].read("wall_seconds", np.arange(20)).any()
+
+
+@pytest.mark.parametrize("file", ["zarr.json", "{table}/zarr.json", "{table}/status/zarr.json", "{table}/status/c/0"])
+def test_a_file_larger_than_any_that_is_written_is_not_read(folder, file):
+    """Sparse files take no room on the disk, and as much memory as they claim."""
+    (table,) = (folder / "store.zarr" / "evaluations").glob("specimen-*")
+    path = folder / "store.zarr" / file.format(table=table.relative_to(folder / "store.zarr"))
+    os.truncate(path, 2**31)
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    in_use = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (in_use + 2**28, hard))
+    try:
+        with pytest.raises(StoreError, match=r"damaged \(.*2,147,483,648"):
+            list(open_store(folder).tables()[0].status)
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
 def test_every_cut_of_names_is_seen(folder):

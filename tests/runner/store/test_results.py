@@ -42,6 +42,15 @@ def test_arrays_of_a_store_without_a_list_are_read(folder):
     xr.testing.assert_identical(open_store(folder).read_result("sobol"), DATASET)
 
 
+def test_an_array_without_a_list_has_no_more_chunks_than_files(folder):
+    """Zarr would look for the file of each."""
+    group = folder / "store.zarr" / "sobol"
+    edit(group, lambda one: one["attributes"].pop(ARRAYS))
+    shape([2**24], [1])(group)
+    with pytest.raises(StoreError, match="S1 claims 16,777,216 chunks"):
+        open_store(folder).read_result("sobol")
+
+
 def edit(place: Path, change: Callable[[Any], Any]) -> None:
     content = json.loads((place / "zarr.json").read_text())
     change(content)

@@ -2,8 +2,10 @@
 
 import shutil
 import signal
+import struct
 import subprocess
 import sys
+import zipfile
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -184,6 +186,27 @@ def test_every_cut_and_many_changes_are_refused_or_read(written):
     written.write_bytes(content[:-40])
     index.look()
     assert index.places == {}
+
+
+def test_a_chunk_that_says_it_is_longer_is_refused(written):
+    """Blosc would give the memory of the process that lies behind it."""
+    with zipfile.ZipFile(written) as archive:
+        members = {one: archive.read(one) for one in archive.namelist()}
+    name = "run_0/time_s/c/0"
+    holds = int.from_bytes(members[name][4:8], "little")
+    members[name] = struct.pack("<BBBBIII", 2, 1, 2, 8, holds, holds, holds + 16) + members[name][-4:]
+    with zipfile.ZipFile(written, "w") as archive:
+        for one, content in members.items():
+            archive.writestr(one, content)
+    (_, place), _ = kept_files.contents(written)
+    with pytest.raises(StoreError, match=f"run_0/time_s: a chunk of {holds + 20:,} bytes has 20"):
+        kept_files.read_run(place)
+
+
+def test_a_file_lists_no_more_runs_than_a_batch_has(written, monkeypatch):
+    monkeypatch.setattr(kept_files, "MAX_RUNS", 1)
+    with pytest.raises(StoreError, match="it lists 2 runs"):
+        kept_files.contents(written)
 
 
 KILLED = """

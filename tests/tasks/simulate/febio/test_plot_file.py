@@ -193,6 +193,13 @@ def test_many_empty_regions_take_no_more_memory_than_the_file():
     assert len(found.variables["density"].regions) == 1000
 
 
+def test_regions_of_all_states_are_limited(monkeypatch):
+    monkeypatch.setattr("sinew.tasks.simulate.febio.plot_file.MAX_REGIONS", 299 * 100)
+    with pytest.raises(Failed, match="its states have more than 29,900 regions"):
+        plot_file_of(empty_regions(300, 100, 100), MB)
+    assert plot_file_of(empty_regions(299, 100, 100), MB).time_s.size == 299
+
+
 def test_of_states_whose_times_are_equal_as_float32_the_last_counts():
     late = 1e6
     content = w.plot_file((0.0, late)) + w.absent(np.float32(late + 0.01)) + w.state(late + 0.02)
