@@ -10,10 +10,18 @@ from sinew.runner.printing import printable
 
 
 class Console(rich.console.Console):
-    """Rich's own control sequences pass, those in what it shows are escaped."""
+    """Rich's own control sequences pass, those in what it shows are escaped; text is no markup, and nothing is a link.
+
+    Styled words are a :class:`rich.text.Text`.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(markup=False, emoji=False, **options)
 
     def render(self, *arguments: Any, **options: Any) -> Iterable[Segment]:
         """As Rich's."""
         for segment in super().render(*arguments, **options):
-            plain = segment.control or segment.text.isprintable()
-            yield segment if plain else Segment(printable(segment.text), segment.style)
+            if segment.control:
+                yield segment
+            else:
+                yield Segment(printable(segment.text), segment.style and segment.style.update_link(None))

@@ -14,13 +14,13 @@ import tempfile
 from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from sinew.runner.errors import BadInput
 
 PIECE = 2**20  # bytes that are read at once of a file that does not say its size
 MAX_CONTAINERS = 2**20  # lists and objects of a JSON text: an empty one of two bytes takes a hundred in memory
-MAX_VALUES = 2**23
+MAX_VALUES = 2**20
 
 _KINDS = {
     stat.S_IFDIR: "a folder",
@@ -91,13 +91,20 @@ def parse_json(content: bytes) -> Any:
     ``RecursionError``.
     """
     if containers(content) > MAX_CONTAINERS or content.count(b",") > MAX_VALUES:
-        raise ValueError("holds more than a million lists, or eight million values")
+        raise ValueError("holds more than a million lists or values")
     return json.loads(content.decode("utf-8"))
 
 
 def containers(content: bytes) -> int:
     """How many lists and objects a JSON text holds at most."""
     return content.count(b"[") + content.count(b"{")
+
+
+def new_file(path: Path) -> BinaryIO:
+    """A new file to write; what an interrupted run left there is removed, and a link is replaced, not followed."""
+    path.unlink(missing_ok=True)
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+    return open(os.open(path, flags, 0o666), "wb")
 
 
 def own_folder(folder: Path) -> Path:

@@ -19,7 +19,7 @@ from rich.text import Text
 
 from sinew.runner.console import Console
 from sinew.runner.errors import WalltimeReached
-from sinew.runner.files import NotReadable, parse_json, read_regular
+from sinew.runner.files import NotReadable, new_file, parse_json, read_regular
 from sinew.runner.periodic import every
 from sinew.runner.printing import put
 
@@ -71,7 +71,8 @@ class Board:
         with self._lock:
             if time.monotonic() - self._written >= every_s:
                 temporary = self.folder / f".{PROGRESS}.{os.getpid()}"
-                temporary.write_text(json.dumps({**self._facts, "time": round(time.time(), 1)}) + "\n", "utf-8")
+                with new_file(temporary) as file:
+                    file.write(json.dumps({**self._facts, "time": round(time.time(), 1)}).encode() + b"\n")
                 os.replace(temporary, self.folder / PROGRESS)
                 self._written = time.monotonic()
 
@@ -170,12 +171,12 @@ def progress(
     console = Console(stderr=True)
     bars_shown = show == "words" and console.is_terminal and not console.is_dumb_terminal
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         _Rate(),
         Remaining(),
-        TextColumn("{task.fields[note]}"),
+        TextColumn("{task.fields[note]}", style="red", markup=False),
     )
     with _Bars(board, *columns, console=console, disable=not bars_shown) as bars:
         bar = bars.add_task(title, total=total, completed=done, note="", of=of)
@@ -184,7 +185,7 @@ def progress(
             nonlocal shown
             now = time.monotonic()
             update(finished, failed, running)
-            bars.update(bar, total=facts["total"], completed=finished, note=f"[red]{failed} failed" if failed else "")
+            bars.update(bar, total=facts["total"], completed=finished, note=f"{failed} failed" if failed else "")
             board.put(**facts)
             if now - shown >= SHOW_EVERY_S:
                 shown = now

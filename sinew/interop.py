@@ -13,13 +13,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from sinew.runner.errors import BadInput, shown
+from sinew.runner.errors import BadInput, brief, shown
 from sinew.runner.store.schema import STATUSES
 from sinew.runner.store.store import open_store
 from sinew.runner.store.table import Table
 from sinew.tasks.calibrate.result import CalibrateResult, search_group
 from sinew.tasks.simulate import Array
 from sinew.tasks.sobol.result import KEYS, SobolResult
+
+MAX_DRAWS = 10**6  # numbers of one variable of a posterior
 
 
 def salib_problem(result: SobolResult) -> dict[str, Any]:
@@ -93,10 +95,38 @@ def _refuse_program(path: Path) -> None:
 def posterior(folder: Path, site: str) -> Any:
     """1,000 draws of equal weight from the posterior of a site as :class:`arviz.InferenceData`."""
     path = _of_site(folder, site, "nc")
+    _refuse_elsewhere(path)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"[\s\S]*ArviZ is undergoing a major refactor", FutureWarning)
         import arviz
     return arviz.from_netcdf(str(path), engine="h5netcdf")
+
+
+def _refuse_elsewhere(path: Path) -> None:
+    """Refuse an HDF5 file whose numbers are in other files, or are more than ``sinew infer`` writes."""
+    import h5py  # type: ignore[import-untyped]
+
+    def problem(group: Any) -> str | None:
+        for name in group:
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                return f"{name} is a link"
+            one = group[name]
+            if isinstance(one, h5py.Group):
+                if found := problem(one):
+                    return found
+            elif not isinstance(one, h5py.Dataset) or one.external or one.is_virtual:
+                return f"{name} has its numbers elsewhere"
+            elif one.size is None or one.size > MAX_DRAWS:
+                return f"{name} has {one.size} numbers"
+        return None
+
+    try:
+        with h5py.File(path, "r") as file:
+            found = problem(file)
+    except (OSError, RuntimeError, ValueError, KeyError, RecursionError) as error:
+        found = f"damaged ({error})"
+    if found:
+        raise BadInput(path, brief(found), "what `sinew infer` writes; run it again")
 
 
 def skopt_result(result: CalibrateResult, folder: Path, specimen: str, *, surrogate: bool = False) -> Any:

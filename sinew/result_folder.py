@@ -16,6 +16,7 @@ import xarray as xr
 
 from sinew import interop
 from sinew.runner.errors import BadInput, StoreError
+from sinew.runner.printing import printable
 from sinew.runner.store.store import open_store, refuse_strange_entries
 from sinew.tasks.drawing import views
 from sinew.tasks.registry import TASKS
@@ -86,7 +87,7 @@ class TaskResult:
         return TASKS[self.task].module("figures").FIGURES
 
     def __repr__(self) -> str:
-        return f"{self.task}: {self.headline}\n{self.table.to_string(max_rows=SHOWN, max_cols=8)}"
+        return printable(f"{self.task}: {self.headline}\n{self.table.to_string(max_rows=SHOWN, max_cols=8)}")
 
     def _repr_html_(self) -> str:
         table = self.table.to_html(max_rows=SHOWN, max_cols=8, border=0, float_format=lambda value: f"{value:.4g}")
@@ -128,9 +129,13 @@ class Results:
     # ---- as other libraries' objects
 
     def xarray(self) -> xr.DataTree:
-        """The store, lazily: all evaluations and the arrays of all results."""
-        path = open_store(self.folder).path
-        return xr.open_datatree(path, engine="zarr", consolidated=False)
+        """The store, lazily: all evaluations and the arrays of all results.
+
+        Raises ``StoreError`` for arrays that are not what is written here, which must not be decompressed.
+        """
+        store = open_store(self.folder)
+        store.check()
+        return xr.open_datatree(store.path, engine="zarr", consolidated=False)
 
     def arviz(self, site: str) -> Any:
         """The posterior of a site as :class:`arviz.InferenceData`."""
@@ -195,7 +200,7 @@ class Results:
         lines = [f"Results of {self._study()} in {self.folder}"]
         lines += [f"  {task}: {self._task(task).headline}" for task in self.finished]
         lines += [f"  evaluations: {name}: {done:,} of {rows:,} rows" for name, rows, done in self._rows()]
-        return "\n".join(lines if len(lines) > 1 else [*lines, "  nothing is finished yet"])
+        return printable("\n".join(lines if len(lines) > 1 else [*lines, "  nothing is finished yet"]))
 
     def _repr_html_(self) -> str:
         cells = [(task, self._task(task).headline) for task in self.finished]

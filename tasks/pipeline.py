@@ -69,7 +69,7 @@ def run(workspace: Workspace, tasks: Sequence[str], *, figures: bool = True, **f
     log.info("run started", extra={"tasks": list(tasks), **provenance.facts(workspace)})
     for remark in workspace.ranges.remarks() if workspace.ranges is not None else ():
         log.warning("ranges", extra={"remark": remark})
-        console.print(remark, markup=False)
+        console.print(remark)
     _say_how_long(workspace, tasks)
     results = {}
     errors: dict[str, Exception] = {}
@@ -101,9 +101,7 @@ def run(workspace: Workspace, tasks: Sequence[str], *, figures: bool = True, **f
         raise _to_raise(errors)
     where = _page(workspace, console) if figures else None
     page = "" if where is None else f"{where.name} to read, "
-    console.print(
-        f"results: {workspace.out}  ({page}figures in {workspace.out / 'figures'}, arrays in store.zarr)", markup=False
-    )
+    console.print(f"results: {workspace.out}  ({page}figures in {workspace.out / 'figures'}, arrays in store.zarr)")
     return results
 
 
@@ -217,7 +215,7 @@ def report(folder: Path, console: Console, *, silent: bool = False) -> Path | No
             put(f"sinew: the report of {folder} was not built ({why}); {again}", error=True)
         return None
     for line in built.trouble:
-        console.print(f"report: {line}", markup=False, soft_wrap=True)
+        console.print(f"report: {line}", soft_wrap=True)
     return built.path
 
 
@@ -231,7 +229,11 @@ def _draw(workspace: Workspace, name: str, result: Any) -> None:
         return {"shows": shown, "files": sorted(path.name for path in folder.glob(f"{name}*"))}
 
     if drawn.get(name) != there():
-        TASKS[name].module("figures").draw(workspace, result)
+        try:
+            TASKS[name].module("figures").draw(workspace, result)
+        except ValueError as error:  # Matplotlib takes text between two $ for a formula
+            words = f"its figures cannot be drawn ({error})"
+            raise BadInput(workspace.out / f"{name}.json", brief(words), "names and units without $") from error
         _remember(workspace.out, {name: there()})
 
 

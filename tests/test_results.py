@@ -7,9 +7,11 @@ import struct
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -300,3 +302,59 @@ def test_chunks_are_checked_before_they_become_a_table(copied_run):
     chunk.write_bytes(bytes(Zstd().encode(struct.pack("<I", 500_000_000))))
     with pytest.raises(StoreError, match="a chunk does not hold"):
         sinew.results(copied_run).samples(table.name)
+
+
+def test_words_from_a_result_do_not_steer_the_terminal(tmp_path):
+    evil = "\x1b]0;title\x07"
+    calibration_of({evil: fit_of({evil: 1.0}, site=evil, method=evil)}).write(tmp_path)
+    one = sinew.results(tmp_path)
+    assert "\\x1b]0;title" in repr(one.calibrate)
+    assert not {"\x1b", "\x07"} & set(repr(one) + repr(one.calibrate))
+
+
+def change_posterior(folder: Path, change: Callable[[h5py.File], object]) -> None:
+    with h5py.File(folder / "infer" / "distal.nc", "r+") as file:
+        change(file)
+
+
+def external(file: h5py.File) -> None:
+    shape = file["posterior/E_f"].shape
+    del file["posterior/E_f"]
+    secret = Path(file.filename).with_name("secret")
+    secret.write_bytes(bytes(8 * int(np.prod(shape))))
+    file["posterior"].create_dataset("E_f", shape, "f8", external=[(str(secret), 0, h5py.h5f.UNLIMITED)])
+
+
+POSTERIORS = {
+    "external": (external, "E_f has its numbers elsewhere"),
+    "link": (lambda file: file["posterior"].__setitem__("more", h5py.ExternalLink("x.nc", "/")), "more is a link"),
+    "soft": (lambda file: file["posterior"].__setitem__("more", h5py.SoftLink("/posterior")), "more is a link"),
+    "huge": (
+        lambda file: file.create_dataset("more", (2**40,), "f8", chunks=(1024,)),
+        "more has 1099511627776 numbers",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", POSTERIORS)
+def test_a_posterior_whose_numbers_are_elsewhere_is_refused(copied_run, kind):
+    assert "posterior" in sinew.results(copied_run).arviz("distal").groups()
+    change, words = POSTERIORS[kind]
+    change_posterior(copied_run, change)
+    with pytest.raises(BadInput, match=rf"distal\.nc: {words}; expected what `sinew infer` writes"):
+        sinew.results(copied_run).arviz("distal")
+
+
+def test_the_store_is_checked_before_it_opens_in_xarray(copied_run):
+    """Zarr's codecs believe what a chunk says of itself."""
+    (table, *_) = open_store(copied_run).tables()
+    chunk = copied_run / "store.zarr" / "evaluations" / table.name / "wall_seconds" / "c" / "0"
+    header = bytearray(chunk.read_bytes()[:16])
+    chunk.write_bytes(header + chunk.read_bytes()[-4:])
+    with pytest.raises(StoreError, match=r"a chunk of [0-9,]+ bytes has 20"):
+        sinew.results(copied_run).xarray()
+    names = [path.name for path in (copied_run / "store.zarr" / "sobol").iterdir() if path.is_dir()]
+    (copied_run / "store.zarr" / "sobol" / names[0] / "zarr.json").unlink()
+    chunk.unlink()
+    with pytest.raises(StoreError, match="sobol: damaged"):
+        sinew.results(copied_run).xarray()

@@ -9,7 +9,7 @@ from typing import Any
 from sinew.runner.errors import StoreError
 from sinew.runner.files import NotReadable, read_regular
 
-MAX_BYTES = 2**25
+MAX_BYTES = 2**23  # some ten thousand jobs
 
 COORDINATOR, WORKER = "coordinator", "worker"
 SLURM = "slurm"  # the batch system of jobs for which the table names none

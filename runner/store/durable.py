@@ -16,6 +16,8 @@ from zarr.abc.store import ByteRequest
 from zarr.core.buffer import Buffer, BufferPrototype
 from zarr.storage import LocalStore
 
+from sinew.runner.files import new_file
+
 MAX_METADATA_BYTES = 2**24  # of a zarr.json
 MAX_CHUNK_FILE_BYTES = 2**28 + 2**10  # of the largest chunk that is read, where nothing of it could be compressed
 CANNOT = (errno.EINVAL, errno.EACCES, errno.EBADF, errno.ENOTSUP)  # folders on some network file systems
@@ -86,7 +88,7 @@ def sync_names(group: zarr.Group) -> None:
 def write_whole(path: Path, temporary: Path, content: bytes) -> None:
     """Write a file, whole or not at all, also when the power fails; its name is there once its folder is synced."""
     try:
-        with open(temporary, "wb") as file:
+        with new_file(temporary) as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())

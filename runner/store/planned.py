@@ -13,7 +13,7 @@ from sinew.runner.store.durable import sync_file
 from sinew.runner.store.schema import Array
 
 CHECK_BYTES = 8
-MAX_BYTES = 2**28
+MAX_BYTES = 2**26
 
 
 class PlannedRows:

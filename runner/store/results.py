@@ -39,6 +39,14 @@ def write(path: Path, name: str, dataset: xr.Dataset) -> None:
 
 def read(path: Path, group: zarr.Group, name: str) -> xr.Dataset:
     """The dataset in ``group``, which is ``name`` of the store in ``path``. Raises :class:`Damaged`, and as Zarr."""
+    check(path, group, name)
+    dataset = xr.open_zarr(path, group=name, consolidated=False, zarr_format=3, chunks=None).load()
+    dataset.attrs.pop(ARRAYS, None)
+    return dataset
+
+
+def check(path: Path, group: zarr.Group, name: str) -> None:
+    """Raises :class:`Damaged` for a ``group`` with an array that :func:`write` does not make, and as Zarr."""
     folder = path / name
     check_group(group)
     listed = group.attrs.get(ARRAYS)
@@ -57,9 +65,6 @@ def read(path: Path, group: zarr.Group, name: str) -> xr.Dataset:
         total += _checked(array, folder / one, whole=listed is not None)
     if total > MAX_BYTES:
         raise Damaged(f"its arrays take {total:,} bytes")
-    dataset = xr.open_zarr(path, group=name, consolidated=False, zarr_format=3, chunks=None).load()
-    dataset.attrs.pop(ARRAYS, None)
-    return dataset
 
 
 def _checked(array: zarr.Array[Any], folder: Path, *, whole: bool) -> int:

@@ -47,7 +47,7 @@ from sinew.runner.store import results
 from sinew.runner.store.arrays import create_table
 from sinew.runner.store.damage import result_errors, store_errors
 from sinew.runner.store.durable import DurableStore, sync_folder, sync_names
-from sinew.runner.store.layout import KEY_DIGITS, Damaged, table_group, table_key
+from sinew.runner.store.layout import KEY_DIGITS, Damaged, check_arrays, table_group, table_key
 from sinew.runner.store.lock import lock
 from sinew.runner.store.repair import Repaired, remove_damaged_segments, repair_tables
 from sinew.runner.store.schema import TableSpec
@@ -128,6 +128,30 @@ class Store:
         """
         with store_errors(self.path):
             return repair_tables(self.path, self.root, self.folder / "journal")
+
+    def check(self) -> None:
+        """Raises ``StoreError`` for any array that must not be read, by whatever reads Zarr."""
+        folder = self.path / "evaluations"
+        for group in self._groups_in_store():
+            place = self.path / group.path
+            if place.parent == folder:
+                with store_errors(place):
+                    check_arrays(group, place)
+            else:
+                with result_errors(place):
+                    results.check(self.path, group, group.path)
+
+    def _groups_in_store(self) -> Iterator[zarr.Group]:
+        """All groups below the root."""
+        waiting = [self.root]
+        while waiting:
+            group = waiting.pop()
+            place = self.path / group.path
+            with store_errors(place):
+                names = sorted(child.name for child in place.iterdir() if child.is_dir())
+                found = [one for name in names if isinstance(one := group.get(name), zarr.Group)]
+            yield from found
+            waiting += found
 
     def write_result(self, name: str, dataset: xr.Dataset) -> None:
         """Write a task's arrays as the group ``name`` beside the evaluations."""

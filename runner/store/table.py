@@ -370,13 +370,17 @@ class Table:
 
     def _restore_planned(self) -> None:
         """Plan the rows that the journal notes beyond the arrays."""
+        noted: list[Array] = []
+        first = len(self)
         for row, values in self._planned.read(self._width):
-            if row > len(self):
-                return
-            if row == len(self):
-                parameters, only = values[np.newaxis], np.zeros(1, dtype=np.int64)
-                hashes = hash_rows(parameters, self.chunk_rows)
-                self._append(parameters, only, hashes, only + row, settle=False, note=False)
+            if row > first + len(noted) or not np.isfinite(values).all():
+                break
+            if row == first + len(noted):
+                noted.append(values)
+        if noted:
+            parameters, chosen = np.array(noted), np.arange(len(noted))
+            hashes = hash_rows(parameters, self.chunk_rows)
+            self._append(parameters, chosen, hashes, first + chosen, settle=False, note=False)
 
     def _extend(self, first: int, parameters: Array, chosen: Array) -> None:
         """Extend the arrays, which hold ``first`` rows, by the ``chosen`` of ``parameters``; ``status`` comes last."""

@@ -20,7 +20,7 @@ def tell(result: dict[str, Any], console: Console) -> None:
             grid.add_row(*(Text(cell) for cell in row))
         console.print(grid)
     for line in _lines(result):
-        console.print(line, markup=False)
+        console.print(line)
 
 
 def markdown(result: dict[str, Any]) -> str:

@@ -152,4 +152,4 @@ def summary(result: CalibrateResult, folder: Path, console: Console) -> None:
     if others:
         console.print("objective: the sum over protocols and quantities of RMSE over noise; above is of that")
     if advice := bound_advice(result):
-        console.print(advice, markup=False)
+        console.print(advice)

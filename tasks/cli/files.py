@@ -214,22 +214,24 @@ def _is_dialogue() -> bool:
 
 def _show(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a table. Its cells come from files of others: nothing in them steers the terminal."""
-    from rich.markup import escape
     from rich.table import Table as Grid
 
     from sinew.runner.console import Console
 
     grid = Grid(title="what the files are taken for", show_lines=True)
     for title in titles:
-        grid.add_column(escape(title), overflow="fold")
+        grid.add_column(one_line(title), overflow="fold")
     for row in rows:
-        grid.add_row(*(escape(one_line(cell)) for cell in row))
+        grid.add_row(*(one_line(cell) for cell in row))
     Console(highlight=False).print(grid)
 
 
 def _ask(question: str, choices: Sequence[str]) -> str:
-    kind = click.Choice(list(choices)) if choices else None
-    return str(click.prompt(question, type=kind, default=None if choices else "", show_default=False))
+    """The answer to a question. Names in it come from files of others: nothing in them steers the terminal."""
+    shown = {one_line(choice): choice for choice in choices}
+    kind = click.Choice(list(shown)) if choices else None
+    answer = str(click.prompt(one_line(question), type=kind, default=None if choices else "", show_default=False))
+    return shown.get(answer, answer)
 
 
 @sinew.command()

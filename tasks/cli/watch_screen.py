@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
-from rich.markup import escape
 from rich.progress_bar import ProgressBar
 from rich.table import Table as Grid
 from rich.text import Text
@@ -21,10 +20,10 @@ if TYPE_CHECKING:
 
 NOTES_SHOWN, FAILURES_SHOWN, FINISHED_SHOWN = 12, 3, 8
 _MARKS = {
-    FINISHED: "[green]done[/]",
-    RUNNING: "[cyan]running[/]",
-    FAILED: "[red]failed[/]",
-    INTERRUPTED: "[yellow]interrupted[/]",
+    FINISHED: ("done", "green"),
+    RUNNING: ("running", "cyan"),
+    FAILED: ("failed", "red"),
+    INTERRUPTED: ("interrupted", "yellow"),
 }
 
 
@@ -87,8 +86,8 @@ def _tasks_line(tasks: list[dict[str, Any]]) -> Text:
     cells = []
     for one in tasks:
         took = f" {duration(round(one['seconds']))}" if "seconds" in one else ""
-        cells.append(f"{one['task']} {_MARKS.get(one['state'], '[dim]' + one['state'] + '[/]')}{took}")
-    return Text.from_markup("  ".join(cells))
+        cells.append(Text.assemble(f"{one['task']} ", _MARKS.get(one["state"], (one["state"], "dim")), took))
+    return Text("  ").join(cells)
 
 
 def _bar(now: dict[str, Any], state: str) -> RenderableType:
@@ -128,7 +127,7 @@ def _rows_table(tables: list[dict[str, Any]]) -> RenderableType:
     ordered = sorted(tables, key=lambda one: one["done"] >= one["rows"])
     for one in ordered[:FINISHED_SHOWN]:
         cells = (one["rows"], one["done"], one["failed"], one["rows"] - one["done"])
-        grid.add_row(escape(one_line(one["table"])), *(f"{cell:,}" for cell in cells))
+        grid.add_row(one_line(one["table"]), *(f"{cell:,}" for cell in cells))
     if len(ordered) > FINISHED_SHOWN:
         rest = ordered[FINISHED_SHOWN:]
         sums = [sum(one[name] for one in rest) for name in ("rows", "done", "failed")]

@@ -33,8 +33,8 @@ def cluster_request(study: Study) -> Request | None:
     settings = study.cluster
     if isinstance(settings, AddressSettings):
         words = f"work would be sent to {settings.address}, and code taken from there"
-        return Request(study.path, "cluster.address", words, "--scheduler")
+        return Request(study.path, study.text, "cluster.address", words, "--scheduler")
     if isinstance(settings, LocalSettings) and not settings.tls:
         words = "false: any user of this machine could run code as you"
-        return Request(study.path, "cluster.tls", words, "true")
+        return Request(study.path, study.text, "cluster.tls", words, "true")
     return None

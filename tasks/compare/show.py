@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 from rich.table import Table as Grid
+from rich.text import Text
 
 from sinew.runner.console import Console
 from sinew.tasks.compare.result import Area, CompareResult
@@ -60,10 +61,9 @@ def summary(result: CompareResult, folder: Path, console: Console) -> None:
     console.print(grid)
     for site, one in result.sites.items():
         if one.effective_sample_size < FEW:
-            console.print(
-                f"[red]{site}: {one.particles} particles are worth {one.effective_sample_size:.1f} of equal "
-                f"weight[/red], which says little of a posterior: infer with a larger population"
-            )
+            few = f"{site}: {one.particles} particles are worth {one.effective_sample_size:.1f} of equal weight"
+            words = ", which says little of a posterior: infer with a larger population"
+            console.print(Text.assemble((few, "red"), words))
     share = 100 * result.component.explained_variance
     console.print(f"the component has {share:.0f} % of the variance; {result.note}")
 

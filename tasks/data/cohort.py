@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from sinew.runner.errors import BadInput, shown
-from sinew.runner.files import read_input
+from sinew.runner.files import new_file, read_input
 from sinew.tasks.data.numeric_csv import read_header, read_numbers
 from sinew.tasks.data.text import BINARY, HUGE, MAX_TEXT_BYTES, check_text
 from sinew.tasks.model import Curve, Protocol, Specimen, file_name
@@ -234,10 +234,15 @@ def _entries(folder: Path, root: Path) -> Iterator[Path]:
 def write_cohort(folder: Path, specimens: Sequence[Specimen], truth: Mapping[str, Any] | None = None) -> None:
     """Write ``FOLDER/SPECIMEN/PROTOCOL.csv`` and ``specimen.json``, and the ``truth`` of a virtual cohort.
 
-    Numbers have 10 significant digits. Raises :class:`BadInput` if a specimen is there already.
+    Numbers have 10 significant digits. Raises :class:`BadInput` if a specimen is there already, or a link on the way to
+    it, which would lead elsewhere.
     """
     for specimen in specimens:
-        if (folder / specimen.name).exists():
+        place = folder / specimen.name
+        for parent in place.parents[: len(Path(specimen.name).parts) - 1]:
+            if parent.is_symlink():
+                raise BadInput(parent, "is a link", "a folder")
+        if os.path.lexists(place):
             raise BadInput(folder / specimen.name, "is there already", "a new folder, or specimens that are not in it")
     for specimen in specimens:
         target = folder / specimen.name
@@ -251,7 +256,8 @@ def write_cohort(folder: Path, specimens: Sequence[Specimen], truth: Mapping[str
             table = pd.DataFrame({**dict(zip(COLUMNS, columns, strict=True)), **curve.others})
             table.to_csv(target / f"{curve.name}.csv", index=False, float_format="%.10g")
     if truth is not None:
-        (folder / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", "utf-8")
+        with new_file(folder / "truth.json") as file:
+            file.write(json.dumps(truth, indent=1).encode() + b"\n")
 
 
 def refuse_duplicates(specimens: Sequence[Specimen], places: Mapping[str, Path]) -> None:

@@ -18,7 +18,7 @@ from typing import Any
 MEMORY_BYTES = 2**31  # of the process
 SECONDS = 60  # of a processor; a spreadsheet of the largest size takes less
 MAX_CELLS = 4 * 10**6  # of all sheets, with those that are empty
-MAX_CHARACTERS = 2**27  # of all texts: a text that is stored once may stand in every cell
+MAX_BYTES = 2**26  # of all texts: a text that is stored once may stand in every cell
 
 
 MEMORY = f"takes more than {MEMORY_BYTES / 2**30:g} GB"
@@ -42,7 +42,7 @@ def lines_of(content: bytes) -> Iterator[str | list[str]]:
     """The name of each sheet, followed by its rows. Raises what calamine does, and :class:`TooMuch`."""
     from python_calamine import CalamineWorkbook  # in this process only
 
-    cells = characters = 0
+    cells = size = 0
     with CalamineWorkbook.from_filelike(io.BytesIO(content)) as workbook:
         for name in workbook.sheet_names:
             yield str(name)
@@ -52,9 +52,9 @@ def lines_of(content: bytes) -> Iterator[str | list[str]]:
                 raise TooMuch(f"{cells:,} cells up to the last one that is not empty")
             for row in sheet.to_python(skip_empty_area=False):
                 texts = list(map(_text, row))
-                characters += sum(map(len, texts))
-                if characters > MAX_CHARACTERS:
-                    raise TooMuch(f"more than {MAX_CHARACTERS:,} characters")
+                size += sum(len(text.encode("utf-8", "replace")) for text in texts)
+                if size > MAX_BYTES:
+                    raise TooMuch(f"more than {MAX_BYTES:,} bytes of text")
                 yield texts
 
 
@@ -67,15 +67,20 @@ def main() -> None:
     end: dict[str, str] | None = None
     try:
         for line in lines_of(sys.stdin.buffer.read()):
-            sys.stdout.write(json.dumps(line) + "\n")
+            _write(line)
     except TooMuch as too_much:
-        end = {"wrong": str(too_much), "expected": f"at most {MAX_CELLS:,} cells and {MAX_CHARACTERS:,} characters"}
+        end = {"wrong": str(too_much), "expected": f"at most {MAX_CELLS:,} cells and {MAX_BYTES:,} bytes of text"}
     except MemoryError:
         end = {"wrong": MEMORY, "expected": SMALLER}
     except BaseException as error:  # noqa: BLE001 - the library's panics are no Exception
         why = str(error) or type(error).__name__
         end = {"wrong": f"not a spreadsheet that can be read ({why[:200]})", "expected": "a file without a password"}
-    sys.stdout.write(json.dumps(end) + "\n")
+    _write(end)
+
+
+def _write(line: Any) -> None:
+    text = json.dumps(line, ensure_ascii=False)  # an escaped character takes six bytes or twelve
+    sys.stdout.buffer.write(text.encode("utf-8", "replace") + b"\n")
 
 
 if __name__ == "__main__":

@@ -5,9 +5,11 @@ import json
 import signal
 import subprocess
 import sys
+import tempfile
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 from sinew.runner.errors import BadInput, one_line
 from sinew.runner.files import read_input
@@ -33,22 +35,32 @@ def read_sheets(path: Path) -> Iterator[tuple[str, list[tuple[str, ...]]]]:
     content = read_input(path, MAX_BYTES, f"a spreadsheet of at most {MAX_BYTES / 2**20:,.0f} MB")
     _refuse_large_archive(path, content)
     command = [sys.executable, "-I", str(Path(sheet_reading.__file__).resolve())]
-    try:
-        done = subprocess.run(command, input=content, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-                              timeout=WALL_S, check=False)  # fmt: skip
-    except subprocess.TimeoutExpired:
-        raise BadInput(path, f"takes more than {WALL_S:g} s", sheet_reading.SMALLER) from None
-    lines = done.stdout.splitlines()
-    end = json.loads(lines.pop()) if done.returncode == 0 else {"wrong": _why(done.returncode)}
-    if end is not None:
-        raise BadInput(path, one_line(end["wrong"]), end.get("expected", sheet_reading.SMALLER))
+    with tempfile.TemporaryFile() as lines:  # on the disk, as they take as much again as the texts
+        try:
+            done = subprocess.run(command, input=content, stdout=lines, stderr=subprocess.DEVNULL, timeout=WALL_S,
+                                  check=False)  # fmt: skip
+        except subprocess.TimeoutExpired:
+            raise BadInput(path, f"takes more than {WALL_S:g} s", sheet_reading.SMALLER) from None
+        del content
+        lines.seek(0)
+        yield from _sheets(path, map(json.loads, lines) if done.returncode == 0 else [{"wrong": _why(done.returncode)}])
+
+
+def _sheets(path: Path, lines: Iterable[Any]) -> list[tuple[str, list[tuple[str, ...]]]]:
+    """Name and rows of each sheet, from the lines of the process. Raises :class:`BadInput` where they do not end well.
+
+    A text that stands in many cells is kept once.
+    """
     sheets: list[tuple[str, list[tuple[str, ...]]]] = []
-    for line in map(json.loads, lines):
+    texts: dict[str, str] = {}
+    for line in lines:
         if isinstance(line, str):
             sheets.append((line, []))
-        else:
-            sheets[-1][1].append(tuple(line))
-    yield from sheets
+        elif isinstance(line, list):
+            sheets[-1][1].append(tuple(texts.setdefault(text, text) for text in line))
+        elif line is not None:
+            raise BadInput(path, one_line(line["wrong"]), line.get("expected", sheet_reading.SMALLER))
+    return sheets
 
 
 def _why(returncode: int) -> str:

@@ -14,6 +14,8 @@ LONGEST_MM = 1e4
 LARGEST_MM2 = 1e8
 SMALLEST_MM, SMALLEST_MM2 = 0.1, 0.01  # of a size without unit: a smaller one may as well be in m or cm
 LARGEST = {**dict.fromkeys((*SIZES, "diameter"), LONGEST_MM), "area": LARGEST_MM2}
+_FAR = 500  # rows from either end of those above a table, in which sizes are looked for
+_WIDEST = 200  # cells of a row that tells a size
 _LONGEST_LINE = 200  # characters of a line that tells a size
 _WORDS = {name: words.SIZES[name] for name in ("length", "width", "thickness", "diameter")}
 #: What may stand beside the word for a size; with any other word, a line tells something else ("parallel length").
@@ -62,10 +64,13 @@ def read_sizes(header: Sequence[Row], own: int = 0) -> Mapping[str, Size]:
 
     A size stands in a row of its own, or in a table of results: a row of labels, one of units, one of numbers. If
     several rows tell one size, the first of them with number and unit counts, else the first with a number. Rows from
-    ``own`` on go before those above them.
+    ``own`` on go before those above them. Of many thousand rows, the first and the last are looked at.
     """
     if own:
         return {**read_sizes(header[:own]), **read_sizes(header[own:])}
+    if len(header) > 2 * _FAR:
+        header = [*header[:_FAR], *header[-_FAR:]]
+    header = [row if len(row) <= _WIDEST else () for row in header]
     found: dict[str, list[Size]] = {}
     for row in header:
         if read := _read(row) or _in_cells(row):

@@ -2,8 +2,10 @@
 
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 
 Units = Mapping[str, float]
+LONGEST = 40  # characters of a spelling
 
 TIME: Units = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "min": 60.0,
@@ -52,18 +54,20 @@ def factor(units: Units, unit: str) -> float | None:
     """The factor of ``unit`` in a table; None if it is not there or ambiguous. Upper and lower case are the same."""
     if unit in units:
         return units[unit]
-    if ambiguous(unit):
+    if len(unit) > LONGEST or ambiguous(unit):
         return None
     folded = _folded(unit)
     folded = _folded(_SPELLINGS.get(folded, folded))
     return next((value for name, value in units.items() if _folded(name) == folded and name not in ("mN",)), None)
 
 
+@lru_cache(maxsize=2**14)
 def _folded(name: str) -> str:
     """In lower case, with plain digits for raised ones, and one letter for both characters for micro."""
     return _plain(name).casefold().replace("^", "")
 
 
+@lru_cache(maxsize=2**14)
 def _plain(name: str) -> str:
     return " ".join(unicodedata.normalize("NFKC", name).split())  # full-width letters become plain ones
 
@@ -76,7 +80,7 @@ def usual(units: Units, unit: str) -> str:
 
 def ambiguous(unit: str) -> bool:
     """Whether a spelling may mean two units, such as millinewton and meganewton."""
-    return _plain(unit) in _AMBIGUOUS
+    return len(unit) <= LONGEST and _plain(unit) in _AMBIGUOUS
 
 
 def is_unit(text: str) -> bool:

@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 import xarray as xr
 from rich.table import Table as Grid
+from rich.text import Text
 
 from sinew.runner.console import Console
 from sinew.tasks.discover.judge.confidence import in_words
@@ -57,7 +58,7 @@ def summary(result: DiscoverResult, folder: Path, console: Console) -> None:
         explained = "" if one.explained is None else f"{100 * one.explained:.0f} %"
         grid.add_row(one.name, f"{one.gain:,.0f}", explained, held_out(one), " ".join(one.on_bound))
     console.print(grid)
-    console.print(f"[bold]{result.verdict}[/bold] {result.answer}: {result.why}")
+    console.print(Text.assemble((result.verdict, "bold"), f" {result.answer}: {result.why}"))
     console.print(in_words(result.confidence))
     gap = result.gap
     if gap.closed is not None:
@@ -66,7 +67,7 @@ def summary(result: DiscoverResult, folder: Path, console: Console) -> None:
             f"(a true model: {gap.floor:.2f}); gap closed: {gap.closed:.2f}"
         )
     for line in (*_conflict_lines(result), *_outside_lines(result), *_next_lines(result, folder)):
-        console.print(line, markup=False)
+        console.print(line)
 
 
 def held_out(one: CandidateResult) -> str:

@@ -28,10 +28,10 @@ STYLE: Any = {
 
 
 def symbol(name: str) -> str:
-    """``tau_1f`` as a formula."""
+    """``tau_1f`` as a formula; of names that are none of sinew's, as they are."""
     stem, line, index = name.partition("_")
     if stem not in _LABELS or (line and not index.isalnum()):
-        return name
+        return name.replace("$", r"\$")
     return rf"${_LABELS[stem]}_{{{index}}}$" if line else f"${_LABELS[stem]}$"
 
 

@@ -9,13 +9,16 @@ from contextlib import closing
 from pathlib import Path
 
 import pyabc
+import pyabc.storage.history
 
 IN_MEMORY = "sqlite://"
 
-#: What pyABC notes of the run, not of its outcome: when, how long, and the Git commit of whatever folder it runs in.
+# pyABC asks Git for the commit of the current folder, and the settings of a repository there may name programs
+pyabc.storage.history.git_hash = str
+
+#: What pyABC notes of the run, not of its outcome: when and how long.
 TIMELESS = """
     UPDATE abc_smc SET start_time = '1970-01-01 00:00:00.000000', end_time = '1970-01-01 00:00:00.000000';
-    UPDATE abc_smc SET git_hash = '';
     UPDATE populations SET population_end_time = '1970-01-01 00:00:00.000000', wall_time = NULL;
     VACUUM;
 """

@@ -50,7 +50,7 @@ def summary(result: InferResult, folder: Path, console: Console) -> None:
         grid.add_row(name, *cells)
     console.print(grid)
     for remark in beyond_ranges(result, CalibrateResult.read(folder)):
-        console.print(remark, markup=False)
+        console.print(remark)
     for site, posterior in result.sites.items():
         console.print(
             f"{site}: {len(posterior.generations)} generations, {posterior.judged:,} proposals, "

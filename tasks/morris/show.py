@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from rich.table import Table as Grid
+from rich.text import Text
 
 from sinew.runner.console import Console
 from sinew.tasks.morris.result import KEYS, MorrisResult
@@ -38,7 +39,5 @@ def summary(result: MorrisResult, folder: Path, console: Console) -> None:
     )
     if result.failed:
         left_out = result.trajectories - result.trajectories_used
-        console.print(
-            f"[red]{result.failed:,} of {result.rows:,} rows failed[/red]; {left_out:,} of {result.trajectories:,} "
-            "trajectories are left out"
-        )
+        failed = (f"{result.failed:,} of {result.rows:,} rows failed", "red")
+        console.print(Text.assemble(failed, f"; {left_out:,} of {result.trajectories:,} trajectories are left out"))

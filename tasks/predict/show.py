@@ -5,6 +5,7 @@ from pathlib import Path
 import pandas as pd
 import xarray as xr
 from rich.table import Table as Grid
+from rich.text import Text
 
 from sinew.runner.console import Console
 from sinew.tasks.predict.result import BANDS, PredictResult
@@ -61,8 +62,9 @@ def summary(result: PredictResult, folder: Path, console: Console) -> None:
         console.print(grid)
     for site, prediction in result.sites.items():
         for why in prediction.gaps:
-            console.print(f"{site}: {why}", markup=False)
+            console.print(f"{site}: {why}")
     for remark in result.remarks:
-        console.print(remark, markup=False)
+        console.print(remark)
     if result.failed:
-        console.print(f"[red]{result.failed:,} of {result.rows:,} simulations failed[/red]; bands do without them")
+        failed = (f"{result.failed:,} of {result.rows:,} simulations failed", "red")
+        console.print(Text.assemble(failed, "; bands do without them"))

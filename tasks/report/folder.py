@@ -26,7 +26,8 @@ from sinew.tasks.study.result import Result
 
 R = TypeVar("R", bound=Result)
 
-MAX_LOG_BYTES = 2**25  # the last of them are read: hundred thousands of lines
+MAX_LOG_BYTES = 2**25  # the last of them are read,
+MAX_EVENTS = 50_000  # and of these the last lines
 
 
 @dataclass(frozen=True)
@@ -238,6 +239,11 @@ def _read_log(path: Path, trouble: list[str]) -> list[dict[str, Any]]:
         content = _shortened(content)
         trouble.append(f"{path}: is too long; only its end is read, what was earlier is missing here")
     lines = content.split(b"\n")
+    if len(lines) - 1 > MAX_EVENTS:
+        lines = lines[-MAX_EVENTS - 1 :]
+        trouble.append(
+            f"{path}: has more than {MAX_EVENTS:,} lines; the last are read, what was earlier is missing here"
+        )
     events, bad = [], 0
     for line in lines[:-1]:
         try:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
 from rich.table import Table as Grid
 
 from sinew.runner.cluster.job_table import JobTable
@@ -176,21 +175,21 @@ def sign_of_life(folder: Path, now: float) -> dict[str, Any] | None:
 def print_status(found: dict[str, Any]) -> None:
     """The same for a person."""
     console = Console(highlight=False)
-    title = escape(one_line(f"{found['study']}: {found['folder']}"))
+    title = one_line(f"{found['study']}: {found['folder']}")
     grid = Grid("evaluations", "rows", "done", "failed", "left", "core-hours", title=title)
     for table in found["tables"]:
         failed = sum(table["failed"].values())
         cells = (table["rows"], table["done"], failed, table["rows"] - table["done"])
-        grid.add_row(escape(one_line(table["table"])), *(f"{cell:,}" for cell in cells), f"{table['core_hours']:.3g}")
+        grid.add_row(one_line(table["table"]), *(f"{cell:,}" for cell in cells), f"{table['core_hours']:.3g}")
     console.print(grid)
-    console.print(_now(found["now"]), markup=False)
+    console.print(_now(found["now"]))
     if found["jobs"]:
         _print_jobs(console, found)
     for failure in found["last_failures"]:
         place = f" ({failure['node']}{', job ' + failure['job'] if failure['job'] else ''})"
         words = f"{failure['table']}, row {failure['row']}: {failure['status']}: {failure['message']}"
-        console.print(one_line(words + place), markup=False)
-    console.print(f"finished: {', '.join(found['results']) or 'nothing yet'}", markup=False)
+        console.print(one_line(words + place))
+    console.print(f"finished: {', '.join(found['results']) or 'nothing yet'}")
 
 
 def _now(progress: dict[str, Any] | None) -> str:
@@ -226,15 +225,16 @@ def about_left(seconds: float | None) -> str:
 
 def _print_jobs(console: Console, found: dict[str, Any]) -> None:
     jobs = found["jobs"]
-    shown = [job for job in jobs if job["state"] in ("running", "waiting")]
-    ended = [job for job in jobs if job not in shown]
-    shown = ended[-max(JOBS_SHOWN - len(shown), 3) :] + shown
+    live = [job for job in jobs if job["state"] in ("running", "waiting")]
+    ended = [job for job in jobs if job["state"] not in ("running", "waiting")]
+    shown = ended[-max(JOBS_SHOWN - len(live), 3) :] + live[:JOBS_SHOWN]
     grid = Grid("job", "role", "node", "state", "rows", "core-hours")
     for job in shown:
-        words = (escape(one_line(str(job[name]))) for name in ("job", "role", "nodes", "state"))
+        words = (one_line(str(job[name])) for name in ("job", "role", "nodes", "state"))
         grid.add_row(*words, f"{job['rows']:,}", f"{job['core_hours']:.3g}")
     console.print(grid)
     if len(shown) < len(jobs):
-        console.print(f"{len(jobs) - len(shown)} more jobs, all ended: see --json")
+        which = ", all ended" if len(live) <= JOBS_SHOWN else ""
+        console.print(f"{len(jobs) - len(shown):,} more jobs{which}: see --json")
     cost = found["core_hours"]
     console.print(f"cost: {cost['jobs']:.3g} core-hours of jobs, {cost['evaluations']:.3g} of them in evaluations")

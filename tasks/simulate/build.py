@@ -42,10 +42,10 @@ def febio_of(study: Study, effects: tuple[Effect, ...], scratch: Path) -> FEBio:
     settings = study.simulator if isinstance(study.simulator, FEBioSettings) else FEBioSettings()
     purpose = _purpose(study, effects, scratch)
     template = settings.read_template(purpose)
-    found = settings.found(purpose, template)
+    found, confirmed = settings.found(purpose, template)
     version = solver_version(found) if found else ""
     name = str(found or purpose.solver or settings.executable)
-    return settings.with_solver(template, name, version, scratch)
+    return replace(settings.with_solver(template, name, version, scratch), confirmed=confirmed)
 
 
 def solver_request(study: Study) -> Request | None:
@@ -60,5 +60,12 @@ def solver_request(study: Study) -> Request | None:
 def _purpose(study: Study, effects: tuple[Effect, ...], scratch: Path) -> Purpose:
     sized = study.protocols is None or study.specimen is not None
     return Purpose(
-        study.path, model_of(study.model, study.simulator.law), effects, sized, scratch, study.solver, study.compared
+        study.path,
+        study.text,
+        model_of(study.model, study.simulator.law),
+        effects,
+        sized,
+        scratch,
+        study.solver,
+        study.compared,
     )

@@ -22,12 +22,14 @@ class SolverMissing(BadInput):
 class Purpose:
     """What a simulator is built for.
 
-    ``study`` is the study's file, beside which templates lie. ``sized``: the specimens have a size. ``scratch`` is the
-    folder of solver runs, ``kept`` that of runs that are kept. ``solver`` is the program that the user names, in place
-    of the study's. ``compared``: the outputs that are compared with measurements besides the force.
+    ``study`` is the study's file, beside which templates lie, ``text`` what it held when it was read. ``sized``: the
+    specimens have a size. ``scratch`` is the folder of solver runs, ``kept`` that of runs that are kept. ``solver`` is
+    the program that the user names, in place of the study's. ``compared``: the outputs that are compared with
+    measurements besides the force.
     """
 
     study: Path
+    text: str
     model: Model
     effects: tuple[Effect, ...]
     sized: bool

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from rich.table import Table as Grid
+from rich.text import Text
 
 from sinew.runner.console import Console
 from sinew.tasks.drawing.formats import protocols_of
@@ -78,11 +79,13 @@ def summary(result: SobolResult, folder: Path, console: Console) -> None:
             for key in reported
             for values in result.failures.outcomes(key)
         )
-        console.print(
-            f"[red]{result.failed:,} of {result.rows:,} rows failed[/red]; {result.failures.rule} "
-            f"({result.failures.base_samples_left_out:,} of {result.base_samples:,}); giving all of them the smallest, "
-            f"the mean or the largest outcome moves an index by up to {moved:.3f} (not a bound)"
+        failed = f"{result.failed:,} of {result.rows:,} rows failed"
+        words = (
+            f"; {result.failures.rule} ({result.failures.base_samples_left_out:,} of {result.base_samples:,}); "
+            "giving all of them the smallest, the mean or the largest outcome moves an index by up to "
+            f"{moved:.3f} (not a bound)"
         )
+        console.print(Text.assemble((failed, "red"), words))
 
 
 def _outputs_summary(result: SobolResult, console: Console) -> None:

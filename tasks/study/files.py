@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from sinew.runner.files import NotReadable, parse_json, read_regular
+from sinew.runner.files import NotReadable, new_file, parse_json, read_regular
 
-MAX_JSON_BYTES = 64 * 2**20
+MAX_JSON_BYTES = 2**24
 
 
 def digest(*parts: Any) -> str:
@@ -32,7 +32,8 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write a file, whole or not at all."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_bytes(as_bytes(text))
+    with new_file(temporary) as file:
+        file.write(as_bytes(text))
     os.replace(temporary, path)
 
 

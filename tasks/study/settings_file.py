@@ -53,6 +53,11 @@ def read_settings(path: Path, kind: type[S], what: str, overrides: Mapping[str, 
 
     Raises :class:`BadInput` for the first thing that is wrong.
     """
+    return settings_in(read_text(path, what), path, kind, what, overrides)
+
+
+def read_text(path: Path, what: str) -> str:
+    """The text of a YAML file. Raises :class:`BadInput`."""
     if path.suffix.lower() in (".pkl", ".pickle"):
         raise BadInput(path, "pickled data are never read", "a YAML file")
     if not os.path.isfile(path):  # unlike Path.is_file, it takes names of any length
@@ -60,9 +65,13 @@ def read_settings(path: Path, kind: type[S], what: str, overrides: Mapping[str, 
         problem = there if os.path.exists(path) else "is not there"
         raise BadInput(path, problem, f"a {what} file in YAML")
     try:
-        text = read_input(path, MAX_BYTES, f"a {what} file of at most {MAX_BYTES // 2**10} kB").decode("utf-8-sig")
+        return read_input(path, MAX_BYTES, f"a {what} file of at most {MAX_BYTES // 2**10} kB").decode("utf-8-sig")
     except UnicodeDecodeError:
         raise BadInput(path, "not a text file", "YAML in UTF-8") from None
+
+
+def settings_in(text: str, path: Path, kind: type[S], what: str, overrides: Mapping[str, Any] | None = None) -> S:
+    """The settings in the text of the file ``path``, as :func:`read_settings` reads them. Raises :class:`BadInput`."""
     content, lines = _parse(path, text, what)
     try:
         return kind.model_validate({**content, **(overrides or {})}, context={"folder": path.parent})

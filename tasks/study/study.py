@@ -16,7 +16,7 @@ from sinew.tasks.simulate.settings import UniaxialSettings
 from sinew.tasks.study.fields import Finite, Name, Positive, TaskSettings
 from sinew.tasks.study.measured import Quantities, check_quantities
 from sinew.tasks.study.model import ModelSettings, model_of
-from sinew.tasks.study.settings_file import FieldError, Section, by_name, read_settings
+from sinew.tasks.study.settings_file import FieldError, Section, by_name, read_text, settings_in
 
 ADDRESS = r"^(tls|tcp)://[A-Za-z0-9_.:\[\]-]+:\d+$"  # of a scheduler
 S = TypeVar("S", bound=TaskSettings)
@@ -101,6 +101,7 @@ class StudyFields(Section):
     tasks: Annotated[list[TaskName], Field(min_length=1)] = Field(default_factory=lambda: ["sobol", "importance"])
 
     _path: Path = PrivateAttr(default=Path())
+    _text: str = PrivateAttr(default="")
     _solver: str | None = PrivateAttr(default=None)
 
     @field_validator("simulator", "cluster", mode="before")
@@ -163,6 +164,11 @@ class StudyFields(Section):
         return self._path
 
     @property
+    def text(self) -> str:
+        """What the study's file held when it was read."""
+        return self._text
+
+    @property
     def solver(self) -> str | None:
         """The solver that the user names, in place of the study's."""
         return self._solver
@@ -206,6 +212,7 @@ def read_study(path: str | Path, *, seed: int | None = None, solver: str | None 
     Raises :class:`BadInput` for the first thing that is wrong.
     """
     path = Path(path)
-    study = read_settings(path, Study, "study", {} if seed is None else {"seed": seed})
-    study._path, study._solver = path, solver
+    text = read_text(path, "study")
+    study = settings_in(text, path, Study, "study", {} if seed is None else {"seed": seed})
+    study._path, study._text, study._solver = path, text, solver
     return study

@@ -19,9 +19,14 @@ from sinew.runner.errors import BadInput
 
 @dataclass(frozen=True)
 class Request:
-    """What ``field`` of a study asks for, in ``words``; ``contents`` are the files that it is about, as bytes."""
+    """What ``field`` of a study asks for, in ``words``.
+
+    ``text`` is that of the study file as it was read: the file may have changed since. ``contents`` are the files that
+    the request is about, as bytes.
+    """
 
     study: Path
+    text: str
     field: str
     words: str
     instead: str
@@ -30,8 +35,7 @@ class Request:
     @property
     def key(self) -> str:
         """The hash under which a confirmation is kept."""
-        text = self.study.read_bytes() if self.study.is_file() else b""
-        parts = (str(self.study.resolve()).encode(), text, self.field.encode(), *self.contents)
+        parts = (str(self.study.resolve()).encode(), self.text.encode(), self.field.encode(), *self.contents)
         hashed = hashlib.blake2b(digest_size=32)
         for part in parts:
             hashed.update(len(part).to_bytes(8, "big") + part)

@@ -10,6 +10,7 @@ import pytest
 from sinew.runner import files
 from sinew.runner.files import (
     NotReadable,
+    new_file,
     own_folder,
     parse_json,
     read_regular,
@@ -197,3 +198,15 @@ def test_json_is_parsed():
     assert parse_json('{"a": [1, 2.5, "é"]}'.encode()) == {"a": [1, 2.5, "é"]}
     with pytest.raises(ValueError, match="utf-8"):
         parse_json(b"\xff")
+
+
+def test_a_new_file_replaces_a_link_and_what_was_left(tmp_path):
+    victim, link = tmp_path / "victim", tmp_path / "link"
+    victim.write_text("mine")
+    link.symlink_to(victim)
+    for content in (b"one", b"two"):
+        with new_file(link) as file:
+            file.write(content)
+        assert link.read_bytes() == content
+        assert not link.is_symlink()
+    assert victim.read_text() == "mine"

@@ -8,6 +8,7 @@ from rich.console import Console
 
 from sinew.runner.errors import BadInput, ClusterError, StoreError, WalltimeReached
 from sinew.tasks import pipeline
+from sinew.tasks.registry import TASKS
 from sinew.tasks.study import provenance
 
 ALL = ("sobol", "importance", "calibrate", "infer", "predict", "compare", "discover")
@@ -110,3 +111,17 @@ def test_a_job_that_must_end_builds_no_page(tmp_path, monkeypatch):
     with pytest.raises(WalltimeReached):
         run("sobol", "calibrate")
     assert (run.did, run.built) == ([], [])
+
+
+@pytest.mark.figures
+def test_a_figure_that_cannot_be_drawn_is_one_line(tmp_path, monkeypatch):
+    """Matplotlib takes what stands between two $ for a formula, and names may come from anywhere."""
+
+    def draw(*_: object) -> None:
+        raise ValueError("Expected \\frac{num}{den}\nand much more")
+
+    (tmp_path / "sobol.json").write_text("{}")
+    monkeypatch.setattr(TASKS["sobol"].module("figures"), "draw", draw)
+    with pytest.raises(BadInput, match=r"sobol\.json: its figures cannot be drawn \(Expected") as error:
+        pipeline._draw(SimpleNamespace(out=tmp_path), "sobol", None)
+    assert "\n" not in str(error.value)

@@ -14,7 +14,7 @@ from sinew.runner.files import NotReadable, read_regular
 
 LONG_AGO = (1980, 1, 1, 0, 0, 0)  # the first time that a zip can hold
 MODE = 0o100644
-MAX_BYTES = 2**31  # of one file, which is held in memory while it is packed
+MAX_BYTES = 2**28  # of one file, which is held in memory while it is packed
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Item:
         try:
             return read_regular(self.source, MAX_BYTES)
         except NotReadable as problem:
-            raise BadInput(self.source, str(problem), "a regular file of at most 2 GB") from None
+            raise BadInput(self.source, str(problem), "a regular file of at most 256 MB") from None
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ from sinew.tasks.simulate.registry import of_own_models
 from sinew.tasks.study.provenance import install_command
 from sinew.tasks.study.resources import DISTRIBUTION
 
+RUNS_SHOWN = 100
+
 
 def section(found: ResultFolder) -> Section:
     """What the log, the store and the table of jobs hold."""
@@ -29,8 +31,9 @@ def section(found: ResultFolder) -> Section:
             blocks.append(Table("Versions of packages", ["package", "version"], rows, words=(1,), open=False))
         if len(found.runs) > 1:
             rows = [[str(each.get("asctime", "")), _words(each.get("tasks")), str(each.get("version", "")),
-                     str(each.get("machine", ""))] for each in found.runs]  # fmt: skip
-            blocks.append(Table("All runs", ["began", "tasks", "sinew", "machine"], rows, words=(1, 2, 3), open=False))
+                     str(each.get("machine", ""))] for each in found.runs[-RUNS_SHOWN:]]  # fmt: skip
+            title = "All runs" if len(rows) == len(found.runs) else f"The last {RUNS_SHOWN} of {len(found.runs):,} runs"
+            blocks.append(Table(title, ["began", "tasks", "sinew", "machine"], rows, words=(1, 2, 3), open=False))
     else:
         blocks.append(Words("The log does not say who ran this: it is missing, or of an older version.", "note"))
         blocks.append(Facts(_costs(found)))

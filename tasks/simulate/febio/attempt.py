@@ -9,6 +9,7 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Protocol as Interface
 from typing import TypeVar
@@ -30,10 +31,16 @@ _ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
 class Solver(Interface):
-    """A solver program and how its runs are limited; ``scratch`` holds the attempts, at most ``keep_failed`` failed."""
+    """A solver program and how its runs are limited; ``scratch`` holds the attempts, at most ``keep_failed`` failed.
+
+    ``confirmed``: the hash of a program that its user had to confirm, None for others.
+    """
 
     @property
     def executable(self) -> str: ...
+
+    @property
+    def confirmed(self) -> bytes | None: ...
 
     @property
     def scratch(self) -> Path: ...
@@ -131,6 +138,8 @@ def _identity(directory: Path) -> tuple[int, int] | None:
 
 
 def _run(solver: Solver, directory: Path, *options: str) -> external.Finished:
+    if solver.confirmed is not None and solver.confirmed != program_hash(Path(solver.executable)):
+        raise PermissionError(errno.EPERM, "not the program that you confirmed by `sinew trust`", solver.executable)
     return external.run(
         [solver.executable, "-i", INPUT, "-o", LOG, *options],
         directory,
@@ -229,6 +238,18 @@ def _is_full(scratch: Path) -> bool:
 
 def _no_space(scratch: Path) -> OSError:
     return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(scratch))
+
+
+def program_hash(program: Path) -> bytes:
+    """The hash of a program's content, computed anew where its file has changed. Raises ``OSError``."""
+    status = os.stat(program)
+    return _hash_of(program, status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+
+
+@lru_cache(maxsize=16)
+def _hash_of(program: Path, *_: int) -> bytes:
+    with open(program, "rb") as file:
+        return hashlib.file_digest(file, "blake2b").digest()
 
 
 def solver_version(executable: Path) -> str:

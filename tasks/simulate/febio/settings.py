@@ -1,6 +1,5 @@
 """The settings of FEBio in a study: the solver, with the tendon's template or a template of the user's own."""
 
-import hashlib
 import re
 import shutil
 from collections.abc import Mapping
@@ -12,7 +11,7 @@ from pydantic import Field, model_validator
 
 from sinew.runner.errors import shown
 from sinew.tasks.simulate import Summary
-from sinew.tasks.simulate.febio.attempt import solver_version
+from sinew.tasks.simulate.febio.attempt import program_hash, solver_version
 from sinew.tasks.simulate.febio.field_output import FieldOutput
 from sinew.tasks.simulate.febio.files import read_files
 from sinew.tasks.simulate.febio.output import Logged, Reduce
@@ -60,21 +59,26 @@ class SolverSettings(SimulatorSettings):
 
     def build(self, purpose: Purpose) -> FEBio:
         template = self.read_template(purpose)  # before the solver, which may be on another machine only
-        found = self.found(purpose, template)
+        found, confirmed = self.found(purpose, template)
         if found is None:
             where = f"{purpose.study}: simulator.executable" if purpose.solver is None else "--solver"
             problem = f"{shown(purpose.solver or self.executable)} was not found"
             raise SolverMissing(where, problem, "febio4 on the PATH, or the path of the solver")
-        return self.with_solver(template, str(found), solver_version(found), purpose.scratch, purpose.kept)
+        simulator = self.with_solver(template, str(found), solver_version(found), purpose.scratch, purpose.kept)
+        return replace(simulator, confirmed=confirmed)
 
     def read_template(self, purpose: Purpose) -> Template:
         """The template, checked. Raises :class:`BadInput`."""
         raise NotImplementedError
 
-    def found(self, purpose: Purpose, template: Template) -> Path | None:
-        """Where the solver is on this machine. Raises :class:`BadInput` for a program that the user does not trust."""
-        require(self.request(purpose, template))
-        return _program(purpose.solver or self.executable)
+    def found(self, purpose: Purpose, template: Template) -> tuple[Path | None, bytes | None]:
+        """Where the solver is on this machine, and the hash of one that its user had to confirm.
+
+        Raises :class:`BadInput` for a program that the user does not trust.
+        """
+        program = _program(purpose.solver or self.executable)
+        require(request := self.request(purpose, template))
+        return program, None if request is None else request.contents[1]
 
     def request(self, purpose: Purpose, template: Template) -> Request | None:
         """What only the user may allow: to run another program than ``febio4`` on what ``template`` renders."""
@@ -85,10 +89,11 @@ class SolverSettings(SimulatorSettings):
             return None
         return Request(
             purpose.study,
+            purpose.text,
             "simulator.executable",
             f"{shown(self.executable)} would run on this machine",
             f"{FEBIO}, --solver",
-            (str(program).encode(), _hash(program), *_as_bytes(template.files)),
+            (str(program).encode(), program_hash(program), *_as_bytes(template.files)),
         )
 
     def with_solver(
@@ -112,11 +117,6 @@ class SolverSettings(SimulatorSettings):
 def _program(executable: str) -> Path | None:
     found = shutil.which(executable)
     return None if found is None or not Path(found).is_file() else Path(found).resolve()
-
-
-def _hash(program: Path) -> bytes:
-    with open(program, "rb") as file:
-        return hashlib.file_digest(file, "blake2b").digest()
 
 
 def _as_bytes(files: Mapping[str, str]) -> tuple[bytes, ...]:

@@ -95,7 +95,8 @@ class FEBio:
     ``scratch`` holds one directory for each attempt, unless the job names a folder on its node; those of failed rows
     are kept in ``scratch``, at most ``keep_failed``. ``ramp_s``, ``hold_growth`` and ``still_mm`` say where the solver
     stops, see :func:`sinew.tasks.simulate.febio.stepping.solver_steps`. With ``plotted`` variables, the solver's plot
-    file is read as well; the runs are kept in the folder ``kept``, if there is one, and taken from there.
+    file is read as well; the runs are kept in the folder ``kept``, if there is one, and taken from there. ``confirmed``
+    is the hash of a program that its user had to confirm: nothing else is run in its place.
     """
 
     executable: str
@@ -110,6 +111,7 @@ class FEBio:
     keep_failed: int = 20
     plotted: tuple[str, ...] = ()
     kept: Path | None = None
+    confirmed: bytes | None = None
 
     @property
     def name(self) -> str:

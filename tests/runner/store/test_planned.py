@@ -46,3 +46,15 @@ def test_notes_that_cannot_be_written_are_named(tmp_path):
     (tmp_path / "planned").mkdir()
     with pytest.raises(StoreError, match=f"^{tmp_path / 'planned'}: Is a directory$"):
         PlannedRows(tmp_path / "planned").append(0, np.zeros((1, 2)))
+
+
+def test_noted_parameters_that_are_no_numbers_end_the_plan_there(tmp_path):
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        notes = PlannedRows(table.journal / "planned")
+        width = some(1).shape[1]
+    notes.append(0, some(2))
+    notes.append(2, np.full((1, width), np.nan))
+    notes.append(3, some(4)[3:])
+    with Store.writing(tmp_path, "study") as store:
+        assert len(store.table(table_spec())) == 2

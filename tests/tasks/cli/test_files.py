@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from sinew.runner.errors import one_line
 from sinew.tasks.cli import files
 from sinew.tasks.cli.main import main
 from tests.tasks.simulate.febio.model_file.cube import CUBE
@@ -152,3 +153,14 @@ def test_what_does_not_fit_is_one_line(init, words, message):
     assert code == 2
     assert err.startswith(message)
     assert err.count("\n") == 1
+
+
+def test_names_of_files_in_questions_do_not_steer_the_terminal(monkeypatch, capsys):
+    evil = "a\x1b]0;owned\x07.csv"
+    monkeypatch.setattr("click.termui.visible_prompt_func", lambda words: print(words, end="") or "1")
+    assert files._ask(f"{evil}: which unit?", ()) == "1"
+    monkeypatch.setattr("click.termui.visible_prompt_func", lambda words: print(words, end="") or one_line(evil))
+    assert files._ask("which file?", (evil, "b.csv")) == evil
+    said = "".join(capsys.readouterr())
+    assert "\\x1b]0;owned" in said
+    assert not {"\x1b", "\x07"} & set(said)

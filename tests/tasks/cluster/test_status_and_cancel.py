@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -252,3 +253,15 @@ def test_words_of_a_worker_are_one_cell_and_no_formula(tmp_path):
     assert [row["node"] for row in rows] == ["'=cmd|'/C calc',x", "'-1"]
     assert [row["job"] for row in rows] == ["7\\n8", ""]
     assert [row["status"] for row in rows] == ["ok", "ok"]
+
+
+def test_of_very_many_jobs_some_are_shown(sinew):
+    make_results()
+    line = JOB_LINES[0].encode()
+    number = json.loads(line)["job"]
+    lines = [line.replace(f'"{number}"'.encode(), f'"{i}"'.encode()) for i in range(30_000)]
+    write("out/jobs/jobs.jsonl", b"\n".join(lines) + b"\n")
+    said = sinew("status", "out")
+    assert said.code == 0
+    assert len(said.out.splitlines()) < 60
+    assert re.search(r"29,9\d\d more jobs: see --json", said.out)

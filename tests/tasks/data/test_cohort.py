@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.cohort import COLUMNS, GEOMETRY, read_cohort, write_cohort
 from sinew.tasks.data.text import BINARY
+from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Curve, Protocol, Specimen
 from tests.tasks.cli.bad_input import HEADER, ROWS
 from tests.tasks.inputs import CELLS, NUMBERS, mutated, quick, read_or_refuse, table
@@ -146,3 +147,23 @@ def test_nothing_is_overwritten(tmp_path):
     with pytest.raises(BadInput, match="s1: is there already; expected a new folder"):
         write_cohort(tmp_path, [specimen])
     assert (tmp_path / "s1" / "pull.csv").read_text() == "time_s,displacement_mm,force_N\n0,0,0\n1,0.1,1\n2,0.2,2\n"
+
+
+def test_a_cohort_is_not_written_through_links(tmp_path):
+    specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "distal").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(BadInput, match=r"a/distal: is a link; expected a folder"):
+        write_cohort(tmp_path / "a", specimens[:1], truth)
+    (tmp_path / "b").mkdir()
+    (tmp_path / "victim").write_text("mine")
+    (tmp_path / "b" / "truth.json").symlink_to(tmp_path / "victim")
+    write_cohort(tmp_path / "b", specimens[:1], truth)
+    assert (tmp_path / "victim").read_text() == "mine"
+    assert "specimens" in json.loads((tmp_path / "b" / "truth.json").read_text())
+    (tmp_path / "c").mkdir()
+    (tmp_path / "c" / "distal").mkdir()
+    (tmp_path / "c" / "distal" / "1").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(BadInput, match="is there already"):
+        write_cohort(tmp_path / "c", specimens[:1])

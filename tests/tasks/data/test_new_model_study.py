@@ -37,7 +37,7 @@ class Made:
         self.protocol = self.specimen.curves[0].protocol
         settings = self.study.simulator
         assert isinstance(settings, TemplateSettings)
-        template = settings.read_template(Purpose(self.made.study, self.model, (), False, folder))
+        template = settings.read_template(Purpose(self.made.study, "", self.model, (), False, folder))
         self.simulator = settings.with_solver(template, shutil.which("febio4") or "febio4", "test", folder / "runs")
 
     def rendered(self, protocol: Protocol, **values: float) -> ElementTree.Element:

@@ -579,3 +579,13 @@ def test_after_a_preload_the_gauge_length_is_that_at_the_new_zero(tmp_path):
     (one,) = read_recordings(path, Hints())
     assert "length" not in as_told(one, Hints(preload="keep")).sizes
     assert as_told(one, Hints(preload="leave-out")).sizes["length"].mm == pytest.approx(17.5)
+
+
+def test_a_file_of_very_many_tests_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("sinew.tasks.data.recordings.MOST_TABLES", 3)
+    part = "Time (s),Displacement (mm),Force (N)\n" + "".join(f"{i},{i},{i}\n" for i in range(4)) + "\n"
+    (tmp_path / "a.csv").write_text(part * 3)
+    assert len(read_recordings(tmp_path / "a.csv", Hints())) == 3
+    (tmp_path / "a.csv").write_text(part * 4)
+    with pytest.raises(BadInput, match=r"a\.csv: more than 3 tables of tests"):
+        read_recordings(tmp_path / "a.csv", Hints())

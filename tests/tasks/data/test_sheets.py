@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import tracemalloc
 import zipfile
 from pathlib import Path
 from xml.sax.saxutils import escape
@@ -139,9 +140,9 @@ def test_cells_of_all_sheets_count(tmp_path, monkeypatch):
 
 
 def test_a_text_in_every_cell_has_a_limit(tmp_path, monkeypatch):
-    monkeypatch.setattr(sheet_reading, "MAX_CHARACTERS", 1000)
+    monkeypatch.setattr(sheet_reading, "MAX_BYTES", 1000)
     path = write_workbook(tmp_path / "a.xlsx", one=[["a" * 100]] * 11)
-    with pytest.raises(sheet_reading.TooMuch, match="more than 1,000 characters"):
+    with pytest.raises(sheet_reading.TooMuch, match="more than 1,000 bytes of text"):
         list(sheet_reading.lines_of(path.read_bytes()))
 
 
@@ -150,3 +151,16 @@ def test_a_lower_limit_of_the_shell_stays(tmp_path):
     script = f"ulimit -v 1000000 && exec {sys.executable} -I {sheet_reading.__file__}"
     done = subprocess.run(["bash", "-c", script], input=path.read_bytes(), capture_output=True, check=True)
     assert done.stdout.splitlines() == [b'"one"', b'["1.5"]', b"null"]
+
+
+def test_texts_reach_this_process_as_they_are_and_are_kept_once(tmp_path):
+    text = "µ\U0001f9b4" * 50
+    path = write_workbook(tmp_path / "a.xlsx", one=[[text] * 40] * 500)
+    tracemalloc.start()
+    try:
+        ((_, rows),) = read_sheets(path)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert {cell for row in rows for cell in row} == {text}
+    assert peak < 2**22, "20,000 of them would take 8 MB, and escaped in JSON 18"

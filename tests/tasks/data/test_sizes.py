@@ -149,3 +149,11 @@ def test_a_table_of_results_of_several_specimens_tells_no_size():
 def test_a_small_size_without_a_unit_may_be_in_metres(line, mm):
     (size,) = read_sizes([(line,)]).values()
     assert size.mm == mm
+
+
+def test_of_very_many_rows_the_first_and_the_last_tell_sizes():
+    """Above the last of many tables in one file, all the others stand."""
+    others = [("0.1", "2.5")] * 600
+    found = read_sizes([("Width: 5 mm",), *others, ("Thickness: 2 mm",), *others, ("Length: 30 mm",)])
+    assert {name: size.mm for name, size in found.items()} == {"width": 5.0, "length": 30.0}
+    assert read_sizes([("Width: 5 mm", *["x"] * 300)]) == {}

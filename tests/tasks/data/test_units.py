@@ -100,3 +100,8 @@ def test_units_are_listed_in_the_order_of_their_tables():
 )
 def test_a_rate_is_a_unit_over_one_of_time(unit, rate):
     assert units.is_rate(unit) == rate
+
+
+def test_a_long_text_is_no_unit():
+    assert units.factor(units.LENGTH, "mm".ljust(41)) is None
+    assert not units.is_unit("m" * 100_000)

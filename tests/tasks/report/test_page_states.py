@@ -324,6 +324,19 @@ def test_commands_of_a_log_are_no_commands_of_the_page(run_folder, said, shown):
 
 
 @pytest.mark.usefixtures("no_plots")
+def test_of_very_many_runs_the_last_are_shown(run_folder, monkeypatch):
+    monkeypatch.setattr("sinew.tasks.report.folder.MAX_EVENTS", 400)
+    log = run_folder / "log.jsonl"
+    own = log.read_bytes()
+    (run,) = [line for line in own.splitlines() if json.loads(line)["message"] == "run started"][-1:]
+    log.write_bytes((run + b"\n") * 500)
+    build(run_folder)
+    text = " ".join(read(run_folder).sections.values())
+    assert "has more than 400 lines; the last are read" in text
+    assert "The last 100 of 400 runs" in text
+
+
+@pytest.mark.usefixtures("no_plots")
 @pytest.mark.parametrize("line", [b'{"message":""}', b'{"message":"", "x":[[],[],[],[],[],[],[],[]]}'])
 def test_of_a_log_without_end_the_last_lines_are_read(run_folder, line, monkeypatch):
     monkeypatch.setattr("sinew.tasks.report.folder.MAX_LOG_BYTES", 2**20)

@@ -4,15 +4,17 @@ import os
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sinew.runner.cluster.client import Address
 from sinew.runner.cluster.local import Local
 from sinew.runner.errors import BadInput
 from sinew.tasks.cli.main import main
-from sinew.tasks.cluster.spec import cluster_of
+from sinew.tasks.cluster.spec import cluster_of, cluster_request
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.model import Model
 from sinew.tasks.simulate.build import febio_of, simulator_of
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.study import read_study
@@ -175,7 +177,7 @@ def test_a_scheduler_s_address_is_checked(study):
 
 
 def test_consent_that_somebody_else_wrote_does_not_count(study, tmp_path):
-    request = Request(study(""), "field", "words", "instead")
+    request = Request(study(""), "", "field", "words", "instead")
     folder = tmp_path / "state" / "sinew" / "trusted"
     allow([request])
     assert is_allowed(request)
@@ -192,3 +194,33 @@ def test_consent_that_somebody_else_wrote_does_not_count(study, tmp_path):
         kept.write_text("")
         os.chown(kept, 1, 1)
         assert not is_allowed(request), "another user's"
+
+
+def test_consent_is_for_what_was_read_and_not_for_what_the_file_holds_since(study):
+    """Its author may replace a study while `sinew trust` looks at a slow template."""
+    path = study("cluster: {name: address, address: 'tls://good:9'}")
+    shown = cluster_request(read_study(path))
+    study("cluster: {name: address, address: 'tls://evil:9'}")
+    allow([shown])
+    with pytest.raises(BadInput, match="tls://evil:9"):
+        cluster_of(read_study(path))
+    study("cluster: {name: address, address: 'tls://good:9'}")
+    assert cluster_of(read_study(path)) == Address("tls://good:9")
+
+
+def test_a_program_that_is_replaced_after_it_was_confirmed_is_not_run(study, tmp_path):
+    path = trusted(study("simulator: {name: febio, executable: ./evil.sh}"))
+    solver = simulator_of(read_study(path), None, tmp_path / "attempts")
+    (tmp_path / "ran").unlink()
+    specimens, _ = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
+    curve, rows = specimens[0].curves[0], Model().reference[np.newaxis]
+    solver.simulate(Model(), specimens[0], curve.protocol, rows)
+    assert (tmp_path / "ran").exists()
+    (tmp_path / "ran").unlink()
+    other = tmp_path / "other.sh"
+    other.write_text((tmp_path / "evil.sh").read_text() + "# another one\n")
+    other.chmod(0o755)
+    other.replace(tmp_path / "evil.sh")
+    with pytest.raises(PermissionError, match="not the program that you confirmed"):
+        solver.simulate(Model(), specimens[0], curve.protocol, rows)
+    assert not (tmp_path / "ran").exists()
