@@ -21,6 +21,7 @@ from sinew.tasks.calibrate.result import CalibrateResult, search_group
 from sinew.tasks.simulate import Array
 from sinew.tasks.sobol.result import KEYS, SobolResult
 
+MAX_DATABASE_BYTES = 2**28
 MAX_DRAWS = 10**6  # numbers of one variable of a posterior
 
 
@@ -82,14 +83,24 @@ def abc_history(folder: Path, site: str) -> Any:
 
 
 def _refuse_program(path: Path) -> None:
-    """Refuse a database with more than tables: a view or trigger is a program, which may never end."""
+    """Refuse a database with more than plain tables: all else is a program, which may fill the memory or never end."""
+    expected = "what `sinew infer` writes; run it again"
+    if (size := path.stat().st_size) > MAX_DATABASE_BYTES:
+        raise BadInput(path, f"has {size:,} bytes", expected)
     try:
         with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as database:
             kinds = {str(kind) for (kind,) in database.execute("SELECT DISTINCT type FROM sqlite_master")}
+            computed = database.execute(
+                "SELECT sql LIKE 'create virtual%' OR EXISTS "
+                "(SELECT 1 FROM pragma_table_xinfo(tables.name) WHERE hidden) "
+                "FROM sqlite_master AS tables WHERE type = 'table'"
+            ).fetchall()
     except sqlite3.Error as error:
-        raise BadInput(path, f"damaged ({error})", "what `sinew infer` writes; run it again") from None
+        raise BadInput(path, f"damaged ({error})", expected) from None
     if more := sorted(kinds - {"table", "index"}):
-        raise BadInput(path, f"holds a {shown(more[0])[1:-1]}", "what `sinew infer` writes; run it again")
+        raise BadInput(path, f"holds a {shown(more[0])[1:-1]}", expected)
+    if any(one for (one,) in computed):
+        raise BadInput(path, "holds a table that computes its content", expected)
 
 
 def posterior(folder: Path, site: str) -> Any:

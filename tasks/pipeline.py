@@ -231,9 +231,12 @@ def _draw(workspace: Workspace, name: str, result: Any) -> None:
     if drawn.get(name) != there():
         try:
             TASKS[name].module("figures").draw(workspace, result)
-        except ValueError as error:  # Matplotlib takes text between two $ for a formula
-            words = f"its figures cannot be drawn ({error})"
-            raise BadInput(workspace.out / f"{name}.json", brief(words), "names and units without $") from error
+        except (SinewError, OSError):
+            raise
+        except Exception as error:  # what is raised for numbers and names that nobody expects is no closed list
+            words = brief(f"its figures cannot be drawn ({type(error).__name__}: {error})", 200)
+            expected = "numbers as sinew writes them, names without $; delete it, and it is made again"
+            raise BadInput(workspace.out / f"{name}.json", words, expected) from error
         _remember(workspace.out, {name: there()})
 
 

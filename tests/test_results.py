@@ -289,6 +289,25 @@ def test_a_database_with_a_program_is_refused(copied_run):
         sinew.results(copied_run).abc_history("distal")
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        "ALTER TABLE parameters ADD COLUMN more text GENERATED ALWAYS AS (printf('%.*c', 9, 'x')) VIRTUAL",
+        "CREATE VIRTUAL TABLE more USING fts5(x)",
+    ],
+)
+def test_a_database_whose_tables_compute_is_refused(copied_run, monkeypatch, change):
+    assert sinew.results(copied_run).abc_history("distal").max_t >= 0
+    with closing(sqlite3.connect(copied_run / "infer" / "distal.db")) as database:
+        database.execute(change)
+        database.commit()
+    with pytest.raises(BadInput, match=r"distal\.db: holds a table that computes its content"):
+        sinew.results(copied_run).abc_history("distal")
+    monkeypatch.setattr("sinew.interop.MAX_DATABASE_BYTES", 1000)
+    with pytest.raises(BadInput, match=r"distal\.db: has [0-9,]+ bytes"):
+        sinew.results(copied_run).abc_history("distal")
+
+
 def test_samples_that_the_store_does_not_hold_are_not_drawn(copied_run):
     path = copied_run / "sobol.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"base_samples": 2**26}))

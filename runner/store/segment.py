@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # workers write segments, and nothing else of the store
 
 CHECKSUMS = "crc32c"  # the key of the checksums in a segment's metadata
 MAX_BYTES, MAX_WORDS_BYTES = 2**29, 2**24  # of a file; of its names, messages and checksums
+LONGEST_MESSAGE = 2000  # characters
 OWN = {"rows": "int64", "status": "int8", "attempts": "int16", "wall": "float64"}
 
 
@@ -42,7 +43,7 @@ class Segment:
         """Write the file completely or not at all. Raises ``OSError``, for example for a full disk."""
         arrays = {f"value:{name}": np.ascontiguousarray(array) for name, array in self.values.items()}
         arrays |= {"rows": self.rows, "status": self.status, "attempts": self.attempts, "wall": self.wall_seconds}
-        metadata = {"messages": json.dumps(self.messages), "worker": self.worker}
+        metadata = {"messages": json.dumps(_shortened(self.messages)), "worker": self.worker}
         checksums = {name: _checksum(array) for name, array in arrays.items()} | {"": _checksum_of_words(metadata)}
         temporary = path.with_name(f".{path.name}.{os.getpid()}")
         try:
@@ -66,7 +67,7 @@ class Segment:
             lazy = _LazyValues(path, tuple(names), checksums)
             values = lazy.read() if whole else lazy
             own = {name: _checked(file, name, checksums) for name in OWN}
-            messages, worker = json.loads(metadata["messages"]), metadata["worker"]
+            messages, worker = _shortened(json.loads(metadata["messages"])), metadata["worker"]
             segment = Segment(
                 own["rows"], own["status"], own["attempts"], own["wall"], values, tuple(messages), str(worker)
             )
@@ -116,6 +117,11 @@ class _LazyValues(Mapping[str, Array]):
 
     def __len__(self) -> int:
         return len(self.names)
+
+
+def _shortened(messages: Any) -> Any:
+    """Messages as long as people read them; what is no list of texts is refused later."""
+    return [one[:LONGEST_MESSAGE] if isinstance(one, str) else one for one in messages]
 
 
 def _check_ranges(segment: Segment, shapes: Mapping[str, list[int]]) -> None:

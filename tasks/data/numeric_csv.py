@@ -5,6 +5,7 @@ Such files are read strictly: whatever is wrong with a number is reported with i
 
 import csv
 import math
+from array import array
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -60,7 +61,7 @@ def read_header(path: Path) -> list[str]:
 
 def _read_carefully(path: Path, header: list[str], further: Sequence[str]) -> Array:
     """Read row by row, so that what is wrong can be named."""
-    rows: list[list[float]] = []
+    numbers = array("d")
     blank_at = 0
     with open(path, encoding="utf-8-sig", errors="replace", newline="") as file:
         reader = csv.reader(file)
@@ -75,15 +76,13 @@ def _read_carefully(path: Path, header: list[str], further: Sequence[str]) -> Ar
                 if len(cells) != len(header):
                     raise BadInput(f"{path}: row {number}", f"{len(cells)} cells", f"{len(header)}, as in the header")
                 named = zip(header, cells, strict=True)
-                rows.append(
-                    [
-                        math.nan if name in further and not cell.strip() else _number(path, number, name, cell)
-                        for name, cell in named
-                    ]
+                numbers.extend(
+                    math.nan if name in further and not cell.strip() else _number(path, number, name, cell)
+                    for name, cell in named
                 )
         except csv.Error as error:
             raise BadInput(path, f"not a CSV file ({error})", "comma-separated numbers") from None
-    return np.array(rows).reshape(len(rows), len(header))
+    return np.array(numbers).reshape(-1, len(header)) if numbers else np.empty((0, len(header)))
 
 
 def _number(path: Path, row: int, column: str, cell: str) -> float:

@@ -13,7 +13,7 @@ from sinew.runner.console import Console
 from sinew.runner.errors import StoreError, one_line
 from sinew.runner.progress import RUNNING, is_here, read_progress
 from sinew.runner.store.schema import PENDING, STATUSES, Array
-from sinew.runner.store.segment import Segment
+from sinew.runner.store.segment import LONGEST_MESSAGE, Segment
 from sinew.runner.store.store import open_store
 from sinew.runner.store.table import Table
 from sinew.tasks.drawing.blocks import duration
@@ -42,7 +42,7 @@ def read_status(folder: Path) -> dict[str, Any]:
         last = np.flatnonzero(outcomes.status > 0)[-FAILURES_SHOWN:]
         for at, worker, words in zip(last, *(outcomes.read(name, last) for name in ("worker", "message")), strict=True):
             node, _, job = split_worker(str(worker))
-            status, message = STATUSES[outcomes.status[at]], str(words)
+            status, message = STATUSES[outcomes.status[at]], str(words)[:LONGEST_MESSAGE]
             failure = {"table": table.title, "row": int(outcomes.rows[at]), "status": status, "message": message}
             failures.append(failure | {"node": node, "job": job})
         tables.append(

@@ -122,6 +122,6 @@ def test_a_figure_that_cannot_be_drawn_is_one_line(tmp_path, monkeypatch):
 
     (tmp_path / "sobol.json").write_text("{}")
     monkeypatch.setattr(TASKS["sobol"].module("figures"), "draw", draw)
-    with pytest.raises(BadInput, match=r"sobol\.json: its figures cannot be drawn \(Expected") as error:
+    with pytest.raises(BadInput, match=r"sobol\.json: its figures cannot be drawn \(ValueError: Expected") as error:
         pipeline._draw(SimpleNamespace(out=tmp_path), "sobol", None)
     assert "\n" not in str(error.value)

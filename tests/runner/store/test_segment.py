@@ -12,7 +12,9 @@ from safetensors.numpy import save_file
 
 from sinew.runner.errors import StoreError
 from sinew.runner.store.schema import MAX_CHUNK_ROWS
-from sinew.runner.store.segment import Segment, is_whole
+from sinew.runner.store.segment import LONGEST_MESSAGE, Segment, is_whole
+from tests.runner.evaluations import Quick
+from tests.runner.stores import some
 
 BOTH = np.array([0, 1])
 COLUMNS = ("attempts", "wall_seconds", "worker", "message", "y", "z")
@@ -193,3 +195,19 @@ def test_a_segment_has_no_more_rows_than_a_chunk(tmp_path):
     many.write(tmp_path / "one.safetensors")
     with pytest.raises(StoreError, match="its rows"):
         Segment.read(tmp_path / "one.safetensors")
+
+
+def test_messages_are_cut_where_they_are_written_and_where_they_are_read(tmp_path, monkeypatch):
+    """A solver, or a folder from elsewhere, may say megabytes, which nobody reads."""
+    outcome = Quick()(some(2))
+    ones = np.ones(2)
+    segment = Segment(
+        np.arange(2), outcome.status, ones.astype(np.int16), ones, outcome.values, ("x" * 10**6, "short"), "node:1"
+    )
+    segment.write(tmp_path / "short")
+    assert (tmp_path / "short").stat().st_size < 10**5
+    assert [len(one) for one in Segment.read(tmp_path / "short").messages] == [LONGEST_MESSAGE, 5]
+    monkeypatch.setattr("sinew.runner.store.segment.LONGEST_MESSAGE", 10**7)
+    segment.write(tmp_path / "long")
+    monkeypatch.undo()
+    assert [len(one) for one in Segment.read(tmp_path / "long").messages] == [LONGEST_MESSAGE, 5]
