@@ -37,7 +37,6 @@ from sinew.tasks.model import Curve, Protocol
 
 Array = np.ndarray[Any, np.dtype[Any]]
 FEWEST_ROWS = 3
-MOST_TABLES = 1000  # of one file
 MOST_TURNS = 0.1  # of the rows: a motion that turns more often is noisy, and its way is longer than that of the machine
 MOST_STRETCH = 10.0  # a ratio of lengths beyond it is in percent, or a length
 
@@ -123,8 +122,6 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
         if found and len(table.rows) < FEWEST_ROWS:
             short += 1
             continue
-        if len(found) == MOST_TABLES:
-            raise BadInput(source.path, f"more than {MOST_TABLES:,} tables of tests", "fewer of them in one file")
         found.append((replace(table, rows=table.rows[:1]), _tests(table, columns, count, hints)))
     if not found:
         assert missing is not None, "a file without tables is refused by read_tables"

@@ -13,6 +13,7 @@ from sinew.tasks.data.sheets import is_sheet, read_sheets
 from sinew.tasks.data.text import SEPARATORS, cells, is_clock, is_number, number, read_lines, records, same_day
 
 MOST_COLUMNS = 1000
+MOST_TABLES = 1000  # of one file
 FEWEST_COLUMNS = (3, 2)  # time, motion and load; where no table has three, motion and load
 HEAD_LINES = 450  # where separator and decimal mark are looked for first; and at each end of long lines above a table
 EXPECTED = "three columns or more: time, displacement (or strain) and force (or stress)"
@@ -124,7 +125,7 @@ def read_tables(path: Path) -> Iterator[Table]:
 
 
 def tables_of(source: Source) -> Iterator[Table]:
-    """The tables of a file, from top to bottom. Raises :class:`NoTable` if there is none.
+    """The tables of a file, from top to bottom. Raises :class:`NoTable` if there is none, :class:`BadInput` for many.
 
     A table begins where three rows (or all that are left) have numbers in the same columns, three at least; two, in
     three rows or more, where no table has three. It ends with the file or sheet, or where titles and units are
@@ -132,10 +133,12 @@ def tables_of(source: Source) -> Iterator[Table]:
     """
     for fewest in source.fewest:
         before: tuple[Row, ...] = ()
-        found = False
+        found = 0
         for page in source.pages:
             for table in _tables(source, page, fewest):
-                found = True
+                found += 1
+                if found > MOST_TABLES:
+                    raise BadInput(source.path, f"more than {MOST_TABLES:,} tables", "fewer of them in one file")
                 own = len(before) + table.own
                 yield replace(table, header=(*before, *table.header), sheet=page.name, own=own) if page.name else table
             before += tuple(row for _, row in page.rows[:HEAD_LINES] if any(row))

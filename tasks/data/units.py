@@ -83,6 +83,7 @@ def ambiguous(unit: str) -> bool:
     return len(unit) <= LONGEST and _plain(unit) in _AMBIGUOUS
 
 
+@lru_cache(maxsize=2**14)
 def is_unit(text: str) -> bool:
     """Whether a text is a unit of any quantity."""
     return ambiguous(text) or any(factor(units, text) is not None for units in _EVERY)

@@ -582,10 +582,10 @@ def test_after_a_preload_the_gauge_length_is_that_at_the_new_zero(tmp_path):
 
 
 def test_a_file_of_very_many_tests_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("sinew.tasks.data.recordings.MOST_TABLES", 3)
+    monkeypatch.setattr("sinew.tasks.data.tables.MOST_TABLES", 3)
     part = "Time (s),Displacement (mm),Force (N)\n" + "".join(f"{i},{i},{i}\n" for i in range(4)) + "\n"
     (tmp_path / "a.csv").write_text(part * 3)
     assert len(read_recordings(tmp_path / "a.csv", Hints())) == 3
     (tmp_path / "a.csv").write_text(part * 4)
-    with pytest.raises(BadInput, match=r"a\.csv: more than 3 tables of tests"):
+    with pytest.raises(BadInput, match=r"a\.csv: more than 3 tables"):
         read_recordings(tmp_path / "a.csv", Hints())
