@@ -34,6 +34,7 @@ from sinew.tasks.model import Model
 from sinew.tasks.model.effects import library
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace
+from tests import files_page
 from tests.tasks.simulate.febio.model_file.cube import CUBE
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -399,6 +400,10 @@ def test_the_example_of_an_effect_is_the_one_that_the_notebook_runs():
     (example,) = (b.text for b in blocks(ROOT / "docs" / "effects.md") if "EFFECT = Effect(" in b.text)
     assert example in _source(ROOT / "docs" / "tutorials" / "own_effect.ipynb")
     assert "crimp-friction" not in library()
+
+
+def test_the_page_of_all_files_is_that_of_the_files():
+    assert files_page.PAGE.read_text("utf-8") == files_page.text(), "write it anew: python -m tests.files_page"
 
 
 def test_the_example_of_a_study_is_valid(tmp_path):

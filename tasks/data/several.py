@@ -1,4 +1,4 @@
-"""Several tests in one table: beside each other, or one under another and told apart by a column."""
+"""Which tests a file holds: several in one table, or one whose tables go on from each other after a short pause."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""One evaluation for all specimens of a site: a parameter set against every curve of each of them."""
+"""One evaluation for all specimens of a site: a parameter set against each curve, or its first cycle."""
 
 from dataclasses import dataclass, replace
 from typing import Literal

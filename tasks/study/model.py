@@ -1,4 +1,4 @@
-"""The ``model`` section of a study file, and the model that it describes."""
+"""The ``model`` section of a study file: its parameters and their ranges, and the model that it describes."""
 
 from dataclasses import replace
 from typing import Annotated
