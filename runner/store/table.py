@@ -370,8 +370,7 @@ class Table:
 
     def _restore_planned(self) -> None:
         """Plan the rows that the journal notes beyond the arrays."""
-        noted: list[Array] = []
-        first = len(self)
+        noted, first = list[Array](), len(self)
         for row, values in self._planned.read(self._width):
             if row > first + len(noted) or not np.isfinite(values).all():
                 break

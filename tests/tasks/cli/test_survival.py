@@ -72,7 +72,7 @@ def kill(victim: str, process: subprocess.Popen[bytes]) -> None:
 @pytest.mark.timeout(600)
 def test_kills_lose_nothing_and_change_nothing(tmp_path):
     """Six kills, spread over the study: a worker, both workers and the client, each twice."""
-    base_samples = 10
+    base_samples = 8
     total = base_samples * ROWS_PER_BASE_SAMPLE
     for name in ("calm", "chaos"):
         (tmp_path / name).mkdir()
