@@ -169,10 +169,12 @@ def remove_folder(folder: Path) -> None:
         shutil.rmtree(folder, ignore_errors=True)
     if os.path.lexists(folder) and not folder.is_symlink():
         place = str(folder.absolute())
-        folders_only = ["-type", "d", "-exec", "chmod", "u+rwx", "{}", ";"]  # a file may have another name elsewhere
-        for command in (["find", place, *folders_only], ["rm", "-rf", "--", place]):
-            with suppress(OSError):
-                subprocess.run(command, stderr=subprocess.DEVNULL, check=False)
+        remove = ["rm", "-rf", "--", place]
+        folders_only = ["-type", "d", "-exec", "chmod", "u+rwx", "{}", "+"]  # a file may have another name elsewhere
+        for command in (remove, ["find", place, *folders_only], remove):
+            if os.path.lexists(folder):
+                with suppress(OSError):
+                    subprocess.run(command, stderr=subprocess.DEVNULL, check=False)
 
 
 def _kind(path: Path) -> str | None:

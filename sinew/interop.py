@@ -22,6 +22,7 @@ from sinew.tasks.simulate import Array
 from sinew.tasks.sobol.result import KEYS, SobolResult
 
 MAX_DATABASE_BYTES = 2**28
+STEP, MAX_STEPS = 100_000, 5_000  # of the look at a database: instructions of SQLite together, and how often
 MAX_DRAWS = 10**6  # numbers of one variable of a posterior
 
 
@@ -90,6 +91,9 @@ def _refuse_program(path: Path) -> None:
     try:
         with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as database:
             kinds = {str(kind) for (kind,) in database.execute("SELECT DISTINCT type FROM sqlite_master")}
+            steps = iter(range(MAX_STEPS))
+            database.set_progress_handler(lambda: next(steps, None) is None, STEP)
+            sound = database.execute("PRAGMA quick_check(1)").fetchone()  # a page that is named twice has no end
             computed = database.execute(
                 "SELECT sql LIKE 'create virtual%' OR EXISTS "
                 "(SELECT 1 FROM pragma_table_xinfo(tables.name) WHERE hidden) "
@@ -97,6 +101,8 @@ def _refuse_program(path: Path) -> None:
             ).fetchall()
     except sqlite3.Error as error:
         raise BadInput(path, f"damaged ({error})", expected) from None
+    if sound != ("ok",):
+        raise BadInput(path, f"damaged ({brief(str(sound[0]), 80)})", expected)
     if more := sorted(kinds - {"table", "index"}):
         raise BadInput(path, f"holds a {shown(more[0])[1:-1]}", expected)
     if any(one for (one,) in computed):

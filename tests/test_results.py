@@ -377,3 +377,23 @@ def test_the_store_is_checked_before_it_opens_in_xarray(copied_run):
     chunk.unlink()
     with pytest.raises(StoreError, match="sobol: damaged"):
         sinew.results(copied_run).xarray()
+
+
+def test_a_database_that_takes_too_long_to_check_is_refused(copied_run, monkeypatch):
+    """One page that is named many times is a table without end."""
+    monkeypatch.setattr("sinew.interop.STEP", 10)
+    monkeypatch.setattr("sinew.interop.MAX_STEPS", 1)
+    with pytest.raises(BadInput, match=r"distal\.db: damaged \(interrupted\)"):
+        sinew.results(copied_run).abc_history("distal")
+    monkeypatch.undo()
+    path = copied_run / "infer" / "distal.db"
+    content = path.read_bytes()
+    with closing(sqlite3.connect(path)) as database:
+        (root,) = database.execute("SELECT rootpage FROM sqlite_master WHERE name = 'parameters'").fetchone()
+        (size,) = database.execute("PRAGMA page_size").fetchone()
+    twice = bytearray(size)
+    twice[0], twice[3:5], twice[5:7], twice[8:12] = 5, b"\0\1", (size - 6).to_bytes(2, "big"), root.to_bytes(4, "big")
+    twice[12:14], twice[size - 6 :] = (size - 6).to_bytes(2, "big"), root.to_bytes(4, "big") + b"\x81\0"
+    path.write_bytes(content[: (root - 1) * size] + twice + content[root * size :])
+    with pytest.raises(BadInput, match=r"distal\.db: damaged"):
+        sinew.results(copied_run).abc_history("distal")

@@ -16,7 +16,7 @@ from sinew.runner.cluster.batch_system import BatchSystem, JobRequest, QueuedJob
 from sinew.runner.cluster.batch_systems import BATCH_SYSTEMS, current, current_job, patiently
 from sinew.runner.cluster.job_table import COORDINATOR, SLURM, JobRecord, JobTable, noted
 from sinew.runner.cluster.jobs import Jobs, worker_job_script
-from sinew.runner.errors import BadInput, ClusterError, WalltimeReached
+from sinew.runner.errors import BadInput, ClusterError, WalltimeReached, shown
 from sinew.runner.evaluation import external
 from sinew.runner.files import read_input
 from sinew.runner.store.schema import PENDING
@@ -61,6 +61,9 @@ def job_scripts(study: Study, profile: Profile, out: Path, arguments: Sequence[s
         )
     command = [sys.executable, "-P", "-m", "sinew", "run", str(study.path.absolute())]
     command += ["--profile", str(profile.path.absolute()), "--out", str(out.absolute()), *arguments]
+    for word in command:
+        if not word.isprintable():  # batch systems look for their options in every line of a script
+            raise BadInput(shown(word), "has line breaks or other control characters", "a path without them")
     leader = profile.leader
     tasks = leader.tasks if isinstance(leader, AllocationSettings) else 1
     scratch = (

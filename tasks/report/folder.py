@@ -26,6 +26,7 @@ from sinew.tasks.study.result import Result
 
 R = TypeVar("R", bound=Result)
 
+MOST = 1e15  # of a number in a log
 MAX_LOG_BYTES = 2**25  # the last of them are read,
 MAX_EVENTS = 50_000  # and of these the last lines
 
@@ -272,11 +273,8 @@ def _state(task: str, folder: Path, results: dict[str, Any], events: list[dict[s
         if event.get("task") == task:
             last = event
             done = event if event["message"] == "task finished" else done
-    seconds, new = (done.get("seconds"), done.get("new_simulations")) if done else (None, None)
-    how = (
-        float(seconds) if isinstance(seconds, int | float) else None,
-        int(new) if isinstance(new, int | float) else None,
-    )
+    new = _number(done, "new_simulations")
+    how = (_number(done, "seconds"), None if new is None else int(new))
     if task in results:
         again = last is not None and last["message"] == "task failed"
         return State("done", f"a later run failed: {_why(last)}" if again else "", *how)
@@ -284,13 +282,19 @@ def _state(task: str, folder: Path, results: dict[str, Any], events: list[dict[s
         return State("damaged", f"{task}.json cannot be read; run `sinew {task}` again", *how)
     if last is None or last["message"] == "task finished":
         return State("not run")
-    if last["message"] == "task not run" and last.get("needs") in results:
+    if last["message"] == "task not run" and str(last.get("needs")) in results:
         return State("not run")
     if last["message"] == "task not run":
         return State("not run", f"it needs {one_line(str(last.get('needs')))}, which failed")
     if last["message"] == "task failed":
         return State("failed", _why(last))
     return State("running", "its rows are being evaluated") if alive else State("stopped", "ended before its result")
+
+
+def _number(event: dict[str, Any] | None, name: str) -> float | None:
+    """A number of an event, which may come from anywhere."""
+    value = (event or {}).get(name)
+    return float(value) if isinstance(value, int | float) and 0 <= value < MOST else None
 
 
 def _why(event: dict[str, Any] | None) -> str:

@@ -9,12 +9,12 @@ this place, and the program and template that the request is about. It is kept b
 
 import hashlib
 import os
-import stat
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from sinew.runner.errors import BadInput
+from sinew.runner.files import NotReadable, own_folder, read_regular
 
 
 @dataclass(frozen=True)
@@ -45,20 +45,25 @@ class Request:
 def allow(requests: Sequence[Request]) -> None:
     """Remember that the user confirms these requests. Raises ``OSError``."""
     folder = _folder()
-    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    own_folder(folder)
     for request in requests:
         descriptor = os.open(folder / request.key, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o600)
         with open(descriptor, "w", encoding="utf-8") as file:
-            file.write(f"{request.study.resolve()}: {request.field}\n")
+            file.write(f"{request.key}\n{request.study.resolve()}: {request.field}\n")
 
 
 def is_allowed(request: Request) -> bool:
-    """Whether the user has confirmed this very request; what other users wrote does not count."""
+    """Whether the user has confirmed this very request; what others wrote, or moved there, does not count."""
+    folder = _folder()
+    path = folder / request.key
     try:
-        status = os.lstat(_folder() / request.key)
-    except OSError:
+        if not folder.is_dir() or os.lstat(path).st_uid != os.geteuid():
+            return False
+        own_folder(folder)
+        return read_regular(path, 2**16).partition(b"\n")[0] == request.key.encode()
+    except (OSError, NotReadable):
         return False
-    return stat.S_ISREG(status.st_mode) and status.st_uid == os.geteuid()
 
 
 def require(request: Request | None) -> None:

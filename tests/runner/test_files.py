@@ -2,6 +2,7 @@
 
 import os
 import socket
+import subprocess
 import tracemalloc
 from pathlib import Path
 
@@ -210,3 +211,15 @@ def test_a_new_file_replaces_a_link_and_what_was_left(tmp_path):
         assert link.read_bytes() == content
         assert not link.is_symlink()
     assert victim.read_text() == "mine"
+
+
+def test_many_folders_are_removed_by_few_programs(tmp_path, monkeypatch):
+    monkeypatch.setattr("sinew.runner.files.shutil.rmtree", lambda *_, **__: None)  # as where they are very deep
+    for number in range(300):
+        (tmp_path / "a" / str(number)).mkdir(parents=True)
+    commands: list[str] = []
+    run = subprocess.run
+    monkeypatch.setattr("sinew.runner.files.subprocess.run", lambda c, **k: commands.append(c[0]) or run(c, **k))
+    remove_folder(tmp_path / "a")
+    assert not (tmp_path / "a").exists()
+    assert commands == ["rm"]

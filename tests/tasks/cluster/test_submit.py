@@ -204,3 +204,12 @@ def test_nothing_is_written_through_a_link_in_a_result_folder(refused, command, 
     link.symlink_to(Path("elsewhere").absolute() if place == "jobs" else Path("elsewhere", "mine").absolute())
     refused(command, f"out/{place}: is a link; a result folder holds files and folders only, remove it")
     assert [(path.name, path.read_text()) for path in Path("elsewhere").iterdir()] == [("mine", "mine")]
+
+
+def test_no_line_break_of_a_path_reaches_a_job_script(refused):
+    """Batch systems look for their options in every line, also in those of a quoted path."""
+    folder = Path("evil\n#$ -S evil\nz")
+    folder.mkdir()
+    (folder / "study.yaml").write_bytes(Path("study.yaml").read_bytes())
+    command = ("submit", str(folder / "study.yaml"), "--data", "cohort", "--profile", "profile.yaml", "--dry-run")
+    refused(command, "has line breaks or other control characters; expected a path without them")

@@ -324,6 +324,23 @@ def test_commands_of_a_log_are_no_commands_of_the_page(run_folder, said, shown):
 
 
 @pytest.mark.usefixtures("no_plots")
+@pytest.mark.parametrize(
+    "line",
+    [
+        b'{"message": "task finished", "task": "sobol", "new_simulations": Infinity, "seconds": NaN}',
+        b'{"message": "task finished", "task": "sobol", "seconds": 1' + 400 * b"0" + b"}",
+        b'{"message": "task not run", "task": "compare", "needs": ["x"]}',
+    ],
+)
+def test_odd_numbers_and_names_of_a_log_leave_a_page(run_folder, line):
+    (run_folder / "compare.json").unlink(missing_ok=True)
+    log = run_folder / "log.jsonl"
+    log.write_bytes(log.read_bytes() + line + b"\n")
+    build(run_folder)
+    assert set(SECTIONS) <= set(read(run_folder).sections)
+
+
+@pytest.mark.usefixtures("no_plots")
 def test_of_very_many_runs_the_last_are_shown(run_folder, monkeypatch):
     monkeypatch.setattr("sinew.tasks.report.folder.MAX_EVENTS", 400)
     log = run_folder / "log.jsonl"

@@ -23,7 +23,17 @@ def test_what_was_kept_is_there_again(tmp_path):
 
 @pytest.mark.parametrize(
     "harm",
-    [b"[1.0, 2", b"[]\n", b"[[1.0]]\n", b"[NaN]\n", b"\xff\n", b'{"a": 1}\n', b"[1.0]", b"[1" + b"0" * 400 + b"]\n"],
+    [
+        b"[1.0, 2",
+        b"[]\n",
+        b"[[1.0]]\n",
+        b"[NaN]\n",
+        b"\xff\n",
+        b'{"a": 1}\n',
+        b"[1.0]",
+        b"[1" + b"0" * 400 + b"]\n",
+        b"[1e308]\n",
+    ],
 )
 def test_a_broken_line_and_what_follows_do_not_count(tmp_path, harm):
     path = tmp_path / "checkpoint.jsonl"

@@ -224,3 +224,18 @@ def test_a_program_that_is_replaced_after_it_was_confirmed_is_not_run(study, tmp
     with pytest.raises(PermissionError, match="not the program that you confirmed"):
         solver.simulate(Model(), specimens[0], curve.protocol, rows)
     assert not (tmp_path / "ran").exists()
+
+
+def test_consent_in_a_folder_that_others_can_write_to_does_not_count(study, tmp_path):
+    """They could give a confirmation of the user's own the name of another one."""
+    request, other = (Request(study(""), "", field, "words", "instead") for field in ("field", "other"))
+    allow([request])
+    folder = tmp_path / "state" / "sinew" / "trusted"
+    (folder / request.key).rename(folder / other.key)
+    assert not is_allowed(other), "it is of another request"
+    (folder / other.key).rename(folder / request.key)
+    assert is_allowed(request)
+    folder.chmod(0o770)
+    assert not is_allowed(request)
+    with pytest.raises(PermissionError):
+        allow([request])
