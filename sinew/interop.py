@@ -3,6 +3,7 @@
 Nothing is unpickled: numbers come from ``TASK.json``, the store, pyABC's SQLite database and a NetCDF file.
 """
 
+import os
 import sqlite3
 import warnings
 from contextlib import closing
@@ -86,6 +87,9 @@ def abc_history(folder: Path, site: str) -> Any:
 def _refuse_program(path: Path) -> None:
     """Refuse a database with more than plain tables: all else is a program, which may fill the memory or never end."""
     expected = "what `sinew infer` writes; run it again"
+    for ending in ("-journal", "-wal", "-shm"):  # SQLite would take the database back, and delete what a journal names
+        if os.path.lexists(beside := path.with_name(path.name + ending)):
+            raise BadInput(beside, "is there", "no file of an interrupted change; delete it")
     if (size := path.stat().st_size) > MAX_DATABASE_BYTES:
         raise BadInput(path, f"has {size:,} bytes", expected)
     try:

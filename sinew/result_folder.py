@@ -20,6 +20,7 @@ from sinew.runner.printing import printable
 from sinew.runner.store.store import open_store, refuse_strange_entries
 from sinew.tasks.drawing import views
 from sinew.tasks.registry import TASKS
+from sinew.tasks.study.result import believed
 
 SHOWN = 12  # lines of a table in a notebook
 
@@ -49,7 +50,7 @@ class TaskResult:
     @property
     def content(self) -> dict[str, Any]:
         """Everything that the JSON file holds."""
-        content: dict[str, Any] = json.loads((self.folder / f"{self.task}.json").read_text("utf-8"))
+        content: dict[str, Any] = json.loads(self._path.read_text("utf-8"))
         return content
 
     @property
@@ -61,13 +62,15 @@ class TaskResult:
     @property
     def table(self) -> pd.DataFrame:
         """Its numbers, by names of parameters, specimens or sites."""
-        table: pd.DataFrame = self._show.table(self.result)
+        with believed(self._path):
+            table: pd.DataFrame = self._show.table(self.result)
         return table
 
     @property
     def headline(self) -> str:
         """What came out, in one line."""
-        return str(self._show.headline(self.result))
+        with believed(self._path):
+            return str(self._show.headline(self.result))
 
     @property
     def plots(self) -> dict[str, list[str]]:
@@ -77,6 +80,10 @@ class TaskResult:
     def plot(self, name: str | None = None, of: str | None = None) -> Any:
         """A :class:`matplotlib.figure.Figure`: the first of ``plots``, or ``name``; ``of`` a specimen or site."""
         return views.one_figure(self._figures, self.task, self.result, self.folder, name, of)
+
+    @property
+    def _path(self) -> Path:
+        return self.folder / f"{self.task}.json"
 
     @property
     def _show(self) -> Any:

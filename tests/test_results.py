@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -379,6 +380,14 @@ def test_the_store_is_checked_before_it_opens_in_xarray(copied_run):
         sinew.results(copied_run).xarray()
 
 
+@pytest.mark.parametrize("ending", ["-journal", "-wal", "-shm"])
+def test_a_database_with_a_journal_is_refused(copied_run, ending):
+    """SQLite deletes files that a journal names."""
+    (copied_run / "infer" / f"distal.db{ending}").write_bytes(b"")
+    with pytest.raises(BadInput, match=rf"distal\.db{ending}: is there"):
+        sinew.results(copied_run).abc_history("distal")
+
+
 def test_a_database_that_takes_too_long_to_check_is_refused(copied_run, monkeypatch):
     """One page that is named many times is a table without end."""
     monkeypatch.setattr("sinew.interop.STEP", 10)
@@ -397,3 +406,32 @@ def test_a_database_that_takes_too_long_to_check_is_refused(copied_run, monkeypa
     path.write_bytes(content[: (root - 1) * size] + twice + content[root * size :])
     with pytest.raises(BadInput, match=r"distal\.db: damaged"):
         sinew.results(copied_run).abc_history("distal")
+
+
+def edit(path: Path, change: Callable[[dict[str, Any]], object]) -> None:
+    content = json.loads(path.read_text())
+    change(content)
+    path.write_text(json.dumps(content))
+
+
+CONTRADICTIONS = {
+    "compare": ("infer", lambda one: one.update(names=["x"] * len(one["names"]))),
+    "predict": ("infer", lambda one: [site.update(specimens=[]) for site in one["sites"].values()]),
+    "infer": ("calibrate", lambda one: [fit["parameters"].pop("E_f") for fit in one["specimens"].values()]),
+}
+
+
+@pytest.mark.parametrize("task", CONTRADICTIONS)
+def test_a_result_that_contradicts_itself_is_one_line_where_another_task_uses_it(folder, copied_run, task, monkeypatch):
+    monkeypatch.setattr(Workspace, "client", lambda self: pytest.fail("a cluster was started"))
+    of, change = CONTRADICTIONS[task]
+    (copied_run / f"{task}.json").unlink()
+    edit(copied_run / f"{of}.json", change)
+    with pytest.raises(BadInput, match=rf"{of}\.json: .*; expected what `sinew {of}` writes; run it again"):
+        sinew.run(sinew.read_study(folder.parent / "study.yaml"), task, out=str(copied_run))
+
+
+def test_a_result_that_contradicts_itself_is_one_line_in_a_notebook(copied_run):
+    edit(copied_run / "infer.json", lambda one: one.update(names=["x"]))
+    with pytest.raises(BadInput, match=r"infer\.json: contradicts itself, or the store \("):
+        repr(sinew.results(copied_run).infer)

@@ -14,6 +14,7 @@ from sinew.tasks.compare.result import CompareResult, Loadings, SiteParticles
 from sinew.tasks.compare.settings import Settings
 from sinew.tasks.infer.result import InferResult, particles_group
 from sinew.tasks.study.cached import cached, commit, key
+from sinew.tasks.study.result import believed
 from sinew.tasks.study.workspace import Workspace
 
 NOTE = (
@@ -34,7 +35,8 @@ def run(workspace: Workspace, settings: Settings) -> CompareResult:
         raise BadInput(path, "is not there", "`sinew infer` on this study first")
     if len(inferred.sites) < 2:
         raise BadInput(path, f"one site only ({', '.join(inferred.sites)})", "two sites or more to compare")
-    sites = {site: _last_particles(workspace, site, inferred.names) for site in inferred.sites}
+    with believed(path):
+        sites = {site: _last_particles(workspace, site, inferred.names) for site in inferred.sites}
     arrays = [part for particles in sites.values() for part in (particles.values, particles.weights)]
     inputs = key(CompareResult, workspace.seed, settings.model_dump(), inferred.names, list(sites), *arrays)
     if (known := cached(workspace, CompareResult, inputs, ["compare"])) is not None:

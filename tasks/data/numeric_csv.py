@@ -75,6 +75,9 @@ def _read_carefully(path: Path, header: list[str], further: Sequence[str]) -> Ar
                     raise BadInput(f"{path}: row {blank_at}", "a blank row between rows of numbers", "numbers")
                 if len(cells) != len(header):
                     raise BadInput(f"{path}: row {number}", f"{len(cells)} cells", f"{len(header)}, as in the header")
+                if (plain := _plain(cells)) is not None:
+                    numbers.extend(plain)
+                    continue
                 named = zip(header, cells, strict=True)
                 numbers.extend(
                     math.nan if name in further and not cell.strip() else _number(path, number, name, cell)
@@ -83,6 +86,15 @@ def _read_carefully(path: Path, header: list[str], further: Sequence[str]) -> Ar
         except csv.Error as error:
             raise BadInput(path, f"not a CSV file ({error})", "comma-separated numbers") from None
     return np.array(numbers).reshape(-1, len(header)) if numbers else np.empty((0, len(header)))
+
+
+def _plain(cells: list[str]) -> list[float] | None:
+    """The numbers of a row, None where anything in it must be looked at."""
+    try:
+        found = list(map(float, cells))
+    except ValueError:
+        return None
+    return found if all(map(math.isfinite, found)) and "_" not in "".join(cells) else None
 
 
 def _number(path: Path, row: int, column: str, cell: str) -> float:

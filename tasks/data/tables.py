@@ -13,7 +13,7 @@ from sinew.tasks.data.sheets import is_sheet, read_sheets
 from sinew.tasks.data.text import SEPARATORS, cells, is_clock, is_number, number, read_lines, records, same_day
 
 MOST_COLUMNS = 1000
-MOST_TABLES = 1000  # of one file
+MOST_TABLES = 500  # of one file
 FEWEST_COLUMNS = (3, 2)  # time, motion and load; where no table has three, motion and load
 HEAD_LINES = 450  # where separator and decimal mark are looked for first; and at each end of long lines above a table
 EXPECTED = "three columns or more: time, displacement (or strain) and force (or stress)"

@@ -17,6 +17,7 @@ from sinew.tasks.infer.settings import Settings
 from sinew.tasks.infer.site import Site
 from sinew.tasks.model import Specimen
 from sinew.tasks.study.cached import cached, commit, key
+from sinew.tasks.study.result import believed
 from sinew.tasks.study.workspace import Workspace
 
 
@@ -83,5 +84,6 @@ def _prior(
             f"{missing[0]} is not calibrated",
             "`sinew calibrate` with this specimen",
         )
-    values = [found[specimen.name].values([p.name for p in free]) for specimen in members]
-    return calibrated(free, np.array(values, dtype=float), settings.widening)
+    with believed(CalibrateResult.path(workspace.out)):
+        values = [found[specimen.name].values([p.name for p in free]) for specimen in members]
+        return calibrated(free, np.array(values, dtype=float), settings.widening)

@@ -34,6 +34,7 @@ from sinew.tasks.simulate.evaluation import SpecimenEvaluation, kept_points
 from sinew.tasks.simulate.retrying import simulate_patiently
 from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
+from sinew.tasks.study.result import believed
 from sinew.tasks.study.streams import Stream
 from sinew.tasks.study.workspace import Workspace
 
@@ -144,14 +145,18 @@ def _planned(workspace: Workspace, settings: Settings) -> dict[str, list[Planned
     if tuple(inferred.names) != names:
         problem = f"is of the parameters {', '.join(inferred.names)}"
         raise BadInput(path, problem, f"{', '.join(names)} (`sinew infer` again)")
+    if not all(posterior.specimens for posterior in inferred.sites.values()):
+        raise BadInput(path, "names no specimen of a site", "what `sinew infer` writes; run it again")
     members = [name for posterior in inferred.sites.values() for name in posterior.specimens]
     planned: dict[str, list[Planned]] = {}
     for number, (site, specimens) in enumerate(by_site(workspace.cohort.choose(members, str(path))).items()):
         seed = streams.key(workspace.seed, Stream.PREDICTION, number)
-        hdi, drawn = _of_posterior(workspace, inferred, site, settings.draws, seed)
+        with believed(path):
+            hdi, drawn = _of_posterior(workspace, inferred, site, settings.draws, seed)
         planned[site] = []
         for one in specimens:
-            rows = Rows(hdi, drawn, _others(workspace, calibration.specimens, specimens, one))
+            with believed(CalibrateResult.path(workspace.out)):
+                rows = Rows(hdi, drawn, _others(workspace, calibration.specimens, specimens, one))
             evaluation = workspace.evaluation(one)
             planned[site].append(Planned(evaluation, rows, *workspace.plan(evaluation, rows.all)))
     return planned

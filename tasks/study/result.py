@@ -6,6 +6,8 @@ become null. Reading checks types and says which field is wrong, so that whoever
 
 import dataclasses
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, cast
@@ -14,7 +16,7 @@ import numpy as np
 from pydantic import BeforeValidator, GetPydanticSchema, TypeAdapter, ValidationError
 from pydantic_core import core_schema
 
-from sinew.runner.errors import BadInput, shown
+from sinew.runner.errors import BadInput, brief, shown
 from sinew.runner.files import NotReadable, parse_json, read_regular
 from sinew.tasks.study.files import MAX_JSON_BYTES, write_json
 
@@ -39,6 +41,19 @@ Numbers = Annotated[
 
 Number = Annotated[float, BeforeValidator(lambda value: np.nan if value is None else value)]
 """A float; null in the file is NaN."""
+
+
+@contextmanager
+def believed(path: Path) -> Iterator[None]:
+    """What is done here takes the result in ``path`` for one that a task wrote: all of its fields fit each other.
+
+    Fields of one from elsewhere, right one by one, may contradict each other, or the store: :class:`BadInput`.
+    """
+    try:
+        yield
+    except (KeyError, IndexError, ValueError, TypeError, AttributeError, ArithmeticError) as error:
+        words = brief(f"contradicts itself, or the store ({type(error).__name__}: {error})", 150)
+        raise BadInput(path, words, f"what `sinew {path.stem}` writes; run it again") from error
 
 
 class Result:

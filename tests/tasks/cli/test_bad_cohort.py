@@ -121,7 +121,7 @@ COHORTS = {
     "empty specimen": (lambda: Path("cohort/s03").mkdir(), "cohort/s03: holds no CSV file and no specimen; expected"),
     "no CSV": (lambda: Path(BAR).unlink(), "cohort/s01: holds no CSV file; expected one PROTOCOL.csv"),
     "no specimen.json": (lambda: Path(JSON).unlink(), f"{JSON}: is not there; expected a JSON object with length_mm"),
-    "huge CSV": (lambda: sparse(BAR), f"{BAR}: 10,240 MB; expected at most 128 MB"),
+    "huge CSV": (lambda: sparse(BAR), f"{BAR}: 10,240 MB; expected at most 64 MB"),
     "huge specimen.json": (lambda: sparse(JSON), f"{JSON}: 10,240 MB; expected at most 1 MB"),
     "folder as CSV": (lambda: folder_for_file(BAR), f"{BAR}: not a regular file; expected"),
     "folder as specimen.json": (lambda: folder_for_file(JSON), f"{JSON}: not a regular file; expected"),

@@ -103,7 +103,7 @@ IMPORTS = {
     "missing": (lambda: "gone.csv", (), "gone.csv: no such file or directory; expected a file"),
     "a folder": (lambda: "cohort", (), "cohort: not a regular file; expected"),
     "a pickle": (lambda: _beside("test.pkl"), (), "test.pkl: pickled and binary data are never read; expected"),
-    "huge": (lambda: [sparse("big.csv"), "big.csv"][1], (), "big.csv: 10,240 MB; expected at most 128 MB"),
+    "huge": (lambda: [sparse("big.csv"), "big.csv"][1], (), "big.csv: 10,240 MB; expected at most 64 MB"),
     "same name": (lambda: _beside("b/test.csv", "8.0"), (), "b/test.csv: a duplicate of specimen test"),
     "same once written": (lambda: _beside("te st.csv", "8.0"), ("te_st.csv",), "te_st.csv: "),
     "same but for case": (lambda: _beside("Test.csv", "8.0"), (), "Test.csv: a duplicate of specimen test"),
