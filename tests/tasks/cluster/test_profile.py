@@ -284,7 +284,7 @@ def test_scratch_is_used_in_an_allocation_or_refused(sinew):
 
 
 def test_paths_are_quoted(here):
-    folder = Path("my lab's $(touch pwned)\n#SBATCH --array=1-9").absolute()
+    folder = Path("my lab's $(touch pwned) #SBATCH --array=1-9").absolute()
     write(str(folder / "profile.yaml"), as_yaml(SITE))
     profile = read_profile(folder / "profile.yaml")
     script = job_scripts(study_at(folder / "study.yaml"), profile, Path("out"), ["--data", str(folder)]).leader
