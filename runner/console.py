@@ -21,7 +21,9 @@ class Console(rich.console.Console):
     def render(self, *arguments: Any, **options: Any) -> Iterable[Segment]:
         """As Rich's."""
         for segment in super().render(*arguments, **options):
-            if segment.control:
-                yield segment
+            text, style = segment.text, segment.style
+            linked = style is not None and style.link is not None
+            if not segment.control and (linked or not text.isprintable()):
+                yield Segment(printable(text), style.update_link(None) if style else None)
             else:
-                yield Segment(printable(segment.text), segment.style and segment.style.update_link(None))
+                yield segment

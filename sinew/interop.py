@@ -22,6 +22,7 @@ from sinew.tasks.calibrate.result import CalibrateResult, search_group
 from sinew.tasks.simulate import Array
 from sinew.tasks.sobol.result import KEYS, SobolResult
 
+INFERRED = "what `sinew infer` writes; run it again"  # expected of its files
 MAX_DATABASE_BYTES = 2**28
 STEP, MAX_STEPS = 100_000, 5_000  # of the look at a database: instructions of SQLite together, and how often
 MAX_DRAWS = 10**6  # numbers of one variable of a posterior
@@ -86,12 +87,11 @@ def abc_history(folder: Path, site: str) -> Any:
 
 def _refuse_program(path: Path) -> None:
     """Refuse a database with more than plain tables: all else is a program, which may fill the memory or never end."""
-    expected = "what `sinew infer` writes; run it again"
     for ending in ("-journal", "-wal", "-shm"):  # SQLite would take the database back, and delete what a journal names
         if os.path.lexists(beside := path.with_name(path.name + ending)):
             raise BadInput(beside, "is there", "no file of an interrupted change; delete it")
     if (size := path.stat().st_size) > MAX_DATABASE_BYTES:
-        raise BadInput(path, f"has {size:,} bytes", expected)
+        raise BadInput(path, f"has {size:,} bytes", INFERRED)
     try:
         with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as database:
             kinds = {str(kind) for (kind,) in database.execute("SELECT DISTINCT type FROM sqlite_master")}
@@ -104,13 +104,13 @@ def _refuse_program(path: Path) -> None:
                 "FROM sqlite_master AS tables WHERE type = 'table'"
             ).fetchall()
     except sqlite3.Error as error:
-        raise BadInput(path, f"damaged ({error})", expected) from None
+        raise BadInput(path, f"damaged ({error})", INFERRED) from None
     if sound != ("ok",):
-        raise BadInput(path, f"damaged ({brief(str(sound[0]), 80)})", expected)
+        raise BadInput(path, f"damaged ({brief(str(sound[0]), 80)})", INFERRED)
     if more := sorted(kinds - {"table", "index"}):
-        raise BadInput(path, f"holds a {shown(more[0])[1:-1]}", expected)
+        raise BadInput(path, f"holds a {shown(more[0])[1:-1]}", INFERRED)
     if any(one for (one,) in computed):
-        raise BadInput(path, "holds a table that computes its content", expected)
+        raise BadInput(path, "holds a table that computes its content", INFERRED)
 
 
 def posterior(folder: Path, site: str) -> Any:
@@ -147,7 +147,7 @@ def _refuse_elsewhere(path: Path) -> None:
     except (OSError, RuntimeError, ValueError, KeyError, RecursionError) as error:
         found = f"damaged ({error})"
     if found:
-        raise BadInput(path, brief(found), "what `sinew infer` writes; run it again")
+        raise BadInput(path, brief(found), INFERRED)
 
 
 def skopt_result(result: CalibrateResult, folder: Path, specimen: str, *, surrogate: bool = False) -> Any:

@@ -64,7 +64,7 @@ def blosc_fault(header: bytes, size: int, expected: int) -> str:
     holds, own = BLOSC_HEADER.unpack(header)
     if holds != expected or own > expected + BLOSC_MOST:
         return f"a chunk is not one of {expected:,} bytes"
-    return "" if own + CHECKSUM == size else f"a chunk of {own + CHECKSUM:,} bytes has {size:,}"
+    return "" if own + CHECKSUM == size else f"a chunk claims {own + CHECKSUM:,} bytes and has {size:,}"
 
 
 def text_fault(content: bytes, count: int) -> str:

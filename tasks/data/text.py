@@ -13,7 +13,7 @@ from sinew.tasks.data.words import FOREIGN
 HUGE = 1e100
 LONGEST_LINE = 100_000
 MAX_LINES, MAX_CELLS = 500_000, 10_000_000  # each takes memory, however short it is
-MAX_TEXT_BYTES = 64 * 2**20  # reading takes some ten times as much memory
+MAX_TEXT_BYTES = 64 * 2**20  # reading takes several times as much memory
 BINARY = {".pkl", ".pickle", ".p", ".npy", ".npz", ".joblib", ".dill", ".pt", ".mat"}
 SEPARATORS = "\t;,|"
 #: Of text that is not UTF-8: that of Western Windows first, which can read nearly every file.

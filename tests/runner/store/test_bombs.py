@@ -81,7 +81,7 @@ def test_a_chunk_that_says_it_is_longer_is_not_read_beyond_its_end(folder):
     array = open_store(folder).tables()[0].group["wall_seconds"]
     holds = 8 * array.chunks[0]
     file.write_bytes(lying(holds, holds + 16))
-    with pytest.raises(StoreError, match=f"a chunk of {holds + 20:,} bytes has 20"):
+    with pytest.raises(StoreError, match=f"a chunk claims {holds + 20:,} bytes and has 20"):
         open_store(folder).tables()[0].read("wall_seconds", np.arange(20))
     for header, words in ((lying(holds, 8 * holds), "not one of"), (b"\2\1", "cut short")):
         file.write_bytes(header)

@@ -199,7 +199,7 @@ def test_a_chunk_that_says_it_is_longer_is_refused(written):
         for one, content in members.items():
             archive.writestr(one, content)
     (_, place), _ = kept_files.contents(written)
-    with pytest.raises(StoreError, match=f"run_0/time_s: a chunk of {holds + 20:,} bytes has 20"):
+    with pytest.raises(StoreError, match=f"run_0/time_s: a chunk claims {holds + 20:,} bytes and has 20"):
         kept_files.read_run(place)
 
 
