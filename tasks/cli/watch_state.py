@@ -4,26 +4,23 @@ Nothing is ever written to the folder. A run keeps ``progress.json`` up to date;
 :mod:`sinew.tasks.report.status`, which takes longer the more rows there are, so a thread reads them now and then.
 """
 
-import json
 import socket
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from sinew.runner.cluster.dashboard import way_to
 from sinew.runner.errors import SinewError, one_line
-from sinew.runner.files import NotReadable, read_regular
 from sinew.runner.progress import FAILED, FINISHED, INTERRUPTED, RUNNING
 from sinew.tasks.registry import TASKS
-from sinew.tasks.report.status import left_of_run, read_status, sign_of_life
+from sinew.tasks.report.status import left_of_run, logged_tasks, read_status, sign_of_life
 
 LOOK_EVERY_S, SHARE = 2.0, 10  # the thread that looks rows up rests for SHARE times as long as that took
 ENDS_S = 10.0  # for that thread, at the end
-LOG_TAIL_BYTES = 2**18
 ABSENT, QUEUED, UNKNOWN = "absent", "queued", "unknown"
 
 
@@ -73,7 +70,7 @@ def look(folder: Path, rows: Rows) -> dict[str, Any]:
     """What can be said of a folder now, as plain data: what ``--json`` prints and :func:`picture` shows."""
     found, problem = rows.now()
     now = sign_of_life(folder, time.time())
-    logged = _logged_tasks(folder)
+    logged = logged_tasks(folder)
     jobs = found.get("jobs", [])
     live = [job for job in jobs if job["state"] in ("running", "waiting")]
     state = _state(folder, now, logged, live)
@@ -122,25 +119,6 @@ def _state(folder: Path, now: dict[str, Any] | None, logged: dict[str, Any], liv
     return UNKNOWN if folder.is_dir() else ABSENT
 
 
-def _logged_tasks(folder: Path) -> dict[str, Any]:
-    """The state of each task, from the end of the log."""
-    tasks: dict[str, Any] = {}
-    with suppress(OSError, NotReadable):
-        for line in read_regular(folder / "log.jsonl", LOG_TAIL_BYTES, last=LOG_TAIL_BYTES).splitlines():
-            with suppress(ValueError, RecursionError):  # the first line is cut, the last may be
-                event = json.loads(line)
-                task = str(event.get("task")) if isinstance(event, dict) else ""
-                if task in TASKS and event.get("message") == "task started":
-                    tasks[task] = {"state": INTERRUPTED}
-                elif task in TASKS and event.get("message") == "task failed":
-                    tasks[task] = {"state": FAILED}
-                elif task in TASKS and event.get("message") == "task finished":
-                    seconds = event.get("seconds")
-                    usable = isinstance(seconds, int | float) and 0 <= seconds < 1e9
-                    tasks[task] = {"state": FINISHED} | ({"seconds": seconds} if usable else {})
-    return tasks
-
-
 def _tasks(folder: Path, now: dict[str, Any] | None, logged: dict[str, Any], state: str) -> list[dict[str, Any]]:
     """The tasks of this folder: those of the last command in its order, after those that were done before."""
     states = (now or {}).get("tasks") or {}
@@ -156,6 +134,8 @@ def _tasks(folder: Path, now: dict[str, Any] | None, logged: dict[str, Any], sta
             one["state"] = words.get(str(states[task]), "waiting")
         if one["state"] != FINISHED:
             one.pop("seconds", None)
+        if one["state"] != FAILED:
+            one.pop("reason", None)
         found.append({"task": task, **one})
     return found
 

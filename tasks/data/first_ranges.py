@@ -30,6 +30,7 @@ WIDER = 3.0  # on both sides of their moduli
 LOOKED_AT = 12  # specimens, at most
 LASTING = (20.0, 2000.0)  # s; shorter tests cannot show the published relaxation times, longer ones have others
 SPAN = 2000.0  # between the largest and the smallest relaxation time, as published
+UNLIKE = 30.0  # times; specimens of one tissue differ by less
 SAMPLES = 2.0  # that the smallest relaxation time lasts at least
 
 
@@ -49,11 +50,34 @@ class FirstRanges:
 def first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen] = ()) -> FirstRanges:
     """Ranges for the measured curves of specimens whose sizes are known; of ``others``, only the times count."""
     found = _first_ranges(specimens, others)
+    found = replace(found, lines=(*found.lines, *_unlike(specimens)))
     if not specimens or not others:
         return found
     names = listed([one.name for one in others])
     line = f"ranges: not compared with {names}; once all sizes are filled in, a run checks that they reach the forces"
     return replace(found, lines=(*found.lines, line))
+
+
+def _unlike(specimens: Sequence[Specimen]) -> list[str]:
+    """A line for specimens that can hardly be of one tissue: peak stress and stiffness differ by ``UNLIKE`` or more."""
+    peaks = {}
+    for one in specimens:
+        if one.measured:
+            stress = max(float(np.abs(curve.force_N).max()) for curve in one.curves) / one.area_mm2
+            strain = max(float(np.abs(one.stretch(curve.protocol) - 1.0).max()) for curve in one.curves)
+            if stress > 0.0 and strain > 0.0:
+                peaks[one.name] = (stress, stress / strain)
+    if not peaks:
+        return []
+    soft, stiff = (choose(peaks, key=lambda name: peaks[name][0]) for choose in (min, max))
+    times = [peaks[stiff][at] / peaks[soft][at] for at in (0, 1)]
+    if min(times) < UNLIKE:
+        return []
+    line = (
+        f"ranges: the peak stress of {stiff} is {times[0]:.3g} times that of {soft}, and one range must"
+        " hold both; a study takes its specimens for one tissue, so give each tissue a study of its own"
+    )
+    return [line]
 
 
 def _first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen]) -> FirstRanges:

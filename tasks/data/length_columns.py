@@ -24,7 +24,7 @@ def length_beside(table: Table, displacement_mm: Array, first: int = 0) -> Size 
     at_rest = numbers_of(table, lengths, range(first, first + displacement_mm.size)) - displacement_mm
     if not np.ptp(at_rest) <= SAME * abs(at_rest[0]) or at_rest[0] <= 0.0:
         return None
-    return Size(float(at_rest[0]), True, lengths.title)
+    return Size(float(at_rest[0]), True, lengths.title, column=True)
 
 
 def numbers_of(table: Table, column: Column, rows: range) -> Array:

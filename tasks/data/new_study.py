@@ -96,6 +96,8 @@ def describe(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
             )
             yield one_line(f"  {test.path}: protocol {curve.name} ({test.name.how}); {what}")
             yield f"    {_ranges(curve, None if 'length' in new.missing else specimen.length_mm)}"
+            if (length := test.recording.sizes.get("length")) is not None and length.column:
+                yield one_line(f"    gauge length by the file: '{length.text}' less the displacement")
             if test.recording.further.words:
                 yield one_line(f"    kept beside the force: {', '.join(test.recording.further.words)}")
             if test.recording.left_out:

@@ -1,16 +1,17 @@
 """The noise of measured curves, estimated from the curves alone, without a model of the tissue.
 
 In each phase of a curve (a ramp or a hold), a cubic spline follows the smooth course of the force. On ramps it is a
-function of time, in holds of the logarithm of time, because relaxation is fast at first and slow later. The remainder
-is taken for first-order autoregressive noise. Its level and correlation maximise the restricted likelihood (Patterson
-and Thompson 1971, Biometrika 58), which accounts for what the splines remove. That matters where noise is correlated
-over many points or a phase has few of them.
+function of time, in holds of the logarithm of time, because relaxation is fast at first and slow later. The remainder,
+but for spikes, is taken for first-order autoregressive noise. Its level and correlation maximise the restricted
+likelihood (Patterson and Thompson 1971, Biometrika 58), which accounts for what the splines remove. That matters where
+noise is correlated over many points or a phase has few of them.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
 
 from sinew.tasks.model import Curve
 from sinew.tasks.model.phases import Phase, phases
@@ -22,6 +23,13 @@ POINTS_PER_EXTRA = 400
 FEWEST_POINTS = 12  # of a phase that is used, and of the remainder that noise is estimated from
 ENOUGH_IN_HOLDS = 150  # points; ramps are left out then
 CORRELATION_BOUNDS = (-0.5, 0.995)
+SUSPECT = 0.9  # correlation from which on finer splines are tried
+FINER = (2, 4, 8, 16)  # times as many coefficients, as far as the points allow
+MOST_WHEN_FINER = 400  # coefficients of a phase
+DEPENDENT = 1e-6  # what a spline adds to the others, squared and relative to the largest, where points do not tell it
+SPIKE = 6.0  # standard deviations from the course of its phase, from which on a point is a spike
+MOST_SPIKES = 0.05  # of the points of a phase
+SPIKE_ROUNDS = 20
 GROWTH_BOUNDS = (0.03, 300.0)  # growth of the noise up to the largest force, as a multiple of its level at rest
 GROWTH_GAIN = 10.0  # gain in twice the log likelihood, for each specimen, from which on growth is accepted
 
@@ -53,14 +61,14 @@ class _Piece:
     """A phase of a curve with ``t`` points.
 
     ``force`` ``[t]`` (N), ``splines`` ``[t, p]``: the basis, ``course`` ``[t]`` (N): the fit by ordinary least squares,
-    ``steps`` ``[t - 1]``: time steps as multiples of the curve's median step.
+    ``time`` ``[t]``: in multiples of the curve's median step.
     """
 
     hold: bool
     force: Array
-    splines: Array
+    splines: sparse.csr_array
     course: Array
-    steps: Array
+    time: Array
 
 
 def noise_of(curve: Curve, beside: Sequence[Curve] = ()) -> Noise:
@@ -130,9 +138,50 @@ def _correlation_and_growth(groups: Sequence[list[_Piece]], proportional: bool) 
 
 
 def _chosen(curves: Sequence[Curve]) -> list[_Piece]:
-    """The phases that noise is estimated from: holds if they have enough points, else all."""
-    pieces = [piece for curve in curves for piece in _pieces(curve)]
+    """The phases that noise is estimated from, without spikes: holds if they have enough points, else all.
+
+    A course that the splines cannot follow, such as one with a rupture, looks like large noise of a correlation near
+    1. Then the splines become finer as long as Schwarz's criterion (1978) gains, on the points that both keep.
+    """
+    coarse = _used(curves, 1)
+    kept = [_without_spikes(piece) for piece in coarse]
+    for finer in FINER:
+        if _criterion(coarse, kept)[1] < SUSPECT:
+            break
+        fine = _used(curves, finer)
+        kept_by_fine = [_without_spikes(piece) for piece in fine]
+        both = [a & b for a, b in zip(kept, kept_by_fine, strict=True)]
+        if not _criterion(fine, both)[0] < _criterion(coarse, both)[0]:
+            break
+        coarse, kept = fine, kept_by_fine
+    return _some_points(coarse, kept)
+
+
+def _used(curves: Sequence[Curve], finer: int) -> list[_Piece]:
+    pieces = [piece for curve in curves for piece in _pieces(curve, finer)]
     return [piece for piece in pieces if piece.hold] if _points_in_holds(pieces) >= ENOUGH_IN_HOLDS else pieces
+
+
+def _criterion(pieces: Sequence[_Piece], kept: Sequence[Array]) -> tuple[float, float]:
+    """Schwarz's criterion of the splines together with noise of one correlation, and that correlation.
+
+    ``kept``: which points of each phase count. Infinite, and no correlation, where there are too few.
+    """
+    from scipy.optimize import minimize_scalar  # slow to import
+
+    chosen = _some_points(pieces, kept)
+    points, splines = (sum(piece.splines.shape[axis] for piece in chosen) for axis in (0, 1))
+    if points - splines < FEWEST_POINTS:
+        return float("inf"), 0.0
+    best = minimize_scalar(lambda r: _full(chosen, r), bounds=CORRELATION_BOUNDS, method="bounded")
+    return float(best.fun) + splines * float(np.log(points)), float(best.x)
+
+
+def _some_points(pieces: Sequence[_Piece], kept: Sequence[Array]) -> list[_Piece]:
+    return [
+        piece if each.all() else _piece(piece.hold, piece.force[each], piece.splines[each], piece.time[each])
+        for piece, each in zip(pieces, kept, strict=True)
+    ]
 
 
 def _points_in_holds(pieces: Sequence[_Piece]) -> int:
@@ -141,24 +190,49 @@ def _points_in_holds(pieces: Sequence[_Piece]) -> int:
 
 def _restricted(pieces: Sequence[_Piece], r: float, growth: float) -> tuple[float, float]:
     """-2 log restricted likelihood (up to a constant) at the level that maximises it, and that level (N)."""
-    squares, loss, count = 0.0, 0.0, 0
+    squares, loss, splines, count = _parts(pieces, r, growth)
+    count -= sum(piece.splines.shape[1] for piece in pieces)
+    variance = max(squares / count, np.finfo(float).tiny)
+    return loss + splines + count * float(np.log(variance)), float(np.sqrt(variance))
+
+
+def _full(pieces: Sequence[_Piece], r: float) -> float:
+    """-2 log likelihood (up to a constant) at the splines and the level that maximise it."""
+    squares, loss, _, count = _parts(pieces, r, 0.0)
+    return loss + count * float(np.log(max(squares / count, np.finfo(float).tiny)))
+
+
+def _parts(pieces: Sequence[_Piece], r: float, growth: float) -> tuple[float, float, float, int]:
+    """The squares of what the splines leave, log determinants of the noise and of the splines, and the points."""
+    squares, noise, splines, points = 0.0, 0.0, 0.0, 0
     for piece in pieces:
         sd = np.hypot(1.0, growth * piece.course)
-        both = np.column_stack([piece.splines, piece.force]) / sd[:, np.newaxis]
-        correlation = np.sign(r) * np.abs(r) ** piece.steps
+        correlation = np.sign(r) * np.abs(r) ** np.diff(piece.time)
         alone = 1.0 - correlation**2
-        both[1:] = (both[1:] - correlation[:, np.newaxis] * both[:-1]) / np.sqrt(alone)[:, np.newaxis]
-        upper: Array = np.asarray(np.linalg.qr(both, mode="r"))
-        size = piece.splines.shape[1]
-        squares += float(np.sum(upper[size:, size] ** 2))
-        loss += float(np.log(alone).sum()) + 2.0 * float(np.log(sd).sum())
-        loss += 2.0 * float(np.log(np.abs(np.diag(upper[:size, :size]))).sum())
-        count += piece.force.size - size
-    variance = max(squares / count, np.finfo(float).tiny)
-    return loss + count * float(np.log(variance)), float(np.sqrt(variance))
+        whitening = sparse.diags_array(
+            [np.concatenate([[1.0], 1.0 / np.sqrt(alone)]) / sd, -correlation / np.sqrt(alone) / sd[:-1]],
+            offsets=[0, -1],
+            format="csr",
+        )
+        left, log = _fitted(whitening @ piece.splines, whitening @ (piece.force - piece.course))
+        squares += float(left @ left)
+        splines += log
+        noise += float(np.log(alone).sum()) + 2.0 * float(np.log(sd).sum())
+        points += piece.force.size
+    return squares, noise, splines, points
 
 
-def _pieces(curve: Curve) -> list[_Piece]:
+def _fitted(splines: sparse.csr_array, force: Array) -> tuple[Array, float]:
+    """What least squares leave ``[t]``, and the log determinant of the normal equations."""
+    from scipy.linalg import cho_factor, cho_solve  # slow to import
+
+    factor = cho_factor((splines.T @ splines).toarray(), lower=True)
+    left = force - splines @ cho_solve(factor, splines.T @ force)
+    return left, 2.0 * float(np.log(np.diag(factor[0])).sum())
+
+
+def _pieces(curve: Curve, finer: int = 1) -> list[_Piece]:
+    """The phases of a curve that have enough points. ``finer``: how many times as many splines as usual."""
     there = np.isfinite(curve.force_N)  # other quantities than the force may have gaps
     if there.sum() < FEWEST_POINTS:
         return []
@@ -169,21 +243,51 @@ def _pieces(curve: Curve) -> list[_Piece]:
         force, time = curve.force_N[phase.points][measured], curve.protocol.time_s[phase.points][measured]
         if force.size < FEWEST_POINTS:
             continue
-        splines = _splines(phase, time - time[0], median_step)
-        fitted, *_ = np.linalg.lstsq(splines, force, rcond=None)
-        found.append(_Piece(phase.kind == "hold", force, splines, splines @ fitted, np.diff(time) / median_step))
+        splines = _splines(phase, time - time[0], median_step, finer)
+        found.append(_piece(phase.kind == "hold", force, splines, time / median_step))
     return found
 
 
-def _splines(phase: Phase, since: Array, median_step: float) -> Array:
-    """Cubic B-splines ``[t, p]`` at the times ``since`` (s) the phase began. Splines without any point are left out."""
+def _piece(hold: bool, force: Array, splines: sparse.csr_array, time: Array) -> _Piece:
+    """A phase with those of the splines that its points tell apart."""
+    from scipy.linalg import qr  # slow to import
+
+    upper, order = qr((splines.T @ splines).toarray(), mode="r", pivoting=True)
+    size = np.abs(np.diag(upper))
+    splines = splines[:, np.sort(order[size > DEPENDENT * size[0]])]
+    return _Piece(hold, force, splines, force - _fitted(splines, force)[0], time)
+
+
+def _without_spikes(piece: _Piece) -> Array:
+    """Which points ``[t]`` of a phase are not far off its course, by more than any noise explains.
+
+    A machine that starts, stops or turns jerks for some points, and a turn has a corner that no smooth course has.
+    At most ``MOST_SPIKES`` of the points are left out; the scale is the median absolute deviation of the others.
+    """
+    from scipy.linalg import solve  # slow to import
+
+    kept = np.ones(piece.force.size, bool)
+    for _ in range(SPIKE_ROUNDS):
+        chosen = piece.splines[kept]
+        normal = (chosen.T @ chosen).toarray()
+        normal[np.diag_indices_from(normal)] += DEPENDENT * normal.max()  # where no point is left below a spline
+        off = np.abs(piece.force - piece.splines @ solve(normal, chosen.T @ piece.force[kept], assume_a="pos"))
+        limit = max(SPIKE * 1.4826 * float(np.median(off[kept])), float(np.quantile(off, 1.0 - MOST_SPIKES)))
+        if np.array_equal(off <= limit, kept):
+            break
+        kept = off <= limit
+    return kept
+
+
+def _splines(phase: Phase, since: Array, median_step: float, finer: int) -> sparse.csr_array:
+    """Cubic B-splines ``[t, p]`` at the times ``since`` (s) the phase began."""
     from scipy.interpolate import BSpline  # slow to import
 
     hold = phase.kind == "hold"
     x = np.log1p(since / median_step) if hold else since
-    most = MOST_COEFFICIENTS + (0 if hold else since.size // POINTS_PER_EXTRA)
+    usual = MOST_COEFFICIENTS + (0 if hold else since.size // POINTS_PER_EXTRA)
+    most = usual if finer == 1 else max(usual, min(finer * usual, MOST_WHEN_FINER))
     count = int(np.clip(since.size // POINTS_PER_COEFFICIENT, 4, most))
     inner = np.linspace(0.0, x[-1], count - 2)
     knots = np.concatenate([np.zeros(3), inner, np.full(3, x[-1])])
-    matrix: Array = BSpline.design_matrix(x, knots, 3).toarray()
-    return matrix[:, np.abs(matrix).max(axis=0) > 1e-9]
+    return sparse.csr_array(BSpline.design_matrix(x, knots, 3))

@@ -222,6 +222,7 @@ def _recording(
         sizes |= {} if length is None else {"length": length}
         if first := new_zero(numbers):
             new_length = length_beside(table, numbers[first:, 1], block.start + first)
+    lengths = {size.text for size in (sizes.get("length"), new_length) if size is not None and size.column}
     return Recording(
         table.path,
         numbers,
@@ -229,7 +230,7 @@ def _recording(
         tuple(at for at, _ in table.rows[block.start : block.end]),
         table.header,
         sizes,
-        left_out,
+        tuple(title for title in left_out if title not in lengths),
         block.name,
         notes,
         "" if apart is None or not back else f", or {apart.option} {shown(apart.title)}, which changes there",

@@ -51,12 +51,13 @@ class Size:
 
     ``mm``: the size in mm, a cross-section in mm2; None where its number or unit makes no sense. ``has_unit``: False
     where there is a number but no unit; ``mm`` takes it for millimetres then, unless it is so small that it may be in
-    metres.
+    metres. ``column``: it follows from a column of current lengths, whose title ``text`` is.
     """
 
     mm: float | None
     has_unit: bool
     text: str
+    column: bool = False
 
 
 def read_sizes(header: Sequence[Row], own: int = 0) -> Mapping[str, Size]:

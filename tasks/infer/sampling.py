@@ -55,7 +55,7 @@ def _infer_site(
         last = sampler.generations[-1]
         raise BadInput(
             f"{workspace.study.path}: infer.epsilon",
-            f"of {last.judged:,} draws for {site.name} {last.accepted} came within {settings.epsilon:g}, "
+            f"site {site.name}: {last.accepted:,} of {last.judged:,} draws came within {settings.epsilon:g}, "
             f"the closest was at {last.closest:.3g}, {last.failed} failed",
             "a larger epsilon, or another prior",
         )

@@ -1,7 +1,9 @@
 """What a result folder holds and what works on it, read from its files alone: it works where nothing runs."""
 
+import json
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +12,9 @@ from rich.table import Table as Grid
 
 from sinew.runner.cluster.job_table import JobTable
 from sinew.runner.console import Console
-from sinew.runner.errors import StoreError, one_line
-from sinew.runner.progress import RUNNING, is_here, read_progress
+from sinew.runner.errors import StoreError, brief, one_line
+from sinew.runner.files import NotReadable, read_regular
+from sinew.runner.progress import FAILED, FINISHED, INTERRUPTED, RUNNING, is_here, read_progress
 from sinew.runner.store.schema import PENDING, STATUSES, Array
 from sinew.runner.store.segment import LONGEST_MESSAGE, Segment
 from sinew.runner.store.store import open_store
@@ -24,6 +27,7 @@ MOST_S = 1e9
 SILENT_S = 60.0  # who works tells of it every few seconds
 JOBS_SHOWN = 12
 FAILURES_SHOWN = 5
+LOG_TAIL_BYTES = 2**18
 
 
 def read_status(folder: Path) -> dict[str, Any]:
@@ -79,6 +83,9 @@ def read_status(folder: Path) -> dict[str, Any]:
             "jobs": sum(record.core_hours(now) for record in jobs.values()),
         },
         "results": [path.stem for path in _results(folder)],
+        "failed_tasks": {
+            task: each["reason"] for task, each in logged_tasks(folder).items() if each["state"] == FAILED
+        },
     }
 
 
@@ -172,6 +179,25 @@ def sign_of_life(folder: Path, now: float) -> dict[str, Any] | None:
     return {**facts, "age_s": round(age, 1), "alive": alive}
 
 
+def logged_tasks(folder: Path) -> dict[str, Any]:
+    """The state of each task, from the end of the log; with its seconds, or the reason why it failed."""
+    tasks: dict[str, Any] = {}
+    with suppress(OSError, NotReadable):
+        for line in read_regular(folder / "log.jsonl", LOG_TAIL_BYTES, last=LOG_TAIL_BYTES).splitlines():
+            with suppress(ValueError, RecursionError):  # the first line is cut, the last may be
+                event = json.loads(line)
+                task = str(event.get("task")) if isinstance(event, dict) else ""
+                if task in TASKS and event.get("message") == "task started":
+                    tasks[task] = {"state": INTERRUPTED}
+                elif task in TASKS and event.get("message") == "task failed":
+                    tasks[task] = {"state": FAILED, "reason": brief(one_line(str(event.get("reason", ""))))}
+                elif task in TASKS and event.get("message") == "task finished":
+                    seconds = event.get("seconds")
+                    usable = isinstance(seconds, int | float) and 0 <= seconds < 1e9
+                    tasks[task] = {"state": FINISHED} | ({"seconds": seconds} if usable else {})
+    return tasks
+
+
 def print_status(found: dict[str, Any]) -> None:
     """The same for a person."""
     console = Console(highlight=False)
@@ -189,6 +215,8 @@ def print_status(found: dict[str, Any]) -> None:
         place = f" ({failure['node']}{', job ' + failure['job'] if failure['job'] else ''})"
         words = f"{failure['table']}, row {failure['row']}: {failure['status']}: {failure['message']}"
         console.print(one_line(words + place))
+    for task, reason in found["failed_tasks"].items():
+        console.print(f"{task} failed: {reason}", soft_wrap=True)
     console.print(f"finished: {', '.join(found['results']) or 'nothing yet'}")
 
 

@@ -15,12 +15,11 @@ SHARE = Path("/usr/share/gridengine")
 PROGRAMS = ("qsub", "qstat", "qdel", "qconf", "sge_qmaster", "sge_execd", "spoolinit", "spooldefaults.bin")
 READY_S = 30.0
 CELL = "testbed"
-QUEUE_NAME = "work.q"
 
 # All names of this machine become one: its address and its name may resolve differently.
 HOST = "localhost"
 QUEUE = f"""\
-qname {QUEUE_NAME}
+qname {{name}}
 hostlist {HOST}
 seq_no 0
 load_thresholds NONE
@@ -183,9 +182,14 @@ def _lay_out(testbed: Testbed, arch: str) -> None:
 
 
 def _configure(testbed: Testbed) -> None:
-    """Tell the running master of its host, its queue and how often to schedule."""
+    """Tell the running master of its host, its queue and how often to schedule.
+
+    The queue's name is this testbed's alone: a job's temporary folder is named after the job's number and the queue,
+    and two testbeds that run at once both begin with job 1.
+    """
     _run(testbed, "qconf", "-as", HOST)
-    for option, text in (("-Ap", PARALLEL_ENVIRONMENT), ("-Aq", QUEUE)):
+    queue = QUEUE.format(name=f"work{testbed.environment['SGE_QMASTER_PORT']}.q")
+    for option, text in (("-Ap", PARALLEL_ENVIRONMENT), ("-Aq", queue)):
         path = testbed.root / f"qconf{option}"
         path.write_text(text)
         _run(testbed, "qconf", option, str(path))

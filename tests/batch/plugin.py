@@ -24,7 +24,11 @@ import pytest
 
 from tests.batch import grid_engine, places
 
-DAEMONS = {"slurm_cluster", "grid_engine_cluster"}
+QUEUES = {  # the command that lists the jobs of each, with those that have ended
+    "slurm_cluster": ("squeue", "--states=all", "--format=%i %j %T %r %N %M"),
+    "grid_engine_cluster": ("qstat", "-u", "*", "-s", "prsz"),
+}
+DAEMONS = set(QUEUES)
 TAIL = 25  # lines of each log that are shown when a test fails
 LONGEST_S = 1200.0  # of a test: for what hangs, as a busy machine needs more walltimes
 
@@ -166,26 +170,28 @@ def _set_up(testbed: Any, folders: pytest.TempPathFactory, monkeypatch: pytest.M
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """A failed test shows the queue, and the ends of the logs of its studies and of SLURM."""
+    """A failed test shows the queue, and the ends of the logs of its studies and of the batch system."""
     report = yield
     values = getattr(item, "funcargs", {})
-    if report.failed and "slurm_cluster" in values:
-        report.sections.append(("squeue", _queue(values["slurm_cluster"])))
-        for path in _logs(values["slurm_cluster"].root, values.get("tmp_path")):
-            report.sections.append((str(path), "\n".join(path.read_text(errors="replace").splitlines()[-TAIL:])))
+    for cluster, queue in QUEUES.items():
+        if report.failed and cluster in values:
+            report.sections.append((queue[0], _queue(values[cluster], queue)))
+            for path in _logs(values[cluster].root, values.get("tmp_path")):
+                report.sections.append((str(path), "\n".join(path.read_text(errors="replace").splitlines()[-TAIL:])))
     return report
 
 
-def _queue(testbed: Any) -> str:
+def _queue(testbed: Any, command: tuple[str, ...]) -> str:
     try:
-        return testbed.run("squeue", "--states=all", "--format=%i %j %T %r %N %M")
+        done = subprocess.run(command, env=os.environ | testbed.environment, capture_output=True, text=True, timeout=60)
     except (subprocess.SubprocessError, OSError) as error:
         return str(error)
+    return done.stdout + done.stderr
 
 
-def _logs(slurm: Path, studies: Path | None) -> list[Path]:
-    """The logs of SLURM's daemons, and of the result folders below ``studies``: of jobs and of runs."""
-    found = sorted(slurm.glob("*.log"))
+def _logs(daemons: Path, studies: Path | None) -> list[Path]:
+    """The logs of a batch system's daemons, and of the result folders below ``studies``: of jobs and of runs."""
+    found = [*sorted(daemons.glob("*.log")), *sorted(daemons.glob("spool/**/messages"))]
     for jobs in [] if studies is None else sorted(studies.rglob("jobs")):
         found += [jobs.with_name("log.jsonl"), *sorted(jobs.glob("*.jsonl")), *sorted(jobs.glob("*.log"))]
     return [path for path in found if path.is_file()]

@@ -58,6 +58,26 @@ def test_tissue_of_another_stiffness_gets_ranges_that_hold_its_moduli(factor):
     assert all(one.reached for one in reach(Uniaxial(), found.model, specimen))
 
 
+@pytest.mark.parametrize(("factor", "said"), [(10.0, False), (300.0, True)])
+def test_specimens_that_cannot_be_of_one_tissue_are_named(factor, said):
+    soft = replace(tissue(0.04), name="skin")
+    curve = soft.curves[0]
+    stiff = replace(soft, name="tendon", curves=(replace(curve, force_N=factor * curve.force_N),))
+    lines = [line for line in first_ranges([soft, stiff]).lines if "one tissue" in line]
+    assert len(lines) == said
+    if said:
+        assert "the peak stress of tendon is 300 times that of skin" in lines[0]
+
+
+def test_the_same_tissue_pulled_farther_is_no_other_tissue():
+    """A toe: forty times the stress at four times the strain is but ten times the stiffness."""
+    near, far = replace(tissue(0.01), name="a"), replace(tissue(0.04), name="b")
+    curve = far.curves[0]
+    peak = np.abs(near.curves[0].force_N).max() / np.abs(curve.force_N).max()
+    far = replace(far, curves=(replace(curve, force_N=40.0 * peak * curve.force_N),))
+    assert not any("one tissue" in line for line in first_ranges([near, far]).lines)
+
+
 def test_extensible_tissue_gets_a_longer_toe():
     specimen = tissue(0.4, lambda_0=1.3, E_f=3.0, alpha_f=8.0, E_m=0.05)
     found = first_ranges([specimen])

@@ -108,3 +108,36 @@ def test_gaps_do_not_change_the_level():
         gaps = [Curve(curve.protocol, values) for curve, values in zip(one.curves, seen, strict=True)]
         assert noise_of_all(gaps, proportional=False).sd_N == pytest.approx(level, rel=0.15)
     assert np.isnan(noise_of(Curve(gaps[0].protocol, np.full(gaps[0].force_N.size, np.nan))).sd_N)
+
+
+def test_jerks_where_the_machine_turns_are_no_noise():
+    """A start that overshoots, and a corner at the turn that no spline follows, as on a real machine."""
+    t = np.arange(1700) / 50
+    moved = np.interp(t, [0, 17, 34], [0, 40, 0])
+    signal = 0.8 * (moved / 40) ** 0.6 - 0.15 * (t > 17) * (1 - np.exp(-np.maximum(t - 17, 0) / 0.05))
+    signal[1:5] += (0.05, 0.03, -0.02, 0.01)
+    for ar1 in (0.0, 0.5):
+        found = [noise_of(noisy(moved, signal, 0.0015, ar1, seed)) for seed in range(6)]
+        assert np.mean([noise.sd_N for noise in found]) == pytest.approx(0.0015, rel=0.1)
+        assert np.mean([noise.ar1 for noise in found]) == pytest.approx(ar1, abs=0.15)
+
+
+def test_a_rupture_is_no_noise():
+    t = np.arange(3000) / 50
+    signal = 100 * np.minimum(t / 40, 1) ** 1.5 * np.where(t < 40, 1, 0.05) + 8 * np.sin(t * 2) * (t < 40)
+    found = [noise_of(noisy(t, signal, 0.2, 0.3, seed)) for seed in range(6)]
+    assert np.mean([noise.sd_N for noise in found]) == pytest.approx(0.2, rel=0.2)
+
+
+def test_noise_of_high_correlation_is_not_taken_for_the_course_of_the_force():
+    t = np.arange(6000) / 50
+    found = [noise_of(noisy(t, 3 * t, 1.5, 0.97, seed)) for seed in range(6)]
+    assert np.mean([noise.sd_N for noise in found]) == pytest.approx(1.5, rel=0.15)
+    assert np.mean([noise.ar1 for noise in found]) == pytest.approx(0.97, abs=0.02)
+
+
+def test_a_pause_of_the_recording_within_a_ramp():
+    t = np.concatenate([np.arange(200), np.arange(2800, 3000)]) / 50
+    curve = noisy(t, 3 * t, 0.2, 0.0, 1)
+    found = noise_of(Curve(Protocol("pull", t, t), curve.force_N))
+    assert found.sd_N == pytest.approx(0.2, rel=0.15)

@@ -566,8 +566,10 @@ def test_a_column_of_current_lengths_tells_the_gauge_length_of_each_test(tmp_pat
     path.write_text("Time_S,Size_mm,Displacement_mm,Force_N\n" + rows)
     (one,) = read_recordings(path, Hints())
     assert (one.sizes["length"].mm, one.sizes["length"].has_unit) == (pytest.approx(12.5), True)
+    assert one.left_out == ()
     path.write_text("Time_S,Size_mm,Displacement_mm,Force_N\n" + rows + "5,17,0,9\n6,17.1,0.1,6\n")
     (other,) = read_recordings(path, Hints())
+    assert other.left_out == ("Size_mm",)
     assert "length" not in other.sizes
 
 

@@ -66,3 +66,10 @@ def test_a_slow_ramp_among_fast_ones_is_no_hold():
 
 def test_what_never_moves_is_one_hold():
     assert kinds(Protocol("still", np.arange(9.0), np.ones(9))) == [("hold", 1)]
+
+
+def test_a_displacement_in_coarse_steps_is_one_of_the_direction_in_which_it_leads():
+    """A crosshead that counts 0.1 mm, read 50 times for each: most steps are none."""
+    t = np.arange(2000) / 50
+    moved = np.interp(t, [0, 30, 40], [0, 4, 4])
+    assert kinds(Protocol("pull", t, np.round(moved, 1)))[0] == ("load", 1)

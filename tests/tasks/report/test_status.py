@@ -1,0 +1,35 @@
+"""Which tasks of a result folder failed, read from its log."""
+
+import json
+
+from sinew.runner.store.store import Store
+from sinew.tasks.report.status import print_status, read_status
+
+
+def folder_with(tmp_path, *events):
+    with Store.writing(tmp_path / "out", "study"):
+        pass
+    (tmp_path / "out" / "log.jsonl").write_text("".join(json.dumps(event) + "\n" for event in events))
+    return tmp_path / "out"
+
+
+def failed(task, reason):
+    return {"task": task, "message": "task failed", "reason": reason}
+
+
+def test_a_failed_task_is_named_with_its_reason(tmp_path, capsys):
+    out = folder_with(tmp_path, failed("infer", "no draw came within \x1b[31m 0.1"), {"message": "run started"})
+    found = read_status(out)
+    assert list(found["failed_tasks"]) == ["infer"]
+    print_status(found)
+    said = capsys.readouterr().out
+    assert "infer failed: no draw came within" in said
+    assert "\x1b" not in said
+
+
+def test_a_task_that_was_started_again_has_not_failed(tmp_path):
+    again = [{"task": "infer", "message": word} for word in ("task started", "task finished")]
+    for events in (again, again[:1]):
+        assert read_status(folder_with(tmp_path, failed("infer", "x"), *events))["failed_tasks"] == {}
+    events = (*again, failed("infer", "x"), failed("nothing", "no task"), "a text", {"task": ["infer"]})
+    assert read_status(folder_with(tmp_path, *events))["failed_tasks"] == {"infer": "x"}
