@@ -10,6 +10,11 @@ def put(words: object, *, error: bool = False) -> None:
     print(printable(str(words)), file=sys.stderr if error else sys.stdout, flush=True)
 
 
+def no_formula(text: str) -> str:
+    """Text for a cell of a CSV table, which no spreadsheet takes for a formula."""
+    return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text
+
+
 def printable(text: str) -> str:
     """Text of any number of lines, in which all but printable characters and tabs are escaped."""
     if text.isprintable():

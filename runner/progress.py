@@ -26,6 +26,7 @@ from sinew.runner.printing import put
 log = logging.getLogger("sinew")
 
 
+LATEST_S = 1e11  # since 1970, of the start of a process
 PROGRESS, MAX_BYTES = "progress.json", 2**24
 TELL_EVERY_S, SHOW_EVERY_S, BEAT_S = 2.0, 10.0, 10.0
 RUNNING, FINISHED, FAILED, INTERRUPTED = "running", "finished", "failed", "interrupted"
@@ -112,7 +113,9 @@ def is_here(process: Any) -> bool | None:
     if not isinstance(process, dict) or process.get("host") != socket.gethostname():
         return None
     pid, since = process.get("pid"), process.get("since")
-    if not isinstance(pid, int) or not isinstance(since, int | float) or not 0 < pid < 2**31:
+    if not isinstance(pid, int) or not isinstance(since, int | float):
+        return None
+    if not (0 < pid < 2**31 and 0 <= since < LATEST_S):
         return None
     with suppress(psutil.Error):
         return abs(psutil.Process(pid).create_time() - since) < 2.0

@@ -26,6 +26,8 @@ INFERRED = "what `sinew infer` writes; run it again"  # expected of its files
 MAX_DATABASE_BYTES = 2**28
 STEP, MAX_STEPS = 100_000, 5_000  # of the look at a database: instructions of SQLite together, and how often
 MAX_DRAWS = 10**6  # numbers of one variable of a posterior
+WIDEST = 8  # bytes of one of them
+MOST_OBJECTS = 1000  # variables and groups of a posterior
 
 
 def salib_problem(result: SobolResult) -> dict[str, Any]:
@@ -124,14 +126,20 @@ def posterior(folder: Path, site: str) -> Any:
 
 
 def _refuse_elsewhere(path: Path) -> None:
-    """Refuse an HDF5 file whose numbers are in other files, or are more than ``sinew infer`` writes."""
+    """Refuse an HDF5 file whose numbers are in other files, or which holds more than ``sinew infer`` writes."""
     import h5py  # type: ignore[import-untyped]
+
+    seen: set[int] = set()
 
     def problem(group: Any) -> str | None:
         for name in group:
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                 return f"{name} is a link"
             one = group[name]
+            place = h5py.h5o.get_info(one.id).addr
+            if place in seen or len(seen) == MOST_OBJECTS:
+                return f"{name} is {'there twice' if place in seen else f'one of more than {MOST_OBJECTS} objects'}"
+            seen.add(place)
             if isinstance(one, h5py.Group):
                 if found := problem(one):
                     return found
@@ -139,6 +147,8 @@ def _refuse_elsewhere(path: Path) -> None:
                 return f"{name} has its numbers elsewhere"
             elif one.size is None or one.size > MAX_DRAWS:
                 return f"{name} has {one.size} numbers"
+            elif one.dtype.itemsize > WIDEST:
+                return f"{name} has numbers of {one.dtype.itemsize} bytes"
         return None
 
     try:

@@ -19,6 +19,7 @@ from sinew.runner.errors import BadInput, StoreError
 from sinew.runner.printing import printable
 from sinew.runner.store.store import open_store, refuse_strange_entries
 from sinew.tasks.drawing import views
+from sinew.tasks.drawing.formats import without_formulas
 from sinew.tasks.registry import TASKS
 from sinew.tasks.study.result import believed
 
@@ -197,7 +198,7 @@ class Results:
             path = Path(out) / f"{name}.{format}"
             frame = table().reset_index()
             if format == "csv":
-                frame.to_csv(path, index=False)
+                without_formulas(frame).to_csv(path, index=False)
             else:
                 frame.to_parquet(path, index=False)
             paths.append(path)

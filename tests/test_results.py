@@ -353,6 +353,15 @@ POSTERIORS = {
         lambda file: file.create_dataset("more", (2**40,), "f8", chunks=(1024,)),
         "more has 1099511627776 numbers",
     ),
+    "wide": (
+        lambda file: file.create_dataset("more", (1000,), "S2000000", chunks=(1,)),
+        "more has numbers of 2000000 bytes",
+    ),
+    "twice": (lambda file: file["posterior"].__setitem__("more", file["posterior/E_f"]), "more is there twice"),
+    "many": (
+        lambda file: [file.create_group(f"more{i}") for i in range(1000)] and None,
+        "more[0-9]* is one of more than 1000 objects",
+    ),
 }
 
 

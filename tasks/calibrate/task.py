@@ -28,7 +28,7 @@ from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
-from sinew.tasks.study.checkpoint import Checkpoint
+from sinew.tasks.study.checkpoint import Checkpoint, in_unit_cube
 from sinew.tasks.study.files import digest, write_text
 from sinew.tasks.study.streams import Stream
 from sinew.tasks.study.workspace import Workspace
@@ -92,8 +92,9 @@ def _adaptive_run(
     if not len(known):
         known.append(np.array([len(table)]))
     seeds = _seeds(workspace, evaluation, table, int(known.kept[0][0]), settings.bayesian.seeds)
-    width = 2 * len(workspace.model.free) + 2  # of a point, and of the kernel that it was proposed by
-    checkpoint = Checkpoint(folder / f"{name}.proposals.jsonl", digest(inputs, seeds.points, seeds.totals), width)
+    size = len(workspace.model.free)  # of a point; beside it are the size + 2 numbers of the kernel that proposed it
+    file, what = folder / f"{name}.proposals.jsonl", digest(inputs, seeds.points, seeds.totals)
+    checkpoint = Checkpoint(file, what, 2 * size + 2, lambda numbers: in_unit_cube(numbers[:size]))
     seed = streams.key(workspace.seed, Stream.CALIBRATION, number)
     note = _best_so_far(workspace, evaluation)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from sinew.runner.printing import put
-from sinew.tasks.cli.group import PATH, sinew
+from sinew.tasks.cli.group import PATH, own_folder, sinew
 from sinew.tasks.cli.terminal import say_next
 
 
@@ -16,13 +16,18 @@ def benchmark_() -> None:
 
 @benchmark_.command("discover")
 @click.argument("folders", metavar="FOLDER...", type=PATH, nargs=-1, required=True)
-@click.option("--out", type=PATH, default=Path("results/benchmark"), show_default=True, help="Result folder.")
+@click.option("--out", type=PATH, show_default="results/benchmark", help="Result folder.")
 @click.option("--study", type=PATH, help="Settings of every case (default: configs/discover.yaml).")
 @click.option("--workers", type=click.IntRange(1, 1024), help="Local worker processes.")
 @click.option("--only", multiple=True, metavar="CASE", help="Case to run; may be given several times.")
 @click.option("--quiet", is_flag=True, help="No progress and no table.")
 def benchmark_discover(
-    folders: tuple[Path, ...], out: Path, study: Path | None, workers: int | None, only: tuple[str, ...], quiet: bool
+    folders: tuple[Path, ...],
+    out: Path | None,
+    study: Path | None,
+    workers: int | None,
+    only: tuple[str, ...],
+    quiet: bool,
 ) -> None:
     """Run `sinew discover` blind on cohorts whose truth is known, and score its verdicts."""
     from sinew.runner.console import Console
@@ -34,6 +39,7 @@ def benchmark_discover(
         if not quiet:
             put(line)
 
+    out = out or own_folder("benchmark")
     result = benchmark(folders, out, study=study, workers=workers, only=only, say=say)
     write_text(out / "benchmark.md", markdown(result))
     tell(result, Console(quiet=quiet, highlight=False))

@@ -7,7 +7,7 @@ import click
 
 from sinew.runner.errors import BadInput, SinewError
 from sinew.runner.printing import put
-from sinew.tasks.cli.group import PATH, sinew, study_command
+from sinew.tasks.cli.group import PATH, own_folder, sinew, study_command
 from sinew.tasks.cli.terminal import command_line, say, say_next
 
 
@@ -22,7 +22,7 @@ def submit(study: Path, dry_run: bool, profile: Path | None, out: Path | None, a
     if profile is None:
         raise BadInput("--profile", "missing", "the profile of a cluster, such as slurm/generic.yaml")
     read, chosen = read_study(study, seed=options["seed"], solver=options["solver"]), read_profile(profile)
-    out = out or Path("results") / read.name
+    out = out or own_folder(read.name)
     pipeline.check(read, out, read.tasks, data=options["data"])
     submission.check(read, chosen, out, data=options["data"], simulator=options["simulator"])
     scripts = submission.job_scripts(read, chosen, out, _arguments(options))
@@ -75,7 +75,7 @@ def doctor(
     from sinew.tasks.study.study import read_study
 
     read = read_study(study, seed=seed, solver=solver)
-    out = out or Path("results") / read.name
+    out = out or own_folder(read.name)
     chosen = None if profile is None else read_profile(profile)
     cluster = cluster_of(read, workers, scheduler) if chosen is None else chosen.one_job(read.name, out.absolute())
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from sinew.runner.errors import one_line
+from sinew.runner.errors import BadInput, one_line
 from sinew.tasks.cli.terminal import Commands, command_line, examples
 from sinew.tasks.study.resources import DISTRIBUTION
 
@@ -28,6 +28,7 @@ class NamedPath(click.Path):
 
 
 PATH = NamedPath(path_type=Path)
+RESULTS = Path("results")  # in the folder where a command is started
 
 
 @click.group(
@@ -116,9 +117,21 @@ def checked_study(
     from sinew.tasks.study.study import read_study
 
     read = read_study(study, seed=seed, solver=solver)
-    out = out or Path("results") / read.name
+    out = out or own_folder(read.name)
     pipeline.check(read, out, read.tasks if tasks is None else tasks, data=data, **flags)
     return read, out
+
+
+def own_folder(name: str = ".") -> Path:
+    """The folder for results, or the one of this ``name`` in it, where nobody named one.
+
+    Raises ``BadInput`` for a link: whoever wrote the study may have put it there.
+    """
+    out = RESULTS / name
+    for place in (RESULTS, out, *(out.iterdir() if name == "." and out.is_dir() else ())):
+        if place.is_symlink():
+            raise BadInput(place, "is a link, and nobody named it", "a folder, or --out with the folder that is meant")
+    return out
 
 
 @contextmanager

@@ -84,6 +84,9 @@ def _noted(interrupts: list[int]) -> Iterator[None]:
 def _distrust_this_folder() -> None:
     """Let nothing in the folder where the command is started run code: somebody else may have written what is there."""
     os.environ["PYTHONSAFEPATH"] = "1"  # for the processes of Python that are started from here
+    if "PATH" in os.environ:  # an empty entry is this folder, too
+        places = os.environ["PATH"].split(os.pathsep)
+        os.environ["PATH"] = os.pathsep.join(place for place in places if Path(place).is_absolute())
     for name, reader in READ_FROM_HERE.items():
         if os.path.lexists(name):
             expected = "another folder to start in, or that you remove it"

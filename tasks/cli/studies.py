@@ -11,7 +11,7 @@ import click
 from sinew.runner.console import Console
 from sinew.runner.errors import BadInput, one_line
 from sinew.runner.printing import put
-from sinew.tasks.cli.group import PATH, checked_study, open_study, sinew, study_command, to_see
+from sinew.tasks.cli.group import PATH, checked_study, open_study, own_folder, sinew, study_command, to_see
 from sinew.tasks.cli.terminal import command_line, say_next
 from sinew.tasks.registry import TASKS, Task
 
@@ -90,16 +90,17 @@ def _say_how_long(
 
 
 @sinew.command("demo")
-@click.option("--out", type=PATH, default=Path("results"), show_default=True, help="Folder of its studies and results.")
+@click.option("--out", type=PATH, show_default="results", help="Folder of its studies and results.")
 @click.option("--workers", type=click.IntRange(1, 1024), help="Local worker processes.")
 @click.option("--quiet", is_flag=True, help="Nothing but errors and the last line.")
-def demo(out: Path, workers: int | None, quiet: bool) -> None:
+def demo(out: Path | None, workers: int | None, quiet: bool) -> None:
     """Try sinew on virtual tendons: which parameters matter, and which effect is the model missing?"""
     from sinew.tasks import pipeline
     from sinew.tasks.data.demo import demo_studies
 
     options = {"seed": None, "scheduler": None, "profile": None, "solver": None}
     pages = []
+    out = out or own_folder()
     for study in demo_studies(out):
         with open_study(study, None, out=out / study.stem, workers=workers, quiet=quiet, **options) as workspace:
             pipeline.run(workspace, workspace.study.tasks)

@@ -13,7 +13,7 @@ if "inline" not in os.environ.get("MPLBACKEND", ""):  # a notebook shows figures
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from sinew.tasks.drawing.formats import FORMATS
+from sinew.tasks.drawing.formats import FORMATS, without_formulas
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
 _LABELS = {"E": "E", "alpha": r"\alpha", "g": "g", "tau": r"\tau", "nu": r"\nu"}
@@ -45,5 +45,5 @@ def save(figure: Figure, folder: Path, name: str, shown: pd.DataFrame) -> list[P
     figure.savefig(png, dpi=150, metadata={"Software": None})
     figure.savefig(pdf, metadata={"CreationDate": None, "Producer": None})
     plt.close(figure)
-    shown.to_csv(csv, index=False, lineterminator="\n", float_format="%.8g")
+    without_formulas(shown).to_csv(csv, index=False, lineterminator="\n", float_format="%.8g")
     return [png, pdf, csv]

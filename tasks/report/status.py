@@ -14,6 +14,7 @@ from sinew.runner.cluster.job_table import JobTable
 from sinew.runner.console import Console
 from sinew.runner.errors import StoreError, brief, one_line
 from sinew.runner.files import NotReadable, read_regular
+from sinew.runner.printing import no_formula
 from sinew.runner.progress import FAILED, FINISHED, INTERRUPTED, RUNNING, is_here, read_progress
 from sinew.runner.store.schema import PENDING, STATUSES, Array
 from sinew.runner.store.segment import LONGEST_MESSAGE, Segment
@@ -163,8 +164,7 @@ def rows_as_csv(folder: Path) -> Iterator[str]:
 
 def _cell(text: str) -> str:
     """A text as a cell of a CSV table, which no spreadsheet takes for a formula."""
-    text = one_line(text)
-    text = f"'{text}" if text[:1] in ("=", "+", "-", "@") else text
+    text = no_formula(one_line(text))
     return '"' + text.replace('"', '""') + '"' if set(text) & set('",') else text
 
 

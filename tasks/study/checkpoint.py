@@ -1,6 +1,7 @@
 """Checkpoints: expensive decisions, kept beside the store, so that an interrupted run need not repeat them."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +13,25 @@ from sinew.tasks.simulate import Array
 MAX_BYTES = 2**26
 MAX_LINES = 100_000
 MOST = 1e15  # of a number: points are at most 1, losses are far below
+ROUNDING = 1e-9
+
+
+Possible = Callable[[Array], bool]  # of the numbers of a line
+
+
+def in_unit_cube(points: Array) -> bool:
+    """Whether numbers are on the unit cube, but for rounding."""
+    return bool(((points >= -ROUNDING) & (points <= 1.0 + ROUNDING)).all())
 
 
 class Checkpoint:
     """Arrays of numbers by position, one line of JSON each, that belong to one set of ``inputs``.
 
-    A file of other inputs is begun anew. A line that was cut short, that has not ``width`` numbers (None: any), or one
-    that is huge, is ignored, and so are all lines after it.
+    A file of other inputs is begun anew. A line that was cut short, that has not ``width`` numbers (None: any), one
+    that is huge, or numbers that are not ``possible``, is ignored, and so are all lines after it.
     """
 
-    def __init__(self, path: Path, inputs: str, width: int | None = None) -> None:
+    def __init__(self, path: Path, inputs: str, width: int | None = None, possible: Possible | None = None) -> None:
         self.path = path
         self.width = width
         self.kept: list[Array] = []
@@ -31,7 +41,7 @@ class Checkpoint:
         end = len(head) if begun else 0
         while begun and len(self.kept) < MAX_LINES and (after := content.find(b"\n", end) + 1):
             numbers = _numbers(content[end:after], width)
-            if numbers is None:
+            if numbers is None or (possible is not None and not possible(numbers)):
                 break
             self.kept.append(numbers)
             end = after

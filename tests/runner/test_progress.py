@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import socket
 import threading
 import time
 
@@ -10,7 +11,7 @@ import pytest
 
 from sinew.runner.cluster.dashboard import way_to
 from sinew.runner.errors import WalltimeReached
-from sinew.runner.progress import open_board, progress, read_progress
+from sinew.runner.progress import is_here, open_board, progress, read_progress
 
 
 def test_the_file_says_what_runs_and_how_far_it_is(tmp_path):
@@ -62,6 +63,12 @@ def test_it_says_how_it_ended(tmp_path, error, state, words):
     told = read_progress(tmp_path)
     assert told is not None
     assert (told["state"], told["error"]) == (state, words)
+
+
+@pytest.mark.parametrize("since", [10**400, -1, 1e300, float("nan"), "now"])
+def test_a_process_that_began_at_no_time_is_not_judged(since):
+    process = {"host": socket.gethostname(), "pid": os.getpid(), "since": since}
+    assert is_here(process) is None
 
 
 def test_notes_cost_next_to_nothing_and_threads_may_share_a_board(tmp_path):

@@ -15,6 +15,7 @@ from sinew.tasks.model.effect import Effect, model_with
 from sinew.tasks.simulate import Array, TakesEffects
 from sinew.tasks.simulate.effects import simulate_with
 from sinew.tasks.simulate.retrying import simulate_patiently
+from sinew.tasks.study.checkpoint import in_unit_cube
 
 BLIND = "nu_m"  # the force does not depend on it
 TOE, GENTLE = "alpha_f", 0.05
@@ -54,6 +55,12 @@ class Fitted:
     def numbers(self) -> Array:
         """All of it in a row ``[2 + 3 k]``."""
         return np.concatenate([[self.loss, self.points], self.at, self.uncertainty, self.pull])
+
+    @staticmethod
+    def possible(numbers: Array) -> bool:
+        """Whether ``numbers`` can be those of a fit."""
+        loss, points, at = numbers[0], numbers[1], np.split(numbers[2:], 3)[0]
+        return bool(loss >= 0.0 and points >= 0.0 and points.is_integer()) and in_unit_cube(at)
 
     @classmethod
     def of(cls, numbers: Array) -> "Fitted":

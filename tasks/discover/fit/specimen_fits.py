@@ -23,7 +23,7 @@ from sinew.tasks.model import Model, Specimen, file_name
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, TakesEffects, taking_effects
 from sinew.tasks.simulate.effects import VERSION
-from sinew.tasks.study.checkpoint import Checkpoint
+from sinew.tasks.study.checkpoint import Checkpoint, Possible, in_unit_cube
 from sinew.tasks.study.files import digest
 from sinew.tasks.study.workspace import Workspace
 
@@ -60,13 +60,13 @@ class SpecimenFits:
         """The model with ``effects``."""
         return Candidate(self.model, effects, self.solver, self.retries)
 
-    def _checkpoint(self, width: int, *what: Any) -> Checkpoint:
-        """The file of one kind of fits, with ``width`` numbers of each."""
+    def _checkpoint(self, width: int, *what: Any, possible: Possible | None = Fitted.possible) -> Checkpoint:
+        """The file of one kind of fits, with ``width`` numbers of each, which are ``possible``."""
         bounds = [[p.minimum, p.maximum] for p in self.model.parameters]
         solver = self.solver.identity() if self.solver else None
         how = [asdict(self.measured.noise), solver, VERSION, [each.name for each in fields(Fitted)]]
         inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, *how, what)
-        return Checkpoint(self.folder / f"{file_name(self.name)}.{digest(what)[:12]}.jsonl", inputs, width)
+        return Checkpoint(self.folder / f"{file_name(self.name)}.{digest(what)[:12]}.jsonl", inputs, width, possible)
 
     def _fits_with(self, kind: str, candidate: Candidate, effects: Effects, *starts: Array) -> Checkpoint:
         """The file of fits of one kind with ``effects``, which begin at ``starts``, each ``[k]``."""
@@ -117,9 +117,12 @@ class SpecimenFits:
         """The fit with ``effects``, or a better one, and 90 % intervals of the effects' parameters."""
         candidate = self.candidate(effects)
         ends = 2 * (candidate.size - len(candidate.varied))
-        checkpoint = self._checkpoint(
-            ends + candidate.fitted_width, "profiled", _forms(effects), digest(fitted.at, *candidate.bounds())
-        )
+
+        def possible(numbers: Array) -> bool:
+            return in_unit_cube(numbers[:ends]) and Fitted.possible(numbers[ends:])
+
+        what = ("profiled", _forms(effects), digest(fitted.at, *candidate.bounds()))
+        checkpoint = self._checkpoint(ends + candidate.fitted_width, *what, possible=possible)
         if not len(checkpoint):
             profile = session.compute(profiled, candidate, self.measured, fitted)
             checkpoint.append(np.concatenate([profile.ends.ravel(), profile.fitted.numbers()]))
@@ -129,7 +132,8 @@ class SpecimenFits:
     def promise(self, session: Session, effects: Effects, base: Fitted) -> float:
         """The loss that a fit with ``effects`` may reach, predicted from ``base``, which lacks the last of them."""
         candidate, before = self.candidate(effects), self.candidate(effects[:-1])
-        checkpoint = self._checkpoint(1, "promise", _forms(effects), digest(base.at, *candidate.bounds()))
+        what = ("promise", _forms(effects), digest(base.at, *candidate.bounds()))
+        checkpoint = self._checkpoint(1, *what, possible=None)
         if not len(checkpoint):
             ahead = session.compute(look_ahead, before, base.at, effects[-1], self.measured)
             checkpoint.append(np.array([ahead[0]]))

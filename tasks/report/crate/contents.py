@@ -9,6 +9,7 @@ from sinew.runner.errors import BadInput, shown
 from sinew.runner.files import read_input
 from sinew.tasks.data.cohort import check_inside, visible
 from sinew.tasks.discover.result import ADOPTED, COPY, WITH_EFFECTS
+from sinew.tasks.drawing.formats import without_formulas
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.crate.layout import Layout, changed_fields, template_name, with_fields
 from sinew.tasks.report.crate.pack import MAX_BYTES, Item
@@ -76,7 +77,7 @@ def table_items(source: Source) -> Iterator[Item]:
     """The numbers of each result as CSV."""
     for task, result in source.found.results.items():
         table = TASKS[task].module("show").table(result)
-        text = table.to_csv(lineterminator="\n", float_format="%.10g")
+        text = without_formulas(table).to_csv(lineterminator="\n", float_format="%.10g")
         yield Item(f"tables/{task}.csv", as_bytes(text), f"numbers of {task} as a table")
 
 

@@ -1,5 +1,6 @@
 """The folder in which the command is started, and that for temporary files, may hold what somebody else wrote."""
 
+import json
 import os
 import subprocess
 import sys
@@ -62,6 +63,49 @@ def test_settings_of_libraries_that_lie_there_are_refused(name, tmp_path, monkey
         main()
     assert ended.value.code == 2
     assert capsys.readouterr().err.startswith(f"sinew: {tmp_path / name}: ")
+
+
+@pytest.mark.parametrize(
+    ("command", "linked"),
+    [(command, place) for command in ("sobol", "doctor", "submit") for place in ("results", "results/strange")]
+    + [("demo", "results"), ("demo", "results/demo"), ("benchmark", "results/benchmark")],
+)
+def test_a_link_for_the_default_result_folder_is_refused(study, tmp_path, monkeypatch, capsys, command, linked):
+    mine = tmp_path / "mine"
+    (mine / "attempts" / "attempt-1").mkdir(parents=True)
+    (mine / "report.html").write_text("mine")
+    monkeypatch.chdir(study.parent)
+    Path(linked).parent.mkdir(exist_ok=True)
+    Path(linked).symlink_to(mine)
+    profile = ["--profile", str(Path(__file__).parents[3] / "slurm" / "generic.yaml")] if command == "submit" else []
+    words = {"demo": ["demo"], "benchmark": ["benchmark", "discover", "cohort"]}.get(command, [command, "study.yaml"])
+    monkeypatch.setattr(sys, "argv", ["sinew", *words, *profile])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert f"sinew: {linked}: is a link, and nobody named it; expected" in capsys.readouterr().err
+    assert sorted(path.name for path in mine.rglob("*")) == ["attempt-1", "attempts", "report.html"]
+
+
+@pytest.mark.parametrize("entry", ["", ".", "bin"])
+def test_no_program_is_looked_for_in_this_folder(tmp_path, monkeypatch, capsys, entry):
+    """A table of jobs that names Grid Engine, and a ``qstat`` beside it."""
+    jobs = tmp_path / "out" / "jobs"
+    jobs.mkdir(parents=True)
+    event = {"time": 1000.5, "job": "5", "event": "submitted", "role": "coordinator", "name": "sinew-x", "cores": 1}
+    (jobs / "jobs.jsonl").write_text(json.dumps(event | {"batch_system": "grid_engine"}) + "\n")
+    (tmp_path / "bin").mkdir()
+    for place in (tmp_path, tmp_path / "bin"):
+        (place / "qstat").write_text(f"#!/bin/sh\necho ran > {tmp_path}/mark\n")
+        (place / "qstat").chmod(0o755)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", f"{entry}:/nowhere")
+    monkeypatch.setattr(sys, "argv", ["sinew", "cancel", "out"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert "qstat was not found" in capsys.readouterr().err
+    assert not (tmp_path / "mark").exists()
 
 
 def test_names_that_a_locale_does_not_know_do_no_harm(study, tmp_path):

@@ -150,7 +150,13 @@ def check_nothing_is_repeated(path, out):
     assert new_simulations(out)[-1] == 0
     assert (out / "verdict.json").read_bytes() == first
     fitted = sorted((out / "discover").glob("*.jsonl"))
-    assert fitted
+    for checkpoint in fitted[:2]:  # numbers that no fit can have are made again
+        head, *lines = checkpoint.read_text().splitlines()
+        odd = [json.dumps([-9e14] * len(json.loads(line))) for line in lines]
+        checkpoint.write_text("\n".join([head, *odd, ""]))
+    (out / "verdict.json").unlink()
+    sinew("discover", path, "--out", out, "--quiet")
+    assert (out / "verdict.json").read_bytes() == first
     for checkpoint in fitted:
         checkpoint.unlink()
     sinew("discover", path, "--out", out, "--quiet")

@@ -6,7 +6,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from sinew.tasks.study.checkpoint import MAX_BYTES, MAX_LINES, Checkpoint
+from sinew.tasks.study.checkpoint import MAX_BYTES, MAX_LINES, Checkpoint, in_unit_cube
 
 
 def test_what_was_kept_is_there_again(tmp_path):
@@ -53,6 +53,14 @@ def test_a_line_of_another_width_and_what_follows_do_not_count(tmp_path):
         checkpoint.append(np.array(row))
     assert [kept.tolist() for kept in Checkpoint(path, "a", 2).kept] == [[1.0, 2.0]]
     assert len(Checkpoint(path, "a")) == 1, "they are gone"
+
+
+def test_numbers_that_cannot_be_and_what_follows_do_not_count(tmp_path):
+    path = tmp_path / "checkpoint.jsonl"
+    checkpoint = Checkpoint(path, "a")
+    for row in ([0.0, 1.0 + 1e-12], [0.5, -9e14], [0.5, 0.5]):
+        checkpoint.append(np.array(row))
+    assert [kept.tolist() for kept in Checkpoint(path, "a", 2, in_unit_cube).kept] == [[0.0, 1.0 + 1e-12]]
 
 
 def test_lines_without_end_take_neither_memory_nor_time(tmp_path):
