@@ -14,7 +14,6 @@ from sinew.runner.errors import SinewError
 from sinew.runner.progress import PROGRESS, read_progress
 from sinew.runner.store.planned import PlannedRows
 from sinew.tasks.benchmark.answers import read_answers as hidden_answers
-from sinew.tasks.cli.watch_state import _logged_tasks
 from sinew.tasks.cluster.profile import read_profile
 from sinew.tasks.data.answers import read_answers
 from sinew.tasks.data.cohort import read_cohort
@@ -23,6 +22,7 @@ from sinew.tasks.data.sheets import read_sheets
 from sinew.tasks.model import Model
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.folder import _read_log
+from sinew.tasks.report.status import logged_tasks
 from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.files import read_text
 from sinew.tasks.simulate.febio.kept_files import contents
@@ -59,7 +59,7 @@ READERS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "ranges": (ranges.RANGES, ranges.read),
     "JSON": ("any.json", read_json),
     "progress": (PROGRESS, lambda path: read_progress(path.parent)),
-    "log": ("log.jsonl", lambda path: _logged_tasks(path.parent)),
+    "log": ("log.jsonl", lambda path: logged_tasks(path.parent)),
     "log of a page": ("log.jsonl", lambda path: _read_log(path, [])),
     "jobs": ("jobs.jsonl", lambda path: JobTable(path.parent).read()),
     "checkpoint": ("fits.jsonl", lambda path: Checkpoint(path, "inputs").kept),
