@@ -14,10 +14,10 @@ from sinew.tasks.drawing.blocks import (
     Table,
     Words,
     behind,
-    beyond,
     listed,
     number,
     plural,
+    times,
     with_its_unit,
 )
 from sinew.tasks.drawing.figures import COLOURS
@@ -67,7 +67,7 @@ def section(found: ResultFolder) -> Section:
     middle = float(np.median([fit.total for fit in specimens.values()]))
     ends = f"median objective {in_words([middle], list(specimens.values()))}"
     if above:
-        ends += f", above the noise of the curves: {beyond(float(np.median(above)))} (median)"
+        ends += f", {times(float(np.median(above)))} times what noise alone would leave (median)"
     if len(above) < len(specimens):
         ends += f"; the curves of {plural(len(specimens) - len(above), 'specimen')} do not tell their noise"
     return Section(
@@ -290,12 +290,12 @@ def _table(result: CalibrateResult) -> Table:
     for name, fit in result.specimens.items():
         worst = max((fit.percent_of_peak(protocol) for protocol in fit.rmse_N), default=np.nan)
         lowest = min((r2 for r2 in fit.r2.values() if r2 is not None), default=None)
-        rows.append([name, number(fit.total_N, 4), number(fit.noise_N, 4), beyond(fit.above_noise), number(worst, 2),
+        rows.append([name, number(fit.total_N, 4), number(fit.noise_N, 4), times(fit.above_noise), number(worst, 2),
                      "–" if lowest is None else _r2(lowest),
                      ", ".join(fit.on_bound) or "–", ", ".join(result.not_determined(fit)) or "–",
                      *(number(value, 4) for value in fit.sums().values()),
                      *(number(value, 4) for value in fit.values(result.names))])  # fmt: skip
-    header = ["specimen", "RMSEs together (N)", "noise together (N)", "above the noise",
+    header = ["specimen", "RMSEs together (N)", "noise together (N)", "times noise alone",
               "largest RMSE (% of peak)", "lowest R²", "on a bound", "not determined",
               *(f"{with_unit(name, unit)}, RMSEs together" for name, unit in _units(result).items()),
               *map(with_its_unit, result.names, result.units)]  # fmt: skip

@@ -9,7 +9,7 @@ from rich.table import Table as Grid
 
 from sinew.runner.console import Console
 from sinew.tasks.calibrate.result import CalibrateResult, Correlations, SpecimenFit
-from sinew.tasks.drawing.blocks import beyond, listed, plural, span
+from sinew.tasks.drawing.blocks import listed, plural, span, times
 from sinew.tasks.drawing.formats import DRAWN
 from sinew.tasks.drawing.thinning import drawn_points
 from sinew.tasks.model import Specimen
@@ -132,7 +132,7 @@ def summary(result: CalibrateResult, folder: Path, console: Console) -> None:
     others = list(next(iter(result.specimens.values())).sums())
     several = [name.removeprefix("rmse_") for name in others] + ["objective"] if others else []
     grid = Grid(
-        "specimen", "RMSEs together (N)", "noise (N)", *several, "above", "on a bound", "not determined",
+        "specimen", "RMSEs together (N)", "noise (N)", *several, "times noise alone", "on a bound", "not determined",
         title="Calibration",
     )  # fmt: skip
     for name, fit in result.specimens.items():
@@ -142,14 +142,14 @@ def summary(result: CalibrateResult, folder: Path, console: Console) -> None:
             f"{fit.total_N:.4g}",
             noise,
             *more,
-            beyond(fit.above_noise),
+            times(fit.above_noise),
             listed(fit.on_bound, 3),
             listed(result.not_determined(fit), 3),
         )
         grid.add_row(name, *cells)
     console.print(grid)
-    console.print("RMSEs and noise are sums over protocols; above: how far a fit stopped above the noise of its curves")
+    console.print("RMSEs and noise are sums over protocols; times noise alone: 1 is a fit that leaves no more")
     if others:
-        console.print("objective: the sum over protocols and quantities of RMSE over noise; above is of that")
+        console.print("objective: the sum over protocols and quantities of RMSE over noise; times noise alone is of that")
     if advice := bound_advice(result):
         console.print(advice)

@@ -115,11 +115,9 @@ def percent(part: Any, digits: int = 0) -> str:
     return "–" if part is None or not math.isfinite(part) else f"{round(100 * part, digits) + 0.0:.{digits}f} %"
 
 
-def beyond(part: Any) -> str:
-    """How far above a reference something is, from the part of it by which it is."""
-    if part is None:
-        return "–"
-    return f"{100 * part:+.1f} %" if part < 1.0 else f"{1.0 + part:.3g} times it"
+def times(above: Any) -> str:
+    """How many times a reference something is, from the part of it by which it is ``above``."""
+    return "–" if above is None else f"{1.0 + above:.4g}"
 
 
 def listed(names: Sequence[str], most: int = 4) -> str:

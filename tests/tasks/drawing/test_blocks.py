@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from sinew.tasks.drawing.blocks import behind, duration, largest, span, with_its_unit
+from sinew.tasks.drawing.blocks import behind, duration, largest, span, times, with_its_unit
 
 
 def test_a_unit_stands_behind_a_number_and_in_brackets_behind_a_name():
@@ -29,3 +29,8 @@ def test_the_largest_come_first_and_what_is_unknown_last():
 )
 def test_a_duration_has_the_unit_that_suits_it(seconds, words):
     assert duration(seconds) == words
+
+
+@pytest.mark.parametrize(("above", "words"), [(0.0034, "1.003"), (0.0, "1"), (30.25, "31.25"), (None, "–")])
+def test_so_many_times_a_reference(above, words):
+    assert times(above) == words
