@@ -65,7 +65,7 @@ class Keeper:
         ) as error:  # queue or disk are away for a while
             log.warning(self.system.title.lower(), extra={"error": str(error)})
         except Exception as error:  # noqa: BLE001 - in this thread it would be lost, and the run would wait for ever
-            self.cluster.failure = ClusterError(f"the worker jobs cannot be looked after: {error!r}")
+            self.cluster.failure = ClusterError(f"the worker jobs are no longer monitored: {error!r}")
 
     def _look(self) -> None:
         jobs = dict(self.cluster.workers)

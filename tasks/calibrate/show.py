@@ -150,6 +150,6 @@ def summary(result: CalibrateResult, folder: Path, console: Console) -> None:
     console.print(grid)
     console.print("RMSEs and noise are sums over protocols; times noise alone: 1 is a fit that leaves no more")
     if others:
-        console.print("objective: the sum over protocols and quantities of RMSE over noise; times noise alone is of that")
+        console.print("objective: the sum over protocols and quantities of RMSE over noise, as is times noise alone")
     if advice := bound_advice(result):
         console.print(advice)

@@ -16,6 +16,7 @@ from sinew.tasks.data.names import FileName, plain_name
 from sinew.tasks.data.rates import rate_words
 from sinew.tasks.data.recordings import Recording
 from sinew.tasks.data.sizes import SIZES
+from sinew.tasks.drawing.blocks import number
 from sinew.tasks.model import Curve, Specimen
 from sinew.tasks.registry import TASKS
 from sinew.tasks.study.files import write_text
@@ -23,6 +24,7 @@ from sinew.tasks.study.resources import resource
 from sinew.tasks.study.study import read_study
 
 LeftOut = tuple[Path, str]  # a file, and why it is not used
+IMPLAUSIBLE_STRAIN = 500.0  # %
 LISTED = 20  # files that are left out and named
 
 
@@ -118,7 +120,9 @@ def _ranges(curve: Curve, length_mm: float | None) -> str:
     strain = ""
     if length_mm is not None:
         low, high = 100 * displacement.min() / length_mm, 100 * displacement.max() / length_mm
-        strain = f" (strain {f'{low:.3g} ' if low < 0 else ''}to {high:.3g} %)"
+        strain = f" (strain {f'{number(low)} ' if low < 0 else ''}to {number(high)} %)"
+        if high > IMPLAUSIBLE_STRAIN:
+            strain = f"{strain[:-1]}, more than most tissue bears: look at the gauge length)"
     reach = f"displacement {displacement.min():.4g} to {displacement.max():.4g} mm{strain}"
     force = f"force {curve.force_N.min():.4g} to {curve.force_N.max():.4g} N"
     rate = rate_words(curve.protocol, length_mm)

@@ -156,12 +156,12 @@ def _ruled(best: Score, evidence: Evidence) -> Verdict:
     if scores.gain(best) < MIN_CRITERION_GAIN:
         return _no_effect_helps(evidence)
     part = explained(scores.bare, best, scores.noise)
-    takes = "takes away all" if part is None else f"takes away {100 * min(part, 1.0):.0f} %"
+    explains = "all" if part is None else f"{100 * min(part, 1.0):.0f} %"
     may_leave = MAX_LEFT_PER_EFFECT * len(best.effects)
     left, whole = (misfit_left(one, scores.noise) for one in (best, scores.bare))
     if left > may_leave * whole + misfit_by_chance(scores.noise):
-        needs = f"a name takes {100 * (1.0 - may_leave):.0f} %"
-        why = f"the best of the library ({best.name}) {takes} of the misfit, and {needs}"
+        needed = f"{100 * (1.0 - may_leave):.0f} % is needed to name it"
+        why = f"the best of the library ({best.name}) explains {explains} of the misfit; {needed}"
         return Verdict("OUTSIDE", explained=part, why=why)
     if close := rivals(scores, best):
         slugs = tuple(dict.fromkeys(slug for one in (best, *close) for slug in one.effects))
@@ -173,7 +173,7 @@ def _ruled(best: Score, evidence: Evidence) -> Verdict:
     if doubts:
         why = f"{best.name} fits best, but {doubts[0]}"
         return Verdict("AMBIGUOUS", alike=best.effects, explained=part, why=why)
-    return Verdict("NAMED", best.effects, explained=part, why=f"it {takes} of the misfit")
+    return Verdict("NAMED", best.effects, explained=part, why=f"it explains {explains} of the misfit")
 
 
 def _no_effect_helps(evidence: Evidence) -> Verdict:

@@ -103,6 +103,9 @@ def test_what_was_guessed_is_said(tmp_path):
         lines[2]
         == "    3 points, 2 s, displacement -3 to 0 mm (strain -30 to 0 %), force -9 to 0 N, loaded at 0.15 1/s"
     )
+    short = Specimen("T1", 0.05, 8.0, 4.0, (curve,))
+    lines = list(describe([NewSpecimen(short, (file,), (), ())]))
+    assert "(strain to 800 %, more than most tissue bears: look at the gauge length)" in lines[2]
     unknown = NewSpecimen(known.specimen, known.tests, ("length",), ())
     lines = list(describe([unknown]))
     assert lines[0] == "specimen T1: ? x 8 x 4 mm (length x width x thickness)"

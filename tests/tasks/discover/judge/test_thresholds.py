@@ -129,26 +129,26 @@ def test_a_check_passes_at_its_threshold_or_just_beyond(about, word):
 
 def test_a_name_says_how_much_it_takes_away():
     found = judged(LAG, SLIP)
-    assert found.why == "it takes away 100 % of the misfit"
+    assert found.why == "it explains 100 % of the misfit"
     assert found.explained == pytest.approx(4960 / 4980)
-    assert judged(candidate("lag", 340.0)).why == "it takes away 97 % of the misfit"
+    assert judged(candidate("lag", 340.0)).why == "it explains 97 % of the misfit"
 
 
 def test_no_more_than_all_is_taken_away():
     """The pair's loss is below the noise that single effects show."""
     found = judged(candidate("lag", 1300.0), candidate("slip", 3000.0), candidate("lag slip", 20.0, 40.0))
-    assert found.why == "it takes away 100 % of the misfit"
+    assert found.why == "it explains 100 % of the misfit"
     assert found.explained > 1.02
 
 
 def test_a_misfit_that_chance_may_leave_is_taken_away_in_whole():
-    assert judged(candidate("lag", 205.0), bare=candidate("", 250.0)).why == "it takes away all of the misfit"
+    assert judged(candidate("lag", 205.0), bare=candidate("", 250.0)).why == "it explains all of the misfit"
 
 
 def test_outside_says_what_the_best_takes_and_what_a_name_would():
     found = judged(candidate("lag", 1196.0), SLIP)
     assert found.word == "OUTSIDE"
-    assert found.why == "the best of the library (lag) takes away 80 % of the misfit, and a name takes 98 %"
+    assert found.why == "the best of the library (lag) explains 80 % of the misfit; 98 % is needed to name it"
     assert found.explained == pytest.approx(0.8)
 
 
