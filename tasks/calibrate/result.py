@@ -178,7 +178,7 @@ class CalibrateResult(Result):
     """
 
     TASK = "calibrate"
-    VERSION = 2  # peak_N and r2 were added
+    VERSION = 3  # 2: peak_N and r2 were added; 3: spikes are no noise
     LIBRARIES = ("scikit-optimize", "scikit-learn", "pingouin")
 
     names: list[str]

@@ -234,7 +234,7 @@ class DiscoverResult(Result):
     """
 
     TASK = "discover"
-    VERSION = 3
+    VERSION = 4
     LIBRARIES = ("scikit-learn",)
 
     verdict: Word

@@ -77,6 +77,7 @@ class InferResult(Result):
     """
 
     TASK = "infer"
+    VERSION = 2  # spikes are no noise
     LIBRARIES = ("pyabc", "arviz")
 
     sampler: str

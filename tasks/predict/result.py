@@ -68,6 +68,7 @@ class PredictResult(Result):
     """Bands around the curves of each site, from ``rows`` simulations, and how many measured points they cover."""
 
     TASK = "predict"
+    VERSION = 2  # spikes are no noise
 
     probability: Number
     draws: int
