@@ -100,7 +100,7 @@ class TaskResult:
     def _repr_html_(self) -> str:
         table = self.table.to_html(max_rows=SHOWN, max_cols=8, border=0, float_format=lambda value: f"{value:.4g}")
         plots = ", ".join(self.plots)
-        return (
+        return _no_formulas(
             f"<p><b>{escape(self.task)}</b>: {escape(self.headline)}</p>{table}"
             f"<p><small>figures: {escape(plots)}</small></p>"
         )
@@ -215,7 +215,7 @@ class Results:
         cells += [(name, f"{done:,} of {rows:,} rows") for name, rows, done in self._rows()]
         body = "".join(f"<tr><th>{escape(name)}</th><td>{escape(words)}</td></tr>" for name, words in cells)
         head = f"<p><b>{escape(self._study())}</b> in <code>{escape(str(self.folder))}</code></p>"
-        return head + (f"<table>{body}</table>" if body else "<p>nothing is finished yet</p>")
+        return _no_formulas(head + (f"<table>{body}</table>" if body else "<p>nothing is finished yet</p>"))
 
     # ---- inside
 
@@ -245,3 +245,8 @@ class Results:
 
 def _later(function: Callable[[str], pd.DataFrame], name: str) -> Callable[[], pd.DataFrame]:
     return lambda: function(name)
+
+
+def _no_formulas(html: str) -> str:
+    """HTML in which a notebook's MathJax sets nothing: a formula may hold a link that runs a script."""
+    return f'<div class="tex2jax_ignore mathjax_ignore">{html}</div>'
