@@ -145,7 +145,10 @@ def test_words_from_a_result_cannot_become_html(tmp_path):
     one = sinew.results(tmp_path)
     assert "<script" not in one._repr_html_() + one.calibrate._repr_html_()
     assert "&lt;script" in one.calibrate._repr_html_()
-    for html in (one._repr_html_(), one.calibrate._repr_html_()):  # no formula is set, as one may hold a link to a script
+    for html in (
+        one._repr_html_(),
+        one.calibrate._repr_html_(),
+    ):  # no formula is set, as one may hold a link to a script
         assert html.startswith('<div class="tex2jax_ignore mathjax_ignore">')
         assert html.endswith("</div>")
         assert html.count("<div") == html.count("</div>") == html.count("tex2jax_ignore") + html.count("<div>")

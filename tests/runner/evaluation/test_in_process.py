@@ -132,3 +132,12 @@ def test_rows_that_have_no_outcome_in_the_end_are_an_error(table, monkeypatch, c
         evaluate(lambda: None, table, Quick(), table.plan(some(count)))
     words = f"{count} rows have no outcome although their batches ended; run again"
     assert str(error.value) == f"{table.journal}: {words}"
+
+
+def test_finished_rows_are_brought_to_the_disk_while_others_are_evaluated(table, monkeypatch):
+    finished = []
+    monkeypatch.setattr(type(table), "sync", lambda one: finished.append(one.finished() + one.waiting()))
+    policy = Policy(batch_s=0.05, sync_s=0.05)
+    evaluate(lambda: None, table, Quick(seconds_per_row=0.05), table.plan(some(20)), policy=policy)
+    assert finished[0] < 20
+    assert len(finished) > 1

@@ -1,12 +1,16 @@
 """The state of a run: turns of its tables, what is ahead, walltimes, and errors of the disk."""
 
 import errno
+import logging
+import queue
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from sinew.runner.cluster import drain
+from sinew.runner.errors import StoreError
 from sinew.runner.evaluation.batch import Batch, evaluations, run_batch
 from sinew.runner.evaluation.counts import Counts
 from sinew.runner.evaluation.policy import DEFAULT_POLICY, Policy
@@ -156,3 +160,33 @@ def test_an_error_of_the_disk_names_the_file_or_else_the_journal(tmp_path):
 
 def test_without_anybody_to_report_to_nothing_is_reported():
     Counts(None, 1, 0).show()
+
+
+def test_a_disk_that_cannot_keep_up_is_noted_in_the_log(tables, monkeypatch, caplog):
+    run = new_run()
+    for table in tables[:2]:
+        run.add(table, Quick())
+    synced = []
+
+    def sync(table):
+        synced.append(table)
+        raise StoreError("no space left")
+
+    monkeypatch.setattr(type(tables[0]), "sync", sync)
+    with caplog.at_level(logging.WARNING, "sinew"):
+        run.sync()
+    assert synced == tables[:2], "the other tables are synced all the same"
+    assert [(one.message, one.error) for one in caplog.records] == [("sync", "no space left")] * 2
+
+
+@pytest.mark.parametrize("wait", [False, True])
+def test_listening_waits_for_a_message_only_where_it_is_asked_to(monkeypatch, wait):
+    sessions, waited = Sessions(Counts(None, 1, 0)), []
+
+    def get(block, timeout):
+        waited.append((block, timeout))
+        raise queue.Empty
+
+    monkeypatch.setattr(sessions, "inbox", SimpleNamespace(get=get))
+    sessions.listen(None, **({"wait": True} if wait else {}))
+    assert waited == [(wait, 0.2 if wait else None)]
