@@ -180,7 +180,8 @@ def _findings(workspace: Workspace, settings: Settings, cohort: list[SpecimenFit
 
     before = misfits((), candidates.bare, Stream.MISFIT_BEFORE)
     fits = candidates.fits
-    after = {effects: misfits(effects, fits[effects], Stream.MISFIT_AFTER) for effects in held_out if effects}
+    judged = [effects for effects in held_out if effects in candidates.scored]  # the others are no effect's best form
+    after = {effects: misfits(effects, fits[effects], Stream.MISFIT_AFTER) for effects in judged}
     for effects, cells in after.items():
         candidates.scored[effects] = replace(candidates.scored[effects], in_place=located_part(before, cells))
     return Findings(cohort, bare, candidates, held_out, conflicts, before, after)

@@ -17,6 +17,7 @@ from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import autoregressive, virtual_cohort
 from sinew.tasks.discover import task
+from sinew.tasks.discover.judge.scores import Score
 from sinew.tasks.discover.result import DiscoverResult
 from sinew.tasks.discover.settings import Settings
 from sinew.tasks.discover.task import inputs_of
@@ -365,3 +366,22 @@ def test_a_cohort_with_an_effect_that_is_told_in_its_truth_only(tmp_path, capsys
     assert ended.value.code == 2
     assert "--effect: 'magic' is no effect; expected one of area-error" in capsys.readouterr().err
     assert not (tmp_path / "magic").exists()
+
+
+def test_a_form_that_is_only_compared_with_a_pair_needs_no_score(monkeypatch):
+    """A pair is compared with its better effect alone; a form with more parameters fits better and scores worse."""
+    slack, drift = library()["toe-slack"], library()["force-drift"]
+    spread = next(form for form in slack.other_forms if len(form.parameters) > len(slack.parameters))
+    scored = {effects: Score(tuple(one.slug for one in effects), 1.0, 1.0) for effects in ((slack,), (slack, drift))}
+    fits = {effects: [None] for effects in [*scored, (spread,)]}
+    candidates = SimpleNamespace(scored=scored, fits=fits, bare=[None])
+    monkeypatch.setattr(task, "_bare_fits", lambda *_: [[None]])
+    monkeypatch.setattr(task, "search", lambda *_: candidates)
+    monkeypatch.setattr(task, "hold_out", lambda *_: dict.fromkeys([(), *fits]))
+    monkeypatch.setattr(task, "_conflicts", lambda *_: None)
+    monkeypatch.setattr(task, "misfit_map", lambda *_: ())
+    monkeypatch.setattr(task, "located_part", lambda *_: 0.5)
+    one = SimpleNamespace(measured=None, candidate=lambda effects: None)
+    found = task._findings(SimpleNamespace(seed=1), SimpleNamespace(chance=0.05), [one])
+    assert list(found.after) == list(scored)
+    assert {each.in_place for each in candidates.scored.values()} == {0.5}
