@@ -496,6 +496,18 @@ def test_tests_beside_each_other(tmp_path):
     assert names_and_loads(tmp_path, beside) == [("A", [0, 5, 9]), ("B", [1, 6, 7, 8])]
     (first,) = names_and_loads(tmp_path, beside, time_column="1", displacement_column="2", force_column="3")
     assert first == ("", [0, 5, 9]), "who names columns means one test"
+    empty = beside.replace("2,0.2,9,", ",,,").replace("1,0.1,5,", ",,,")
+    assert names_and_loads(tmp_path, empty) == [("B", [1, 6, 7, 8])], "the first was not made"
+
+
+def test_further_columns_of_tests_beside_and_under_each_other_are_their_own(tmp_path):
+    titles = "Time (s),Displacement (mm),Force (N),Lateral strain (%)"
+    rows = [f"{i % 4},{i},{i},{i},{i % 4},{i},{2 * i},{2 * i},{'ab'[i // 4]}" for i in range(8)]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([f"{titles},{titles},run", *rows, ""]))
+    found = read_recordings(path, Hints(test_column="run", keep_column=("Lateral strain=lateral_strain",)))
+    kept = [100 * one.further.values["lateral_strain"] for one in found]
+    assert [each.round(9).tolist() for each in kept] == [[0, 1, 2, 3], [4, 5, 6, 7], [0, 2, 4, 6], [8, 10, 12, 14]]
 
 
 BELOW = "id,Time (s),Extension (mm),Load (N)\n" + "".join(
@@ -543,6 +555,8 @@ def test_a_column_of_times_counts_unless_it_stands_still(tmp_path):
     found = read(tmp_path, PLAIN, rate_hz=10.0)
     assert found.numbers[:, 0].tolist() == [0, 1, 2]
     assert remarks(found) == ["its own times count, not --rate-hz 10"]
+    found = read(tmp_path, PLAIN.replace("\n1,", "\n0.1,").replace("\n2,", "\n0.2,"), rate_hz=100.0)
+    assert found.numbers[:, 0].tolist() == [0, 0.1, 0.2], "a quick test, too"
     still = PLAIN.replace("\n1,", "\n0,").replace("\n2,", "\n0,")
     assert read(tmp_path, still, rate_hz=10.0).numbers[:, 0].tolist() == [0, 0.1, 0.2]
 
