@@ -26,7 +26,7 @@ INFERRED = "what `sinew infer` writes; run it again"  # expected of its files
 MAX_DATABASE_BYTES = 2**28
 STEP, MAX_STEPS = 100_000, 5_000  # of the look at a database: instructions of SQLite together, and how often
 MAX_DRAWS = 10**6  # numbers of one variable of a posterior
-WIDEST = 8  # bytes of one of them
+WIDEST = 8  # bytes of such a number
 MOST_OBJECTS = 1000  # variables and groups of a posterior
 
 
@@ -137,8 +137,10 @@ def _refuse_elsewhere(path: Path) -> None:
                 return f"{name} is a link"
             one = group[name]
             place = h5py.h5o.get_info(one.id).addr
-            if place in seen or len(seen) == MOST_OBJECTS:
-                return f"{name} is {'there twice' if place in seen else f'one of more than {MOST_OBJECTS} objects'}"
+            if place in seen:
+                return f"{name} is there twice"
+            if len(seen) == MOST_OBJECTS:
+                return f"{name} is one of more than {MOST_OBJECTS} objects"
             seen.add(place)
             if isinstance(one, h5py.Group):
                 if found := problem(one):

@@ -248,5 +248,5 @@ def _later(function: Callable[[str], pd.DataFrame], name: str) -> Callable[[], p
 
 
 def _no_formulas(html: str) -> str:
-    """HTML in which a notebook's MathJax sets nothing: a formula may hold a link that runs a script."""
+    """HTML that a notebook's MathJax skips: a formula may hold a link that runs a script."""
     return f'<div class="tex2jax_ignore mathjax_ignore">{html}</div>'

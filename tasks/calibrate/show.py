@@ -148,8 +148,10 @@ def summary(result: CalibrateResult, folder: Path, console: Console) -> None:
         )
         grid.add_row(name, *cells)
     console.print(grid)
-    console.print("RMSEs and noise are sums over protocols; times noise alone: 1 is a fit that leaves no more")
+    console.print("RMSEs and noise are sums over protocols; times noise alone: their ratio, 1 for a perfect fit")
     if others:
-        console.print("objective: the sum over protocols and quantities of RMSE over noise, as is times noise alone")
+        console.print(
+            "objective: the sum of RMSE / noise over protocols and quantities; the ratio is that of objectives"
+        )
     if advice := bound_advice(result):
         console.print(advice)

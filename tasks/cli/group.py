@@ -122,16 +122,29 @@ def checked_study(
     return read, out
 
 
-def own_folder(name: str = ".") -> Path:
-    """The folder for results, or the one of this ``name`` in it, where nobody named one.
+def own_folder(name: str) -> Path:
+    """The result folder of this ``name``, for a command without ``--out``.
 
     Raises ``BadInput`` for a link: whoever wrote the study may have put it there.
     """
-    out = RESULTS / name
-    for place in (RESULTS, out, *(out.iterdir() if name == "." and out.is_dir() else ())):
+    _refuse_links(RESULTS, RESULTS / name)
+    return RESULTS / name
+
+
+def folder_of_all() -> Path:
+    """The folder of several studies and their results, for a command without ``--out``.
+
+    Raises ``BadInput`` for a link in its place or in it.
+    """
+    _refuse_links(RESULTS)
+    _refuse_links(*(RESULTS.iterdir() if RESULTS.is_dir() else ()))
+    return RESULTS
+
+
+def _refuse_links(*places: Path) -> None:
+    for place in places:
         if place.is_symlink():
             raise BadInput(place, "is a link, and nobody named it", "a folder, or --out with the folder that is meant")
-    return out
 
 
 @contextmanager

@@ -11,7 +11,7 @@ import click
 from sinew.runner.console import Console
 from sinew.runner.errors import BadInput, one_line
 from sinew.runner.printing import put
-from sinew.tasks.cli.group import PATH, checked_study, open_study, own_folder, sinew, study_command, to_see
+from sinew.tasks.cli.group import PATH, checked_study, folder_of_all, open_study, sinew, study_command, to_see
 from sinew.tasks.cli.terminal import command_line, say_next
 from sinew.tasks.registry import TASKS, Task
 
@@ -100,7 +100,7 @@ def demo(out: Path | None, workers: int | None, quiet: bool) -> None:
 
     options = {"seed": None, "scheduler": None, "profile": None, "solver": None}
     pages = []
-    out = out or own_folder()
+    out = out or folder_of_all()
     for study in demo_studies(out):
         with open_study(study, None, out=out / study.stem, workers=workers, quiet=quiet, **options) as workspace:
             pipeline.run(workspace, workspace.study.tasks)

@@ -74,8 +74,8 @@ def _unlike(specimens: Sequence[Specimen]) -> list[str]:
     if min(times) < UNLIKE:
         return []
     line = (
-        f"ranges: the peak stress of {stiff} is {times[0]:.3g} times that of {soft}, and one range must"
-        " hold both; a study takes its specimens for one tissue, so give each tissue a study of its own"
+        f"ranges: the peak stress of {stiff} is {times[0]:.3g} times that of {soft}, too much for specimens of"
+        " one tissue; a study has one set of ranges, so make a study of its own for each tissue"
     )
     return [line]
 

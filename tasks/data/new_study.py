@@ -98,8 +98,9 @@ def describe(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
             )
             yield one_line(f"  {test.path}: protocol {curve.name} ({test.name.how}); {what}")
             yield f"    {_ranges(curve, None if 'length' in new.missing else specimen.length_mm)}"
-            if (length := test.recording.sizes.get("length")) is not None and length.column:
-                yield one_line(f"    gauge length by the file: '{length.text}' less the displacement")
+            length = test.recording.sizes.get("length")
+            if length is not None and length.column and length.mm == specimen.length_mm:
+                yield one_line(f"    gauge length: '{length.text}' less the displacement")
             if test.recording.further.words:
                 yield one_line(f"    kept beside the force: {', '.join(test.recording.further.words)}")
             if test.recording.left_out:
@@ -120,9 +121,8 @@ def _ranges(curve: Curve, length_mm: float | None) -> str:
     strain = ""
     if length_mm is not None:
         low, high = 100 * displacement.min() / length_mm, 100 * displacement.max() / length_mm
-        strain = f" (strain {f'{number(low)} ' if low < 0 else ''}to {number(high)} %)"
-        if high > IMPLAUSIBLE_STRAIN:
-            strain = f"{strain[:-1]}, more than most tissue bears: look at the gauge length)"
+        doubt = "; few tissues bear that: check the gauge length" if high > IMPLAUSIBLE_STRAIN else ""
+        strain = f" (strain {f'{number(low)} ' if low < 0 else ''}to {number(high)} %{doubt})"
     reach = f"displacement {displacement.min():.4g} to {displacement.max():.4g} mm{strain}"
     force = f"force {curve.force_N.min():.4g} to {curve.force_N.max():.4g} N"
     rate = rate_words(curve.protocol, length_mm)

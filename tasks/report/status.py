@@ -193,7 +193,7 @@ def logged_tasks(folder: Path) -> dict[str, Any]:
                     tasks[task] = {"state": FAILED, "reason": brief(one_line(str(event.get("reason", ""))))}
                 elif task in TASKS and event.get("message") == "task finished":
                     seconds = event.get("seconds")
-                    usable = isinstance(seconds, int | float) and 0 <= seconds < 1e9
+                    usable = isinstance(seconds, int | float) and 0 <= seconds < MOST_S
                     tasks[task] = {"state": FINISHED} | ({"seconds": seconds} if usable else {})
     return tasks
 

@@ -105,7 +105,12 @@ def test_what_was_guessed_is_said(tmp_path):
     )
     short = Specimen("T1", 0.05, 8.0, 4.0, (curve,))
     lines = list(describe([NewSpecimen(short, (file,), (), ())]))
-    assert "(strain to 800 %, more than most tissue bears: look at the gauge length)" in lines[2]
+    assert "(strain to 800 %; few tissues bear that: check the gauge length)" in lines[2]
+    path.write_text("Time_S,Size_mm,Displacement_mm,Force_N\n0,12.5,0,1\n1,12.6,0.1,2\n2,12.7,0.2,3\n")
+    beside = ReadFile(read_recordings(path, Hints())[0], FileName("T1", "relax"))
+    for length, said in ((12.5, 1), (10.0, 0)):  # that of the column, or one that was told in its place
+        lines = list(describe([NewSpecimen(Specimen("T1", length, 8.0, 4.0, (curve,)), (beside,), (), ())]))
+        assert lines.count("    gauge length: 'Size_mm' less the displacement") == said
     unknown = NewSpecimen(known.specimen, known.tests, ("length",), ())
     lines = list(describe([unknown]))
     assert lines[0] == "specimen T1: ? x 8 x 4 mm (length x width x thickness)"
