@@ -187,7 +187,7 @@ def test_an_output_that_was_measured_is_compared_beside_the_force(tmp_path, sett
     table.to_csv(file, index=False)
     command("run", written(tmp_path, sited), "--out", tmp_path / "out")
     told = capsys.readouterr().out
-    assert "the sum over protocols and quantities of RMSE over noise" in told
+    assert "the sum of RMSE / noise over protocols and quantities" in told
     (fit,) = json.loads((tmp_path / "out" / "calibrate.json").read_text())["specimens"].values()
     assert fit["parameters"]["nu"] == pytest.approx(TRUTH[1], abs=0.02)
     assert "nu" in fit["determined"]
