@@ -2,6 +2,7 @@
 
 import json
 
+from sinew.runner.errors import LONGEST
 from sinew.runner.store.store import Store
 from sinew.tasks.report.status import print_status, read_status
 
@@ -33,3 +34,8 @@ def test_a_task_that_was_started_again_has_not_failed(tmp_path):
         assert read_status(folder_with(tmp_path, failed("infer", "x"), *events))["failed_tasks"] == {}
     events = (*again, failed("infer", "x"), failed("nothing", "no task"), "a text", {"task": ["infer"]})
     assert read_status(folder_with(tmp_path, *events))["failed_tasks"] == {"infer": "x"}
+
+
+def test_the_reason_of_a_failed_task_is_one_short_line(tmp_path):
+    reason = read_status(folder_with(tmp_path, failed("infer", "\n" + "x" * 100_000)))["failed_tasks"]["infer"]
+    assert reason.startswith("\\n") and len(reason) == LONGEST

@@ -93,6 +93,18 @@ def test_a_fit_is_the_same_after_it_was_kept_as_numbers(measured):
         np.testing.assert_array_equal(kept, made)
 
 
+@pytest.mark.parametrize(
+    ("number", "value"),
+    [(0, -1.0), (0, np.nan), (1, -1.0), (1, 2.5), (2, -0.1), (3, 1.1), (3, np.nan)],
+    ids=["loss", "no loss", "points", "part of a point", "below", "above", "nowhere"],
+)
+def test_numbers_of_no_fit_are_told_from_those_of_one(number, value):
+    numbers = Fitted(np.array([0.0, 1.0]), 3.0, 7, np.array([0.1, 5.0]), np.array([0.0, 9.0])).numbers()
+    assert Fitted.possible(numbers)
+    numbers[number] = value
+    assert not Fitted.possible(numbers)
+
+
 def test_what_slopes_say_of_the_parameters():
     slopes = np.random.default_rng(3).normal(size=(50, 4)) * np.array([1.0, 10.0, 100.0, 0.0])
     expected = np.linalg.inv(slopes.T @ slopes + WIDTH * np.eye(4))
