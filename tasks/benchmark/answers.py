@@ -3,7 +3,9 @@
 The file is an object by case: ``truth`` (slugs of effects, or ``["OUTSIDE"]``, or nothing), ``magnitude`` (numbers by
 name), and optionally ``case`` (a label), ``noise_fraction_of_peak``, ``noise_ar1``, ``specimens`` (their true
 parameters), ``same_form`` (true values by the names of the library's parameters) and ``becomes``: the truth of a case
-from outside once the library has what is hidden there.
+from outside once the library has what is hidden there. A compound case has ``outside``, what is hidden beside effects
+of the library (kinds that the library has by now are effects), and ``strength`` by effect or kind: its trace in the
+forces that neither the model's parameters nor the rest can imitate, root mean square in units of the noise.
 """
 
 import math
@@ -39,7 +41,10 @@ SAME_FORM: Mapping[str, Mapping[str, tuple[str, float]]] = {
 
 @dataclass(frozen=True)
 class Answer:
-    """What is hidden in a case. ``same_form``: true values of the library's parameters, where they have one."""
+    """What is hidden in a case. ``same_form``: true values of the library's parameters, where they have one.
+
+    ``strength`` and what is hidden ``beside`` effects of the library are those of a compound case, empty for others.
+    """
 
     folder: str
     case: str
@@ -47,6 +52,13 @@ class Answer:
     label: str = ""
     magnitude: Mapping[str, float] = field(default_factory=dict)
     same_form: Mapping[str, float] = field(default_factory=dict)
+    strength: Mapping[str, float] = field(default_factory=dict)
+    beside: tuple[str, ...] = ()
+
+    @property
+    def compound(self) -> bool:
+        """Whether it is known how far each effect, and what is hidden beside them, can be seen."""
+        return bool(self.strength)
 
     @property
     def name(self) -> str:
@@ -87,13 +99,22 @@ def _answer(path: Path, folder: str, case: str, entry: Any) -> Answer:
     label = entry.get("case", "")
     if not isinstance(label, str):
         raise BadInput(f"{where}.case", shown(label), "a text")
+    beside = entry.get("outside", [])
+    if not isinstance(beside, list) or not all(isinstance(one, str) for one in beside):
+        raise BadInput(f"{where}.outside", shown(beside), "a list of names")
+    strength = _numbers(f"{where}.strength", entry.get("strength", {}))
+    if strength and (unknown := sorted({*truth, *beside} - set(strength))):
+        raise BadInput(f"{where}.strength.{shown(unknown[0])[1:-1]}", "missing", "a number for each effect and kind")
+    if strength:
+        truth = (*truth, *(one for one in beside if one in library() and one not in truth))
+        beside = [one for one in beside if one not in library()]
     same_form = _same_form(truth, magnitude)
     if "same_form" in entry:
         same_form = _numbers(f"{where}.same_form", entry["same_form"])
         known = {parameter.name for effect in library().values() for parameter in effect.parameters}
         if unknown := sorted(set(same_form) - known):
             raise BadInput(f"{where}.same_form.{unknown[0]}", "unknown parameter", f"one of {', '.join(sorted(known))}")
-    return Answer(folder, case, truth, label, magnitude, same_form)
+    return Answer(folder, case, truth, label, magnitude, same_form, strength, tuple(beside))
 
 
 def _truth(where: str, entry: Mapping[str, Any]) -> tuple[str, ...]:

@@ -11,21 +11,24 @@ import numpy as np
 
 from sinew.tasks.benchmark.answers import Answer
 from sinew.tasks.discover.judge.confidence import MEANING, clopper_pearson
-from sinew.tasks.discover.result import CandidateResult, DiscoverResult
+from sinew.tasks.discover.result import NAMES, CandidateResult, DiscoverResult
 
 CLEAR = 30.0  # of a whitened sum of squares, beyond what it is expected to be
 DEVIATIONS = 3.0  # standard deviations of that sum, on top
 APART = 2.0  # times the misfit beyond noise that the truth leaves: what its best rival must leave
 RESAMPLES = 10_000
+STRONG = 1.5  # strength from which on an effect of a compound case should be named
 
 NULL, DETECTABLE, ALIKE, UNDETECTABLE = "null", "detectable", "indistinguishable", "undetectable"
 PAIR, OUTSIDE_CLASS, NOT_ASKED, FAILED = "two effects", "outside", "not a candidate", "failed"
-CLASSES = (NULL, DETECTABLE, ALIKE, UNDETECTABLE, PAIR, OUTSIDE_CLASS, NOT_ASKED, FAILED)
+COMPOUND = "compound"
+CLASSES = (NULL, DETECTABLE, ALIKE, UNDETECTABLE, PAIR, OUTSIDE_CLASS, NOT_ASKED, COMPOUND, FAILED)
 
 RIGHT, WRONG, INCOMPLETE, OPEN, ASTRAY, ALARM, MISSED = (
     *("right", "wrong name", "one of two", "open", "astray", "false alarm"),
     "missed",
 )
+SOME = "some of them"
 
 
 @dataclass(frozen=True)
@@ -128,6 +131,8 @@ def class_of(case: Case) -> str:
     result, answer = case.result, case.answer
     if result is None:
         return FAILED
+    if answer.compound:
+        return COMPOUND
     if not answer.truth:
         return NULL
     if not null_rejected(result):
@@ -142,12 +147,15 @@ def class_of(case: Case) -> str:
 
 
 def outcome_of(case: Case) -> str:
-    """What a verdict is worth: right, wrong name, one of two, open, astray, false alarm, missed, or failed."""
+    """What a verdict is worth: right, wrong name, one or some of several, open, astray, false alarm, missed, failed."""
     result, answer = case.result, case.answer
     if result is None:
         return FAILED
     kind, truth = class_of(case), set(answer.truth)
-    if result.verdict == "NAMED":
+    if kind == COMPOUND and set(result.effects) <= truth:
+        strong = set(strong_effects(case))
+        return RIGHT if strong <= set(result.effects) else SOME if strong & set(result.effects) else MISSED
+    if result.verdict in NAMES:
         if not set(result.effects) <= truth:
             return WRONG
         return RIGHT if set(result.effects) == truth else INCOMPLETE
@@ -164,13 +172,25 @@ def outcome_of(case: Case) -> str:
     return RIGHT if kind == ALIKE else OPEN
 
 
+def strong_effects(case: Case) -> list[str]:
+    """The effects of a compound case that can clearly be seen."""
+    return [slug for slug in case.answer.truth if case.answer.strength.get(slug, 0.0) >= STRONG]
+
+
+def says_something_is_left(result: DiscoverResult) -> bool:
+    """Whether a verdict says that something is left that it does not name."""
+    return result.verdict in ("PARTLY", "OUTSIDE") or (result.remainder is not None and result.remainder.beyond_noise)
+
+
 def _alarms(result: DiscoverResult) -> bool:
     """Whether a verdict says that something is missing; AMBIGUOUS without effects says only that a fit is not safe."""
-    return result.verdict in ("NAMED", "OUTSIDE") or (result.verdict == "AMBIGUOUS" and bool(result.set))
+    return result.verdict in (*NAMES, "OUTSIDE") or (result.verdict == "AMBIGUOUS" and bool(result.set))
 
 
 def shares(cases: Sequence[Case]) -> list[Share]:
     """The rows of the table that count. A case that failed counts against what needs a verdict."""
+    together = [case for case in cases if case.answer.compound]
+    cases = [case for case in cases if not case.answer.compound]
     by_class = {name: [case for case in cases if class_of(case) == name] for name in CLASSES}
     failed = by_class[FAILED]
     singles = [case for case in cases if len(case.answer.truth) == 1 and not case.answer.outside]
@@ -195,8 +215,33 @@ def shares(cases: Sequence[Case]) -> list[Share]:
         _share("NONE or AMBIGUOUS where nothing can be seen", by_class[UNDETECTABLE], lambda case: _word(case)
                in ("NONE", "AMBIGUOUS")),
         coverage(cases),
-        *by_word(cases).values(),
+        *_of_compounds(together),
+        *by_word([*cases, *together]).values(),
     ]  # fmt: skip
+
+
+def _of_compounds(cases: Sequence[Case]) -> list[Share]:
+    """The rows of compound cases, which count effects and names; none where there are no such cases."""
+    if not cases:
+        return []
+    strong = [slug in _names(case) for case in cases for slug in strong_effects(case)]
+    wrong = [slug not in case.answer.truth for case in cases for slug in _names(case)]
+    left = [
+        case
+        for case in cases
+        if case.result and any(case.answer.strength[kind] >= STRONG for kind in case.answer.beside)
+    ]
+    return [
+        Share(f"compound: effects of strength {STRONG:g} or more that are named", sum(strong), len(strong)),
+        Share("compound: names of effects that are not there", sum(wrong), len(wrong), high=False),
+        _share(f"compound: something else of strength {STRONG:g} or more is said to be left", left,
+               lambda case: case.result is not None and says_something_is_left(case.result)),
+    ]  # fmt: skip
+
+
+def _names(case: Case) -> tuple[str, ...]:
+    """The effects that a verdict names."""
+    return case.result.effects if case.result else ()
 
 
 def by_word(cases: Sequence[Case]) -> dict[str, Share]:
@@ -204,6 +249,7 @@ def by_word(cases: Sequence[Case]) -> dict[str, Share]:
     said = {word: [case for case in cases if _word(case) == word] for word in MEANING}
     true: dict[str, Callable[[Case], bool]] = {
         "NAMED": lambda case: not named_wrong(case),
+        "PARTLY": lambda case: not named_wrong(case),
         "AMBIGUOUS": lambda case: bool(case.answer.truth) and inside(case),
         "OUTSIDE": lambda case: case.answer.outside or class_of(case) == NOT_ASKED,
         "NONE": lambda case: outcome_of(case) == RIGHT,
@@ -213,7 +259,7 @@ def by_word(cases: Sequence[Case]) -> dict[str, Share]:
 
 def medians(cases: Sequence[Case]) -> list[Median]:
     """The rows of the table that are medians."""
-    closed = [case.result.gap.closed for case in cases if case.result and case.result.verdict == "NAMED"]
+    closed = [case.result.gap.closed for case in cases if case.result and case.result.verdict in NAMES]
     return [
         Median("gap closed on held-out data when named", tuple(one for one in closed if one is not None)),
         Median("time of a case", tuple(case.seconds for case in cases if case.seconds is not None), "s"),
@@ -229,12 +275,12 @@ def _word(case: Case) -> str:
 
 
 def named_right(case: Case) -> bool:
-    """NAMED, with all of the truth and nothing else."""
-    return _word(case) == "NAMED" and outcome_of(case) == RIGHT
+    """All of the truth is named and nothing else, with or without a remainder."""
+    return _word(case) in NAMES and outcome_of(case) == RIGHT
 
 
 def named_wrong(case: Case) -> bool:
-    """NAMED, with some effect that is not in the truth."""
+    """Some effect is named that is not in the truth."""
     return outcome_of(case) == WRONG
 
 

@@ -7,9 +7,11 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from sinew.runner.console import Console
+from sinew.tasks.discover.result import NAMES
 
 Rows = list[list[str]]
-GOOD = ("right", "open", "one of two")  # open: it says which effects it cannot tell apart, and the truth is among them
+# open: the verdict says which effects it cannot tell apart, and the truth is among them
+GOOD = ("right", "open", "one of two", "some of them")
 
 
 def tell(result: dict[str, Any], console: Console) -> None:
@@ -67,7 +69,7 @@ def _case(case: dict[str, Any]) -> list[str]:
     truth = " + ".join(case["truth"]) or "nothing"
     hidden = f"{truth} ({case['label']})" if case["label"] else truth
     said = " + ".join(case["effects"]) or " or ".join(case["set"])
-    closed = "" if case["closed"] is None or case["verdict"] != "NAMED" else f"{case['closed']:.2f}"
+    closed = "" if case["closed"] is None or case["verdict"] not in NAMES else f"{case['closed']:.2f}"
     seconds = "" if case["seconds"] is None else f"{case['seconds']:.0f}"
     good = "ok" if case["outcome"] in GOOD else "WRONG"
     return [case["name"], hidden, case["class"], f"{case['verdict'] or ''} {said}".strip(), good, case["outcome"],

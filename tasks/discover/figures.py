@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
@@ -25,10 +26,43 @@ def draw(workspace: Workspace, result: DiscoverResult) -> None:
     """Write all figures, each with its table."""
     folder = workspace.out / "figures"
     save(cell_map(result), folder, "discover_cells", cells_table(result))
+    if result.remainder is not None:
+        save(parts(result), folder, "discover_parts", stack_of(result))
     for specimen in result.cells:
         kept = workspace.store.read_result(f"discover/{file_name(specimen)}")
         figure = before_and_after(kept, result, specimen)
         save(figure, folder, f"discover_{file_name(specimen)}", curves_table(kept))
+
+
+def stack_of(result: DiscoverResult) -> pd.DataFrame:
+    """The misfit as a stack: what only one of the named effects explains, what any of several do, and what is left."""
+    assert result.remainder is not None
+    left = min(max(result.remainder.share, 0.0), 1.0)
+    alone = {one.effect: max(one.share, 0.0) for one in result.parts if one.effect in result.effects}
+    if len(result.effects) == 1:
+        alone = {result.effects[0]: 1.0 - left}
+    shared = max(1.0 - left - sum(alone.values()), 0.0)
+    rows = [{"part": effect, "share": share} for effect, share in alone.items()]
+    if len(result.effects) > 1:
+        rows.append({"part": "any of these", "share": shared})
+    return pd.DataFrame([*rows, {"part": "left", "share": left}])
+
+
+def parts(result: DiscoverResult) -> Figure:
+    """The misfit as a stack of what the named effects explain and what is left."""
+    stack = stack_of(result)
+    with plt.rc_context(STYLE):
+        figure, axis = plt.subplots(figsize=(7.5, 1.9), layout="constrained")
+        begin = 0.0
+        for number, (part, share) in enumerate(zip(stack["part"], 100.0 * stack["share"], strict=True)):
+            colour = {"left": "0.8", "any of these": "0.55"}.get(part, COLOURS[number % len(COLOURS)])
+            axis.barh(0, share, left=begin, color=colour, edgecolor="white", label=f"{part}: {share:.1f} %")
+            begin += share
+        axis.set_yticks([])
+        axis.set_xlim(0.0, max(begin, 100.0))
+        axis.set_xlabel("part of the misfit beyond noise (%)")
+        figure.legend(loc="outside upper left", ncols=4, fontsize=8)
+    return figure
 
 
 def before_and_after(kept: xr.Dataset, result: DiscoverResult, specimen: str) -> Figure:
@@ -124,5 +158,8 @@ FIGURES: Mapping[str, FigureKind[DiscoverResult]] = {
             open_store(folder).read_result(f"discover/{file_name(specimen)}"), result, specimen
         ),
         lambda result: list(result.cells),
+    ),
+    "parts": FigureKind(
+        lambda result, *_: parts(result), lambda result: ["all specimens"] if result.remainder is not None else []
     ),
 }

@@ -110,6 +110,44 @@ class Outside:
 
 
 @dataclass(frozen=True)
+class Part:
+    """One of several effects that were fitted together, beside what none of them explains.
+
+    ``share``: the part of the misfit beyond noise that would be left in addition without it, and its 90 % interval.
+    ``evidence``: twice the log evidence that is lost without it; ``ratio``: the misfit that is left without it, in
+    times of that with it. ``rival``: the effect that does best in its place, and the evidence that this regains; None
+    where the effect is uncertain for another reason. ``doubt``: why the effect is not certain; None where it is.
+    """
+
+    effect: str
+    form: str
+    share: Number
+    interval: tuple[Number, Number]
+    evidence: Number
+    ratio: Number
+    rival: str | None
+    rival_evidence: Number | None
+    doubt: str | None
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What the model with the named effects leaves: the ``share`` of the misfit, with its 90 % interval.
+
+    ``newtons``: root mean square over all points, less that of the noise (N). ``beyond_noise``: it is more than chance
+    leaves of a true model. ``cells``: names of those where it is largest, of all specimens. ``like``: what it looks
+    like in the specimen in which most is left.
+    """
+
+    share: Number
+    interval: tuple[Number, Number]
+    newtons: Number
+    beyond_noise: bool
+    cells: tuple[str, ...]
+    like: str
+
+
+@dataclass(frozen=True)
 class Checks:
     """What added effects change, as the largest difference of forces over all curves (N).
 

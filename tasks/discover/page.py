@@ -9,7 +9,7 @@ from bokeh.models.annotations import ColorBar
 from sinew.tasks.discover.figures import FAR
 from sinew.tasks.discover.judge.confidence import in_words
 from sinew.tasks.discover.result import CandidateResult, DiscoverResult
-from sinew.tasks.discover.show import UNLIKELY, held_out, noise_words, unlikely
+from sinew.tasks.discover.show import UNLIKELY, held_out, in_one_sentence, noise_words, unlikely
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Code, Facts, Plot, Plots, Section, Table, Words, number, percent
 from sinew.tasks.drawing.figures import COLOURS
@@ -22,6 +22,7 @@ POINTS = 800  # of a curve
 MEANING = {
     "NONE": "Nothing disagrees beyond chance, and no effect improves the fit clearly.",
     "NAMED": "The named effects explain the disagreement, nothing else does as well, and they predict unseen data.",
+    "PARTLY": "The named effects are certainly missing. They do not explain all of the disagreement.",
     "AMBIGUOUS": "The data cannot tell a set of effects apart, or the best one fails a check.",
     "OUTSIDE": "Model and data disagree, and nothing in the library explains it.",
 }
@@ -35,7 +36,11 @@ def section(found: ResultFolder) -> Section:
     result = found.result(DiscoverResult)
     if result is None:
         return Section("discovery", title, question, missing=found.missing("discover"))
-    blocks: list[Block] = [_verdict(result)]
+    sentence = in_one_sentence(result)
+    blocks: list[Block] = [Words(sentence)] if sentence else []
+    blocks.append(_verdict(result))
+    if result.parts:
+        blocks.append(_parts(result))
     if found.store is not None:
         blocks.append(_curves(found, result))
     blocks += [_cells(result), _candidates(result), *_others(result)]
@@ -49,7 +54,7 @@ def section(found: ResultFolder) -> Section:
     bounds = [name for one in result.candidates[:1] for name in one.on_bound]
     return Section(
         "discovery", title, question, blocks,
-        found=f"{_answer(result)}; {result.why}",
+        found=f"{_answer(result)}; {sentence or result.why}",
         sure=sure,
         failed=f"on a bound: {', '.join(bounds)}" if bounds else "",
     )  # fmt: skip
@@ -190,6 +195,18 @@ def _candidates(result: DiscoverResult) -> Table:
     ]
     header = ["effects", "gain", "misfit explained", "held-out gain", "on a bound"]
     return Table("Candidates, the best first", header, rows, words=(4,), open=len(rows) <= 8)
+
+
+def _parts(result: DiscoverResult) -> Table:
+    """The effects that were fitted together, and why some of them are not certain."""
+    rows = [
+        [one.effect, percent(one.share, 1), " to ".join(percent(end, 1) for end in one.interval), number(one.evidence),
+         f"{one.rival} ({number(one.rival_evidence)})" if one.rival else "–", one.doubt or "certain"]
+        for one in result.parts
+    ]  # fmt: skip
+    caption = "Effects fitted together: the part of the misfit that would be left in addition without each"
+    header = ["effect", "misfit", "90 % interval", "evidence", "best in its place", ""]
+    return Table(caption, header, rows, words=(4, 5))
 
 
 def _others(result: DiscoverResult) -> list[Block]:

@@ -2,6 +2,7 @@
 
 from sinew.tasks.discover.judge.confidence import in_words
 from sinew.tasks.discover.result import DiscoverResult
+from sinew.tasks.discover.show import in_one_sentence
 from sinew.tasks.drawing.blocks import number, percent, plural
 
 
@@ -9,7 +10,10 @@ def methods(result: DiscoverResult) -> str:
     """The paragraph of a methods section; ``[@key]`` cites."""
     best = result.candidates[0] if result.candidates else None
     first = "" if best is None else f" The best candidate, {best.name}, improves the criterion by {number(best.gain)}."
-    part = "" if result.explained is None else f" It explains {percent(result.explained)} of the misfit."
+    sentence = in_one_sentence(result)
+    part = f" {sentence}" if sentence else ""
+    if result.explained is not None and not sentence:
+        part = f" It explains {percent(result.explained)} of the misfit."
     return (
         f"To find out whether the model lacks an effect, it was fitted to {plural(len(result.noise), 'specimen')} with "
         f"and without each of {plural(len(result.candidates), 'candidate')} from a library of effects. The fits use "

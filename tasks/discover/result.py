@@ -5,12 +5,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from sinew.tasks.discover.follow_up import AddedModel, NextExperiment, Outside
+from sinew.tasks.discover.follow_up import AddedModel, NextExperiment, Outside, Part, Remainder
 from sinew.tasks.model.effects import named
 from sinew.tasks.study.files import digest, write_json
 from sinew.tasks.study.result import OMIT, Number, Result, plain
 
-Word = Literal["NONE", "NAMED", "AMBIGUOUS", "OUTSIDE"]
+Word = Literal["NONE", "NAMED", "PARTLY", "AMBIGUOUS", "OUTSIDE"]
+NAMES: tuple[Word, ...] = ("NAMED", "PARTLY")  # words of verdicts that name effects
 COPY = "verdict.json"
 WITH_EFFECTS = Path("discover", "model.yaml")  # in the result folder: the study with the named effects
 ADOPTED = "adopted"  # folder in the result folder: the results of that study
@@ -227,14 +228,15 @@ class DiscoverResult(Result):
     beyond chance; ``surely``: so far beyond that a laboratory can rely on it. ``candidates`` come the best first,
     ``cells`` by specimen for the bare model, and ``after`` with the effects ``shown``, which are those of the candidate
     that the verdict is about. Of the last fields, ``next_experiment`` goes with AMBIGUOUS, ``outside`` with OUTSIDE,
-    ``model`` with NAMED.
+    ``model`` and ``remainder`` with NAMED and PARTLY. ``parts``: the effects that were fitted together where one or
+    two do not explain all.
 
     ``VERSION`` covers fits, rules, thresholds and the record of :mod:`sinew.tasks.discover.judge.confidence`, and the
     noise that is taken from the curves.
     """
 
     TASK = "discover"
-    VERSION = 4
+    VERSION = 5
     LIBRARIES = ("scikit-learn",)
 
     verdict: Word
@@ -256,6 +258,8 @@ class DiscoverResult(Result):
     outside: Outside | None
     model: AddedModel | None
     inputs: str
+    parts: tuple[Part, ...] = ()
+    remainder: Remainder | None = field(default=None, metadata=OMIT)
     after: Cells | None = field(default=None, metadata=OMIT)
 
     @property
@@ -310,4 +314,4 @@ RESULT = DiscoverResult
 def named_study(folder: Path) -> Path | None:
     """The study with the effects that a discovery in ``folder`` named; None where it named none."""
     found, path = DiscoverResult.read(folder), folder / WITH_EFFECTS
-    return path if found is not None and found.verdict == "NAMED" and path.is_file() else None
+    return path if found is not None and found.verdict in NAMES and path.is_file() else None

@@ -10,8 +10,8 @@ from rich.text import Text
 
 from sinew.runner.console import Console
 from sinew.tasks.discover.judge.confidence import in_words
-from sinew.tasks.discover.result import CandidateResult, DiscoverResult, NoiseLevel
-from sinew.tasks.drawing.blocks import number
+from sinew.tasks.discover.result import NAMES, CandidateResult, DiscoverResult, NoiseLevel
+from sinew.tasks.drawing.blocks import listed, number, percent
 
 SHOWN = 6  # candidates
 UNLIKELY = 0.001  # p value below which a conflict of the protocols is reported
@@ -27,6 +27,42 @@ def table(result: DiscoverResult) -> pd.DataFrame:
 def headline(result: DiscoverResult) -> str:
     """What came out, in one line."""
     return f"{result.headline}: {result.why}"
+
+
+def in_one_sentence(result: DiscoverResult) -> str:
+    """How much of the misfit the named effects explain, how much is left, and where; empty where none is named."""
+    left = result.remainder
+    if left is None or result.verdict not in NAMES:
+        return ""
+    names = [effect.replace("-", " ") for effect in result.effects]
+    who = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names).capitalize()
+    low, high = (100.0 * min(max(1.0 - end, 0.0), 1.0) for end in reversed(left.interval))
+    said = f"{who} {'explain' if len(names) > 1 else 'explains'} {percent(min(1.0 - left.share, 1.0))} of the misfit"
+    said += f" ({low:.0f} to {high:.0f} %)"
+    if not left.beyond_noise:
+        return f"{said}; nothing is left beyond noise."
+    where = f", mostly in {listed(left.cells, 3)}" if left.cells else ""
+    return f"{said}; {percent(max(left.share, 0.0), 1)} is left ({number(left.newtons, 2)} N{where})."
+
+
+def parts_table(result: DiscoverResult) -> pd.DataFrame:
+    """The effects that were fitted together: what would be left in addition without each, and whether it is certain."""
+    rows = [
+        {
+            "effect": one.effect,
+            "form": one.form,
+            "share": one.share,
+            "share_low": one.interval[0],
+            "share_high": one.interval[1],
+            "evidence": one.evidence,
+            "misfit_ratio": one.ratio,
+            "rival": one.rival or "",
+            "rival_evidence": one.rival_evidence,
+            "doubt": one.doubt or "",
+        }
+        for one in result.parts
+    ]
+    return pd.DataFrame(rows)
 
 
 def cells_table(result: DiscoverResult) -> pd.DataFrame:
@@ -60,6 +96,10 @@ def summary(result: DiscoverResult, folder: Path, console: Console) -> None:
     console.print(grid)
     console.print(Text.assemble((result.verdict, "bold"), f" {result.answer}: {result.why}"))
     console.print(in_words(result.confidence))
+    if sentence := in_one_sentence(result):
+        console.print(sentence)
+    for part in result.parts:
+        console.print(f"  {part.effect}: {part.doubt or 'certain'}")
     gap = result.gap
     if gap.closed is not None:
         console.print(

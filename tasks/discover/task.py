@@ -15,16 +15,18 @@ from sinew.tasks.discover.after.estimates import candidate_result
 from sinew.tasks.discover.after.experiment import Experiment, Rival, next_experiment
 from sinew.tasks.discover.after.gap import gap
 from sinew.tasks.discover.after.solver import in_febio
+from sinew.tasks.discover.compound import compound, remainder
 from sinew.tasks.discover.fit.fit import Fitted
-from sinew.tasks.discover.fit.held_out import SquaredErrors, hold_out
+from sinew.tasks.discover.fit.held_out import SquaredErrors, hold_out, hold_out_of
 from sinew.tasks.discover.fit.intervals import Profiled
 from sinew.tasks.discover.fit.search import Candidates, asked, note_fit, search
 from sinew.tasks.discover.fit.sizes import library_for
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, agree, each_for_all, fits_of_each
-from sinew.tasks.discover.follow_up import AddedModel, NextExperiment, Outside
+from sinew.tasks.discover.follow_up import AddedModel, NextExperiment, Outside, Part, Remainder
 from sinew.tasks.discover.judge.confidence import confidence
+from sinew.tasks.discover.judge.partly import partly
 from sinew.tasks.discover.judge.rules import Evidence, Verdict, rivals, verdict
-from sinew.tasks.discover.judge.scores import Score
+from sinew.tasks.discover.judge.scores import Score, misfit_by_chance
 from sinew.tasks.discover.measure.cells import located_part, misfit_map
 from sinew.tasks.discover.measure.conflict import conflict, together
 from sinew.tasks.discover.measure.shape import shape
@@ -93,9 +95,16 @@ def run(workspace: Workspace, settings: Settings) -> DiscoverResult:
     cohort = _ready(workspace, settings, specimens)
     findings = _findings(workspace, settings, cohort)
     decided = verdict(findings.evidence)
+    parts: tuple[Part, ...] = ()
+    if _several(decided) and cohort[0].solver is None:
+        found = compound(workspace, settings, cohort, findings.candidates)
+        parts = found.parts
+        if found.certain:
+            findings = _with_effects(workspace, settings, findings, found.certain)
+            decided = partly(findings.candidates.scores, findings.candidates.scored[found.certain])
     scores = findings.candidates.scores
     judged = next((one for one in scores.candidates if one.effects == decided.judged), scores.bare)
-    result = _result(workspace, findings, decided, judged, inputs)
+    result = _result(workspace, findings, decided, judged, parts, inputs)
     shown = findings.candidates.effects_of(judged)
     curves = {
         stored_as(one.name): simulated(
@@ -105,6 +114,13 @@ def run(workspace: Workspace, settings: Settings) -> DiscoverResult:
     }
     commit(workspace, result, curves)
     return result
+
+
+def _several(decided: Verdict) -> bool:
+    """Whether there may be several effects of which some are certain: no candidate is all of it, or pairs are alike."""
+    return bool(decided.judged) and (
+        decided.word == "OUTSIDE" or (decided.word == "AMBIGUOUS" and len(decided.judged) > 1)
+    )
 
 
 # ---- a verdict that is known already
@@ -170,21 +186,40 @@ def _findings(workspace: Workspace, settings: Settings, cohort: list[SpecimenFit
     candidates = search(workspace, settings, cohort, [fits[0] for fits in bare])
     held_out = hold_out(workspace, cohort, candidates)
     conflicts = _conflicts(workspace, cohort, candidates.bare)
-    chance, seed = settings.chance / len(cohort), workspace.seed
-
-    def misfits(effects: Effects, fits: Sequence[Fitted], stream: Stream) -> list[tuple[CellMisfit, ...]]:
-        return [
-            misfit_map(one.measured, one.candidate(effects), fitted, chance, FAR_BEYOND, streams.key(seed, stream, i))
-            for i, (one, fitted) in enumerate(zip(cohort, fits, strict=True))
-        ]
-
-    before = misfits((), candidates.bare, Stream.MISFIT_BEFORE)
+    before = _misfits(workspace, settings, cohort, (), candidates.bare)
     fits = candidates.fits
     judged = [effects for effects in held_out if effects in candidates.scored]  # the others are no effect's best form
-    after = {effects: misfits(effects, fits[effects], Stream.MISFIT_AFTER) for effects in judged}
+    after = {effects: _misfits(workspace, settings, cohort, effects, fits[effects]) for effects in judged}
     for effects, cells in after.items():
         candidates.scored[effects] = replace(candidates.scored[effects], in_place=located_part(before, cells))
     return Findings(cohort, bare, candidates, held_out, conflicts, before, after)
+
+
+def _with_effects(workspace: Workspace, settings: Settings, findings: Findings, effects: Effects) -> Findings:
+    """The findings with predictions and misfits of one candidate more."""
+    cohort, candidates = findings.cohort, findings.candidates
+    held_out = hold_out_of(workspace, cohort, candidates, effects)
+    after = _misfits(workspace, settings, cohort, effects, candidates.fits[effects])
+    candidates.scored[effects] = replace(candidates.scored[effects], in_place=located_part(findings.before, after))
+    return replace(findings, held_out=held_out, after={**findings.after, effects: after})
+
+
+def _misfits(
+    workspace: Workspace,
+    settings: Settings,
+    cohort: Sequence[SpecimenFits],
+    effects: Effects,
+    fits: Sequence[Fitted],
+) -> list[tuple[CellMisfit, ...]]:
+    """The misfit maps of fits with ``effects``, by specimen."""
+    stream = Stream.MISFIT_AFTER if effects else Stream.MISFIT_BEFORE
+    chance = settings.chance / len(cohort)
+    return [
+        misfit_map(
+            one.measured, one.candidate(effects), fitted, chance, FAR_BEYOND, streams.key(workspace.seed, stream, i)
+        )
+        for i, (one, fitted) in enumerate(zip(cohort, fits, strict=True))
+    ]
 
 
 def _bare_fits(workspace: Workspace, settings: Settings, cohort: Sequence[SpecimenFits]) -> list[list[Fitted]]:
@@ -217,7 +252,9 @@ def _conflicts(workspace: Workspace, cohort: Sequence[SpecimenFits], bare_fits: 
 # ---- after the verdict
 
 
-def _result(workspace: Workspace, findings: Findings, decided: Verdict, judged: Score, inputs: str) -> DiscoverResult:
+def _result(
+    workspace: Workspace, findings: Findings, decided: Verdict, judged: Score, parts: tuple[Part, ...], inputs: str
+) -> DiscoverResult:
     """The result with what its verdict comes with: intervals, the next experiment, a description, or the new model."""
     cohort, candidates, names = findings.cohort, findings.candidates, findings.names
     evidence = findings.evidence
@@ -246,8 +283,10 @@ def _result(workspace: Workspace, findings: Findings, decided: Verdict, judged: 
         gap=gap(findings.held_out, shown, cohort, candidates.fits[shown] if shown else candidates.bare),
         next_experiment=_experiment(workspace, findings, judged) if decided.word == "AMBIGUOUS" and shown else None,
         outside=_outside(workspace, findings) if decided.word == "OUTSIDE" else None,
-        model=_model(workspace, findings, shown) if decided.word == "NAMED" else None,
+        model=_model(workspace, findings, shown) if decided.named else None,
         inputs=inputs,
+        parts=parts,
+        remainder=_remainder(findings, judged, shown) if decided.named else None,
         after=dict(zip(names, findings.after[shown], strict=True)) if shown in findings.after else None,
     )
 
@@ -257,8 +296,7 @@ def _candidates(
 ) -> tuple[CandidateResult, ...]:
     """All candidates, the best first."""
     cohort, candidates = findings.cohort, findings.candidates
-    named_or_ambiguous = decided.word in ("NAMED", "AMBIGUOUS")
-    intervals = _intervals(workspace, findings, shown) if shown and named_or_ambiguous else {}
+    intervals = _intervals(workspace, findings, shown) if shown and (decided.named or decided.alike) else {}
     scores = candidates.scores
     return tuple(
         candidate_result(candidates.scored[each], scores, each, cohort, candidates.fits[each], intervals.get(each))
@@ -305,6 +343,16 @@ def _outside(workspace: Workspace, findings: Findings) -> Outside:
     points = [one.at for one in findings.candidates.bare[:MAX_SPECIMENS]]
     known = library_for([one.specimen for one in measured])
     return shape(workspace.model, measured[:MAX_SPECIMENS], points, known)
+
+
+def _remainder(findings: Findings, judged: Score, shown: Effects) -> Remainder | None:
+    """What the model with the named effects leaves; None where nothing was held against the bare model's misfit."""
+    candidates = findings.candidates
+    beyond = judged.loss - candidates.floor > misfit_by_chance(candidates.floor)
+    fits = candidates.fits[shown]
+    return remainder(
+        findings.cohort, candidates.bare, shown, fits, candidates.floor, beyond, findings.after.get(shown, [])
+    )
 
 
 def _model(workspace: Workspace, findings: Findings, shown: Effects) -> AddedModel:

@@ -16,7 +16,7 @@ from markupsafe import Markup
 
 from sinew.runner.errors import BadInput, SinewError, one_line
 from sinew.tasks.calibrate.result import CalibrateResult
-from sinew.tasks.discover.result import ADOPTED, DiscoverResult
+from sinew.tasks.discover.result import ADOPTED, NAMES, DiscoverResult
 from sinew.tasks.drawing.blocks import Facts, Section, Words, number
 from sinew.tasks.drawing.formats import FORMATS
 from sinew.tasks.model import TENDON
@@ -55,7 +55,7 @@ def _parts(folder: ResultFolder) -> list[_Part]:
 def _leading(folder: ResultFolder) -> Iterator[_Part]:
     """Results of the model with the effects that `discover` named come first, once they are there."""
     discovery, there = folder.result(DiscoverResult), folder.folder / ADOPTED
-    if discovery is None or discovery.verdict != "NAMED" or not (there / PAGE).is_file():
+    if discovery is None or discovery.verdict not in NAMES or not (there / PAGE).is_file():
         return
     try:
         adopted_fits = CalibrateResult.read(there)
@@ -97,7 +97,7 @@ def _marked(found: ResultFolder, part: _Part, section: Section) -> Section:
     if section.missing:
         return replace(section, folded=bool(part.task) and found.states[part.task].word == "not run")
     discovery = found.result(DiscoverResult)
-    if discovery is None or discovery.verdict != "NAMED" or not part.task or not TASKS[part.task].measured:
+    if discovery is None or discovery.verdict not in NAMES or not part.task or not TASKS[part.task].measured:
         return section
     calibration = found.result(CalibrateResult)
     if calibration is None or set(calibration.names) - {parameter.name for parameter in TENDON}:

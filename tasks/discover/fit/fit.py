@@ -219,7 +219,7 @@ def fit(
     )  # fmt: skip
     spread, pull = np.zeros((2, start.size))
     spread[free] = spreads(solution.jac)
-    pull[free] = _pulls(solution.x, solution.grad, solution.jac)
+    pull[free] = pulls(solution.x, solution.grad, solution.jac)
     return Fitted(whole(solution.x), float(2.0 * solution.cost), int(solution.fun.size), spread, pull)
 
 
@@ -247,7 +247,7 @@ def covariance(slopes: Array) -> Array:
     return inverse
 
 
-def _pulls(at: Array, gradient: Array, slopes: Array) -> Array:
+def pulls(at: Array, gradient: Array, slopes: Array) -> Array:
     """How much the loss would fall if one parameter on a bound were free to move with those that are on none."""
     falls = np.zeros(at.size)
     on = on_bound(at)

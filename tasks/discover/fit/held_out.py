@@ -44,6 +44,15 @@ def hold_out(workspace: Workspace, cohort: Sequence[SpecimenFits], candidates: C
     return errors
 
 
+def hold_out_of(
+    workspace: Workspace, cohort: Sequence[SpecimenFits], candidates: Candidates, effects: Effects
+) -> SquaredErrors:
+    """Predict held-out data with one candidate, and add the gains to its score."""
+    errors = _squared_errors(workspace, cohort, candidates, [(), effects])
+    candidates.scored[effects] = replace(candidates.scored[effects], held=_gains(errors[()], errors[effects]))
+    return errors
+
+
 def _to_judge(candidates: Candidates) -> list[Effects]:
     """Candidates that the verdict may be about: a pair and the best single effect, or this alone, or none."""
     scores = candidates.scores

@@ -224,7 +224,7 @@ def _promising(pairs: Sequence[Effects], promises: Sequence[float]) -> list[Effe
     return list(chosen.values())[:MAX_PAIRS]
 
 
-def _at_limit(effect: Effect, parameter: Parameter, at: float) -> bool:
+def at_limit(effect: Effect, parameter: Parameter, at: float) -> bool:
     """Whether the bound that a parameter is on is its null value or a limit of the law, with nothing beyond."""
     end = parameter.minimum if at < 0.5 else parameter.maximum
     return end in (effect.null.get(parameter.name), parameter.floor)
@@ -237,7 +237,7 @@ def _score(effects: Effects, fitted: Sequence[Fitted], bare_fits: Sequence[Fitte
     on_bound = [
         parameter.name
         for k, (effect, parameter) in enumerate(parameters, first)
-        if any(one.pressed[k] and not _at_limit(effect, parameter, one.at[k]) for one in fitted)
+        if any(one.pressed[k] and not at_limit(effect, parameter, one.at[k]) for one in fitted)
     ]
     gains = [
         alone.loss - criterion(one.loss, len(parameters), [count])

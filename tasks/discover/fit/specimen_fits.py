@@ -15,6 +15,7 @@ import numpy as np
 
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.tasks.data.noise import noise_of_each
+from sinew.tasks.discover.fit.beside import Beside, blocks_of, first_sizes, fit_beside, promise_beside
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, errors, extended, fit, look_ahead, starts
 from sinew.tasks.discover.fit.intervals import Profiled, profiled
 from sinew.tasks.discover.measure.measured import Measured
@@ -108,10 +109,7 @@ class SpecimenFits:
 
     def refitted(self, session: Session, effects: Effects, before: Fitted, begins: Sequence[Array]) -> Fitted:
         """The better of ``before`` and fits with ``effects`` from ``begins``, each ``[k]``."""
-        candidate = self.candidate(effects)
-        checkpoint = self._fits_with("refitted", candidate, effects, *begins)
-        fits = [self._fitted(checkpoint, i, session, fit, candidate, self.measured, at) for i, at in enumerate(begins)]
-        return min([before, *fits], key=lambda one: one.loss)
+        return min(before, self.fitted_from(session, effects, begins), key=lambda one: one.loss) if begins else before
 
     def profiled(self, session: Session, effects: Effects, fitted: Fitted) -> Profiled:
         """The fit with ``effects``, or a better one, and 90 % intervals of the effects' parameters."""
@@ -138,6 +136,46 @@ class SpecimenFits:
             ahead = session.compute(look_ahead, before, base.at, effects[-1], self.measured)
             checkpoint.append(np.array([ahead[0]]))
         return float(checkpoint.kept[0][0])
+
+    def beside(self, session: Session, effects: Effects, start: Array, sizes: Array | None = None) -> Beside:
+        """The fit with ``effects`` beside a discrepancy, from ``start`` ``[k]`` and log ``sizes`` of the discrepancy.
+
+        Without sizes, those that a fit without a discrepancy left at ``start``.
+        """
+        candidate, count = self.candidate(effects).embedded, blocks_of(self.measured)
+        begins = [start] if sizes is None else [start, sizes]
+        what = ("beside", _forms(effects), digest(*begins, *candidate.bounds()))
+        checkpoint = self._checkpoint(1 + count + candidate.fitted_width, *what, possible=None)
+        if not len(checkpoint):
+            if sizes is None:
+                sizes = session.compute(first_sizes, candidate, self.measured, start)
+            checkpoint.append(session.compute(fit_beside, candidate, self.measured, start, sizes).numbers())
+        return Beside.of(checkpoint.kept[0], count)
+
+    def promise_beside(
+        self, session: Session, effects: Effects, before: Beside, known: Array | None
+    ) -> tuple[float, Array, Array]:
+        """The evidence that ``effects`` promise, of which ``before`` lacks the last; start and sizes of their fit.
+
+        ``known``: where a fit of them without a discrepancy ended ``[k]``; None where there is none.
+        """
+        candidate, base = self.candidate(effects).embedded, self.candidate(effects[:-1]).embedded
+        count = before.sizes.size
+        begins = [before.fitted.at, before.sizes, *([] if known is None else [known])]
+        what = ("promise beside", _forms(effects), digest(*begins, *candidate.bounds()))
+        checkpoint = self._checkpoint(1 + candidate.size + count, *what, possible=None)
+        if not len(checkpoint):
+            ahead = session.compute(promise_beside, base, before, effects[-1], self.measured, known)
+            checkpoint.append(np.concatenate([ahead[:1], *ahead[1:]]))
+        kept = checkpoint.kept[0]
+        return float(kept[0]), kept[1 : 1 + candidate.size], kept[1 + candidate.size :]
+
+    def fitted_from(self, session: Session, effects: Effects, begins: Sequence[Array]) -> Fitted:
+        """The best of the fits with ``effects`` from ``begins``, each ``[k]``."""
+        candidate = self.candidate(effects)
+        checkpoint = self._fits_with("refitted", candidate, effects, *begins)
+        fits = [self._fitted(checkpoint, i, session, fit, candidate, self.measured, at) for i, at in enumerate(begins)]
+        return min(fits, key=lambda one: one.loss)
 
     def held_out(self, session: Session, effects: Effects, start: Array) -> dict[str, dict[str, Array]]:
         """By kind of split and curve: whitened squared errors ``[t]`` of what a fit of the rest predicts."""

@@ -13,12 +13,19 @@ from sinew.tasks.discover.result import Confidence
 
 MEANING: Mapping[str, str] = {
     "NAMED": "every name was true",
+    "PARTLY": "every name was true",
     "AMBIGUOUS": "something was there, and all of it in the set",
     "OUTSIDE": "the library did not have what was there",
     "NONE": "there was nothing, or nothing that could be seen",
 }
 #: By word: how many verdicts of the benchmark's 101 cases were true in that sense, of how many.
-RECORD: Mapping[str, tuple[int, int]] = {"NAMED": (55, 55), "AMBIGUOUS": (5, 6), "OUTSIDE": (6, 9), "NONE": (30, 31)}
+RECORD: Mapping[str, tuple[int, int]] = {
+    "NAMED": (55, 55),
+    "PARTLY": (1, 1),
+    "AMBIGUOUS": (5, 6),
+    "OUTSIDE": (6, 9),
+    "NONE": (30, 31),
+}
 
 
 def confidence(word: str) -> Confidence:

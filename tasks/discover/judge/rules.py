@@ -89,6 +89,11 @@ class Verdict:
     why: str = ""
     judged: tuple[str, ...] = ()
 
+    @property
+    def named(self) -> bool:
+        """Whether effects are named, with or without a remainder."""
+        return self.word in ("NAMED", "PARTLY")
+
 
 def verdict(evidence: Evidence) -> Verdict:
     """The verdict of the rules above."""

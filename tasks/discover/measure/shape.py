@@ -10,26 +10,30 @@ It draws the correction towards zero where few points tell.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
 from threadpoolctl import threadpool_limits
 
 from sinew.tasks.discover.fit.fit import Candidate, derivatives, residuals
 from sinew.tasks.discover.follow_up import Correction, Outside, Row, Similarity
 from sinew.tasks.discover.measure.measured import Measured
-from sinew.tasks.model import Curve, Model
+from sinew.tasks.discover.measure.splines import (
+    COEFFICIENTS,
+    KINDS,
+    Range,
+    piece_of,
+    ranges_of,
+    spline_forces,
+    splines_at,
+)
+from sinew.tasks.model import Model
 from sinew.tasks.model.effect import Effect
-from sinew.tasks.model.phases import phases
 from sinew.tasks.simulate import Array
 
 TRACE_PART = 0.1  # of an effect's typical size, at which its trace is taken
 SEEN = 1e-8  # of the largest singular value: what is smaller moves no force
 MIN_OWN = 1e-3  # part of an effect's trace; when less is left, the bare model has taken it up
-KINDS = ("load", "unload", "hold")
 WORDS = {"load": "loading", "unload": "unloading", "hold": "holds"}
-COEFFICIENTS, DEGREE = 8, 3  # of the spline of each kind of phase
 STRENGTHS = np.logspace(-4, 8, 37)  # of the ridge
 MIN_DEVIATIONS = 3.0  # standard deviations, beyond which a misfit is not noise and a number is reported
 MIN_EXPLAINED = 0.1  # part of the misfit that a shape must explain in phases that it has not seen
@@ -131,11 +135,11 @@ def _smooth(measured: Measured, wrong: Array, parameters: int) -> Correction:
     from sklearn.linear_model import Ridge, RidgeCV
     from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
 
-    pieces = [_piece(measured, curve) for curve in measured.curves]
-    ranges = {kind: _range(pieces, kind) for kind in KINDS}
+    pieces = [piece_of(measured, curve) for curve in measured.curves]
+    ranges = ranges_of(pieces)
     design = np.concatenate(
         [
-            measured.thinned[curve.name].weights @ _design(piece, ranges)
+            measured.thinned[curve.name].weights @ spline_forces(piece, ranges)
             for curve, piece in zip(measured.curves, pieces, strict=True)
         ]
     )
@@ -167,91 +171,12 @@ def _smooth(measured: Measured, wrong: Array, parameters: int) -> Correction:
     return Correction(name, freedom, max(beyond, 0.0), explained, table, _sentence(explained, table))
 
 
-@dataclass(frozen=True, eq=False)
-class _Piece:
-    """The points ``[t]`` at which fits ask the model for a curve: number in :data:`KINDS`, place, number of the phase.
-
-    ``place``: strain reached (load, unload), or logarithm of the time (s) since the beginning of the hold. ``phase``
-    counts all phases of the curve from 0.
-    """
-
-    kind: Array
-    place: Array
-    number: Array
-    phase: Array
-
-
-def _piece(measured: Measured, curve: Curve) -> _Piece:
-    time, moved = curve.protocol.time_s, curve.protocol.displacement_mm
-    kind, number, phase = (np.zeros(time.size, dtype=int) for _ in range(3))
-    place = moved / measured.specimen.length_mm
-    usual = float(np.median(np.diff(time)))
-    for order, each in enumerate(phases(curve.protocol)):
-        begin = each.start if order == 0 else each.start + 1  # the corner belongs to the phase before it
-        points = slice(begin, each.stop)
-        kind[points], number[points], phase[points] = KINDS.index(each.kind), each.number, order
-        if each.kind == "hold":
-            place[points] = np.log(np.maximum(time[points] - time[each.start], usual))
-    asked = np.searchsorted(time, measured.thinned[curve.name].protocol.time_s)
-    return _Piece(kind[asked], place[asked], number[asked], phase[asked])
-
-
-@dataclass(frozen=True, eq=False)
-class _Range:
-    """Where phases of one kind were; ``numbers`` ``[n, 3]``: the number of each, and its own range."""
-
-    low: float
-    high: float
-    numbers: Array
-
-    def ends(self, x: float) -> tuple[int, int]:
-        """The numbers of the first and the last phase that came to ``x``; of all, where none did."""
-        there = self.numbers[(self.numbers[:, 1] <= x) & (x <= self.numbers[:, 2]), 0]
-        chosen = there if there.size else self.numbers[:, 0]
-        return int(chosen.min()), int(chosen.max())
-
-
-def _range(pieces: Sequence[_Piece], kind: str) -> _Range | None:
-    extents = []
-    for piece in pieces:
-        there = piece.kind == KINDS.index(kind)
-        for phase in np.unique(piece.phase[there]):
-            points = there & (piece.phase == phase)
-            place = piece.place[points]
-            extents.append((piece.number[points][0], place.min(), place.max()))
-    if not extents:
-        return None
-    numbers = np.array(extents)
-    low, high = float(numbers[:, 1].min()), float(numbers[:, 2].max())
-    return _Range(low, high, numbers) if high > low else None
-
-
-def _design(piece: _Piece, ranges: Mapping[str, _Range | None]) -> Array:
-    """What each coefficient does to the force (N) at the points of a curve: ``[t, kinds x 2 x coefficients]``."""
-    blocks = []
-    for index, kind in enumerate(KINDS):
-        block = np.zeros((piece.kind.size, 2 * COEFFICIENTS))
-        there, within = piece.kind == index, ranges[kind]
-        if within is not None and there.any():
-            block[there] = _splines(piece.place[there], piece.number[there], within)
-        blocks.append(block)
-    return np.concatenate(blocks, axis=1)
-
-
-def _splines(place: Array, number: Array, within: _Range) -> Array:
-    """Splines ``[t, 2 x coefficients]``: as they are, and times the logarithm of the phase's number."""
-    ends = np.linspace(within.low, within.high, COEFFICIENTS - DEGREE + 1)
-    knots = np.concatenate([[within.low] * DEGREE, ends, [within.high] * DEGREE])
-    plain = BSpline.design_matrix(np.clip(place, within.low, within.high), knots, DEGREE).toarray()
-    return np.concatenate([plain, plain * np.log(number)[:, np.newaxis]], axis=1)
-
-
-def _rows(kind: str, within: _Range, weights: Array, spread: Array) -> list[Row]:
+def _rows(kind: str, within: Range, weights: Array, spread: Array) -> list[Row]:
     own = slice(2 * COEFFICIENTS * KINDS.index(kind), 2 * COEFFICIENTS * (KINDS.index(kind) + 1))
     rows = []
     for place in within.low + np.array(PLACES) * (within.high - within.low):
         first, last = within.ends(place)
-        splines = _splines(np.full(2, place), np.array([first, last]), within)
+        splines = splines_at(np.full(2, place), np.array([first, last]), within)
         newton = splines @ weights[own]
         error = np.sqrt(np.sum((splines @ spread[own, own]) * splines, axis=1)).max()
         x = float(np.exp(place) if kind == "hold" else place)

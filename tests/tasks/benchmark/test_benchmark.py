@@ -1,6 +1,7 @@
 """The blind benchmark: what a verdict is worth, each row of its table, and what it says of wrong input."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +29,7 @@ from sinew.tasks.benchmark.selectors import SELECTORS, compare, selected
 from sinew.tasks.benchmark.show import markdown, tell
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.discover.follow_up import Remainder
 from sinew.tasks.discover.judge.confidence import RECORD, confidence, in_words
 from sinew.tasks.discover.result import Gap
 from sinew.tasks.model.effects import library
@@ -143,6 +145,85 @@ def test_what_a_verdict_is_worth(one, outcome):
     assert outcome_of(one) == outcome
 
 
+def compound(truth, beside, word, effects=(), left=True, **more):
+    """A case of several effects (by strength) and something ``beside``, and a verdict on it."""
+    answer = Answer("folder", "case_03", tuple(truth), strength={**truth, **beside}, beside=tuple(beside))
+    found = judged(word, CLEAR, effects=effects, **more)
+    rest = Remainder(0.1, (0.05, 0.15), 2.0, left, (), "") if effects else None
+    return Case(answer, replace(found, remainder=rest))
+
+
+BOTH, ONE = {SLACK: 2.0, LAG: 1.5}, {SLACK: 2.0, LAG: 1.4}
+THERMAL = {"thermal": 1.5}
+
+
+@pytest.mark.parametrize(
+    ("one", "outcome"),
+    [
+        (compound(BOTH, {}, "PARTLY", (SLACK, LAG)), "right"),
+        (compound(BOTH, {}, "NAMED", (SLACK, LAG)), "right"),
+        (compound(BOTH, THERMAL, "PARTLY", (SLACK,)), "some of them"),
+        (compound(ONE, THERMAL, "PARTLY", (SLACK,)), "right"),
+        (compound(ONE, THERMAL, "PARTLY", (LAG,)), "missed"),
+        (compound(BOTH, THERMAL, "PARTLY", (SLACK, SOFT)), "wrong name"),
+        (compound(BOTH, THERMAL, "OUTSIDE"), "missed"),
+        (compound({LAG: 0.2}, THERMAL, "OUTSIDE"), "right"),
+        (compound({}, THERMAL, "NONE"), "right"),
+    ],
+)
+def test_what_a_verdict_on_several_effects_is_worth(one, outcome):
+    assert class_of(one) == "compound"
+    assert outcome_of(one) == outcome
+
+
+def test_rows_of_compound_cases_count_effects_and_names():
+    found = rows(
+        compound(BOTH, THERMAL, "PARTLY", (SLACK,)),
+        compound(BOTH, THERMAL, "NAMED", (SLACK, SOFT), left=False),
+        compound(ONE, {"thermal": 1.4}, "NONE"),
+        compound({}, THERMAL, "OUTSIDE"),
+        compound({}, THERMAL, "NAMED", (SLACK,)),
+        compound({}, THERMAL, "NONE"),
+    )
+    assert found["compound: effects of strength 1.5 or more that are named"] == (2, 5)
+    assert found["compound: names of effects that are not there"] == (2, 4)
+    assert found["compound: something else of strength 1.5 or more is said to be left"] == (3, 5)
+    assert found["PARTLY: every name was true"] == (1, 1)
+    assert found["named correctly, all single effects"] == (0, 0), "other rows are of other cases"
+
+
+def test_a_right_name_with_a_remainder_counts_as_a_name():
+    assert outcome_of(case(SLACK, "PARTLY", (SLACK,))) == "right"
+    assert outcome_of(case(SLACK, "PARTLY", (LAG,))) == "wrong name"
+    assert outcome_of(case((), "PARTLY", (LAG,))) == "wrong name"
+    assert outcome_of(case("OUTSIDE", "PARTLY", (LAG,))) == "wrong name"
+    found = rows(case(SLACK, "PARTLY", (SLACK,), closed=0.5))
+    assert found["named correctly, all single effects"] == (1, 1)
+
+
+def test_what_the_library_has_by_now_is_an_effect(tmp_path):
+    answers = {"truth": [LAG], "outside": ["creep", "thermal"], "strength": {LAG: 1.0, "creep": 3.0, "thermal": 2.0}}
+    (tmp_path / "case_01").mkdir()
+    (tmp_path / "answers.json").write_text(json.dumps({"case_01": answers}))
+    (found,) = read_answers(tmp_path)
+    assert (found.truth, found.beside, found.compound) == ((LAG, "creep"), ("thermal",), True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"outside": "creep"}, "outside: 'creep'; expected a list of names"),
+        ({"strength": {LAG: "much"}}, "strength.time-lag: 'much'; expected a finite number"),
+        ({"strength": {LAG: 1.0}, "outside": ["thermal"]}, "strength.thermal: missing"),
+    ],
+)
+def test_compound_answers_that_cannot_be_used(tmp_path, changes, words):
+    (tmp_path / "case_01").mkdir()
+    (tmp_path / "answers.json").write_text(json.dumps({"case_01": {"truth": [LAG], **changes}}))
+    with pytest.raises(BadInput, match=re.escape(words)):
+        read_answers(tmp_path)
+
+
 def rows(*cases):
     return {row.name: (row.count, row.of) for row in shares(cases)}
 
@@ -181,6 +262,7 @@ def test_each_row_of_the_table_counts_what_it_says():
         "NONE or AMBIGUOUS where nothing can be seen": (2, 2),
         "90 % interval holds the effect's parameter (same form)": (0, 0),
         "NAMED: every name was true": (3, 6),
+        "PARTLY: every name was true": (0, 0),
         "AMBIGUOUS: something was there, and all of it in the set": (2, 3),
         "OUTSIDE: the library did not have what was there": (1, 1),
         "NONE: there was nothing, or nothing that could be seen": (4, 5),
@@ -245,6 +327,8 @@ def test_how_often_each_word_was_true():
         named(SLACK, SLACK),
         named((SLACK, LAG), SLACK, options=PAIRED),
         named((), SLACK),
+        case(SLACK, "PARTLY", (SLACK,)),
+        case("OUTSIDE", "PARTLY", (SLACK,)),
         case((), "NONE"),
         case(SLACK, "NONE"),
         case("OUTSIDE", "OUTSIDE"),
@@ -255,7 +339,7 @@ def test_how_often_each_word_was_true():
         FAILED,
     ]
     counted = {word: (row.count, row.of) for word, row in by_word(said).items()}
-    assert counted == {"NAMED": (2, 3), "NONE": (1, 2), "OUTSIDE": (2, 3), "AMBIGUOUS": (1, 2)}
+    assert counted == {"NAMED": (2, 3), "PARTLY": (1, 2), "NONE": (1, 2), "OUTSIDE": (2, 3), "AMBIGUOUS": (1, 2)}
 
 
 def test_a_verdict_is_worth_what_others_of_its_word_were():

@@ -26,7 +26,7 @@ def test_what_is_written_is_read_and_its_copy_is_the_same(tmp_path):
 def test_what_does_not_apply_is_left_out(tmp_path):
     discovery("NONE", gap=Gap()).write(tmp_path)
     content = json.loads((tmp_path / "discover.json").read_text())
-    assert list(content)[-2:] == ["inputs", "version"], "no cells after: there are no effects"
+    assert list(content)[-3:] == ["inputs", "parts", "version"], "no cells after: there are no effects"
     assert "splits" not in content["gap"]
     assert content["model"] is None
     assert plain(SolverCheck((), ran=True, version="4", runs={"a": SolverRun(failed="no")})) == {

@@ -42,8 +42,11 @@ discover: {effects: [force-drift, time-lag, toe-slack], starts: 2}
 """
 
 
-def pulled(bare: Specimen, truth: dict[str, float], slack: float | None, seed: int) -> Specimen:
-    """The specimen pulled anew at 4 Hz, with slack fibres if wanted, and noise."""
+def pulled(bare: Specimen, truth: dict[str, float], slack: float | None, seed: int, wrong: float = 0.0) -> Specimen:
+    """The specimen pulled anew at 4 Hz, with slack fibres if wanted, and noise.
+
+    ``wrong``: newtons of an error that follows the strain and that no effect describes.
+    """
     model, rng = Model(), np.random.default_rng(seed)
     effects = () if slack is None else (library()["toe-slack"],)
     values = np.zeros((1, 0)) if slack is None else np.array([[slack]])
@@ -52,16 +55,18 @@ def pulled(bare: Specimen, truth: dict[str, float], slack: float | None, seed: i
     for make in (one_step, cyclic):
         protocol = make(bare.length_mm, 4.0)
         force = simulate_with(model, effects, bare, protocol, parameters, values)[0]
+        force += wrong * np.sin(250.0 * protocol.displacement_mm / bare.length_mm)
         curves.append(Curve(protocol, force + 1.5 * autoregressive(rng, force.size, 0.3)))
     return Specimen(bare.name, bare.length_mm, bare.width_mm, bare.thickness_mm, tuple(curves))
 
 
 @pytest.fixture
 def study(tmp_path):
-    def make(slack):
+    def make(slack, wrong=0.0):
         specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
         told = [truth["specimens"][one.name]["parameters"] for one in specimens[:2]]
-        write_cohort(tmp_path / "cohort", [pulled(o, t, slack, i) for i, (o, t) in enumerate(zip(specimens, told))])  # noqa: B905
+        pairs = zip(specimens[:2], told, strict=True)
+        write_cohort(tmp_path / "cohort", [pulled(o, t, slack, i, wrong) for i, (o, t) in enumerate(pairs)])
         (tmp_path / "study.yaml").write_text(STUDY)
         return tmp_path / "study.yaml"
 
@@ -297,6 +302,36 @@ def test_where_nothing_is_hidden_nothing_is_named(study, tmp_path, here):
     result = json.loads((out / "verdict.json").read_text())
     assert (result["verdict"], result["effects"], result["set"]) == ("NONE", [], [])
     assert result["model"] is None
+
+
+def test_an_effect_is_named_beside_what_no_effect_explains(study, tmp_path, here, capsys):
+    out = tmp_path / "out"
+    sinew("discover", study(0.995, wrong=12.0), "--out", out)
+    result = json.loads((out / "verdict.json").read_text())
+    assert (result["verdict"], result["effects"]) == ("PARTLY", ["toe-slack"])
+    left, (part, *others) = result["remainder"], result["parts"]
+    assert left["beyond_noise"]
+    assert left["interval"][0] < left["share"] < left["interval"][1] < 0.5
+    assert 1.0 < left["newtons"] < 12.0 / np.sqrt(2.0), "a part of the error is in the parameters"
+    assert part["effect"] == "toe-slack" and part["doubt"] is None and part["ratio"] > 2.0
+    assert all(other["doubt"] for other in others)
+    assert 1.0 - left["share"] == pytest.approx(result["explained"], abs=1e-6)
+    added = yaml.safe_load((out / result["model"]["path"]).read_text())
+    assert [name.split("/")[0] for name in added["model"]["effects"]] == ["toe-slack"]
+    assert result["gap"]["after"] < result["gap"]["before"]
+    assert "Toe slack explains" in " ".join(capsys.readouterr().out.split())
+
+
+def test_an_error_that_no_effect_describes_gets_no_name(study, tmp_path, here):
+    sinew("discover", study(None, wrong=12.0), "--out", tmp_path / "out")
+    result = json.loads((tmp_path / "out" / "verdict.json").read_text())
+    assert (result["verdict"], result["effects"], result["model"], result.get("remainder")) == (
+        "OUTSIDE",
+        [],
+        None,
+        None,
+    )
+    assert all(part["doubt"] for part in result["parts"])
 
 
 @pytest.mark.shared

@@ -1,0 +1,169 @@
+"""Where one or two effects do not explain all of the misfit: which effects are certainly missing, and what is left."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sinew.runner.evaluation.adaptive import Session
+from sinew.tasks.discover.fit.fit import Fitted, residuals
+from sinew.tasks.discover.fit.search import Candidates, asked
+from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
+from sinew.tasks.discover.fit.stepwise import Member, Stepwise, stepwise
+from sinew.tasks.discover.follow_up import Part, Remainder
+from sinew.tasks.discover.judge.partly import Worth, doubts
+from sinew.tasks.discover.judge.scores import misfit_by_chance
+from sinew.tasks.discover.measure.shape import smooth
+from sinew.tasks.discover.result import CellMisfit
+from sinew.tasks.discover.settings import Settings
+from sinew.tasks.simulate import Array
+from sinew.tasks.study.workspace import Workspace
+
+BLOCK = 50  # groups of points: misfits that are farther apart count as independent
+MAX_CELLS = 3  # that are told
+NORMAL_90 = 1.645  # standard deviations to either side of a 90 % interval
+
+
+@dataclass(frozen=True)
+class Compound:
+    """The effects that were looked at, and those that are ``certain``, in their forms."""
+
+    parts: tuple[Part, ...]
+    certain: Effects
+
+
+def compound(
+    workspace: Workspace, settings: Settings, cohort: Sequence[SpecimenFits], candidates: Candidates
+) -> Compound:
+    """Build up a set of effects and judge each; fits of the certain ones together are added to the candidates."""
+    forms = [form for effect in asked(settings, cohort) for form in (effect, *effect.other_forms)]
+    found = stepwise(workspace, cohort, candidates, forms)
+    parts = tuple(_part(cohort, candidates, found, member) for member in found.members)
+    certain = tuple(member.form for member, part in zip(found.members, parts, strict=True) if part.doubt is None)
+    if certain:
+        starts = [_only(cohort[0], found, certain, one.at) for one in found.fits]
+        _add(workspace, cohort, candidates, certain, starts)
+        # without a discrepancy another form of the same effects may fit better, and scores are kept of the best only
+        slugs = [form.slug for form in certain]
+        certain = next(effects for effects in candidates.scored if [form.slug for form in effects] == slugs)
+    return Compound(parts, certain)
+
+
+def _add(
+    workspace: Workspace,
+    cohort: Sequence[SpecimenFits],
+    candidates: Candidates,
+    effects: Effects,
+    starts: Sequence[Array],
+) -> None:
+    """Fit effects without a discrepancy, or better than before, and score them as a candidate."""
+
+    def work(i: int, wanted: Effects, session: Session) -> Fitted:
+        if wanted in candidates.fits:
+            return cohort[i].refitted(session, wanted, candidates.fits[wanted][i], [starts[i]])
+        return cohort[i].fitted_from(session, wanted, [starts[i]])
+
+    (candidates.fits[effects],) = each_for_all(workspace, cohort, "the effects that are certain", [effects], work)
+    candidates.score()
+
+
+def _only(one: SpecimenFits, found: Stepwise, certain: Effects, at: Array) -> Array:
+    """A point ``[k]`` of all effects, with the parameters of those that are certain only."""
+    begin = one.candidate().size
+    parts = [at[:begin]]
+    for form in found.effects:
+        end = begin + len(form.parameters)
+        if form in certain:
+            parts.append(at[begin:end])
+        begin = end
+    return np.concatenate(parts)
+
+
+def _part(cohort: Sequence[SpecimenFits], candidates: Candidates, found: Stepwise, member: Member) -> Part:
+    """What one of the effects is worth, in the words of the result."""
+    floor = candidates.floor
+    loss, without = (sum(one.loss for one in fits) for fits in (found.fits, member.without))
+    slack = misfit_by_chance(floor) / 3.0
+    ratio = (max(without - floor, 0.0) + slack) / (max(loss - floor, 0.0) + slack)
+    worth = Worth(member.form.slug, member.gains, ratio, pressed=member.pressed)
+    if next(doubts(worth), None) is None:  # a rival takes a while to find
+        name, gain = found.rival(member)
+        worth = replace(worth, rival=name, rival_gain=gain)
+    others = tuple(form for form in found.effects if form is not member.form)
+    share, interval = taken_away(cohort, candidates.bare, (others, member.without), (found.effects, found.fits), floor)
+    return Part(
+        member.form.slug,
+        member.form.name,
+        share,
+        interval,
+        worth.evidence,
+        ratio,
+        worth.rival or None,
+        worth.rival_gain if worth.rival else None,
+        next(doubts(worth), None),
+    )
+
+
+def taken_away(
+    cohort: Sequence[SpecimenFits],
+    bare: Sequence[Fitted],
+    before: tuple[Effects, Sequence[Fitted]],
+    after: tuple[Effects, Sequence[Fitted]],
+    floor: float,
+) -> tuple[float, tuple[float, float]]:
+    """Part of the bare model's misfit that fits ``after`` leave less than those ``before``, with its 90 % interval.
+
+    The interval is that of a ratio of sums over blocks of :data:`BLOCK` groups of points (delta method).
+    """
+    whole, less = (
+        np.concatenate(each)
+        for each in zip(
+            *(
+                (_squares(one, (), alone), _squares(one, before[0], b) - _squares(one, after[0], a))
+                for one, alone, b, a in zip(cohort, bare, before[1], after[1], strict=True)
+            ),
+            strict=True,
+        )
+    )
+    misfit = whole.sum() - floor
+    share = float(less.sum() / misfit)
+    noise = floor / whole.size  # of each block, about
+    error = float(np.sqrt(whole.size) * np.std(less - share * (whole - noise), ddof=1) / misfit)
+    return share, (share - NORMAL_90 * error, share + NORMAL_90 * error)
+
+
+def _squares(one: SpecimenFits, effects: Effects, fitted: Fitted) -> Array:
+    """Whitened squared residuals ``[b]`` of a specimen, summed over blocks."""
+    measured = one.measured
+    white = residuals(one.candidate(effects), measured, fitted.at[np.newaxis], measured.curves)[0]
+    sums: Array = np.add.reduceat(white**2, np.arange(0, white.size, BLOCK))
+    return sums
+
+
+def remainder(
+    cohort: Sequence[SpecimenFits],
+    bare: Sequence[Fitted],
+    effects: Effects,
+    fits: Sequence[Fitted],
+    floor: float,
+    beyond_noise: bool,
+    after: Sequence[Sequence[CellMisfit]],
+) -> Remainder:
+    """What fits with ``effects`` leave of the misfit; ``after``: their misfit maps, by specimen."""
+    taken, (low, high) = taken_away(cohort, bare, ((), bare), (effects, fits), floor)
+    largest = sorted((cell for cells in after for cell in cells), key=lambda cell: -abs(cell.z))
+    names = dict.fromkeys(f"{cell.protocol}: {cell.phase} {cell.number}" for cell in largest if cell.beyond_chance)
+    most = max(range(len(cohort)), key=lambda i: fits[i].loss - fits[i].points)
+    candidate, measured = cohort[most].candidate(effects), cohort[most].measured
+    left = -residuals(candidate, measured, fits[most].at[np.newaxis], measured.curves)[0]
+    like = smooth(measured, left, candidate.size).sentence
+    newtons = float(np.sqrt(max(np.mean(np.concatenate(list(_beyond_noise(cohort, effects, fits)))), 0.0)))
+    return Remainder(1.0 - taken, (1.0 - high, 1.0 - low), newtons, beyond_noise, tuple(names)[:MAX_CELLS], like)
+
+
+def _beyond_noise(cohort: Sequence[SpecimenFits], effects: Effects, fits: Sequence[Fitted]) -> Iterator[Array]:
+    """Squared errors ``[t]`` (N^2) of each curve, less the variance of the noise."""
+    for one, fitted in zip(cohort, fits, strict=True):
+        for curve in one.measured.curves:
+            error = one.candidate(effects).forces(one.measured.specimen, curve.protocol, fitted.at[np.newaxis])[0]
+            yield (error - curve.force_N) ** 2 - one.measured.noise.sd_at(curve.force_N) ** 2

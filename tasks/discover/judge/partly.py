@@ -1,0 +1,76 @@
+"""Which effects are certainly missing where the library does not explain all of the misfit.
+
+Each effect of a set that was built up beside a discrepancy (:mod:`sinew.tasks.discover.fit.stepwise`) is judged by what
+is lost without it. It is certain when all of these hold (:func:`doubts`):
+
+==========  =========================================================================================================
+            condition
+==========  =========================================================================================================
+evidence    Without it, twice the log evidence is smaller by at least 50, and smaller in at least two specimens (in one
+            of one).
+misfit      Without it, and without a discrepancy, the others leave at least twice the misfit that all leave together.
+no rival    No other effect regains 70 % of that evidence in its place.
+bounds      Data do not press its parameters against a bound.
+==========  =========================================================================================================
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from sinew.tasks.discover.judge.rules import Verdict
+from sinew.tasks.discover.judge.scores import Score, Scores, explained, misfit_by_chance
+
+MIN_EVIDENCE = 50.0  # twice the log evidence: 10 are called very strong (Kass and Raftery 1995); errors are no splines
+MIN_SPECIMENS = 2  # in which an effect must show, where there are so many
+MIN_MISFIT_RATIO = 2.0  # misfit without an effect, in times of that with it
+MAX_REGAINED = 0.7  # part of an effect's evidence that another regains in its place
+
+
+@dataclass(frozen=True)
+class Worth:
+    """What one of several effects is worth.
+
+    ``gains``: twice the log evidence that is lost without it, by specimen. ``ratio``: the misfit that the others leave,
+    in times of what all leave. ``rival``: the effect that does best in its place, "" for none, and the evidence that it
+    regains. ``pressed``: parameters that are pressed against a bound.
+    """
+
+    effect: str
+    gains: tuple[float, ...]
+    ratio: float
+    rival: str = ""
+    rival_gain: float = 0.0
+    pressed: tuple[str, ...] = ()
+
+    @property
+    def evidence(self) -> float:
+        """Twice the log evidence that all specimens lose without it."""
+        return sum(self.gains)
+
+
+def doubts(worth: Worth) -> Iterator[str]:
+    """Why an effect is not certain; nothing where it is."""
+    if worth.evidence < MIN_EVIDENCE:
+        yield "a smooth error of the model would do nearly as well"
+    if sum(gain > 0.0 for gain in worth.gains) < min(MIN_SPECIMENS, len(worth.gains)):
+        yield f"it shows in {sum(gain > 0.0 for gain in worth.gains)} of {len(worth.gains)} specimens"
+    if worth.ratio < MIN_MISFIT_RATIO:
+        yield "the others leave hardly more misfit without it"
+    if worth.rival and worth.rival_gain > MAX_REGAINED * worth.evidence:
+        yield f"{worth.rival} would do nearly as well in its place"
+    if worth.pressed:
+        yield f"{', '.join(worth.pressed)} ended on a bound: the effect is not what the library has"
+
+
+def partly(scores: Scores, certain: Score) -> Verdict:
+    """The verdict that names the effects of a candidate, each of which is certain.
+
+    NAMED where they leave no more misfit than chance may, PARTLY otherwise.
+    """
+    part = explained(scores.bare, certain, scores.floor)
+    words = "all" if part is None else f"{100 * part:.0f} %"
+    if certain.loss - scores.floor <= misfit_by_chance(scores.floor):
+        why = f"together they explain {words} of the misfit, and no other effect would do in the place of one"
+        return Verdict("NAMED", certain.effects, explained=part, why=why, judged=certain.effects)
+    why = f"{'it explains' if len(certain.effects) == 1 else 'they explain'} {words} of the misfit; the rest is left"
+    return Verdict("PARTLY", certain.effects, explained=part, why=why, judged=certain.effects)

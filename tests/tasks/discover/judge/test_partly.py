@@ -1,0 +1,55 @@
+"""Which effects are certain beside a remainder: each condition alone makes an effect doubtful."""
+
+from dataclasses import replace
+
+import pytest
+
+from sinew.tasks.discover.judge.partly import Worth, doubts, partly
+from sinew.tasks.discover.judge.scores import Score, Scores
+
+SURE = Worth("softening", (60.0, 70.0), 3.0, "time-lag", 40.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({}, None),
+        ({"gains": (25.0, 24.9), "rival": ""}, "a smooth error of the model would do nearly as well"),
+        ({"gains": (25.0, 25.1), "rival": ""}, None),
+        ({"gains": (130.0, -0.1)}, "it shows in 1 of 2 specimens"),
+        ({"gains": (130.0,)}, None),
+        ({"gains": (130.0, 5.0, -5.0)}, None),
+        ({"ratio": 1.99}, "the others leave hardly more misfit without it"),
+        ({"ratio": 2.0}, None),
+        ({"rival_gain": 91.1}, "time-lag would do nearly as well in its place"),
+        ({"rival_gain": 90.9}, None),
+        ({"rival": "", "rival_gain": 200.0}, None),
+        ({"pressed": ("softening_loss",)}, "softening_loss ended on a bound: the effect is not what the library has"),
+    ],
+)
+def test_each_condition_alone_makes_an_effect_doubtful(changes, words):
+    assert next(doubts(replace(SURE, **changes)), None) == words
+
+
+FLOOR = 1000.0
+BARE = Score((), 5000.0, 5000.0)
+
+
+@pytest.mark.parametrize(
+    ("loss", "word", "why"),
+    [
+        (1100.0, "NAMED", "together they explain 98 % of the misfit, and no other effect would do in the place of one"),
+        (1200.0, "PARTLY", "they explain 95 % of the misfit; the rest is left"),
+        (3000.0, "PARTLY", "they explain 50 % of the misfit; the rest is left"),
+    ],
+)
+def test_a_name_with_a_remainder_is_partly(loss, word, why):
+    both = Score(("softening", "time-lag"), loss + 30.0, loss)
+    found = partly(Scores(BARE, (both,), FLOOR), both)
+    assert (found.word, found.effects, found.judged, found.why) == (word, both.effects, both.effects, why)
+    assert found.named and found.explained == pytest.approx((5000.0 - loss) / 4000.0)
+
+
+def test_a_single_effect_explains_in_the_singular():
+    one = Score(("time-lag",), 3000.0, 2980.0)
+    assert partly(Scores(BARE, (one,), FLOOR), one).why.startswith("it explains")

@@ -1,0 +1,85 @@
+"""What is said of named effects and of what is left."""
+
+from dataclasses import replace
+
+import pytest
+
+from sinew.tasks.discover.figures import stack_of
+from sinew.tasks.discover.follow_up import Part, Remainder
+from sinew.tasks.discover.page import section
+from sinew.tasks.discover.prose import methods
+from sinew.tasks.discover.show import in_one_sentence, parts_table
+from tests.tasks.discover.results import discovery
+
+LEFT = Remainder(0.171, (0.12, 0.22), 3.456, True, ("cyclic: unload 1", "cyclic: toe 2"), "")
+SOFT = Part("softening", "softening/simo", 0.6, (0.5, 0.7), 900.0, 4.0, "time-lag", 30.0, None)
+SLACK = Part("toe-slack", "toe-slack", 0.1, (0.05, 0.15), 200.0, 2.5, None, None, None)
+LAG = Part("time-lag", "time-lag", 0.01, (0.0, 0.02), 20.0, 1.1, None, None, "it shows in 1 of 2 specimens")
+
+
+def partly(*effects, left=LEFT):
+    return discovery(
+        "PARTLY", effects=effects, shown=effects, parts=(SOFT, SLACK, LAG), remainder=left, explained=0.829
+    )
+
+
+def test_one_sentence_says_what_is_explained_and_what_is_left():
+    assert in_one_sentence(partly("softening", "toe-slack")) == (
+        "Softening and toe slack explain 83 % of the misfit (78 to 88 %); 17.1 % is left (3.5 N, mostly in "
+        "cyclic: unload 1 and cyclic: toe 2)."
+    )
+
+
+@pytest.mark.parametrize(
+    ("result", "words"),
+    [
+        (partly("softening", left=replace(LEFT, cells=())),
+         "Softening explains 83 % of the misfit (78 to 88 %); 17.1 % is left (3.5 N)."),
+        (partly("a", "b", "c", left=replace(LEFT, share=-0.001, interval=(-0.01, 0.008), beyond_noise=False)),
+         "A, b and c explain 100 % of the misfit (99 to 100 %); nothing is left beyond noise."),
+        (discovery("OUTSIDE", parts=(LAG,)), ""),
+    ],
+)  # fmt: skip
+def test_numbers_and_sentences_without_what_is_not_there(result, words):
+    assert in_one_sentence(result) == words
+
+
+def test_the_methods_section_has_the_sentence():
+    assert "Softening explains 83 % of the misfit (78 to 88 %)" in methods(partly("softening"))
+
+
+def test_the_stack_is_all_of_the_misfit():
+    both = stack_of(partly("softening", "toe-slack")).set_index("part")["share"]
+    assert both.sum() == pytest.approx(1.0)
+    assert both["softening"] == 0.6
+    assert both["any of these"] == pytest.approx(0.129)
+    one = stack_of(partly("softening")).set_index("part")["share"]
+    assert one.to_dict() == {"softening": pytest.approx(0.829), "left": pytest.approx(0.171)}
+
+
+def test_the_table_has_every_effect_with_its_doubt():
+    table = parts_table(partly("softening")).set_index("effect")
+    assert list(table.index) == ["softening", "toe-slack", "time-lag"]
+    assert table.loc["time-lag", "doubt"] == "it shows in 1 of 2 specimens"
+    assert table.loc["softening", ["rival", "rival_evidence", "doubt"]].tolist() == ["time-lag", 30.0, ""]
+
+
+class Folder:
+    """A result folder without a store."""
+
+    store = None
+
+    def __init__(self, result):
+        self.found = result
+
+    def result(self, _):
+        return self.found
+
+
+def test_the_page_begins_with_the_sentence():
+    shown = section(Folder(partly("softening", "toe-slack")))
+    assert shown.blocks[0].text.startswith("Softening and toe slack explain")
+    assert shown.found.startswith("PARTLY: softening + toe-slack; Softening and toe slack explain 83 %")
+    table = next(one for one in shown.blocks if getattr(one, "caption", "").startswith("Effects fitted together"))
+    assert [row[-1] for row in table.rows] == ["certain", "certain", "it shows in 1 of 2 specimens"]
+    assert table.rows[0][4] == "time-lag (30)" and table.rows[1][4] == "–"
