@@ -19,12 +19,13 @@ ADOPTED = "adopted"  # folder in the result folder: the results of that study
 
 @dataclass(frozen=True)
 class Confidence:
-    """How often verdicts of the same word were true in the blind benchmark: ``true`` ``of`` so many.
+    """How often verdicts of the same word were true in ``cases`` with known answers: ``true`` ``of`` so many.
 
     ``means`` says in words when such a verdict is true; ``interval`` is the 95 % interval of the ``share``.
     """
 
     means: str
+    cases: str
     true: int
     of: int
     share: float
@@ -236,7 +237,7 @@ class DiscoverResult(Result):
     """
 
     TASK = "discover"
-    VERSION = 5
+    VERSION = 6
     LIBRARIES = ("scikit-learn",)
 
     verdict: Word

@@ -42,7 +42,12 @@ def in_one_sentence(result: DiscoverResult) -> str:
     if not left.beyond_noise:
         return f"{said}; nothing is left beyond noise."
     where = f", mostly in {listed(left.cells, 3)}" if left.cells else ""
-    return f"{said}; {percent(max(left.share, 0.0), 1)} is left ({number(left.newtons, 2)} N{where})."
+    said += f"; {percent(max(left.share, 0.0), 1)} is left ({number(left.newtons, 2)} N{where})."
+    for one in result.parts:
+        if one.doubt and one.rival:
+            either = f"{one.effect} or {one.rival}".replace("-", " ").capitalize()
+            said += f" {either}, which cannot be told apart, would explain {percent(one.share)}."
+    return said
 
 
 def parts_table(result: DiscoverResult) -> pd.DataFrame:

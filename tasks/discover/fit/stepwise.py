@@ -20,6 +20,7 @@ from sinew.tasks.simulate import Array
 from sinew.tasks.study.workspace import Workspace
 
 MAX_EFFECTS = 4
+MAX_STEPS = 5  # effects may be dropped again, so there can be more steps than effects
 TRIED = 3  # the most promising forms of each step
 TRIED_PLAIN = 2  # and the best candidates of as many effects, fitted without a discrepancy
 RIVALS = 2  # effects that are tried in the place of each
@@ -116,13 +117,13 @@ def stepwise(
     search = _Search(workspace, cohort, candidates, forms)
     search.fitted({(): [(one.at, None) for one in candidates.bare]}, "beside a discrepancy")
     chosen: Effects = ()
-    seen = {frozenset[Effect]()}
-    while len(chosen) < MAX_EFFECTS:
-        longer = _step(search, chosen)
+    seen: set[frozenset[Effect]] = set()
+    for _ in range(MAX_STEPS):
+        longer = _step(search, chosen) if len(chosen) < MAX_EFFECTS else None
         if longer is None or frozenset(longer) in seen:
             break
-        chosen = _look_back(search, longer)
         seen.add(frozenset(longer))
+        chosen = _look_back(search, longer)
     return _result(search, chosen)
 
 

@@ -18,10 +18,12 @@ MEANING: Mapping[str, str] = {
     "OUTSIDE": "the library did not have what was there",
     "NONE": "there was nothing, or nothing that could be seen",
 }
-#: By word: how many verdicts of the benchmark's 101 cases were true in that sense, of how many.
+SINGLE = "the blind benchmark of virtual specimens, with 16 effects in the library"
+SEVERAL = "compound cases of virtual specimens, with 21 effects in the library"
+#: By word: how many verdicts were true in that sense, of how many; those of PARTLY are of compound cases.
 RECORD: Mapping[str, tuple[int, int]] = {
     "NAMED": (55, 55),
-    "PARTLY": (1, 1),
+    "PARTLY": (1, 2),
     "AMBIGUOUS": (5, 6),
     "OUTSIDE": (6, 9),
     "NONE": (30, 31),
@@ -31,7 +33,8 @@ RECORD: Mapping[str, tuple[int, int]] = {
 def confidence(word: str) -> Confidence:
     """What the record says of verdicts with this word."""
     true, of = RECORD[word]
-    return Confidence(MEANING[word], true, of, true / of, clopper_pearson(true, of))
+    cases = SEVERAL if word == "PARTLY" else SINGLE
+    return Confidence(MEANING[word], cases, true, of, true / of, clopper_pearson(true, of))
 
 
 def clopper_pearson(count: int, of: int) -> tuple[float, float]:
@@ -44,6 +47,6 @@ def in_words(record: Confidence) -> str:
     """A confidence in one line."""
     low, high = record.interval
     return (
-        f"{record.true} of {record.of} such verdicts were true in the blind benchmark of virtual specimens, with 16 "
-        f"effects in the library (95 %: {100 * low:.0f} to {100 * high:.0f} %): {record.means}"
+        f"{record.true} of {record.of} such verdicts were true in {record.cases} "
+        f"(95 %: {100 * low:.0f} to {100 * high:.0f} %): {record.means}"
     )

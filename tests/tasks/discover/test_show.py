@@ -44,6 +44,13 @@ def test_numbers_and_sentences_without_what_is_not_there(result, words):
     assert in_one_sentence(result) == words
 
 
+def test_effects_that_cannot_be_told_apart_are_in_the_sentence():
+    doubtful = replace(SLACK, rival="creep", rival_evidence=190.0, doubt="creep would do nearly as well in its place")
+    said = in_one_sentence(replace(partly("softening"), parts=(SOFT, doubtful, LAG)))
+    assert said.endswith("N, mostly in cyclic: unload 1 and cyclic: toe 2). "
+                         "Toe slack or creep, which cannot be told apart, would explain 10 %.")  # fmt: skip
+
+
 def test_the_methods_section_has_the_sentence():
     assert "Softening explains 83 % of the misfit (78 to 88 %)" in methods(partly("softening"))
 

@@ -42,3 +42,9 @@ def test_a_confidence_is_what_the_record_says_of_the_word(word):
 )
 def test_it_is_said_in_one_line(word, words):
     assert in_words(confidence(word)) == words + MEANING[word]
+
+
+def test_the_record_of_a_partial_verdict_is_that_of_compound_cases():
+    true, of = RECORD["PARTLY"]
+    said = in_words(confidence("PARTLY"))
+    assert said.startswith(f"{true} of {of} such verdicts were true in compound cases of virtual specimens, with 21 ")
