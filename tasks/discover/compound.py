@@ -42,29 +42,29 @@ def compound(
     certain = tuple(member.form for member, part in zip(found.members, parts, strict=True) if part.doubt is None)
     if certain:
         starts = [_only(cohort[0], found, certain, one.at) for one in found.fits]
-        _add(workspace, cohort, candidates, certain, starts)
-        # without a discrepancy another form of the same effects may fit better, and scores are kept of the best only
-        slugs = [form.slug for form in certain]
-        certain = next(effects for effects in candidates.scored if [form.slug for form in effects] == slugs)
+        certain = _added(workspace, cohort, candidates, certain, starts)
     return Compound(parts, certain)
 
 
-def _add(
+def _added(
     workspace: Workspace,
     cohort: Sequence[SpecimenFits],
     candidates: Candidates,
     effects: Effects,
     starts: Sequence[Array],
-) -> None:
-    """Fit effects without a discrepancy, or better than before, and score them as a candidate."""
+) -> Effects:
+    """Fit effects without a discrepancy, or better than before, and score them as a candidate.
+
+    Returns them in the forms that fit best: without a discrepancy, others may.
+    """
 
     def work(i: int, wanted: Effects, session: Session) -> Fitted:
         if wanted in candidates.fits:
             return cohort[i].refitted(session, wanted, candidates.fits[wanted][i], [starts[i]])
         return cohort[i].fitted_from(session, wanted, [starts[i]])
 
-    (candidates.fits[effects],) = each_for_all(workspace, cohort, "the effects that are certain", [effects], work)
-    candidates.score()
+    (fits,) = each_for_all(workspace, cohort, "the effects that are certain", [effects], work)
+    return candidates.add(effects, fits)
 
 
 def _only(one: SpecimenFits, found: Stepwise, certain: Effects, at: Array) -> Array:

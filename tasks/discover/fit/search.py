@@ -51,6 +51,18 @@ class Candidates:
         """The effects, in their forms, of a candidate with this score; none for the bare model."""
         return next((effects for effects, one in self.scored.items() if one is score), ())
 
+    def add(self, effects: Effects, fits: list[Fitted]) -> Effects:
+        """Score one more candidate, and return these effects in the forms that fit best: those, or those known before.
+
+        What is known of the others, such as their predictions of held-out data, stays.
+        """
+        self.fits[effects] = fits
+        slugs = tuple(effect.slug for effect in effects)
+        found = {one: score for one, score in self.scored.items() if score.effects == slugs and one != effects}
+        best = _best_forms({**found, effects: _score(effects, fits, self.bare)})
+        self.scored = {one: score for one, score in self.scored.items() if score.effects != slugs} | best
+        return next(iter(best))
+
     def score(self) -> None:
         """Score all fits against the bare model as it is fitted now."""
         self.scored = _best_forms({effects: _score(effects, fits, self.bare) for effects, fits in self.fits.items()})

@@ -1,11 +1,14 @@
 """What a candidate's score takes note of."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sinew.tasks.discover.fit.fit import Fitted
-from sinew.tasks.discover.fit.search import MAX_PAIRS, _criterion, _promising, _score
+from sinew.tasks.discover.fit.search import MAX_PAIRS, Candidates, _criterion, _promising, _score
 from sinew.tasks.discover.fit.sizes import Size, sized
+from sinew.tasks.discover.result import Gain
 from sinew.tasks.model.effects import library
 
 PRESSED = 100.0  # the loss would fall by so much beyond a bound
@@ -51,3 +54,24 @@ def test_a_pair_with_more_parameters_must_promise_more():
         assert len(found) == 2, "in one order only"
     others = [(slack, effect) for slug, effect in library().items() if slug != "toe-slack"]
     assert _promising(others, list(range(len(others), 0, -1))) == others[: -MAX_PAIRS - 1 : -1]
+
+
+def test_one_more_candidate_leaves_what_is_known_of_others():
+    """Of the same effects in two forms the better one is kept, whichever came first."""
+    slack, spread = library()["toe-slack"], library()["toe-slack"].other_forms[0]
+    lag = library()["time-lag"]
+
+    def fits(effect, loss):
+        return [replace(fitted(effect), loss=loss, points=1000) for _ in range(2)]
+
+    bare = [Fitted(np.full(3, 0.5), 5000.0, 1000, np.full(3, 0.1), np.zeros(3)) for _ in range(2)]
+    found = Candidates(bare, {(slack,): fits(slack, 2000.0), (lag,): fits(lag, 3000.0)}, 2000.0)
+    found.score()
+    held = {"protocol": Gain(10.0, 1.0)}
+    found.scored[(lag,)] = replace(found.scored[(lag,)], held=held)
+    assert found.add((spread,), fits(spread, 2100.0)) == (slack,)
+    assert found.add((spread,), fits(spread, 1900.0)) == (spread,)
+    assert found.add((slack,), fits(slack, 1950.0)) == (spread,)
+    assert found.add((spread, lag), fits(spread, 1800.0)) == (spread, lag)
+    assert set(found.scored) == {(lag,), (spread,), (spread, lag)}
+    assert found.scored[(lag,)].held == held
