@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sinew.runner.evaluation.adaptive import Session
+from sinew.tasks.discover.after.estimates import NORMAL_90
 from sinew.tasks.discover.fit.fit import Fitted, residuals
 from sinew.tasks.discover.fit.search import Candidates, asked
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
 from sinew.tasks.discover.fit.stepwise import Member, Stepwise, stepwise
 from sinew.tasks.discover.follow_up import Part, Remainder
 from sinew.tasks.discover.judge.partly import Worth, doubts
-from sinew.tasks.discover.judge.scores import misfit_by_chance
+from sinew.tasks.discover.judge.scores import Score, misfit_left
 from sinew.tasks.discover.measure.shape import smooth
 from sinew.tasks.discover.result import CellMisfit
 from sinew.tasks.discover.settings import Settings
@@ -21,7 +22,6 @@ from sinew.tasks.study.workspace import Workspace
 
 BLOCK = 50  # groups of points: misfits that are farther apart count as independent
 MAX_CELLS = 3  # that are told
-NORMAL_90 = 1.645  # standard deviations to either side of a 90 % interval
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,7 @@ def _part(cohort: Sequence[SpecimenFits], candidates: Candidates, found: Stepwis
     """What one of the effects is worth, in the words of the result."""
     floor = candidates.floor
     loss, without = (sum(one.loss for one in fits) for fits in (found.fits, member.without))
-    slack = misfit_by_chance(floor) / 3.0
-    ratio = (max(without - floor, 0.0) + slack) / (max(loss - floor, 0.0) + slack)
+    ratio = misfit_left(Score((), without, without), floor) / misfit_left(Score((), loss, loss), floor)
     worth = Worth(member.form.slug, member.gains, ratio, pressed=member.pressed)
     if next(doubts(worth), None) is None:  # a rival takes a while to find
         name, gain = found.rival(member)

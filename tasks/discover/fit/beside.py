@@ -39,6 +39,11 @@ class Beside:
         """All of it in a row."""
         return np.concatenate([[self.evidence], self.sizes, self.fitted.numbers()])
 
+    @staticmethod
+    def possible(numbers: Array, blocks: int) -> bool:
+        """Whether ``numbers`` can be those of a fit beside a discrepancy."""
+        return bool(np.isfinite(numbers[: 1 + blocks]).all()) and Fitted.possible(numbers[1 + blocks :])
+
     @classmethod
     def of(cls, numbers: Array, blocks: int) -> "Beside":
         """What ``numbers`` were made from."""

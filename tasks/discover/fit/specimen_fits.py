@@ -145,7 +145,9 @@ class SpecimenFits:
         candidate, count = self.candidate(effects).embedded, blocks_of(self.measured)
         begins = [start] if sizes is None else [start, sizes]
         what = ("beside", _forms(effects), digest(*begins, *candidate.bounds()))
-        checkpoint = self._checkpoint(1 + count + candidate.fitted_width, *what, possible=None)
+        checkpoint = self._checkpoint(
+            1 + count + candidate.fitted_width, *what, possible=lambda numbers: Beside.possible(numbers, count)
+        )
         if not len(checkpoint):
             if sizes is None:
                 sizes = session.compute(first_sizes, candidate, self.measured, start)

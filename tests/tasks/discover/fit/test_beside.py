@@ -6,7 +6,7 @@ import pytest
 from sinew.tasks.data.noise import Noise
 from sinew.tasks.data.virtual import autoregressive
 from sinew.tasks.discover.fit.beside import Beside, first_sizes, fit_beside, promise_beside
-from sinew.tasks.discover.fit.fit import Candidate, extended, fit, gentle
+from sinew.tasks.discover.fit.fit import Candidate, Fitted, extended, fit, gentle
 from sinew.tasks.discover.measure.measured import Measured
 from sinew.tasks.model import Curve, Model, Specimen
 from sinew.tasks.model.effects import library
@@ -83,3 +83,13 @@ def test_a_fit_is_the_same_after_it_was_kept_as_numbers():
 def bare_and_measured():
     bare = Candidate(Model())
     return bare, measured_with(1.0, 0.0)[0], gentle(bare)
+
+
+@pytest.mark.parametrize(("number", "value"), [(0, np.nan), (1, np.inf), (3, np.nan), (4, -1.0), (6, 1.5)])
+def test_numbers_of_no_fit_are_told_from_those_of_one(number, value):
+    """In this order: evidence, three sizes, loss, points, and where the fit ended."""
+    fitted = Fitted(np.array([0.2, 0.8]), 3.0, 7, np.array([0.1, 0.1]), np.zeros(2))
+    numbers = Beside(-3.5, np.array([0.1, 0.2, 0.3]), fitted).numbers()
+    assert Beside.possible(numbers, 3)
+    numbers[number] = value
+    assert not Beside.possible(numbers, 3)
