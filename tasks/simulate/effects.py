@@ -19,7 +19,7 @@ from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, impos
 from sinew.tasks.simulate.lateral import OUTPUTS, laterals
 from sinew.tasks.simulate.uniaxial import without_width
 
-VERSION = 3  # of the forces that are computed here
+VERSION = 4  # of the forces that are computed here
 _DRIVERS = ("matrix", "fibre", "strain")
 BALANCE = 1e-10  # of the largest displacement: largest remaining difference of grips, machine and gauge length
 ITERATIONS = 60

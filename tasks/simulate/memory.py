@@ -141,20 +141,19 @@ def _advance(t, tangents, driver, h, decay, gain, before, now):  # type: ignore[
 @_inlined
 def _set_coefficients(decay, gain, step, former, factor, slowed, viscosity, times):  # type: ignore[no-untyped-def]
     """Decays and gains of a step during which the times of ``slowed`` branches are multiplied by these factors."""
-    for k in range(decay.size):
-        first, last = (former, factor) if k < slowed else (1.0, 1.0)
-        decay[k], gain[k] = _coefficients(step, first, last, viscosity[k], times[k])
-
-
-@numba.njit(nogil=True, error_model="numpy")
-def _coefficients(step, first, last, viscosity, time):  # type: ignore[no-untyped-def]
-    """Decay and gain of a step during which the factor on a branch's time goes from ``first`` to ``last``."""
-    parts = 1 if first == last else PARTS
-    decay, gain = 1.0, 0.0
+    decay[:], gain[:] = 1.0, 0.0
+    parts = 1 if former == factor else PARTS
     for part in range(parts):
-        factor = last if parts == 1 else first * (last / first) ** ((part + 0.5) / parts)
-        ratio = step / parts / (time * factor)
-        kept = math.exp(-ratio)
-        decay *= kept
-        gain = gain * kept - viscosity * factor * math.expm1(-ratio) / step
-    return decay, gain
+        during = factor if parts == 1 else former * (factor / former) ** ((part + 0.5) / parts)
+        for k in range(slowed):
+            _go_on(decay, gain, k, step, step / parts, during, viscosity[k], times[k])
+    for k in range(slowed, decay.size):
+        _go_on(decay, gain, k, step, step, 1.0, viscosity[k], times[k])
+
+
+@_inlined
+def _go_on(decay, gain, k, step, part, factor, viscosity, time):  # type: ignore[no-untyped-def]
+    """Take decay and gain of branch ``k`` over a ``part`` of a ``step`` (s) with a ``factor`` on its time."""
+    lost = math.expm1(-part / (time * factor))
+    decay[k] *= 1.0 + lost
+    gain[k] = gain[k] * (1.0 + lost) - viscosity * factor * lost / step

@@ -54,6 +54,14 @@ def sends(number: int, count: int) -> Iterator[list[int]]:
         thread.join()
 
 
+def test_workers_use_one_thread_and_keep_their_memory():
+    with open_client(Local(1)) as client:
+        (found,) = client.run(lambda: dict(os.environ)).values()
+    assert found["OMP_NUM_THREADS"] == found["OPENBLAS_NUM_THREADS"] == "1"
+    assert int(found["MALLOC_MMAP_THRESHOLD_"]) == 32 * 2**20  # glibc takes no more
+    assert int(found["MALLOC_TRIM_THRESHOLD_"]) == 256 * 2**20
+
+
 def becomes_two(client) -> bool:
     until = time.monotonic() + 120
     while len(client.scheduler_info()["workers"]) < 2 and time.monotonic() < until:
