@@ -139,7 +139,7 @@ calibrate: {{evaluations: 14, methods: [bayesian]}}
 infer: {{population: 6, generations: 1, epsilon: 9.0}}
 predict: {{draws: 4}}
 compare: {{permutations: 20, repeats: 1}}
-discover: {{effects: [toe-slack], starts: 1}}
+discover: {{effects: [toe-slack], starts: 1, laws: false}}
 """
 
 

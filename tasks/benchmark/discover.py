@@ -104,7 +104,8 @@ def _base(path: Path) -> dict[str, Any]:
 
 def run_case(cohort: Path, out: Path, base: dict[str, Any], workers: int | None) -> Run:
     """See to it that a case has a verdict, from its cohort alone."""
-    text = as_yaml({**base, "cohort": str(cohort), "tasks": ["discover"]})
+    settings = {**(base.get("discover") or {}), "laws": False}  # a law changes no verdict
+    text = as_yaml({**base, "cohort": str(cohort), "tasks": ["discover"], "discover": settings})
     inputs, method = digest(_files(cohort), text), digest(DiscoverResult.method())
     before = read_json(out / LOGGED) or {}
     listed = before.get("codes")

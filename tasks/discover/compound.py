@@ -12,7 +12,7 @@ from sinew.tasks.discover.fit.search import Candidates, asked
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
 from sinew.tasks.discover.fit.stepwise import Member, Stepwise, stepwise
 from sinew.tasks.discover.follow_up import Part, Remainder
-from sinew.tasks.discover.judge.partly import Worth, doubts
+from sinew.tasks.discover.judge.partly import InPlace, Worth, doubts
 from sinew.tasks.discover.judge.scores import Score, misfit_left
 from sinew.tasks.discover.measure.shape import smooth
 from sinew.tasks.discover.result import CellMisfit
@@ -82,12 +82,17 @@ def _only(one: SpecimenFits, found: Stepwise, certain: Effects, at: Array) -> Ar
 def _part(cohort: Sequence[SpecimenFits], candidates: Candidates, found: Stepwise, member: Member) -> Part:
     """What one of the effects is worth, in the words of the result."""
     floor = candidates.floor
-    loss, without = (sum(one.loss for one in fits) for fits in (found.fits, member.without))
-    ratio = misfit_left(Score((), without, without), floor) / misfit_left(Score((), loss, loss), floor)
-    worth = Worth(member.form.slug, member.gains, ratio, pressed=member.pressed)
-    if next(doubts(worth), None) is None:  # a rival takes a while to find
-        name, gain = found.rival(member)
-        worth = replace(worth, rival=name, rival_gain=gain)
+
+    def ratio(fits: Sequence[Fitted]) -> float:
+        """The misfit of ``fits`` in times of that with all effects."""
+        other, all_of_them = (sum(one.loss for one in each) for each in (fits, found.fits))
+        return misfit_left(Score((), other, other), floor) / misfit_left(Score((), all_of_them, all_of_them), floor)
+
+    worth = Worth(member.form.slug, member.gains, ratio(member.without), pressed=member.pressed)
+    if next(doubts(worth), None) is None:  # rivals take a while to find
+        rivals = found.rivals(member)
+        worth = replace(worth, rivals=tuple(InPlace(one.effect, one.gain, ratio(one.fits)) for one in rivals))
+    nearest = worth.nearest
     others = tuple(form for form in found.effects if form is not member.form)
     share, interval = taken_away(cohort, candidates.bare, (others, member.without), (found.effects, found.fits), floor)
     return Part(
@@ -96,9 +101,10 @@ def _part(cohort: Sequence[SpecimenFits], candidates: Candidates, found: Stepwis
         share,
         interval,
         worth.evidence,
-        ratio,
-        worth.rival or None,
-        worth.rival_gain if worth.rival else None,
+        worth.ratio,
+        nearest.effect if nearest else None,
+        nearest.gain if nearest else None,
+        nearest.ratio if nearest else None,
         next(doubts(worth), None),
     )
 

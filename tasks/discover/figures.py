@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
@@ -13,7 +12,7 @@ from matplotlib.figure import Figure
 
 from sinew.runner.store.store import open_store
 from sinew.tasks.discover.result import CellMisfit, DiscoverResult
-from sinew.tasks.discover.show import cells_table, curves_table
+from sinew.tasks.discover.show import cells_table, curves_table, stack_of
 from sinew.tasks.drawing.figures import COLOURS, STYLE, save
 from sinew.tasks.drawing.views import FigureKind
 from sinew.tasks.model import file_name
@@ -32,20 +31,6 @@ def draw(workspace: Workspace, result: DiscoverResult) -> None:
         kept = workspace.store.read_result(f"discover/{file_name(specimen)}")
         figure = before_and_after(kept, result, specimen)
         save(figure, folder, f"discover_{file_name(specimen)}", curves_table(kept))
-
-
-def stack_of(result: DiscoverResult) -> pd.DataFrame:
-    """The misfit as a stack: what only one of the named effects explains, what any of several do, and what is left."""
-    assert result.remainder is not None
-    left = min(max(result.remainder.share, 0.0), 1.0)
-    alone = {one.effect: max(one.share, 0.0) for one in result.parts if one.effect in result.effects}
-    if len(result.effects) == 1:
-        alone = {result.effects[0]: 1.0 - left}
-    shared = max(1.0 - left - sum(alone.values()), 0.0)
-    rows = [{"part": effect, "share": share} for effect, share in alone.items()]
-    if len(result.effects) > 1:
-        rows.append({"part": "any of these", "share": shared})
-    return pd.DataFrame([*rows, {"part": "left", "share": left}])
 
 
 def parts(result: DiscoverResult) -> Figure:

@@ -115,8 +115,9 @@ class Part:
 
     ``share``: the part of the misfit beyond noise that would be left in addition without it, and its 90 % interval.
     ``evidence``: twice the log evidence that is lost without it; ``ratio``: the misfit that is left without it, in
-    times of that with it. ``rival``: the effect that does best in its place, and the evidence that this regains; None
-    where the effect is uncertain for another reason. ``doubt``: why the effect is not certain; None where it is.
+    times of that with it. ``rival``: the effect that leaves least misfit in its place, the evidence that this regains,
+    and the misfit that is left with it, in times of that with the one; None where the effect is uncertain for another
+    reason. ``doubt``: why the effect is not certain; None where it is.
     """
 
     effect: str
@@ -127,6 +128,7 @@ class Part:
     ratio: Number
     rival: str | None
     rival_evidence: Number | None
+    rival_ratio: Number | None
     doubt: str | None
 
 

@@ -1,5 +1,6 @@
 """Discovery: where model and measurements disagree, and which effect would explain it."""
 
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -7,9 +8,10 @@ from bokeh.models import LinearColorMapper
 from bokeh.models.annotations import ColorBar
 
 from sinew.tasks.discover.figures import FAR
+from sinew.tasks.discover.follow_up import Part
 from sinew.tasks.discover.judge.confidence import in_words
-from sinew.tasks.discover.result import CandidateResult, DiscoverResult
-from sinew.tasks.discover.show import UNLIKELY, held_out, in_one_sentence, noise_words, unlikely
+from sinew.tasks.discover.result import CandidateResult, DiscoverResult, Estimate
+from sinew.tasks.discover.show import UNLIKELY, held_out, in_one_sentence, noise_words, of_the_law, stack_of, unlikely
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Code, Facts, Plot, Plots, Section, Table, Words, number, percent
 from sinew.tasks.drawing.figures import COLOURS
@@ -39,6 +41,8 @@ def section(found: ResultFolder) -> Section:
     sentence = in_one_sentence(result)
     blocks: list[Block] = [Words(sentence)] if sentence else []
     blocks.append(_verdict(result))
+    if result.remainder is not None:
+        blocks.append(_stack(result))
     if result.parts:
         blocks.append(_parts(result))
     if found.store is not None:
@@ -197,16 +201,43 @@ def _candidates(result: DiscoverResult) -> Table:
     return Table("Candidates, the best first", header, rows, words=(4,), open=len(rows) <= 8)
 
 
+def _stack(result: DiscoverResult) -> Plots:
+    """What the named effects explain of the misfit, and what is left."""
+    stack = stack_of(result)
+    ends = 100.0 * stack["share"].cumsum().to_numpy()
+    plot = plots.figure("part of the misfit beyond noise (%)", "", height=130, y_range=["misfit"])
+    entries = []
+    for i, (part, share, end) in enumerate(zip(stack["part"], 100.0 * stack["share"], ends, strict=True)):
+        columns = {"row": ["misfit"], "part": [part], "share": [share], "begin": [end - share], "end": [end]}
+        fill = {"left": "#cccccc", "any of these": "#8c8c8c"}.get(part, COLOURS[i % len(COLOURS)])
+        source = plots.source(f"stack-{i}", columns)
+        bar = plot.hbar("row", left="begin", right="end", height=0.7, source=source, color=fill, line_color="white")
+        plots.hover(plot, bar, [("", "@part"), ("misfit", "@share{0.0} %")])
+        entries.append((f"{part}: {share:.1f} %", [bar]))
+    plot.yaxis.visible = False
+    plots.legend(plot, entries)
+    words = "The misfit beyond noise: what only one of the named effects explains, what any of them does, the rest."
+    label = "The misfit as a stack of what the effects explain and what is left"
+    return Plots("discovery-stack", words, [plots.plot("discovery-stack-bars", plot, label, wide=True)])
+
+
 def _parts(result: DiscoverResult) -> Table:
     """The effects that were fitted together, and why some of them are not certain."""
     rows = [
         [one.effect, percent(one.share, 1), " to ".join(percent(end, 1) for end in one.interval), number(one.evidence),
-         f"{one.rival} ({number(one.rival_evidence)})" if one.rival else "–", one.doubt or "certain"]
+         number(one.ratio, 2), _in_place(one), one.doubt or "certain"]
         for one in result.parts
     ]  # fmt: skip
     caption = "Effects fitted together: the part of the misfit that would be left in addition without each"
-    header = ["effect", "misfit", "90 % interval", "evidence", "best in its place", ""]
-    return Table(caption, header, rows, words=(4, 5))
+    header = ["effect", "misfit", "90 % interval", "evidence", "without it, times", "best in its place", ""]
+    return Table(caption, header, rows, words=(5, 6))
+
+
+def _in_place(part: Part) -> str:
+    """The effect that does best in the place of one."""
+    if not part.rival:
+        return "–"
+    return f"{part.rival} (evidence {number(part.rival_evidence)}, misfit {number(part.rival_ratio, 2)} times)"
 
 
 def _others(result: DiscoverResult) -> list[Block]:
@@ -218,6 +249,7 @@ def _others(result: DiscoverResult) -> list[Block]:
                  "description, no mechanism."]  # fmt: skip
         lines += [f"{one.specimen}: {one.sentence}" for one in result.outside.corrections]
         blocks += [Words(line, "note") for line in lines]
+    blocks += _law(result)
     if experiment := result.next_experiment:
         words = (
             f"What would tell: {experiment.name} ({experiment.words}). Then the wrong one is off by up to "
@@ -229,14 +261,32 @@ def _others(result: DiscoverResult) -> list[Block]:
     return blocks
 
 
+def _law(result: DiscoverResult) -> Iterator[Block]:
+    """A law with its parameters, the test that would refute it, and the study with it."""
+    law = result.law
+    if law is None:
+        return
+    yield Words(of_the_law(result))
+    yield _estimates("Parameters of the model with the law, with 90 % intervals", law.parameters)
+    if test := law.refuted_by:
+        against = " + ".join(law.other) or "the model without it"
+        words = f"What would refute it: {test.name} ({test.words}). There, it and {against} differ by up to "
+        yield Words(f"{words}{number(test.newtons, 2)} N.", "note")
+    yield Code(f"The study with the law, {law.path}", law.difference, open=False)
+
+
 def _parameters(judged: CandidateResult) -> Table:
-    rows = [
-        [specimen, name, number(one.value, 4), one.unit, *(number(end, 4) for end in one.interval)]
-        for specimen, every in judged.parameters.items()
-        for name, one in every.items()
-    ]
-    header = ["specimen", "parameter", "value", "unit", "from", "to"]
     caption = f"Parameters of {judged.name}, with 90 % intervals"
     if judged.on_bound:
         caption += f"; {' '.join(judged.on_bound)} ended on a bound, where an interval is open"
+    return _estimates(caption, judged.parameters)
+
+
+def _estimates(caption: str, parameters: Mapping[str, Mapping[str, Estimate]]) -> Table:
+    rows = [
+        [specimen, name, number(one.value, 4), one.unit, *(number(end, 4) for end in one.interval)]
+        for specimen, every in parameters.items()
+        for name, one in every.items()
+    ]
+    header = ["specimen", "parameter", "value", "unit", "from", "to"]
     return Table(caption, header, rows, words=(1, 3), open=len(rows) <= 8)

@@ -2,7 +2,7 @@
 
 from sinew.tasks.discover.judge.confidence import in_words
 from sinew.tasks.discover.result import DiscoverResult
-from sinew.tasks.discover.show import in_one_sentence
+from sinew.tasks.discover.show import in_one_sentence, of_the_law
 from sinew.tasks.drawing.blocks import number, percent, plural
 
 
@@ -14,6 +14,8 @@ def methods(result: DiscoverResult) -> str:
     part = f" {sentence}" if sentence else ""
     if result.explained is not None and not sentence:
         part = f" It explains {percent(result.explained)} of the misfit."
+    if law := of_the_law(result):
+        part += f" {law}"
     return (
         f"To find out whether the model lacks an effect, it was fitted to {plural(len(result.noise), 'specimen')} with "
         f"and without each of {plural(len(result.candidates), 'candidate')} from a library of effects. The fits use "

@@ -14,6 +14,7 @@ Word = Literal["NONE", "NAMED", "PARTLY", "AMBIGUOUS", "OUTSIDE"]
 NAMES: tuple[Word, ...] = ("NAMED", "PARTLY")  # words of verdicts that name effects
 COPY = "verdict.json"
 WITH_EFFECTS = Path("discover", "model.yaml")  # in the result folder: the study with the named effects
+WITH_LAWS = Path("discover", "law.yaml")  # that with laws for what they leave, too
 ADOPTED = "adopted"  # folder in the result folder: the results of that study
 
 
@@ -221,6 +222,29 @@ class Gap:
     splits: Mapping[str, SplitGap] | None = field(default=None, metadata=OMIT)
 
 
+@dataclass(frozen=True)
+class Law:
+    """Laws that describe what the effects ``beside`` them leave: no mechanism, but they predict what was not fitted.
+
+    ``names``: in the grammar of :mod:`sinew.tasks.model.law`; ``equations``: in symbols. ``share``: the part of the
+    bare model's misfit that they take away, with its 90 % interval. ``parameters``: by specimen. ``gap``: errors on
+    held-out data with and without them. ``path``: the study with them, in the result folder, and its ``difference``.
+    ``refuted_by``: the test that would tell them from ``other``, the best other laws; None where there are none.
+    """
+
+    names: tuple[str, ...]
+    equations: tuple[str, ...]
+    beside: tuple[str, ...]
+    share: Number
+    interval: tuple[Number, Number]
+    parameters: Mapping[str, Mapping[str, Estimate]]
+    gap: Gap
+    path: str
+    difference: str
+    other: tuple[str, ...]
+    refuted_by: NextExperiment | None
+
+
 @dataclass(frozen=True, eq=False)
 class DiscoverResult(Result):
     """The verdict on a cohort, and everything that it rests on.
@@ -230,14 +254,14 @@ class DiscoverResult(Result):
     ``cells`` by specimen for the bare model, and ``after`` with the effects ``shown``, which are those of the candidate
     that the verdict is about. Of the last fields, ``next_experiment`` goes with AMBIGUOUS, ``outside`` with OUTSIDE,
     ``model`` and ``remainder`` with NAMED and PARTLY. ``parts``: the effects that were fitted together where one or
-    two do not explain all.
+    two do not explain all. ``law``, with PARTLY and OUTSIDE: what describes the rest, where something predicts it.
 
     ``VERSION`` covers fits, rules, thresholds and the record of :mod:`sinew.tasks.discover.judge.confidence`, and the
     noise that is taken from the curves.
     """
 
     TASK = "discover"
-    VERSION = 6
+    VERSION = 7
     LIBRARIES = ("scikit-learn",)
 
     verdict: Word
@@ -260,6 +284,7 @@ class DiscoverResult(Result):
     model: AddedModel | None
     inputs: str
     parts: tuple[Part, ...] = ()
+    law: Law | None = field(default=None, metadata=OMIT)
     remainder: Remainder | None = field(default=None, metadata=OMIT)
     after: Cells | None = field(default=None, metadata=OMIT)
 

@@ -12,13 +12,15 @@ from sinew.tasks.study.fields import Specimens, TaskSettings
 class Settings(TaskSettings):
     """Which ``effects`` of the library are candidates, and from how many ``starts`` the model without them is fitted.
 
-    ``chance``: how often some cell of the whole cohort may look wrong where nothing is.
+    ``chance``: how often some cell of the whole cohort may look wrong where nothing is. ``laws``: whether a law is
+    looked for that describes what the library leaves.
     """
 
     specimens: Specimens = "all"
     effects: Literal["all"] | Annotated[list[str], Field(min_length=1)] = "all"
     starts: Annotated[int, Field(ge=1, le=100)] = 4
     chance: Annotated[float, Field(gt=0, lt=0.5)] = 0.05
+    laws: bool = True
 
     @field_validator("effects")
     @classmethod

@@ -44,30 +44,40 @@ def in_one_sentence(result: DiscoverResult) -> str:
     where = f", mostly in {listed(left.cells, 3)}" if left.cells else ""
     said += f"; {percent(max(left.share, 0.0), 1)} is left ({number(left.newtons, 2)} N{where})."
     for one in result.parts:
-        if one.doubt and one.rival:
+        if one.doubt and one.rival and one.rival in one.doubt:
             either = f"{one.effect} or {one.rival}".replace("-", " ").capitalize()
             said += f" {either}, which cannot be told apart, would explain {percent(one.share)}."
     return said
 
 
-def parts_table(result: DiscoverResult) -> pd.DataFrame:
-    """The effects that were fitted together: what would be left in addition without each, and whether it is certain."""
-    rows = [
-        {
-            "effect": one.effect,
-            "form": one.form,
-            "share": one.share,
-            "share_low": one.interval[0],
-            "share_high": one.interval[1],
-            "evidence": one.evidence,
-            "misfit_ratio": one.ratio,
-            "rival": one.rival or "",
-            "rival_evidence": one.rival_evidence,
-            "doubt": one.doubt or "",
-        }
-        for one in result.parts
-    ]
-    return pd.DataFrame(rows)
+def of_the_law(result: DiscoverResult) -> str:
+    """What a law says of what the effects leave, in words; empty where there is none."""
+    law = result.law
+    if law is None:
+        return ""
+    what = "what the named effects leave" if law.beside else "the misfit"
+    low, high = (100.0 * min(max(end, 0.0), 1.0) for end in law.interval)
+    said = f"{'A law describes' if len(law.names) == 1 else 'Two laws describe'} {what}: {'; '.join(law.equations)}. "
+    said += f"{'It takes' if len(law.names) == 1 else 'They take'} away {percent(min(law.share, 1.0))} of the misfit "
+    said += f"({low:.0f} to {high:.0f} %)"
+    if law.gap.before is not None and law.gap.after is not None:
+        errors = f"{law.gap.before:.2f} to {law.gap.after:.2f} times the noise"
+        said += f"; the error on data that were not fitted falls from {errors}"
+    return f"{said}. That is a description with predictive worth, no mechanism."
+
+
+def stack_of(result: DiscoverResult) -> pd.DataFrame:
+    """The misfit as a stack: what only one of the named effects explains, what any of several do, and what is left."""
+    assert result.remainder is not None
+    left = min(max(result.remainder.share, 0.0), 1.0)
+    alone = {one.effect: max(one.share, 0.0) for one in result.parts if one.effect in result.effects}
+    if len(result.effects) == 1:
+        alone = {result.effects[0]: 1.0 - left}
+    shared = max(1.0 - left - sum(alone.values()), 0.0)
+    rows = [{"part": effect, "share": share} for effect, share in alone.items()]
+    if len(result.effects) > 1:
+        rows.append({"part": "any of these", "share": shared})
+    return pd.DataFrame([*rows, {"part": "left", "share": left}])
 
 
 def cells_table(result: DiscoverResult) -> pd.DataFrame:
@@ -105,6 +115,8 @@ def summary(result: DiscoverResult, folder: Path, console: Console) -> None:
         console.print(sentence)
     for part in result.parts:
         console.print(f"  {part.effect}: {part.doubt or 'certain'}")
+    for line in _law_lines(result, folder):
+        console.print(line)
     gap = result.gap
     if gap.closed is not None:
         console.print(
@@ -140,6 +152,19 @@ def _outside_lines(result: DiscoverResult) -> Iterator[str]:
             f"{result.outside.largest_cosine:.2f}); a description, no mechanism:"
         )
         yield from (f"  {one.specimen}: {one.sentence}" for one in result.outside.corrections)
+
+
+def _law_lines(result: DiscoverResult, folder: Path) -> Iterator[str]:
+    """A law, the study with it, and the test that would refute it."""
+    if law := result.law:
+        yield of_the_law(result)
+        yield f"the study with it: {folder / law.path}"
+        if test := law.refuted_by:
+            against = " + ".join(law.other) or "the model without it"
+            yield (
+                f"what would refute it: {test.name} ({test.words}); there, it and {against} differ by up to "
+                f"{test.newtons:.1f} N"
+            )
 
 
 def _next_lines(result: DiscoverResult, folder: Path) -> Iterator[str]:

@@ -16,21 +16,31 @@ from sinew.tasks.discover.after.experiment import Experiment, Rival, next_experi
 from sinew.tasks.discover.after.gap import gap
 from sinew.tasks.discover.after.solver import in_febio
 from sinew.tasks.discover.compound import compound, remainder
+from sinew.tasks.discover.described import described
 from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.held_out import SquaredErrors, hold_out, hold_out_of
 from sinew.tasks.discover.fit.intervals import Profiled
 from sinew.tasks.discover.fit.search import Candidates, asked, note_fit, search
-from sinew.tasks.discover.fit.sizes import library_for
+from sinew.tasks.discover.fit.sizes import by_name, library_for
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, agree, each_for_all, fits_of_each
 from sinew.tasks.discover.follow_up import AddedModel, NextExperiment, Outside, Part, Remainder
 from sinew.tasks.discover.judge.confidence import confidence
 from sinew.tasks.discover.judge.partly import partly
 from sinew.tasks.discover.judge.rules import Evidence, Verdict, rivals, verdict
-from sinew.tasks.discover.judge.scores import Score, misfit_by_chance
+from sinew.tasks.discover.judge.scores import Score, Scores, misfit_by_chance
 from sinew.tasks.discover.measure.cells import located_part, misfit_map
 from sinew.tasks.discover.measure.conflict import conflict, together
 from sinew.tasks.discover.measure.shape import shape
-from sinew.tasks.discover.result import COPY, BareFit, CandidateResult, CellMisfit, Conflict, DiscoverResult, NoiseLevel
+from sinew.tasks.discover.result import (
+    COPY,
+    WITH_LAWS,
+    BareFit,
+    CandidateResult,
+    CellMisfit,
+    Conflict,
+    DiscoverResult,
+    NoiseLevel,
+)
 from sinew.tasks.discover.settings import Settings
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate.build import febio_of
@@ -41,6 +51,7 @@ from sinew.tasks.study.workspace import Workspace, attempts_folder
 
 MAX_RIVALS = 4  # candidates that the next experiment has to separate
 MAX_SPECIMENS = 4  # for which the next experiment and the shape of the misfit are computed
+LEFT_OVER = ("PARTLY", "OUTSIDE")  # words of verdicts after which a law is looked for
 FAR_BEYOND = 0.02  # of the probability ``chance``: that of the second, farther limit of a cell
 
 
@@ -96,16 +107,22 @@ def run(workspace: Workspace, settings: Settings) -> DiscoverResult:
     findings = _findings(workspace, settings, cohort)
     decided = verdict(findings.evidence)
     parts: tuple[Part, ...] = ()
-    if _several(decided) and cohort[0].solver is None:
+    if _several(decided, findings.candidates.scores) and cohort[0].solver is None:
         found = compound(workspace, settings, cohort, findings.candidates)
         parts = found.parts
-        if found.certain:
-            findings = _with_effects(workspace, settings, findings, found.certain)
-            decided = partly(findings.candidates.scores, findings.candidates.scored[found.certain])
+        certain = found.certain
+        if certain and set(decided.effects) <= {form.slug for form in certain}:
+            findings = _with_effects(workspace, settings, findings, certain)
+            decided = partly(findings.candidates.scores, findings.candidates.scored[certain])
+        elif decided.named:
+            decided = partly(findings.candidates.scores, _judged(decided, findings.candidates.scores))
     scores = findings.candidates.scores
-    judged = next((one for one in scores.candidates if one.effects == decided.judged), scores.bare)
+    judged = _judged(decided, scores)
     result = _result(workspace, findings, decided, judged, parts, inputs)
     shown = findings.candidates.effects_of(judged)
+    if settings.laws and cohort[0].solver is None and decided.word in LEFT_OVER:
+        beside = shown if decided.named else ()
+        result = replace(result, law=described(workspace, cohort, findings.candidates, beside))
     curves = {
         stored_as(one.name): simulated(
             one, findings.candidates.bare[i], shown, findings.candidates.fits[shown][i] if shown else None
@@ -116,8 +133,18 @@ def run(workspace: Workspace, settings: Settings) -> DiscoverResult:
     return result
 
 
-def _several(decided: Verdict) -> bool:
-    """Whether there may be several effects of which some are certain: no candidate is all of it, or pairs are alike."""
+def _judged(decided: Verdict, scores: Scores) -> Score:
+    """The candidate that the verdict is about."""
+    return next((one for one in scores.candidates if one.effects == decided.judged), scores.bare)
+
+
+def _several(decided: Verdict, scores: Scores) -> bool:
+    """Whether there may be several effects of which some are certain.
+
+    No candidate is all of it, pairs are alike, or more than chance is left beside the effects that are named.
+    """
+    if decided.word == "NAMED":
+        return _judged(decided, scores).loss - scores.floor > misfit_by_chance(scores.floor)
     return bool(decided.judged) and (
         decided.word == "OUTSIDE" or (decided.word == "AMBIGUOUS" and len(decided.judged) > 1)
     )
@@ -147,16 +174,19 @@ def _known(workspace: Workspace, specimens: Sequence[Specimen], inputs: str) -> 
     known = cached(workspace, DiscoverResult, inputs, [stored_as(one.name) for one in specimens], [COPY])
     if known is None or (workspace.out / COPY).read_bytes() != DiscoverResult.path(workspace.out).read_bytes():
         return None
-    if known.model is None or known.judged is None:
-        return known
-    if not all((workspace.out / path).is_file() for path in known.model.febio.inputs):
+    if known.model is not None and not all((workspace.out / path).is_file() for path in known.model.febio.inputs):
         return None
-    forms = {form.name: form for each in library_for(specimens).values() for form in (each, *each.other_forms)}
-    path, difference = study_with(workspace, tuple(forms[name] for name in known.judged.forms))
-    if (path, difference) == (known.model.path, known.model.difference):
+    # where the study was renamed or moved, the studies with the effects and with the laws change as well
+    model, law = known.model, known.law
+    if model is not None and known.judged is not None:
+        path, difference = study_with(workspace, by_name(known.judged.forms, specimens))
+        model = replace(model, path=path, difference=difference)
+    if law is not None:
+        path, difference = study_with(workspace, by_name((*law.beside, *law.names), specimens), WITH_LAWS)
+        law = replace(law, path=path, difference=difference)
+    if (model, law) == (known.model, known.law):
         return known
-    # the study was renamed or moved, so the study with the effects changes as well
-    moved = replace(known, model=replace(known.model, path=path, difference=difference))
+    moved = replace(known, model=model, law=law)
     moved.write(workspace.out)
     return moved
 

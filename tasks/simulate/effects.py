@@ -14,7 +14,7 @@ import numpy as np
 from sinew.runner.store.schema import STATUSES
 from sinew.tasks.model import Curve, Model, Protocol, Specimen, fibre
 from sinew.tasks.model.effect import Bars, Branch, Effect, Law, Values, in_order
-from sinew.tasks.model.effects import named
+from sinew.tasks.model.effects import effect_named
 from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, impossible, memory, rmse_of
 from sinew.tasks.simulate.lateral import OUTPUTS, laterals
 from sinew.tasks.simulate.uniaxial import without_width
@@ -58,7 +58,7 @@ class UniaxialWith:
         self, model: Model, specimen: Specimen, protocol: Protocol, parameters: Array
     ) -> tuple[Simulated, Array]:
         """The forces, and the Green-Lagrange strain of the gauge length ``[n, t]``."""
-        effects = tuple(named()[name] for name in self.names)
+        effects = tuple(effect_named(name) for name in self.names)
         own = len(model.parameters) - sum(len(effect.parameters) for effect in effects)
         bare = Model(model.parameters[:own], model.beta, model.lambda_0)
         bars = bars_with(bare, effects, specimen, protocol, parameters[:, :own], parameters[:, own:])

@@ -8,7 +8,8 @@ from pydantic import Field
 from sinew.runner.errors import shown
 from sinew.tasks.model import TENDON, Model, Parameter
 from sinew.tasks.model.effect import Effect
-from sinew.tasks.model.effects import named
+from sinew.tasks.model.effects import effect_named, named
+from sinew.tasks.model.law import MAX_LAWS, is_law
 from sinew.tasks.model.parameters import LARGEST_LAMBDA_0, own_parameter
 from sinew.tasks.simulate.febio.settings import IDENTIFIER
 from sinew.tasks.simulate.febio.variables import TAKEN
@@ -76,11 +77,19 @@ def model_of(settings: ModelSettings, law: Law) -> Model:
 
 def effects_of(settings: ModelSettings) -> tuple[Effect, ...]:
     """The effects that the model has besides the baseline, in the study's order. Raises :class:`FieldError`."""
-    known = named()
     for name in settings.effects:
-        if name not in known:
-            raise FieldError("model.effects", f"no effect {shown(name)}", f"one of {', '.join(known)}")
-    chosen = tuple(known[name] for name in settings.effects)
+        if is_law(name):
+            try:
+                effect_named(name)
+            except ValueError as error:
+                raise FieldError("model.effects", shown(name), f"a law of docs/laws.md ({error})") from None
+        elif name not in named():
+            expected = f"one of {', '.join(named())}, or a law of docs/laws.md"
+            raise FieldError("model.effects", f"no effect {shown(name)}", expected)
+    laws = [name for name in settings.effects if is_law(name)]
+    if len(laws) > MAX_LAWS:
+        raise FieldError("model.effects", f"{len(laws)} laws", f"at most {MAX_LAWS}")
+    chosen = tuple(effect_named(name) for name in settings.effects)
     slugs = [effect.slug for effect in chosen]
     for i, slug in enumerate(slugs):
         if slug in slugs[:i]:

@@ -32,7 +32,7 @@ calibrate: {{evaluations: 40, bayesian: {{evaluations: 20}}}}
 infer: {{population: 8, generations: 2, epsilon: 1.0, pending: 16}}
 predict: {{draws: 8}}
 compare: {{permutations: 20}}
-discover: {{effects: [toe-slack], starts: 1}}
+discover: {{effects: [toe-slack], starts: 1, laws: false}}
 """
 
 

@@ -11,19 +11,22 @@ from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits
 from sinew.tasks.discover.follow_up import Checks
 from sinew.tasks.discover.result import WITH_EFFECTS
-from sinew.tasks.model.effects import named
+from sinew.tasks.model.effects import effect_named
 from sinew.tasks.study.files import write_text
 from sinew.tasks.study.settings_file import as_yaml, from_yaml
 from sinew.tasks.study.workspace import Workspace
 
 
-def study_with(workspace: Workspace, effects: Effects) -> tuple[str, str]:
-    """Write the study with the effects in its model. Returns its path in the result folder, and what changed."""
-    path: Path = workspace.out / WITH_EFFECTS
+def study_with(workspace: Workspace, effects: Effects, where: Path = WITH_EFFECTS) -> tuple[str, str]:
+    """Write the study with the effects in its model, to ``where`` in the result folder.
+
+    Returns that path, and what changed.
+    """
+    path: Path = workspace.out / where
     old = from_yaml(workspace.study.path.read_text("utf-8"))
     model = old.get("model") or {}
     # ranges that were scaled to the cohort's size must be in the study
-    written = {parameter for effect in effects for parameter in named()[effect.name].parameters}
+    written = {parameter for effect in effects for parameter in effect_named(effect.name).parameters}
     ranges = {
         one.name: {"min": one.minimum, "max": one.maximum, "reference": one.reference, "unit": one.unit}
         for effect in effects

@@ -32,7 +32,7 @@ def candidate_result(
     held_out = score.held.get(PROTOCOL, score.held.get(LATER))
     names = [one.name for one in cohort]
     each = zip(names, candidates, fits, profiled or repeat(None, len(fits)), strict=True)
-    parameters = {name: _parameters(effects, candidate, fit, known) for name, candidate, fit, known in each}
+    parameters = {name: estimates(effects, candidate, fit, known) for name, candidate, fit, known in each}
     return CandidateResult(
         effects=score.effects,
         forms=tuple(effect.name for effect in effects),
@@ -75,7 +75,7 @@ def shared_estimates(effects: Effects, candidate: Candidate, fits: Sequence[Fitt
     return estimates
 
 
-def _parameters(
+def estimates(
     effects: Effects, candidate: Candidate, fitted: Fitted, profiled: Profiled | None
 ) -> Mapping[str, Estimate]:
     """Values and 90 % intervals of the effects' parameters: by profile, or else from the curvature at the fit."""

@@ -12,17 +12,23 @@ from sinew.tasks.discover.result import Gap, SplitGap
 from sinew.tasks.simulate import Array
 
 
-def gap(errors: SquaredErrors, effects: Effects, cohort: Sequence[SpecimenFits], fits: Sequence[Fitted]) -> Gap:
+def gap(
+    errors: SquaredErrors,
+    effects: Effects,
+    cohort: Sequence[SpecimenFits],
+    fits: Sequence[Fitted],
+    before: Effects = (),
+) -> Gap:
     """The gap on each kind of split, and first that of the most informative kind that there is.
 
-    ``fits`` are those of the model with ``effects``. First come splits by specimen: there, an effect is judged on
-    every curve. Splits by protocol come last: a protocol that is left out may be the only one in which the effect
-    shows, so that the fit of the others knows nothing of it.
+    ``fits`` are those of the model with ``effects``, which is compared with that ``before``, the bare one. First come
+    splits by specimen: there, an effect is judged on every curve. Splits by protocol come last: a protocol that is left
+    out may be the only one in which the effect shows, so that the fit of the others knows nothing of it.
     """
     by_split = {
-        kind: _split_gap(errors[()][kind], errors[effects][kind], effects, cohort, fits, kind)
+        kind: _split_gap(errors[before][kind], errors[effects][kind], effects, cohort, fits, kind)
         for kind in (SPECIMEN, LATER, PROTOCOL)
-        if kind in errors.get((), {})
+        if kind in errors.get(before, {})
     }
     if not by_split:
         return Gap()

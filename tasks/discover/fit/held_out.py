@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from sinew.runner.evaluation.adaptive import Session
+from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.search import Candidates
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
 from sinew.tasks.discover.judge.rules import MIN_CRITERION_GAIN, leading, rivals
@@ -35,12 +36,12 @@ def hold_out(workspace: Workspace, cohort: Sequence[SpecimenFits], candidates: C
     alone = _better_of(candidates, pair) if pair else judged[0]
     rival = rivals(candidates.scores, candidates.scored[judged[0]])[:1]
     wanted = list(dict.fromkeys([(), *judged, *map(candidates.effects_of, rival), alone]))
-    errors = _squared_errors(workspace, cohort, candidates, wanted)
+    errors = squared_errors(workspace, cohort, candidates.with_bare, wanted)
     for effects in wanted:
         if effects in candidates.scored:
-            candidates.scored[effects] = replace(candidates.scored[effects], held=_gains(errors[()], errors[effects]))
+            candidates.scored[effects] = replace(candidates.scored[effects], held=gains(errors[()], errors[effects]))
     if pair:
-        candidates.scored[pair] = replace(candidates.scored[pair], beyond=_gains(errors[alone], errors[pair]))
+        candidates.scored[pair] = replace(candidates.scored[pair], beyond=gains(errors[alone], errors[pair]))
     return errors
 
 
@@ -48,8 +49,8 @@ def hold_out_of(
     workspace: Workspace, cohort: Sequence[SpecimenFits], candidates: Candidates, effects: Effects
 ) -> SquaredErrors:
     """Predict held-out data with one candidate, and add the gains to its score."""
-    errors = _squared_errors(workspace, cohort, candidates, [(), effects])
-    candidates.scored[effects] = replace(candidates.scored[effects], held=_gains(errors[()], errors[effects]))
+    errors = squared_errors(workspace, cohort, candidates.with_bare, [(), effects])
+    candidates.scored[effects] = replace(candidates.scored[effects], held=gains(errors[()], errors[effects]))
     return errors
 
 
@@ -69,11 +70,16 @@ def _better_of(candidates: Candidates, pair: Effects) -> Effects:
     return min(singles, key=lambda effects: sum(one.loss for one in candidates.fits[effects]))
 
 
-def _squared_errors(
-    workspace: Workspace, cohort: Sequence[SpecimenFits], candidates: Candidates, wanted: Sequence[Effects]
+def squared_errors(
+    workspace: Workspace,
+    cohort: Sequence[SpecimenFits],
+    known: Mapping[Effects, Sequence[Fitted]],
+    wanted: Sequence[Effects],
 ) -> SquaredErrors:
+    """Errors on held-out data of the ``wanted`` candidates, of which fits to all data are ``known``."""
+
     def work(i: int, effects: Effects, session: Session) -> dict[str, dict[str, Array]]:
-        fits = candidates.fits[effects] if effects else candidates.bare
+        fits = known[effects]
         errors = cohort[i].held_out(session, effects, fits[i].at)
         count = sum(len(effect.parameters) for effect in effects)
         if len(cohort) > 1:
@@ -91,7 +97,8 @@ def _squared_errors(
     return all_errors
 
 
-def _gains(without: Kinds, extended: Kinds) -> dict[str, Gain]:
+def gains(without: Kinds, extended: Kinds) -> dict[str, Gain]:
+    """By kind of split: how much better held-out data are predicted by one candidate than by another."""
     return {
         kind: gain({name: (without[kind][name], errors) for name, errors in curves.items()}, BLOCK)
         for kind, curves in extended.items()

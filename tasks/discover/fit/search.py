@@ -47,6 +47,11 @@ class Candidates:
         loss = sum(one.loss for one in self.bare)
         return Scores(Score((), loss, loss), tuple(self.scored.values()), self.floor)
 
+    @property
+    def with_bare(self) -> dict[Effects, list[Fitted]]:
+        """The fits of all candidates, and of the bare model."""
+        return {(): self.bare, **self.fits}
+
     def effects_of(self, score: Score) -> Effects:
         """The effects, in their forms, of a candidate with this score; none for the bare model."""
         return next((effects for effects, one in self.scored.items() if one is score), ())

@@ -12,7 +12,7 @@ import numpy as np
 
 from sinew.tasks.model import Specimen
 from sinew.tasks.model.effect import Effect
-from sinew.tasks.model.effects import library
+from sinew.tasks.model.effects import effect_named, library
 from sinew.tasks.model.parameters import Parameter
 
 LENGTH_MM, FORCE_N, AREA_MM2, STRAIN = 10.0, 1000.0, 32.0, 0.04
@@ -63,6 +63,12 @@ def library_for(specimens: Sequence[Specimen]) -> dict[str, Effect]:
     """All effects by slug, with ranges for specimens of this size."""
     size = size_of(specimens)
     return {slug: sized(effect, size) for slug, effect in library().items()}
+
+
+def by_name(names: Sequence[str], specimens: Sequence[Specimen]) -> tuple[Effect, ...]:
+    """Effects by their names in a study, with ranges for specimens of this size."""
+    size = size_of(specimens)
+    return tuple(sized(effect_named(name), size) for name in names)
 
 
 def sized(effect: Effect, size: Size) -> Effect:

@@ -91,6 +91,18 @@ class _Search:
 
 
 @dataclass(frozen=True, eq=False)
+class Rival:
+    """An effect that was tried in the place of another.
+
+    ``gain``: how much of twice the log evidence it regains; ``fits``: with it, without a discrepancy, by specimen.
+    """
+
+    effect: str
+    gain: float
+    fits: tuple[Fitted, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Stepwise:
     """The effects in the end, and the ``fits`` of all of them together without a discrepancy, by specimen."""
 
@@ -102,12 +114,9 @@ class Stepwise:
     def effects(self) -> Effects:
         return tuple(member.form for member in self.members)
 
-    def rival(self, member: Member) -> tuple[str, float]:
-        """The slug of the effect that does best in the place of one, and how much of the evidence it regains.
-
-        An empty name where no other effect is left to be tried.
-        """
-        return _rival(self.search, self.effects, member.form)
+    def rivals(self, member: Member) -> list[Rival]:
+        """The effects that promise most in the place of one."""
+        return _rivals(self.search, self.effects, member.form)
 
 
 def stepwise(
@@ -207,8 +216,8 @@ def _result(search: _Search, chosen: Effects) -> Stepwise:
     return Stepwise(members, tuple(fits[chosen]), search)
 
 
-def _rival(search: _Search, chosen: Effects, form: Effect) -> tuple[str, float]:
-    """The effect that does best in the place of another, and how much of the evidence it regains."""
+def _rivals(search: _Search, chosen: Effects, form: Effect) -> list[Rival]:
+    """Effects in the place of another, with and without a discrepancy."""
     others = _others(chosen, form)
     there = {one.slug for one in chosen}
     starts = {
@@ -218,10 +227,12 @@ def _rival(search: _Search, chosen: Effects, form: Effect) -> tuple[str, float]:
     }
     wanted = dict(list(starts.items())[:RIVALS])
     if not wanted:
-        return "", 0.0
+        return []
     search.fitted(wanted, "another effect in the place of one")
-    best = min(wanted, key=lambda effects: evidence(search.known[effects]))
-    return best[-1].slug, evidence(search.known[others]) - evidence(search.known[best])
+    plain, without = _plain(search, wanted), evidence(search.known[others])
+    return [
+        Rival(effects[-1].slug, without - evidence(search.known[effects]), tuple(plain[effects])) for effects in wanted
+    ]
 
 
 def _plain(search: _Search, several: Iterable[Effects]) -> dict[Effects, list[Fitted]]:

@@ -1,15 +1,15 @@
 """Which effects are certainly missing where the library does not explain all of the misfit.
 
-Each effect of a set that was built up beside a discrepancy (:mod:`sinew.tasks.discover.fit.stepwise`) is judged by what
-is lost without it. It is certain when all of these hold (:func:`doubts`):
+Each effect of a set that was built up beside a discrepancy (:mod:`sinew.tasks.discover.fit.stepwise`) is compared with
+nothing in its place, and with the other effects that promise most there. It is certain when all of these hold
+(:func:`doubts`):
 
 ==========  =========================================================================================================
             condition
 ==========  =========================================================================================================
-evidence    Without it, twice the log evidence is smaller by at least 50, and smaller in at least two specimens (in one
-            of one).
-misfit      Without it, and without a discrepancy, the others leave at least twice the misfit that all leave together.
-no rival    No other effect regains 70 % of that evidence in its place.
+evidence    Without it, and with any other in its place, twice the log evidence is smaller by at least 50. Without it,
+            it is smaller in at least two specimens (in one of one).
+misfit      Without it, and with any other in its place, a fit without a discrepancy leaves at least twice the misfit.
 bounds      Data do not press its parameters against a bound.
 ==========  =========================================================================================================
 """
@@ -23,7 +23,18 @@ from sinew.tasks.discover.judge.scores import Score, Scores, explained, misfit_b
 MIN_EVIDENCE = 50.0  # twice the log evidence: 10 are called very strong (Kass and Raftery 1995); errors are no splines
 MIN_SPECIMENS = 2  # in which an effect must show, where there are so many
 MIN_MISFIT_RATIO = 2.0  # misfit without an effect, in times of that with it
-MAX_REGAINED = 0.7  # part of an effect's evidence that another regains in its place
+
+
+@dataclass(frozen=True)
+class InPlace:
+    """What another effect is worth in the place of one.
+
+    ``gain``: twice the log evidence that it regains. ``ratio``: the misfit with it, in times of that with the one.
+    """
+
+    effect: str
+    gain: float
+    ratio: float
 
 
 @dataclass(frozen=True)
@@ -31,21 +42,25 @@ class Worth:
     """What one of several effects is worth.
 
     ``gains``: twice the log evidence that is lost without it, by specimen. ``ratio``: the misfit that the others leave,
-    in times of what all leave. ``rival``: the effect that does best in its place, "" for none, and the evidence that it
-    regains. ``pressed``: parameters that are pressed against a bound.
+    in times of what all leave. ``rivals``: effects that were tried in its place. ``pressed``: parameters that are
+    pressed against a bound.
     """
 
     effect: str
     gains: tuple[float, ...]
     ratio: float
-    rival: str = ""
-    rival_gain: float = 0.0
+    rivals: tuple[InPlace, ...] = ()
     pressed: tuple[str, ...] = ()
 
     @property
     def evidence(self) -> float:
         """Twice the log evidence that all specimens lose without it."""
         return sum(self.gains)
+
+    @property
+    def nearest(self) -> InPlace | None:
+        """The rival that leaves least misfit."""
+        return min(self.rivals, key=lambda one: one.ratio, default=None)
 
 
 def doubts(worth: Worth) -> Iterator[str]:
@@ -56,8 +71,9 @@ def doubts(worth: Worth) -> Iterator[str]:
         yield f"it shows in {sum(gain > 0.0 for gain in worth.gains)} of {len(worth.gains)} specimens"
     if worth.ratio < MIN_MISFIT_RATIO:
         yield "the others leave hardly more misfit without it"
-    if worth.rival and worth.rival_gain > MAX_REGAINED * worth.evidence:
-        yield f"{worth.rival} would do nearly as well in its place"
+    for rival in sorted(worth.rivals, key=lambda one: one.ratio):
+        if worth.evidence - rival.gain < MIN_EVIDENCE or rival.ratio < MIN_MISFIT_RATIO:
+            yield f"{rival.effect} would do nearly as well in its place"
     if worth.pressed:
         yield f"{', '.join(worth.pressed)} ended on a bound: the effect is not what the library has"
 

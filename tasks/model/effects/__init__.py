@@ -8,6 +8,7 @@ import pkgutil
 from functools import cache
 
 from sinew.tasks.model.effect import Effect
+from sinew.tasks.model.law import is_law, law
 
 
 @cache
@@ -31,3 +32,11 @@ def library() -> dict[str, Effect]:
 def named() -> dict[str, Effect]:
     """All effects, and their other forms, as a study names them."""
     return {one.name: one for effect in library().values() for one in (effect, *effect.other_forms)}
+
+
+def effect_named(name: str) -> Effect:
+    """An effect of the library in one of its forms, or a law, by its name in a study.
+
+    Raises :class:`ValueError` for a law that is none, and :class:`KeyError` for another name.
+    """
+    return law(name) if is_law(name) else named()[name]

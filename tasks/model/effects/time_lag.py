@@ -1,9 +1,9 @@
 """A force that is recorded late."""
 
-import numba
 import numpy as np
 
 from sinew.tasks.model.effect import Array, Bars, Effect, Values
+from sinew.tasks.model.lagging import lagging
 from sinew.tasks.model.parameters import Parameter
 
 
@@ -13,21 +13,7 @@ def _reading(bars: Bars, values: Values) -> Array:
 
 
 def _filtered(bars: Bars, values: Values) -> Array:
-    ratio = np.diff(bars.time_s) / values["filter_time"]
-    kept = np.exp(-ratio)
-    mean = -np.expm1(-ratio) / ratio
-    reading = np.array(bars.force_N)
-    _follow(kept, mean - kept, 1.0 - mean, np.ascontiguousarray(bars.force_N), reading)
-    return reading
-
-
-@numba.njit(nogil=True, cache=True, error_model="numpy")
-def _follow(kept, former, latter, force, reading):  # type: ignore[no-untyped-def]
-    """Write the readings ``[n, t]`` behind ``force`` ``[n, t]``, which is linear between points: exact."""
-    for row in range(force.shape[0]):
-        for t in range(1, force.shape[1]):
-            before = former[row, t - 1] * force[row, t - 1] + latter[row, t - 1] * force[row, t]
-            reading[row, t] = kept[row, t - 1] * reading[row, t - 1] + before
+    return lagging(bars.time_s, bars.force_N, values["filter_time"])
 
 
 _CONFOUNDED = {

@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from sinew.runner.errors import BadInput, shown
 from sinew.runner.files import read_input
 from sinew.tasks.data.cohort import check_inside, visible
-from sinew.tasks.discover.result import ADOPTED, COPY, WITH_EFFECTS
+from sinew.tasks.discover.result import ADOPTED, COPY, WITH_EFFECTS, WITH_LAWS
 from sinew.tasks.drawing.formats import without_formulas
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.crate.layout import Layout, changed_fields, template_name, with_fields
@@ -66,10 +66,10 @@ def result_items(source: Source, layout: Layout, *, store: bool) -> Iterator[Ite
             expected = "letters, digits, spaces and _ + . - ; remove it or give it another name"
             raise BadInput(source.found.folder, f"holds a file called {shown(str(relative))}", expected)
         path: bytes | Path = source.found.folder / relative
-        if PurePosixPath(WITH_EFFECTS) == relative and layout.cohort is not None:
-            cohort = os.path.relpath(layout.cohort, layout.results / WITH_EFFECTS.parent)
-            adopted = read_study(source.found.folder / relative)  # refuses what is no study
-            path = with_fields(adopted.path.read_text("utf-8"), {"cohort": cohort}).encode()
+        if relative in map(PurePosixPath, (WITH_EFFECTS, WITH_LAWS)) and layout.cohort is not None:
+            cohort = os.path.relpath(layout.cohort, layout.results / relative.parent)
+            written = read_study(source.found.folder / relative)  # refuses what is no study
+            path = with_fields(written.path.read_text("utf-8"), {"cohort": cohort}).encode()
         yield Item(str(layout.results / relative), path, _words(relative))
 
 

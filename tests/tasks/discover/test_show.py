@@ -4,17 +4,16 @@ from dataclasses import replace
 
 import pytest
 
-from sinew.tasks.discover.figures import stack_of
 from sinew.tasks.discover.follow_up import Part, Remainder
 from sinew.tasks.discover.page import section
 from sinew.tasks.discover.prose import methods
-from sinew.tasks.discover.show import in_one_sentence, parts_table
+from sinew.tasks.discover.show import in_one_sentence, stack_of
 from tests.tasks.discover.results import discovery
 
 LEFT = Remainder(0.171, (0.12, 0.22), 3.456, True, ("cyclic: unload 1", "cyclic: toe 2"), "")
-SOFT = Part("softening", "softening/simo", 0.6, (0.5, 0.7), 900.0, 4.0, "time-lag", 30.0, None)
-SLACK = Part("toe-slack", "toe-slack", 0.1, (0.05, 0.15), 200.0, 2.5, None, None, None)
-LAG = Part("time-lag", "time-lag", 0.01, (0.0, 0.02), 20.0, 1.1, None, None, "it shows in 1 of 2 specimens")
+SOFT = Part("softening", "softening/simo", 0.6, (0.5, 0.7), 900.0, 4.0, "time-lag", 30.0, 3.5, None)
+SLACK = Part("toe-slack", "toe-slack", 0.1, (0.05, 0.15), 200.0, 2.5, None, None, None, None)
+LAG = Part("time-lag", "time-lag", 0.01, (0.0, 0.02), 20.0, 1.1, None, None, None, "it shows in 1 of 2 specimens")
 
 
 def partly(*effects, left=LEFT):
@@ -46,7 +45,8 @@ def test_numbers_and_sentences_without_what_is_not_there(result, words):
 
 def test_effects_that_cannot_be_told_apart_are_in_the_sentence():
     doubtful = replace(SLACK, rival="creep", rival_evidence=190.0, doubt="creep would do nearly as well in its place")
-    said = in_one_sentence(replace(partly("softening"), parts=(SOFT, doubtful, LAG)))
+    pressed = replace(SOFT, doubt="softening_loss ended on a bound")
+    said = in_one_sentence(replace(partly("softening"), parts=(pressed, doubtful, LAG)))
     assert said.endswith("N, mostly in cyclic: unload 1 and cyclic: toe 2). "
                          "Toe slack or creep, which cannot be told apart, would explain 10 %.")  # fmt: skip
 
@@ -62,13 +62,6 @@ def test_the_stack_is_all_of_the_misfit():
     assert both["any of these"] == pytest.approx(0.129)
     one = stack_of(partly("softening")).set_index("part")["share"]
     assert one.to_dict() == {"softening": pytest.approx(0.829), "left": pytest.approx(0.171)}
-
-
-def test_the_table_has_every_effect_with_its_doubt():
-    table = parts_table(partly("softening")).set_index("effect")
-    assert list(table.index) == ["softening", "toe-slack", "time-lag"]
-    assert table.loc["time-lag", "doubt"] == "it shows in 1 of 2 specimens"
-    assert table.loc["softening", ["rival", "rival_evidence", "doubt"]].tolist() == ["time-lag", 30.0, ""]
 
 
 class Folder:
@@ -89,4 +82,6 @@ def test_the_page_begins_with_the_sentence():
     assert shown.found.startswith("PARTLY: softening + toe-slack; Softening and toe slack explain 83 %")
     table = next(one for one in shown.blocks if getattr(one, "caption", "").startswith("Effects fitted together"))
     assert [row[-1] for row in table.rows] == ["certain", "certain", "it shows in 1 of 2 specimens"]
-    assert table.rows[0][4] == "time-lag (30)" and table.rows[1][4] == "–"
+    assert [row[5] for row in table.rows] == ["time-lag (evidence 30, misfit 3.5 times)", "–", "–"]
+    (stack,) = (one for one in shown.blocks if getattr(one, "name", "") == "discovery-stack")
+    assert len(stack.plots) == 1

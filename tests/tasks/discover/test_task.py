@@ -38,7 +38,7 @@ name: hidden
 seed: 3
 cohort: cohort
 tasks: [discover]
-discover: {effects: [force-drift, time-lag, toe-slack], starts: 2}
+discover: {effects: [force-drift, time-lag, toe-slack], starts: 2, laws: false}
 """
 
 
@@ -283,7 +283,7 @@ def test_a_verdict_is_kept_with_all_that_goes_with_it(tmp_path, monkeypatch, spo
     found.write(tmp_path)
     (tmp_path / "one.feb").write_text("input")
     specimens = [SimpleNamespace(name="a/1")]
-    monkeypatch.setattr(task, "library_for", lambda _: library())
+    monkeypatch.setattr(task, "by_name", lambda *_: ())
     monkeypatch.setattr(task, "study_with", lambda _, effects: (MODEL.path, MODEL.difference))
     arrays = xr.Dataset({"force": ("point", np.ones(3))}, attrs={"inputs": "these"})
     with Store.writing(tmp_path, "study") as store:

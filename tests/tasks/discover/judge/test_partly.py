@@ -4,26 +4,29 @@ from dataclasses import replace
 
 import pytest
 
-from sinew.tasks.discover.judge.partly import Worth, doubts, partly
+from sinew.tasks.discover.judge.partly import InPlace, Worth, doubts, partly
 from sinew.tasks.discover.judge.scores import Score, Scores
 
-SURE = Worth("softening", (60.0, 70.0), 3.0, "time-lag", 40.0)
+SLOWER = InPlace("time-lag", 40.0, 2.5)
+SURE = Worth("softening", (60.0, 70.0), 3.0, (SLOWER,))
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
         ({}, None),
-        ({"gains": (25.0, 24.9), "rival": ""}, "a smooth error of the model would do nearly as well"),
-        ({"gains": (25.0, 25.1), "rival": ""}, None),
+        ({"gains": (25.0, 24.9), "rivals": ()}, "a smooth error of the model would do nearly as well"),
+        ({"gains": (25.0, 25.1), "rivals": ()}, None),
         ({"gains": (130.0, -0.1)}, "it shows in 1 of 2 specimens"),
         ({"gains": (130.0,)}, None),
         ({"gains": (130.0, 5.0, -5.0)}, None),
         ({"ratio": 1.99}, "the others leave hardly more misfit without it"),
         ({"ratio": 2.0}, None),
-        ({"rival_gain": 91.1}, "time-lag would do nearly as well in its place"),
-        ({"rival_gain": 90.9}, None),
-        ({"rival": "", "rival_gain": 200.0}, None),
+        ({"rivals": (replace(SLOWER, gain=80.1),)}, "time-lag would do nearly as well in its place"),
+        ({"rivals": (replace(SLOWER, gain=79.9),)}, None),
+        ({"rivals": (replace(SLOWER, gain=-500.0, ratio=1.99),)}, "time-lag would do nearly as well in its place"),
+        ({"rivals": (replace(SLOWER, ratio=2.0),)}, None),
+        ({"rivals": (SLOWER, InPlace("creep", 100.0, 2.2))}, "creep would do nearly as well in its place"),
         ({"pressed": ("softening_loss",)}, "softening_loss ended on a bound: the effect is not what the library has"),
     ],
 )
@@ -53,3 +56,8 @@ def test_a_name_with_a_remainder_is_partly(loss, word, why):
 def test_a_single_effect_explains_in_the_singular():
     one = Score(("time-lag",), 3000.0, 2980.0)
     assert partly(Scores(BARE, (one,), FLOOR), one).why.startswith("it explains")
+
+
+def test_the_nearest_rival_is_the_one_that_leaves_least():
+    assert replace(SURE, rivals=(SLOWER, InPlace("creep", 10.0, 2.2))).nearest.effect == "creep"
+    assert replace(SURE, rivals=()).nearest is None
