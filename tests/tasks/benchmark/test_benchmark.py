@@ -473,7 +473,9 @@ def test_cases_are_run_blind_scored_and_not_run_again(tmp_path, capsys, monkeypa
     assert first["seconds"] > 0
     assert result["mixed"] == 0
     assert "| false alarm on nulls | 0 % |" in (out / "benchmark.md").read_text()
-    assert "truth" not in (out / "hidden" / "case_01" / "study.yaml").read_text()
+    written = (out / "hidden" / "case_01" / "study.yaml").read_text()
+    assert "truth" not in written
+    assert "laws: false" in written, "they change no verdict, and take time"
 
     def never(*_):
         raise AssertionError("it was run again")

@@ -7,7 +7,8 @@ import pytest
 from sinew.tasks.discover.follow_up import Part, Remainder
 from sinew.tasks.discover.page import section
 from sinew.tasks.discover.prose import methods
-from sinew.tasks.discover.show import in_one_sentence, stack_of
+from sinew.tasks.discover.result import Gap, Law
+from sinew.tasks.discover.show import in_one_sentence, of_the_law, stack_of
 from tests.tasks.discover.results import discovery
 
 LEFT = Remainder(0.171, (0.12, 0.22), 3.456, True, ("cyclic: unload 1", "cyclic: toe 2"), "")
@@ -49,6 +50,26 @@ def test_effects_that_cannot_be_told_apart_are_in_the_sentence():
     said = in_one_sentence(replace(partly("softening"), parts=(pressed, doubtful, LAG)))
     assert said.endswith("N, mostly in cyclic: unload 1 and cyclic: toe 2). "
                          "Toe slack or creep, which cannot be told apart, would explain 10 %.")  # fmt: skip
+
+
+def of_largest_strain(*beside):
+    gap = Gap("protocol", 5.9, 1.22, 1.05, 0.96)
+    return Law(
+        ("law/fibres/largest-strain:0.1/power",), ("S_f -> S_f (1 + a x^b)",), beside, 0.612, (0.55, 0.66), {}, gap,
+        "discover/law.yaml", "+ effects", ("law/series/force:1000/power",), None,
+    )  # fmt: skip
+
+
+def test_a_law_is_told_as_a_description():
+    assert of_the_law(discovery("OUTSIDE", law=of_largest_strain())) == (
+        "A law describes the misfit: S_f -> S_f (1 + a x^b). It takes away 61 % of the misfit (55 to 66 %); the error "
+        "on data that were not fitted falls from 5.90 to 1.22 times the noise. That is a description with predictive "
+        "worth, no mechanism."
+    )
+    beside = replace(partly("softening"), law=of_largest_strain("softening"))
+    assert of_the_law(beside).startswith("A law describes what the named effects leave: S_f")
+    assert "A law describes what the named effects leave" in methods(beside)
+    assert of_the_law(partly("softening")) == ""
 
 
 def test_the_methods_section_has_the_sentence():

@@ -305,8 +305,9 @@ def test_where_nothing_is_hidden_nothing_is_named(study, tmp_path, here):
 
 
 def test_an_effect_is_named_beside_what_no_effect_explains(study, tmp_path, here, capsys):
-    out = tmp_path / "out"
-    sinew("discover", study(0.995, wrong=12.0), "--out", out)
+    out, path = tmp_path / "out", study(0.995, wrong=12.0)
+    path.write_text(STUDY.replace("force-drift, ", ""))
+    sinew("discover", path, "--out", out)
     result = json.loads((out / "verdict.json").read_text())
     assert (result["verdict"], result["effects"]) == ("PARTLY", ["toe-slack"])
     left, (part, *others) = result["remainder"], result["parts"]
@@ -323,7 +324,9 @@ def test_an_effect_is_named_beside_what_no_effect_explains(study, tmp_path, here
 
 
 def test_an_error_that_no_effect_describes_gets_no_name(study, tmp_path, here):
-    sinew("discover", study(None, wrong=12.0), "--out", tmp_path / "out")
+    path = study(None, wrong=12.0)
+    path.write_text(STUDY.replace("force-drift, ", ""))
+    sinew("discover", path, "--out", tmp_path / "out")
     result = json.loads((tmp_path / "out" / "verdict.json").read_text())
     assert (result["verdict"], result["effects"], result["model"], result.get("remainder")) == (
         "OUTSIDE",

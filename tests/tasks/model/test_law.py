@@ -138,3 +138,31 @@ def test_a_term_says_what_it_is():
     assert (term.of, term.memory, term.name) == ("force", "lagging", "law/series/lagging-force:1000/logarithm")
     assert term.own("lag") == "series_lagging_force_lag"
     assert set(ADMISSIBLE) == {one.part for one in EVERY}
+
+
+@pytest.mark.parametrize("term", [term for term in EVERY if term.part in ("fibres", "matrix")], ids=lambda t: t.name)
+@pytest.mark.parametrize("end", ["minimum", "maximum"])
+def test_no_law_of_the_tissue_gives_back_more_work_than_was_put_in(term, end):
+    """Over strains there and back, with either end of the range of its size."""
+    time = np.linspace(0.0, 80.0, 801)
+    moved = np.interp(time, [0.0, 20.0, 40.0, 60.0, 80.0], [0.0, 0.35, 0.0, 0.35, 0.0])
+    effect = compiled(term)
+    values = np.array([[getattr(effect.parameters[0], end), *effect.typical[1:]]])
+    bars = bars_with(Model(), (effect,), SIZE, Protocol("twice", time, moved), row(), values)
+    stress = (bars.fibre_MPa if term.part == "fibres" else bars.matrix_MPa)[0]
+    work = np.sum(0.5 * (stress[1:] + stress[:-1]) * np.diff(bars.strain[0]))
+    put_in = np.sum(0.5 * np.abs(stress[1:] + stress[:-1]) * np.abs(np.diff(bars.strain[0])))
+    assert work >= -1e-9 * put_in
+
+
+@pytest.mark.parametrize("driver", ["force", "largest-force", "lagging-force"])
+def test_what_a_law_in_series_loses_is_lost_under_load_only(driver):
+    effect = law(f"law/series/{driver}:1000/power")
+    values = np.array([effect.typical])
+    bars = bars_with(Model(), (effect,), SIZE, cyclic(10.0, 4.0), row(), values)
+    lost = bars.grips_mm[0] - bars.displacement_mm[0]
+    assert lost.max() > 0.001
+    if driver != "force":
+        assert (lost >= -1e-9).all()
+    if driver == "largest-force":
+        assert (np.diff(lost) >= -1e-9).all()
