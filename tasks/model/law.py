@@ -17,6 +17,7 @@ FORM         ``power`` x^a; ``exponential`` exp(x / a) - 1; ``logarithm`` log(1 
 ===========  ==========================================================================================================
 
 Only laws that dissipate energy, or keep it, are in :data:`ADMISSIBLE`, and the sign of a size is bound accordingly.
+None is ``exponential`` in time or path.
 Instruments (``parallel`` with time, path or force) may drift either way.
 """
 
@@ -57,6 +58,7 @@ SHAPES: Mapping[str, tuple[float, float, float]] = {  # smallest, largest and ty
     "threshold": (0.0, 1.0, 0.4),
     "saturating": (0.02, 2.0, 0.3),
 }
+UNBOUNDED = ("path", "time")  # drivers that grow as long as a test goes on: no law may explode with them
 UNITS = {"strain": "1", "rate": "1/s", "path": "1", "time": "s", "force": "N"}
 MAX_LAG_S = (0.5, 200.0, 10.0)  # smallest, largest and typical
 _SIZES = {  # smallest, largest and typical of a size
@@ -115,9 +117,9 @@ def law(name: str) -> Effect:
         raise ValueError("not of the form law/PART/DRIVER:UNIT/FORM, as law/fibres/largest-strain:0.1/power")
     part, driver, form, unit = (*found.group("part", "driver", "form"), float(found["unit"]))
     for what, said, possible in (
-        ("part", part, ADMISSIBLE),
-        ("driver", driver, ADMISSIBLE.get(part, {})),
-        ("form", form, SHAPES),
+        ("part", part, list(ADMISSIBLE)),
+        ("driver", driver, list(ADMISSIBLE.get(part, {}))),
+        ("form", form, forms_of(driver)),
     ):
         if said not in possible:
             raise ValueError(f"{said} is no {what}; expected one of {', '.join(possible)}")
@@ -126,11 +128,16 @@ def law(name: str) -> Effect:
     return compiled(Term(part, driver, unit, form))
 
 
+def forms_of(driver: str) -> list[str]:
+    """The forms that a law with this driver may have."""
+    return [form for form in SHAPES if form != "exponential" or driver not in UNBOUNDED]
+
+
 def terms(units: Mapping[str, float]) -> Iterator[Term]:
     """All admissible laws, for ``units`` of the drivers."""
     for part, drivers in ADMISSIBLE.items():
         for driver in drivers:
-            for form in SHAPES:
+            for form in forms_of(driver):
                 yield Term(part, driver, units[driver.rpartition("-")[2]], form)
 
 

@@ -273,6 +273,8 @@ def _results() -> Target:
 def _result(task: str) -> bytes:
     """A result as a run writes it; the golden files leave out what it was made from."""
     content = json.loads((EXPECTED / f"{task}.json").read_bytes())
+    if "law" in content:
+        content["law"] |= {"path": "discover/law.yaml", "difference": "+ effects"}
     return json.dumps({"inputs": "0", **content}).encode()
 
 

@@ -3,7 +3,7 @@
 Each step looks ahead to all admissible laws, fits the most promising ones, and predicts held-out data with those that
 fit best. A law is taken when it predicts them better than the model without it, by more than two standard errors on two
 kinds of splits (on one where there is one). Then a second law is looked for in the same way. Fit alone decides nothing:
-a grammar of a hundred laws always has one that fits.
+among so many laws there is always one that fits.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,11 +48,6 @@ class FoundLaw:
     @property
     def effects(self) -> Effects:
         return (*self.base, *self.laws)
-
-    @property
-    def gains(self) -> dict[str, Gain]:
-        """How much better held-out data are predicted with the laws, by kind of split."""
-        return gains(self.errors[self.base], self.errors[self.effects])
 
 
 def find_law(

@@ -16,6 +16,7 @@ import pytest
 
 from sinew.runner.cluster import local
 from sinew.runner.cluster.client import Address, ask_for, open_client
+from sinew.runner.cluster.dask_settings import ENVIRONMENT
 from sinew.runner.cluster.local import Local
 from sinew.runner.errors import ClusterError
 from sinew.runner.temporary import PREFIX
@@ -54,7 +55,9 @@ def sends(number: int, count: int) -> Iterator[list[int]]:
         thread.join()
 
 
-def test_workers_use_one_thread_and_keep_their_memory():
+def test_workers_use_one_thread_and_keep_their_memory(monkeypatch):
+    for name in ENVIRONMENT:  # what the user sets, or what Dask sets for clusters that other tests start, comes first
+        monkeypatch.delenv(name, raising=False)
     with open_client(Local(1)) as client:
         (found,) = client.run(lambda: dict(os.environ)).values()
     assert found["OMP_NUM_THREADS"] == found["OPENBLAS_NUM_THREADS"] == "1"

@@ -57,6 +57,7 @@ def test_laws_that_only_lose_cannot_gain():
         ("law/fibres/force:1000/power", "force is no driver; expected one of strain, largest-strain"),
         ("law/fibres/strain:0.1/__import__", "not of the form"),
         ("law/fibres/strain:0.1/sine", "sine is no form; expected one of power"),
+        ("law/fibres/time:100/exponential", "exponential is no form; expected one of power, logarithm"),
         ("law/fibres/strain:0/power", "the unit of the driver is 0"),
         ("law/fibres/strain:1e-9/power", "not of the form"),
         ("law/fibres/strain:0.1/power\n", "not of the form"),
