@@ -28,9 +28,9 @@ SETTINGS = {
     "distributed.scheduler.http.routes": [f"distributed.http.{name}" for name in _PAGES],
 }
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-# workers import nothing from the folder that they start in: it may be that of a study which somebody else wrote
 # glibc gives large arrays back to the system at once, by default, and takes new pages for the next: a third of all time
 KEEP_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(32 * 2**20), "MALLOC_TRIM_THRESHOLD_": str(256 * 2**20)}  # bytes
+# workers import nothing from the folder that they start in: it may be that of a study which somebody else wrote
 ENVIRONMENT = {**ONE_THREAD, **KEEP_MEMORY, "PYTHONSAFEPATH": "1"}
 DASHBOARD = "127.0.0.1:0"  # anyone who reaches it sees everything
 

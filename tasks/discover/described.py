@@ -8,11 +8,9 @@ from sinew.tasks.discover.after.estimates import estimates
 from sinew.tasks.discover.after.experiment import Experiment, Rival, next_experiment
 from sinew.tasks.discover.after.gap import gap
 from sinew.tasks.discover.compound import taken_away
-from sinew.tasks.discover.fit.fit import Fitted
-from sinew.tasks.discover.fit.intervals import Profiled
 from sinew.tasks.discover.fit.laws import FoundLaw, find_law
 from sinew.tasks.discover.fit.search import Candidates
-from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
+from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all, profiled_each
 from sinew.tasks.discover.follow_up import NextExperiment
 from sinew.tasks.discover.result import WITH_LAWS, Law
 from sinew.tasks.study.workspace import Workspace
@@ -30,7 +28,7 @@ def described(
         return None
     effects, floor = found.effects, candidates.floor
     share, interval = taken_away(cohort, candidates.bare, (beside, base_fits), (effects, found.fits), floor)
-    ends = _intervals(workspace, cohort, effects, found.fits)
+    ends = profiled_each(workspace, cohort, "intervals of the law", effects, found.fits)
     parameters = {
         one.name: estimates(effects, one.candidate(effects), fitted, known)
         for one, fitted, known in zip(cohort, found.fits, ends, strict=True)
@@ -49,17 +47,6 @@ def described(
         other=tuple(law.name for law in found.second[0] if law not in beside) if found.second else (),
         refuted_by=_refuted_by(workspace, cohort, found),
     )
-
-
-def _intervals(
-    workspace: Workspace, cohort: Sequence[SpecimenFits], effects: Effects, fits: Sequence[Fitted]
-) -> list[Profiled]:
-    """Intervals by profile likelihood, by specimen."""
-    (column,) = each_for_all(
-        workspace, cohort, "intervals of the law", [effects],
-        lambda i, wanted, session: cohort[i].profiled(session, wanted, fits[i]),
-    )  # fmt: skip
-    return column
 
 
 def _refuted_by(workspace: Workspace, cohort: Sequence[SpecimenFits], found: FoundLaw) -> NextExperiment | None:

@@ -22,7 +22,14 @@ from sinew.tasks.discover.fit.held_out import SquaredErrors, hold_out, hold_out_
 from sinew.tasks.discover.fit.intervals import Profiled
 from sinew.tasks.discover.fit.search import Candidates, asked, note_fit, search
 from sinew.tasks.discover.fit.sizes import by_name, library_for
-from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, agree, each_for_all, fits_of_each
+from sinew.tasks.discover.fit.specimen_fits import (
+    Effects,
+    SpecimenFits,
+    agree,
+    each_for_all,
+    fits_of_each,
+    profiled_each,
+)
 from sinew.tasks.discover.follow_up import AddedModel, NextExperiment, Outside, Part, Remainder
 from sinew.tasks.discover.judge.confidence import confidence
 from sinew.tasks.discover.judge.partly import partly
@@ -342,11 +349,7 @@ def _intervals(workspace: Workspace, findings: Findings, shown: Effects) -> Mapp
     cohort, fits = findings.cohort, findings.candidates.fits[shown]
     if cohort[0].solver is not None:
         return {}
-    (column,) = each_for_all(
-        workspace, cohort, "intervals", [shown],
-        lambda i, effects, session: cohort[i].profiled(session, effects, fits[i]),
-    )  # fmt: skip
-    return {shown: column}
+    return {shown: profiled_each(workspace, cohort, "intervals", shown, fits)}
 
 
 def _experiment(workspace: Workspace, findings: Findings, judged: Score) -> NextExperiment | None:

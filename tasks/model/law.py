@@ -60,7 +60,7 @@ SHAPES: Mapping[str, tuple[float, float, float]] = {  # smallest, largest and ty
 }
 UNBOUNDED = ("path", "time")  # drivers that grow as long as a test goes on: no law may explode with them
 UNITS = {"strain": "1", "rate": "1/s", "path": "1", "time": "s", "force": "N"}
-MAX_LAG_S = (0.5, 200.0, 10.0)  # smallest, largest and typical
+LAG_S = (0.5, 200.0, 10.0)  # smallest, largest and typical
 _SIZES = {  # smallest, largest and typical of a size
     "fibres": {LOSS: (-1.5, 0.0, -0.2), GAIN: (0.0, 3.0, 0.3), BOTH: (-0.9, 3.0, 0.2)},
     "series": {GAIN: (0.0, 0.2, 0.02)},
@@ -160,7 +160,7 @@ def compiled(term: Term) -> Effect:
         Parameter(shape, "1", *SHAPES[term.form], "the law's shape", exclusive=term.form != "threshold"),
     ]  # fmt: skip
     if term.memory == "lagging":
-        parameters.append(Parameter(term.own("lag"), "s", *MAX_LAG_S, "how late it follows", exclusive=True))
+        parameters.append(Parameter(term.own("lag"), "s", *LAG_S, "how late it follows", exclusive=True))
     return Effect(
         slug=term.name.rpartition("/")[0],
         form=term.form,

@@ -228,6 +228,17 @@ def fits_of_each(workspace: Workspace, chosen: Sequence[Specimen]) -> list[Speci
     ]
 
 
+def profiled_each(
+    workspace: Workspace, cohort: Sequence[SpecimenFits], title: str, effects: Effects, fits: Sequence[Fitted]
+) -> list[Profiled]:
+    """Fits with intervals by profile likelihood of the parameters of ``effects``, by specimen."""
+
+    def work(i: int, wanted: Effects, session: Session) -> Profiled:
+        return cohort[i].profiled(session, wanted, fits[i])
+
+    return each_for_all(workspace, cohort, title, [effects], work)[0]
+
+
 def each_for_all(
     workspace: Workspace,
     cohort: Sequence[SpecimenFits],
