@@ -261,7 +261,7 @@ class DiscoverResult(Result):
     """
 
     TASK = "discover"
-    VERSION = 7
+    VERSION = 8
     LIBRARIES = ("scikit-learn",)
 
     verdict: Word

@@ -17,7 +17,8 @@ the alphabetical order of their slugs.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -40,6 +41,9 @@ PLACES = ("fibre_elastic", "matrix_elastic", "fibre_memory", "matrix_memory", "b
 ``[[ elastic ]]``; ``fibre_memory`` and ``matrix_memory`` are added to its Prony series; ``beta`` and ``thickness_mm``
 are expressions that replace the constant.
 """
+
+
+_OF_EACH = ("grips_mm", "displacement_mm", "stretch", "fibre_stretch", "matrix_MPa", "fibre_MPa", "force_N", "rigid_N")
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,18 +69,24 @@ class Bars:
     force_N: Array
     rigid_N: Array
 
-    @property
+    @cached_property
     def steps_s(self) -> Array:
         """The time step (s) that leads to each point ``[t]``, 0 for the first."""
         steps: Array = np.diff(self.time_s, prepend=self.time_s[0])
         return steps
 
-    @property
+    def first(self) -> "Bars":
+        """The first of the bars, alone."""
+        material = {name: value[:1] for name, value in self.material.items()}
+        each = {name: getattr(self, name)[:1] for name in _OF_EACH}
+        return replace(self, material=material, **each)
+
+    @cached_property
     def strain(self) -> Array:
         """Green-Lagrange strain of the bar ``[n, t]``."""
         return 0.5 * (self.stretch**2 - 1.0)
 
-    @property
+    @cached_property
     def fibre_strain(self) -> Array:
         """Green-Lagrange strain of the fibres ``[n, t]``."""
         return 0.5 * (self.fibre_stretch**2 - 1.0)
@@ -121,7 +131,8 @@ class Effect:
     :data:`PHASES`; ``confounded_with`` says why for each slug or parameter name. ``febio`` holds partials by
     :data:`PLACES`; where it is empty, ``no_febio`` says why. ``loaded_at_rest`` means that there may be force at zero
     displacement, so the solver must wait for its relaxation first; ``unrelaxed``, that this force comes with the first
-    step instead, and relaxes during the test. ``other_forms`` are effects with the same slug, each with its ``form``.
+    step instead, and relaxes during the test; ``asks_rigid``, that its functions use ``rigid_N``. ``other_forms`` are
+    effects with the same slug, each with its ``form``.
     """
 
     slug: str
@@ -138,6 +149,7 @@ class Effect:
     no_febio: str = ""
     loaded_at_rest: bool = False
     unrelaxed: bool = False
+    asks_rigid: bool = False
     form: str = ""
     other_forms: tuple["Effect", ...] = ()
     material: Callable[[Bars, Values], Mapping[str, Array]] | None = None

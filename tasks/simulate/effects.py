@@ -19,9 +19,11 @@ from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, impos
 from sinew.tasks.simulate.lateral import OUTPUTS, laterals
 from sinew.tasks.simulate.uniaxial import without_width
 
-VERSION = 4  # of the forces that are computed here
+VERSION = 5  # of the forces that are computed here
 _DRIVERS = ("matrix", "fibre", "strain")
 BALANCE = 1e-10  # of the largest displacement: largest remaining difference of grips, machine and gauge length
+NEAR_BALANCE = 1e-6  # the same, where another step of Newton's method follows, which squares it
+NEAR_ENOUGH, NEAR_STEPS = 1e-3, 3  # of the difference, that is left to rows beside one in balance; steps, at most
 ITERATIONS = 60
 HALVINGS = 8  # of a step, at most
 _STRETCH_STEP = 1e-7  # of the differences that give tangents: their errors slow Newton's method only
@@ -91,6 +93,7 @@ def simulate_with(
     values: Array,
     *,
     sudden: bool = False,
+    nearby: bool = False,
 ) -> Array:
     """Force ``[n, t]`` (N) along ``protocol`` for ``parameters`` ``[n, d]`` and the effects' ``values`` ``[n, k]``.
 
@@ -99,8 +102,12 @@ def simulate_with(
     point is at rest; with ``sudden`` it is free of stress, and prestretch comes with the first step, as when the solver
     starts at zero displacement. Rows with impossible parameters, or for which Newton's method finds no balance of
     force and displacement, are NaN.
+
+    With ``nearby``, for derivatives, all rows are small steps away from the first. Newton's method then finds the
+    balance of the first, and mostly one step from there, with its tangents, finds those of the others: its error is the
+    square of these steps.
     """
-    return bars_with(model, effects, specimen, protocol, parameters, values, sudden=sudden).force_N
+    return bars_with(model, effects, specimen, protocol, parameters, values, sudden=sudden, nearby=nearby).force_N
 
 
 def bars_with(
@@ -112,6 +119,7 @@ def bars_with(
     values: Array,
     *,
     sudden: bool = False,
+    nearby: bool = False,
 ) -> Bars:
     """The bars with the forces of :func:`simulate_with`, and the stretch of their gauge length."""
     named = _by_effect(effects, values)
@@ -119,7 +127,10 @@ def bars_with(
     with np.errstate(all="ignore"):  # rows with impossible parameters end as NaN
         run = _Run(chosen, protocol, sudden or any(effect.unrelaxed for effect, _ in chosen))
         bars = _bars(model, specimen, protocol, parameters, chosen)
-        bars = run.balanced(bars) if any(effect.displacement for effect, _ in chosen) else run.pulled(bars)
+        if not any(effect.giving_way for effect, _ in chosen):
+            bars = run.pulled(replace(bars, displacement_mm=run.left(bars, bars.force_N)))
+        else:
+            bars = run.balanced_nearby(bars) if nearby else run.balanced(bars)
         for effect, own in chosen:
             if effect.reading:
                 bars = replace(bars, force_N=effect.reading(bars, own))
@@ -196,12 +207,12 @@ class _Run:
         total = self._stress(bars, self._memory(bars))
         return replace(bars, force_N=bars.material["area_mm2"] * bars.stretch * total)
 
-    def balanced(self, bars: Bars) -> Bars:
+    def balanced(self, bars: Bars, precision: float = BALANCE) -> Bars:
         """The bars with the displacement of the gauge length that agrees with the force that it causes."""
-        limit = BALANCE * max(float(np.abs(bars.displacement_mm).max()), np.finfo(float).tiny)
+        limit = precision * max(float(np.abs(bars.displacement_mm).max()), np.finfo(float).tiny)
         bars, grips = self.pulled(bars), bars
         grips = replace(grips, rigid_N=bars.force_N)
-        residual = self._left(grips, bars.force_N) - bars.displacement_mm
+        residual = self.left(grips, bars.force_N) - bars.displacement_mm
         for _ in range(ITERATIONS):
             worst = np.abs(residual).max(axis=1)
             left = worst > limit  # rows that are NaN stay so
@@ -213,6 +224,25 @@ class _Run:
         bars.force_N[np.abs(residual).max(axis=1) > limit] = np.nan
         return bars
 
+    def balanced_nearby(self, bars: Bars) -> Bars:
+        """The bars as :meth:`balanced` leaves them, if they are small steps away from the first of them."""
+        alone = replace(self, chosen=tuple((effect, _first(own)) for effect, own in self.chosen))
+        first = bars.first()
+        begun = alone.balanced(first, NEAR_BALANCE)
+        count = len(bars.displacement_mm)
+        rigid = self.pulled(bars).force_N if any(effect.asks_rigid for effect, _ in self.chosen) else bars.rigid_N
+        grips, grip = replace(bars, rigid_N=rigid), replace(first, rigid_N=rigid[:1])
+        bars = self.pulled(replace(bars, displacement_mm=np.repeat(begun.displacement_mm, count, axis=0)))
+        residual = self.left(grips, bars.force_N) - bars.displacement_mm
+        enough = NEAR_ENOUGH * np.abs(residual).max(axis=1)
+        for _ in range(NEAR_STEPS):
+            step = alone._correction(grip, begun, residual)
+            bars = self.pulled(replace(bars, displacement_mm=bars.displacement_mm + step))
+            residual = self.left(grips, bars.force_N) - bars.displacement_mm
+            if not (np.abs(residual).max(axis=1) > enough).any():
+                break
+        return bars
+
     def _moved(self, grips: Bars, bars: Bars, step: Array, worst: Array) -> tuple[Bars, Array]:
         """The bars after a step ``[n, t]`` (mm), or a part of it where all of it leaves more than ``worst`` ``[n]``.
 
@@ -221,14 +251,14 @@ class _Run:
         part = np.ones_like(worst)
         for _ in range(HALVINGS):
             moved = self.pulled(replace(bars, displacement_mm=bars.displacement_mm + part[:, np.newaxis] * step))
-            residual = self._left(grips, moved.force_N) - moved.displacement_mm
+            residual = self.left(grips, moved.force_N) - moved.displacement_mm
             farther = ~(np.abs(residual).max(axis=1) < worst) & np.isfinite(worst)
             if not farther.any():
                 break
             part[farther] *= 0.5
         return moved, residual
 
-    def _left(self, grips: Bars, force: Array) -> Array:
+    def left(self, grips: Bars, force: Array) -> Array:
         """Displacement ``[n, t]`` (mm) of the gauge length under ``force`` ``[n, t]`` (N)."""
         bars = replace(grips, force_N=force)
         for effect, own in self.chosen:
@@ -282,14 +312,19 @@ class _Run:
         memory.stress(
             *self.protocol.distinct_steps,
             *branches,
-            _drivers(bars),
+            bars.matrix_MPa,
+            bars.fibre_MPa,
+            bars.strain,
             self.sudden,
             total,
         )
         return total
 
     def _correction(self, grips: Bars, bars: Bars, residual: Array) -> Array:
-        """The change of the displacement ``[n, t]`` (mm) in one step of Newton's method."""
+        """The change of the displacement ``[n, t]`` (mm) in one step of Newton's method.
+
+        The bars are as many as the rows of ``residual``, or one for all of them.
+        """
         nudged = self._elastic(replace(bars, displacement_mm=bars.displacement_mm + _STRETCH_STEP * bars.length_mm))
         tangents = (_drivers(nudged) - _drivers(bars)) / _STRETCH_STEP
         state = replace(grips, force_N=bars.force_N)
@@ -305,12 +340,16 @@ class _Run:
             tangents,
             area,
             bars.length_mm,
-            np.array([way.compliance for way in gives]).reshape(-1, *residual.shape),
-            np.array([way.kept for way in gives]).reshape(-1, *residual.shape),
+            np.array([way.compliance for way in gives]).reshape(-1, *bars.stretch.shape),
+            np.array([way.kept for way in gives]).reshape(-1, *bars.stretch.shape),
             residual,
             result,
         )
         return result
+
+
+def _first(values: Values) -> Values:
+    return {name: value[:1] for name, value in values.items()}
 
 
 def _drivers(bars: Bars) -> Array:

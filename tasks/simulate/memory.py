@@ -25,33 +25,37 @@ def stress(  # type: ignore[no-untyped-def]
     times,
     slowing,
     slowed,
-    drivers,
+    matrix,
+    fibre,
+    strain,
     sudden,
     total,
 ):
     """Write the stress ``total`` ``[n, t]``: the constituents' elastic stress and that of all branches.
 
-    ``drivers`` ``[3, n, t]`` are the elastic stress of matrix and fibres (MPa) and the strain; branch k is driven by
-    ``driver[k]``, with ``viscosity`` and ``times`` ``[n, k]``. The times of the first ``slowed`` branches are
-    multiplied by ``slowing`` ``[n, t]``. The first point is at rest, unless ``sudden``: then the bars are free of
-    stress there, and their load comes with the first step.
+    Branch k is driven by the elastic stress of the ``matrix`` or of the ``fibre`` (MPa) or by the ``strain``, all
+    ``[n, t]``, as ``driver[k]`` is 0, 1 or 2, with ``viscosity`` and ``times`` ``[n, k]``. The times of the first
+    ``slowed`` branches are multiplied by ``slowing`` ``[n, t]``. The first point is at rest, unless ``sudden``: then
+    the bars are free of stress there, and their load comes with the first step.
     """
     count = driver.size
-    h, decay, gain = np.zeros(count), np.zeros(count), np.zeros(count)
+    h, decay, gain, change = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(3)
     for row in range(total.shape[0]):
         h[:] = 0.0
         last_step, last_former, last_factor = -1, 1.0, 1.0
-        total[row, 0] = 0.0 if sudden else drivers[0, row, 0] + drivers[1, row, 0]
+        m, f, e = (0.0, 0.0, 0.0) if sudden else (matrix[row, 0], fibre[row, 0], strain[row, 0])
+        total[row, 0] = m + f
         for t in range(1, total.shape[1]):
             former = slowing[row, t - 1] if slowed > 0 else 1.0
             factor = slowing[row, t] if slowed > 0 else 1.0
             if step_of[t] != last_step or former != last_former or factor != last_factor:
                 last_step, last_former, last_factor = step_of[t], former, factor
                 _set_coefficients(decay, gain, steps[last_step], former, factor, slowed, viscosity[row], times[row])
-            summed = drivers[0, row, t] + drivers[1, row, t]
+            change[0], change[1], change[2] = matrix[row, t] - m, fibre[row, t] - f, strain[row, t] - e
+            m, f, e = matrix[row, t], fibre[row, t], strain[row, t]
+            summed = m + f
             for k in range(count):
-                before = 0.0 if sudden and t == 1 else drivers[driver[k], row, t - 1]
-                h[k] = h[k] * decay[k] + (drivers[driver[k], row, t] - before) * gain[k]
+                h[k] = h[k] * decay[k] + change[driver[k]] * gain[k]
                 summed += h[k]
             total[row, t] = summed
 
@@ -80,7 +84,7 @@ def correction(  # type: ignore[no-untyped-def]
     Displacement s lost outside the gauge length follows s <- kept s + compliance dF, with ``compliance`` (mm/N) and
     ``kept`` ``[m, n, t]``.
     ``tangents`` ``[3, n, t]`` are the derivatives of the drivers by the stretch. As the past is known, each point is
-    one linear equation.
+    one linear equation. Where the bars are one and residuals are many, all of them are of that bar.
     """
     count = driver.size
     h, decay, gain = np.zeros(count), np.zeros(count), np.zeros(count)
@@ -90,27 +94,28 @@ def correction(  # type: ignore[no-untyped-def]
         slipped[:] = 0.0
         last_step, last_former, last_factor = -1, 1.0, 1.0
         before = 0.0
+        bar = row if stretch.shape[0] > 1 else 0
         for t in range(result.shape[1]):
-            former = slowing[row, t - 1] if slowed > 0 and t > 0 else 1.0
-            factor = slowing[row, t] if slowed > 0 else 1.0
+            former = slowing[bar, t - 1] if slowed > 0 and t > 0 else 1.0
+            factor = slowing[bar, t] if slowed > 0 else 1.0
             if t > 0 and (step_of[t] != last_step or former != last_former or factor != last_factor):
                 last_step, last_former, last_factor = step_of[t], former, factor
-                _set_coefficients(decay, gain, steps[last_step], former, factor, slowed, viscosity[row], times[row])
-            stiffness, history = _response(t, tangents[:, row], driver, h, decay, gain, before)
-            scale = area[row] * stretch[row, t]
-            instant = (area[row] * stress[row, t] + scale * stiffness) / length
+                _set_coefficients(decay, gain, steps[last_step], former, factor, slowed, viscosity[bar], times[bar])
+            stiffness, history = _response(t, tangents[:, bar], driver, h, decay, gain, before)
+            scale = area[bar] * stretch[bar, t]
+            instant = (area[bar] * stress[bar, t] + scale * stiffness) / length
             past = scale * history
             soft, lost = 0.0, 0.0
             for m in range(slipped.size):
-                slipped[m] *= kept[m, row, t]
-                soft += compliance[m, row, t]
+                slipped[m] *= kept[m, bar, t]
+                soft += compliance[m, bar, t]
                 lost += slipped[m]
             moved = (residual[row, t] - lost - soft * past) / (1.0 + soft * instant)
             pulled = instant * moved + past
             for m in range(slipped.size):
-                slipped[m] += compliance[m, row, t] * pulled
+                slipped[m] += compliance[m, bar, t] * pulled
             now = moved / length
-            _advance(t, tangents[:, row], driver, h, decay, gain, before, now)
+            _advance(t, tangents[:, bar], driver, h, decay, gain, before, now)
             before = now
             result[row, t] = moved
 

@@ -346,9 +346,12 @@ def _pulled(test: Test, measured: Measured, candidate: Candidate, at: Array) -> 
     return Measured(replace(specimen, curves=(Curve(protocol, level),)), measured.noise)
 
 
-def _forces(candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve]) -> Array:
+def _forces(
+    candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve], *, nearby: bool = False
+) -> Array:
     """Forces ``[n, t]`` (N) at the points at which fits ask the model."""
-    parts = [candidate.forces(measured.specimen, measured.thinned[curve.name].protocol, at) for curve in curves]
+    asked = [measured.thinned[curve.name].protocol for curve in curves]
+    parts = [candidate.forces(measured.specimen, protocol, at, nearby=nearby) for protocol in asked]
     return np.concatenate(parts, axis=1)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 from threadpoolctl import threadpool_limits
 
-from sinew.tasks.discover.fit.fit import Candidate, Fitted, derivatives, pulls, residuals, spreads
+from sinew.tasks.discover.fit.fit import Candidate, Fitted, derivatives, pulls, spreads, together
 from sinew.tasks.discover.measure.discrepancy import Discrepancy, discrepancy_of
 from sinew.tasks.discover.measure.measured import Measured
 from sinew.tasks.model.effect import Effect
@@ -116,12 +116,11 @@ def _fit(
 ) -> tuple[Array, Fitted, Array, Array]:
     """Where a fit to whitened residuals ended, the fit, and the residuals and slopes there as they are."""
 
-    def loss(at: Array) -> Array:
-        return white(residuals(candidate, measured, at[np.newaxis], measured.curves)[0])
+    def both(at: Array) -> tuple[Array, Array]:
+        error, slopes = derivatives(candidate, measured, at, measured.curves)
+        return white(error), white(slopes)
 
-    def slope(at: Array) -> Array:
-        return white(derivatives(candidate, measured, at, measured.curves)[1])
-
+    loss, slope = together(both)
     solution = least_squares(
         loss, np.clip(start, 1e-6, 1.0 - 1e-6), jac=slope, bounds=(0.0, 1.0), ftol=CLOSE, xtol=1e-5, gtol=1e-7,
         max_nfev=EVALUATIONS,

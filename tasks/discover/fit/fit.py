@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
+from typing import Protocol as Callback
 
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
@@ -118,14 +119,17 @@ class Candidate:
         count = len(self.varied)
         return self.model.full(self.varied, values[:, :count]), values[:, count:]
 
-    def forces(self, specimen: Specimen, protocol: Protocol, at: Array) -> Array:
-        """Forces ``[n, t]`` (N) along a protocol at points ``[n, k]`` of the unit cube; NaN where they fail."""
+    def forces(self, specimen: Specimen, protocol: Protocol, at: Array, *, nearby: bool = False) -> Array:
+        """Forces ``[n, t]`` (N) along a protocol at points ``[n, k]`` of the unit cube; NaN where they fail.
+
+        ``nearby``: the points are small steps away from the first.
+        """
         parameters, values = self.rows(at)
         if self.solver is not None:
             solver, model = self.solver.with_effects(self.effects), model_with(self.model, self.effects)
             rows = np.concatenate([parameters, values], axis=1)
             return simulate_patiently(solver, model, specimen, protocol, rows, retries=self.retries).force_N
-        return simulate_with(self.model, self.effects, specimen, protocol, parameters, values)
+        return simulate_with(self.model, self.effects, specimen, protocol, parameters, values, nearby=nearby)
 
     def unit(self, name: str, value: float) -> float:
         """Where on the unit cube a parameter of an effect has a value."""
@@ -142,27 +146,36 @@ class Candidate:
         return np.array([self.unit(n, v) for e in self.effects for n, v in zip(e.names, e.typical, strict=True)])
 
 
-def errors(candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve]) -> Array:
+def errors(
+    candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve], *, nearby: bool = False
+) -> Array:
     """Whitened errors ``[n, all measured points]`` at points ``[n, k]``; what fails is far away."""
     parts = []
     for curve in curves:
-        force = candidate.forces(measured.specimen, curve.protocol, at)
+        force = candidate.forces(measured.specimen, curve.protocol, at, nearby=nearby)
         white = measured.whitened(curve, force - curve.force_N)
         parts.append(np.where(np.isfinite(white), white, FAR))
     return np.concatenate(parts, axis=1)
 
 
-def residuals(candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve]) -> Array:
+def residuals(
+    candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve], *, nearby: bool = False
+) -> Array:
     """Whitened residuals ``[n, groups of all curves]`` at points ``[n, k]``; what fails is far away."""
     parts = []
     for curve in curves:
         thin = measured.thinned[curve.name]
-        white = thin.residuals(candidate.forces(measured.specimen, thin.protocol, at))
+        white = thin.residuals(candidate.forces(measured.specimen, thin.protocol, at, nearby=nearby))
         parts.append(np.where(np.isfinite(white), white, FAR))
     return np.concatenate(parts, axis=1)
 
 
-Whitened = Callable[[Candidate, Measured, Array, Sequence[Curve]], Array]
+class Whitened(Callback):
+    """:func:`residuals`, or a function like it."""
+
+    def __call__(
+        self, candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve], *, nearby: bool = False
+    ) -> Array: ...
 
 
 def derivatives(
@@ -179,9 +192,25 @@ def derivatives(
     """
     steps = np.delete(np.where(at + STEP <= 1.0, STEP, -STEP), fixed)
     moves = np.delete(np.eye(at.size), fixed, axis=0) * steps[:, np.newaxis]
-    moved = of(candidate.embedded, measured, np.concatenate([at[np.newaxis], at + moves]), curves)
+    moved = of(candidate.embedded, measured, np.concatenate([at[np.newaxis], at + moves]), curves, nearby=True)
     slopes = ((moved[1:] - moved[0]) / steps[:, np.newaxis]).T
     return moved[0] if candidate.solver is None else of(candidate, measured, at[np.newaxis], curves)[0], slopes
+
+
+def together(both: Callable[[Array], tuple[Array, Array]]) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
+    """Residuals and their slopes as two functions of a point, each of which finds both and remembers the last.
+
+    Least squares asks for the slopes at nearly every point whose residuals it has seen.
+    """
+    last: tuple[Array, tuple[Array, Array]] | None = None
+
+    def at_point(at: Array) -> tuple[Array, Array]:
+        nonlocal last
+        if last is None or not np.array_equal(last[0], at):
+            last = at.copy(), both(at)
+        return last[1]
+
+    return lambda at: at_point(at)[0], lambda at: at_point(at)[1]
 
 
 def fit(
@@ -207,12 +236,7 @@ def fit(
         every[free] = at
         return every
 
-    def loss(at: Array) -> Array:
-        return residuals(candidate, measured, whole(at)[np.newaxis], chosen)[0]
-
-    def slope(at: Array) -> Array:
-        return derivatives(candidate.embedded, measured, whole(at), chosen, fixed=fixed)[1]
-
+    loss, slope = together(lambda at: derivatives(candidate, measured, whole(at), chosen, fixed=fixed))
     solution = least_squares(
         loss, np.clip(start[free], 1e-6, 1 - 1e-6), jac=slope, bounds=(0.0, 1.0), ftol=TOLERANCE, xtol=1e-7,
         gtol=1e-7, max_nfev=EVALUATIONS, x_scale=1.0,

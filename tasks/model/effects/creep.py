@@ -18,19 +18,23 @@ def _by_strain(bars: Bars, values: Values) -> Array:
     return _longer(bars, np.concatenate([np.zeros_like(growth[:, :1]), growth], axis=1))
 
 
-def _flown(bars: Bars, rate: Array, unit: Array, limit: Array) -> Array:
-    """Displacement of a gauge length that grows with ``rate`` (1/s) per force / ``unit`` (N) beyond ``limit``."""
+def _growth(bars: Bars, rate: Array, unit: Array, limit: Array) -> Array:
+    """Growth ``[n, t]`` with ``rate`` (1/s) per force / ``unit`` (N) beyond ``limit``."""
     beyond = np.maximum(bars.force_N / unit - limit, 0.0)
-    return _longer(bars, rate * np.cumsum(beyond * bars.steps_s, axis=1))
+    growth: Array = rate * np.cumsum(beyond * bars.steps_s, axis=1)
+    return growth
 
 
 def _flowing(bars: Bars, rate: Array, unit: Array, limit: Array) -> tuple[GivingWay, ...]:
-    creeps = (bars.force_N / unit > limit) * bars.steps_s * bars.length_mm / unit
-    return (GivingWay(rate * creeps, np.ones_like(bars.force_N)),)
+    # what is lost is in proportion to the length that has grown, which is that of the present point, not of the past
+    length = (bars.length_mm + bars.displacement_mm) / (1.0 + _growth(bars, rate, unit, limit)) ** 2
+    kept = np.ones_like(length)
+    kept[:, 1:] = length[:, 1:] / length[:, :-1]
+    return (GivingWay(rate * length * (bars.force_N / unit > limit) * bars.steps_s / unit, kept),)
 
 
 def _by_stress(bars: Bars, values: Values) -> Array:
-    return _flown(bars, values["creep_per_stress"], bars.material["area_mm2"], values["creep_stress"])
+    return _longer(bars, _growth(bars, values["creep_per_stress"], bars.material["area_mm2"], values["creep_stress"]))
 
 
 def _by_stress_way(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
@@ -43,7 +47,7 @@ def _peak(bars: Bars) -> Array:
 
 
 def _by_part(bars: Bars, values: Values) -> Array:
-    return _flown(bars, values["creep_speed"], _peak(bars), values["creep_part"])
+    return _longer(bars, _growth(bars, values["creep_speed"], _peak(bars), values["creep_part"]))
 
 
 def _by_part_way(bars: Bars, values: Values) -> tuple[GivingWay, ...]:
@@ -107,6 +111,7 @@ BY_PART = Effect(
         ),
         Parameter("creep_part", "1", 0.0, 1.0, 0.4, "part of the peak at which creep begins"),
     ),
+    asks_rigid=True,
     null={"creep_speed": 0.0},
     seen_by=_SEEN,
     confounded_with=_CONFOUNDED,

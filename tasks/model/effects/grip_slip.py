@@ -70,6 +70,7 @@ CREEP = Effect(
         Parameter("slip_rate", "mm/(N s)", 0.0, 1e-3, 5e-5, "speed of slip per force beyond what the grips hold"),
         Parameter("slip_part", "1", 0.0, 1.0, 0.6, "part of that force up to which they hold"),
     ),
+    asks_rigid=True,
     null={"slip_rate": 0.0},
     seen_by=("peak", "early hold", "unload", "valley", "later cycles"),
     confounded_with={

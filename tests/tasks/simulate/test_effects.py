@@ -131,6 +131,26 @@ def test_a_row_does_not_depend_on_the_rows_beside_it():
             assert alone.tobytes() == force[1:].tobytes(), [effect.slug for effect in effects]
 
 
+SETS_GIVING_WAY = [*((form,) for form in FORMS if form.giving_way), (CREEP, CLOSING, LIBRARY["creep"])]
+SETS_TITLES = [" and ".join(effect.name for effect in effects) for effects in SETS_GIVING_WAY]
+
+
+@pytest.mark.parametrize("protocol", HISTORIES, ids=lambda protocol: protocol.name)
+@pytest.mark.parametrize("effects", SETS_GIVING_WAY, ids=SETS_TITLES)
+def test_nearby_rows_give_the_slopes_that_rows_in_balance_give(effects, protocol):
+    model, step = Model(), 1e-5
+    typical = np.concatenate([effect.typical for effect in effects])
+    at = np.concatenate([reference_parameters(model)[0], typical])
+    rows = np.concatenate([at[np.newaxis], at + np.diag(step * at)])
+    parameters, values = np.split(rows, [len(model.parameters)], axis=1)
+    balanced, nearby = (
+        simulate_with(model, effects, BAR, protocol, parameters, values, nearby=each) for each in (False, True)
+    )
+    assert error(nearby, balanced).max() < 1e-9
+    slopes = [(forces[1:] - forces[0]) / step for forces in (balanced, nearby)]
+    assert np.abs(slopes[1] - slopes[0]).max() < 1e-3 * np.abs(slopes[0]).max()
+
+
 def test_impossible_rows_are_nan_and_columns_are_counted():
     rows = np.tile(Model().reference, (2, 1))
     rows[1, Model().names.index("E_m")] = np.inf

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sinew.tasks.data.noise import Noise
-from sinew.tasks.discover.fit.fit import WIDTH, Candidate, Fitted, covariance, fit, gentle, spreads
+from sinew.tasks.discover.fit.fit import WIDTH, Candidate, Fitted, covariance, fit, gentle, spreads, together
 from sinew.tasks.discover.measure.measured import Measured
 from sinew.tasks.model import Curve, Model, Specimen
 from sinew.tasks.model.protocols import cyclic, one_step
@@ -120,3 +120,19 @@ def test_slopes_towards_where_the_model_fails_leave_a_spread():
     assert np.isfinite(found).all()
     assert found[:2] == pytest.approx((2.0 * WIDTH) ** -0.5)  # each may be anything, their sum is known
     assert found[2] == pytest.approx(WIDTH**-0.5)
+
+
+def test_residuals_and_slopes_of_a_point_are_found_together_and_once():
+    asked = []
+
+    def both(at):
+        asked.append(at.tolist())
+        return at + 1.0, at * 2.0
+
+    loss, slope = together(both)
+    point = np.array([0.25, 0.5])
+    assert loss(point).tolist() == [1.25, 1.5] and slope(point).tolist() == [0.5, 1.0]
+    assert asked == [[0.25, 0.5]]
+    point[0] = 0.75  # least squares may use its array again
+    assert slope(point).tolist() == [1.5, 1.0] and loss(point).tolist() == [1.75, 1.5]
+    assert asked == [[0.25, 0.5], [0.75, 0.5]]
