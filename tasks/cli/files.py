@@ -246,21 +246,31 @@ def _ask(question: str, choices: Sequence[str]) -> str:
     "--ar1", type=click.FloatRange(0, 0.999), default=0.3, show_default=True, help="Correlation of neighbours."
 )
 @click.option("--effect", help="Hide an effect of the library in all specimens, at its typical size.")
-def cohort(out: Path, seed: int, per_site: int, rate: float, noise: float, ar1: float, effect: str | None) -> None:
+@click.option(
+    "--screw",
+    type=click.FloatRange(0, 1),
+    default=0.0,
+    help="Hide an uneven screw, which the library does not have: how far it is off, as a fraction of the displacement.",
+)
+def cohort(
+    out: Path, seed: int, per_site: int, rate: float, noise: float, ar1: float, effect: str | None, screw: float
+) -> None:
     """Make a virtual cohort from the 27 published specimens; its truth is known."""
     from sinew.tasks.data.cohort import write_cohort
     from sinew.tasks.data.virtual import virtual_cohort
     from sinew.tasks.model.effects import named
     from sinew.tasks.study.workspace import check_folder
 
-    for name, value in (("--rate", rate), ("--noise", noise), ("--ar1", ar1)):
+    for name, value in (("--rate", rate), ("--noise", noise), ("--ar1", ar1), ("--screw", screw)):
         if not math.isfinite(value):
             raise BadInput(name, str(value), "a finite number")
     check_folder(out)
     if effect is not None and effect not in named():
         raise BadInput("--effect", f"{shown(effect)} is no effect", f"one of {', '.join(named())}")
     hidden = () if effect is None else (named()[effect],)
-    specimens, truth = virtual_cohort(seed=seed, per_site=per_site, rate_hz=rate, noise=noise, ar1=ar1, effects=hidden)
+    specimens, truth = virtual_cohort(
+        seed=seed, per_site=per_site, rate_hz=rate, noise=noise, ar1=ar1, effects=hidden, screw=screw
+    )
     write_cohort(out, specimens, truth)
     curves = sum(len(specimen.curves) for specimen in specimens)
     put(f"{len(specimens)} specimens, {curves} curves, truth.json: {out}")

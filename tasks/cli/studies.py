@@ -94,7 +94,7 @@ def _say_how_long(
 @click.option("--workers", type=click.IntRange(1, 1024), help="Local worker processes.")
 @click.option("--quiet", is_flag=True, help="Nothing but errors and the last line.")
 def demo(out: Path | None, workers: int | None, quiet: bool) -> None:
-    """Try sinew on virtual tendons: which parameters matter, and which effect is the model missing?"""
+    """Try sinew on virtual tendons: which parameters matter, what is missing, and how much is left?"""
     from sinew.tasks import pipeline
     from sinew.tasks.data.demo import demo_studies
 

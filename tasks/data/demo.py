@@ -1,4 +1,4 @@
-"""The demo: two studies of virtual tendons, which need no data, no solver and no cluster."""
+"""The demo: three studies of virtual tendons, which need no data, no solver and no cluster."""
 
 import shutil
 from dataclasses import dataclass
@@ -21,9 +21,14 @@ class Demo:
     name: str
     rate_hz: float = 100.0
     effects: tuple[str, ...] = ()
+    screw: float = 0.0
 
 
-DEMOS = (Demo("demo"), Demo("hidden", rate_hz=10.0, effects=("toe-slack",)))
+DEMOS = (
+    Demo("demo"),
+    Demo("hidden", rate_hz=10.0, effects=("toe-slack",)),
+    Demo("partly", rate_hz=10.0, effects=("toe-slack",), screw=0.015),
+)
 
 
 def demo_studies(out: Path) -> list[Path]:
@@ -39,7 +44,9 @@ def _write(out: Path, demo: Demo) -> Path:
     cohort, study = out / f"{demo.name}-cohort", out / f"{demo.name}.yaml"
     if not cohort.exists():
         effects = tuple(named()[name] for name in demo.effects)
-        specimens, truth = virtual_cohort(seed=SEED, per_site=1, rate_hz=demo.rate_hz, effects=effects)
+        specimens, truth = virtual_cohort(
+            seed=SEED, per_site=1, rate_hz=demo.rate_hz, effects=effects, screw=demo.screw
+        )
         partial = out / f".{cohort.name}"
         shutil.rmtree(partial, ignore_errors=True)
         write_cohort(partial, specimens, truth)

@@ -4,12 +4,13 @@ Parameters are those of Pekedis (2025), table 2. Gauge lengths, widths and thick
 Forces carry first-order autoregressive noise. All that is true of the specimens is known, for ``truth.json``.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from sinew.tasks.model import Curve, Model, Specimen
+from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.model.protocols import STANDARD
 from sinew.tasks.simulate.effects import simulate_with
@@ -17,6 +18,7 @@ from sinew.tasks.study.resources import resource
 
 GAUGE_MM = (10.0, 8.0, 4.0)
 GAUGE_SCATTER = 0.04
+TURNS = 5  # of a screw up to the largest displacement
 Array = np.ndarray[Any, np.dtype[Any]]
 
 
@@ -33,13 +35,15 @@ def virtual_cohort(
     noise: float = 0.003,
     ar1: float = 0.3,
     effects: tuple[Effect, ...] = (),
+    screw: float = 0.0,
 ) -> tuple[list[Specimen], dict[str, Any]]:
     """Specimens with simulated measurements, and their true parameters and noise.
 
     ``per_site``: how many of the nine specimens of each site. ``rate_hz``: samples per second. ``noise``: standard
     deviation as a fraction of the specimen's peak force. ``ar1``: correlation of neighbouring samples. ``effects``:
-    what the specimens have beside the model, at typical sizes. The numbers of a specimen depend on the seed and its own
-    row in the table only, so a smaller cohort holds the same specimens as a larger one.
+    what the specimens have beside the model, at typical sizes. ``screw``: how far the machine's uneven screw is off at
+    most, as a fraction of the largest displacement; no effect of the library describes that. The numbers of a specimen
+    depend on the seed and its own row in the table only, so a smaller cohort holds the same specimens as a larger one.
     """
     model = Model()
     typical = np.concatenate([np.empty(0), *(effect.typical for effect in effects)])[np.newaxis]
@@ -53,8 +57,10 @@ def virtual_cohort(
         values = np.array([[row[parameter] for parameter in model.names]], dtype=float)
         bare = Specimen(name, length, width, thickness)
         protocols = [make(length, rate_hz) for make in STANDARD]
-        forces = [simulate_with(model, effects, bare, protocol, values, typical)[0] for protocol in protocols]
-        scale = noise * max(force.max() for force in forces)
+        moved = [_screwed(protocol, screw) if screw else protocol for protocol in protocols]
+        forces = [simulate_with(model, effects, bare, protocol, values, typical)[0] for protocol in moved]
+        peak = max(force.max() for force in forces)
+        scale = noise * peak
         curves = tuple(
             Curve(protocol, force + scale * autoregressive(rng, force.size, ar1))
             for protocol, force in zip(protocols, forces, strict=True)
@@ -68,7 +74,17 @@ def virtual_cohort(
     known = {"seed": seed, "rate_hz": rate_hz, "source": "Pekedis (2025), table 2", "specimens": truth}
     if effects:
         known["effects"] = {one.name: dict(zip(one.names, one.typical.tolist(), strict=True)) for one in effects}
+    if screw:
+        known["screw"] = {"fraction_of_displacement": screw, "turns": TURNS}
     return specimens, known
+
+
+def _screwed(protocol: Protocol, size: float) -> Protocol:
+    """How the specimen is pulled by a screw that is off by a wave, where the machine records ``protocol``."""
+    recorded = protocol.displacement_mm
+    largest = np.abs(recorded).max()
+    off = size * largest * np.sin(2.0 * np.pi * TURNS * recorded / largest)
+    return replace(protocol, displacement_mm=recorded + off)
 
 
 def autoregressive(rng: np.random.Generator, size: int, ar1: float) -> Array:

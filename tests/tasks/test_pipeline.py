@@ -4,6 +4,7 @@ import json
 import os
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -305,6 +306,21 @@ def test_noise_has_the_level_and_the_correlation_that_it_says():
             residual = curve.force_N - Uniaxial().simulate(Model(), specimen, curve.protocol, values).force_N[0]
             assert residual.std() == pytest.approx(known["noise_sd_N"], rel=0.06)
             assert np.corrcoef(residual[1:], residual[:-1])[0, 1] == pytest.approx(0.6, abs=0.05)
+
+
+def test_an_uneven_screw_pulls_otherwise_than_it_records():
+    (even, *_), _ = virtual_cohort(seed=0, per_site=1, rate_hz=5.0, noise=0.0)
+    (uneven, *_), truth = virtual_cohort(seed=0, per_site=1, rate_hz=5.0, noise=0.0, screw=0.01)
+    assert truth["screw"] == {"fraction_of_displacement": 0.01, "turns": 5}
+    values = np.array([list(truth["specimens"][even.name]["parameters"].values())])
+    for curve, same in zip(uneven.curves, even.curves, strict=True):
+        recorded = curve.protocol.displacement_mm
+        assert np.array_equal(recorded, same.protocol.displacement_mm)
+        off = 0.01 * recorded.max() * np.sin(10.0 * np.pi * recorded / recorded.max())
+        pulled = replace(curve.protocol, displacement_mm=recorded + off)
+        force = Uniaxial().simulate(Model(), even, pulled, values).force_N[0]
+        assert np.abs(curve.force_N - force).max() < 1e-9 * force.max()
+        assert np.abs(curve.force_N - same.force_N).max() > 0.01 * force.max()
 
 
 def test_a_smaller_cohort_holds_the_same_specimens():

@@ -7,7 +7,7 @@ from sinew.tasks.study.study import read_study
 
 def test_the_studies_find_their_specimens_wherever_they_are(tmp_path):
     studies = demo_studies(tmp_path / "here")
-    assert [read_study(path).name for path in studies] == [demo.name for demo in DEMOS] == ["demo", "hidden"]
+    assert [read_study(path).name for path in studies] == [demo.name for demo in DEMOS] == ["demo", "hidden", "partly"]
     for path in studies:
         study = read_study(path)
         assert study.cohort_path == tmp_path / "here" / f"{study.name}-cohort"
@@ -15,6 +15,6 @@ def test_the_studies_find_their_specimens_wherever_they_are(tmp_path):
 
 
 def test_what_is_there_stays(tmp_path):
-    first, _ = demo_studies(tmp_path)
+    first, *_ = demo_studies(tmp_path)
     first.write_text("name: mine\ncohort: demo-cohort\n")
     assert demo_studies(tmp_path)[0].read_text() == "name: mine\ncohort: demo-cohort\n"
