@@ -2,20 +2,17 @@
 
 from collections.abc import Sequence
 
-from sinew.runner.evaluation.adaptive import Session
 from sinew.tasks.discover.after.added import study_with
 from sinew.tasks.discover.after.estimates import estimates
-from sinew.tasks.discover.after.experiment import Experiment, Rival, next_experiment
 from sinew.tasks.discover.after.gap import gap
+from sinew.tasks.discover.after.telling import telling_experiment
 from sinew.tasks.discover.compound import taken_away
 from sinew.tasks.discover.fit.laws import FoundLaw, find_law
 from sinew.tasks.discover.fit.search import Candidates
-from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all, profiled_each
+from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, profiled_each
 from sinew.tasks.discover.follow_up import NextExperiment
 from sinew.tasks.discover.result import WITH_LAWS, Law
 from sinew.tasks.study.workspace import Workspace
-
-MAX_SPECIMENS = 4  # for which the test that would refute a law is computed
 
 
 def described(
@@ -51,14 +48,5 @@ def described(
 
 def _refuted_by(workspace: Workspace, cohort: Sequence[SpecimenFits], found: FoundLaw) -> NextExperiment | None:
     """The test that tells the laws from the best others, or from none where no others predict anything."""
-    models = [Rival(found.effects, tuple(one.at for one in found.fits[:MAX_SPECIMENS]))]
-    other, fits = found.second or (found.base, found.base_fits)
-    models.append(Rival(other, tuple(one.at for one in fits[:MAX_SPECIMENS])))
-    measured = [one.measured for one in cohort[:MAX_SPECIMENS]]
-
-    def work(_: int, __: None, session: Session) -> Experiment | None:
-        answer: Experiment | None = session.compute(next_experiment, workspace.model, models, measured)
-        return answer
-
-    ((experiment,),) = each_for_all(workspace, cohort[:1], "the test that would refute the law", [None], work)
-    return experiment.result() if experiment else None
+    models = [(found.effects, found.fits), found.second or (found.base, found.base_fits)]
+    return telling_experiment(workspace, cohort, models, "the test that would refute the law")

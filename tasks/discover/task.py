@@ -12,9 +12,9 @@ from sinew.runner.evaluation.adaptive import Session
 from sinew.tasks.discover.after.added import checks, study_with
 from sinew.tasks.discover.after.curves import simulated, stored_as
 from sinew.tasks.discover.after.estimates import candidate_result
-from sinew.tasks.discover.after.experiment import Experiment, Rival, next_experiment
 from sinew.tasks.discover.after.gap import gap
 from sinew.tasks.discover.after.solver import in_febio
+from sinew.tasks.discover.after.telling import MAX_SPECIMENS, telling_experiment
 from sinew.tasks.discover.compound import compound, remainder
 from sinew.tasks.discover.described import described
 from sinew.tasks.discover.fit.fit import Fitted
@@ -57,7 +57,6 @@ from sinew.tasks.study.streams import Stream
 from sinew.tasks.study.workspace import Workspace, attempts_folder
 
 MAX_RIVALS = 4  # candidates that the next experiment has to separate
-MAX_SPECIMENS = 4  # for which the next experiment and the shape of the misfit are computed
 LEFT_OVER = ("PARTLY", "OUTSIDE")  # words of verdicts after which a law is looked for
 FAR_BEYOND = 0.02  # of the probability ``chance``: that of the second, farther limit of a cell
 
@@ -354,20 +353,11 @@ def _intervals(workspace: Workspace, findings: Findings, shown: Effects) -> Mapp
 
 def _experiment(workspace: Workspace, findings: Findings, judged: Score) -> NextExperiment | None:
     """The experiment that separates the rivals; without rivals, the best candidate from the bare model."""
-    candidates, cohort = findings.candidates, findings.cohort[:MAX_SPECIMENS]
+    candidates = findings.candidates
     close = rivals(candidates.scores, judged)
     several = [candidates.effects_of(one) for one in (judged, *close[: MAX_RIVALS - 1])]
-    models = [Rival(effects, tuple(one.at for one in candidates.fits[effects][:MAX_SPECIMENS])) for effects in several]
-    if not close:
-        models.append(Rival((), tuple(one.at for one in candidates.bare[:MAX_SPECIMENS])))
-    measured = [one.measured for one in cohort]
-
-    def work(_: int, __: None, session: Session) -> Experiment | None:
-        answer: Experiment | None = session.compute(next_experiment, workspace.model, models, measured)
-        return answer
-
-    ((experiment,),) = each_for_all(workspace, cohort[:1], "the experiment that would tell", [None], work)
-    return experiment.result() if experiment else None
+    models = [(effects, candidates.with_bare[effects]) for effects in (several if close else [*several, ()])]
+    return telling_experiment(workspace, findings.cohort, models, "the experiment that would tell")
 
 
 def _outside(workspace: Workspace, findings: Findings) -> Outside:

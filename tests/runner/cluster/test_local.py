@@ -21,11 +21,21 @@ from sinew.runner.cluster.local import Local
 from sinew.runner.errors import ClusterError
 from sinew.runner.temporary import PREFIX
 
+OTHERS: set[int] = set()
+
+
+@pytest.fixture(autouse=True)
+def _others(monkeypatch):
+    """Workers that are there before a test are those that tests of other files share."""
+    monkeypatch.setattr(f"{__name__}.OTHERS", {process.pid for process in psutil.Process().children()})
+
 
 def worker_processes() -> list[psutil.Process]:
-    """Workers of this process that start, or that run and have given themselves a title."""
+    """Workers that a test has in this process: that start, or that run and have given themselves a title."""
     found = []
     for process in psutil.Process().children():
+        if process.pid in OTHERS:
+            continue
         with suppress(psutil.Error):
             if any(words in " ".join(process.cmdline()) for words in ("spawn_main", "dask worker")):
                 found.append(process)
