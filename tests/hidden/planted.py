@@ -28,6 +28,7 @@ from sinew.tasks.study.study import read_study
 
 SMALL = 1e-3  # of the unit size, at which signatures are in proportion to the size
 STARTS = 4
+STILL = 0.02  # of the largest speed: a machine that is slower holds
 WINDOW = 15  # points over which forces are smoothed that move something: a machine does not shake as a load cell does
 WIDTH = 12.0  # precision of what is anywhere on the unit cube, in imitations
 
@@ -62,8 +63,11 @@ def lag(curve: Curve, size: float) -> Curve:
 
 
 def rub(curve: Curve, size: float) -> Curve:
-    """A bearing rubs with ``size`` of the largest force against the movement, while there is one."""
-    way = np.sign(np.gradient(curve.protocol.displacement_mm))
+    """A bearing rubs with ``size`` of the largest force against the last movement, in holds as well."""
+    speed = np.gradient(curve.protocol.displacement_mm, curve.protocol.time_s)
+    moves = np.abs(speed) > STILL * np.abs(speed).max()
+    last = np.maximum.accumulate(np.where(moves, np.arange(speed.size), 0))
+    way = np.where(moves[last], np.sign(speed[last]), 0.0)
     return replace(curve, force_N=curve.force_N + size * np.abs(curve.force_N).max() * way)
 
 

@@ -10,7 +10,7 @@ from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.noise import Noise
 from sinew.tasks.discover.fit.fit import Candidate
 from sinew.tasks.discover.measure.measured import Measured
-from sinew.tasks.model import Curve, Model, Specimen
+from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effects import library
 from sinew.tasks.model.protocols import cyclic
 from sinew.tasks.simulate.effects import simulate_with
@@ -58,6 +58,14 @@ def test_nothing_is_planted_with_size_zero(name):
     found = planted(true, name, 0.0).curves[0]
     assert found.force_N.tolist() == true.curves[0].force_N.tolist()
     assert found.protocol.displacement_mm.tolist() == true.curves[0].protocol.displacement_mm.tolist()
+
+
+def test_friction_turns_where_the_movement_turns_and_stays_in_holds():
+    time = np.arange(60) / 10.0
+    moved = np.interp(time, [0.0, 2.0, 4.0, 5.9], [0.0, 1.0, 1.0, 0.0])
+    true = Specimen("bar", 10.0, 8.0, 4.0, (Curve(Protocol("one", time, moved), np.full(60, 10.0)),))
+    added = planted(true, "friction", 0.1).curves[0].force_N - 10.0
+    assert np.allclose(added[:39], 1.0) and np.allclose(added[42:], -1.0)
 
 
 def test_strength_is_in_units_of_the_noise_and_of_what_nothing_imitates():
