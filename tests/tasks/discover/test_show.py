@@ -9,7 +9,7 @@ from sinew.tasks.discover.page import section
 from sinew.tasks.discover.prose import methods
 from sinew.tasks.discover.result import Gap, Law
 from sinew.tasks.discover.show import in_one_sentence, of_the_law, stack_of
-from tests.tasks.discover.results import discovery
+from tests.tasks.discover.results import candidate, discovery
 
 LEFT = Remainder(0.171, (0.12, 0.22), 3.456, True, ("cyclic: unload 1", "cyclic: toe 2"), "")
 SOFT = Part("softening", "softening/simo", 0.6, (0.5, 0.7), 900.0, 4.0, "time-lag", 30.0, 3.5, None)
@@ -58,6 +58,15 @@ def of_largest_strain(*beside):
         ("law/fibres/largest-strain:0.1/power",), ("S_f -> S_f (1 + a x^b)",), beside, 0.612, (0.55, 0.66), {}, gap,
         "discover/law.yaml", "+ effects", ("law/series/force:1000/power",), None,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("loss", "told"), [(24_900.0, ""), (144_000.0, "That is 12 times the noise: the names describe")]
+)
+def test_names_that_leave_far_more_than_noise_are_told_with_a_caution(loss, told):
+    found = discovery("PARTLY", effects=("a",), shown=("a",), remainder=LEFT, candidates=(candidate("a", loss=loss),))
+    said = in_one_sentence(found)
+    assert ("times the noise" in said) == bool(told) and told in said
 
 
 def test_a_law_is_told_as_a_description():
