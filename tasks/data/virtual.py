@@ -57,10 +57,9 @@ def virtual_cohort(
         values = np.array([[row[parameter] for parameter in model.names]], dtype=float)
         bare = Specimen(name, length, width, thickness)
         protocols = [make(length, rate_hz) for make in STANDARD]
-        moved = [_screwed(protocol, screw) if screw else protocol for protocol in protocols]
+        moved = [_screwed(protocol, screw) for protocol in protocols]
         forces = [simulate_with(model, effects, bare, protocol, values, typical)[0] for protocol in moved]
-        peak = max(force.max() for force in forces)
-        scale = noise * peak
+        scale = noise * max(force.max() for force in forces)
         curves = tuple(
             Curve(protocol, force + scale * autoregressive(rng, force.size, ar1))
             for protocol, force in zip(protocols, forces, strict=True)

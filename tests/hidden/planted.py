@@ -19,18 +19,17 @@ from scipy.signal import savgol_filter
 import sinew
 from sinew.tasks.data.cohort import read_cohort, write_cohort
 from sinew.tasks.data.noise import noise_of_all
-from sinew.tasks.discover.fit.fit import Candidate, derivatives, fit, residuals, starts
+from sinew.tasks.discover.fit.fit import WIDTH, Candidate, derivatives, fit, residuals, starts
 from sinew.tasks.discover.fit.sizes import library_for
 from sinew.tasks.discover.measure.measured import Measured
 from sinew.tasks.model import Curve, Specimen
 from sinew.tasks.study.model import model_of
-from sinew.tasks.study.study import read_study
+from sinew.tasks.study.study import Study, read_study
 
 SMALL = 1e-3  # of the unit size, at which signatures are in proportion to the size
 STARTS = 4
 STILL = 0.02  # of the largest speed: a machine that is slower holds
 WINDOW = 15  # points over which forces are smoothed that move something: a machine does not shake as a load cell does
-WIDTH = 12.0  # precision of what is anywhere on the unit cube, in imitations
 
 Planted = Callable[[Curve, float], Curve]
 """A curve as the machine would have recorded it, with an effect of some size."""
@@ -144,13 +143,13 @@ def main(cohort: Path, base: Path, out: Path, effects: tuple[str, ...], wanted: 
     study = read_study(base)
     bare = Candidate(model_of(study.model, study.simulator.law))
     measured = [Measured(one, noise_of_all(one.curves)) for one in specimens]
-    without = _verdict(base, cohort, out / "as_is", workers)
+    without = _verdict(study, cohort, out / "as_is", workers)
     print(json.dumps({"effect": None, **without}), flush=True)
     rows = []
     for effect in effects or EFFECTS:
         size = wanted / float(np.median([strength(bare, one, effect) for one in measured]))
         write_cohort(out / f"{effect}-cohort", [planted(one, effect, size) for one in specimens])
-        having = _verdict(base, out / f"{effect}-cohort", out / effect, workers)
+        having = _verdict(study, out / f"{effect}-cohort", out / effect, workers)
         added = sorted(set(having["effects"]) ^ set(without["effects"]))
         rows.append({"effect": effect, "size": size, **having, "differs_by": added, "right": added == [effect]})
         print(json.dumps(rows[-1]), flush=True)
@@ -158,9 +157,12 @@ def main(cohort: Path, base: Path, out: Path, effects: tuple[str, ...], wanted: 
     print(f"{sum(row['right'] for row in rows)} of {len(rows)} differ by exactly the effect")
 
 
-def _verdict(base: Path, cohort: Path, out: Path, workers: int) -> dict[str, Any]:
+def _verdict(study: Study, cohort: Path, out: Path, workers: int) -> dict[str, Any]:
     """The verdict on a cohort, and which effects it names."""
-    results = sinew.run(read_study(base), "discover", out=out, data=cohort, workers=workers)
+    try:
+        results = sinew.run(study, "discover", out=out, data=cohort, workers=workers)
+    except sinew.BadInput as problem:  # such as a size that the study's ranges cannot reach
+        raise click.UsageError(str(problem)) from None
     told = json.loads((results.folder / "verdict.json").read_text("utf-8"))
     return {"verdict": told["verdict"], "effects": sorted(told["effects"]), "explained": told["explained"]}
 
