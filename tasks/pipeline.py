@@ -54,7 +54,7 @@ def check(study: Study, out: Path, tasks: Sequence[str], *, data: Path | None = 
         if (own := getattr(TASKS[name].module("settings"), "check", None)) is not None:
             own(study, out, **_flags(name, flags))
     for name in tasks:
-        before = TASKS[name].needs
+        before = TASKS[name].needed(study)
         if before is not None and before not in tasks and read_json(out / f"{before}.json") is None:
             raise BadInput(out / f"{before}.json", "is not there", f"`sinew {before}` on this study first")
 
@@ -75,7 +75,7 @@ def run(workspace: Workspace, tasks: Sequence[str], *, figures: bool = True, **f
     errors: dict[str, Exception] = {}
     states = dict.fromkeys(tasks, "waiting")
     for name in tasks:
-        if (before := _failed_before(name, errors)) is not None:
+        if (before := _failed_before(workspace.study, name, errors)) is not None:
             states[name] = "not run"
             log.warning("task not run", extra={"task": name, "needs": before})
             continue
@@ -139,11 +139,11 @@ def _to_raise(errors: Mapping[str, Exception]) -> Exception:
     return raised
 
 
-def _failed_before(name: str, errors: Mapping[str, Exception]) -> str | None:
+def _failed_before(study: Study, name: str, errors: Mapping[str, Exception]) -> str | None:
     """The failed task whose result a task needs, directly or through others; None where there is none."""
-    before = TASKS[name].needs
+    before = TASKS[name].needed(study)
     while before is not None and before not in errors:
-        before = TASKS[before].needs
+        before = TASKS[before].needed(study)
     return before
 
 
@@ -155,7 +155,7 @@ def _say_what_goes_on(workspace: Workspace, name: str, others: Sequence[str], er
     """Tell of a task that has just failed while others run; its error is also printed at the end."""
     why = one_line(_why(errors[name]))
     workspace.event("task failed", task=name, reason=why)
-    later = [other for other in others if _failed_before(other, errors) is None]
+    later = [other for other in others if _failed_before(workspace.study, other, errors) is None]
     if later and not workspace.quiet:
         put(f"sinew: {name} failed: {brief(why)}; going on with {', '.join(later)}", error=True)
 

@@ -6,7 +6,8 @@ The folder of a task holds these modules, which are imported when they are first
 module        what it offers
 ============  ====================================================================================================
 ``settings``  ``Settings``, the task's section of the study file; optionally ``DEFAULT``, used when a study has no such
-              section, and ``check(study, out, **flags)``, which refuses what cannot work before anything is written
+              section, ``check(study, out, **flags)``, which refuses what cannot work before anything is written, and
+              ``needs(study)``, where the settings decide whether a result of the task that it ``needs`` is taken up
 ``method``    the method as plain functions: arrays in, result out, no files
 ``task``      ``run(workspace, settings, **flags)``: plan, evaluate, analyse, commit; returns the result
 ``result``    the result, a frozen dataclass that owns ``TASK.json`` (:class:`sinew.tasks.study.result.Result`)
@@ -49,6 +50,11 @@ class Task:
         """One of the modules of the task's folder."""
         return import_module(f"{__package__}.{self.name}.{name}")
 
+    def needed(self, study: Any) -> str | None:
+        """The task whose result a study's run of this one takes up; settings that decide have a ``needs(study)``."""
+        own = getattr(self.module("settings"), "needs", None)
+        return self.needs if own is None else own(study)
+
     @property
     def settings(self) -> Any:
         """The class of the task's section of the study file."""
@@ -73,8 +79,8 @@ TASKS: Mapping[str, Task] = {
             measured=True, examples=("sinew calibrate study.yaml --simulator febio",),
         ),
         Task(
-            "infer", "The parameters of each site with their uncertainty (ABC-SMC).", place=4, needs="calibrate",
-            measured=True,
+            "infer", "The parameters of each site's population and specimens, with their uncertainty.", place=4,
+            needs="calibrate", measured=True,
         ),
         Task(
             "predict", "Bands around the curves of each site, and how much of the data they cover.", place=5,

@@ -106,7 +106,7 @@ def run_case(cohort: Path, out: Path, base: dict[str, Any], workers: int | None)
     """See to it that a case has a verdict, from its cohort alone."""
     settings = {**(base.get("discover") or {}), "laws": False}  # a law changes no verdict
     text = as_yaml({**base, "cohort": str(cohort), "tasks": ["discover"], "discover": settings})
-    inputs, method = digest(_files(cohort), text), digest(DiscoverResult.method())
+    inputs, method = digest(_files(cohort), text), digest(DiscoverResult.versions())
     before = read_json(out / LOGGED) or {}
     listed = before.get("codes")
     codes = [one for one in listed if isinstance(one, str)] if isinstance(listed, list) else []

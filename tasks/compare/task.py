@@ -12,7 +12,14 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.compare.method import FEWEST, Array, Component, Particles, densities, first_component, pairs_of
 from sinew.tasks.compare.result import CompareResult, Loadings, SiteParticles
 from sinew.tasks.compare.settings import Settings
-from sinew.tasks.infer.result import InferResult, particles_group
+from sinew.tasks.infer.result import (
+    InferResult,
+    LikelihoodResult,
+    Posteriors,
+    draws_of_mean,
+    particles_group,
+    read_posteriors,
+)
 from sinew.tasks.study.cached import cached, commit, key
 from sinew.tasks.study.result import believed
 from sinew.tasks.study.workspace import Workspace
@@ -30,15 +37,16 @@ def run(workspace: Workspace, settings: Settings) -> CompareResult:
     particles. Where a few particles have most of the weight, intervals are wide.
     """
     path = InferResult.path(workspace.out)
-    inferred = InferResult.read(workspace.out)
+    inferred = read_posteriors(workspace.out)
     if inferred is None:
         raise BadInput(path, "is not there", "`sinew infer` on this study first")
     if len(inferred.sites) < 2:
         raise BadInput(path, f"one site only ({', '.join(inferred.sites)})", "two sites or more to compare")
     with believed(path):
-        sites = {site: _last_particles(workspace, site, inferred.names) for site in inferred.sites}
+        names = _varied(workspace, inferred)
+        sites = {site: _particles(workspace, inferred, site, names) for site in inferred.sites}
     arrays = [part for particles in sites.values() for part in (particles.values, particles.weights)]
-    inputs = key(CompareResult, workspace.seed, settings.model_dump(), inferred.names, list(sites), *arrays)
+    inputs = key(CompareResult, workspace.seed, settings.model_dump(), names, list(sites), *arrays)
     if (known := cached(workspace, CompareResult, inputs, ["compare"])) is not None:
         return known
     for site, particles in sites.items():
@@ -48,9 +56,9 @@ def run(workspace: Workspace, settings: Settings) -> CompareResult:
     component = first_component(list(sites.values()))
     along = {site: component.of(particles.values) for site, particles in sites.items()}
     result = CompareResult(
-        names=inferred.names,
+        names=names,
         confidence=settings.confidence,
-        component=_loadings(inferred.names, component),
+        component=_loadings(names, component),
         sites={site: SiteParticles(len(each.weights), each.effective) for site, each in sites.items()},
         pairs=pairs_of(component, along, sites, workspace.seed, settings),
         densities=densities(along, sites),
@@ -61,10 +69,21 @@ def run(workspace: Workspace, settings: Settings) -> CompareResult:
     return result
 
 
-def _last_particles(workspace: Workspace, site: str, names: list[str]) -> Particles:
-    last = workspace.store.read_result(particles_group(site)).isel(generation=-1)
+def _varied(workspace: Workspace, inferred: Posteriors) -> list[str]:
+    """The parameters that are compared: those that the measured curves depend on."""
+    blind = inferred.blind if isinstance(inferred, LikelihoodResult) else []
+    return [name for name in inferred.names if name not in blind]
+
+
+def _particles(workspace: Workspace, inferred: Posteriors, site: str, names: list[str]) -> Particles:
+    """The last particles of ABC, or draws of the mean of a population."""
+    kept = workspace.store.read_result(particles_group(site)).sel(parameter=names)
+    if isinstance(inferred, LikelihoodResult):
+        drawn = draws_of_mean(kept)
+        return Particles(drawn, np.full(len(drawn), 1.0 / len(drawn)))
+    last = kept.isel(generation=-1)
     weight = last["weight"].to_numpy()
-    return Particles(last["parameters"].sel(parameter=names).to_numpy(), weight / weight.sum())
+    return Particles(last["parameters"].to_numpy(), weight / weight.sum())
 
 
 def _loadings(names: list[str], component: Component) -> Loadings:

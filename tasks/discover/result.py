@@ -312,7 +312,7 @@ class DiscoverResult(Result):
         """As for every result, and what else a verdict depends on: forces with effects, and the library of effects."""
         from sinew.tasks.simulate.effects import VERSION  # its kernels are slow to import
 
-        return {**super().method(), "forces": VERSION, "effects": digest(_library())}
+        return {**super().versions(), "forces": VERSION, "effects": digest(_library())}
 
     def write(self, folder: Path) -> None:
         """Write ``discover.json`` and its copy, each whole or not at all."""

@@ -1,7 +1,7 @@
 """How long a discovery will take."""
 
-from sinew.tasks.discover.measure.measured import groups
 from sinew.tasks.discover.settings import Settings
+from sinew.tasks.fitting.measured import groups
 from sinew.tasks.model.effects import library
 from sinew.tasks.study.work import Given, Work, points
 

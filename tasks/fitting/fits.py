@@ -13,6 +13,7 @@ from scipy.optimize import lsq_linear
 from sinew.runner.evaluation.adaptive import Session
 from sinew.tasks.fitting.bayesian import Search, Surrogate, bayesian, propose
 from sinew.tasks.fitting.least_squares import STEP, Fit, Seen, Weighing, curvature_of, least_squares
+from sinew.tasks.fitting.starts import ALIKE, FAST, SLOW
 from sinew.tasks.model import Model
 from sinew.tasks.model.parameters import from_unit
 from sinew.tasks.simulate import Array
@@ -20,8 +21,6 @@ from sinew.tasks.simulate.evaluation import SpecimenEvaluation, kept_points
 from sinew.tasks.study.checkpoint import Checkpoint
 
 APART = 0.1  # least distance of two starts (of the cube's diagonal); nearer ones would lead to the same minimum
-ALIKE = (("tau_3f", "tau_3m"), ("tau_2f", "tau_2m"))  # pairs with nearly the same effect, which make local minima
-FAST, SLOW = 0.05, 0.95  # of a relaxation time's range
 WATCHED = 96  # points of a curve, at most, whose residuals the Bayesian optimisation uses
 FIRST = 0.13  # of the evaluations, for each of several fits, before the worse half of them is dropped
 

@@ -1,159 +1,20 @@
 """Posterior: what is known of each site's parameters after the inference."""
 
-from typing import Any
+from typing import cast
 
-import numpy as np
-import xarray as xr
-
-from sinew.tasks.calibrate.result import CalibrateResult
-from sinew.tasks.drawing import plots
-from sinew.tasks.drawing.blocks import Block, Plot, Plots, Section, Table, Words, number, percent, plural
-from sinew.tasks.infer.figures import density
-from sinew.tasks.infer.result import FEW, InferResult, particles_group
-from sinew.tasks.infer.show import beyond_ranges
+from sinew.tasks.drawing.blocks import Section
+from sinew.tasks.infer.method import module
+from sinew.tasks.infer.result import InferResult, Posteriors
 from sinew.tasks.report.folder import ResultFolder
 
-NAME = "posterior"
-GRID = 120  # points of a density
+NAME, TITLE = "posterior", "Posterior"
+QUESTION = "What is known of each site's parameters, and how surely?"
 
 
 def section(folder: ResultFolder) -> Section:
-    """Everything of ``infer.json``, and the particles of the last generations."""
-    title, question = "Posterior", "What is known of each site's parameters, and how surely?"
-    result = folder.result(InferResult)
+    """Everything of ``infer.json``, and the draws in the store."""
+    result = cast(Posteriors | None, folder.result(InferResult))
     if result is None:
-        return Section("posterior", title, question, missing=folder.missing("infer"))
-    sites = result.sites
-    blocks: list[Block] = []
-    if result.few:
-        words = f"{', '.join(result.few)}: the particles are worth fewer than {FEW} of equal weight, which says little "
-        blocks.append(Words(f"{words}of a posterior. Infer with a larger population.", "warning"))
-    if folder.store is not None:
-        particles = {site: folder.store.read_result(particles_group(site)) for site in sites}
-        blocks.append(_marginals(result, particles))
-    blocks += [_table(result), _thresholds(result)]
-    beyond = beyond_ranges(result, folder.result(CalibrateResult))
-    blocks += [Words(f"{remark}.", "warning") for remark in beyond]
-    failed = sum(generation.failed for posterior in sites.values() for generation in posterior.generations)
-    ends = ", ".join(f"{site} {number(posterior.epsilon[-1], 2)}" for site, posterior in sites.items())
-    sizes = ", ".join(f"{site} {posterior.effective_sample_size:.0f}" for site, posterior in sites.items())
-    return Section(
-        "posterior", title, question, blocks,
-        found=f"{plural(len(sites), 'site')}; posteriors are {number(_narrowing(result), 2)} times as wide as "
-        f"the priors (median); last thresholds: {ends}",
-        sure=f"effective sample size {sizes} of {result.population}",
-        failed=", ".join(
-            ([f"worth few particles: {', '.join(result.few)}"] if result.few else [])
-            + ([f"{plural(len(beyond), 'interval')} beyond the study's ranges"] if beyond else [])
-            + ([f"{failed:,} proposals failed"] if failed else [])
-        ),
-    )  # fmt: skip
-
-
-def _narrowing(result: InferResult) -> float:
-    """The median ratio of posterior to prior standard deviations over all parameters and sites."""
-    marginals = [each for posterior in result.sites.values() for each in posterior.parameters.values()]
-    return float(np.median([each.sd / each.prior_sd for each in marginals if each.prior_sd]))
-
-
-def _marginals(result: InferResult, particles: dict[str, xr.Dataset]) -> Block:
-    names, sites = result.names, list(result.sites)
-    units = dict(zip(names, result.units, strict=True))
-
-    def draw(sources: plots.Sources) -> list[Plot]:
-        plot = plots.figure("value of the picked parameter", "density", height=340)
-        entries, intervals = [], sources["intervals"]
-        colours = [plots.colour(k) for k in range(len(sites))]
-        for k, site in enumerate(sites):
-            prior = plot.line(
-                "value", "density", source=sources[f"prior-{k}"], color=colours[k], alpha=0.35, line_width=1
-            )
-            style = {"color": colours[k], "line_dash": plots.dash(k), "line_width": 2}
-            line = plot.line("value", "density", source=sources[f"density-{k}"], **style)
-            plots.hover(plot, line, [("site", site), ("value", "@value{0.0000}"), ("density", "@density{0.0000}")])
-            entries.append((site, [line, prior]))
-        intervals.add(colours, "colour")
-        plot.segment("low", "at", "high", "at", source=intervals, color="colour", line_width=2)
-        dots = plot.scatter("mean", "at", source=intervals, color="colour", size=8)
-        rows = [("site", "@site"), ("mean", "@mean{0.0000} ± @sd{0.0000}"), ("HDI", "@low{0.0000} to @high{0.0000}")]
-        plots.hover(plot, dots, rows)
-        plots.legend(plot, entries)
-        plot.yaxis.visible = False  # the height of a density says nothing, and the intervals have none
-        plot.ygrid.visible = False
-        return [plots.plot("posterior-density", plot, "Posterior density of the picked parameter by site", wide=True)]
-
-    level = percent(result.interval)
-    caption = (
-        f"Densities of the last generation, pale: the prior; below: means and {level} HDI (highest density intervals)."
-    )
-    labels = {name: name + ("" if units[name] == "1" else f" ({units[name]})") for name in names}
-    data = {name: _columns(result, particles, name) for name in names}
-    return plots.picked("posterior-parameters", caption, "Parameter", data, draw, labels)
-
-
-def _columns(result: InferResult, particles: dict[str, xr.Dataset], name: str) -> dict[str, Any]:
-    """Densities of one parameter by site, and a row of mean and interval for each site below them."""
-    j = result.names.index(name)
-    lasts = {site: (each["parameters"].values[-1][:, j], each["weight"].values[-1]) for site, each in particles.items()}
-    low = min(float(values.min()) for values, _ in lasts.values())
-    high = max(float(values.max()) for values, _ in lasts.values())
-    margin = 0.15 * (high - low) or 1.0
-    grid = np.linspace(low - margin, high + margin, GRID)
-    intervals: dict[str, list[Any]] = {"site": [], "mean": [], "sd": [], "low": [], "high": [], "at": []}
-    columns: dict[str, Any] = {"intervals": intervals}
-    top = max(float(density(values, weight, grid).max()) for values, weight in lasts.values()) or 1.0
-    for k, (site, (values, weight)) in enumerate(lasts.items()):
-        marginal = result.sites[site].parameters[name]
-        columns[f"density-{k}"] = {"value": grid, "density": density(values, weight, grid)}
-        prior = np.exp(-0.5 * ((grid - marginal.prior_mean) / marginal.prior_sd) ** 2)
-        columns[f"prior-{k}"] = {"value": grid, "density": prior / (marginal.prior_sd * np.sqrt(2 * np.pi))}
-        row = {"site": site, "mean": marginal.mean, "sd": marginal.sd, "low": marginal.hdi[0],
-               "high": marginal.hdi[1], "at": -0.07 * top * (k + 1)}  # fmt: skip
-        for key, value in row.items():
-            intervals[key].append(value)
-    return columns
-
-
-def _table(result: InferResult) -> Table:
-    rows = []
-    for name, unit, meaning in zip(result.names, result.units, result.meanings, strict=True):
-        cells = []
-        for posterior in result.sites.values():
-            marginal = posterior.parameters[name]
-            low, high = (number(bound, 4) for bound in marginal.hdi)
-            cells.append(f"{number(marginal.mean, 4)} ± {number(marginal.sd)} ({low} to {high})")
-        rows.append([name, "" if unit == "1" else unit, meaning, *cells])
-    header = ["parameter", "unit", "what it is", *result.sites]
-    return Table(f"Mean ± standard deviation ({percent(result.interval)} HDI)", header, rows, words=(1, 2))
-
-
-def _thresholds(result: InferResult) -> Block:
-    plot = plots.figure("generation", "threshold (relative distance)", height=260)
-    accepted = plots.figure("generation", "proposals accepted (%)", height=260)
-    lines: list[tuple[str, list[Any]]] = []
-    parts: list[tuple[str, list[Any]]] = []
-    for k, (site, posterior) in enumerate(result.sites.items()):
-        columns = {
-            "generation": np.arange(1, len(posterior.generations) + 1),
-            "threshold": posterior.epsilon,
-            "accepted": [100 * each.accepted / max(each.judged, 1) for each in posterior.generations],
-            "judged": [each.judged for each in posterior.generations],
-        }
-        source = plots.source(f"thresholds-{k}", columns)
-        for drawn, key, entries in ((plot, "threshold", lines), (accepted, "accepted", parts)):
-            style = {"color": plots.colour(k), "line_dash": plots.dash(k)}
-            line = drawn.line("generation", key, source=source, **style)
-            dots = drawn.scatter(
-                "generation", key, source=source, color=plots.colour(k), marker=plots.MARKERS[k % 8], size=7
-            )
-            rows = [("site", site), ("generation", "@generation"), (key, f"@{key}{{0.000}}"), ("judged", "@judged")]
-            plots.hover(drawn, dots, rows)
-            entries.append((site, [line, dots]))
-    longest = max(len(posterior.generations) for posterior in result.sites.values())
-    for drawn in (plot, accepted):
-        drawn.xaxis.ticker = list(range(1, longest + 1, 1 + longest // 12))
-    plots.legend(plot, lines)
-    plots.legend(accepted, parts)
-    both = [plots.plot("posterior-threshold", plot, "Threshold of each generation by site"),
-            plots.plot("posterior-accepted", accepted, "Accepted proposals of each generation by site")]  # fmt: skip
-    return Plots("posterior-thresholds", "How the inference went.", both)
+        return Section(NAME, TITLE, QUESTION, missing=folder.missing("infer"))
+    found: Section = module(result, "page").section(folder, result)
+    return found

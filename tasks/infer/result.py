@@ -1,124 +1,43 @@
-"""The result of an inference: what ``infer.json`` holds, and how the particles in the store are read."""
+"""The result of an inference, by whichever method: what ``infer.json`` holds, and how its arrays are read."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
-import numpy as np
-import xarray as xr
+from sinew.tasks.infer.abc.result import FEW, AbcResult, draws, particles_group
+from sinew.tasks.infer.likelihood.result import LikelihoodResult, draws_of_mean, draws_of_new, draws_of_specimen
+from sinew.tasks.study.result import Result
 
-from sinew.tasks.study.result import Number, Numbers, Result
+__all__ = [
+    "FEW",
+    "AbcResult",
+    "InferResult",
+    "LikelihoodResult",
+    "Posteriors",
+    "draws",
+    "draws_of_mean",
+    "draws_of_new",
+    "draws_of_specimen",
+    "particles_group",
+    "read_posteriors",
+]
 
-Array = np.ndarray[Any, Any]
-INTERVAL = 0.95  # probability of the highest density intervals
-FEW = 10
-"""Effective sample size below which the heaviest particles decide, and their scatter is not seen in the sample."""
-
-
-@dataclass(frozen=True, eq=False)
-class Marginal:
-    """Posterior mean, standard deviation and highest density interval ``[2]`` of a parameter, and its normal prior."""
-
-    mean: Number
-    sd: Number
-    hdi: Numbers
-    prior_mean: Number
-    prior_sd: Number
+Posteriors = AbcResult | LikelihoodResult
 
 
-@dataclass(frozen=True)
-class Distance:
-    """Distances of the last generation's particles."""
-
-    smallest: Number
-
-
-@dataclass(frozen=True)
-class GenerationCounts:
-    """Proposals of one generation: judged, of which accepted and failed, and those asked for in the meantime."""
-
-    judged: int
-    accepted: int
-    failed: int
-    asked: int
-
-
-@dataclass(frozen=True, eq=False)
-class Posterior:
-    """The posterior of one site: marginals by parameter, and the threshold ``epsilon`` ``[g]`` of each generation.
-
-    ``distance_weights``: weights of an adaptive distance by generation; empty for other distances.
-    """
-
-    specimens: list[str]
-    parameters: Mapping[str, Marginal]
-    effective_sample_size: Number
-    epsilon: Numbers
-    distance: Distance
-    distance_weights: Mapping[str, Numbers]
-    generations: list[GenerationCounts]
-
-    @property
-    def has_few(self) -> bool:
-        """Whether the particles are worth so few of equal weight that they say little of the posterior."""
-        return bool(self.effective_sample_size < FEW)
-
-    @property
-    def judged(self) -> int:
-        """Proposals of all generations."""
-        return sum(generation.judged for generation in self.generations)
-
-
-@dataclass(frozen=True, eq=False)
 class InferResult(Result):
-    """The posterior of each site. ``names``, ``units`` and ``meanings`` are of the free parameters.
-
-    ``interval`` is the probability of the highest density intervals.
-    """
+    """Reads the result of either method: an :class:`AbcResult` or a :class:`LikelihoodResult`."""
 
     TASK = "infer"
-    VERSION = 2  # spikes are no noise
-    LIBRARIES = ("pyabc", "arviz")
 
-    sampler: str
-    names: list[str]
-    units: list[str]
-    meanings: list[str]
-    population: int
-    interval: Number
-    sites: Mapping[str, Posterior]
-    inputs: str
+    @classmethod
+    def parse(cls, content: Any, where: Path) -> Any:
+        by_likelihood = isinstance(content, dict) and content.get("method") == "likelihood"
+        return (LikelihoodResult if by_likelihood else AbcResult).parse(content, where)
 
-    @property
-    def few(self) -> list[str]:
-        """The sites whose particles are worth too few of equal weight."""
-        return [site for site, posterior in self.sites.items() if posterior.has_few]
 
-    def beyond(self, free: Sequence[str], bounds: Sequence[tuple[float, float]]) -> list[str]:
-        """A sentence for each posterior whose interval leaves the study's range ``bounds`` of a ``free`` parameter."""
-        ranges = dict(zip(free, bounds, strict=True))
-        return [
-            f"{site}: {name} {marginal.hdi[0]:.4g} to {marginal.hdi[1]:.4g} leaves the study's range "
-            f"{ranges[name][0]:g} to {ranges[name][1]:g} (the prior is normal, and has no ends)"
-            for site, posterior in self.sites.items()
-            for name, marginal in posterior.parameters.items()
-            if name in ranges and not ranges[name][0] <= marginal.hdi[0] <= marginal.hdi[1] <= ranges[name][1]
-        ]
+def read_posteriors(folder: Path) -> Posteriors | None:
+    """The result in a folder, or None. Raises :class:`sinew.runner.errors.BadInput` when it is damaged."""
+    return cast(Posteriors | None, InferResult.read(folder))
 
 
 RESULT = InferResult
-
-
-def particles_group(site: str) -> str:
-    """Where the store keeps the particles of all generations of a site."""
-    return f"infer/{site}"
-
-
-def draws(particles: xr.Dataset, count: int, seed: tuple[int, ...]) -> Array:
-    """Draws ``[count, d]`` of equal weight from the last generation, by systematic resampling, in random order."""
-    rng = np.random.default_rng(seed)
-    weight = particles["weight"].values[-1]
-    places = (np.arange(count) + rng.random()) / count
-    chosen = np.minimum(np.searchsorted(np.cumsum(weight), places), weight.size - 1)
-    values: Array = particles["parameters"].values[-1][rng.permutation(chosen)]
-    return values

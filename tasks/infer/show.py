@@ -3,57 +3,23 @@
 from pathlib import Path
 
 import pandas as pd
-from rich.table import Table as Grid
 
 from sinew.runner.console import Console
-from sinew.tasks.calibrate.result import CalibrateResult
-from sinew.tasks.infer.result import InferResult
+from sinew.tasks.infer.method import module
+from sinew.tasks.infer.result import Posteriors
 
 
-def table(result: InferResult) -> pd.DataFrame:
-    """Mean, standard deviation and highest density interval by site and parameter."""
-    rows = {
-        (site, name): {
-            "unit": unit,
-            "mean": marginal.mean,
-            "sd": marginal.sd,
-            "hdi_low": marginal.hdi[0],
-            "hdi_high": marginal.hdi[1],
-            "prior_mean": marginal.prior_mean,
-            "prior_sd": marginal.prior_sd,
-        }
-        for site, posterior in result.sites.items()
-        for name, unit in zip(result.names, result.units, strict=True)
-        for marginal in [posterior.parameters[name]]
-    }
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis(["site", "parameter"])
+def table(result: Posteriors) -> pd.DataFrame:
+    """Posterior by site and parameter."""
+    found: pd.DataFrame = module(result, "show").table(result)
+    return found
 
 
-def headline(result: InferResult) -> str:
+def headline(result: Posteriors) -> str:
     """What came out, in one line."""
-    sizes = ", ".join(f"{site} {one.effective_sample_size:.0f}" for site, one in result.sites.items())
-    return f"{result.population} particles for each site; effective sample sizes: {sizes}"
+    return str(module(result, "show").headline(result))
 
 
-def beyond_ranges(result: InferResult, calibration: CalibrateResult | None) -> list[str]:
-    """A sentence for each posterior that leaves the range that its parameter had in the calibration."""
-    return [] if calibration is None else result.beyond(calibration.free, calibration.bounds)
-
-
-def summary(result: InferResult, folder: Path, console: Console) -> None:
+def summary(result: Posteriors, folder: Path, console: Console) -> None:
     """Print the posterior of each site, and how its inference went."""
-    percent = round(100 * result.interval)
-    grid = Grid("parameter", *result.sites, title=f"Posterior: mean ± sd ({percent} % HDI)")
-    for name in result.names:
-        marginals = [posterior.parameters[name] for posterior in result.sites.values()]
-        cells = (f"{m.mean:.4g} ± {m.sd:.3g} ({m.hdi[0]:.4g}, {m.hdi[1]:.4g})" for m in marginals)
-        grid.add_row(name, *cells)
-    console.print(grid)
-    for remark in beyond_ranges(result, CalibrateResult.read(folder)):
-        console.print(remark)
-    for site, posterior in result.sites.items():
-        console.print(
-            f"{site}: {len(posterior.generations)} generations, {posterior.judged:,} proposals, "
-            f"threshold {posterior.epsilon[-1]:.3g}, "
-            f"effective sample size {posterior.effective_sample_size:.0f} of {result.population}"
-        )
+    module(result, "show").summary(result, folder, console)

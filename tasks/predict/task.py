@@ -6,6 +6,7 @@ Every specimen is simulated with its own geometry and all of its displacement hi
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,17 @@ from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.runner.evaluation.ensemble import failures
 from sinew.runner.store.table import Table
 from sinew.tasks.calibrate.result import CalibrateResult, SpecimenFit
-from sinew.tasks.data.sites import by_site
-from sinew.tasks.infer.result import InferResult, draws, particles_group
+from sinew.tasks.data.sites import by_site, site_of
+from sinew.tasks.infer.result import (
+    InferResult,
+    LikelihoodResult,
+    Posteriors,
+    draws,
+    draws_of_new,
+    draws_of_specimen,
+    particles_group,
+    read_posteriors,
+)
 from sinew.tasks.model import FORCE, Specimen
 from sinew.tasks.predict.method import FEWEST, Band, bands_of, coverage, noise_of_others, typical
 from sinew.tasks.predict.result import (
@@ -135,42 +145,60 @@ def run(workspace: Workspace, settings: Settings) -> PredictResult:
 def _planned(workspace: Workspace, settings: Settings) -> dict[str, list[Planned]]:
     """The simulations of each specimen by site, from the posterior and the calibration."""
     path = InferResult.path(workspace.out)
-    inferred = InferResult.read(workspace.out)
+    inferred = read_posteriors(workspace.out)
     if inferred is None:
         raise BadInput(path, "is not there", "`sinew infer` on this study first")
-    calibration = CalibrateResult.read(workspace.out)
-    if calibration is None:
-        raise BadInput(CalibrateResult.path(workspace.out), "is not there", "`sinew calibrate` on this study first")
     names = tuple(parameter.name for parameter in workspace.model.free)
     if tuple(inferred.names) != names:
         problem = f"is of the parameters {', '.join(inferred.names)}"
         raise BadInput(path, problem, f"{', '.join(names)} (`sinew infer` again)")
     if not all(posterior.specimens for posterior in inferred.sites.values()):
         raise BadInput(path, "names no specimen of a site", "what `sinew infer` writes; run it again")
+    by_likelihood = isinstance(inferred, LikelihoodResult)
+    calibration = None if by_likelihood else CalibrateResult.read(workspace.out)
+    if calibration is None and not by_likelihood:
+        raise BadInput(CalibrateResult.path(workspace.out), "is not there", "`sinew calibrate` on this study first")
     members = [name for posterior in inferred.sites.values() for name in posterior.specimens]
     planned: dict[str, list[Planned]] = {}
     for number, (site, specimens) in enumerate(by_site(workspace.cohort.choose(members, str(path))).items()):
         seed = streams.key(workspace.seed, Stream.PREDICTION, number)
-        with believed(path):
-            hdi, drawn = _of_posterior(workspace, inferred, site, settings.draws, seed)
         planned[site] = []
         for one in specimens:
-            with believed(CalibrateResult.path(workspace.out)):
-                rows = Rows(hdi, drawn, _others(workspace, calibration.specimens, specimens, one))
+            with believed(path):
+                rows = _rows(workspace, inferred, calibration, specimens, one, settings.draws, seed)
             evaluation = workspace.evaluation(one)
             planned[site].append(Planned(evaluation, rows, *workspace.plan(evaluation, rows.all)))
     return planned
 
 
-def _of_posterior(
-    workspace: Workspace, inferred: InferResult, site: str, count: int, seed: tuple[int, ...]
-) -> tuple[Array, Array]:
-    """Full parameter sets ``[n, d]`` of a posterior: mean and both bounds of the intervals, and draws."""
+def _rows(
+    workspace: Workspace,
+    inferred: Posteriors,
+    calibration: CalibrateResult | None,
+    specimens: Sequence[Specimen],
+    specimen: Specimen,
+    count: int,
+    seed: tuple[int, ...],
+) -> Rows:
+    """The simulations of one of the ``specimens`` of a site: ``count`` draws of a posterior, and those of a new one.
+
+    ABC has one posterior for all specimens of a site, and a new one is like the others' calibrations. By likelihood,
+    each specimen has its own posterior, and a new one is drawn from the population.
+    """
+    site = site_of(specimen)
     marginals = [inferred.sites[site].parameters[name] for name in inferred.names]
     three = np.array([[each.mean, *each.hdi] for each in marginals], dtype=float).T
-    particles = workspace.store.read_result(particles_group(site)).sel(parameter=inferred.names)
-    names = tuple(inferred.names)
-    return workspace.model.full(names, three), workspace.model.full(names, draws(particles, count, seed))
+    full = partial(workspace.model.full, tuple(inferred.names))
+    kept = workspace.store.read_result(particles_group(site))
+    if isinstance(inferred, LikelihoodResult):
+        varied = tuple(str(name) for name in kept["parameter"].values)
+        full_varied = partial(workspace.model.full, varied)
+        own = draws_of_specimen(kept, specimen.name, count, seed)
+        return Rows(full(three), full_varied(own), full_varied(draws_of_new(kept, max(count, FEWEST), seed)))
+    assert calibration is not None
+    drawn = draws(kept.sel(parameter=inferred.names), count, seed)
+    with believed(CalibrateResult.path(workspace.out)):
+        return Rows(full(three), full(drawn), _others(workspace, calibration.specimens, specimens, specimen))
 
 
 def _others(
@@ -226,7 +254,7 @@ def _site(workspace: Workspace, planned: Sequence[Planned], probability: float) 
     prediction = SitePrediction(
         specimens=[one.name for one in specimens],
         failed={one.specimen.name: failures(one.table, one.at) for one in planned},
-        no_new=few if len(specimens) < FEWEST else None,
+        no_new=None if all(len(one.rows.new) for one in planned) else few,
         coverage=coverage(_only(dataset, "point")),
         typical=shown.name,
         stresses_of=shown.name if no_stresses is None else None,

@@ -4,13 +4,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import hypot
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from sinew.runner.errors import one_line
 from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.discover.result import DiscoverResult
 from sinew.tasks.drawing.blocks import Block, Facts, Section, Table, Words, number, percent, plural
-from sinew.tasks.infer.result import InferResult
+from sinew.tasks.infer.result import InferResult, Posteriors
 from sinew.tasks.report.folder import ResultFolder, read_folder
 from sinew.tasks.report.page import Built, render
 from sinew.tasks.sobol.result import SobolResult
@@ -198,14 +198,14 @@ def _posterior(pair: Pair) -> Section:
     title, question = "Posterior", "Where are the parameters of each site?"
     if (found := pair.results(InferResult)) is None:
         return Section("posterior", title, question, missing=pair.missing("infer"))
-    rows = list(_marginals(*found))
+    rows = list(_marginals(*cast(tuple[Posteriors, Posteriors], found)))
     far = sum(apart for _, apart in rows)
     table = Table("Posterior means", ["parameter", *pair.names, "difference", "in sd"], [cells for cells, _ in rows])
     words = f"{far} of {len(rows)} means differ by more than {FAR:g} sd"
     return Section("posterior", title, question, [table, Words(INDEPENDENT, "note")], found=words)
 
 
-def _marginals(first: InferResult, second: InferResult) -> Iterator[tuple[list[str], bool]]:
+def _marginals(first: Posteriors, second: Posteriors) -> Iterator[tuple[list[str], bool]]:
     """A row for each site and parameter of both."""
     for site, posterior in first.sites.items():
         others = second.sites[site].parameters if site in second.sites else {}

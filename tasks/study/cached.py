@@ -27,7 +27,7 @@ log = logging.getLogger("sinew")
 
 def key(kind: type[Result], *parts: Any) -> str:
     """The key of a result: its method with all libraries, and ``parts``, the inputs (arrays or plain values)."""
-    return digest(kind.method(), *parts)
+    return digest(kind.versions(), *parts)
 
 
 def cached(

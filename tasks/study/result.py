@@ -75,7 +75,7 @@ class Result:
         return folder / f"{cls.TASK}.json"
 
     @classmethod
-    def method(cls) -> dict[str, Any]:
+    def versions(cls) -> dict[str, Any]:
         """What the numbers depend on besides study and data: versions of the method and of its libraries."""
         return {"version": cls.VERSION, "libraries": {name: version(name) for name in (*ALWAYS, *cls.LIBRARIES)}}
 

@@ -27,11 +27,11 @@ from sinew.runner.cluster.dask_settings import SETTINGS
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.runner.evaluation.ensemble import run_adaptive
 from sinew.runner.store.store import Store
-from sinew.tasks.infer.history import IN_MEMORY, close, keep
-from sinew.tasks.infer.pyabc_priors import Alike, Normals
-from sinew.tasks.infer.sampler import Generation, StoredModel, StoreSampler
-from sinew.tasks.infer.stock_sampler import DirectModel, stock_sampler
-from sinew.tasks.infer.transitions import DefensiveNormal
+from sinew.tasks.infer.abc.history import IN_MEMORY, close, keep
+from sinew.tasks.infer.abc.pyabc_priors import Alike, Normals
+from sinew.tasks.infer.abc.sampler import Generation, StoredModel, StoreSampler
+from sinew.tasks.infer.abc.stock_sampler import DirectModel, stock_sampler
+from sinew.tasks.infer.abc.transitions import DefensiveNormal
 from tests.benchmarks.common import median_line
 from tests.tasks.analytic import NoisyMean
 

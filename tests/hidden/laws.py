@@ -20,7 +20,7 @@ from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.discover.fit.fit import Fitted, errors
 from sinew.tasks.discover.fit.laws import find_law
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all, fits_of_each
-from sinew.tasks.discover.measure.measured import Measured
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Specimen
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace, open_workspace

@@ -21,7 +21,7 @@ from sinew.tasks.data.cohort import read_cohort, write_cohort
 from sinew.tasks.data.noise import noise_of_all
 from sinew.tasks.discover.fit.fit import WIDTH, Candidate, derivatives, fit, residuals, starts
 from sinew.tasks.discover.fit.sizes import library_for
-from sinew.tasks.discover.measure.measured import Measured
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Specimen
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.study import Study, read_study

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import xarray as xr
 
-from sinew.tasks.infer.result import Distance, InferResult, Marginal, Posterior, particles_group
+from sinew.tasks.infer.abc.result import AbcResult, Distance, Marginal, Posterior, particles_group
 from sinew.tasks.study.workspace import Workspace
 
 
@@ -25,7 +25,7 @@ def write_inference(
     names: list[str],
     sites: Mapping[str, Posterior],
     particles: Mapping[str, tuple[np.ndarray, np.ndarray]],
-) -> InferResult:
+) -> AbcResult:
     """Leave what an inference leaves; ``particles`` holds values ``[g, n, d]`` and weights ``[g, n]`` by site."""
     for site, (values, weight) in particles.items():
         dataset = xr.Dataset(
@@ -37,6 +37,6 @@ def write_inference(
         )
         workspace.store.write_result(particles_group(site), dataset)
     texts = ["1"] * len(names), [""] * len(names)
-    result = InferResult("store", names, *texts, population=40, interval=0.95, sites=sites, inputs="known")
+    result = AbcResult("store", names, *texts, population=40, interval=0.95, sites=sites, inputs="known")
     result.write(workspace.out)
     return result

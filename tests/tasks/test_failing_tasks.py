@@ -20,8 +20,10 @@ class Run:
     def __init__(self, folder, monkeypatch, errors):
         self.did, self.states, self.events, self.built = [], {}, [], []
         board = SimpleNamespace(put=lambda **facts: self.states.update(facts.get("tasks", {})))
+        by_abc = SimpleNamespace(chosen=lambda *, quick: "abc")  # of which `infer` needs `calibrate`
+        study = SimpleNamespace(simulator=SimpleNamespace(name="uniaxial"), section=lambda kind: by_abc)
         self.workspace = SimpleNamespace(
-            out=folder, console=Console(quiet=True), board=board, ranges=None, quiet=False,
+            study=study, out=folder, console=Console(quiet=True), board=board, ranges=None, quiet=False,
             event=lambda event, **facts: self.events.append((event, facts.get("task"))),
         )  # fmt: skip
 

@@ -20,7 +20,7 @@ from scipy.optimize import lsq_linear
 
 from sinew.tasks.discover.fit.fit import WIDTH, Candidate, derivatives, residuals, spreads
 from sinew.tasks.discover.follow_up import MenuEntry, NextExperiment, PairSeparation, RivalPair
-from sinew.tasks.discover.measure.measured import Measured
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.model.phases import phases

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, derivatives, pulls, spreads, together
 from sinew.tasks.discover.measure.discrepancy import Discrepancy, discrepancy_of
-from sinew.tasks.discover.measure.measured import Measured
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array
 

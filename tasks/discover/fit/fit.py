@@ -2,15 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
 from typing import Protocol as Callback
 
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import chi2
 
-from sinew.tasks.discover.measure.measured import Measured
-from sinew.tasks.fitting.fits import ALIKE, FAST, SLOW
+from sinew.tasks.fitting import starts as begins
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect, model_with
 from sinew.tasks.simulate import Array, TakesEffects
@@ -19,7 +18,6 @@ from sinew.tasks.simulate.retrying import simulate_patiently
 from sinew.tasks.study.checkpoint import in_unit_cube
 
 BLIND = "nu_m"  # the force does not depend on it
-TOE, GENTLE = "alpha_f", 0.05
 STEP = 1e-5
 FAR = 1e3  # standard deviations: where a model fails
 TOLERANCE = 1e-5
@@ -312,27 +310,17 @@ def extended(base: Candidate, at: Array, effect: Effect, measured: Measured) -> 
     typical effect, because the fit without the effect may have ended in the wrong place.
     """
     candidate = base.having(*base.effects, effect)
-    begins = [look_ahead(base, at, effect, measured)[1]]
+    points = [look_ahead(base, at, effect, measured)[1]]
     if not base.effects:
-        begins.append(np.concatenate([gentle(candidate), candidate.typical()]))
-    return min((fit(candidate, measured, begin) for begin in begins), key=lambda one: one.loss)
+        points.append(np.concatenate([gentle(candidate), candidate.typical()]))
+    return min((fit(candidate, measured, point) for point in points), key=lambda one: one.loss)
 
 
 def gentle(candidate: Candidate) -> Array:
-    """The middle of the bare model's ranges, with a gentle toe: a fit started with a sharp toe stays there."""
-    return np.where(np.array(candidate.varied) == TOE, GENTLE, 0.5)
+    """The middle of the bare model's ranges, with a gentle toe."""
+    return begins.gentle(candidate.varied)
 
 
 def starts(candidate: Candidate, rng: np.random.Generator, count: int) -> list[Array]:
-    """Starts ``[k]`` for fits of the bare model: the middle, exchanged relaxation times, and random points."""
-    names = list(candidate.varied)
-    points = [np.full(candidate.size, 0.5), gentle(candidate)]
-    pairs = [pair for pair in ALIKE if set(pair) <= set(names)]
-    chosen = [names.index(name) for pair in pairs for name in pair]
-    for ends in product(((FAST, SLOW), (SLOW, FAST)), repeat=len(pairs)):
-        point = gentle(candidate)
-        point[chosen] = np.concatenate(ends) if ends else []
-        points.append(point)
-    while len(points) < count:
-        points.append(rng.random(candidate.size))
-    return points[:count]
+    """Starts ``[k]`` for fits of the bare model, see :func:`sinew.tasks.fitting.starts.starts`."""
+    return begins.starts(candidate.varied, rng, count)

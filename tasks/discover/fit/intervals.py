@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sinew.tasks.discover.fit.fit import RISE, Candidate, Fitted, covariance, derivatives, fit, starts
-from sinew.tasks.discover.measure.measured import Measured
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.simulate import Array
 
 NEAR = 0.05  # relative tolerance of the root of the rise at an end

@@ -18,8 +18,8 @@ from sinew.tasks.data.noise import noise_of_each
 from sinew.tasks.discover.fit.beside import Beside, blocks_of, first_sizes, fit_beside, promise_beside
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, errors, extended, fit, look_ahead, starts
 from sinew.tasks.discover.fit.intervals import Profiled, profiled
-from sinew.tasks.discover.measure.measured import Measured
 from sinew.tasks.discover.measure.splits import SPECIMEN, splits
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Model, Specimen, file_name
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, TakesEffects, taking_effects

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, derivatives, errors
-from sinew.tasks.discover.measure.measured import Measured
 from sinew.tasks.discover.result import CellMisfit, InPlace
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve
 from sinew.tasks.model.phases import Phase, phases
 from sinew.tasks.simulate import Array

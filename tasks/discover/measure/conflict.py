@@ -16,8 +16,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, derivatives, spreads
-from sinew.tasks.discover.measure.measured import Measured
 from sinew.tasks.discover.result import Apart, Conflict, SpecimenConflict
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.simulate import Array
 
 SEEN = 1e-8  # of the largest singular value: smaller ones change no force

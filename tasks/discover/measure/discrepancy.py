@@ -22,8 +22,8 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
 from sinew.tasks.discover.fit.fit import WIDTH
-from sinew.tasks.discover.measure.measured import Measured
 from sinew.tasks.discover.measure.splines import COEFFICIENTS, KINDS, piece_of, ranges_of, spline_forces
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.simulate import Array
 
 SMALLEST, LARGEST = -4.6, 7.0  # logarithm of a size, in units of the noise

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sinew.tasks.discover.measure.measured import Measured
 from sinew.tasks.discover.result import Gain
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Protocol
 from sinew.tasks.model.phases import phases
 from sinew.tasks.simulate import Array

@@ -69,6 +69,19 @@ REFERENCES: Mapping[str, Reference] = {
         "(1995).",
         "10.1080/00401706.1995.10484303",
     ),
+    "huang": Reference(
+        "Huang A., Wand M. Simple marginally noninformative prior distributions for covariance matrices. Bayesian "
+        "Analysis 8 (2013).",
+        "10.1214/13-BA815",
+    ),
+    "liu": Reference(
+        "Liu J. Monte Carlo strategies in scientific computing. Springer (2001).", "10.1007/978-0-387-76371-2"
+    ),
+    "vehtari": Reference(
+        "Vehtari A., Gelman A., Simpson D., Carpenter B., Bürkner P. Rank-normalization, folding, and localization: an "
+        "improved R-hat for assessing convergence of MCMC. Bayesian Analysis 16 (2021).",
+        "10.1214/20-BA1221",
+    ),
     "delong": Reference(
         "DeLong E., DeLong D., Clarke-Pearson D. Comparing the areas under two or more correlated ROC curves. "
         "Biometrics 44 (1988).",

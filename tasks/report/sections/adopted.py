@@ -1,11 +1,12 @@
 """The model with the effect that `discover` named, where `sinew run --adopt` has run it: it leads the page."""
 
 from collections.abc import Iterator
+from typing import cast
 
 from sinew.tasks.calibrate.result import CalibrateResult, SpecimenFit
 from sinew.tasks.discover.result import ADOPTED, DiscoverResult
 from sinew.tasks.drawing.blocks import Block, Section, Table, Words, listed, number
-from sinew.tasks.infer.result import InferResult
+from sinew.tasks.infer.result import InferResult, Posteriors
 from sinew.tasks.report.folder import ResultFolder
 from sinew.tasks.report.status import PAGE
 
@@ -28,7 +29,12 @@ def section(found: ResultFolder, adopted: ResultFolder) -> Section:
     if fits is None:
         return Section(NAME, title, question, [*blocks, *trouble, Words("It has no calibration yet.", "note")])
     without = found.result(CalibrateResult)
-    blocks += [_closeness(without, fits), _parameters(fits), *_sites(adopted.result(InferResult)), *trouble]
+    blocks += [
+        _closeness(without, fits),
+        _parameters(fits),
+        *_sites(cast(Posteriors | None, adopted.result(InferResult))),
+        *trouble,
+    ]
     worst = max(_percents(fits), default=float("nan"))
     before = max(_percents(without), default=float("nan")) if without is not None else float("nan")
     closeness = f"largest error of a fit {number(worst, 2)} % of the peak force"
@@ -82,7 +88,7 @@ def _value(fit: SpecimenFit, name: str) -> str:
     return number(fit.parameters[name], 3) + ("" if name in fit.determined else " (not determined)")
 
 
-def _sites(posterior: InferResult | None) -> Iterator[Block]:
+def _sites(posterior: Posteriors | None) -> Iterator[Block]:
     if posterior is None:
         return
     for site, found in posterior.sites.items():

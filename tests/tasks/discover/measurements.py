@@ -8,7 +8,7 @@ import numpy as np
 from sinew.tasks.data.noise import Noise
 from sinew.tasks.data.virtual import autoregressive
 from sinew.tasks.discover.fit.fit import Candidate
-from sinew.tasks.discover.measure.measured import Measured
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 
 BAR = Specimen("one", 10.0, 8.0, 4.0)

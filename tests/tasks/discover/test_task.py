@@ -254,15 +254,15 @@ def test_whatever_a_verdict_depends_on_changes_its_key(tmp_path, monkeypatch):
 
 
 def test_a_changed_range_of_an_effect_is_another_method(monkeypatch):
-    first = DiscoverResult.method()
+    first = DiscoverResult.versions()
     slack = library()["toe-slack"]
     (parameter,) = slack.parameters
     wider = replace(slack, parameters=(replace(parameter, minimum=0.9),))
     monkeypatch.setattr("sinew.tasks.discover.result.named", lambda: {**named(), "toe-slack": wider})
-    assert DiscoverResult.method() != first
+    assert DiscoverResult.versions() != first
     reworded = replace(slack, description="in other words")
     monkeypatch.setattr("sinew.tasks.discover.result.named", lambda: {**named(), "toe-slack": reworded})
-    assert DiscoverResult.method() == first
+    assert DiscoverResult.versions() == first
 
 
 @pytest.mark.parametrize(

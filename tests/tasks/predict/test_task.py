@@ -12,7 +12,7 @@ from sinew.runner.console import Console
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
-from sinew.tasks.infer.result import InferResult, draws
+from sinew.tasks.infer.abc.result import AbcResult, draws
 from sinew.tasks.model import Model
 from sinew.tasks.predict import figures
 from sinew.tasks.predict.method import next_curve, noise_of_others
@@ -166,7 +166,7 @@ def test_what_cannot_be_predicted_is_refused(tmp_path):
         with pytest.raises(BadInput, match="sinew infer"):
             run(workspace, FEW_DRAWS)
         inferred(workspace, truth)
-        path = InferResult.path(workspace.out)
+        path = AbcResult.path(workspace.out)
         content = json.loads(path.read_text())
         write_json(path, content | {"names": content["names"][1:]})
         with pytest.raises(BadInput, match="again"):

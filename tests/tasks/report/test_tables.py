@@ -21,8 +21,8 @@ from sinew.tasks.discover.result import DiscoverResult
 from sinew.tasks.drawing import figures
 from sinew.tasks.importance import show as importance_show
 from sinew.tasks.importance.result import ImportanceResult
-from sinew.tasks.infer.figures import figure_tables, marginals
-from sinew.tasks.infer.result import InferResult
+from sinew.tasks.infer.abc.figures import figure_tables, marginals
+from sinew.tasks.infer.abc.result import AbcResult
 from sinew.tasks.predict import show as predict
 from sinew.tasks.predict.result import PredictResult
 from sinew.tasks.sobol import show as sobol_show
@@ -79,7 +79,7 @@ def test_searches_end_at_the_objective_of_their_method(whole_run):
 
 
 def test_densities_are_those_of_the_figure(whole_run):
-    inferred = InferResult.read(whole_run)
+    inferred = AbcResult.read(whole_run)
     site = next(iter(inferred.sites))
     particles = open_store(whole_run).read_result(f"infer/{site}")
     table = figure_tables(particles, inferred, site)["marginals"]

@@ -7,7 +7,7 @@ from sinew.tasks.data.noise import Noise
 from sinew.tasks.data.virtual import autoregressive
 from sinew.tasks.discover.fit.beside import Beside, first_sizes, fit_beside, promise_beside
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, extended, fit, gentle
-from sinew.tasks.discover.measure.measured import Measured
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Specimen
 from sinew.tasks.model.effects import library
 from sinew.tasks.model.protocols import cyclic, one_step

@@ -8,7 +8,7 @@ import pytest
 
 from sinew.tasks.data.noise import Noise
 from sinew.tasks.discover.fit.fit import WIDTH, Candidate, Fitted, covariance, fit, gentle, spreads, together
-from sinew.tasks.discover.measure.measured import Measured
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Specimen
 from sinew.tasks.model.protocols import cyclic, one_step
 from sinew.tasks.simulate import Simulated

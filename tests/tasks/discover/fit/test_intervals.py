@@ -8,7 +8,7 @@ import pytest
 from sinew.tasks.data.noise import Noise
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, fit
 from sinew.tasks.discover.fit.intervals import profiled
-from sinew.tasks.discover.measure.measured import Measured
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effects import library
 from sinew.tasks.simulate.effects import simulate_with

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from sinew.tasks.data.noise import Noise
-from sinew.tasks.discover.measure.measured import Measured
 from sinew.tasks.discover.measure.splits import LATER, PROTOCOL, gain, splits
 from sinew.tasks.discover.result import Gain
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Specimen
 from sinew.tasks.model.protocols import STANDARD, one_step
 

@@ -9,7 +9,7 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation.ensemble import evaluate
 from sinew.runner.store.store import Store
-from sinew.tasks.infer.observations import SiteEvaluation
+from sinew.tasks.infer.abc.observations import SiteEvaluation
 from sinew.tasks.model import Curve, Protocol
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.simulate.febio import keeping

@@ -8,7 +8,7 @@ import numpy as np
 from pyabc.parameters import Parameter as Parameters
 from pyabc.random_variables import DistributionBase, RVBase
 
-from sinew.tasks.infer.prior import Prior
+from sinew.tasks.infer.abc.prior import Prior
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sinew.tasks.infer.observations import SiteEvaluation, first_cycle
+from sinew.tasks.infer.abc.observations import SiteEvaluation, first_cycle
 from sinew.tasks.model import Curve, Model, Protocol
 from sinew.tasks.model.protocols import cyclic
 from sinew.tasks.simulate.uniaxial import Uniaxial

@@ -12,8 +12,8 @@ from sinew.runner.store.store import open_store
 from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
-from sinew.tasks.infer.result import InferResult
-from sinew.tasks.infer.sampler import StoreSampler
+from sinew.tasks.infer.abc.result import AbcResult
+from sinew.tasks.infer.abc.sampler import StoreSampler
 from sinew.tasks.study.workspace import Workspace
 from tests.runner.stores import contents
 from tests.tasks.test_pipeline import new_simulations, sinew
@@ -78,7 +78,7 @@ def here(monkeypatch):
 
 def test_the_posteriors_open_in_xarray_pyabc_and_arviz(inferred):
     out = inferred / "out"
-    result = InferResult.read(out)
+    result = AbcResult.read(out)
     assert set(result.sites) == {"distal", "proximal"}
     for site, posterior in result.sites.items():
         assert list(posterior.epsilon) == sorted(posterior.epsilon, reverse=True)
@@ -138,7 +138,7 @@ def test_pyabcs_own_sampler_infers_the_same_sites(study, tmp_path, monkeypatch):
     out = tmp_path / "out"
     sinew("infer", study, "--out", out, "--workers", 1, "--quiet")
     assert new_simulations(out)[-1] == 0, "pyABC's own sampler stores no rows"
-    result = InferResult.read(out)
+    result = AbcResult.read(out)
     assert result.sampler == "dask"
     (posterior,) = result.sites.values()
     assert [generation.accepted for generation in posterior.generations] == [4]

@@ -9,15 +9,15 @@ import pyabc
 
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
-from sinew.tasks.infer import files
-from sinew.tasks.infer.history import keep
-from sinew.tasks.infer.method import DRAWS, Inferred, comparison, infer, posterior
-from sinew.tasks.infer.pyabc_priors import Normals
-from sinew.tasks.infer.result import Posterior, draws
-from sinew.tasks.infer.sampler import Generation, StoredModel, StoreSampler
+from sinew.tasks.infer.abc import files
+from sinew.tasks.infer.abc.history import keep
+from sinew.tasks.infer.abc.method import DRAWS, Inferred, comparison, infer, posterior
+from sinew.tasks.infer.abc.pyabc_priors import Normals
+from sinew.tasks.infer.abc.result import Posterior, draws
+from sinew.tasks.infer.abc.sampler import Generation, StoredModel, StoreSampler
+from sinew.tasks.infer.abc.site import Site
+from sinew.tasks.infer.abc.stock_sampler import DirectModel, SimulationFailed, stock_sampler
 from sinew.tasks.infer.settings import Settings
-from sinew.tasks.infer.site import Site
-from sinew.tasks.infer.stock_sampler import DirectModel, SimulationFailed, stock_sampler
 from sinew.tasks.model import Model
 from sinew.tasks.simulate import Array
 from sinew.tasks.study import streams

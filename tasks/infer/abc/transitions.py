@@ -15,7 +15,7 @@ from pyabc.parameters import Parameter as Parameters
 from pyabc.transition import Transition
 from scipy.linalg import solve_triangular
 
-from sinew.tasks.infer.pyabc_priors import Normals
+from sinew.tasks.infer.abc.pyabc_priors import Normals
 from sinew.tasks.simulate import Array
 
 PRIOR_SHARE = 0.2

@@ -10,11 +10,11 @@ from sinew.runner.cluster.local import Local
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.runner.evaluation.ensemble import run_adaptive
 from sinew.runner.store.store import Store
-from sinew.tasks.infer.history import IN_MEMORY, close, keep
-from sinew.tasks.infer.pyabc_priors import Alike, Normals
-from sinew.tasks.infer.sampler import StoredModel, StoreSampler
-from sinew.tasks.infer.stock_sampler import DirectModel, SimulationFailed, stock_sampler
-from sinew.tasks.infer.transitions import DefensiveNormal
+from sinew.tasks.infer.abc.history import IN_MEMORY, close, keep
+from sinew.tasks.infer.abc.pyabc_priors import Alike, Normals
+from sinew.tasks.infer.abc.sampler import StoredModel, StoreSampler
+from sinew.tasks.infer.abc.stock_sampler import DirectModel, SimulationFailed, stock_sampler
+from sinew.tasks.infer.abc.transitions import DefensiveNormal
 from tests.runner.stores import contents
 from tests.tasks.analytic import SD, NoisyMean
 

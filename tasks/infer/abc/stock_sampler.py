@@ -16,7 +16,7 @@ from pyabc.sampler import DaskDistributedSampler
 from sinew.runner.cluster.client import ask_for, wait_for_workers
 from sinew.runner.evaluation.batch import Evaluation
 from sinew.runner.store.schema import STATUSES
-from sinew.tasks.infer.sampler import Generation
+from sinew.tasks.infer.abc.sampler import Generation
 from sinew.tasks.simulate import Array
 
 EVERY_SLOT = 2**20  # a cluster that can grow shall grow as far as its profile allows
@@ -27,7 +27,7 @@ class SimulationFailed(Exception):
 
 
 class DirectModel(pyabc.Model):  # type: ignore[misc]
-    """Evaluates in the calling process. Arguments as for :class:`sinew.tasks.infer.sampler.StoredModel`."""
+    """Evaluates in the calling process. Arguments as for :class:`sinew.tasks.infer.abc.sampler.StoredModel`."""
 
     def __init__(
         self,

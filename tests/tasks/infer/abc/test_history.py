@@ -5,7 +5,7 @@ import subprocess
 import pyabc
 import pytest
 
-from sinew.tasks.infer.history import IN_MEMORY, close
+from sinew.tasks.infer.abc.history import IN_MEMORY, close
 
 GIT = """
 [extensions]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from sinew.tasks.infer.result import InferResult
+from sinew.tasks.infer.abc.result import AbcResult
 from sinew.tasks.model import Parameter
 from sinew.tasks.simulate import Array
 from sinew.tasks.study.files import write_text
@@ -40,7 +40,7 @@ def names(sites: Iterable[str]) -> list[str]:
 
 def write_sample(out: Path, site: str, parameters: Iterable[Parameter], drawn: Array) -> None:
     """Write draws ``[n, d]`` of the free ``parameters`` for ArviZ."""
-    from sinew.tasks.infer.method import arviz
+    from sinew.tasks.infer.abc.method import arviz
 
     units = {parameter.name: parameter.unit for parameter in parameters}
     posterior = {name: drawn[np.newaxis, :, j] for j, name in enumerate(units)}
@@ -49,7 +49,7 @@ def write_sample(out: Path, site: str, parameters: Iterable[Parameter], drawn: A
     data.to_netcdf(str(out / sample(site)), engine="h5netcdf")
 
 
-def write_table(out: Path, result: InferResult) -> None:
+def write_table(out: Path, result: AbcResult) -> None:
     """Write ``infer.csv``: a line for each parameter, four columns for each site."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

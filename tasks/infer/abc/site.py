@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from sinew.tasks.infer.observations import SiteEvaluation
-from sinew.tasks.infer.prior import Prior
+from sinew.tasks.infer.abc.observations import SiteEvaluation
+from sinew.tasks.infer.abc.prior import Prior
 from sinew.tasks.model import Specimen
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from sinew.tasks.data.noise import Noise
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, errors, fit, residuals, spreads
-from sinew.tasks.discover.measure.measured import Measured, groups, thinned
+from sinew.tasks.fitting.measured import Measured, groups, thinned
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effects import library
 from sinew.tasks.model.protocols import STANDARD

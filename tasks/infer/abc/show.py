@@ -1,0 +1,59 @@
+"""How posteriors are shown: as tables and on the console."""
+
+from pathlib import Path
+
+import pandas as pd
+from rich.table import Table as Grid
+
+from sinew.runner.console import Console
+from sinew.tasks.calibrate.result import CalibrateResult
+from sinew.tasks.infer.abc.result import AbcResult
+
+
+def table(result: AbcResult) -> pd.DataFrame:
+    """Mean, standard deviation and highest density interval by site and parameter."""
+    rows = {
+        (site, name): {
+            "unit": unit,
+            "mean": marginal.mean,
+            "sd": marginal.sd,
+            "hdi_low": marginal.hdi[0],
+            "hdi_high": marginal.hdi[1],
+            "prior_mean": marginal.prior_mean,
+            "prior_sd": marginal.prior_sd,
+        }
+        for site, posterior in result.sites.items()
+        for name, unit in zip(result.names, result.units, strict=True)
+        for marginal in [posterior.parameters[name]]
+    }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis(["site", "parameter"])
+
+
+def headline(result: AbcResult) -> str:
+    """What came out, in one line."""
+    sizes = ", ".join(f"{site} {one.effective_sample_size:.0f}" for site, one in result.sites.items())
+    return f"{result.population} particles for each site; effective sample sizes: {sizes}"
+
+
+def beyond_ranges(result: AbcResult, calibration: CalibrateResult | None) -> list[str]:
+    """A sentence for each posterior that leaves the range that its parameter had in the calibration."""
+    return [] if calibration is None else result.beyond(calibration.free, calibration.bounds)
+
+
+def summary(result: AbcResult, folder: Path, console: Console) -> None:
+    """Print the posterior of each site, and how its inference went."""
+    percent = round(100 * result.interval)
+    grid = Grid("parameter", *result.sites, title=f"Posterior: mean ± sd ({percent} % HDI)")
+    for name in result.names:
+        marginals = [posterior.parameters[name] for posterior in result.sites.values()]
+        cells = (f"{m.mean:.4g} ± {m.sd:.3g} ({m.hdi[0]:.4g}, {m.hdi[1]:.4g})" for m in marginals)
+        grid.add_row(name, *cells)
+    console.print(grid)
+    for remark in beyond_ranges(result, CalibrateResult.read(folder)):
+        console.print(remark)
+    for site, posterior in result.sites.items():
+        console.print(
+            f"{site}: {len(posterior.generations)} generations, {posterior.judged:,} proposals, "
+            f"threshold {posterior.epsilon[-1]:.3g}, "
+            f"effective sample size {posterior.effective_sample_size:.0f} of {result.population}"
+        )

@@ -1,0 +1,89 @@
+"""Posterior of each site's parameters by approximate Bayesian computation: plan, sample, summarise, commit.
+
+The store keeps a row for every evaluation, and ``infer/SITE`` with the particles of all generations. All sites share
+the cluster. A run that was interrupted asks again for the same rows, finds them in the store, and goes on.
+"""
+
+import numpy as np
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.calibrate.result import CalibrateResult
+from sinew.tasks.data.sites import by_site
+from sinew.tasks.infer.abc import files
+from sinew.tasks.infer.abc.observations import SiteEvaluation, observed
+from sinew.tasks.infer.abc.prior import Prior, calibrated
+from sinew.tasks.infer.abc.result import INTERVAL, AbcResult, particles_group
+from sinew.tasks.infer.abc.site import Site
+from sinew.tasks.infer.settings import Settings
+from sinew.tasks.model import Specimen
+from sinew.tasks.study.cached import cached, commit, key
+from sinew.tasks.study.result import believed
+from sinew.tasks.study.workspace import Workspace
+
+
+def run(workspace: Workspace, settings: Settings) -> AbcResult:
+    """The posterior of each site.
+
+    Raises :class:`BadInput` when there is no calibration to take priors from, or no draw came within ``epsilon``.
+    """
+    calibration = CalibrateResult.read(workspace.out)
+    if calibration is None:
+        raise BadInput(CalibrateResult.path(workspace.out), "is not there", "`sinew calibrate` on this study first")
+    grouped = by_site(workspace.specimens(settings.specimens, "infer.specimens"))
+    evaluations = {site: _evaluation(workspace, settings, site, members) for site, members in grouped.items()}
+    sites = [
+        Site(name, members, evaluations[name], _prior(workspace, settings, members, calibration))
+        for name, members in grouped.items()
+    ]
+    tables = [site.evaluation.table().key for site in sites]
+    priors = [[site.prior.mean.tolist(), site.prior.sd.tolist()] for site in sites]
+    inputs = key(AbcResult, settings.of("abc"), workspace.seed, tables, priors)
+    arrays = [particles_group(site) for site in grouped]
+    if (known := cached(workspace, AbcResult, inputs, arrays, files.names(grouped))) is not None:
+        return known
+    from sinew.tasks.infer.abc import sampling  # pyABC takes seconds to import
+
+    infer_all = sampling.on_the_store if settings.sampler == "store" else sampling.by_the_stock_sampler
+    inferred = infer_all(workspace, settings, sites)
+    free = workspace.model.free
+    result = AbcResult(
+        sampler=settings.sampler,
+        names=[parameter.name for parameter in free],
+        units=[parameter.unit for parameter in free],
+        meanings=[parameter.description for parameter in free],
+        population=settings.population,
+        interval=INTERVAL,
+        sites={site.name: sampling.summarised(workspace, site, one) for site, one in zip(sites, inferred, strict=True)},
+        inputs=inputs,
+    )
+    files.write_table(workspace.out, result)
+    commit(workspace, result, {name: one.particles for name, one in zip(arrays, inferred, strict=True)})
+    return result
+
+
+def _evaluation(workspace: Workspace, settings: Settings, site: str, members: tuple[Specimen, ...]) -> SiteEvaluation:
+    protocols = None if settings.protocols == "all" else tuple(settings.protocols)
+    cut = tuple(observed(specimen, protocols, tuple(settings.single_cycle)) for specimen in members)
+    missing = [specimen.name for specimen in cut if not specimen.curves]
+    if missing:
+        raise BadInput(
+            f"{workspace.study.path}: infer.protocols", f"no curve of {missing[0]} is among them", "protocols it has"
+        )
+    return SiteEvaluation(workspace.model, cut, workspace.simulator, workspace.study.store.points_per_curve, site)
+
+
+def _prior(
+    workspace: Workspace, settings: Settings, members: tuple[Specimen, ...], calibration: CalibrateResult
+) -> Prior:
+    free = workspace.model.free
+    found = calibration.specimens
+    missing = [specimen.name for specimen in members if specimen.name not in found]
+    if missing:
+        raise BadInput(
+            CalibrateResult.path(workspace.out),
+            f"{missing[0]} is not calibrated",
+            "`sinew calibrate` with this specimen",
+        )
+    with believed(CalibrateResult.path(workspace.out)):
+        values = [found[specimen.name].values([p.name for p in free]) for specimen in members]
+        return calibrated(free, np.array(values, dtype=float), settings.widening)

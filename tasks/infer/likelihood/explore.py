@@ -1,0 +1,161 @@
+"""Where one specimen's posterior is: the best fit, an emulator around it, and what its own data say of each parameter.
+
+All from the specimen alone, with the prior of a population's mean as its prior. Rounds of sampling and computing make
+the emulator good where the posterior is: chains walk on the emulator, the model computes where they ended, and the
+emulator is fitted again.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.special import ndtr, ndtri
+from scipy.stats import chi2
+from threadpoolctl import threadpool_limits
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.fitting.starts import starts
+from sinew.tasks.infer.likelihood.chart import FARTHEST, chart_of, density
+from sinew.tasks.infer.likelihood.emulator import Emulator, Prior, Scatter, emulator, scatter_of, walk
+from sinew.tasks.infer.likelihood.population import MEAN_SD
+from sinew.tasks.infer.likelihood.target import Target
+from sinew.tasks.simulate import Array
+
+FITS = 6  # starts
+ITERATIONS = 60  # of a fit, at most
+TOLERANCE = 1e-6
+ROUNDS, FEWEST_POINTS = 5, 100  # of training; points of a round, at least
+TERMS_RATIO = 2.0  # points of a round for each coefficient of a polynomial
+PATHS = 60  # on the emulator
+WALKERS = 256  # chains that walk on it
+KEPT_RATIO = 2  # rounds' worth of points that an emulator is fitted to, the likeliest ones
+WIDE, WIDE_DF = 1.3, 5.0  # of the first round: spread, and degrees of freedom of a t distribution
+BETWEEN = 0.3  # spread of the points of the next round around the ends of chains
+EDGE = 1e-3  # of scores
+LIKELY = 1.0 - 1e-5  # of a chi-squared distribution: beyond, a point is no draw of the posterior
+DETERMINED = 0.5  # of a uniform's standard deviation
+
+
+@dataclass(frozen=True, eq=False)
+class Explored:
+    """What is known of a specimen before its population.
+
+    ``scatter`` of the posterior, and draws ``begin`` ``[n, k]`` as scores; ``determined`` ``[k]``: whether the
+    specimen's own data say where a parameter is in its range; ``error``: standard deviation of the emulator's log
+    likelihoods; ``least``: smallest sum of squares that was found.
+    """
+
+    known: Emulator
+    scatter: Scatter
+    begin: Array
+    determined: Array
+    error: float
+    least: float
+
+
+def explored(target: Target, seed: tuple[int, ...]) -> Explored:
+    """Explore a specimen. Raises :class:`BadInput` when the model fails wherever a fit begins."""
+    with threadpool_limits(1):  # sums in one order, on whatever machine
+        return _explored(target, np.random.default_rng(seed))
+
+
+def _explored(target: Target, rng: np.random.Generator) -> Explored:
+    size, chart = target.size, chart_of(target.varied)
+    best = _best_fit(target, rng)
+    root = np.linalg.cholesky(best.covariance)
+    count = max(FEWEST_POINTS, int(TERMS_RATIO * (1 + size + size * (size + 1) / 2)))
+    points = best.at + WIDE * _heavy_tailed(rng, count, size) @ root.T
+    prior = Prior(np.zeros((WALKERS, size)), np.broadcast_to(np.eye(size) / MEAN_SD**2, (WALKERS, size, size)))
+    seen, errors = np.empty((0, size)), np.empty((0, target.points))
+    for number in range(ROUNDS):
+        points = np.clip(points, -FARTHEST + EDGE, FARTHEST - EDGE)
+        new = target.errors(ndtr(points))
+        whole = np.isfinite(new).all(axis=1)
+        seen, errors = np.concatenate([seen, points[whole]]), np.concatenate([errors, new[whole]])
+        loss = _loss(np.square(errors).sum(axis=1), seen)
+        kept = np.argsort(loss, kind="stable")[: KEPT_RATIO * count]
+        seen, errors, loss = seen[kept], errors[kept], loss[kept]
+        known = emulator(ndtr(seen), errors, (1.0 + (loss - loss.min()) / (2 * size)) ** -2.0)
+        begin = seen[rng.choice(_likely(loss, size), WALKERS)]
+        if number == 0:
+            scatter = scatter_of(known, chart, best.at + rng.standard_normal((count, size)) @ root.T)
+        ends = walk(rng, known, scatter, prior, begin, PATHS)
+        ends = ends[_likely(_loss(known.squares(ndtr(ends)), ends), size)]
+        scatter = scatter_of(known, chart, ends)
+        points = ends[rng.choice(len(ends), count)] + BETWEEN * rng.standard_normal((count, size)) @ scatter.roots[0].T
+    squares = target.squares(ndtr(ends))
+    ends = ends[_likely(_loss(squares, ends), size)]
+    apart = target.squares(ndtr(ends)) - known.squares(ndtr(ends))
+    return Explored(
+        known=known,
+        scatter=scatter,
+        begin=ends,
+        determined=ndtr(ends).std(axis=0) < DETERMINED / np.sqrt(12.0),
+        error=float(np.std(apart)) / 2,
+        least=float(min(squares.min(), best.squares)),
+    )
+
+
+def _heavy_tailed(rng: np.random.Generator, count: int, size: int) -> Array:
+    """Draws ``[n, k]`` of Student's t distribution."""
+    heavy = np.sqrt(WIDE_DF / rng.chisquare(WIDE_DF, size=(count, 1)))
+    return np.asarray(heavy * rng.standard_normal((count, size)))
+
+
+def _loss(squares: Array, scores: Array) -> Array:
+    """Minus twice the log posterior ``[n]`` of the specimen alone, up to a constant."""
+    return np.asarray(squares + np.square(scores / MEAN_SD).sum(axis=1))
+
+
+def _likely(loss: Array, size: int) -> Array:
+    """The places in ``loss`` ``[n]`` of points that may well be draws of a posterior of ``size`` parameters."""
+    return np.flatnonzero(loss < loss.min() + chi2.ppf(LIKELY, size))
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """``at`` ``[k]`` as scores, ``loss`` (with the prior's part), ``squares``, and ``covariance``."""
+
+    at: Array
+    loss: float
+    squares: float
+    covariance: Array
+
+
+def _best_fit(target: Target, rng: np.random.Generator) -> _Fit:
+    names = [parameter.name for parameter in target.varied]
+    fits = [_fit(target, ndtri(np.clip(start, 0.01, 0.99))) for start in starts(names, rng, FITS)]
+    whole = [one for one in fits if one is not None]
+    if not whole:
+        raise BadInput(f"infer: {target.measured.specimen.name}", "the model fails at every start", "other ranges")
+    return min(whole, key=lambda one: one.loss)
+
+
+def _fit(target: Target, start: Array) -> _Fit | None:
+    """The nearest maximum of likelihood and prior to ``start`` ``[k]`` (scores); None where the model fails there."""
+    prior = np.eye(start.size) / MEAN_SD
+    last: dict[bytes, tuple[Array, Array]] = {}
+
+    def both(scores: Array) -> tuple[Array, Array]:
+        if scores.tobytes() not in last:
+            at = ndtr(scores)
+            errors, slopes = target.slopes(at)
+            last.clear()
+            last[scores.tobytes()] = (
+                np.concatenate([errors, scores / MEAN_SD]),
+                np.concatenate([slopes * density(scores), prior]),
+            )
+        return last[scores.tobytes()]
+
+    if not np.isfinite(target.squares(ndtr(start)[np.newaxis])).all():
+        return None
+    try:
+        found = least_squares(
+            lambda scores: both(scores)[0], start, jac=lambda scores: both(scores)[1], ftol=TOLERANCE, xtol=TOLERANCE,
+            gtol=TOLERANCE, max_nfev=ITERATIONS,
+        )  # fmt: skip
+    except ValueError:  # the model fails on the way
+        return None
+    slopes = found.jac
+    squares = float(2.0 * found.cost - np.square(found.x / MEAN_SD).sum())
+    return _Fit(found.x, float(2.0 * found.cost), squares, np.linalg.inv(slopes.T @ slopes))

@@ -1,0 +1,24 @@
+"""What a methods section says of this task, with the numbers of a result."""
+
+from sinew.tasks.drawing.blocks import percent, plural
+from sinew.tasks.infer.likelihood.result import LikelihoodResult
+
+
+def methods(result: LikelihoodResult) -> str:
+    """The paragraph of a methods section; ``[@key]`` cites."""
+    sites = "; ".join(
+        f"{site}: {plural(len(one.specimens), 'specimen')}, {one.sweeps:,} sweeps, smallest effective sample size "
+        f"{one.smallest_ess:,.0f}, largest R-hat {one.largest_rhat:.3f}"
+        for site, one in result.sites.items()
+    )
+    tails = "normal" if result.tails == "normal" else "Student's t (4 degrees of freedom)"
+    blind = f" No curve depends on {', '.join(result.blind)}." if result.blind else ""
+    return (
+        f"Posteriors of {len(result.names)} parameters were inferred by a hierarchical model: the curves of each "
+        f"specimen have a Gaussian likelihood with autoregressive noise as estimated from the curves, and the scores "
+        f"of the parameters within their ranges are {tails} distributed in each site's population, with half-t priors "
+        f"of the spreads and uniform ones of the correlations [@huang]. {result.chains} chains were run by Gibbs "
+        f"sampling, with proposals of specimens from Hamiltonian Monte Carlo on an emulator that are accepted or "
+        f"refused by the model itself [@liu]; convergence was judged with ArviZ [@vehtari]. Intervals hold "
+        f"{percent(result.interval)}. {sites}.{blind}"
+    )

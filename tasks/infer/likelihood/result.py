@@ -1,0 +1,142 @@
+"""The result of an inference by likelihood: what ``infer.json`` holds, and how its draws in the store are read."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+from sinew.tasks.simulate import Array
+from sinew.tasks.study.result import Number, Result
+
+INTERVAL = 0.95
+MISFIT = 1.2  # times the noise: beyond, what is left is no noise, and intervals are too narrow
+NORMAL_95 = 3.92  # width of that interval of a normal distribution, in standard deviations
+
+
+@dataclass(frozen=True)
+class PopulationMarginal:
+    """A parameter in a population: posterior mean and interval of the population's mean, and of its ``spread``.
+
+    The spread is the standard deviation between specimens. ``ess`` is the smaller of the effective sample sizes of mean
+    and spread, ``rhat`` the larger of their R-hat.
+    """
+
+    mean: Number
+    low: Number
+    high: Number
+    spread: Number
+    spread_low: Number
+    spread_high: Number
+    ess: Number
+    rhat: Number
+
+
+@dataclass(frozen=True)
+class SpecimenMarginal:
+    """A parameter of one specimen: posterior mean, standard deviation and interval.
+
+    ``determined``: whether the specimen's own curves say where in its range the parameter is.
+    """
+
+    mean: Number
+    sd: Number
+    low: Number
+    high: Number
+    determined: bool
+
+
+@dataclass(frozen=True)
+class SitePosterior:
+    """The posterior of a site's population.
+
+    ``smallest_ess`` and ``largest_rhat`` are over the population and all of its specimens; ``sweeps``: kept ones of
+    each chain; ``emulator_sd``: largest standard deviation of an emulator's log likelihoods. ``misfit``: by specimen,
+    root mean square of what the best fit leaves, in units of the noise: 1 where the model describes the curves.
+    """
+
+    specimens: list[str]
+    population: Mapping[str, PopulationMarginal]
+    smallest_ess: Number
+    largest_rhat: Number
+    sweeps: int
+    emulator_sd: Number
+    misfit: Mapping[str, Number]
+
+    @property
+    def parameters(self) -> dict[str, "MeanOfPopulation"]:
+        """The means of the population by parameter."""
+        return {
+            name: MeanOfPopulation(one.mean, (one.high - one.low) / NORMAL_95, (one.low, one.high))
+            for name, one in self.population.items()
+        }
+
+
+@dataclass(frozen=True)
+class MeanOfPopulation:
+    """Posterior mean, standard deviation and interval of a population's mean."""
+
+    mean: float
+    sd: float
+    hdi: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class LikelihoodResult(Result):
+    """Posteriors of populations and specimens. ``names``, ``units`` and ``meanings`` are of the free parameters.
+
+    ``blind``: parameters on which no curve depends; their posterior is their prior.
+    """
+
+    TASK = "infer"
+    VERSION = 1
+    LIBRARIES = ("arviz",)
+
+    method: Literal["likelihood"]
+    names: list[str]
+    units: list[str]
+    meanings: list[str]
+    blind: list[str]
+    interval: Number
+    tails: Literal["normal", "heavy"]
+    chains: int
+    sites: Mapping[str, SitePosterior]
+    specimens: Mapping[str, Mapping[str, SpecimenMarginal]]
+    inputs: str
+
+    @property
+    def misfitting(self) -> dict[str, float]:
+        """Specimens of which the model leaves clearly more than noise, and how many times the noise."""
+        every = {name: ratio for site in self.sites.values() for name, ratio in site.misfit.items()}
+        return {name: ratio for name, ratio in every.items() if ratio > MISFIT}
+
+    @property
+    def undetermined(self) -> dict[str, list[str]]:
+        """Specimens by the parameters that their own curves do not determine; without those that all are blind to."""
+        found: dict[str, list[str]] = {}
+        for specimen, marginals in self.specimens.items():
+            for name, marginal in marginals.items():
+                if not marginal.determined and name not in self.blind:
+                    found.setdefault(name, []).append(specimen)
+        return found
+
+
+def draws_of_specimen(dataset: xr.Dataset, specimen: str, count: int, seed: tuple[int, ...]) -> Array:
+    """``count`` draws ``[n, k]`` of a specimen, of those that the store holds."""
+    return _some(dataset["specimens"].sel(specimen=specimen), count, seed)
+
+
+def draws_of_new(dataset: xr.Dataset, count: int, seed: tuple[int, ...]) -> Array:
+    """``count`` draws ``[n, k]`` of a new specimen of the population, of those that the store holds."""
+    return _some(dataset["new"], count, seed)
+
+
+def draws_of_mean(dataset: xr.Dataset) -> Array:
+    """All stored draws ``[n, k]`` of a population's mean."""
+    return np.asarray(dataset["mean"].stack(sample=("chain", "draw")).transpose("sample", "parameter").values)
+
+
+def _some(draws: xr.DataArray, count: int, seed: tuple[int, ...]) -> Array:
+    every = draws.stack(sample=("chain", "draw")).transpose("sample", "parameter").values
+    return np.asarray(every[np.random.default_rng(seed).choice(len(every), count, replace=count > len(every))])

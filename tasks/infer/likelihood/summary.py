@@ -1,0 +1,206 @@
+"""What the chains of a site say, in the parameters' own units, and whether they have converged."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from scipy.special import ndtr
+
+from sinew.tasks.infer.likelihood.chains import Block
+from sinew.tasks.infer.likelihood.explore import Explored
+from sinew.tasks.infer.likelihood.population import from_prior, moments, specimens_of
+from sinew.tasks.infer.likelihood.result import INTERVAL, PopulationMarginal, SitePosterior, SpecimenMarginal
+from sinew.tasks.model import Specimen
+from sinew.tasks.model.parameters import Parameter, bounds
+from sinew.tasks.simulate import Array
+
+MOST_DRAWS = 4096  # of all chains, that are stored
+WARM_UP = 0.2  # of the sweeps, at the beginning, that are not used
+
+
+@dataclass(frozen=True, eq=False)
+class Chains:
+    """All sweeps of a site in the parameters' units, but for the warm-up: ``h`` chains of ``s`` sweeps.
+
+    ``specimens`` ``[h, s, n, k]`` and their ``log_likelihood`` ``[h, s, n]``, up to a constant; ``mean``, ``spread``
+    and ``new`` ``[h, s, k]``; ``correlation`` ``[m, k, k]`` as scores.
+    """
+
+    specimens: Array
+    log_likelihood: Array
+    mean: Array
+    spread: Array
+    new: Array
+    correlation: Array
+
+
+def chains_of(ensembles: Sequence[Sequence[Block]], varied: Sequence[Parameter], *, heavy: bool) -> Chains:
+    """The chains of all ensembles, each a sequence of blocks."""
+    low, high = bounds(varied)
+    width = high - low
+
+    def joined(name: str) -> Array:
+        """``[h, s, ...]``."""
+        every = [np.concatenate([getattr(block, name) for block in blocks]) for blocks in ensembles]
+        later = np.concatenate([one[int(WARM_UP * len(one)) :] for one in every], axis=1)
+        return later.swapaxes(0, 1)
+
+    mean, spread = moments(joined("mean"), joined("spread"), heavy=heavy)
+    correlation = np.concatenate([block.correlation for blocks in ensembles for block in blocks[len(blocks) // 2 :]])
+    return Chains(
+        specimens=low + width * ndtr(joined("scores")),
+        log_likelihood=-0.5 * joined("squares"),
+        mean=low + width * mean,
+        spread=width * spread,
+        new=low + width * ndtr(joined("new")),
+        correlation=correlation,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Convergence:
+    """Effective sample sizes and R-hat: of the population ``[2, k]`` (mean, spread) and of specimens ``[n, k]``."""
+
+    ess: Array
+    rhat: Array
+    specimens_ess: Array
+    specimens_rhat: Array
+
+    @property
+    def smallest_ess(self) -> float:
+        return float(min(self.ess.min(), self.specimens_ess.min()))
+
+    @property
+    def largest_rhat(self) -> float:
+        return float(max(self.rhat.max(), self.specimens_rhat.max()))
+
+
+def convergence(chains: Chains) -> Convergence:
+    """Bulk effective sample sizes and rank-normalised split R-hat (Vehtari et al. 2021), by ArviZ."""
+    population = np.stack([chains.mean, chains.spread], axis=2)
+    every = {"population": population, "specimens": chains.specimens}
+    ess, rhat = _arviz().ess(every), _arviz().rhat(every)
+    return Convergence(*(found[name].values for name in every for found in (ess, rhat)))
+
+
+def _arviz() -> Any:
+    from sinew.tasks.infer.abc.method import arviz
+
+    return arviz()
+
+
+def interval(draws: Array, low: float, high: float) -> tuple[float, float]:
+    """The shortest interval that holds 95 % of draws ``[m]`` from between two bounds.
+
+    Where it would end at the last of the draws, it reaches the bound: the density is largest there.
+    """
+    ordered = np.sort(draws)
+    inside = int(np.ceil(INTERVAL * ordered.size))
+    widths = ordered[inside - 1 :] - ordered[: ordered.size - inside + 1]
+    first = int(np.argmin(widths))
+    last = first + inside - 1
+    return (low if first == 0 else float(ordered[first])), (high if last == ordered.size - 1 else float(ordered[last]))
+
+
+def site_posterior(
+    chains: Chains,
+    found: Convergence,
+    explored: Sequence[Explored],
+    specimens: Sequence[Specimen],
+    varied: Sequence[Parameter],
+    prior: Mapping[str, PopulationMarginal],
+    misfit: Sequence[float],
+) -> SitePosterior:
+    """The posterior of a site's population; ``prior``: of the parameters that no curve depends on.
+
+    ``misfit``: of each specimen, see :class:`SitePosterior`.
+    """
+    population = {}
+    tail = 50 * (1 - INTERVAL)
+    for j, parameter in enumerate(varied):
+        mean, spread = chains.mean[..., j].ravel(), chains.spread[..., j].ravel()
+        ends = (np.percentile(one, [tail, 100 - tail]) for one in (mean, spread))
+        (low, high), (spread_low, spread_high) = ends
+        population[parameter.name] = PopulationMarginal(
+            mean=float(mean.mean()),
+            low=float(low),
+            high=float(high),
+            spread=float(spread.mean()),
+            spread_low=float(spread_low),
+            spread_high=float(spread_high),
+            ess=float(found.ess[:, j].min()),
+            rhat=float(found.rhat[:, j].max()),
+        )
+    return SitePosterior(
+        specimens=[specimen.name for specimen in specimens],
+        population={**population, **prior},
+        smallest_ess=found.smallest_ess,
+        largest_rhat=found.largest_rhat,
+        sweeps=chains.mean.shape[1],
+        emulator_sd=max(one.error for one in explored),
+        misfit={one.name: ratio for one, ratio in zip(specimens, misfit, strict=True)},
+    )
+
+
+def specimen_marginals(
+    chains: Chains, number: int, explored: Explored, varied: Sequence[Parameter]
+) -> dict[str, SpecimenMarginal]:
+    """The posterior of specimen ``number`` of a site."""
+    found = {}
+    for j, parameter in enumerate(varied):
+        draws = chains.specimens[:, :, number, j].ravel()
+        ends = interval(draws, parameter.minimum, parameter.maximum)
+        determined = bool(explored.determined[j])
+        found[parameter.name] = SpecimenMarginal(float(draws.mean()), float(draws.std()), *ends, determined)
+    return found
+
+
+def prior_population(
+    parameters: Sequence[Parameter], rng: np.random.Generator, *, heavy: bool
+) -> tuple[dict[str, PopulationMarginal], dict[str, SpecimenMarginal]]:
+    """What the prior says of a population and of its specimens."""
+    populations, specimens = {}, {}
+    tail = 50 * (1 - INTERVAL)
+    for parameter in parameters:
+        width = parameter.maximum - parameter.minimum
+        drawn = from_prior(rng, MOST_DRAWS, 1, 1, heavy=heavy)
+        centre, apart = moments(drawn.mean[:, 0], 1.0 / np.sqrt(drawn.precision[:, 0, 0]), heavy=heavy)
+        mean, spread = parameter.minimum + width * centre, width * apart
+        new = parameter.minimum + width * ndtr(specimens_of(rng, drawn, heavy=heavy)[:, 0])
+        low, high = np.percentile(mean, [tail, 100 - tail])
+        spread_low, spread_high = np.percentile(spread, [tail, 100 - tail])
+        populations[parameter.name] = PopulationMarginal(
+            mean=float(mean.mean()),
+            low=float(low),
+            high=float(high),
+            spread=float(spread.mean()),
+            spread_low=float(spread_low),
+            spread_high=float(spread_high),
+            ess=float(MOST_DRAWS),
+            rhat=1.0,
+        )
+        ends = interval(new, parameter.minimum, parameter.maximum)
+        specimens[parameter.name] = SpecimenMarginal(float(new.mean()), float(new.std()), *ends, determined=False)
+    return populations, specimens
+
+
+def dataset(chains: Chains, specimens: Sequence[Specimen], varied: Sequence[Parameter]) -> xr.Dataset:
+    """The draws that are stored, evenly thinned."""
+    step = max(1, -(-chains.mean.shape[0] * chains.mean.shape[1] // MOST_DRAWS))
+    names = [parameter.name for parameter in varied]
+    along = ("chain", "draw", "parameter")
+    return xr.Dataset(
+        {
+            "specimens": (("chain", "draw", "specimen", "parameter"), chains.specimens[:, ::step]),
+            "log_likelihood": (("chain", "draw", "specimen"), chains.log_likelihood[:, ::step]),
+            "mean": (along, chains.mean[:, ::step]),
+            "spread": (along, chains.spread[:, ::step]),
+            "new": (along, chains.new[:, ::step]),
+            "correlation": (("sample", "parameter", "other_parameter"), chains.correlation),
+            "low": ("parameter", bounds(varied)[0]),
+            "width": ("parameter", np.subtract(*bounds(varied)[::-1])),
+        },
+        coords={"parameter": names, "other_parameter": names, "specimen": [one.name for one in specimens]},
+    )

@@ -1,0 +1,83 @@
+"""How well parameter sets agree with all that was measured of one specimen: whitened errors, and the sum of squares.
+
+Minus half the sum of squares is the logarithm of the likelihood, up to a constant, for errors as the noise is
+estimated from the curves themselves (:mod:`sinew.tasks.data.noise`): generalised least squares.
+
+Points are on the unit cube of the free parameters: 0 is the lower bound of a parameter, 1 the upper. Chains and fits
+move as scores, where bounds are infinitely far away.
+"""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from sinew.tasks.fitting.measured import Measured, Thinned
+from sinew.tasks.model import Model
+from sinew.tasks.model.parameters import Parameter, scaled
+from sinew.tasks.simulate import Array, Simulator
+
+STEP = 1e-5  # of a difference quotient
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """The likelihood of one specimen's curves, by ``k`` parameters that vary; all others are at their reference."""
+
+    model: Model
+    varied: tuple[Parameter, ...]
+    simulator: Simulator
+    measured: Measured
+
+    @property
+    def size(self) -> int:
+        return len(self.varied)
+
+    @property
+    def points(self) -> int:
+        """How many whitened errors there are."""
+        return sum(one.target.size for one in self.measured.thinned.values())
+
+    def errors(self, at: Array) -> Array:
+        """Whitened errors ``[n, g]`` at points ``[n, k]``; NaN where the model fails."""
+        return np.concatenate([one.residuals(self._forces(one, at)) for one in self.measured.thinned.values()], axis=1)
+
+    def squares(self, at: Array) -> Array:
+        """Sums of squares ``[n]`` of the whitened errors at points ``[n, k]``; infinite where the model fails."""
+        total = np.zeros(len(at))
+        for one in self.measured.thinned.values():
+            weights = one.weights
+            total += _squares(weights.data, weights.indices, weights.indptr, one.target, self._forces(one, at))
+        return np.where(np.isfinite(total), total, np.inf)
+
+    def slopes(self, at: Array) -> tuple[Array, Array]:
+        """Whitened errors ``[g]`` at a point ``[k]``, and their derivatives ``[g, k]``."""
+        steps = np.where(at + STEP <= 1.0, STEP, -STEP)
+        errors = self.errors(np.concatenate([at[np.newaxis], at + np.diag(steps)]))
+        return errors[0], ((errors[1:] - errors[0]) / steps[:, np.newaxis]).T
+
+    def blind(self) -> Array:
+        """Which parameters ``[k]`` the curves do not depend on at all, as the force on Poisson's ratio."""
+        rng = np.random.default_rng(0)
+        here = rng.uniform(0.3, 0.7, self.size)
+        moved = here + np.diag(rng.uniform(0.1, 0.2, self.size))
+        errors = self.errors(np.concatenate([here[np.newaxis], moved]))
+        return np.asarray((errors[1:] == errors[0]).all(axis=1))
+
+    def _forces(self, thinned: Thinned, at: Array) -> Array:
+        names = tuple(parameter.name for parameter in self.varied)
+        rows = self.model.full(names, scaled(self.varied, at))
+        return self.simulator.simulate(self.model, self.measured.specimen, thinned.protocol, rows).force_N
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _squares(data, indices, starts, target, force):  # type: ignore[no-untyped-def]
+    """For each row of ``force`` the squared length of a sparse matrix times it, less ``target``."""
+    total = np.zeros(force.shape[0])
+    for row in range(force.shape[0]):
+        for group in range(target.size):
+            error = -target[group]
+            for entry in range(starts[group], starts[group + 1]):
+                error += data[entry] * force[row, indices[entry]]
+            total[row] += error * error
+    return total

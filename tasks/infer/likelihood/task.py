@@ -1,0 +1,241 @@
+"""Posteriors of specimens and populations by likelihood: explore each specimen, run chains, summarise, commit.
+
+Specimens are explored on the cluster, then the ensembles of chains of all sites run there, block by block, until they
+have converged. What was computed is kept in ``infer/`` until the result is committed, so an interrupted run goes on.
+The store keeps ``infer/SITE``, draws of the population and of all specimens.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from sinew.runner.errors import BadInput
+from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
+from sinew.tasks.data.noise import noise_of_each
+from sinew.tasks.data.sites import by_site
+from sinew.tasks.fitting.measured import Measured
+from sinew.tasks.infer.likelihood import files
+from sinew.tasks.infer.likelihood.chains import CHAINS, Block, begun, swept
+from sinew.tasks.infer.likelihood.explore import Explored, explored
+from sinew.tasks.infer.likelihood.kept import read_block, read_explored, write_block, write_explored
+from sinew.tasks.infer.likelihood.result import INTERVAL, LikelihoodResult
+from sinew.tasks.infer.likelihood.summary import (
+    Chains,
+    Convergence,
+    chains_of,
+    convergence,
+    dataset,
+    prior_population,
+    site_posterior,
+    specimen_marginals,
+)
+from sinew.tasks.infer.likelihood.target import Target
+from sinew.tasks.infer.result import particles_group
+from sinew.tasks.infer.settings import Settings
+from sinew.tasks.model import Specimen, file_name
+from sinew.tasks.study import streams
+from sinew.tasks.study.cached import cached, commit, key
+from sinew.tasks.study.workspace import Workspace
+
+ENSEMBLES = 2  # independent ones: two of them can agree or not
+BLOCK = 100  # sweeps
+EXPLORING, SWEEPING, PRIOR = "explored specimens", "chains of likelihood", "prior of populations"  # random streams
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """The explored specimens of a site, its chains, and whether they have converged."""
+
+    targets: Sequence[Target]
+    explored: Sequence[Explored]
+    chains: Chains
+    found: Convergence
+
+    @property
+    def misfit(self) -> list[float]:
+        """Of each specimen: root mean square of what the best fit leaves, in units of the noise."""
+        return [
+            float(np.sqrt(known.least / target.points))
+            for known, target in zip(self.explored, self.targets, strict=True)
+        ]
+
+    @property
+    def specimens(self) -> list[Specimen]:
+        return [target.measured.specimen for target in self.targets]
+
+
+def run(workspace: Workspace, settings: Settings) -> LikelihoodResult:
+    """The posteriors of all sites. Raises :class:`BadInput` for chains that do not converge."""
+    specimens = _chosen(workspace, settings)
+    inputs = key(
+        LikelihoodResult,
+        settings.of("likelihood"),
+        workspace.seed,
+        [specimen.identity() for specimen in specimens],
+        [specimen.name for specimen in specimens],
+        workspace.model.identity(),
+        [[p.name, p.minimum, p.maximum, p.reference] for p in workspace.model.parameters],
+        workspace.simulator.identity(),
+    )
+    grouped = by_site(specimens)
+    arrays = [particles_group(site) for site in grouped]
+    if (known := cached(workspace, LikelihoodResult, inputs, arrays, files.names(grouped))) is not None:
+        return known
+    workspace.say_what_is_left_out("infer")
+    targets, blind = _targets(workspace, specimens)
+    seen = _explored(workspace, targets, inputs)
+    sampled = {
+        site: _sampled(workspace, settings, inputs, number, [targets[one.name] for one in members], seen)
+        for number, (site, members) in enumerate(grouped.items())
+    }
+    result = _result(workspace, settings, inputs, sampled, blind)
+    stored = {site: dataset(one.chains, one.specimens, one.targets[0].varied) for site, one in sampled.items()}
+    files.write(workspace.out, result, stored, streams.key(workspace.seed, PRIOR))
+    commit(workspace, result, dict(zip(arrays, stored.values(), strict=True)))
+    for path in _folder(workspace).glob("*.safetensors"):
+        path.unlink()
+    return result
+
+
+def _chosen(workspace: Workspace, settings: Settings) -> tuple[Specimen, ...]:
+    """The specimens with the curves that are inferred from."""
+    specimens = workspace.specimens(settings.specimens, "infer.specimens")
+    if settings.protocols == "all":
+        return specimens
+    cut = [replace(one, curves=tuple(c for c in one.curves if c.name in settings.protocols)) for one in specimens]
+    missing = [specimen.name for specimen in cut if not specimen.curves]
+    if missing:
+        where = f"{workspace.study.path}: infer.protocols"
+        raise BadInput(where, f"no curve of {missing[0]} is among them", "protocols it has")
+    return tuple(cut)
+
+
+def _targets(workspace: Workspace, specimens: Sequence[Specimen]) -> tuple[dict[str, Target], list[str]]:
+    """The likelihood of each specimen, by its name, and the parameters that no curve depends on."""
+    noise = noise_of_each([one.curves for one in specimens])
+    free = workspace.model.free
+    make = partial(Target, workspace.model)
+    measured = [Measured(one, level) for one, level in zip(specimens, noise, strict=True)]
+    blind = [make(free, workspace.simulator, one).blind() for one in measured]
+    names = [parameter.name for j, parameter in enumerate(free) if all(each[j] for each in blind)]
+    varied = tuple(parameter for parameter in free if parameter.name not in names)
+    if not varied:
+        expected = "a free parameter that the measured curves depend on"
+        raise BadInput(f"{workspace.study.path}: model.parameters", "no curve depends on any", expected)
+    return {one.specimen.name: make(varied, workspace.simulator, one) for one in measured}, names
+
+
+def _folder(workspace: Workspace) -> Path:
+    return workspace.out / "infer"
+
+
+def _explored(workspace: Workspace, targets: dict[str, Target], inputs: str) -> dict[str, Explored]:
+    """Every specimen explored, on the cluster or before."""
+    with workspace.progress("infer: specimens", len(targets), of="specimens") as report:
+        finished = 0
+
+        def work(number: int, name: str, session: Session) -> Explored:
+            nonlocal finished
+            path = _folder(workspace) / f"{file_name(name)}.explored.safetensors"
+            found = read_explored(path, inputs, targets[name])
+            if found is None:
+                found = session.compute(explored, targets[name], streams.key(workspace.seed, EXPLORING, number))
+                write_explored(path, inputs, found)
+            finished += 1
+            report(finished, 0, 0)
+            return found
+
+        runs = [AdaptiveRun([], 0, partial(work, number, name)) for number, name in enumerate(targets)]
+        return dict(zip(targets, workspace.run_adaptive(runs, "infer"), strict=True))
+
+
+def _sampled(
+    workspace: Workspace,
+    settings: Settings,
+    inputs: str,
+    site: int,
+    targets: Sequence[Target],
+    seen: dict[str, Explored],
+) -> Sampled:
+    """The chains of a site, as many blocks of them as it takes."""
+    name = targets[0].measured.specimen.site or "all"
+    known = [seen[target.measured.specimen.name] for target in targets]
+    heavy = settings.tails == "heavy"
+    ensembles: list[list[Block]] = [[] for _ in range(ENSEMBLES)]
+
+    def work(ensemble: int, session: Session) -> None:
+        blocks = ensembles[ensemble]
+        path = _folder(workspace) / f"{site}-{ensemble}-{len(blocks)}.block.safetensors"
+        block = read_block(path, inputs, len(targets), targets[0].size)
+        if block is None:
+            seed = streams.key(workspace.seed, SWEEPING, site, ensemble)
+            before = blocks[-1].state if blocks else None
+            block = session.compute(_block, targets, known, before, seed, heavy)
+            write_block(path, inputs, block)
+        blocks.append(block)
+
+    most = -(-settings.sweeps // BLOCK)
+    with workspace.progress(f"infer: chains of {name}", most * BLOCK, of="sweeps") as report:
+        for number in range(most):
+            workspace.run_adaptive([AdaptiveRun([], 0, partial(work, one)) for one in range(ENSEMBLES)], "infer")
+            chains = chains_of(ensembles, targets[0].varied, heavy=heavy)
+            found = convergence(chains)
+            report((number + 1) * BLOCK, 0, 0)
+            words = f"effective sample size {found.smallest_ess:.0f}, R-hat {found.largest_rhat:.3f}"
+            workspace.note("infer", name, words, value=found.smallest_ess, sweeps=(number + 1) * BLOCK)
+            if found.smallest_ess >= settings.ess and found.largest_rhat <= settings.rhat:
+                return Sampled(targets, known, chains, found)
+    raise BadInput(
+        f"{workspace.study.path}: infer.sweeps",
+        f"{name}: the chains have not converged after {most * BLOCK} sweeps: effective sample size "
+        f"{found.smallest_ess:.0f} of {settings.ess}, R-hat {found.largest_rhat:.3f} (at most {settings.rhat:g})",
+        "more sweeps, a smaller infer.ess, or fixed values for parameters that the curves do not determine",
+    )
+
+
+def _block(
+    targets: Sequence[Target], known: Sequence[Explored], before: object, seed: tuple[int, ...], heavy: bool
+) -> Block:
+    """The next block of an ensemble; the first begins at draws of each specimen alone."""
+    from sinew.tasks.infer.likelihood.chains import State
+
+    state = before if isinstance(before, State) else begun(targets, known, (*seed, 2**32), heavy=heavy)
+    return swept(targets, known, state, BLOCK, seed, heavy=heavy)
+
+
+def _result(
+    workspace: Workspace, settings: Settings, inputs: str, sampled: dict[str, Sampled], blind: list[str]
+) -> LikelihoodResult:
+    free = workspace.model.free
+    rng = streams.generator(workspace.seed, PRIOR)
+    heavy = settings.tails == "heavy"
+    prior, prior_specimens = prior_population([one for one in free if one.name in blind], rng, heavy=heavy)
+    specimens = {
+        specimen.name: {
+            **specimen_marginals(one.chains, number, one.explored[number], one.targets[0].varied),
+            **prior_specimens,
+        }
+        for one in sampled.values()
+        for number, specimen in enumerate(one.specimens)
+    }
+    return LikelihoodResult(
+        method="likelihood",
+        names=[parameter.name for parameter in free],
+        units=[parameter.unit for parameter in free],
+        meanings=[parameter.description for parameter in free],
+        blind=blind,
+        interval=INTERVAL,
+        tails=settings.tails,
+        chains=ENSEMBLES * CHAINS,
+        sites={
+            site: site_posterior(
+                one.chains, one.found, one.explored, one.specimens, one.targets[0].varied, prior, one.misfit
+            )
+            for site, one in sampled.items()
+        },
+        specimens=specimens,
+        inputs=inputs,
+    )

@@ -1,0 +1,62 @@
+"""Arrays that an unfinished task keeps beside the store, so that an interrupted run need not compute them again."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import safetensors.numpy
+from safetensors import SafetensorError
+
+from sinew.runner.errors import BadInput
+from sinew.runner.files import NotReadable, new_file, read_regular
+from sinew.tasks.simulate import Array
+
+MAX_BYTES = 2**29
+INPUTS = "inputs"  # the array that holds the key of what all others were made from
+
+
+@dataclass(frozen=True)
+class KeptArrays:
+    """Arrays of float64 in one file, which belong to one set of ``inputs``."""
+
+    path: Path
+    inputs: str
+
+    def read(self, shapes: Mapping[str, tuple[int | None, ...]]) -> dict[str, Array] | None:
+        """The arrays, if all of them have the ``shapes`` that they must have (None: any length) and are numbers.
+
+        None where there is no such file; one of other inputs, a damaged one or one with other arrays does not count.
+        """
+        try:
+            found = safetensors.numpy.load(read_regular(self.path, MAX_BYTES))
+        except (FileNotFoundError, SafetensorError, ValueError, KeyError):
+            return None
+        except NotReadable as problem:
+            raise BadInput(self.path, str(problem), "arrays of an unfinished run; delete it") from None
+        inputs = found.pop(INPUTS, np.empty(0))
+        if inputs.tobytes() != self.inputs.encode() or set(found) != set(shapes):
+            return None
+        whole = all(_fits(found[name], shape) for name, shape in shapes.items())
+        return found if whole else None
+
+    def write(self, arrays: Mapping[str, Array]) -> None:
+        """Write the arrays, all or none."""
+        content = {name: np.asarray(array, dtype=np.float64, order="C") for name, array in arrays.items()}
+        key = np.frombuffer(self.inputs.encode(), dtype=np.uint8)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = self.path.with_name(f".{self.path.name}.{os.getpid()}")
+        try:
+            with new_file(temporary) as file:
+                file.write(safetensors.numpy.save({**content, INPUTS: key}))
+            os.replace(temporary, self.path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+def _fits(array: Array, shape: tuple[int | None, ...]) -> bool:
+    right = array.ndim == len(shape) and all(
+        want in (None, have) for want, have in zip(shape, array.shape, strict=True)
+    )
+    return bool(right and array.dtype == np.float64 and np.isfinite(array).all())

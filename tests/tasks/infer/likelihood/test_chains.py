@@ -1,0 +1,86 @@
+"""Chains of specimens and their population: calibrated where everything is drawn from the prior."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+from scipy.stats import chisquare
+
+from sinew.tasks.infer.likelihood import explore
+from sinew.tasks.infer.likelihood.chains import begun, swept
+from sinew.tasks.infer.likelihood.explore import explored
+from sinew.tasks.infer.likelihood.population import from_prior
+from sinew.tasks.model.parameters import own_parameter
+
+SIZE, SPECIMENS = 2, 3
+VARIED = tuple(own_parameter(f"p{j}", "1", 0.0, 1.0) for j in range(SIZE))
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A specimen whose whitened errors are not quite linear; the first parameter is better determined."""
+
+    measured: np.ndarray
+    varied: tuple = VARIED
+    size: int = SIZE
+    points: int = 6
+
+    def errors(self, at):
+        return course(at) - self.measured
+
+    def squares(self, at):
+        return np.square(self.errors(at)).sum(axis=1)
+
+    def slopes(self, at):
+        steps = 1e-6 * np.eye(SIZE)
+        return self.errors(at[np.newaxis])[0], ((self.errors(at + steps) - self.errors(at - steps)) / 2e-6).T
+
+
+def course(at):
+    x = np.arange(6) / 5
+    return 20.0 * at[:, :1] * (1 + 0.3 * at[:, 1:] * x) + 1.5 * at[:, 1:] * x**2
+
+
+def ranks(seed, heavy):
+    """Where the truth is among draws of its posterior: of the population's mean and spread and of one specimen."""
+    rng = np.random.default_rng(seed)
+    truth = from_prior(rng, 1, SIZE, SPECIMENS, heavy=heavy)
+    root = np.linalg.cholesky(truth.covariance()[0])
+    weights = truth.weights[:, 0] if heavy else np.ones(SPECIMENS)
+    scores = truth.mean + (rng.standard_normal((SPECIMENS, SIZE)) @ root.T) / np.sqrt(weights)[:, np.newaxis]
+    scores = np.clip(scores, -3.9, 3.9)
+    targets = [Line(course(ndtr(one)[np.newaxis])[0] + rng.standard_normal(6)) for one in scores]
+    known = [explored(target, (seed, i)) for i, target in enumerate(targets)]
+    state = begun(targets, known, (seed, 100), heavy=heavy)
+    block = swept(targets, known, state, 40, (seed, 200), heavy=heavy)
+    spread = np.sqrt(np.diagonal(truth.covariance()[0]))
+    every = ((block.mean, truth.mean[0]), (block.spread, spread), (block.scores[:, :, 0], scores[0]))
+    return np.array([(draws[15:] < one).mean(axis=(0, 1)) for draws, one in every])
+
+
+COHORTS = 30
+
+
+@pytest.mark.parametrize("heavy", [False, True])
+def test_truth_is_anywhere_among_the_draws(heavy, monkeypatch):
+    """Simulation-based calibration (Talts et al. 2018): ranks are uniform. A rough emulator will do here."""
+    for name, value in (("PATHS", 4), ("WALKERS", 64), ("ROUNDS", 2), ("FITS", 2)):
+        monkeypatch.setattr(explore, name, value)
+    found = np.array([ranks(seed, heavy) for seed in range(COHORTS)])
+    for name, each in zip(("mean", "spread", "specimen"), found.swapaxes(0, 1), strict=True):
+        for j in range(SIZE):
+            counts = np.histogram(each[:, j], bins=5, range=(0, 1))[0]
+            assert chisquare(counts).pvalue > 5e-4, (name, j, counts)
+
+
+def test_blocks_follow_from_their_seed_and_the_state_before():
+    targets = [Line(course(np.array([[0.4, 0.5]]))[0] + shift) for shift in (0.0, 0.3)]
+    known = [explored(target, (1, i)) for i, target in enumerate(targets)]
+    state = begun(targets, known, (2,), heavy=False)
+    first = swept(targets, known, state, 3, (3,), heavy=False)
+    again = swept(targets, known, state, 3, (3,), heavy=False)
+    np.testing.assert_array_equal(first.scores, again.scores)
+    second = swept(targets, known, first.state, 3, (3,), heavy=False)
+    assert second.state.sweep == 6
+    assert not np.array_equal(first.mean, second.mean)

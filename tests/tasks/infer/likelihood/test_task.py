@@ -1,0 +1,161 @@
+"""`sinew infer` by likelihood in a result folder: what it leaves, how it goes on, and what it refuses."""
+
+import json
+import shutil
+
+import arviz
+import numpy as np
+import pytest
+
+from sinew.runner.store.store import open_store
+from sinew.tasks import pipeline
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.infer.likelihood import task
+from sinew.tasks.infer.result import LikelihoodResult, read_posteriors
+from sinew.tasks.study.workspace import Workspace
+from tests.runner.stores import contents
+from tests.tasks.test_pipeline import sinew
+
+FIXED = ("g_1f", "g_2f", "g_3f", "tau_1f", "tau_2f", "tau_3f", "g_1m", "g_2m", "g_3m", "tau_1m", "tau_2m", "tau_3m")
+TRUTH = {
+    "distal/1": {"E_f": 190.0, "alpha_f": 1500.0, "E_m": 50.0},
+    "distal/2": {"E_f": 225.0, "alpha_f": 3500.0, "E_m": 30.0},
+    "proximal/1": {"E_f": 240.0, "alpha_f": 2500.0, "E_m": 35.0},
+    "proximal/2": {"E_f": 205.0, "alpha_f": 4500.0, "E_m": 55.0},
+}
+VALUES = {name: 1.2 if name[0] == "g" else {"1": 1.0, "2": 8.0, "3": 60.0}[name[4]] for name in FIXED} | {"g_1f": 0.9}
+STUDY = f"""
+name: by-likelihood
+seed: 5
+cohort: cohort
+tasks: [infer, predict, compare]
+model:
+  parameters: {json.dumps({name: {"fixed": value} for name, value in VALUES.items()})}
+infer: {{ess: 200, sweeps: 1000}}
+predict: {{draws: 5}}
+"""
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """Two sites of two specimens each that are described by the study's model, with known parameters."""
+    from sinew.tasks.data import virtual
+
+    folder = tmp_path_factory.mktemp("by-likelihood")
+    table = virtual.published()
+    for name, value in VALUES.items():
+        table[name] = value
+    names = table["site"] + "/" + table["specimen"]
+    for specimen, values in TRUTH.items():
+        for name, value in values.items():
+            table.loc[names == specimen, name] = value
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(virtual, "published", lambda: table)
+        specimens, truth = virtual_cohort(seed=1, per_site=2, rate_hz=2.0)
+    write_cohort(folder / "cohort", [one for one in specimens if one.site != "middle"], truth)
+    (folder / "study.yaml").write_text(STUDY)
+    return folder / "study.yaml"
+
+
+@pytest.fixture(scope="module")
+def inferred(study, drawing):
+    """The study with its inference and what builds upon it, drawn."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Workspace, "client", lambda self: None)
+        for name, function in drawing.items():
+            patch.setattr(pipeline, name, function)
+        draw = drawing["_draw"]
+        patch.setattr(pipeline, "_draw", lambda work, name, result: name == "infer" and draw(work, name, result))
+        sinew("run", study, "--out", study.parent / "out", "--quiet")
+    return study.parent / "out"
+
+
+def test_true_values_are_in_the_intervals(inferred):
+    found = read_posteriors(inferred)
+    assert isinstance(found, LikelihoodResult)
+    assert found.blind == ["nu_m"]
+    assert set(found.specimens) == set(TRUTH)
+    for specimen, values in TRUTH.items():
+        for name, value in values.items():
+            marginal = found.specimens[specimen][name]
+            assert marginal.determined
+            assert abs(marginal.mean - value) < 4 * marginal.sd
+    for site in found.sites.values():
+        assert site.smallest_ess >= 200
+        assert site.largest_rhat <= 1.05
+        assert all(ratio < 1.2 for ratio in site.misfit.values())
+        for name in ("E_f", "alpha_f", "E_m"):
+            mean = np.mean([TRUTH[specimen][name] for specimen in site.specimens])
+            assert site.population[name].low < mean < site.population[name].high
+
+
+def test_the_file_holds_populations_and_specimens_under_their_names(inferred):
+    content = json.loads((inferred / "infer.json").read_text())
+    population = content["sites"]["distal"]["population"]["E_f"]
+    assert set(population) == {"mean", "low", "high", "spread", "spread_low", "spread_high", "ess", "rhat"}
+    assert set(content["specimens"]["distal/1"]["E_f"]) == {"mean", "sd", "low", "high", "determined"}
+    assert content["specimens"]["distal/1"]["nu_m"]["determined"] is False
+
+
+def test_draws_are_left_for_arviz_and_in_the_store(inferred):
+    data = arviz.from_netcdf(inferred / "infer" / "distal.nc")
+    assert {"posterior", "prior", "log_likelihood", "posterior_predictive"} <= set(data.groups())
+    found = read_posteriors(inferred)
+    drawn = data.posterior["specimens"].sel(specimen="distal/1", parameter="E_f").values
+    assert drawn.mean() == pytest.approx(found.specimens["distal/1"]["E_f"].mean, rel=0.01)
+    kept = open_store(inferred).read_result("infer/distal")
+    assert kept["new"].dims == ("chain", "draw", "parameter")
+    assert not list((inferred / "infer").glob("*.safetensors"))
+
+
+def test_predictions_and_comparisons_build_upon_it(inferred):
+    predicted = json.loads((inferred / "predict.json").read_text())
+    assert predicted["coverage"]["new"]["fraction"] > 0.8 if "fraction" in predicted["coverage"]["new"] else True
+    assert predicted["sites"]["distal"]["no_new"] is None
+    assert json.loads((inferred / "compare.json").read_text())["names"] == ["E_f", "alpha_f", "E_m"]
+    assert (inferred / "figures" / "infer_populations.png").is_file()
+    assert (inferred / "figures" / "infer_distal_specimens.png").is_file()
+    assert "Populations: mean" in (inferred / "report.html").read_text()
+
+
+def test_an_interrupted_inference_goes_on_and_ends_with_the_same_bytes(study, inferred, tmp_path, monkeypatch):
+    monkeypatch.setattr(Workspace, "client", lambda self: None)
+    shutil.copytree(study.parent / "cohort", tmp_path / "cohort")
+    shutil.copy(study, tmp_path / "study.yaml")
+    calls, swept, explored = [], task.swept, task.explored
+
+    def interrupted(*arguments, **options):
+        calls.append("swept")
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+        return swept(*arguments, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(task, "swept", interrupted)
+        with pytest.raises(SystemExit):
+            sinew("infer", tmp_path / "study.yaml", "--out", tmp_path / "out", "--quiet")
+    monkeypatch.setattr(task, "explored", lambda *_: pytest.fail("a specimen is explored again"))
+    sinew("infer", tmp_path / "study.yaml", "--out", tmp_path / "out", "--quiet")
+    assert explored is not task.explored
+    assert (tmp_path / "out" / "infer.json").read_bytes() == (inferred / "infer.json").read_bytes()
+    assert (tmp_path / "out" / "infer" / "distal.nc").read_bytes() == (inferred / "infer" / "distal.nc").read_bytes()
+
+
+def test_what_is_unchanged_is_not_inferred_again(study, inferred, monkeypatch):
+    monkeypatch.setattr(task, "noise_of_each", lambda *_: pytest.fail("inferred again"))
+    before = contents(inferred / "store.zarr" / "infer")
+    sinew("infer", study, "--out", inferred, "--quiet")
+    assert contents(inferred / "store.zarr" / "infer") == before
+
+
+def test_chains_that_do_not_converge_are_refused(study, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(Workspace, "client", lambda self: None)
+    shutil.copytree(study.parent / "cohort", tmp_path / "cohort")
+    text = study.read_text().replace("{ess: 200, sweeps: 1000}", "{ess: 100000, sweeps: 100}")
+    (tmp_path / "study.yaml").write_text(text)
+    with pytest.raises(SystemExit) as ended:
+        sinew("infer", tmp_path / "study.yaml", "--out", tmp_path / "out", "--quiet")
+    assert ended.value.code == 2
+    assert "the chains have not converged after 100 sweeps" in capsys.readouterr().err
+    assert not (tmp_path / "out" / "infer.json").exists()
