@@ -308,7 +308,7 @@ class DiscoverResult(Result):
         return next((one for one in self.candidates if one.effects == self.shown), None)
 
     @classmethod
-    def method(cls) -> dict[str, Any]:
+    def versions(cls) -> dict[str, Any]:
         """As for every result, and what else a verdict depends on: forces with effects, and the library of effects."""
         from sinew.tasks.simulate.effects import VERSION  # its kernels are slow to import
 
