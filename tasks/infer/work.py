@@ -8,6 +8,8 @@ from sinew.tasks.study.work import Given, Work
 PROPOSALS = 13  # for each particle, mean of the generations
 PROPOSAL_S = 5e-4
 START_S = 2.0  # pyABC is imported
+NOISE_S, EXPLORED_S = 0.8, 12.0  # of a likelihood, for each specimen
+SWEEPS_S = 2 * 200 * 0.025  # for each specimen: two ensembles, their usual sweeps, and seconds of one
 
 
 def sites_of(given: Given) -> dict[str, tuple[Specimen, ...]]:
@@ -16,8 +18,14 @@ def sites_of(given: Given) -> dict[str, tuple[Specimen, ...]]:
 
 
 def work(given: Given, settings: Settings) -> Work:
-    """Proposals for all particles of all generations, each of which is an evaluation of every specimen of a site."""
+    """By ABC, proposals for all particles, each of which is an evaluation of every specimen of a site.
+
+    By likelihood, all specimens are explored, and chains run on emulators: no rows of the store.
+    """
     sites = sites_of(given)
+    if settings.chosen(quick=given.can.quick) == "likelihood":
+        count = sum(len(members) for members in sites.values())
+        return Work(here_s=NOISE_S * count, shared_s=(EXPLORED_S + SWEEPS_S) * count)
     proposals = settings.generations * settings.population * PROPOSALS
     rows = {one.name: proposals for members in sites.values() for one in members}
     return Work(rows, here_s=START_S + PROPOSAL_S * proposals * len(sites))
