@@ -64,7 +64,9 @@ class Block:
 def begun(targets: Sequence[Target], explored: Sequence[Explored], seed: tuple[int, ...], *, heavy: bool) -> State:
     """An ensemble that begins at draws of each specimen alone, and a population from its prior."""
     rng = np.random.default_rng(seed)
-    scores = np.array([one.begin[rng.choice(len(one.begin), CHAINS, replace=False)] for one in explored])
+    scores = np.array(
+        [one.begin[rng.choice(len(one.begin), CHAINS, replace=len(one.begin) < CHAINS)] for one in explored]
+    )
     squares = np.array([target.squares(ndtr(at)) for target, at in zip(targets, scores, strict=True)])
     population = from_prior(rng, CHAINS, scores.shape[2], len(targets), heavy=heavy)
     return State(scores, squares, replace(population, mean=scores.mean(axis=0)))

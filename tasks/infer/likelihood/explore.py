@@ -84,8 +84,9 @@ def _explored(target: Target, rng: np.random.Generator) -> Explored:
         scatter = scatter_of(known, chart, ends)
         points = ends[rng.choice(len(ends), count)] + BETWEEN * rng.standard_normal((count, size)) @ scatter.roots[0].T
     squares = target.squares(ndtr(ends))
-    ends = ends[_likely(_loss(squares, ends), size)]
-    apart = target.squares(ndtr(ends)) - known.squares(ndtr(ends))
+    likely = _likely(_loss(squares, ends), size)
+    ends = ends[likely]
+    apart = squares[likely] - known.squares(ndtr(ends))
     return Explored(
         known=known,
         scatter=scatter,

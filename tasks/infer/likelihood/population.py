@@ -34,8 +34,8 @@ NODES = 41  # of the quadrature over a population
 class Population:
     """``c`` draws of a population.
 
-    ``mean`` ``[c, k]``, ``precision`` ``[c, k, k]`` and ``scales`` ``[c, k]`` (auxiliary, of the prior) on the logit
-    scale; ``weights`` ``[n, c]`` of each specimen, all 1 without heavy tails.
+    ``mean`` ``[c, k]``, ``precision`` ``[c, k, k]`` and ``scales`` ``[c, k]`` (auxiliary, of the prior) of
+    scores; ``weights`` ``[n, c]`` of each specimen, all 1 without heavy tails.
     """
 
     mean: Array
@@ -66,11 +66,10 @@ def drawn(rng: np.random.Generator, scores: Array, before: Population, *, heavy:
     count, chains, size = scores.shape
     diagonal = np.arange(size)
     weights = before.weights
-    if heavy:
-        apart = scores - before.mean
-        apart = np.einsum("ncj,cjk,nck->nc", apart, before.precision, apart)
-        weights = rng.gamma((TAIL_DF + size) / 2, 2.0 / (TAIL_DF + apart))
     apart = scores - before.mean
+    if heavy:
+        distances = np.einsum("ncj,cjk,nck->nc", apart, before.precision, apart)
+        weights = rng.gamma((TAIL_DF + size) / 2, 2.0 / (TAIL_DF + distances))
     scatter = np.einsum("nc,ncj,nck->cjk", weights, apart, apart)
     scatter[:, diagonal, diagonal] += 2.0 * SPREAD_DF / before.scales
     precision = wishart(rng, SPREAD_DF + size - 1.0 + count, scatter)

@@ -134,9 +134,13 @@ def draws_of_new(dataset: xr.Dataset, count: int, seed: tuple[int, ...]) -> Arra
 
 def draws_of_mean(dataset: xr.Dataset) -> Array:
     """All stored draws ``[n, k]`` of a population's mean."""
-    return np.asarray(dataset["mean"].stack(sample=("chain", "draw")).transpose("sample", "parameter").values)
+    return _all(dataset["mean"])
+
+
+def _all(draws: xr.DataArray) -> Array:
+    return np.asarray(draws.stack(sample=("chain", "draw")).transpose("sample", "parameter").values)
 
 
 def _some(draws: xr.DataArray, count: int, seed: tuple[int, ...]) -> Array:
-    every = draws.stack(sample=("chain", "draw")).transpose("sample", "parameter").values
+    every = _all(draws)
     return np.asarray(every[np.random.default_rng(seed).choice(len(every), count, replace=count > len(every))])

@@ -118,20 +118,9 @@ def site_posterior(
     ``misfit``: of each specimen, see :class:`SitePosterior`.
     """
     population = {}
-    tail = 50 * (1 - INTERVAL)
     for j, parameter in enumerate(varied):
-        mean, spread = chains.mean[..., j].ravel(), chains.spread[..., j].ravel()
-        ends = (np.percentile(one, [tail, 100 - tail]) for one in (mean, spread))
-        (low, high), (spread_low, spread_high) = ends
-        population[parameter.name] = PopulationMarginal(
-            mean=float(mean.mean()),
-            low=float(low),
-            high=float(high),
-            spread=float(spread.mean()),
-            spread_low=float(spread_low),
-            spread_high=float(spread_high),
-            ess=float(found.ess[:, j].min()),
-            rhat=float(found.rhat[:, j].max()),
+        population[parameter.name] = _marginal(
+            chains.mean[..., j], chains.spread[..., j], float(found.ess[:, j].min()), float(found.rhat[:, j].max())
         )
     return SitePosterior(
         specimens=[specimen.name for specimen in specimens],
@@ -141,6 +130,23 @@ def site_posterior(
         sweeps=chains.mean.shape[1],
         emulator_sd=max(one.error for one in explored),
         misfit={one.name: ratio for one, ratio in zip(specimens, misfit, strict=True)},
+    )
+
+
+def _marginal(means: Array, spreads: Array, ess: float, rhat: float) -> PopulationMarginal:
+    """Posterior means and equal-tailed intervals of draws, of any shape, of a population's mean and spread."""
+    tail = 50 * (1 - INTERVAL)
+    low, high = np.percentile(means, [tail, 100 - tail])
+    spread_low, spread_high = np.percentile(spreads, [tail, 100 - tail])
+    return PopulationMarginal(
+        mean=float(means.ravel().mean()),
+        low=float(low),
+        high=float(high),
+        spread=float(spreads.ravel().mean()),
+        spread_low=float(spread_low),
+        spread_high=float(spread_high),
+        ess=ess,
+        rhat=rhat,
     )
 
 
@@ -162,25 +168,13 @@ def prior_population(
 ) -> tuple[dict[str, PopulationMarginal], dict[str, SpecimenMarginal]]:
     """What the prior says of a population and of its specimens."""
     populations, specimens = {}, {}
-    tail = 50 * (1 - INTERVAL)
     for parameter in parameters:
         width = parameter.maximum - parameter.minimum
         drawn = from_prior(rng, MOST_DRAWS, 1, 1, heavy=heavy)
         centre, apart = moments(drawn.mean[:, 0], 1.0 / np.sqrt(drawn.precision[:, 0, 0]), heavy=heavy)
         mean, spread = parameter.minimum + width * centre, width * apart
         new = parameter.minimum + width * ndtr(specimens_of(rng, drawn, heavy=heavy)[:, 0])
-        low, high = np.percentile(mean, [tail, 100 - tail])
-        spread_low, spread_high = np.percentile(spread, [tail, 100 - tail])
-        populations[parameter.name] = PopulationMarginal(
-            mean=float(mean.mean()),
-            low=float(low),
-            high=float(high),
-            spread=float(spread.mean()),
-            spread_low=float(spread_low),
-            spread_high=float(spread_high),
-            ess=float(MOST_DRAWS),
-            rhat=1.0,
-        )
+        populations[parameter.name] = _marginal(mean, spread, float(MOST_DRAWS), 1.0)
         ends = interval(new, parameter.minimum, parameter.maximum)
         specimens[parameter.name] = SpecimenMarginal(float(new.mean()), float(new.std()), *ends, determined=False)
     return populations, specimens

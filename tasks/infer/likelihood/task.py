@@ -18,7 +18,7 @@ from sinew.tasks.data.noise import noise_of_each
 from sinew.tasks.data.sites import by_site
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.infer.likelihood import files
-from sinew.tasks.infer.likelihood.chains import CHAINS, Block, begun, swept
+from sinew.tasks.infer.likelihood.chains import CHAINS, Block, State, begun, swept
 from sinew.tasks.infer.likelihood.explore import Explored, explored
 from sinew.tasks.infer.likelihood.kept import read_block, read_explored, write_block, write_explored
 from sinew.tasks.infer.likelihood.result import INTERVAL, LikelihoodResult
@@ -197,12 +197,10 @@ def _sampled(
 
 
 def _block(
-    targets: Sequence[Target], known: Sequence[Explored], before: object, seed: tuple[int, ...], heavy: bool
+    targets: Sequence[Target], known: Sequence[Explored], before: State | None, seed: tuple[int, ...], heavy: bool
 ) -> Block:
     """The next block of an ensemble; the first begins at draws of each specimen alone."""
-    from sinew.tasks.infer.likelihood.chains import State
-
-    state = before if isinstance(before, State) else begun(targets, known, (*seed, 2**32), heavy=heavy)
+    state = before if before is not None else begun(targets, known, (*seed, 2**32), heavy=heavy)
     return swept(targets, known, state, BLOCK, seed, heavy=heavy)
 
 

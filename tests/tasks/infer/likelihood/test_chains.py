@@ -1,6 +1,6 @@
 """Chains of specimens and their population: calibrated where everything is drawn from the prior."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from scipy.special import ndtr
 from scipy.stats import chisquare
 
 from sinew.tasks.infer.likelihood import explore
-from sinew.tasks.infer.likelihood.chains import begun, swept
+from sinew.tasks.infer.likelihood.chains import CHAINS, begun, swept
 from sinew.tasks.infer.likelihood.explore import explored
 from sinew.tasks.infer.likelihood.population import from_prior
 from sinew.tasks.model.parameters import own_parameter
@@ -84,3 +84,10 @@ def test_blocks_follow_from_their_seed_and_the_state_before():
     second = swept(targets, known, first.state, 3, (3,), heavy=False)
     assert second.state.sweep == 6
     assert not np.array_equal(first.mean, second.mean)
+
+
+def test_few_draws_of_a_specimen_begin_all_chains():
+    target = Line(course(np.array([[0.4, 0.5]]))[0])
+    known = explored(target, (1, 0))
+    state = begun([target], [replace(known, begin=known.begin[:3])], (2,), heavy=False)
+    assert state.scores.shape == (1, CHAINS, SIZE)
