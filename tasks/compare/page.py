@@ -3,6 +3,7 @@
 from typing import Any
 
 from sinew.tasks.compare.result import Area, CompareResult
+from sinew.tasks.compare.show import by_chance, interval_text, needed_text
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plots, Section, Table, Words, number, percent
 from sinew.tasks.infer.result import FEW
@@ -19,18 +20,43 @@ def section(folder: ResultFolder) -> Section:
         return Section("sites", title, question, missing=folder.missing("compare"))
     few = [site for site, one in result.sites.items() if one.effective_sample_size < FEW]
     blocks: list[Block] = [_table(result), _plots(result), Words(f"Mind: {result.note}.", "note")]
+    if result.contrasts:
+        blocks = [_contrasts(result), Words(f"{by_chance(result)[0].upper()}{by_chance(result)[1:]}.", "note"), *blocks]
     if few:
         words = f"{', '.join(few)}: too few effective particles to say much. Infer with a larger population."
         blocks.insert(0, Words(words, "warning"))
     areas = [f"{pair.name} {pair.auc:.2f}" for pair in result.pairs]
     known = [pair.all_parameters.p_value for pair in result.pairs if pair.all_parameters.p_value is not None]
     sure = f"p {', '.join(f'{value:.3f}' for value in known)}" if known else "no p value: too few particles"
+    if result.contrasts:
+        return Section("sites", title, question, blocks, found=_differences(result), sure=by_chance(result))
     return Section(
         "sites", title, question, blocks,
         found=f"AUC along the first component: {', '.join(areas)} (0.5: not at all)",
         sure=f"{sure}; the component has {percent(result.component.explained_variance)} of the variance",
         failed=f"too few effective particles: {', '.join(few)}" if few else "",
     )  # fmt: skip
+
+
+def _differences(result: CompareResult) -> str:
+    different = [f"{one.parameter} ({' / '.join(one.sites)})" for one in result.contrasts if one.different]
+    if not different:
+        return "no population differs from another: every interval of a difference of means holds zero"
+    return f"population means differ: {', '.join(different)}"
+
+
+def _contrasts(result: CompareResult) -> Table:
+    level = percent(result.confidence)
+    rows = [
+        [" / ".join(one.sites), one.parameter, interval_text(one.difference), number(one.difference.direction),
+         interval_text(one.spread_ratio), needed_text(one), number(one.detectable)]
+        for one in result.contrasts
+    ]  # fmt: skip
+    paired = sorted({" / ".join(one.sites) for one in result.contrasts if one.paired})
+    title = "Differences between populations: second site less first"
+    header = ["sites", "parameter", f"difference of means ({level})", "direction", f"ratio of spreads ({level})",
+              "specimens of each site that would find it", "difference that these find"]  # fmt: skip
+    return Table(f"{title}; specimens are paired by donor: {', '.join(paired)}" if paired else title, header, rows)
 
 
 def _area(area: Area) -> str:

@@ -6,6 +6,8 @@ from sinew.tasks.drawing.blocks import number, percent
 
 def methods(result: CompareResult) -> str:
     """The paragraph of a methods section; ``[@key]`` cites."""
+    if result.contrasts:
+        return _contrasts(result)
     pairs = "; ".join(
         f"{one.name}: {number(one.auc)} ({number(one.interval[0])} to {number(one.interval[1])}), of all parameters "
         f"{number(one.all_parameters.auc)}"
@@ -18,4 +20,20 @@ def methods(result: CompareResult) -> str:
         f"all parameters. Areas under the ROC curve, with intervals of {percent(result.confidence)} [@delong]: "
         f"{pairs}. "
         f"They reflect the number of particles, not of specimens."
+    )
+
+
+def _contrasts(result: CompareResult) -> str:
+    """Of populations."""
+    different = [one for one in result.contrasts if one.different]
+    words = "; ".join(
+        f"{one.parameter}, {' / '.join(one.sites)}: {number(one.difference.mean)} ({number(one.difference.low)} to "
+        f"{number(one.difference.high)})"
+        for one in different
+    )
+    paired = any(one.paired for one in result.contrasts)
+    return (
+        f"Population means and spreads of {len(result.sites)} sites were compared by their posteriors"
+        f"{', paired by donor' if paired else ''}. {len(different)} of {len(result.contrasts)} differences of means "
+        f"had an interval of {percent(result.confidence)} without zero{f': {words}' if words else ''}."
     )

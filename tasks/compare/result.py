@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import numpy as np
+
 from sinew.tasks.study.result import Number, Numbers, Result
 
 
@@ -75,6 +77,46 @@ class Pair:
         return " / ".join(self.sites)
 
 
+@dataclass(frozen=True)
+class Interval:
+    """``mean`` of a posterior, ends of its interval, and the probability ``direction`` of the likelier sign.
+
+    Of a ratio the sign is that of its logarithm, and ``mean`` is the geometric one.
+    """
+
+    mean: Number
+    low: Number
+    high: Number
+    direction: Number
+
+    def exponential(self) -> "Interval":
+        """That of a ratio, from that of its logarithm."""
+        mean, low, high = (float(np.exp(one)) for one in (self.mean, self.low, self.high))
+        return Interval(mean, low, high, self.direction)
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """How one parameter's populations differ at two sites, the second less the first, or over it.
+
+    ``paired``: specimens of the same donors were compared. ``needed``: specimens of each site that would find the
+    difference, None for more than 1,000; ``detectable``: the smallest difference that these specimens find.
+    """
+
+    sites: list[str]
+    parameter: str
+    paired: bool
+    difference: Interval
+    spread_ratio: Interval
+    needed: int | None
+    detectable: Number
+
+    @property
+    def different(self) -> bool:
+        """Whether the interval of the difference does not hold zero."""
+        return not self.difference.low <= 0.0 <= self.difference.high
+
+
 @dataclass(frozen=True, eq=False)
 class Densities:
     """Densities by site at the values ``component`` ``[g]``; None for a site whose particles do not vary."""
@@ -90,13 +132,20 @@ class Densities:
 
 @dataclass(frozen=True, eq=False)
 class CompareResult(Result):
-    """How well the posteriors of each pair of sites can be told apart; ``confidence`` is that of all intervals."""
+    """How the sites differ; ``confidence`` is that of all intervals.
+
+    ``contrasts`` of their populations: none after an inference by ABC, which has no populations. ``pairs``: how well
+    their posteriors can be told apart.
+    """
 
     TASK = "compare"
     LIBRARIES = ("scikit-learn",)
 
+    VERSION = 2  # contrasts of populations
+
     names: list[str]
     confidence: Number
+    contrasts: list[Contrast]
     component: Loadings
     sites: Mapping[str, SiteParticles]
     pairs: list[Pair]

@@ -1,6 +1,7 @@
 """Whether the posteriors of the sites differ: read the particles of an inference, compare them in pairs, commit.
 
-The store keeps ``compare``: the component of every particle, and its weight.
+The store keeps ``compare``: the component of every particle, and its weight. Contrasts of populations stand in
+``compare.csv``, too.
 """
 
 from collections.abc import Mapping
@@ -9,9 +10,11 @@ import numpy as np
 import xarray as xr
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.compare.contrasts import Donors, contrasts_of
 from sinew.tasks.compare.method import FEWEST, Array, Component, Particles, densities, first_component, pairs_of
-from sinew.tasks.compare.result import CompareResult, Loadings, SiteParticles
+from sinew.tasks.compare.result import CompareResult, Contrast, Loadings, SiteParticles
 from sinew.tasks.compare.settings import Settings
+from sinew.tasks.compare.show import contrast_table
 from sinew.tasks.infer.result import (
     InferResult,
     LikelihoodResult,
@@ -20,10 +23,13 @@ from sinew.tasks.infer.result import (
     particles_group,
     read_posteriors,
 )
+from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
+from sinew.tasks.study.files import write_text
 from sinew.tasks.study.result import believed
 from sinew.tasks.study.workspace import Workspace
 
+TABLE = "compare.csv"
 NOTE = (
     "intervals are about the number of particles: they say how well the overlap of two posteriors is known, "
     "not whether more specimens would set the sites apart"
@@ -45,9 +51,11 @@ def run(workspace: Workspace, settings: Settings) -> CompareResult:
     with believed(path):
         names = _varied(workspace, inferred)
         sites = {site: _particles(workspace, inferred, site, names) for site in inferred.sites}
+        donors = _donors(workspace, inferred)
     arrays = [part for particles in sites.values() for part in (particles.values, particles.weights)]
-    inputs = key(CompareResult, workspace.seed, settings.model_dump(), names, list(sites), *arrays)
-    if (known := cached(workspace, CompareResult, inputs, ["compare"])) is not None:
+    inputs = key(CompareResult, workspace.seed, settings.model_dump(), names, list(sites), donors, *arrays)
+    files = [TABLE] if isinstance(inferred, LikelihoodResult) else []
+    if (known := cached(workspace, CompareResult, inputs, ["compare"], files)) is not None:
         return known
     for site, particles in sites.items():
         if len(particles.weights) < FEWEST:
@@ -55,9 +63,12 @@ def run(workspace: Workspace, settings: Settings) -> CompareResult:
             raise BadInput(path, f"{site}: {len(particles.weights)} particles", expected)
     component = first_component(list(sites.values()))
     along = {site: component.of(particles.values) for site, particles in sites.items()}
+    with believed(path):
+        contrasts = _contrasts(workspace, inferred, donors, names, settings)
     result = CompareResult(
         names=names,
         confidence=settings.confidence,
+        contrasts=contrasts,
         component=_loadings(names, component),
         sites={site: SiteParticles(len(each.weights), each.effective) for site, each in sites.items()},
         pairs=pairs_of(component, along, sites, workspace.seed, settings),
@@ -65,8 +76,31 @@ def run(workspace: Workspace, settings: Settings) -> CompareResult:
         note=NOTE,
         inputs=inputs,
     )
+    if contrasts:
+        write_text(workspace.out / TABLE, contrast_table(result).to_csv(index=False, float_format="%.6g"))
+    else:
+        (workspace.out / TABLE).unlink(missing_ok=True)  # of an inference by likelihood before
     commit(workspace, result, {"compare": _arrays(along, sites)})
     return result
+
+
+def _contrasts(
+    workspace: Workspace, inferred: Posteriors, donors: Mapping[str, Donors], names: list[str], settings: Settings
+) -> list[Contrast]:
+    """Differences between populations, where the inference has populations."""
+    if not isinstance(inferred, LikelihoodResult):
+        return []
+    draws = {site: workspace.store.read_result(particles_group(site)) for site in inferred.sites}
+    rng = streams.generator(workspace.seed, "contrasts of sites")
+    return contrasts_of(draws, donors, names, settings.confidence, rng)
+
+
+def _donors(workspace: Workspace, inferred: Posteriors) -> dict[str, Donors]:
+    """Of whom the specimens of each site are, in their order; for contrasts only."""
+    if not isinstance(inferred, LikelihoodResult):
+        return {}
+    known = {specimen.name: specimen.donor for specimen in workspace.cohort.specimens}
+    return {site: [known[name] for name in posterior.specimens] for site, posterior in inferred.sites.items()}
 
 
 def _varied(workspace: Workspace, inferred: Posteriors) -> list[str]:

@@ -40,7 +40,7 @@ def names(sites: Iterable[str]) -> list[str]:
 
 def write_sample(out: Path, site: str, parameters: Iterable[Parameter], drawn: Array) -> None:
     """Write draws ``[n, d]`` of the free ``parameters`` for ArviZ."""
-    from sinew.tasks.infer.abc.method import arviz
+    from sinew.tasks.infer.library import arviz
 
     units = {parameter.name: parameter.unit for parameter in parameters}
     posterior = {name: drawn[np.newaxis, :, j] for j, name in enumerate(units)}

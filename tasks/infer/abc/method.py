@@ -4,7 +4,6 @@ One parameter set is compared with all specimens of a site. Where simulations ru
 """
 
 import logging
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -22,6 +21,7 @@ from sinew.tasks.infer.abc.pyabc_priors import Alike, Normals
 from sinew.tasks.infer.abc.result import INTERVAL, Distance, GenerationCounts, Marginal, Posterior, draws
 from sinew.tasks.infer.abc.sampler import Generation, StoreSampler
 from sinew.tasks.infer.abc.transitions import DefensiveNormal
+from sinew.tasks.infer.library import arviz
 from sinew.tasks.infer.settings import Settings
 from sinew.tasks.simulate import Array
 
@@ -176,11 +176,3 @@ def posterior(inferred: Inferred, prior: Prior, specimens: list[str], seed: tupl
             if each.t in whole
         ],
     )
-
-
-def arviz() -> Any:
-    """The package ArviZ, without its warning at each import that it will change."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", r"[\s\S]*ArviZ is undergoing a major refactor", FutureWarning)
-        import arviz
-    return arviz

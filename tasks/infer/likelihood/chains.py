@@ -1,6 +1,7 @@
 """Chains of a site's specimens and their population, by Gibbs' and Metropolis' methods in turn.
 
-A sweep draws the population given its specimens (:mod:`sinew.tasks.infer.likelihood.population`), and then each
+A sweep draws the population given its specimens (:mod:`sinew.tasks.infer.likelihood.population`), moves one weakly
+determined parameter of it together with all specimens (:mod:`sinew.tasks.infer.likelihood.together`), and then each
 specimen given the population: the chain walks on the specimen's emulator, which leads far away at the price of nothing,
 and the model's own likelihood decides whether where it ended is accepted (the surrogate transition method: Liu 2001,
 Monte Carlo strategies in scientific computing, section 9.4.3). Some proposals are plain random steps, which need no
@@ -12,18 +13,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtr
 from threadpoolctl import threadpool_limits
 
-from sinew.tasks.infer.likelihood.chart import FARTHEST
-from sinew.tasks.infer.likelihood.emulator import Prior, walk
 from sinew.tasks.infer.likelihood.explore import Explored
 from sinew.tasks.infer.likelihood.population import Population, drawn, from_prior, specimens_of
+from sinew.tasks.infer.likelihood.scores import inside, places
 from sinew.tasks.infer.likelihood.target import Target
+from sinew.tasks.infer.likelihood.together import chances, moved_together
+from sinew.tasks.infer.likelihood.walk import Prior, scales, walk
 from sinew.tasks.simulate import Array
 
 CHAINS = 32  # of an ensemble: as many as the embedded simulator computes together
-PATHS = 6  # on the emulator
+PATHS = 2  # on the emulator
 PLAIN_EVERY = 4  # sweeps
 PLAIN = (0.1, 1.0)  # least and largest plain step, in units of the best for a normal distribution
 
@@ -67,7 +68,7 @@ def begun(targets: Sequence[Target], explored: Sequence[Explored], seed: tuple[i
     scores = np.array(
         [one.begin[rng.choice(len(one.begin), CHAINS, replace=len(one.begin) < CHAINS)] for one in explored]
     )
-    squares = np.array([target.squares(ndtr(at)) for target, at in zip(targets, scores, strict=True)])
+    squares = np.array([target.squares(places(at)) for target, at in zip(targets, scores, strict=True)])
     population = from_prior(rng, CHAINS, scores.shape[2], len(targets), heavy=heavy)
     return State(scores, squares, replace(population, mean=scores.mean(axis=0)))
 
@@ -87,8 +88,12 @@ def swept(
         scores, squares, population = state.scores.copy(), state.squares.copy(), state.population
         kept: list[tuple[Array, ...]] = []
         accepted: list[list[float]] = []
+        weak = chances(explored)
         for sweep in range(state.sweep, state.sweep + sweeps):
             population = drawn(rng, scores, population, heavy=heavy)
+            if weak.any():
+                number = int(rng.choice(weak.size, p=weak))
+                population = moved_together(rng, targets, explored, scores, squares, population, number)
             plain = sweep % PLAIN_EVERY == PLAIN_EVERY - 1
             step = _plain_step if plain else _led_step
             moved = [
@@ -116,11 +121,12 @@ def _led_step(
     squares: Array,
 ) -> float:
     """Move chains ``[c, k]`` of a specimen, in place, to where they come to on the emulator; the part that moved."""
-    ends = walk(rng, known.known, known.scatter, prior, scores, PATHS)
-    there, here = ndtr(ends), ndtr(scores)
+    emulator = known.chart.known
+    ends = walk(rng, known.chart, prior, scores, PATHS, known.length)
+    there, here = places(ends), places(scores)
     new = target.squares(there)
     # the walk is reversible for the emulator's posterior: what is left to judge is where the emulator is off
-    ratio = (new - known.known.squares(there)) - (squares - known.known.squares(here))
+    ratio = (new - emulator.squares(there)) - (squares - emulator.squares(here))
     return _accept(rng, ratio, ends, new, scores, squares)
 
 
@@ -132,13 +138,14 @@ def _plain_step(
     scores: Array,
     squares: Array,
 ) -> float:
-    """Move chains ``[c, k]`` of a specimen, in place, by a random step without the emulator; the part that moved."""
+    """Move chains ``[c, k]`` of a specimen, in place, by a random step of coordinates; the part that moved."""
     chains, size = scores.shape
     length = 2.38 / np.sqrt(size) * np.exp(rng.uniform(np.log(PLAIN[0]), np.log(PLAIN[1]), size=(chains, 1)))
-    ends = scores + length * (rng.standard_normal((chains, size)) @ known.scatter.roots[0].T)
-    new = target.squares(ndtr(ends))
-    new[np.abs(ends).max(axis=1) >= FARTHEST] = np.inf
-    ratio = new - squares + prior.losses(ends) - prior.losses(scores)
+    steps = length * np.einsum("cij,cj->ci", scales(known.chart, prior), rng.standard_normal((chains, size)))
+    ends, volumes = known.chart.displaced(scores, steps)
+    new = target.squares(places(ends))
+    new[np.isnan(volumes) | ~inside(ends)] = np.inf
+    ratio = new - squares + prior.losses(ends) - prior.losses(scores) + 2.0 * np.nan_to_num(volumes)
     return _accept(rng, ratio, ends, new, scores, squares)
 
 

@@ -1,195 +1,232 @@
-"""Coordinates in which a specimen's posterior is nearly straight, and which have no bounds.
+"""Coordinates in which a specimen's posterior is nearly a standard normal distribution.
 
-The force of the tissue is linear in the products of a modulus and its relaxation strengths, and a decay depends about
-linearly on the logarithm of its time. What the data determine well is such a product, so on the plain parameters the
-posterior is a narrow bent ridge, on which chains creep; on the scale of scores it is bent again near a bound. So
+What the curves determine well is a combination of parameters, as the product of a modulus and a relaxation strength,
+and the combination changes from place to place: as scores, the posterior is a narrow ridge that bends, on which chains
+creep. Most of the bend is one of the parameters and not of the predicted curves (Bates and Watts 1980, J. R. Stat. Soc.
+B 42, 1). So the coordinates are predictions: with the components c of the emulator and the scores z,
 
-========================  ============================================================================================
-parameter                 coordinate
-========================  ============================================================================================
-relaxation strength g     E (low + width w), with its modulus E
-relaxation time t         w = log(t / low) / log(high / low) + SOFT score
-any other                 w = u + SOFT score
-========================  ============================================================================================
+    F(z) = [c(z), z],    v = Q' F(z),
 
-where u is the parameter on the unit cube: in the middle of a range the score hardly counts, near a bound it takes over.
-For g, w is as in the last row.
+where the columns of Q span the derivatives of F at its smallest. For components that are linear in the scores the
+posterior of v is exactly standard normal (the map of randomise-then-optimise: Bardsley et al. 2014, SIAM J. Sci.
+Comput. 36, A1895). Otherwise its volume, det dv/dz, belongs to every density of v.
 """
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numba
 import numpy as np
-from scipy.special import ndtr
+from scipy.optimize import least_squares
 
-from sinew.tasks.model.parameters import Parameter, bounds
+from sinew.tasks.infer.likelihood.emulator import Emulator, polynomials
+from sinew.tasks.infer.likelihood.scores import FARTHEST, density, place, places
 from sinew.tasks.simulate import Array
 
-SOFT = 0.04
-ITERATIONS = 60  # of a root, at most
-TOLERANCE = 1e-12
-FARTHEST = 4.0  # score that is looked at: 3e-5 of the range from a bound
+OUTSIDE = 2.0 * FARTHEST  # score that a path may come to before it is turned back
+ITERATIONS, TOLERANCE = 12, 1e-7  # of finding scores
+JITTER = 1e-3  # of variances, most of which are about 1
+RETURNED = 1e-6  # difference of scores that went there and back
+
+Compiled = tuple[Array, Array, Array, Array, Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """The coordinates of ``k`` parameters ``low`` + ``width`` u.
+    """Coordinates ``[k]`` of scores ``[k]``, for an emulator of ``q`` components.
 
-    ``modulus`` ``[k]``: for a relaxation strength the place of its modulus, else -1. ``decades`` ``[k]``: for a
-    relaxation time the logarithm of high / low, else 0.
+    ``frame`` ``[q + k, k]``: orthonormal columns. ``root`` ``[k, k]``: derivatives of coordinates (first) by scores
+    (second) at the centre. ``precision`` ``[k, k]``: inverse of the coordinates' covariance, with a standard normal
+    prior of the scores.
     """
 
-    low: Array
-    width: Array
-    modulus: Array
-    decades: Array
+    known: Emulator
+    frame: Array
+    root: Array
+    precision: Array
 
     @property
-    def arrays(self) -> tuple[Array, Array, Array, Array]:
+    def compiled(self) -> Compiled:
         """For compiled code."""
-        return self.low, self.width, self.modulus, self.decades
+        known, size = self.known, self.root.shape[0]
+        terms = known.coefficients @ self.frame[:-size]
+        first, second = np.triu_indices(size)
+        bends = np.zeros((size, size, size))
+        bends[first, second] += terms[1 + size :]
+        bends[second, first] += terms[1 + size :]
+        bends /= known.scale[:, np.newaxis, np.newaxis] * known.scale[:, np.newaxis]
+        arrays = (known.centre, known.scale, known.coefficients, self.frame[-size:], terms, bends)
+        centre, scale, coefficients, of_scores, terms, bends = (np.ascontiguousarray(one) for one in arrays)
+        return centre, scale, coefficients, of_scores, terms, bends
 
     def coordinates(self, scores: Array) -> Array:
         """``[n, k]`` of ``scores`` ``[n, k]``."""
-        found = np.empty_like(scores)
-        for row, here in zip(found, scores, strict=True):
-            from_scores(*self.arrays, here, row)
+        found, known = np.empty_like(scores), self.compiled
+        for here, row in zip(scores, found, strict=True):
+            around(known, here, row)
         return found
 
-    def slopes(self, scores: Array) -> Array:
-        """Derivatives ``[n, k, k]`` of scores (first) by the coordinates (second)."""
-        unit, densities = ndtr(scores), density(scores)
-        by_scores = np.zeros((*scores.shape, scores.shape[1]))
-        for j, modulus in enumerate(self.modulus):
-            stretch = densities[:, j]
-            soft = stretch + SOFT
-            if self.decades[j]:
-                soft = stretch * self.width[j] / (self.low[j] + self.width[j] * unit[:, j]) / self.decades[j] + SOFT
-            own = self.low[modulus] + self.width[modulus] * unit[:, modulus] if modulus >= 0 else 1.0
-            by_scores[:, j, j] = own * soft * (self.width[j] if modulus >= 0 else 1.0)
-            if modulus >= 0:
-                other = self.width[modulus] * densities[:, modulus]
-                by_scores[:, j, modulus] = other * (self.low[j] + self.width[j] * (unit[:, j] + SOFT * scores[:, j]))
-        return np.asarray(np.linalg.inv(by_scores))
+    def displaced(self, scores: Array, steps: Array) -> tuple[Array, Array]:
+        """The scores ``[n, k]`` that are ``steps`` ``[n, k]`` of coordinates from ``scores``.
+
+        Also how much the logarithm ``[n]`` of the volume grew: NaN where there are no such scores, which are then those
+        it began with.
+        """
+        ends, volumes = np.empty_like(scores), np.empty(len(scores))
+        displaced(self.compiled, scores, steps, ends, volumes)
+        ends[np.isnan(volumes)] = scores[np.isnan(volumes)]
+        return ends, volumes
+
+    def fitted(self, draws: Array) -> "Chart":
+        """The same chart with the precision of draws ``[n, k]`` of scores."""
+        covariance = np.cov(self.coordinates(draws), rowvar=False).reshape(self.root.shape)
+        return replace(self, precision=np.linalg.inv(covariance + JITTER * np.eye(len(covariance))))
+
+    def slid(self, scores: Array, number: int, wanted: Array) -> tuple[Array, Array]:
+        """Scores ``[n, k]`` with those of parameter ``number`` ``wanted`` ``[n]``, from ``scores`` ``[n, k]``.
+
+        All others follow as the data have it, along one direction of the coordinates. Also the logarithm ``[n]`` of
+        how much the map stretches them: NaN where it leads nowhere, and scores are those it began with.
+        """
+        along = np.linalg.inv(self.root)[number]
+        ends, volumes = np.empty_like(scores), np.empty(len(scores))
+        slid(self.compiled, scores, number, wanted, along / np.linalg.norm(along), ends, volumes)
+        ends[np.isnan(volumes)] = scores[np.isnan(volumes)]
+        return ends, volumes
 
 
-def chart_of(parameters: Sequence[Parameter]) -> Chart:
-    """The chart of the parameters that vary."""
-    low, high = bounds(parameters)
-    names = [parameter.name for parameter in parameters]
-    modulus, decades = np.full(len(names), -1, dtype=np.int64), np.zeros(len(names))
-    for j, parameter in enumerate(parameters):
-        if parameter.own:
-            continue
-        if parameter.name.startswith("g_") and (of := f"E_{parameter.name[-1]}") in names:
-            modulus[j] = names.index(of)
-        if parameter.name.startswith("tau_") and parameter.minimum > 0.0:
-            decades[j] = np.log(parameter.maximum / parameter.minimum)
-    return Chart(low, high - low, modulus, decades)
+def chart_of(known: Emulator, start: Array) -> Chart:
+    """The chart around the smallest sum of squares of components and scores, looked for from ``start``."""
+    size = start.size
+    prior = np.eye(size)
+
+    def errors(scores: Array) -> Array:
+        return np.concatenate([known.components(places(scores)[np.newaxis])[0], scores])
+
+    def slopes(scores: Array) -> Array:
+        return np.concatenate([(known.slopes(places(scores)) * density(scores)[:, np.newaxis]).T, prior])
+
+    bound = FARTHEST
+    found = least_squares(errors, np.clip(start, -0.99 * bound, 0.99 * bound), jac=slopes, bounds=(-bound, bound))
+    jacobian = slopes(found.x)
+    frame, root = np.linalg.qr(jacobian)
+    signs = np.sign(np.diag(root))
+    frame, root = frame * signs, root * signs[:, np.newaxis]  # volumes are positive at the centre
+    return Chart(known, frame, root, np.eye(size))
 
 
-def density(scores: Array) -> Array:
-    """The derivative of the unit cube by normal scores."""
-    return np.asarray(np.exp(-0.5 * scores**2) / np.sqrt(2.0 * np.pi))
-
-
-_compiled: Any = numba.njit(nogil=True, cache=True, error_model="numpy")
-
-
-@_compiled
-def on_cube(score):  # type: ignore[no-untyped-def]
-    """The point of the unit cube at a normal score, and its derivative: the normal distribution and its density."""
-    return 0.5 * math.erfc(-score * math.sqrt(0.5)), math.exp(-0.5 * score * score) / math.sqrt(2.0 * math.pi)
-
-
-@_compiled
-def _soft(low, width, decades, score):  # type: ignore[no-untyped-def]
-    """The coordinate w of a score, its first and its second derivative."""
-    unit, stretch = on_cube(score)
-    bend = -score * stretch
-    if decades == 0.0:
-        return unit + SOFT * score, stretch + SOFT, bend
-    value = low + width * unit
-    first = width * stretch / value
-    second = width * bend / value - first * first
-    return np.log(value / low) / decades + SOFT * score, first / decades + SOFT, second / decades
+_compiled: Any = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
 
 
 @_compiled
-def _score(low, width, decades, w, guess):  # type: ignore[no-untyped-def]
-    """The score whose coordinate is ``w``, from a ``guess`` by Newton's method within bounds that close in."""
-    left, right = (w - 1.0) / SOFT, w / SOFT  # as 0 <= w - SOFT score <= 1
-    at = min(max(guess, left), right)
-    for _ in range(ITERATIONS):
-        here, slope, _ = _soft(low, width, decades, at)
-        if abs(here - w) < TOLERANCE:
-            break
-        if here > w:
-            right = at
-        else:
-            left = at
-        at -= (here - w) / slope
-        if not left < at < right:
-            at = 0.5 * (left + right)
-    return at
+def around(known, scores, at):  # type: ignore[no-untyped-def]
+    """Derivatives ``[k, k]`` of coordinates (second) by scores (first); writes the coordinates ``at`` the scores."""
+    centre, scale, _, of_scores, terms, _ = known
+    size = scores.size
+    unit, stretch, slopes = np.empty(size), np.empty(size), np.empty((size, size))
+    for j in range(size):
+        unit[j], stretch[j], _ = place(scores[j])
+    polynomials(centre, scale, terms, unit, at, slopes)
+    for a in range(size):
+        for b in range(size):
+            at[b] += scores[a] * of_scores[a, b]
+            slopes[a, b] = slopes[a, b] * stretch[a] + of_scores[a, b]
+    return slopes
 
 
 @_compiled
-def from_scores(low, width, modulus, decades, scores, at):  # type: ignore[no-untyped-def]
-    """Write the coordinates ``at`` a point on the scale of scores."""
-    for j in range(at.size):
-        at[j] = _soft(low[j], width[j], decades[j], scores[j])[0]
-    for j in range(at.size):
-        if modulus[j] >= 0:
-            m = modulus[j]
-            at[j] = (low[m] + width[m] * on_cube(scores[m])[0]) * (low[j] + width[j] * at[j])
+def scores_at(known, wanted, scores, at, slopes):  # type: ignore[no-untyped-def]
+    """Change ``scores`` into those at coordinates ``wanted``, with coordinates ``at`` and derivatives ``slopes`` there.
 
-
-@_compiled
-def to_scores(low, width, modulus, decades, at, scores):  # type: ignore[no-untyped-def]
-    """Write the scores at coordinates ``at``, from those there as a guess; whether all are within ``FARTHEST``."""
-    for j in range(at.size):
-        if modulus[j] < 0:
-            scores[j] = _score(low[j], width[j], decades[j], at[j], scores[j])
-    near = True
-    for j in range(at.size):
-        if modulus[j] >= 0:
-            m = modulus[j]
-            strength = at[j] / (low[m] + width[m] * on_cube(scores[m])[0])
-            scores[j] = _score(low[j], width[j], decades[j], (strength - low[j]) / width[j], scores[j])
-        near = near and abs(scores[j]) < FARTHEST
-    return near
-
-
-@_compiled
-def pull_back(low, width, modulus, decades, scores, slope):  # type: ignore[no-untyped-def]
-    """Turn the ``slope`` of minus a log density on the scale of scores into that in the coordinates, in place.
-
-    Returns what is to be added to minus the log density: the logarithm of the volume.
+    Newton's method; tells whether scores were found within ``OUTSIDE``.
     """
-    volume = 0.0
-    size = slope.size
-    for j in range(size):
-        _, first, second = _soft(low[j], width[j], decades[j], scores[j])
-        volume += np.log(first)
-        slope[j] += second / first
-        if modulus[j] >= 0:
-            m = modulus[j]
-            unit, stretch = on_cube(scores[m])
-            value = low[m] + width[m] * unit
-            volume += np.log(value)
-            slope[m] += width[m] * stretch / value
-    for j in range(size):
-        if modulus[j] >= 0:
-            m = modulus[j]
-            unit, stretch = on_cube(scores[m])
-            w, first, _ = _soft(low[j], width[j], decades[j], scores[j])
-            slope[j] /= (low[m] + width[m] * unit) * width[j] * first
-            slope[m] -= slope[j] * width[m] * stretch * (low[j] + width[j] * w)
-    for j in range(size):
-        if modulus[j] < 0:
-            slope[j] /= _soft(low[j], width[j], decades[j], scores[j])[1]
-    return volume
+    for _ in range(ITERATIONS):
+        scores += np.linalg.solve(slopes.T.copy(), wanted - at)
+        if not np.abs(scores).max() < OUTSIDE:
+            return False
+        slopes[:] = around(known, scores, at)
+        if np.abs(wanted - at).max() < TOLERANCE:
+            return True
+    return False
+
+
+@_compiled
+def moved(known, here, at, slopes, wanted):  # type: ignore[no-untyped-def]
+    """Move from scores ``here``, with coordinates ``at`` and derivatives ``slopes`` there, to coordinates ``wanted``.
+
+    All three are overwritten. Tells whether they can be used: not where the way back does not lead to where it began,
+    as chains may only go where they could come back from.
+    """
+    before, origin = here.copy(), at.copy()
+    if not scores_at(known, wanted, here, at, slopes):
+        return False
+    back = here.copy()
+    if not scores_at(known, origin, back, at.copy(), slopes.copy()):
+        return False
+    return np.abs(back - before).max() < RETURNED
+
+
+@_compiled
+def displaced(known, begin, steps, ends, volumes):  # type: ignore[no-untyped-def]
+    """Move scores ``begin`` ``[n, k]`` by ``steps`` ``[n, k]`` of coordinates.
+
+    Writes the scores ``ends`` and ``volumes`` ``[n]``: how much the logarithm of the volume grew, NaN where
+    ``ends`` cannot be used.
+    """
+    size = begin.shape[1]
+    at = np.empty(size)
+    for n in range(len(begin)):
+        ends[n], volumes[n] = begin[n], np.nan
+        slopes = around(known, begin[n], at)
+        before = np.linalg.slogdet(slopes)[1]
+        if moved(known, ends[n], at, slopes, at + steps[n]):
+            volumes[n] = np.linalg.slogdet(slopes)[1] - before
+
+
+@_compiled
+def _slide(known, wanted, number, direction, scores, at, slopes):  # type: ignore[no-untyped-def]
+    """Change all ``scores`` but ``number`` so that coordinates are ``wanted``, up to a multiple of ``direction``.
+
+    Newton's method. ``slopes`` become the derivatives of coordinates, with the direction in place of those by
+    ``number``; tells whether scores were found.
+    """
+    multiple = 0.0
+    for _ in range(ITERATIONS):
+        slopes[:] = around(known, scores, at)
+        slopes[number] = direction
+        apart = wanted + multiple * direction - at
+        if np.abs(apart).max() < TOLERANCE:
+            return True
+        step = np.linalg.solve(slopes.T.copy(), apart)
+        multiple -= step[number]
+        step[number] = 0.0
+        scores += step
+        if not np.abs(scores).max() < OUTSIDE:
+            return False
+    return False
+
+
+@_compiled
+def slid(known, begin, number, wanted, direction, ends, volumes):  # type: ignore[no-untyped-def]
+    """Move scores ``begin`` ``[n, k]`` along a ``direction`` ``[k]`` of coordinates to where one score is ``wanted``.
+
+    That is the score of parameter ``number``, ``wanted`` ``[n]``. Writes the scores ``ends``, and ``volumes`` ``[n]``:
+    the logarithm of how much the map stretches all but that score; NaN where ``ends`` cannot be used.
+    """
+    size = begin.shape[1]
+    at, there = np.empty(size), np.empty(size)
+    before, after = np.empty((size, size)), np.empty((size, size))
+    for n in range(len(begin)):
+        volumes[n] = np.nan
+        start = around(known, begin[n], at)
+        start[number] = direction
+        origin, ends[n] = at.copy(), begin[n]
+        ends[n, number] = wanted[n]
+        if not _slide(known, origin, number, direction, ends[n], at, after):
+            continue
+        there[:] = ends[n]
+        there[number] = begin[n, number]
+        if not _slide(known, at.copy(), number, direction, there, at, before):
+            continue
+        if np.abs(there - begin[n]).max() < RETURNED:
+            volumes[n] = np.linalg.slogdet(start)[1] - np.linalg.slogdet(after)[1]

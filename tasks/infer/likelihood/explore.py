@@ -9,16 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.special import ndtr, ndtri
 from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.fitting.starts import starts
-from sinew.tasks.infer.likelihood.chart import FARTHEST, chart_of, density
-from sinew.tasks.infer.likelihood.emulator import Emulator, Prior, Scatter, emulator, scatter_of, walk
-from sinew.tasks.infer.likelihood.population import MEAN_SD
+from sinew.tasks.infer.likelihood.chart import Chart, chart_of
+from sinew.tasks.infer.likelihood.emulator import emulator
+from sinew.tasks.infer.likelihood.scores import FARTHEST, density, places, scores_of
 from sinew.tasks.infer.likelihood.target import Target
+from sinew.tasks.infer.likelihood.walk import Prior, walk
 from sinew.tasks.simulate import Array
 
 FITS = 6  # starts
@@ -26,12 +26,12 @@ ITERATIONS = 60  # of a fit, at most
 TOLERANCE = 1e-6
 ROUNDS, FEWEST_POINTS = 5, 100  # of training; points of a round, at least
 TERMS_RATIO = 2.0  # points of a round for each coefficient of a polynomial
-PATHS = 60  # on the emulator
+PATHS, LENGTH = 6, 0.3  # on the emulator, and longest steps, in standard deviations
+LENGTHS = (0.15, 0.25, 0.4, 0.6)  # that are tried for chains
 WALKERS = 256  # chains that walk on it
 KEPT_RATIO = 2  # rounds' worth of points that an emulator is fitted to, the likeliest ones
 WIDE, WIDE_DF = 1.3, 5.0  # of the first round: spread, and degrees of freedom of a t distribution
-BETWEEN = 0.3  # spread of the points of the next round around the ends of chains
-EDGE = 1e-3  # of scores
+BETWEEN = 0.3  # spread of the points of the next round around the ends of chains, in coordinates
 LIKELY = 1.0 - 1e-5  # of a chi-squared distribution: beyond, a point is no draw of the posterior
 DETERMINED = 0.5  # of a uniform's standard deviation
 
@@ -40,13 +40,14 @@ DETERMINED = 0.5  # of a uniform's standard deviation
 class Explored:
     """What is known of a specimen before its population.
 
-    ``scatter`` of the posterior, and draws ``begin`` ``[n, k]`` as scores; ``determined`` ``[k]``: whether the
-    specimen's own data say where a parameter is in its range; ``error``: standard deviation of the emulator's log
-    likelihoods; ``least``: smallest sum of squares that was found.
+    ``chart``: coordinates of the posterior, with the emulator; ``length`` of steps that leads farthest on it; draws
+    ``begin`` ``[n, k]`` of it, as scores; ``determined`` ``[k]``: whether the specimen's own data say where a parameter
+    is in its range; ``error``: standard deviation of the emulator's log likelihoods; ``least``: smallest sum of squares
+    that was found.
     """
 
-    known: Emulator
-    scatter: Scatter
+    chart: Chart
+    length: float
     begin: Array
     determined: Array
     error: float
@@ -60,41 +61,55 @@ def explored(target: Target, seed: tuple[int, ...]) -> Explored:
 
 
 def _explored(target: Target, rng: np.random.Generator) -> Explored:
-    size, chart = target.size, chart_of(target.varied)
+    size = target.size
     best = _best_fit(target, rng)
     root = np.linalg.cholesky(best.covariance)
     count = max(FEWEST_POINTS, int(TERMS_RATIO * (1 + size + size * (size + 1) / 2)))
     points = best.at + WIDE * _heavy_tailed(rng, count, size) @ root.T
-    prior = Prior(np.zeros((WALKERS, size)), np.broadcast_to(np.eye(size) / MEAN_SD**2, (WALKERS, size, size)))
+    prior = _own_prior(WALKERS, size)
     seen, errors = np.empty((0, size)), np.empty((0, target.points))
-    for number in range(ROUNDS):
-        points = np.clip(points, -FARTHEST + EDGE, FARTHEST - EDGE)
-        new = target.errors(ndtr(points))
+    for _ in range(ROUNDS):
+        points = np.clip(points, -FARTHEST, FARTHEST)
+        new = target.errors(places(points))
         whole = np.isfinite(new).all(axis=1)
         seen, errors = np.concatenate([seen, points[whole]]), np.concatenate([errors, new[whole]])
         loss = _loss(np.square(errors).sum(axis=1), seen)
         kept = np.argsort(loss, kind="stable")[: KEPT_RATIO * count]
         seen, errors, loss = seen[kept], errors[kept], loss[kept]
-        known = emulator(ndtr(seen), errors, (1.0 + (loss - loss.min()) / (2 * size)) ** -2.0)
+        known = emulator(places(seen), errors, (1.0 + (loss - loss.min()) / (2 * size)) ** -2.0)
         begin = seen[rng.choice(_likely(loss, size), WALKERS)]
-        if number == 0:
-            scatter = scatter_of(known, chart, best.at + rng.standard_normal((count, size)) @ root.T)
-        ends = walk(rng, known, scatter, prior, begin, PATHS)
-        ends = ends[_likely(_loss(known.squares(ndtr(ends)), ends), size)]
-        scatter = scatter_of(known, chart, ends)
-        points = ends[rng.choice(len(ends), count)] + BETWEEN * rng.standard_normal((count, size)) @ scatter.roots[0].T
-    squares = target.squares(ndtr(ends))
+        chart = chart_of(known, seen[0])
+        ends = walk(rng, chart, prior, begin, PATHS, LENGTH)
+        ends = ends[_likely(_loss(known.squares(places(ends)), ends), size)]
+        points, _ = chart.displaced(ends[rng.choice(len(ends), count)], BETWEEN * rng.standard_normal((count, size)))
+    squares = target.squares(places(ends))
     likely = _likely(_loss(squares, ends), size)
     ends = ends[likely]
-    apart = squares[likely] - known.squares(ndtr(ends))
+    apart = squares[likely] - known.squares(places(ends))
+    chart = chart.fitted(ends)
     return Explored(
-        known=known,
-        scatter=scatter,
+        chart=chart,
+        length=_best_length(rng, chart, ends),
         begin=ends,
-        determined=ndtr(ends).std(axis=0) < DETERMINED / np.sqrt(12.0),
+        determined=places(ends).std(axis=0) < DETERMINED / np.sqrt(12.0),
         error=float(np.std(apart)) / 2,
         least=float(min(squares.min(), best.squares)),
     )
+
+
+def _best_length(rng: np.random.Generator, chart: Chart, begin: Array) -> float:
+    """The length of steps by which walks from draws ``[n, k]`` lead farthest."""
+    prior = _own_prior(len(begin), begin.shape[1])
+    before = chart.coordinates(begin)
+    far = [
+        np.square(chart.coordinates(walk(rng, chart, prior, begin, 1, length)) - before).mean() for length in LENGTHS
+    ]
+    return LENGTHS[int(np.argmax(far))]
+
+
+def _own_prior(chains: int, size: int) -> Prior:
+    """The prior of a specimen without a population."""
+    return Prior(np.zeros((chains, size)), np.broadcast_to(np.eye(size), (chains, size, size)))
 
 
 def _heavy_tailed(rng: np.random.Generator, count: int, size: int) -> Array:
@@ -105,7 +120,7 @@ def _heavy_tailed(rng: np.random.Generator, count: int, size: int) -> Array:
 
 def _loss(squares: Array, scores: Array) -> Array:
     """Minus twice the log posterior ``[n]`` of the specimen alone, up to a constant."""
-    return np.asarray(squares + np.square(scores / MEAN_SD).sum(axis=1))
+    return np.asarray(squares + np.square(scores).sum(axis=1))
 
 
 def _likely(loss: Array, size: int) -> Array:
@@ -125,7 +140,7 @@ class _Fit:
 
 def _best_fit(target: Target, rng: np.random.Generator) -> _Fit:
     names = [parameter.name for parameter in target.varied]
-    fits = [_fit(target, ndtri(np.clip(start, 0.01, 0.99))) for start in starts(names, rng, FITS)]
+    fits = [_fit(target, scores_of(np.clip(start, 0.01, 0.99))) for start in starts(names, rng, FITS)]
     whole = [one for one in fits if one is not None]
     if not whole:
         raise BadInput(f"infer: {target.measured.specimen.name}", "the model fails at every start", "other ranges")
@@ -134,29 +149,29 @@ def _best_fit(target: Target, rng: np.random.Generator) -> _Fit:
 
 def _fit(target: Target, start: Array) -> _Fit | None:
     """The nearest maximum of likelihood and prior to ``start`` ``[k]`` (scores); None where the model fails there."""
-    prior = np.eye(start.size) / MEAN_SD
+    prior = np.eye(start.size)
     last: dict[bytes, tuple[Array, Array]] = {}
 
     def both(scores: Array) -> tuple[Array, Array]:
         if scores.tobytes() not in last:
-            at = ndtr(scores)
+            at = places(scores)
             errors, slopes = target.slopes(at)
             last.clear()
             last[scores.tobytes()] = (
-                np.concatenate([errors, scores / MEAN_SD]),
+                np.concatenate([errors, scores]),
                 np.concatenate([slopes * density(scores), prior]),
             )
         return last[scores.tobytes()]
 
-    if not np.isfinite(target.squares(ndtr(start)[np.newaxis])).all():
+    if not np.isfinite(target.squares(places(start)[np.newaxis])).all():
         return None
     try:
         found = least_squares(
             lambda scores: both(scores)[0], start, jac=lambda scores: both(scores)[1], ftol=TOLERANCE, xtol=TOLERANCE,
-            gtol=TOLERANCE, max_nfev=ITERATIONS,
+            gtol=TOLERANCE, max_nfev=ITERATIONS, bounds=(-FARTHEST, FARTHEST),
         )  # fmt: skip
     except ValueError:  # the model fails on the way
         return None
     slopes = found.jac
-    squares = float(2.0 * found.cost - np.square(found.x / MEAN_SD).sum())
+    squares = float(2.0 * found.cost - np.square(found.x).sum())
     return _Fit(found.x, float(2.0 * found.cost), squares, np.linalg.inv(slopes.T @ slopes))

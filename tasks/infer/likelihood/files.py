@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.special import ndtr
 
 from sinew.tasks.infer.likelihood.population import from_prior, moments, specimens_of
 from sinew.tasks.infer.likelihood.result import LikelihoodResult, PopulationMarginal
+from sinew.tasks.infer.likelihood.scores import places
 from sinew.tasks.study.files import write_text
 
 TABLE = "infer.csv"
@@ -57,7 +57,7 @@ def _as_csv(result: LikelihoodResult) -> str:
 
 
 def _write_sample(path: Path, result: LikelihoodResult, drawn: xr.Dataset, rng: np.random.Generator) -> None:
-    from sinew.tasks.infer.abc.method import arviz
+    from sinew.tasks.infer.library import arviz
 
     units = dict(zip(result.names, result.units, strict=True))
     varied = [str(name) for name in drawn["parameter"].values]
@@ -84,5 +84,5 @@ def _prior(drawn: xr.Dataset, rng: np.random.Generator, *, heavy: bool) -> dict[
     population = from_prior(rng, PRIOR_DRAWS, low.size, 1, heavy=heavy)
     spread = np.sqrt(np.diagonal(population.covariance(), axis1=1, axis2=2))
     mean, apart = moments(population.mean, spread, heavy=heavy)
-    new = low + width * ndtr(specimens_of(rng, population, heavy=heavy))
+    new = low + width * places(specimens_of(rng, population, heavy=heavy))
     return {"mean": (low + width * mean)[np.newaxis], "spread": (width * apart)[np.newaxis], "new": new[np.newaxis]}

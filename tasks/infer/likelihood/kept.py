@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from sinew.tasks.infer.likelihood.chains import Block, State
-from sinew.tasks.infer.likelihood.chart import chart_of
-from sinew.tasks.infer.likelihood.emulator import Emulator, Scatter
+from sinew.tasks.infer.likelihood.chart import Chart
+from sinew.tasks.infer.likelihood.emulator import Emulator
 from sinew.tasks.infer.likelihood.explore import Explored
 from sinew.tasks.infer.likelihood.population import Population
 from sinew.tasks.infer.likelihood.target import Target
@@ -20,22 +20,26 @@ def read_explored(path: Path, inputs: str, target: Target) -> Explored | None:
     """A specimen that was explored before, if it was with the same inputs."""
     k = target.size
     terms = 1 + k + k * (k + 1) // 2
-    shapes = {"centre": (k,), "scale": (k,), "coefficients": (terms, None), "rest": (), "roots": (2, k, k),
-              "lengths": (2,), "begin": (None, k), "determined": (k,), "error": (), "least": ()}  # fmt: skip
+    shapes = {"centre": (k,), "scale": (k,), "coefficients": (terms, None), "rest": (),
+              "frame": (None, k), "root": (k, k), "precision": (k, k),
+              "length": (), "begin": (None, k), "determined": (k,), "error": (), "least": ()}  # fmt: skip
     found = KeptArrays(path, inputs).read(shapes)
-    if found is None or len(found["begin"]) == 0:
+    if found is None or len(found["begin"]) == 0 or len(found["frame"]) != found["coefficients"].shape[1] + k:
         return None
     known = Emulator(found["centre"], found["scale"], found["coefficients"], float(found["rest"]))
-    scatter = Scatter(chart_of(target.varied), found["roots"], found["lengths"])
+    chart = Chart(known, found["frame"], found["root"], found["precision"])
     determined = found["determined"] == 1.0
-    return Explored(known, scatter, found["begin"], determined, float(found["error"]), float(found["least"]))
+    return Explored(
+        chart, float(found["length"]), found["begin"], determined, float(found["error"]), float(found["least"])
+    )
 
 
 def write_explored(path: Path, inputs: str, explored: Explored) -> None:
     """Keep an explored specimen."""
-    known = explored.known
+    chart, known = explored.chart, explored.chart.known
     arrays = {"centre": known.centre, "scale": known.scale, "coefficients": known.coefficients, "rest": known.rest,
-              "roots": explored.scatter.roots, "lengths": explored.scatter.lengths, "begin": explored.begin,
+              "frame": chart.frame, "root": chart.root, "precision": chart.precision, "length": explored.length,
+              "begin": explored.begin,
               "determined": explored.determined, "error": explored.error, "least": explored.least}  # fmt: skip
     KeptArrays(path, inputs).write({name: np.asarray(array, dtype=np.float64) for name, array in arrays.items()})
 

@@ -1,8 +1,8 @@
 """The population of a site: specimens scatter normally, with any correlations, as normal scores.
 
-A score z stands for the point u = Phi(z) of the unit cube, Phi being the normal distribution: bounds are infinitely far
-away, and standard normal scores are uniform between them. A specimen's scores x are N(m, C); or, with heavy tails,
-Student's t with 4 degrees of freedom, as a normal distribution of covariance C / w with w ~ Gamma(2, 2). Priors:
+A specimen's scores x (:mod:`sinew.tasks.infer.likelihood.scores`) are N(m, C) within the ends of the ranges; or, with
+heavy tails, Student's t with 4 degrees of freedom, as a normal distribution of covariance C / w with w ~ Gamma(2, 2).
+Priors:
 
 ========================  =============================================================================================
 mean m                    independent N(0, 1): uniform over the ranges
@@ -18,16 +18,16 @@ Arrays hold ``c`` chains of ``k`` parameters.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
 from scipy.stats import t as student_t
 
-from sinew.tasks.infer.likelihood.emulator import Prior
+from sinew.tasks.infer.likelihood.scores import places
+from sinew.tasks.infer.likelihood.walk import Prior
 from sinew.tasks.simulate import Array
 
-MEAN_SD = 1.0
 SPREAD_DF, SPREAD_SCALE = 2.0, 0.5
 TAIL_DF = 4.0
 NODES = 41  # of the quadrature over a population
+TRIES, SHORTEST, LONGEST = 2, 0.3, 4.0  # of Metropolis' rule for a scale: number, and steps of its logarithm
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,33 +56,79 @@ class Population:
         precision = self.weights[number][:, np.newaxis, np.newaxis] * np.linalg.inv(scatter)
         return Prior(self.mean, precision, SPREAD_DF + size - 1.0 + count)
 
+    def log_density(self, scores: Array) -> Array:
+        """Of mean, logarithms of scales and ``scores`` ``[n, c, k]``: ``[c]``, up to a constant.
+
+        The covariance is integrated out.
+        """
+        count, _, size = scores.shape
+        apart = np.sqrt(self.weights)[:, :, np.newaxis] * (scores - self.mean)
+        scatter = np.einsum("ncj,nck->cjk", apart, apart)
+        scatter[:, np.arange(size), np.arange(size)] += 2.0 * SPREAD_DF / self.scales
+        logs = np.log(self.scales).sum(axis=1)
+        found = -0.5 * (SPREAD_DF + size - 1.0 + count) * np.linalg.slogdet(scatter)[1]
+        found -= 0.5 * (SPREAD_DF + size) * logs + (1.0 / self.scales).sum(axis=1) / SPREAD_SCALE**2
+        return np.asarray(found - 0.5 * np.square(self.mean).sum(axis=1))
+
     def covariance(self) -> Array:
         """``[c, k, k]``, of the normal distribution or of the t distribution's core."""
         return np.asarray(np.linalg.inv(self.precision))
 
 
 def drawn(rng: np.random.Generator, scores: Array, before: Population, *, heavy: bool) -> Population:
-    """The next draw of a population, given its specimens' ``scores`` ``[n, c, k]``."""
+    """The next draw of a population, given its specimens' ``scores`` ``[n, c, k]``.
+
+    What was drawn of the covariance before is not used: a specimen moves with the covariance integrated out
+    (:meth:`Population.of_one`), so it holds no longer (van Dyk and Park 2008, J. Am. Stat. Assoc. 103, 790).
+    """
     count, chains, size = scores.shape
     diagonal = np.arange(size)
     weights = before.weights
     apart = scores - before.mean
-    if heavy:
-        distances = np.einsum("ncj,cjk,nck->nc", apart, before.precision, apart)
-        weights = rng.gamma((TAIL_DF + size) / 2, 2.0 / (TAIL_DF + distances))
+    scales = _scales(rng, np.sqrt(weights)[..., np.newaxis] * apart, before.scales)
     scatter = np.einsum("nc,ncj,nck->cjk", weights, apart, apart)
-    scatter[:, diagonal, diagonal] += 2.0 * SPREAD_DF / before.scales
+    scatter[:, diagonal, diagonal] += 2.0 * SPREAD_DF / scales
     precision = wishart(rng, SPREAD_DF + size - 1.0 + count, scatter)
-    rate = SPREAD_DF * precision[:, diagonal, diagonal] + 1.0 / SPREAD_SCALE**2
-    scales = 1.0 / rng.gamma((SPREAD_DF + size) / 2, 1.0 / rate)
+    if heavy:
+        distances = np.einsum("ncj,cjk,nck->nc", apart, precision, apart)
+        weights = rng.gamma((TAIL_DF + size) / 2, 2.0 / (TAIL_DF + distances))
     known = weights.sum(axis=0)[:, np.newaxis, np.newaxis] * precision
-    known[:, diagonal, diagonal] += 1.0 / MEAN_SD**2
+    known[:, diagonal, diagonal] += 1.0
     pull = np.einsum("cjk,ck->cj", precision, np.einsum("nc,nck->ck", weights, scores))
     root = np.linalg.cholesky(known)
     noise = rng.standard_normal((chains, size))
     mean = np.linalg.solve(known, pull[..., np.newaxis])[..., 0]
     mean += np.linalg.solve(root.transpose(0, 2, 1), noise[..., np.newaxis])[..., 0]
     return Population(mean, precision, scales, weights)
+
+
+def _scales(rng: np.random.Generator, apart: Array, before: Array) -> Array:
+    """The next scales ``[c, k]``, given what specimens are ``apart`` ``[n, c, k]`` from the mean, with the covariance
+    integrated out: by Metropolis' rule for one parameter after another.
+
+    Given the covariance instead, spreads would creep, the more so the more parameters there are.
+    """
+    count, chains, size = apart.shape
+    power = SPREAD_DF + size - 1.0 + count
+    scales = before.copy()
+    columns = apart.transpose(1, 2, 0)  # [c, k, n]
+    lengths = np.exp(rng.uniform(np.log(SHORTEST), np.log(LONGEST), size=(TRIES, size, chains)))
+    steps, limits = lengths * rng.standard_normal((TRIES, size, chains)), np.log(rng.random((TRIES, size, chains)))
+    gram = np.eye(count) + np.einsum("cj,cjn,cjm->cnm", scales / (2.0 * SPREAD_DF), columns, columns)
+    inverse = np.linalg.inv(gram)
+    for tries, limit in zip(steps, limits, strict=True):
+        for j in range(size):
+            here, column = scales[:, j], columns[:, j]
+            there = here * np.exp(tries[j])
+            along = np.einsum("cnm,cm->cn", inverse, column)
+            own = np.einsum("cn,cn->c", along, column) / (2.0 * SPREAD_DF)
+            grown = 1.0 + (there - here) * own  # the determinant of the matrix
+            ratio = 0.5 * (count - 1.0) * tries[j] - (1.0 / there - 1.0 / here) / SPREAD_SCALE**2
+            moved = limit[j] < ratio - 0.5 * power * np.log(grown)
+            factor = np.where(moved, (there - here) / (2.0 * SPREAD_DF) / grown, 0.0)
+            inverse -= factor[:, np.newaxis, np.newaxis] * along[:, :, np.newaxis] * along[:, np.newaxis]
+            scales[:, j] = np.where(moved, there, here)
+    return scales
 
 
 def wishart(rng: np.random.Generator, df: float, inverse_scale: Array) -> Array:
@@ -102,7 +148,7 @@ def from_prior(rng: np.random.Generator, chains: int, size: int, specimens: int,
     inverse = np.zeros((chains, size, size))
     inverse[:, np.arange(size), np.arange(size)] = 2.0 * SPREAD_DF / scales
     precision = wishart(rng, SPREAD_DF + size - 1.0, inverse)
-    mean = MEAN_SD * rng.standard_normal((chains, size))
+    mean = rng.standard_normal((chains, size))
     weights = rng.gamma(TAIL_DF / 2, 2.0 / TAIL_DF, size=(specimens, chains)) if heavy else np.ones((specimens, chains))
     return Population(mean, precision, scales, weights)
 
@@ -127,7 +173,7 @@ def moments(mean: Array, spread: Array, *, heavy: bool) -> tuple[Array, Array]:
     else:
         nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
         weights = weights / weights.sum()
-    at = ndtr(mean[..., np.newaxis] + spread[..., np.newaxis] * nodes)
+    at = places(mean[..., np.newaxis] + spread[..., np.newaxis] * nodes)
     centre = at @ weights
     variance = np.maximum(np.square(at) @ weights - centre**2, 0.0)
     return centre, np.sqrt(variance)

@@ -90,7 +90,7 @@ class LikelihoodResult(Result):
     """
 
     TASK = "infer"
-    VERSION = 1
+    VERSION = 2  # both ends of a range are reached
     LIBRARIES = ("arviz",)
 
     method: Literal["likelihood"]

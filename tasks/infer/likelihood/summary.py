@@ -2,16 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.special import ndtr
 
+from sinew.tasks.infer.library import arviz
 from sinew.tasks.infer.likelihood.chains import Block
 from sinew.tasks.infer.likelihood.explore import Explored
 from sinew.tasks.infer.likelihood.population import from_prior, moments, specimens_of
 from sinew.tasks.infer.likelihood.result import INTERVAL, PopulationMarginal, SitePosterior, SpecimenMarginal
+from sinew.tasks.infer.likelihood.scores import places
 from sinew.tasks.model import Specimen
 from sinew.tasks.model.parameters import Parameter, bounds
 from sinew.tasks.simulate import Array
@@ -50,11 +50,11 @@ def chains_of(ensembles: Sequence[Sequence[Block]], varied: Sequence[Parameter],
     mean, spread = moments(joined("mean"), joined("spread"), heavy=heavy)
     correlation = np.concatenate([block.correlation for blocks in ensembles for block in blocks[len(blocks) // 2 :]])
     return Chains(
-        specimens=low + width * ndtr(joined("scores")),
+        specimens=low + width * places(joined("scores")),
         log_likelihood=-0.5 * joined("squares"),
         mean=low + width * mean,
         spread=width * spread,
-        new=low + width * ndtr(joined("new")),
+        new=low + width * places(joined("new")),
         correlation=correlation,
     )
 
@@ -81,14 +81,8 @@ def convergence(chains: Chains) -> Convergence:
     """Bulk effective sample sizes and rank-normalised split R-hat (Vehtari et al. 2021), by ArviZ."""
     population = np.stack([chains.mean, chains.spread], axis=2)
     every = {"population": population, "specimens": chains.specimens}
-    ess, rhat = _arviz().ess(every), _arviz().rhat(every)
+    ess, rhat = arviz().ess(every), arviz().rhat(every)
     return Convergence(*(found[name].values for name in every for found in (ess, rhat)))
-
-
-def _arviz() -> Any:
-    from sinew.tasks.infer.abc.method import arviz
-
-    return arviz()
 
 
 def interval(draws: Array, low: float, high: float) -> tuple[float, float]:
@@ -173,7 +167,7 @@ def prior_population(
         drawn = from_prior(rng, MOST_DRAWS, 1, 1, heavy=heavy)
         centre, apart = moments(drawn.mean[:, 0], 1.0 / np.sqrt(drawn.precision[:, 0, 0]), heavy=heavy)
         mean, spread = parameter.minimum + width * centre, width * apart
-        new = parameter.minimum + width * ndtr(specimens_of(rng, drawn, heavy=heavy)[:, 0])
+        new = parameter.minimum + width * places(specimens_of(rng, drawn, heavy=heavy)[:, 0])
         populations[parameter.name] = _marginal(mean, spread, float(MOST_DRAWS), 1.0)
         ends = interval(new, parameter.minimum, parameter.maximum)
         specimens[parameter.name] = SpecimenMarginal(float(new.mean()), float(new.std()), *ends, determined=False)

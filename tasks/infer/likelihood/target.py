@@ -4,7 +4,7 @@ Minus half the sum of squares is the logarithm of the likelihood, up to a consta
 estimated from the curves themselves (:mod:`sinew.tasks.data.noise`): generalised least squares.
 
 Points are on the unit cube of the free parameters: 0 is the lower bound of a parameter, 1 the upper. Chains and fits
-move as scores, where bounds are infinitely far away.
+move as scores (:mod:`sinew.tasks.infer.likelihood.scores`).
 """
 
 from dataclasses import dataclass

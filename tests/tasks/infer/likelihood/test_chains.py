@@ -4,13 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from scipy.special import ndtr
 from scipy.stats import chisquare
 
 from sinew.tasks.infer.likelihood import explore
 from sinew.tasks.infer.likelihood.chains import CHAINS, begun, swept
 from sinew.tasks.infer.likelihood.explore import explored
 from sinew.tasks.infer.likelihood.population import from_prior
+from sinew.tasks.infer.likelihood.scores import FARTHEST, places
 from sinew.tasks.model.parameters import own_parameter
 
 SIZE, SPECIMENS = 2, 3
@@ -45,12 +45,13 @@ def course(at):
 def ranks(seed, heavy):
     """Where the truth is among draws of its posterior: of the population's mean and spread and of one specimen."""
     rng = np.random.default_rng(seed)
-    truth = from_prior(rng, 1, SIZE, SPECIMENS, heavy=heavy)
-    root = np.linalg.cholesky(truth.covariance()[0])
-    weights = truth.weights[:, 0] if heavy else np.ones(SPECIMENS)
-    scores = truth.mean + (rng.standard_normal((SPECIMENS, SIZE)) @ root.T) / np.sqrt(weights)[:, np.newaxis]
-    scores = np.clip(scores, -3.9, 3.9)
-    targets = [Line(course(ndtr(one)[np.newaxis])[0] + rng.standard_normal(6)) for one in scores]
+    scores = np.full((SPECIMENS, SIZE), np.inf)
+    while np.abs(scores).max() > FARTHEST:  # a specimen is within the ranges
+        truth = from_prior(rng, 1, SIZE, SPECIMENS, heavy=heavy)
+        root = np.linalg.cholesky(truth.covariance()[0])
+        weights = truth.weights[:, 0] if heavy else np.ones(SPECIMENS)
+        scores = truth.mean + (rng.standard_normal((SPECIMENS, SIZE)) @ root.T) / np.sqrt(weights)[:, np.newaxis]
+    targets = [Line(course(places(one)[np.newaxis])[0] + rng.standard_normal(6)) for one in scores]
     known = [explored(target, (seed, i)) for i, target in enumerate(targets)]
     state = begun(targets, known, (seed, 100), heavy=heavy)
     block = swept(targets, known, state, 40, (seed, 200), heavy=heavy)

@@ -113,10 +113,18 @@ def test_predictions_and_comparisons_build_upon_it(inferred):
     predicted = json.loads((inferred / "predict.json").read_text())
     assert predicted["coverage"]["new"]["fraction"] > 0.8 if "fraction" in predicted["coverage"]["new"] else True
     assert predicted["sites"]["distal"]["no_new"] is None
-    assert json.loads((inferred / "compare.json").read_text())["names"] == ["E_f", "alpha_f", "E_m"]
+    compared = json.loads((inferred / "compare.json").read_text())
+    assert compared["names"] == ["E_f", "alpha_f", "E_m"]
+    assert [one["parameter"] for one in compared["contrasts"]] == compared["names"]
+    table = (inferred / "compare.csv").read_text().splitlines()
+    assert table[0].startswith("first,second,parameter,paired,difference,difference_low")
+    assert len(table) == 4
     assert (inferred / "figures" / "infer_populations.png").is_file()
     assert (inferred / "figures" / "infer_distal_specimens.png").is_file()
-    assert "Populations: mean" in (inferred / "report.html").read_text()
+    page = (inferred / "report.html").read_text()
+    assert "Populations: mean" in page
+    assert "Differences between populations: second site less first" in page
+    assert "of 3 contrasts about 0 would be called different by chance" in page
 
 
 def test_an_interrupted_inference_goes_on_and_ends_with_the_same_bytes(study, inferred, tmp_path, monkeypatch):
