@@ -92,7 +92,8 @@ class TaskResult:
 
     @property
     def _figures(self) -> Any:
-        return TASKS[self.task].module("figures").FIGURES
+        figures = TASKS[self.task].module("figures")
+        return figures.kinds(self.result) if hasattr(figures, "kinds") else figures.FIGURES
 
     def __repr__(self) -> str:
         return printable(f"{self.task}: {self.headline}\n{self.table.to_string(max_rows=SHOWN, max_cols=8)}")

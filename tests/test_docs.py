@@ -148,6 +148,13 @@ def study(folder: Path) -> None:
     (folder / "rows.csv").write_text("E_f\n200\n")
 
 
+def by_likelihood(folder: Path) -> None:
+    """The study with posteriors of populations."""
+    of_abc = "infer: {population: 6, generations: 1, epsilon: 9.0}"
+    assert of_abc in STUDY
+    (folder / "study.yaml").write_text(STUDY.replace(of_abc, "infer: {method: likelihood, ess: 100}"))
+
+
 def one_site(folder: Path) -> None:
     """A study of the specimens that ``sinew import`` makes, which have no sites to compare."""
     study(folder)
@@ -236,9 +243,9 @@ def shared(folder: Path) -> None:
 
 
 FIXTURES = {
-    "study": study, "one site": one_site, "cohort": cohort, "exports": exports, "hidden": hidden,
-    "real exports": real_exports, "configs": configs, "dogbone": dogbone, "slurm": slurm, "demo": demo,
-    "shared": shared,
+    "study": study, "by likelihood": by_likelihood, "one site": one_site, "cohort": cohort, "exports": exports,
+    "hidden": hidden, "real exports": real_exports, "configs": configs, "dogbone": dogbone, "slurm": slurm,
+    "demo": demo, "shared": shared,
 }  # fmt: skip
 
 

@@ -78,6 +78,7 @@ def test_every_task_prints_and_plots(results, task):
     one = getattr(results, task)
     assert task in repr(one)
     assert len(one.table)
+    assert isinstance(one.plot(), Figure)
     html = one._repr_html_()
     assert html.count("<table") == html.count("</table>") == 1
     for name, each in one.plots.items():

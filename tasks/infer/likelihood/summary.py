@@ -17,6 +17,7 @@ from sinew.tasks.model.parameters import Parameter, bounds
 from sinew.tasks.simulate import Array
 
 MOST_DRAWS = 4096  # of all chains, that are stored
+NEAR = 0.05  # of an interval's length: so far from a bound, its end is the bound
 WARM_UP = 0.2  # of the sweeps, at the beginning, that are not used
 
 
@@ -88,14 +89,16 @@ def convergence(chains: Chains) -> Convergence:
 def interval(draws: Array, low: float, high: float) -> tuple[float, float]:
     """The shortest interval that holds 95 % of draws ``[m]`` from between two bounds.
 
-    Where it would end at the last of the draws, it reaches the bound: the density is largest there.
+    An end that is as good as at a bound, in comparison to the interval's length, is the bound: fits of real specimens
+    lie there.
     """
     ordered = np.sort(draws)
     inside = int(np.ceil(INTERVAL * ordered.size))
     widths = ordered[inside - 1 :] - ordered[: ordered.size - inside + 1]
     first = int(np.argmin(widths))
-    last = first + inside - 1
-    return (low if first == 0 else float(ordered[first])), (high if last == ordered.size - 1 else float(ordered[last]))
+    ends = float(ordered[first]), float(ordered[first + inside - 1])
+    near = NEAR * (ends[1] - ends[0])
+    return (low if ends[0] - low <= near else ends[0]), (high if high - ends[1] <= near else ends[1])
 
 
 def site_posterior(

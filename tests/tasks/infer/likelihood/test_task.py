@@ -7,6 +7,7 @@ import arviz
 import numpy as np
 import pytest
 
+import sinew as sinew_package
 from sinew.runner.store.store import open_store
 from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import write_cohort
@@ -107,6 +108,13 @@ def test_draws_are_left_for_arviz_and_in_the_store(inferred):
     kept = open_store(inferred).read_result("infer/distal")
     assert kept["new"].dims == ("chain", "draw", "parameter")
     assert not list((inferred / "infer").glob("*.safetensors"))
+
+
+def test_figures_are_drawn_one_at_a_time(inferred):
+    found = sinew_package.results(inferred).infer
+    assert found.plots == {"populations": [], "specimens": ["distal", "proximal"]}
+    assert found.plot().axes
+    assert found.plot("specimens", "proximal").axes
 
 
 def test_predictions_and_comparisons_build_upon_it(inferred):
