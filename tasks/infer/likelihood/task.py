@@ -187,6 +187,7 @@ def _sampled(
             words = f"effective sample size {found.smallest_ess:.0f}, R-hat {found.largest_rhat:.3f}"
             workspace.note("infer", name, words, value=found.smallest_ess, sweeps=(number + 1) * BLOCK)
             if found.smallest_ess >= settings.ess and found.largest_rhat <= settings.rhat:
+                workspace.counted["sweeps"] -= (most - number - 1) * BLOCK  # that were not needed
                 return Sampled(targets, known, chains, found)
     raise BadInput(
         f"{workspace.study.path}: infer.sweeps",

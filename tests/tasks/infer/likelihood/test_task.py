@@ -13,6 +13,7 @@ from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.infer.likelihood import task
+from sinew.tasks.infer.likelihood.summary import WARM_UP
 from sinew.tasks.infer.result import LikelihoodResult, read_posteriors
 from sinew.tasks.study.workspace import Workspace
 from tests.runner.stores import contents
@@ -135,7 +136,7 @@ def test_predictions_and_comparisons_build_upon_it(inferred):
     assert "of 3 contrasts about 0 would be called different by chance" in page
 
 
-def test_an_interrupted_inference_goes_on_and_ends_with_the_same_bytes(study, inferred, tmp_path, monkeypatch):
+def test_an_interrupted_inference_goes_on_and_ends_with_the_same_bytes(study, inferred, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(Workspace, "client", lambda self: None)
     shutil.copytree(study.parent / "cohort", tmp_path / "cohort")
     shutil.copy(study, tmp_path / "study.yaml")
@@ -152,8 +153,10 @@ def test_an_interrupted_inference_goes_on_and_ends_with_the_same_bytes(study, in
         with pytest.raises(SystemExit):
             sinew("infer", tmp_path / "study.yaml", "--out", tmp_path / "out", "--quiet")
     monkeypatch.setattr(task, "explored", lambda *_: pytest.fail("a specimen is explored again"))
-    sinew("infer", tmp_path / "study.yaml", "--out", tmp_path / "out", "--quiet")
+    sinew("infer", tmp_path / "study.yaml", "--out", tmp_path / "out")
     assert explored is not task.explored
+    sweeps = round(sum(site.sweeps for site in read_posteriors(inferred).sites.values()) / (1 - WARM_UP))
+    assert f"{sweeps:,} sweeps in" in capsys.readouterr().out, "those that were asked for at most do not count"
     assert (tmp_path / "out" / "infer.json").read_bytes() == (inferred / "infer.json").read_bytes()
     assert (tmp_path / "out" / "infer" / "distal.nc").read_bytes() == (inferred / "infer" / "distal.nc").read_bytes()
 
