@@ -13,20 +13,16 @@ Comput. 36, A1895). Otherwise its volume, det dv/dz, belongs to every density of
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
-import numba
 import numpy as np
 from scipy.optimize import least_squares
 
-from sinew.tasks.infer.likelihood.emulator import Emulator, polynomials
-from sinew.tasks.infer.likelihood.scores import FARTHEST, density, place, places
+from sinew.tasks.infer.likelihood.compiled import FARTHEST, around, displaced, slid
+from sinew.tasks.infer.likelihood.emulator import Emulator
+from sinew.tasks.infer.likelihood.scores import density, places
 from sinew.tasks.simulate import Array
 
-OUTSIDE = 2.0 * FARTHEST  # score that a path may come to before it is turned back
-ITERATIONS, TOLERANCE = 12, 1e-7  # of finding scores
 JITTER = 1e-3  # of variances, most of which are about 1
-RETURNED = 1e-6  # difference of scores that went there and back
 
 Compiled = tuple[Array, Array, Array, Array, Array, Array]
 
@@ -113,120 +109,3 @@ def chart_of(known: Emulator, start: Array) -> Chart:
     signs = np.sign(np.diag(root))
     frame, root = frame * signs, root * signs[:, np.newaxis]  # volumes are positive at the centre
     return Chart(known, frame, root, np.eye(size))
-
-
-_compiled: Any = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
-
-
-@_compiled
-def around(known, scores, at):  # type: ignore[no-untyped-def]
-    """Derivatives ``[k, k]`` of coordinates (second) by scores (first); writes the coordinates ``at`` the scores."""
-    centre, scale, _, of_scores, terms, _ = known
-    size = scores.size
-    unit, stretch, slopes = np.empty(size), np.empty(size), np.empty((size, size))
-    for j in range(size):
-        unit[j], stretch[j], _ = place(scores[j])
-    polynomials(centre, scale, terms, unit, at, slopes)
-    for a in range(size):
-        for b in range(size):
-            at[b] += scores[a] * of_scores[a, b]
-            slopes[a, b] = slopes[a, b] * stretch[a] + of_scores[a, b]
-    return slopes
-
-
-@_compiled
-def scores_at(known, wanted, scores, at, slopes):  # type: ignore[no-untyped-def]
-    """Change ``scores`` into those at coordinates ``wanted``, with coordinates ``at`` and derivatives ``slopes`` there.
-
-    Newton's method; tells whether scores were found within ``OUTSIDE``.
-    """
-    for _ in range(ITERATIONS):
-        scores += np.linalg.solve(slopes.T.copy(), wanted - at)
-        if not np.abs(scores).max() < OUTSIDE:
-            return False
-        slopes[:] = around(known, scores, at)
-        if np.abs(wanted - at).max() < TOLERANCE:
-            return True
-    return False
-
-
-@_compiled
-def moved(known, here, at, slopes, wanted):  # type: ignore[no-untyped-def]
-    """Move from scores ``here``, with coordinates ``at`` and derivatives ``slopes`` there, to coordinates ``wanted``.
-
-    All three are overwritten. Tells whether they can be used: not where the way back does not lead to where it began,
-    as chains may only go where they could come back from.
-    """
-    before, origin = here.copy(), at.copy()
-    if not scores_at(known, wanted, here, at, slopes):
-        return False
-    back = here.copy()
-    if not scores_at(known, origin, back, at.copy(), slopes.copy()):
-        return False
-    return np.abs(back - before).max() < RETURNED
-
-
-@_compiled
-def displaced(known, begin, steps, ends, volumes):  # type: ignore[no-untyped-def]
-    """Move scores ``begin`` ``[n, k]`` by ``steps`` ``[n, k]`` of coordinates.
-
-    Writes the scores ``ends`` and ``volumes`` ``[n]``: how much the logarithm of the volume grew, NaN where
-    ``ends`` cannot be used.
-    """
-    size = begin.shape[1]
-    at = np.empty(size)
-    for n in range(len(begin)):
-        ends[n], volumes[n] = begin[n], np.nan
-        slopes = around(known, begin[n], at)
-        before = np.linalg.slogdet(slopes)[1]
-        if moved(known, ends[n], at, slopes, at + steps[n]):
-            volumes[n] = np.linalg.slogdet(slopes)[1] - before
-
-
-@_compiled
-def _slide(known, wanted, number, direction, scores, at, slopes):  # type: ignore[no-untyped-def]
-    """Change all ``scores`` but ``number`` so that coordinates are ``wanted``, up to a multiple of ``direction``.
-
-    Newton's method. ``slopes`` become the derivatives of coordinates, with the direction in place of those by
-    ``number``; tells whether scores were found.
-    """
-    multiple = 0.0
-    for _ in range(ITERATIONS):
-        slopes[:] = around(known, scores, at)
-        slopes[number] = direction
-        apart = wanted + multiple * direction - at
-        if np.abs(apart).max() < TOLERANCE:
-            return True
-        step = np.linalg.solve(slopes.T.copy(), apart)
-        multiple -= step[number]
-        step[number] = 0.0
-        scores += step
-        if not np.abs(scores).max() < OUTSIDE:
-            return False
-    return False
-
-
-@_compiled
-def slid(known, begin, number, wanted, direction, ends, volumes):  # type: ignore[no-untyped-def]
-    """Move scores ``begin`` ``[n, k]`` along a ``direction`` ``[k]`` of coordinates to where one score is ``wanted``.
-
-    That is the score of parameter ``number``, ``wanted`` ``[n]``. Writes the scores ``ends``, and ``volumes`` ``[n]``:
-    the logarithm of how much the map stretches all but that score; NaN where ``ends`` cannot be used.
-    """
-    size = begin.shape[1]
-    at, there = np.empty(size), np.empty(size)
-    before, after = np.empty((size, size)), np.empty((size, size))
-    for n in range(len(begin)):
-        volumes[n] = np.nan
-        start = around(known, begin[n], at)
-        start[number] = direction
-        origin, ends[n] = at.copy(), begin[n]
-        ends[n, number] = wanted[n]
-        if not _slide(known, origin, number, direction, ends[n], at, after):
-            continue
-        there[:] = ends[n]
-        there[number] = begin[n, number]
-        if not _slide(known, at.copy(), number, direction, there, at, before):
-            continue
-        if np.abs(there - begin[n]).max() < RETURNED:
-            volumes[n] = np.linalg.slogdet(start)[1] - np.linalg.slogdet(after)[1]

@@ -8,11 +8,10 @@ error of the emulator costs time, not truth.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
-import numba
 import numpy as np
 
+from sinew.tasks.infer.likelihood.compiled import polynomials
 from sinew.tasks.simulate import Array
 
 COMPONENTS = 40  # of the errors, at most
@@ -66,35 +65,3 @@ def emulator(at: Array, errors: Array, weight: Array) -> Emulator:
     coefficients = np.linalg.lstsq(root * _terms((at - centre) / scale), root * components, rcond=None)[0]
     rest = np.average(np.square(errors).sum(axis=1) - np.square(components).sum(axis=1), weights=weight)
     return Emulator(centre, scale, coefficients, float(rest))
-
-
-_compiled: Any = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
-
-
-@_compiled
-def polynomials(centre, scale, coefficients, unit, found, slopes):  # type: ignore[no-untyped-def]
-    """Write what polynomials ``[q]`` of second order are ``found`` to be at a point ``unit`` ``[k]``.
-
-    And their derivatives ``slopes`` ``[k, q]`` there.
-    """
-    size, count = unit.size, found.size
-    z = (unit - centre) / scale
-    found[:] = coefficients[0]
-    row = 1
-    for j in range(size):
-        for q in range(count):
-            slopes[j, q] = coefficients[row, q]
-            found[q] += z[j] * coefficients[row, q]
-        row += 1
-    for i in range(size):
-        for j in range(i, size):
-            product = z[i] * z[j]
-            for q in range(count):
-                coefficient = coefficients[row, q]
-                found[q] += product * coefficient
-                slopes[i, q] += z[j] * coefficient
-                slopes[j, q] += z[i] * coefficient
-            row += 1
-    for j in range(size):
-        for q in range(count):
-            slopes[j, q] /= scale[j]

@@ -15,8 +15,9 @@ from threadpoolctl import threadpool_limits
 from sinew.runner.errors import BadInput
 from sinew.tasks.fitting.starts import starts
 from sinew.tasks.infer.likelihood.chart import Chart, chart_of
+from sinew.tasks.infer.likelihood.compiled import FARTHEST
 from sinew.tasks.infer.likelihood.emulator import emulator
-from sinew.tasks.infer.likelihood.scores import FARTHEST, density, places, scores_of
+from sinew.tasks.infer.likelihood.scores import density, places, scores_of
 from sinew.tasks.infer.likelihood.target import Target
 from sinew.tasks.infer.likelihood.walk import Prior, walk
 from sinew.tasks.simulate import Array

@@ -8,18 +8,11 @@ of a parameter in its range, Phi being the normal distribution: standard normal 
 ends are reached, as fits of real specimens often lie on one; a population's scores beyond them stand for the end.
 """
 
-import math
-from typing import Any
-
-import numba
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from sinew.tasks.infer.likelihood.compiled import BELOW, FARTHEST, WHOLE
 from sinew.tasks.simulate import Array
-
-FARTHEST = 3.0
-BELOW = float(ndtr(-FARTHEST))
-WHOLE = 1.0 - 2.0 * BELOW
 
 
 def places(scores: Array) -> Array:
@@ -40,15 +33,3 @@ def density(scores: Array) -> Array:
 def inside(scores: Array) -> Array:
     """Which points ``[n]`` have all their ``scores`` ``[n, k]`` within the ends."""
     return np.asarray((np.abs(scores) <= FARTHEST).all(axis=1))
-
-
-_compiled: Any = numba.njit(nogil=True, cache=True, error_model="numpy")
-
-
-@_compiled
-def place(score):  # type: ignore[no-untyped-def]
-    """The place at a score, and its first and second derivative; beyond the ends on their tangents."""
-    within = min(max(score, -FARTHEST), FARTHEST)
-    first = math.exp(-0.5 * within * within) / math.sqrt(2.0 * math.pi) / WHOLE
-    at = (0.5 * math.erfc(-within * math.sqrt(0.5)) - BELOW) / WHOLE + first * (score - within)
-    return at, first, (-within * first if within == score else 0.0)

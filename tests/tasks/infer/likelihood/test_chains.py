@@ -8,9 +8,10 @@ from scipy.stats import chisquare
 
 from sinew.tasks.infer.likelihood import explore
 from sinew.tasks.infer.likelihood.chains import CHAINS, begun, swept
+from sinew.tasks.infer.likelihood.compiled import FARTHEST
 from sinew.tasks.infer.likelihood.explore import explored
 from sinew.tasks.infer.likelihood.population import from_prior
-from sinew.tasks.infer.likelihood.scores import FARTHEST, places
+from sinew.tasks.infer.likelihood.scores import places
 from sinew.tasks.model.parameters import own_parameter
 
 SIZE, SPECIMENS = 2, 3

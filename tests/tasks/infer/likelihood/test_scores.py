@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
-from sinew.tasks.infer.likelihood.scores import FARTHEST, density, inside, place, places, scores_of
+from sinew.tasks.infer.likelihood.compiled import FARTHEST, place
+from sinew.tasks.infer.likelihood.scores import density, inside, places, scores_of
 
 WITHIN = st.floats(-2.99, 2.99)
 

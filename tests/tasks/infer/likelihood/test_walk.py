@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from sinew.tasks.infer.likelihood.chart import chart_of
-from sinew.tasks.infer.likelihood.scores import FARTHEST, inside, places
+from sinew.tasks.infer.likelihood.compiled import FARTHEST
+from sinew.tasks.infer.likelihood.scores import inside, places
 from sinew.tasks.infer.likelihood.walk import Prior, scales, walk
 from tests.tasks.infer.likelihood.problem import CENTRE, SIZE, known
 
