@@ -149,15 +149,20 @@ def needed(difference: float, scatter: float, level: float, *, paired: bool) -> 
 
     if not enough(MOST_NEEDED):
         return None
-    low, high = 1, MOST_NEEDED  # low is not enough, high is
+    low, high = 1, MOST_NEEDED  # one of each site is not enough, as many as that are
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if enough(middle) else (middle, high)
     return high
 
 
-def detectable(scatter: float, sizes: Sequence[int], level: float, *, paired: bool) -> float:
-    """The smallest difference that specimens of these ``sizes`` find with probability ``POWER``."""
+def detectable(scatter: float, sizes: Sequence[int], level: float, *, paired: bool) -> float | None:
+    """The smallest difference that specimens of these ``sizes`` find with probability ``POWER``.
+
+    None for a single specimen of each site, which can find none.
+    """
+    if sum(sizes) < 3 or (paired and sizes[0] < 2):
+        return None
     low, high = 0.0, 1.0
     while power(high, 1.0, sizes, level, paired=paired) < POWER:
         low, high = high, 2.0 * high

@@ -100,7 +100,8 @@ class Contrast:
     """How one parameter's populations differ at two sites, the second less the first, or over it.
 
     ``paired``: specimens of the same donors were compared. ``needed``: specimens of each site that would find the
-    difference, None for more than 1,000; ``detectable``: the smallest difference that these specimens find.
+    difference, None for more than 1,000; ``detectable``: the smallest difference that these specimens
+    find, None for one of each site.
     """
 
     sites: list[str]
@@ -109,7 +110,7 @@ class Contrast:
     difference: Interval
     spread_ratio: Interval
     needed: int | None
-    detectable: Number
+    detectable: Number | None
 
     @property
     def different(self) -> bool:

@@ -19,7 +19,7 @@ from sinew.tasks.simulate import Array
 
 WEAK = 0.15  # standard deviation of a specimen's score, from which on its parameter is moved together with others
 SHORTEST, LONGEST = 0.5, 4.0  # of a mean, in standard deviations of what the specimens say
-SCALED = 0.6  # largest standard deviation of the logarithm of how much a spread is scaled
+SCALED = 2.0  # largest standard deviation of the logarithm of how much a spread is scaled
 
 
 def chances(explored: Sequence[Explored]) -> Array:

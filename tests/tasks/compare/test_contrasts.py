@@ -113,6 +113,8 @@ def test_what_is_needed_and_detectable_has_the_power_that_is_said(paired):
     assert power(least, 2.0, [6, 6], 0.05, paired=paired) == pytest.approx(POWER, abs=1e-6)
     assert needed(1e-3, 1.0, 0.05, paired=paired) is None
     assert needed(50.0, 1.0, 0.05, paired=paired) <= 3
+    assert detectable(1.0, [1, 1], 0.05, paired=paired) is None
+    assert detectable(1.0, [2, 2], 0.05, paired=paired) > detectable(1.0, [3, 3], 0.05, paired=paired)
     assert MOST_NEEDED == 1000, "the page says so"
 
 
