@@ -17,18 +17,20 @@ from sinew.tasks.infer.likelihood.scores import inside, places
 from sinew.tasks.infer.likelihood.target import Target
 from sinew.tasks.simulate import Array
 
-WEAK = 0.15  # standard deviation of a specimen's score, from which on its parameter is moved together with others
+WEAK = 0.1  # share of a specimen's own variance in that of all, from which on a parameter is moved together
 SHORTEST, LONGEST = 0.5, 4.0  # of a mean, in standard deviations of what the specimens say
 SCALED = 2.0  # largest standard deviation of the logarithm of how much a spread is scaled
 
 
 def chances(explored: Sequence[Explored]) -> Array:
-    """How often each parameter ``[k]`` is to be moved: the more, the less most specimens determine it.
+    """How often each parameter ``[k]`` is to be moved: the more, the less specimens tell it apart from one another.
 
-    All are 0 where the curves determine every parameter.
+    All are 0 where the curves determine every parameter far better than specimens scatter.
     """
-    spread = np.median([one.begin.std(axis=0) for one in explored], axis=0)
-    weak = np.where(spread > WEAK, spread**2, 0.0)
+    within = np.median([one.begin.var(axis=0) for one in explored], axis=0)
+    between = np.var([one.begin.mean(axis=0) for one in explored], axis=0)
+    share = within / (within + between)
+    weak = np.where(share > WEAK, share, 0.0)
     return np.asarray(weak / max(weak.sum(), np.finfo(float).tiny))
 
 

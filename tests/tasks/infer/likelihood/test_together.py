@@ -3,11 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pytest
 from scipy.stats import kstest
 
 from sinew.tasks.infer.likelihood.chart import Chart, chart_of
 from sinew.tasks.infer.likelihood.population import from_prior
-from sinew.tasks.infer.likelihood.together import WEAK, chances, moved_together
+from sinew.tasks.infer.likelihood.together import chances, moved_together
 from tests.tasks.infer.likelihood.problem import SIZE, known
 
 SPECIMENS, CHAINS = 4, 4000
@@ -55,11 +56,16 @@ def test_without_curves_the_prior_stays():
         assert kstest(scores[:, :, j].std(axis=0), first[:, :, j].std(axis=0)).pvalue > 0.001
 
 
-def test_parameters_that_curves_determine_are_left_to_their_specimens():
-    narrow = 0.5 * WEAK * np.random.default_rng(3).standard_normal((50, SIZE))
-    wide = narrow * [1.0, 5.0, 10.0]
-    found = chances([Seen(CHART, wide)] * 3)
+def test_parameters_that_tell_specimens_apart_are_left_to_them():
+    rng = np.random.default_rng(3)
+    specimens = [
+        Seen(CHART, middle + [0.05, 0.3, 1.0] * rng.standard_normal((200, SIZE)))
+        for middle in 0.5 * rng.standard_normal((6, SIZE))
+    ]
+    found = chances(specimens)
     assert found[0] == 0.0
-    assert found.sum() == 1.0
+    assert found.sum() == pytest.approx(1.0)
     assert found[2] > found[1] > 0.0
-    assert not chances([Seen(CHART, narrow)]).any()
+    assert not chances([Seen(CHART, middle + 1e-3 * one.begin) for middle, one in zip(
+        rng.standard_normal((6, SIZE)), specimens, strict=True
+    )]).any()  # fmt: skip
