@@ -26,6 +26,7 @@ FITS = 6  # starts
 ITERATIONS = 60  # of a fit, at most
 TOLERANCE = 1e-6
 ROUNDS, FEWEST_POINTS = 5, 100  # of training; points of a round, at least
+FEWEST_COMPUTED = 20  # of them, below which there is nothing to begin with
 TERMS_RATIO = 2.0  # points of a round for each coefficient of a polynomial
 PATHS, LENGTH = 6, 0.3  # on the emulator, and longest steps, in standard deviations
 LENGTHS = (0.15, 0.25, 0.4, 0.6)  # that are tried for chains
@@ -56,7 +57,7 @@ class Explored:
 
 
 def explored(target: Target, seed: tuple[int, ...]) -> Explored:
-    """Explore a specimen. Raises :class:`BadInput` when the model fails wherever a fit begins."""
+    """Explore a specimen. Raises :class:`BadInput` when the model fails wherever a fit begins, or around the best."""
     with threadpool_limits(1):  # sums in one order, on whatever machine
         return _explored(target, np.random.default_rng(seed))
 
@@ -73,6 +74,9 @@ def _explored(target: Target, rng: np.random.Generator) -> Explored:
         points = np.clip(points, -FARTHEST, FARTHEST)
         new = target.errors(places(points))
         whole = np.isfinite(new).all(axis=1)
+        if len(seen) + whole.sum() < FEWEST_COMPUTED:
+            name = target.measured.specimen.name
+            raise BadInput(f"infer: {name}", "the model fails nearly everywhere around its best fit", "other ranges")
         seen, errors = np.concatenate([seen, points[whole]]), np.concatenate([errors, new[whole]])
         loss = _loss(np.square(errors).sum(axis=1), seen)
         kept = np.argsort(loss, kind="stable")[: KEPT_RATIO * count]

@@ -1,11 +1,13 @@
 """Chains of specimens and their population: calibrated where everything is drawn from the prior."""
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import chisquare
 
+from sinew.runner.errors import BadInput
 from sinew.tasks.infer.likelihood import explore
 from sinew.tasks.infer.likelihood.chains import CHAINS, begun, swept
 from sinew.tasks.infer.likelihood.compiled import FARTHEST
@@ -74,6 +76,19 @@ def test_truth_is_anywhere_among_the_draws(heavy, monkeypatch):
         for j in range(SIZE):
             counts = np.histogram(each[:, j], bins=5, range=(0, 1))[0]
             assert chisquare(counts).pvalue > 5e-4, (name, j, counts)
+
+
+class Fragile(Line):
+    """A specimen that only fits can compute."""
+
+    def errors(self, at):
+        return course(at) - 1.0 if len(at) <= SIZE + 1 else np.full((len(at), 6), np.nan)
+
+
+def test_a_specimen_that_cannot_be_computed_around_its_fit_is_refused():
+    fragile = Fragile(SimpleNamespace(specimen=SimpleNamespace(name="distal/1")))
+    with pytest.raises(BadInput, match=r"infer: distal/1: the model fails nearly everywhere around its best fit"):
+        explored(fragile, (1, 0))
 
 
 def test_blocks_follow_from_their_seed_and_the_state_before():
