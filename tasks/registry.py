@@ -12,8 +12,8 @@ module        what it offers
 ``task``      ``run(workspace, settings, **flags)``: plan, evaluate, analyse, commit; returns the result
 ``result``    the result, a frozen dataclass that owns ``TASK.json`` (:class:`sinew.tasks.study.result.Result`)
 ``show``      ``table`` and ``headline`` of a result, ``summary`` for the console
-``figures``   ``draw(workspace, result)`` writes all figures; ``FIGURES`` draws one at a time, or ``kinds(result)``
-              where it depends on the result which there are
+``figures``   ``draw(workspace, result)`` writes all figures; ``FIGURES`` draws one at a time, or ``kinds(result)`` if
+              the figures depend on the result
 ``page``      ``section(folder)``: the task's section of ``report.html``
 ``prose``     ``methods(result)``: the paragraph of a methods section, with the numbers of the result
 ``work``      ``work(given, settings)``: what the task will have to do, for an estimate of the time it takes

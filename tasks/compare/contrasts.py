@@ -11,12 +11,14 @@ needed, detectable        by Student's t test: how many specimens of each site f
 ========================  =============================================================================================
 """
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from scipy.optimize import brentq
 from scipy.stats import nct
 from scipy.stats import t as student_t
 
@@ -147,13 +149,9 @@ def needed(difference: float, scatter: float, level: float, *, paired: bool) -> 
     def enough(count: int) -> bool:
         return power(difference, scatter, [count, count], level, paired=paired) >= POWER
 
-    if not enough(MOST_NEEDED):
-        return None
-    low, high = 1, MOST_NEEDED  # one of each site is not enough, as many as that are
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if enough(middle) else (middle, high)
-    return high
+    counts = range(2, MOST_NEEDED + 1)  # one of each site finds nothing
+    found = bisect_left(counts, True, key=enough)
+    return counts[found] if found < len(counts) else None
 
 
 def detectable(scatter: float, sizes: Sequence[int], level: float, *, paired: bool) -> float | None:
@@ -163,10 +161,5 @@ def detectable(scatter: float, sizes: Sequence[int], level: float, *, paired: bo
     """
     if sum(sizes) < 3 or (paired and sizes[0] < 2):
         return None
-    low, high = 0.0, 1.0
-    while power(high, 1.0, sizes, level, paired=paired) < POWER:
-        low, high = high, 2.0 * high
-    for _ in range(40):
-        middle = (low + high) / 2
-        low, high = (low, middle) if power(middle, 1.0, sizes, level, paired=paired) >= POWER else (middle, high)
-    return scatter * high
+    surely = 2.0 * SURE * (1.0 + float(student_t.ppf(1.0 - level / 2, 1)))  # found by any sizes
+    return scatter * float(brentq(lambda one: power(one, 1.0, sizes, level, paired=paired) - POWER, 0.0, surely))

@@ -1,7 +1,7 @@
 """What chains of a specimen compute most: compiled, with one number or row after another.
 
-All of it stands in one file, because numba keeps compiled code until the file changes that a function stands in, and
-not those of the functions that it calls.
+All of it stands in one file: numba compiles a function again when its own file has changed, but not when the file of a
+function that it calls has.
 
 ``known``: an emulator and a chart, as :attr:`sinew.tasks.infer.likelihood.chart.Chart.compiled` hands them over.
 """
@@ -246,6 +246,11 @@ def _turned_back(momentum, root, derivatives, number):  # type: ignore[no-untype
 
 @_compiled
 def paths(known, power, mean, precision, roots, begin, momenta, lengths, backward, chances):  # type: ignore[no-untyped-def]
+    """Where chains come to that ``begin`` ``[c, k]``: see :func:`sinew.tasks.infer.likelihood.walk.walk`.
+
+    Each path has ``momenta`` ``[p, c, k]``, ``lengths`` ``[p, c]`` of its steps, ``backward`` ``[p, c]`` of them in the
+    other direction, and ``chances`` ``[p, c, 2, STEPS]``, one for each point, to end there.
+    """
     count, chains, size = momenta.shape
     ends = begin.copy()
     start, at, slope = np.empty(size), np.empty(size), np.empty(size)

@@ -49,10 +49,8 @@ class Population:
         The covariance is integrated out, as what is drawn of it would hold the specimen where it is.
         """
         count, _, size = scores.shape
-        apart = np.sqrt(self.weights)[:, :, np.newaxis] * (scores - self.mean)
-        apart = np.delete(apart, number, axis=0)
-        scatter = np.einsum("ncj,nck->cjk", apart, apart)
-        scatter[:, np.arange(size), np.arange(size)] += 2.0 * SPREAD_DF / self.scales
+        others = np.delete(self.apart_from_mean(scores), number, axis=0)
+        scatter = _scatter(others, self.scales)
         precision = self.weights[number][:, np.newaxis, np.newaxis] * np.linalg.inv(scatter)
         return Prior(self.mean, precision, SPREAD_DF + size - 1.0 + count)
 
@@ -62,13 +60,15 @@ class Population:
         The covariance is integrated out.
         """
         count, _, size = scores.shape
-        apart = np.sqrt(self.weights)[:, :, np.newaxis] * (scores - self.mean)
-        scatter = np.einsum("ncj,nck->cjk", apart, apart)
-        scatter[:, np.arange(size), np.arange(size)] += 2.0 * SPREAD_DF / self.scales
+        scatter = _scatter(self.apart_from_mean(scores), self.scales)
         logs = np.log(self.scales).sum(axis=1)
         found = -0.5 * (SPREAD_DF + size - 1.0 + count) * np.linalg.slogdet(scatter)[1]
         found -= 0.5 * (SPREAD_DF + size) * logs + (1.0 / self.scales).sum(axis=1) / SPREAD_SCALE**2
         return np.asarray(found - 0.5 * np.square(self.mean).sum(axis=1))
+
+    def apart_from_mean(self, scores: Array) -> Array:
+        """How far ``scores`` ``[n, c, k]`` are from the mean, in proportion to the roots of the weights."""
+        return np.asarray(np.sqrt(self.weights)[..., np.newaxis] * (scores - self.mean))
 
     def covariance(self) -> Array:
         """``[c, k, k]``, of the normal distribution or of the t distribution's core."""
@@ -84,12 +84,11 @@ def drawn(rng: np.random.Generator, scores: Array, before: Population, *, heavy:
     count, chains, size = scores.shape
     diagonal = np.arange(size)
     weights = before.weights
-    apart = scores - before.mean
-    scales = _scales(rng, np.sqrt(weights)[..., np.newaxis] * apart, before.scales)
-    scatter = np.einsum("nc,ncj,nck->cjk", weights, apart, apart)
-    scatter[:, diagonal, diagonal] += 2.0 * SPREAD_DF / scales
-    precision = wishart(rng, SPREAD_DF + size - 1.0 + count, scatter)
+    weighted = before.apart_from_mean(scores)
+    scales = _scales(rng, weighted, before.scales)
+    precision = wishart(rng, SPREAD_DF + size - 1.0 + count, _scatter(weighted, scales))
     if heavy:
+        apart = scores - before.mean
         distances = np.einsum("ncj,cjk,nck->nc", apart, precision, apart)
         weights = rng.gamma((TAIL_DF + size) / 2, 2.0 / (TAIL_DF + distances))
     known = weights.sum(axis=0)[:, np.newaxis, np.newaxis] * precision
@@ -100,6 +99,14 @@ def drawn(rng: np.random.Generator, scores: Array, before: Population, *, heavy:
     mean = np.linalg.solve(known, pull[..., np.newaxis])[..., 0]
     mean += np.linalg.solve(root.transpose(0, 2, 1), noise[..., np.newaxis])[..., 0]
     return Population(mean, precision, scales, weights)
+
+
+def _scatter(apart: Array, scales: Array) -> Array:
+    """The inverse scale ``[c, k, k]`` of the precision's Wishart distribution: squares ``apart``, and the prior's."""
+    diagonal = np.arange(apart.shape[2])
+    scatter = np.einsum("ncj,nck->cjk", apart, apart)
+    scatter[:, diagonal, diagonal] += 2.0 * SPREAD_DF / scales
+    return np.asarray(scatter)
 
 
 def _scales(rng: np.random.Generator, apart: Array, before: Array) -> Array:

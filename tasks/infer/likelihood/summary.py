@@ -17,7 +17,7 @@ from sinew.tasks.model.parameters import Parameter, bounds
 from sinew.tasks.simulate import Array
 
 MOST_DRAWS = 4096  # of all chains, that are stored
-NEAR = 0.05  # of an interval's length: so far from a bound, its end is the bound
+NEAR = 0.05  # of an interval's length, within which an end is put on a bound
 WARM_UP = 0.2  # of the sweeps, at the beginning, that are not used
 
 
@@ -89,8 +89,8 @@ def convergence(chains: Chains) -> Convergence:
 def interval(draws: Array, low: float, high: float) -> tuple[float, float]:
     """The shortest interval that holds 95 % of draws ``[m]`` from between two bounds.
 
-    An end that is as good as at a bound, in comparison to the interval's length, is the bound: fits of real specimens
-    lie there.
+    An end closer to a bound than ``NEAR`` of the interval's length is put on the bound, where fits of real specimens
+    often lie.
     """
     ordered = np.sort(draws)
     inside = int(np.ceil(INTERVAL * ordered.size))
