@@ -10,6 +10,10 @@ from sinew.tasks.infer.result import FEW
 from sinew.tasks.report.folder import ResultFolder
 
 NAME = "sites"
+MEANING = (
+    "Specimens needed: how many of each site find a difference as large as the mean in 80 of 100 studies. "
+    "Detectable: the smallest difference that as many specimens as there are find in 80 of 100."
+)
 
 
 def section(folder: ResultFolder) -> Section:
@@ -21,7 +25,9 @@ def section(folder: ResultFolder) -> Section:
     few = [site for site, one in result.sites.items() if one.effective_sample_size < FEW]
     blocks: list[Block] = [_table(result), _plots(result), Words(f"Mind: {result.note}.", "note")]
     if result.contrasts:
-        blocks = [_contrasts(result), Words(f"{by_chance(result)[0].upper()}{by_chance(result)[1:]}.", "note"), *blocks]
+        chance = by_chance(result)
+        words = f"{MEANING} {chance[0].upper()}{chance[1:]}."
+        blocks = [_contrasts(result), Words(words, "note"), *blocks]
     if few:
         words = f"{', '.join(few)}: too few effective particles to say much. Infer with a larger population."
         blocks.insert(0, Words(words, "warning"))
@@ -55,7 +61,7 @@ def _contrasts(result: CompareResult) -> Table:
     paired = sorted({" / ".join(one.sites) for one in result.contrasts if one.paired})
     title = "Differences between populations: second site less first"
     header = ["sites", "parameter", f"difference of means ({level})", "direction", f"ratio of spreads ({level})",
-              "specimens of each site that would find it", "difference that these find"]  # fmt: skip
+              "specimens needed", "detectable"]  # fmt: skip
     return Table(f"{title}; specimens are paired by donor: {', '.join(paired)}" if paired else title, header, rows)
 
 
