@@ -84,6 +84,7 @@ def test_specimens_of_the_same_donors_are_paired():
     assert paired.needed < apart.needed
     for others in (["0", *names[:-1]], [*names[:-1], "another"]):  # twice the same; one without a partner
         assert not contrast(names, others).paired
+        assert not contrast(others, names).paired
 
 
 def test_means_of_known_values_have_students_interval():
