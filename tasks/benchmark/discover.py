@@ -12,19 +12,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sinew.runner.errors import BadInput, WalltimeReached, one_line, shown
-from sinew.runner.files import strange_entry
-from sinew.tasks import pipeline
+from sinew.runner.errors import BadInput, shown
 from sinew.tasks.benchmark.answers import Answer, read_answers
+from sinew.tasks.benchmark.blind import refuse_strange, run_blind
 from sinew.tasks.benchmark.score import Case, Median, Share, class_of, coverage, medians, outcome_of, shares
 from sinew.tasks.benchmark.selectors import Selected, compare
-from sinew.tasks.cluster.spec import cluster_of
 from sinew.tasks.discover.result import COPY, DiscoverResult
 from sinew.tasks.study.files import digest, read_json, write_json, write_text
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.settings_file import as_yaml, from_yaml
-from sinew.tasks.study.study import Study, read_study
-from sinew.tasks.study.workspace import check_folder, open_workspace
+from sinew.tasks.study.study import read_study
+from sinew.tasks.study.workspace import check_folder
 
 STUDY = "configs/discover.yaml"
 LOGGED = "case.json"
@@ -58,7 +56,7 @@ def benchmark(
     answers = _chosen(_answers(folders), only)
     base = _base(study or resource(STUDY))
     check_folder(out)
-    _refuse_strange(out)
+    refuse_strange(out)
     for folder in folders:
         if out.resolve().is_relative_to(folder.resolve()):
             raise BadInput(f"--out {out}", f"lies inside {folder}", "a folder beside it")
@@ -122,39 +120,22 @@ def run_case(cohort: Path, out: Path, base: dict[str, Any], workers: int | None)
     write_json(out / LOGGED, logged)
     write_text(out / "study.yaml", text)
     started = time.monotonic()
-    error = _discover(read_study(out / "study.yaml"), out, workers)
+    read = read_study(out / "study.yaml")
+    error = run_blind(read, read.tasks, out, workers, lambda *_: None)
     seconds = time.monotonic() - started if fresh and error is None else None
     write_json(out / LOGGED, {**logged, "finished": error is None, "seconds": seconds, "error": error})
     return Run(seconds, error, len(codes) > 1)
 
 
-def _discover(study: Study, out: Path, workers: int | None) -> str | None:
-    """Run `sinew discover`. Returns why it failed, None when it did not."""
-    try:
-        pipeline.check(study, out, study.tasks)
-        with open_workspace(study, out=out, cluster=cluster_of(study, workers), quiet=True) as workspace:
-            pipeline.run(workspace, study.tasks)
-    except WalltimeReached:
-        raise
-    except Exception as error:  # noqa: BLE001 - whatever it is, the other cases can still be run
-        return one_line(f"{type(error).__name__}: {error}")
-    return None
-
-
 def _files(folder: Path) -> list[list[str]]:
     """Names and hashes of all files below a folder. Raises :class:`BadInput` for links, pipes and devices in it."""
-    _refuse_strange(folder)
+    refuse_strange(folder)
     found = []
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         with path.open("rb") as file:
             hashed = hashlib.file_digest(file, "blake2b").hexdigest()[:32]
         found.append([str(path.relative_to(folder)), hashed])
     return found
-
-
-def _refuse_strange(folder: Path) -> None:
-    if (found := strange_entry(folder)) is not None:
-        raise BadInput(found[0], f"is {found[1]}", "files and folders only")
 
 
 def _verdict(out: Path) -> DiscoverResult:

@@ -46,3 +46,47 @@ def benchmark_discover(
     if not quiet:
         put(f"results: {out / 'benchmark.json'}, {out / 'benchmark.md'}")
     say_next(f"read {out / 'benchmark.md'}")
+
+
+@benchmark_.command("infer")
+@click.option("--out", type=PATH, show_default="results/benchmark-infer", help="Result folder.")
+@click.option("--study", type=PATH, help="Its model, seed and infer section are used (default: configs/infer.yaml).")
+@click.option("--cohorts", type=click.IntRange(1, 9999), default=200, show_default=True, help="How many to draw.")
+@click.option("--specimens", type=click.IntRange(2, 99), default=4, show_default=True, help="Of each of two sites.")
+@click.option("--protocol", "protocols", multiple=True, metavar="NAME", help="Test of each specimen; all without.")
+@click.option("--rate-hz", type=click.FloatRange(1, 1000), default=20.0, show_default=True, help="Samples per second.")
+@click.option("--noise", type=click.FloatRange(1e-5, 0.5), default=0.003, show_default=True, help="Of the peak force.")
+@click.option("--workers", type=click.IntRange(1, 1024), help="Local worker processes.")
+@click.option("--quiet", is_flag=True, help="No progress and no table.")
+def benchmark_infer(
+    out: Path | None,
+    study: Path | None,
+    cohorts: int,
+    specimens: int,
+    protocols: tuple[str, ...],
+    rate_hz: float,
+    noise: float,
+    workers: int | None,
+    quiet: bool,
+) -> None:
+    """Draw cohorts from the prior, infer each blind, and count how often posteriors hold the truth."""
+    from sinew.runner.console import Console
+    from sinew.tasks.benchmark.infer.drawn import Conditions, tests_of
+    from sinew.tasks.benchmark.infer.figure import draw
+    from sinew.tasks.benchmark.infer.run import benchmark
+    from sinew.tasks.benchmark.infer.show import markdown, tell
+    from sinew.tasks.study.files import write_text
+
+    def say(line: str) -> None:
+        if not quiet:
+            put(line)
+
+    out = out or own_folder("benchmark-infer")
+    conditions = Conditions(specimens, tests_of(protocols), rate_hz, noise)
+    result = benchmark(out, cohorts=cohorts, conditions=conditions, study=study, workers=workers, say=say)
+    write_text(out / "benchmark.md", markdown(result))
+    draw(result, out)
+    tell(result, Console(quiet=quiet, highlight=False))
+    if not quiet:
+        put(f"results: {out / 'benchmark.json'}, {out / 'benchmark.md'}")
+    say_next(f"read {out / 'benchmark.md'}")

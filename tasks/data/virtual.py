@@ -4,6 +4,7 @@ Parameters are those of Pekedis (2025), table 2. Gauge lengths, widths and thick
 Forces carry first-order autoregressive noise. All that is true of the specimens is known, for ``truth.json``.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -46,27 +47,19 @@ def virtual_cohort(
     depend on the seed and its own row in the table only, so a smaller cohort holds the same specimens as a larger one.
     """
     model = Model()
-    typical = np.concatenate([np.empty(0), *(effect.typical for effect in effects)])[np.newaxis]
     specimens, truth = [], {}
     for number, row in published().iterrows():
         if int(row["specimen"]) > per_site:
             continue
         rng = np.random.default_rng([seed, int(str(number))])
-        length, width, thickness = (round(size * (1 + GAUGE_SCATTER * rng.standard_normal()), 4) for size in GAUGE_MM)
         name = f"{row['site']}/{row['specimen']}"
-        values = np.array([[row[parameter] for parameter in model.names]], dtype=float)
-        bare = Specimen(name, length, width, thickness)
-        protocols = [make(length, rate_hz) for make in STANDARD]
-        moved = [_screwed(protocol, screw) for protocol in protocols]
-        forces = [simulate_with(model, effects, bare, protocol, values, typical)[0] for protocol in moved]
-        scale = noise * max(force.max() for force in forces)
-        curves = tuple(
-            Curve(protocol, force + scale * autoregressive(rng, force.size, ar1))
-            for protocol, force in zip(protocols, forces, strict=True)
+        values = np.array([row[parameter] for parameter in model.names], dtype=float)
+        specimen, scale = virtual_specimen(
+            rng, name, model, values, STANDARD, rate_hz=rate_hz, noise=noise, ar1=ar1, effects=effects, screw=screw
         )
-        specimens.append(Specimen(name, length, width, thickness, curves, donor=str(row["specimen"])))
+        specimens.append(replace(specimen, donor=str(row["specimen"])))
         truth[name] = {
-            "parameters": dict(zip(model.names, values[0].tolist(), strict=True)),
+            "parameters": dict(zip(model.names, values.tolist(), strict=True)),
             "noise_sd_N": scale,
             "noise_ar1": ar1,
         }
@@ -76,6 +69,39 @@ def virtual_cohort(
     if screw:
         known["screw"] = {"fraction_of_displacement": screw, "turns": TURNS}
     return specimens, known
+
+
+def virtual_specimen(
+    rng: np.random.Generator,
+    name: str,
+    model: Model,
+    values: Array,
+    tests: Sequence[Callable[[float, float], Protocol]],
+    *,
+    rate_hz: float,
+    noise: float,
+    ar1: float,
+    effects: tuple[Effect, ...] = (),
+    screw: float = 0.0,
+) -> tuple[Specimen, float]:
+    """A specimen of parameters ``values`` ``[d]`` of ``model`` with simulated measurements, and their noise (N).
+
+    Its sizes and its noise are drawn from ``rng``; ``tests`` make the protocols from gauge length and rate. The rest is
+    as for :func:`virtual_cohort`.
+    """
+    length, width, thickness = (round(size * (1 + GAUGE_SCATTER * rng.standard_normal()), 4) for size in GAUGE_MM)
+    bare = Specimen(name, length, width, thickness)
+    protocols = [make(length, rate_hz) for make in tests]
+    moved = [_screwed(protocol, screw) for protocol in protocols]
+    typical = np.concatenate([np.empty(0), *(effect.typical for effect in effects)])[np.newaxis]
+    rows = values[np.newaxis]
+    forces = [simulate_with(model, effects, bare, protocol, rows, typical)[0] for protocol in moved]
+    scale = noise * max(force.max() for force in forces)
+    curves = tuple(
+        Curve(protocol, force + scale * autoregressive(rng, force.size, ar1))
+        for protocol, force in zip(protocols, forces, strict=True)
+    )
+    return Specimen(name, length, width, thickness, curves), scale
 
 
 def _screwed(protocol: Protocol, size: float) -> Protocol:

@@ -23,8 +23,9 @@ from sinew.tasks.infer.likelihood.together import chances, moved_together
 from sinew.tasks.infer.likelihood.walk import Prior, scales, walk
 from sinew.tasks.simulate import Array
 
-CHAINS = 32  # of an ensemble: as many as the embedded simulator computes together
+CHAINS = 16  # of an ensemble: with more, R-hat of so many short chains takes longest; with fewer, calls do
 PATHS = 2  # on the emulator
+TOGETHER = 3  # joint moves of a sweep
 PLAIN_EVERY = 4  # sweeps
 PLAIN = (0.1, 1.0)  # least and largest plain step, in units of the best for a normal distribution
 
@@ -91,7 +92,7 @@ def swept(
         weak = chances(explored)
         for sweep in range(state.sweep, state.sweep + sweeps):
             population = drawn(rng, scores, population, heavy=heavy)
-            if weak.any():
+            for _ in range(TOGETHER if weak.any() else 0):
                 number = int(rng.choice(weak.size, p=weak))
                 population = moved_together(rng, targets, explored, scores, squares, population, number)
             plain = sweep % PLAIN_EVERY == PLAIN_EVERY - 1

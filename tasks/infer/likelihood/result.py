@@ -90,7 +90,7 @@ class LikelihoodResult(Result):
     """
 
     TASK = "infer"
-    VERSION = 2  # both ends of a range are reached
+    VERSION = 3  # chains of an ensemble
     LIBRARIES = ("arviz",)
 
     method: Literal["likelihood"]

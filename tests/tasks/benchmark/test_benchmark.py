@@ -480,7 +480,7 @@ def test_cases_are_run_blind_scored_and_not_run_again(tmp_path, capsys, monkeypa
     def never(*_):
         raise AssertionError("it was run again")
 
-    monkeypatch.setattr(discover, "_discover", never)
+    monkeypatch.setattr(discover, "run_blind", never)
     sinew(*command, "--quiet")
     assert capsys.readouterr().out == f"next: read {out / 'benchmark.md'}\n"
     assert json.loads((out / "benchmark.json").read_text()) == result
@@ -516,7 +516,7 @@ def test_links_in_cases_and_results_are_refused(tmp_path, place):
 @pytest.mark.parametrize("seconds", ['"abc"', "[1]", "null"])
 def test_what_another_run_noted_is_not_believed(tmp_path, seconds, monkeypatch):
     folder = case_folder(tmp_path)
-    monkeypatch.setattr(discover, "_discover", lambda *_: None)
+    monkeypatch.setattr(discover, "run_blind", lambda *_: None)
     base = discover._base(tmp_path / "study.yaml")
     out = tmp_path / "out"
     discover.run_case(folder / "case_01", out, base, 1)

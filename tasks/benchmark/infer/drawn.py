@@ -1,0 +1,101 @@
+"""Cohorts that are drawn from the prior of an inference: two sites of specimens from one population, and its truth.
+
+========================  =============================================================================================
+by likelihood             a population from its prior, and specimens of it, all within the ranges
+by ABC                    one parameter set for all specimens, uniform over the ranges: what ABC supposes of a site
+========================  =============================================================================================
+
+Nothing differs between the two sites, so every difference that is found between them is an error.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.virtual import virtual_specimen
+from sinew.tasks.infer.likelihood.compiled import FARTHEST
+from sinew.tasks.infer.likelihood.population import from_prior, moments
+from sinew.tasks.infer.likelihood.scores import places
+from sinew.tasks.model import Model, Specimen
+from sinew.tasks.model.parameters import bounds
+from sinew.tasks.model.protocols import STANDARD
+from sinew.tasks.simulate import Array
+
+SITES = ("first", "second")
+TESTS = {make.__name__: make for make in STANDARD}
+TRIES = 10_000  # populations, until all specimens of one are within the ranges
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """How cohorts are measured: specimens ``per_site``, names of ``tests``, samples per second, and noise.
+
+    ``noise``: standard deviation as a fraction of a specimen's peak force, whose neighbours correlate by ``ar1``.
+    """
+
+    per_site: int = 4
+    tests: tuple[str, ...] = tuple(TESTS)
+    rate_hz: float = 20.0
+    noise: float = 0.003
+    ar1: float = 0.3
+
+    def __post_init__(self) -> None:
+        for name in self.tests:
+            if name not in TESTS:
+                raise BadInput("--protocol", f"no protocol {name}", f"one of {', '.join(TESTS)}")
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What is true of a cohort, as places in the ranges.
+
+    ``mean`` and ``spread`` ``[k]`` of the population, and of each specimen by name its parameters ``[k]``.
+    """
+
+    names: tuple[str, ...]
+    mean: Array
+    spread: Array
+    specimens: dict[str, Array]
+
+
+def drawn(
+    rng: np.random.Generator, model: Model, conditions: Conditions, *, by_likelihood: bool, heavy: bool
+) -> tuple[list[Specimen], Truth]:
+    """Specimens ``SITE/NUMBER`` with simulated measurements, and their truth."""
+    names = [f"{site}/{number + 1}" for site in SITES for number in range(conditions.per_site)]
+    varied = tuple(parameter.name for parameter in model.free)
+    if by_likelihood:
+        mean, spread, at = _population(rng, len(varied), len(names), heavy=heavy)
+    else:
+        mean, spread = rng.random(len(varied)), np.zeros(len(varied))
+        at = np.tile(mean, (len(names), 1))
+    low, high = bounds(model.free)
+    rows = model.full(varied, low + (high - low) * at)
+    tests = [TESTS[name] for name in conditions.tests]
+    specimens = [
+        virtual_specimen(
+            rng, name, model, values, tests, rate_hz=conditions.rate_hz, noise=conditions.noise, ar1=conditions.ar1
+        )[0]
+        for name, values in zip(names, rows, strict=True)
+    ]
+    return specimens, Truth(varied, mean, spread, dict(zip(names, at, strict=True)))
+
+
+def _population(rng: np.random.Generator, size: int, count: int, *, heavy: bool) -> tuple[Array, Array, Array]:
+    """Mean and spread ``[k]`` of a population, and ``count`` specimens ``[n, k]`` of it, all as places."""
+    for _ in range(TRIES):
+        population = from_prior(rng, 1, size, count, heavy=heavy)
+        root = np.linalg.cholesky(population.covariance()[0])
+        apart = rng.standard_normal((count, size)) @ root.T
+        scores = population.mean + apart / np.sqrt(population.weights)
+        if np.abs(scores).max() <= FARTHEST:
+            spread = np.sqrt(np.diagonal(population.covariance()[0]))
+            return *moments(population.mean[0], spread, heavy=heavy), places(scores)
+    raise BadInput("--specimens", f"no population keeps {count} specimens within the ranges", "fewer specimens")
+
+
+def tests_of(names: Sequence[str]) -> tuple[str, ...]:
+    """The names of tests; all without any."""
+    return tuple(names) or tuple(TESTS)

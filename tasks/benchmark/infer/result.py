@@ -1,0 +1,48 @@
+"""What became of one cohort of the benchmark: what ``cohort.json`` holds."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from sinew.tasks.study.result import Number, Result
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One truth and its posterior: what it is ``of``, and its ``rank`` among the draws, from 0 to 1.
+
+    ``level``: ``mean`` or ``spread`` of a population, or ``specimen``; ``held``: whether the reported interval holds
+    the truth; ``determined``: see the result of `sinew infer`.
+    """
+
+    cohort: int
+    level: str
+    of: str
+    parameter: str
+    rank: float
+    held: bool
+    determined: bool = True
+
+    def inside(self, level: float) -> bool:
+        """Whether the middle ``level`` of the draws hold the truth."""
+        return abs(self.rank - 0.5) <= level / 2
+
+
+@dataclass(frozen=True, eq=False)
+class CohortResult(Result):
+    """The ranks of all truths of a cohort, or the ``error`` for which it has no posterior.
+
+    ``tarp`` by level: see :mod:`sinew.tasks.benchmark.infer.score`. ``contrasts``: parameters that are compared between
+    the two sites, whose populations are one, and how many of them are called ``different``.
+    """
+
+    TASK = "cohort"
+
+    number: int
+    method: str
+    ranked: list[Ranked]
+    tarp: Mapping[str, list[Number]]
+    contrasts: int
+    different: int
+    seconds: Number
+    error: str | None
+    inputs: str

@@ -1,0 +1,72 @@
+"""`sinew benchmark infer`, from drawn cohorts to the table."""
+
+import json
+import shutil
+
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.benchmark.infer.drawn import Conditions
+from sinew.tasks.benchmark.infer.run import benchmark
+from tests.tasks.test_pipeline import sinew
+
+STUDY = """
+name: little
+seed: 5
+model:
+  parameters:
+{fixed}
+tasks: [infer]
+infer: {{method: likelihood, ess: 100, rhat: 1.1}}
+"""
+FREE = ("E_f", "E_m")
+
+
+@pytest.fixture
+def study(tmp_path):
+    from sinew.tasks.model.parameters import TENDON
+
+    fixed = [f"    {p.name}: {{fixed: {p.reference:g}}}" for p in TENDON if p.name not in FREE]
+    path = tmp_path / "study.yaml"
+    path.write_text(STUDY.format(fixed="\n".join(fixed)))
+    return path
+
+
+def test_two_cohorts_are_run_scored_and_not_run_again(tmp_path, study, capsys):
+    out = tmp_path / "out"
+    options = ["--study", study, "--cohorts", "2", "--specimens", "2", "--protocol", "one_step", "--rate-hz", "5"]
+    sinew("benchmark", "infer", "--out", out, *options, "--workers", "2")
+    result = json.loads((out / "benchmark.json").read_text())
+    assert result["refused"] == [] and result["cohorts"] == 2
+    levels = {row["level"]: row["of"] for row in result["coverage"] if row["parameter"] == "all"}
+    assert levels["mean"] == levels["spread"] == 2 * 2 * len(FREE)
+    assert sum(count for level, count in levels.items() if level.startswith("specimen")) == 2 * 2 * 2 * len(FREE)
+    every = next(row for row in result["coverage"] if row["parameter"] == "all" and row["level"] == "mean")
+    assert every["shares"]["95 %"]["share"] > 0.5
+    assert result["contrasts"]["of"] == 2 * len(FREE)
+    assert "differences of zero between two sites" in capsys.readouterr().out
+    assert "| population mean | E_f | 4 |" in (out / "benchmark.md").read_text()
+    assert (out / "ranks.png").stat().st_size > 5000
+    kept = out / "cohort_0002" / "cohort.json"
+    before = kept.read_text()
+    assert not (out / "cohort_0002" / "run").exists()
+    shutil.rmtree(out / "cohort_0001")
+    sinew("benchmark", "infer", "--out", out, *options, "--workers", "2", "--quiet")
+    assert capsys.readouterr().out == f"next: read {out / 'benchmark.md'}\n"
+    assert kept.read_text() == before
+    assert {**json.loads((out / "benchmark.json").read_text()), "seconds": 0} == {**result, "seconds": 0}
+
+
+def test_a_cohort_without_posterior_is_told(tmp_path, study):
+    study.write_text(study.read_text().replace("ess: 100", "ess: 10000, sweeps: 100"))
+    said = []
+    conditions = Conditions(per_site=2, tests=("one_step",), rate_hz=5.0)
+    result = benchmark(tmp_path / "out", cohorts=1, conditions=conditions, study=study, workers=2, say=said.append)
+    assert "have not converged" in said[0]
+    assert len(result["refused"]) == 1 and result["coverage"] == []
+
+
+def test_other_simulators_are_refused(tmp_path, study):
+    study.write_text(study.read_text() + "simulator: febio\n")
+    with pytest.raises(BadInput, match=r"simulator: febio; expected uniaxial, which draws the cohorts"):
+        benchmark(tmp_path / "out", cohorts=1, conditions=Conditions(), study=study)
