@@ -20,6 +20,7 @@ from sinew.runner.store.store import open_store
 from sinew.runner.store.table import Table
 from sinew.tasks.calibrate.result import CalibrateResult, search_group
 from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.saltelli import drawn
 from sinew.tasks.sobol.result import KEYS, SobolResult
 
 INFERRED = "what `sinew infer` writes; run it again"  # expected of its files
@@ -58,8 +59,6 @@ def salib_samples(result: SobolResult, folder: Path, specimen: str) -> tuple[Arr
     ``SALib.analyze.sobol.analyze(problem, Y, calc_second_order=...)`` takes them. A row that failed is NaN, which SALib
     turns into indices of zero: leave its whole base sample out first.
     """
-    from SALib.sample import sobol
-
     where = folder / "sobol.json"
     if specimen not in result.tables:
         raise BadInput(f"{where}: specimen", shown(specimen), f"one of {', '.join(result.tables)}")
@@ -67,15 +66,17 @@ def salib_samples(result: SobolResult, folder: Path, specimen: str) -> tuple[Arr
     table = _table(folder, result.tables[specimen])
     if result.base_samples > len(table):
         raise BadInput(where, f"{result.base_samples:,} base samples of {len(table):,} rows", "those of the store")
-    drawn = sobol.sample(problem, result.base_samples, calc_second_order=second, scramble=True, seed=result.seed)
+    sample = drawn(
+        result.names, result.bounds, result.base_samples, result.seed, second_order=second, scrambles=result.scrambles
+    )
     names = _parameters(table)
     at = [names.index(name) for name in problem["names"]]
-    full = np.repeat(table.parameters(np.arange(1)), len(drawn), axis=0)  # the others are the same in every row
-    full[:, at] = drawn
+    full = np.repeat(table.parameters(np.arange(1)), len(sample), axis=0)  # the others are the same in every row
+    full[:, at] = sample
     rows = table.find(full)
     if (rows < 0).any():
         raise BadInput(where, f"rows of {specimen} are not in the store", "`sinew sobol` on this study once more")
-    return drawn, table.read(result.field, rows).sum(axis=1)
+    return sample, table.read(result.field, rows).sum(axis=1)
 
 
 def abc_history(folder: Path, site: str) -> Any:

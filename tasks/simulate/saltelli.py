@@ -1,5 +1,6 @@
 """Which parameter sets a sensitivity study evaluates: Saltelli's design (SALib)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,13 +9,16 @@ import numpy as np
 from sinew.tasks.model import Model
 from sinew.tasks.simulate import Array
 
+FEWEST = 4  # base samples of a sequence
+
 
 @dataclass(frozen=True, eq=False)
 class Design:
     """A Saltelli design over a model's free parameters.
 
     ``rows`` ``[n, d]`` holds full parameter sets, of which ``free`` are the columns of the free parameters, ``names``.
-    ``block`` is the number of consecutive rows of one base sample.
+    ``block`` is the number of consecutive rows of one base sample. Base samples come in turn from ``scrambles``
+    independent scrambled sequences.
     """
 
     names: tuple[str, ...]
@@ -22,6 +26,12 @@ class Design:
     second_order: bool
     rows: Array
     free: tuple[int, ...] = ()
+    scrambles: int = 1
+
+    @property
+    def scramble(self) -> Array:
+        """The number ``[base samples]`` of the sequence that each base sample comes from."""
+        return np.arange(self.base_samples) % self.scrambles
 
     @property
     def block(self) -> int:
@@ -53,17 +63,40 @@ def base_samples(points: int, parameters: int, second_order: bool) -> int:
     return int(2 ** max(1, int(np.ceil(np.log2(points / block_of(parameters, second_order))))))
 
 
-def saltelli(model: Model, base: int, second_order: bool, seed: int) -> Design:
-    """Saltelli's design from a scrambled Sobol sequence; the first half of a doubled design is the design itself."""
+def scrambles_of(base: int, wanted: int) -> int:
+    """How many scrambled sequences ``base`` samples come from: ``wanted``, but with ``FEWEST`` samples of each."""
+    return max(1, min(wanted, base // FEWEST))
+
+
+def saltelli(model: Model, base: int, second_order: bool, seed: int, scrambles: int = 1) -> Design:
+    """Saltelli's design from scrambled Sobol sequences; the first half of a doubled design is the design itself.
+
+    ``scrambles``: a power of two, at most ``base``.
+    """
+    free = model.free
+    names = tuple(parameter.name for parameter in free)
+    bounds = [[parameter.minimum, parameter.maximum] for parameter in free]
+    rows = drawn(names, bounds, base, seed, second_order=second_order, scrambles=scrambles)
+    at = tuple(model.names.index(name) for name in names)
+    return Design(names, base, second_order, model.full(names, rows), at, scrambles)
+
+
+def drawn(
+    names: Sequence[str], bounds: Sequence[Sequence[float]], base: int, seed: int, *, second_order: bool, scrambles: int
+) -> Array:
+    """The rows ``[n, free]`` of a design: base samples of each sequence in turn."""
     import SALib.sample.sobol as salib_sample
 
-    free = model.free
-    problem = {
-        "num_vars": len(free),
-        "names": [parameter.name for parameter in free],
-        "bounds": [[parameter.minimum, parameter.maximum] for parameter in free],
-    }
-    rows = salib_sample.sample(problem, base, calc_second_order=second_order, scramble=True, seed=seed)
-    names = tuple(parameter.name for parameter in free)
-    at = tuple(model.names.index(name) for name in names)
-    return Design(names, base, second_order, model.full(names, rows), at)
+    problem = {"num_vars": len(names), "names": list(names), "bounds": [list(each) for each in bounds]}
+    each = base // scrambles
+    sequences = [
+        salib_sample.sample(problem, each, calc_second_order=second_order, scramble=True, seed=_seed(seed, number))
+        for number in range(scrambles)
+    ]
+    blocks = np.stack([rows.reshape(each, -1, len(names)) for rows in sequences], axis=1)
+    return np.asarray(blocks.reshape(-1, len(names)))
+
+
+def _seed(seed: int, number: int) -> int:
+    """The seed of a sequence; that of the first is the study's own."""
+    return seed if number == 0 else int(np.random.SeedSequence((seed, number)).generate_state(1)[0])

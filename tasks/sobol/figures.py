@@ -26,19 +26,20 @@ def draw(workspace: Workspace, result: SobolResult) -> None:
     folder = workspace.out / "figures"
     shown = table(result).rename_axis(["objective", "parameter"]).reset_index()
     save(indices(result), folder, "sobol", shown)
-    save(convergence(result), folder, "sobol_convergence", convergence_table(result))
+    if result.convergence.base_samples:
+        save(convergence(result), folder, "sobol_convergence", convergence_table(result))
     for specimen, output in result.courses().values():
         name = result.tables[specimen]
         dataset = workspace.store.read_result(f"sobol_time/{name}")
         ending = "" if output is None else f"_{output}"
-        figure = along_time(dataset, result.names, output)
-        save(figure, folder, f"sobol_time_{name}{ending}", time_table(dataset, output))
+        figure = along_time(dataset, result.names, output, result.leading)
+        save(figure, folder, f"sobol_time_{name}{ending}", time_table(dataset, output, result.leading))
 
 
 def _along_time(result: SobolResult, folder: Path, course: str) -> Figure:
     specimen, output = result.courses()[course]
     dataset = open_store(folder).read_result(f"sobol_time/{result.tables[specimen]}")
-    return along_time(dataset, result.names, output)
+    return along_time(dataset, result.names, output, result.leading)
 
 
 def indices(result: SobolResult) -> Figure:
@@ -58,21 +59,19 @@ def indices(result: SobolResult) -> Figure:
         axes[0, 0].legend(ncols=2)
         axes[-1, 0].set_xticks(at, [symbol(name) for name in result.names])
         percent = round(100 * result.confidence)
-        figure.suptitle(
-            f"{result.rows:,} rows, {result.failed:,} failed; bars: {percent} % bootstrap interval", fontsize=9
-        )
+        figure.suptitle(f"{result.rows:,} rows, {result.failed:,} failed; bars: {percent} % intervals", fontsize=9)
     return figure
 
 
-def along_time(dataset: xr.Dataset, names: list[str], output: str | None = None) -> Figure:
-    """Total order indices of the force, or of an ``output``, along each protocol, for those that matter most anywhere.
+def along_time(dataset: xr.Dataset, names: list[str], output: str | None = None, key: str = "ST") -> Figure:
+    """Indices (``ST`` or ``S1``) of the force, or of an ``output``, along each protocol: the largest of all.
 
     Below is what was measured, or the displacement where nothing was.
     """
     protocols = protocols_of(dataset)
     strongest = np.zeros(len(names))
     for protocol in protocols:
-        index = dataset[stored("ST", protocol, output)].to_numpy()
+        index = dataset[stored(key, protocol, output)].to_numpy()
         strongest = np.fmax(strongest, np.nan_to_num(index).max(axis=1))
     chosen = np.argsort(-strongest)[:SHOWN]
     with plt.rc_context(STYLE):
@@ -81,7 +80,7 @@ def along_time(dataset: xr.Dataset, names: list[str], output: str | None = None)
         for (above, below), protocol in zip(axes.T, protocols, strict=True):
             time = dataset[f"time_{protocol}"].to_numpy()
             for rank, j in enumerate(chosen):
-                index, conf = (dataset[stored(key, protocol, output)].to_numpy()[j] for key in ("ST", "ST_conf"))
+                index, conf = (dataset[stored(each, protocol, output)].to_numpy()[j] for each in (key, f"{key}_conf"))
                 colour = COLOURS[rank % len(COLOURS)]
                 dash = _DASHES[rank % len(_DASHES)]
                 above.plot(time, index, linestyle=dash, color=colour, label=symbol(names[j]), lw=1.3)
@@ -91,7 +90,8 @@ def along_time(dataset: xr.Dataset, names: list[str], output: str | None = None)
             kind, unit = beside(dataset, protocol, output)
             below.plot(time, dataset[f"{kind}_{protocol}"], color="black", lw=0.9)
             below.set_xlabel("time (s)")
-        axes[0, 0].set_ylabel(f"total order index of {'the force' if output is None else output.replace('_', ' ')}")
+        order, of = "total" if key == "ST" else "first", "the force" if output is None else output.replace("_", " ")
+        axes[0, 0].set_ylabel(f"{order} order index of {of}")
         axes[1, 0].set_ylabel(f"{'measured' if kind == 'measured' else 'moved'} ({unit})")
         handles, labels = axes[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=len(chosen))
@@ -121,6 +121,9 @@ def convergence(result: SobolResult) -> Figure:
 
 FIGURES: Mapping[str, FigureKind[SobolResult]] = {
     "indices": FigureKind(lambda result, folder, _: indices(result)),
-    "convergence": FigureKind(lambda result, folder, _: convergence(result)),
+    "convergence": FigureKind(
+        lambda result, folder, _: convergence(result),
+        lambda result: ["total"] if result.convergence.base_samples else [],
+    ),
     "time": FigureKind(_along_time, lambda result: list(result.courses())),
 }

@@ -6,12 +6,12 @@ import numpy as np
 from bokeh.transform import dodge
 
 from sinew.tasks.drawing import plots
-from sinew.tasks.drawing.blocks import Block, Plot, Plots, Section, Words, listed, percent, plural
+from sinew.tasks.drawing.blocks import Block, Plot, Plots, Section, Table, Words, listed, number, percent, plural
 from sinew.tasks.drawing.figures import COLOURS
 from sinew.tasks.drawing.formats import protocols_of
 from sinew.tasks.report.folder import ResultFolder
 from sinew.tasks.sobol.result import SobolResult
-from sinew.tasks.sobol.show import stored
+from sinew.tasks.sobol.show import specimens_table, stored
 
 NAME = "sensitivity"
 SHOWN = 6  # lines in a plot along time
@@ -26,12 +26,12 @@ def section(folder: ResultFolder) -> Section:
     if result.outputs:
         question = "Which parameters decide each output, alone and together?"
     level = percent(result.confidence)
-    blocks: list[Block] = [_indices(result, level)]
+    blocks: list[Block] = [_specimens(result)] if len(result.specimens) > 1 else []
+    blocks.append(_indices(result, level))
     blocks += [block for block in (_along_time(folder, result, level), _convergence(result, level)) if block]
-    total, conf = result.ST, result.ST_conf
-    order = np.argsort(-np.nan_to_num(total))[:3]
-    first = [f"{result.names[j]} {total[j]:.2f} ± {conf[j]:.2f}" for j in order if np.isfinite(total[j])]
-    small = [name for name, value in zip(result.names, total, strict=True) if value < 0.01]
+    values, conf = (getattr(result, key) for key in (result.leading, f"{result.leading}_conf"))
+    first = [f"{result.names[j]} {values[j]:.2f} ± {conf[j]:.2f}" for j in result.largest()]
+    small = [name for name, value in zip(result.names, values, strict=True) if value < 0.01]
     failed = ""
     if result.failed:
         failed = f"{result.failed:,} of {result.rows:,} rows; {result.failures.rule}"
@@ -41,10 +41,27 @@ def section(folder: ResultFolder) -> Section:
         sure += f"; below 0.01: {listed(small, 3)}"
     return Section(
         "sensitivity", title, question, blocks,
-        found=f"total order indices: {', '.join(first)}" if first else "the objective does not vary",
+        found=f"{_order(result)} order indices: {', '.join(first)}" if first else "the objective does not vary",
         sure=sure,
         failed=failed,
     )  # fmt: skip
+
+
+def _order(result: SobolResult) -> str:
+    return "first" if result.refuses else "total"
+
+
+def _specimens(result: SobolResult) -> Block:
+    key = result.leading
+    rows = [
+        [str(row.Index), number(row.median), number(row.smallest), number(row.largest), str(row.largest_in)]
+        for row in specimens_table(result).itertuples()
+    ]
+    caption = (
+        f"{key} of each specimen's own objective: median, range, and the specimen with the largest. An index of the "
+        "mean of all objectives, below, may hide what decides one specimen."
+    )
+    return Table(caption, ["parameter", "median", "smallest", "largest", "largest in"], rows, words=[4])
 
 
 def _indices(result: SobolResult, level: str) -> Block:
@@ -85,10 +102,28 @@ def _indices(result: SobolResult, level: str) -> Block:
     return plots.picked("sensitivity-objectives", caption, "Objective", data, draw)
 
 
+def _time_columns(
+    dataset: Any, protocol: str, output: str | None, key: str, chosen: list[int], beside: str
+) -> dict[str, Any]:
+    """Values, and ends of intervals, of the ``chosen`` parameters' indices ``key`` along a protocol."""
+    if stored(key, protocol, output) not in dataset:
+        return {"time": [], beside: []} | {f"{kind}{j}": [] for j in chosen for kind in "vlh"}
+    index, conf = (dataset[stored(each, protocol, output)].to_numpy() for each in (key, f"{key}_conf"))
+    return {
+        "time": dataset[f"time_{protocol}"].to_numpy(),
+        beside: dataset[f"{beside}_{protocol}"].to_numpy(),
+        **{f"v{j}": index[j] for j in chosen},
+        **{f"l{j}": index[j] - conf[j] for j in chosen},
+        **{f"h{j}": index[j] + conf[j] for j in chosen},
+    }
+
+
 def _along_time(folder: ResultFolder, result: SobolResult, level: str) -> Block | None:
     if folder.store is None or not result.tables:
         return None
     names = result.names
+    leading = result.leading
+    order = _order(result)
     kept = {name: folder.store.read_result(f"sobol_time/{table}") for name, table in result.tables.items()}
     protocols = list(dict.fromkeys(name for each in kept.values() for name in protocols_of(each)))
     outputs = bool(result.outputs)
@@ -98,32 +133,16 @@ def _along_time(folder: ResultFolder, result: SobolResult, level: str) -> Block 
     strongest = np.zeros(len(names))
     for specimen, output in shown.values():
         for protocol in protocols:
-            if (key := stored("ST", protocol, output)) in kept[specimen]:
+            if (key := stored(leading, protocol, output)) in kept[specimen]:
                 index = np.nan_to_num(kept[specimen][key].to_numpy())
                 strongest = np.maximum(strongest, index.max(axis=1))
     chosen = [int(j) for j in np.argsort(-strongest)[:SHOWN]]
-
-    def columns(dataset: Any, output: str | None) -> dict[str, Any]:
-        curves: dict[str, Any] = {}
-        for protocol in protocols:
-            if stored("ST", protocol, output) not in dataset:
-                curves[protocol] = {"time": [], beside: []} | {f"{kind}{j}": [] for j in chosen for kind in "vlh"}
-                continue
-            index, conf = (dataset[stored(key, protocol, output)].to_numpy() for key in ("ST", "ST_conf"))
-            curves[protocol] = {
-                "time": dataset[f"time_{protocol}"].to_numpy(),
-                beside: dataset[f"{beside}_{protocol}"].to_numpy(),
-                **{f"v{j}": index[j] for j in chosen},
-                **{f"l{j}": index[j] - conf[j] for j in chosen},
-                **{f"h{j}": index[j] + conf[j] for j in chosen},
-            }
-        return curves
 
     def draw(sources: plots.Sources) -> list[Plot]:
         drawn: list[Plot] = []
         for protocol in protocols:
             across = f"time (s), {protocol.replace('_', ' ')}"
-            plot = plots.figure(across, "total order index" + ("" if outputs else " of the force"), height=330)
+            plot = plots.figure(across, f"{order} order index" + ("" if outputs else " of the force"), height=330)
             entries = []
             for rank, j in enumerate(chosen):
                 colour = plots.colour(rank)
@@ -140,8 +159,16 @@ def _along_time(folder: ResultFolder, result: SobolResult, level: str) -> Block 
             drawn.append(plots.plot(f"sensitivity-time-{len(drawn)}", plot, label))
         return drawn
 
-    caption = f"Total order indices of {of} along each protocol, the {len(chosen)} largest; bands: {level} intervals."
-    data = {name: columns(kept[specimen], output) for name, (specimen, output) in shown.items()}
+    caption = (
+        f"{order.capitalize()} order indices of {of} along each protocol, the {len(chosen)} largest; "
+        f"bands: {level} intervals."
+    )
+    data = {
+        name: {
+            protocol: _time_columns(kept[specimen], protocol, output, leading, chosen, beside) for protocol in protocols
+        }
+        for name, (specimen, output) in shown.items()
+    }
     return plots.picked("sensitivity-times", caption, "Output" if outputs else "Specimen", data, draw)
 
 

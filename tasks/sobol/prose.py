@@ -1,28 +1,30 @@
 """What a methods section says of this task, with the numbers of a result."""
 
-import numpy as np
-
 from sinew.tasks.drawing.blocks import number
 from sinew.tasks.sobol.result import SobolResult
 
 
 def methods(result: SobolResult) -> str:
     """The paragraph of a methods section; ``[@key]`` cites."""
-    left_out = result.base_samples - result.base_samples_used
-    failed = f" {left_out:,} base samples with a failed row were left out." if left_out else ""
+    kinds = "First order" if result.refuses else "First and total order"
+    failed = f" {result.failures.rule}." if result.failed else ""
     return (
-        f"First and total order Sobol indices of the {result.objective} were estimated for {len(result.names)} free "
-        f"parameters from a Saltelli design on a scrambled Sobol sequence [@saltelli, @salib]: {result.base_samples:,} "
-        f"base samples, {result.rows:,} rows, of which {result.failed:,} failed.{failed} Intervals are bootstrap "
-        f"intervals at {100 * result.confidence:g} %. {_largest(result)}"
+        f"{kinds} Sobol indices of the {result.objective} were estimated for {len(result.names)} free "
+        f"parameters from a Saltelli design on scrambled Sobol sequences [@saltelli, @salib]: {result.base_samples:,} "
+        f"base samples, {result.rows:,} rows, of which {result.failed:,} failed.{failed} {_intervals(result)} "
+        f"{_largest(result)}"
     )
 
 
+def _intervals(result: SobolResult) -> str:
+    level = f"{100 * result.confidence:g} %"
+    if result.scrambles == 1:
+        return f"Intervals are bootstrap intervals at {level}."
+    return f"Intervals are Student's at {level}, from the jackknife of {result.scrambles} independent scrambles."
+
+
 def _largest(result: SobolResult) -> str:
-    order = np.argsort(-np.nan_to_num(result.ST))[:3]
-    said = [
-        f"{result.names[j]} {number(result.ST[j])} ± {number(result.ST_conf[j], 2)}"
-        for j in order
-        if np.isfinite(result.ST[j])
-    ]
-    return f"Largest total indices: {', '.join(said)}." if said else "No index is defined, as nothing varied."
+    values, conf = (getattr(result, key) for key in (result.leading, f"{result.leading}_conf"))
+    said = [f"{result.names[j]} {number(values[j])} ± {number(conf[j], 2)}" for j in result.largest()]
+    kind = "first order" if result.refuses else "total"
+    return f"Largest {kind} indices: {', '.join(said)}." if said else "No index is defined, as nothing varied."

@@ -99,11 +99,13 @@ class Convergence:
 class SobolResult(Result):
     """Sobol indices of the total objective, and of each protocol, specimen and output.
 
-    ``names`` and ``bounds`` are of the ``d`` free parameters. ``field`` is what the store calls the quantity under
-    study and ``objective`` says it in words. ``tables`` names each specimen's evaluations in the store.
+    ``names`` and ``bounds`` are of the ``d`` free parameters. Base samples come from ``scrambles`` independent
+    sequences. ``field`` is what the store calls the quantity under study and ``objective`` says it in words.
+    ``tables`` names each specimen's evaluations in the store.
     """
 
     TASK = "sobol"
+    VERSION = 2  # several scrambles
     LIBRARIES = ("SALib",)
 
     names: list[str]
@@ -118,6 +120,7 @@ class SobolResult(Result):
     rows: int
     failed: int
     base_samples: int
+    scrambles: int
     base_samples_used: int
     points_asked: int | None
     confidence: Number
@@ -131,6 +134,22 @@ class SobolResult(Result):
     convergence: Convergence
     tables: Mapping[str, str]
     inputs: str
+
+    @property
+    def refuses(self) -> bool:
+        """Whether total indices were refused, as too many rows failed."""
+        return bool(self.failed and np.isnan(self.ST).all() and np.isfinite(self.S1).any())
+
+    @property
+    def leading(self) -> str:
+        """The index by which parameters are ranked: ST, or S1 where ST was refused."""
+        return "S1" if self.refuses else "ST"
+
+    def largest(self, most: int = 3) -> list[int]:
+        """The numbers of the parameters with the largest indices, largest first; without those that are NaN."""
+        values = getattr(self, self.leading)
+        order = np.argsort(-np.nan_to_num(values, nan=-np.inf), kind="stable")[:most]
+        return [int(j) for j in order if np.isfinite(values[j])]
 
     @property
     def total(self) -> str:

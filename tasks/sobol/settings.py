@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 class Settings(TaskSettings):
     """A Saltelli design of ``base_samples`` x (free parameters + 2) rows, or of at least ``points`` rows.
 
-    ``specimens``: which to study, ``all`` or names. ``resamples``: bootstrap resamples behind the intervals.
+    They come from ``scrambles`` independent scrambles of the Sobol sequence, whose scatter gives the intervals; with
+    one, the intervals come from ``resamples`` of a bootstrap. ``specimens``: which to study, ``all`` or names.
     ``output``: of which of a template's outputs the indices are (left out: of the objective where there is one).
     """
 
@@ -29,6 +30,7 @@ class Settings(TaskSettings):
     specimens: Specimens = "all"
     output: str | None = None
     second_order: bool = False
+    scrambles: Annotated[int, Field(ge=1, le=64)] = 8
     resamples: Annotated[int, Field(ge=10, le=100_000)] = 200
     confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
 
@@ -38,6 +40,8 @@ class Settings(TaskSettings):
             raise FieldError("points", "given beside base_samples", "one of the two")
         if self.base_samples is not None and self.base_samples & (self.base_samples - 1):
             raise FieldError("base_samples", str(self.base_samples), "a power of two, as the Sobol sequence needs")
+        if self.scrambles & (self.scrambles - 1):
+            raise FieldError("scrambles", str(self.scrambles), "a power of two: 1, 4, 8, 16")
         return self
 
     def check_study(self, study: Study) -> None:

@@ -24,9 +24,10 @@ def table(result: SobolResult) -> pd.DataFrame:
 
 def headline(result: SobolResult) -> str:
     """What came out, in one line."""
-    order = np.argsort(-np.nan_to_num(result.ST))[:3]
-    most = ", ".join(f"{result.names[j]} {result.ST[j]:.2f}" for j in order if np.isfinite(result.ST[j]))
-    return f"{result.rows:,} rows, {result.failed:,} failed; largest total indices: {most}"
+    values = getattr(result, result.leading)
+    most = ", ".join(f"{result.names[j]} {values[j]:.2f}" for j in result.largest())
+    kind = "first order" if result.refuses else "total"
+    return f"{result.rows:,} rows, {result.failed:,} failed; largest {kind} indices: {most}"
 
 
 def convergence_table(result: SobolResult) -> pd.DataFrame:
@@ -37,15 +38,16 @@ def convergence_table(result: SobolResult) -> pd.DataFrame:
     return pd.DataFrame({"base_samples": np.repeat(sizes, len(names)), "parameter": names * sizes.size, **columns})
 
 
-def time_table(dataset: xr.Dataset, output: str | None = None) -> pd.DataFrame:
-    """Indices of the force, or of an output, at each kept moment of each protocol."""
+def time_table(dataset: xr.Dataset, output: str | None = None, key: str = "ST") -> pd.DataFrame:
+    """Indices (``ST``, or ``S1``) of the force, or of an output, at each kept moment of each protocol."""
     parts = []
     for protocol in protocols_of(dataset):
         kind, unit = beside(dataset, protocol, output)
         history = {"time_s": dataset[f"time_{protocol}"], f"{kind}_{unit}": dataset[f"{kind}_{protocol}"]}
         for j, name in enumerate(map(str, dataset["parameter"].to_numpy())):
-            columns = {"protocol": protocol, "parameter": name, **{key: v.to_numpy() for key, v in history.items()}}
-            columns |= {key: dataset[stored(key, protocol, output)].to_numpy()[j] for key in ("ST", "ST_conf")}
+            columns = {"protocol": protocol, "parameter": name, **{what: v.to_numpy() for what, v in history.items()}}
+            both = (key, f"{key}_conf")
+            columns |= {each: dataset[stored(each, protocol, output)].to_numpy()[j] for each in both}
             parts.append(pd.DataFrame(columns))
     return pd.concat(parts, ignore_index=True)
 
@@ -62,30 +64,66 @@ def beside(dataset: xr.Dataset, protocol: str, output: str | None) -> tuple[str,
 
 
 def summary(result: SobolResult, folder: Path, console: Console) -> None:
-    """Print the indices, and how far failed rows could move them."""
+    """Print the indices, and what is done about failed rows."""
+    key = result.leading
+    if len(result.specimens) > 1:
+        _specimens_summary(result, console)
     grid = Grid("parameter", "S1", "ST", *result.protocols, title=f"Sobol indices of the {result.objective}")
-    for j in np.argsort(-np.nan_to_num(result.ST)):
-        cells = [_with_interval(result, key, j) for key in ("S1", "ST")]
-        cells += [_with_interval(values, "ST", j) for values in result.protocols.values()]
+    order = result.largest(len(result.names))
+    for j in [*order, *(j for j in range(len(result.names)) if j not in order)]:
+        cells = [_with_interval(result, each, j) for each in ("S1", "ST")]
+        cells += [_with_interval(values, key, j) for values in result.protocols.values()]
         grid.add_row(result.names[j], *cells)
     console.print(grid)
-    console.print(f"{round(100 * result.confidence)} % intervals; columns of protocols show ST")
+    console.print(f"{round(100 * result.confidence)} % intervals; columns of protocols show {key}")
     if result.outputs:
         _outputs_summary(result, console)
     if result.failed:
-        reported = {"S1": result.S1, "ST": result.ST}
-        moved = max(
-            float(np.max(np.abs(values - reported[key])))
-            for key in reported
-            for values in result.failures.outcomes(key)
-        )
         failed = f"{result.failed:,} of {result.rows:,} rows failed"
-        words = (
-            f"; {result.failures.rule} ({result.failures.base_samples_left_out:,} of {result.base_samples:,}); "
-            "giving all of them the smallest, the mean or the largest outcome moves an index by up to "
-            f"{moved:.3f} (not a bound)"
+        console.print(Text.assemble((failed, "red"), f"; {result.failures.rule}{_moved(result)}"))
+
+
+def _specimens_summary(result: SobolResult, console: Console) -> None:
+    """Each specimen's own indices, which the mean of their objectives may hide."""
+    key = result.leading
+    grid = Grid(
+        "parameter", "median", "smallest", "largest", "largest in",
+        title=f"{key} of each specimen's own objective ({len(result.specimens)} specimens)",
+    )  # fmt: skip
+    for row in specimens_table(result).itertuples():
+        grid.add_row(
+            str(row.Index), f"{row.median:.3f}", f"{row.smallest:.3f}", f"{row.largest:.3f}", str(row.largest_in)
         )
-        console.print(Text.assemble((failed, "red"), words))
+    console.print(grid)
+
+
+def specimens_table(result: SobolResult) -> pd.DataFrame:
+    """By parameter: median, smallest and largest index of all specimens' own objectives, and which has the largest."""
+    key = result.leading
+    names = list(result.specimens)
+    every = np.array([getattr(one, key) for one in result.specimens.values()])  # [specimens, d]
+    known = np.nan_to_num(every)
+    table = pd.DataFrame(
+        {
+            "median": np.median(known, axis=0),
+            "smallest": known.min(axis=0),
+            "largest": known.max(axis=0),
+            "largest_in": [names[at] for at in known.argmax(axis=0)],
+        },
+        index=result.names,
+    )
+    return table.sort_values("median", ascending=False, kind="stable")
+
+
+def _moved(result: SobolResult) -> str:
+    """How far failed rows could move total indices, in words; nothing where these were refused."""
+    if result.refuses:
+        return ""
+    moved = max(float(np.max(np.abs(values - result.ST))) for values in result.failures.outcomes("ST"))
+    return (
+        f" ({result.failures.base_samples_left_out:,} of {result.base_samples:,} were left out); giving all failed "
+        f"rows the smallest, the mean or the largest outcome moves ST by up to {moved:.3f} (not a bound)"
+    )
 
 
 def _outputs_summary(result: SobolResult, console: Console) -> None:
@@ -99,4 +137,6 @@ def _outputs_summary(result: SobolResult, console: Console) -> None:
 
 def _with_interval(values: Indices | OfOutput | SobolResult, key: str, j: int) -> str:
     value, conf = getattr(values, key)[j], getattr(values, f"{key}_conf")[j]
-    return f"{value:.3f} ± {conf:.3f}" if np.isfinite(value) else "does not vary"
+    if np.isfinite(value):
+        return f"{value:.3f} ± {conf:.3f}"
+    return "refused" if key == "ST" and np.isfinite(values.S1).any() else "does not vary"

@@ -17,17 +17,10 @@ from sinew.runner.store.table import Table
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
-from sinew.tasks.simulate.saltelli import Design, block_of, saltelli
+from sinew.tasks.simulate.saltelli import Design, block_of, saltelli, scrambles_of
 from sinew.tasks.simulate.studied_quantity import objectives_by_output, quantity
-from sinew.tasks.sobol.method import (
-    RULE,
-    Bootstrap,
-    analyse,
-    column,
-    convergence,
-    indices,
-    indices_if_failed_had,
-)
+from sinew.tasks.sobol.estimate import Estimator, estimator
+from sinew.tasks.sobol.method import Intervals, column, indices_if_failed_had
 from sinew.tasks.sobol.result import KEYS, Failures, Indices, OfOutput, OfProtocol, OfSpecimen, SobolResult
 from sinew.tasks.sobol.settings import Settings
 from sinew.tasks.sobol.work import base_of
@@ -57,11 +50,13 @@ def run(workspace: Workspace, settings: Settings, *, extend: bool = False) -> So
     base = _base_samples(workspace, settings, extend=extend)
     if not extend and settings.points is not None:
         _say_size(workspace, settings, base)
-    design = saltelli(workspace.model, base, settings.second_order, workspace.seed)
+    scrambles = _scrambles(workspace, settings, base, extend=extend)
+    design = saltelli(workspace.model, base, settings.second_order, workspace.seed, scrambles)
     drawn = digest(design.rows)
     specimens = workspace.specimens(settings.specimens, "sobol.specimens")
     log.info("sobol", extra={"rows": len(design.rows), "base_samples": base, "specimens": len(specimens)})
     planned = [Evaluated(one, *workspace.plan(one, design.rows)) for one in map(workspace.evaluation, specimens)]
+    features = design.free_rows.reshape(base, design.block, -1)[:, [0, -1]]
     design = replace(design, rows=design.rows[:0])  # they are in the store now; a large design need not stay in memory
     for one in planned:
         workspace.evaluate(one.evaluation, one.table, one.at, f"sobol {one.specimen.name}")
@@ -73,7 +68,8 @@ def run(workspace: Workspace, settings: Settings, *, extend: bool = False) -> So
     if (known := cached(workspace, SobolResult, inputs, arrays)) is not None:
         return known
     ok = np.asarray((np.stack(statuses) == 0).all(axis=0))
-    return _analysed(workspace, settings, design, planned, ok, inputs)
+    intervals = Intervals(settings.resamples, settings.confidence, workspace.seed)
+    return _analysed(workspace, settings, estimator(design, features, ok, intervals), planned, inputs)
 
 
 def _base_samples(workspace: Workspace, settings: Settings, *, extend: bool) -> int:
@@ -82,6 +78,12 @@ def _base_samples(workspace: Workspace, settings: Settings, *, extend: bool) -> 
         assert previous is not None, "checked before the store was opened"
         return 2 * previous.base_samples
     return base_of(settings, len(workspace.model.free))
+
+
+def _scrambles(workspace: Workspace, settings: Settings, base: int, *, extend: bool) -> int:
+    """How many sequences there are; a design that is extended keeps those that it has."""
+    previous = SobolResult.read(workspace.out) if extend else None
+    return previous.scrambles if previous is not None else scrambles_of(base, settings.scrambles)
 
 
 def _say_size(workspace: Workspace, settings: Settings, base: int) -> None:
@@ -94,25 +96,23 @@ def _say_size(workspace: Workspace, settings: Settings, base: int) -> None:
 
 
 def _analysed(
-    workspace: Workspace, settings: Settings, design: Design, planned: Sequence[Evaluated], ok: Array, inputs: str
+    workspace: Workspace, settings: Settings, estimate: Estimator, planned: Sequence[Evaluated], inputs: str
 ) -> SobolResult:
-    """Analyse finished rows and commit the result. ``ok`` ``[n]``: rows that no specimen failed."""
-    whole = np.asarray(ok.reshape(design.base_samples, design.block).all(axis=1))
+    """Analyse finished rows and commit the result."""
+    design, ok, whole = estimate.design, estimate.ok, estimate.whole
     failed = int((~ok).sum())
     if whole.sum() < 2:
         raise BadInput(
             workspace.out, f"{failed} of {ok.size} rows failed and no two base samples are whole",
             "a model that can be evaluated within its bounds (see `sinew status`)",
         )  # fmt: skip
-    bootstrap = Bootstrap(settings.resamples, settings.confidence, workspace.seed)
-    weights = bootstrap.weights(int(whole.sum()))
     specimens = tuple(one.specimen for one in planned)
     studied, words = quantity(planned[0].evaluation, settings.output)
     objectives = [one.table.read(studied, one.at) for one in planned]
     outcomes = objectives_by_output(specimens, objectives)
-    found = {name: analyse(design, values, whole, bootstrap) for name, values in outcomes.items()}
+    found = {name: estimate.analysis(values) for name, values in outcomes.items()}
     total = found.pop("total")
-    outputs, by_output = _of_outputs(workspace, design, planned, whole, weights, bootstrap.z)
+    outputs, by_output = _of_outputs(workspace, estimate, planned)
     result = SobolResult(
         names=list(design.names),
         bounds=[[parameter.minimum, parameter.maximum] for parameter in workspace.model.free],
@@ -121,6 +121,7 @@ def _analysed(
         rows=ok.size,
         failed=failed,
         base_samples=design.base_samples,
+        scrambles=design.scrambles,
         base_samples_used=int(whole.sum()),
         points_asked=settings.points,
         confidence=settings.confidence,
@@ -129,16 +130,16 @@ def _analysed(
         evaluations=ok.size * len(specimens),
         protocols={name: OfProtocol(**vars(each), rows=ok.size, failed=failed, base_samples=design.base_samples)
                    for name, each in found.items()},
-        specimens=_of_specimens(design, planned, objectives, whole, weights, bootstrap.z),
+        specimens=_of_specimens(estimate, planned, objectives),
         outputs=outputs or None,
-        failures=_failures(design, planned, outcomes["total"], ok, whole),
-        convergence=convergence(design, outcomes["total"], whole, bootstrap),
+        failures=_failures(estimate, planned, outcomes["total"]),
+        convergence=estimate.convergence(outcomes["total"]),
         tables={one.specimen.name: one.table.name for one in planned},
         inputs=inputs,
     )  # fmt: skip
 
     def along_time(one: Evaluated) -> None:
-        workspace.store.write_result(_course_name(one), _along_time(design, one, whole, weights, bootstrap.z))
+        workspace.store.write_result(_course_name(one), _along_time(estimate, one))
 
     workspace.each("sobol along time", "analyses", along_time, {one.specimen.name: one for one in planned})
     commit(workspace, result, {"sobol": _arrays(design, result, {"total": total, **found, **by_output})})
@@ -151,7 +152,7 @@ def _course_name(one: Evaluated) -> str:
 
 
 def _of_outputs(
-    workspace: Workspace, design: Design, planned: Sequence[Evaluated], whole: Array, weights: Array, z: float
+    workspace: Workspace, estimate: Estimator, planned: Sequence[Evaluated]
 ) -> tuple[dict[str, OfOutput], dict[str, Indices]]:
     """Indices of each of a template's outputs, and the same by the name that the store gives them."""
     outputs: dict[str, OfOutput] = {}
@@ -161,7 +162,7 @@ def _of_outputs(
     for output in can.outputs:
         summaries = [one.table.read(f"summary_{output.name}", one.at) for one in planned]
         each = {
-            name: column(indices(design.blocks(values[:, np.newaxis], whole), weights, z), 0)
+            name: column(estimate.of(values[:, np.newaxis]), 0)
             for name, values in objectives_by_output(specimens, summaries).items()
         }
         named |= {f"{output.name} {name}": found for name, found in each.items()}
@@ -172,12 +173,12 @@ def _of_outputs(
 
 
 def _of_specimens(
-    design: Design, planned: Sequence[Evaluated], objectives: Sequence[Array], whole: Array, weights: Array, z: float
+    estimate: Estimator, planned: Sequence[Evaluated], objectives: Sequence[Array]
 ) -> dict[str, OfSpecimen]:
     specimens = {}
     for one, values in zip(planned, objectives, strict=True):
         columns = np.column_stack([values.sum(axis=1), values])
-        found = indices(design.blocks(columns, whole), weights, z)
+        found = estimate.of(columns)
         specimens[one.specimen.name] = OfSpecimen(
             **vars(column(found, 0)),
             failed=failures(one.table, one.at),
@@ -186,13 +187,13 @@ def _of_specimens(
     return specimens
 
 
-def _failures(design: Design, planned: Sequence[Evaluated], total: Array, ok: Array, whole: Array) -> Failures:
+def _failures(estimate: Estimator, planned: Sequence[Evaluated], total: Array) -> Failures:
     return Failures(
-        rule=RULE,
-        rows=int((~ok).sum()),
-        base_samples_left_out=design.base_samples - int(whole.sum()),
+        rule=estimate.rule,
+        rows=int((~estimate.ok).sum()),
+        base_samples_left_out=estimate.design.base_samples - int(estimate.whole.sum()),
         by_status={one.specimen.name: failures(one.table, one.at) for one in planned},
-        **indices_if_failed_had(design, total, ok),
+        **indices_if_failed_had(estimate.design, total, estimate.ok, estimate.intervals),
     )
 
 
@@ -212,15 +213,15 @@ def _arrays(design: Design, result: SobolResult, analyses: Mapping[str, Indices]
         {
             "rows": design.base_samples * design.block,
             "method": "Saltelli 2010 by SALib",
-            "failed_rows": RULE,
+            "failed_rows": result.failures.rule,
         },
     )
 
 
-def _along_time(design: Design, one: Evaluated, whole: Array, weights: Array, z: float) -> xr.Dataset:
+def _along_time(estimate: Estimator, one: Evaluated) -> xr.Dataset:
     """Indices of the force, and of other outputs, at each kept point, a few points at a time: memory stays flat."""
     variables = {}
-    coordinates: dict[str, object] = {"parameter": np.array(design.names, dtype=str)}
+    coordinates: dict[str, object] = {"parameter": np.array(estimate.design.names, dtype=str)}
     dataset = one.table.dataset()
     per_pass = max(1, BYTES_AT_A_TIME // (8 * max(1, one.at.size)))
     for curve in one.specimen.curves:
@@ -230,7 +231,7 @@ def _along_time(design: Design, one: Evaluated, whole: Array, weights: Array, z:
             parts = []
             for start in range(0, points, per_pass):
                 columns = one.table.read(field, one.at, slice(start, start + per_pass))
-                parts.append(indices(design.blocks(columns, whole), weights, z))
+                parts.append(estimate.of(columns))
             of = curve.name if field == f"force_{curve.name}" else f"{course}_{curve.name}"
             for name in KEYS:
                 both = np.concatenate([part[name] for part in parts], axis=1)

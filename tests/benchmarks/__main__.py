@@ -1,12 +1,12 @@
 """Benchmarks: ratios measured in one run, medians of several rounds. `make benchmarks`, or name some:
 
-python -m tests.benchmarks kernel study durable memory febio resume scale calibration sampler
+python -m tests.benchmarks kernel study durable memory febio resume scale calibration sampler sobol
 """
 
 import platform
 import sys
 
-from tests.benchmarks import calibration, durable, febio, kernel, memory, resume, sampler, scale, study
+from tests.benchmarks import calibration, durable, febio, kernel, memory, resume, sampler, scale, sobol, study
 
 ALL = {
     "kernel": kernel.main,
@@ -18,6 +18,7 @@ ALL = {
     "scale": scale.main,
     "calibration": calibration.main,
     "sampler": sampler.main,
+    "sobol": sobol.main,
 }
 
 

@@ -19,7 +19,7 @@ cohort: cohort
 model:
   parameters:
 {FIXED}
-sobol: {{base_samples: 16, resamples: 20}}
+sobol: {{base_samples: 16, scrambles: 1, resamples: 20}}
 morris: {{trajectories: 5, resamples: 20}}
 pawn: {{slides: 4, resamples: 20}}
 importance: {{trees: 10, repeats: 2}}

@@ -203,6 +203,7 @@ def test_the_seed_decides_the_numbers(study, tmp_path, in_this_process):
     assert a == b != c
 
 
+@pytest.mark.page
 def test_failed_rows_are_told_and_left_out(study, tmp_path, in_this_process, monkeypatch, capsys):
     real = Uniaxial.compare
 
@@ -222,9 +223,14 @@ def test_failed_rows_are_told_and_left_out(study, tmp_path, in_this_process, mon
     assert 0 < sobol["failed"] < sobol["rows"]
     assert sobol["base_samples_used"] < 32
     assert sobol["failures"]["by_status"]["distal/1"] == {"diverged": sobol["failed"]}
-    assert np.isfinite(sobol["ST"]).all()
+    assert np.isfinite(sobol["S1"]).all()
+    assert sobol["ST"] == [None] * 16, "a region fails, and more than 0.5 % of the rows"
+    assert sobol["convergence"]["base_samples"] == []
     assert np.isfinite(sobol["failures"]["ST_if_largest"]).all()
-    assert f"{sobol['failed']} of 576 rows failed; base samples with a failed row are left out" in said
+    assert f"{sobol['failed']} of 576 rows failed; S1 is that of the rows that ran; ST is refused" in said
+    assert "refused" in said.split("intervals; columns of protocols show S1")[0]
+    page = (out / "report.html").read_text()
+    assert "first order indices: " in page and "ST is refused, as more than 0.5 % of the rows failed" in page
     assert json.loads((out / "importance.json").read_text())["failed"] == sobol["failed"]
     sinew("status", out)
     status = capsys.readouterr().out

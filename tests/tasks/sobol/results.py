@@ -14,7 +14,7 @@ def sobol_result(**changed: Any) -> SobolResult:
     """Of one specimen and one protocol, with four base samples, unless ``changed`` says otherwise."""
     fields: dict[str, Any] = {
         **ZEROS, "names": ["E_f", "E_m"], "bounds": [[0, 1], [0, 1]], "seed": 4, "rows": 16, "failed": 0,
-        "base_samples": 4, "base_samples_used": 4, "points_asked": None, "confidence": 0.95,
+        "base_samples": 4, "scrambles": 1, "base_samples_used": 4, "points_asked": None, "confidence": 0.95,
         "objective": "sum over protocols of the RMSE in N", "field": "objective", "evaluations": 16,
         "protocols": {"pull": OfProtocol(**ZEROS)}, "specimens": {}, "failures": Failures("", 0, 0, {}),
         "convergence": Convergence([], **ZEROS), "tables": {"s01": "s01-table"}, "inputs": "",

@@ -1,0 +1,116 @@
+"""How often 95 % intervals of Sobol indices hold the truth: Ishigami's and the g-function, the tendon, and a function
+of which a corner fails.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from SALib.test_functions import Ishigami, Sobol_G
+
+from sinew.tasks.model import Model
+from sinew.tasks.model.parameters import bounds, scaled
+from sinew.tasks.simulate.saltelli import Design, drawn
+from sinew.tasks.sobol.estimate import estimator
+from sinew.tasks.sobol.method import Intervals
+from tests.benchmarks.common import evaluation
+
+Array = np.ndarray
+SEEDS, SCRAMBLES = 150, 8
+WORTH = 0.01  # an index from which on its coverage counts
+G = np.array([0.0, 1.0, 4.5, 9.0, 99.0, 99.0])
+TENDON_SEEDS, TENDON_TRUTH = 40, 2**16
+
+
+@dataclass(frozen=True)
+class Case:
+    """A function of rows ``[n, d]`` within ``ranges``, NaN where it fails, and its true indices."""
+
+    name: str
+    ranges: Sequence[Sequence[float]]
+    function: Callable[[Array], Array]
+    first: Array
+    total: Array | None = None
+
+
+def estimates(case: Case, base: int, seed: int) -> dict[str, Array]:
+    names = tuple(f"x{j}" for j in range(len(case.ranges)))
+    rows = drawn(names, case.ranges, base, seed, second_order=False, scrambles=SCRAMBLES)
+    design = Design(names, base, False, rows, scrambles=SCRAMBLES)
+    outcomes = case.function(rows)
+    features = rows.reshape(base, design.block, -1)[:, [0, -1]]
+    found = estimator(design, features, np.isfinite(outcomes), Intervals(10, 0.95, seed)).of(outcomes[:, np.newaxis])
+    return {key: values[:, 0] for key, values in found.items()}
+
+
+def covered(case: Case, base: int, seeds: int) -> None:
+    """Print coverage and bias of both indices, of parameters whose index is worth it."""
+    every = [estimates(case, base, seed) for seed in range(seeds)]
+    for key, truth in (("S1", case.first), ("ST", case.total)):
+        if truth is None:
+            continue
+        apart = np.array([one[key] for one in every]) - truth
+        held = (np.abs(apart) <= np.array([one[f"{key}_conf"] for one in every])).mean(axis=0)
+        worth = truth > WORTH
+        print(
+            f"  {case.name}, {base} base samples, {seeds} seeds: {key} held in {held[worth].min():.2f} to "
+            f"{held[worth].max():.2f} of {worth.sum()} parameters above {WORTH:g} (mean {held[worth].mean():.3f}), "
+            f"largest bias {np.abs(apart.mean(axis=0)).max():.4f}",
+            flush=True,
+        )
+
+
+def corner(share: float) -> Case:
+    """Four parameters; a ``share`` of the unit cube fails, at one corner. The truth is that of two million rows."""
+    edge = 2.0 - np.sqrt(2.0 * share)
+
+    def function(rows: Array) -> Array:
+        value = 3 * rows[:, 0] + 2 * rows[:, 1] ** 2 + 2 * rows[:, 2] * rows[:, 0] + 0.3 * rows[:, 3]
+        return np.where(rows[:, 0] + rows[:, 1] > edge, np.nan, value)
+
+    rows = np.random.default_rng(0).random((2_000_000, 4))
+    outcome = function(rows)
+    rows, outcome = rows[np.isfinite(outcome)], outcome[np.isfinite(outcome)]
+    first = []
+    for column in rows.T:
+        part = (column * 500).astype(int)
+        count, total = np.bincount(part, minlength=500), np.bincount(part, outcome, minlength=500)
+        means = total / np.maximum(count, 1)
+        first.append(count @ (means - outcome.mean()) ** 2 / count.sum() / outcome.var())
+    return Case(f"corner of {100 * share:g} % fails", [[0, 1]] * 4, function, np.array(first))
+
+
+def tendon() -> Case:
+    """The objective of one virtual specimen at 5 Hz; the truth is that of a large design of other seeds."""
+    model, evaluated = Model(), evaluation(rate_hz=5.0)
+    unit = [[0.0, 1.0]] * len(model.free)
+
+    def function(rows: Array) -> Array:
+        parts = np.array_split(rows, max(1, len(rows) // 4096))
+        return np.concatenate([evaluated(scaled(model.free, part)).values["objective"].sum(axis=1) for part in parts])
+
+    assert len(bounds(model.free)[0]) == len(model.parameters)
+    whole = estimates(Case("", unit, function, np.empty(0)), TENDON_TRUTH, 10**6)
+    print(f"  tendon: truth from {TENDON_TRUTH} base samples, half-widths up to {whole['S1_conf'].max():.4f} (S1) and "
+          f"{whole['ST_conf'].max():.4f} (ST)")  # fmt: skip
+    return Case("tendon", unit, function, whole["S1"], whole["ST"])
+
+
+def main() -> None:
+    ishigami = Case(
+        "Ishigami", [[-np.pi, np.pi]] * 3, Ishigami.evaluate,
+        np.array([0.313905, 0.442411, 0.0]), np.array([0.557589, 0.442411, 0.243684]),
+    )  # fmt: skip
+    g = Case(
+        "g-function", [[0, 1]] * 6, lambda rows: Sobol_G.evaluate(rows, G),
+        Sobol_G.sensitivity_index(G), Sobol_G.total_sensitivity_index(G),
+    )  # fmt: skip
+    for case in (ishigami, g):
+        for base in (32, 64, 256, 2048):
+            covered(case, base, SEEDS)
+    for share in (0.005, 0.05, 0.5):
+        for base in (256, 2048):
+            covered(corner(share), base, SEEDS)
+    case = tendon()
+    for base in (64, 256, 2048):
+        covered(case, base, TENDON_SEEDS)
