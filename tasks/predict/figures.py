@@ -17,8 +17,8 @@ from sinew.tasks.predict.result import BANDS, PredictResult, SitePrediction, ban
 from sinew.tasks.predict.show import points_table
 from sinew.tasks.study.workspace import Workspace
 
-FACES = {"hdi": COLOURS[5], "draws": COLOURS[4], "new": "0.8"}
-EDGES = {"hdi": COLOURS[0], "draws": COLOURS[1], "new": "0.45"}
+FACES = {"hdi": COLOURS[5], "draws": COLOURS[4], "new": "0.8", "whole": "0.9"}
+EDGES = {"hdi": COLOURS[0], "draws": COLOURS[1], "new": "0.45", "whole": "0.6"}
 
 
 def draw(workspace: Workspace, result: PredictResult) -> None:
@@ -106,7 +106,7 @@ def each_specimen(dataset: xr.Dataset, prediction: SitePrediction, site: str) ->
             axis.set_title(protocol.replace("_", " "), loc="left", fontsize=9)
         for axis in axes[-1]:
             axis.set_xlabel("time (s)")
-        source = "predicted from the other specimens" if band == "new" else BANDS[band]
+        source = "predicted from the other specimens, or the population" if band == "new" else BANDS[band]
         figure.suptitle(f"{site}: {source}; percent: measured points inside", x=0.01, ha="left", fontsize=9)
     return figure
 
@@ -123,14 +123,14 @@ def stress_bands(dataset: xr.Dataset, prediction: SitePrediction, site: str) -> 
         for row, constituent in zip(axes, ("matrix", "fibre"), strict=True):
             for axis, protocol in zip(row, protocols, strict=True):
                 curve = _of(stresses, protocol, "protocol")
-                for band in ("new", "hdi", "draws"):  # the widest behind
+                for band in ("whole", "new", "hdi", "draws"):  # the widest behind
                     _band(axis, curve, band, constituent + "_")
                 axis.set_title(protocol.replace("_", " "), loc="left", fontsize=9)
             row[0].set_ylabel(f"{constituent} stress (MPa)")
         for axis in axes[-1]:
             axis.set_xlabel("time (s)")
         handles, labels = axes[0, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=3)
+        figure.legend(handles, labels, loc="outside lower center", ncols=4)
         title = f"{site}: second Piola-Kirchhoff stresses along the displacements of {prediction.stresses_of}"
         figure.suptitle(title, x=0.01, ha="left", fontsize=9)
     return figure

@@ -5,7 +5,8 @@
            bounds of the highest density intervals of all parameters (Pekedis 2025, first case)
 ``draws``  the pointwise middle 95 % of 40 simulations with draws from the posterior (second case; both numbers are
            settings)
-``new``    the band of a specimen that was not measured yet
+``new``    the pointwise band of a specimen that was not measured yet
+``whole``  the band that holds 95 % of such specimens' curves from their beginning to their end
 =========  ============================================================================================================
 
 The first two are the paper's, and neither is about a single tendon. One parameter set for all specimens of a site
@@ -16,6 +17,11 @@ sqrt(1 + 1 / (n - 1)), t with n - 2 degrees of freedom: the prediction interval 
 Predictive Inference). Stiffnesses scatter by factors rather than by newtons, and the force of an unloaded tendon
 changes sign, hence asinh: a logarithm for large forces, linear near zero. The noise of the others' curves is added in
 squares. Of the specimen itself, only geometry and displacements enter.
+
+After an inference by likelihood, ``new`` and ``whole`` are made of draws of a new specimen from the population's
+posterior, with noise. ``new`` holds the middle 95 % at each point. ``whole`` reaches as far from the median, in
+standard deviations of each point (of asinh of the forces), as it takes to hold 95 % of the draws entirely. The
+population's posterior knows the specimen's own curves, one of several, so ``coverage`` is a little too good.
 """
 
 from collections.abc import Sequence
@@ -27,9 +33,10 @@ from scipy.special import ndtri, stdtrit
 
 from sinew.tasks.data.noise import noise_of
 from sinew.tasks.model import FORCE, Specimen
-from sinew.tasks.predict.result import BANDS, Coverage
+from sinew.tasks.predict.result import BANDS, SIMULATED, Coverage
 
 FEWEST = 4  # specimens of a site for the band of a new one: two others would say nothing of the spread
+FEWEST_DRAWS = 100  # of a new specimen, from which on bands are made of them
 BENDS = 0.2  # share of the largest force at which asinh turns from a line to a logarithm
 Array = np.ndarray[Any, Any]
 Band = tuple[Array, Array]
@@ -37,11 +44,19 @@ Band = tuple[Array, Array]
 
 def bands_of(simulated: dict[str, Array], noise: float, probability: float) -> dict[str, Band | None]:
     """Each band from its simulations ``[n, t]``; None where too few of them are left."""
-    three, drawn, others = (simulated[name] for name in BANDS)
+    three, drawn, others = (simulated[name] for name in SIMULATED)
+    new: Band | None = None
+    whole: Band | None = None
+    if len(others) >= FEWEST_DRAWS:
+        noisy = others + noise * np.random.default_rng(0).standard_normal(others.shape)
+        new, whole = pointwise(noisy, probability), simultaneous(noisy, probability)
+    elif len(others) >= FEWEST - 1:
+        new = next_curve(others, noise, probability)
     return {
         "hdi": (three.min(axis=0), three.max(axis=0)) if len(three) > 1 else None,
         "draws": pointwise(drawn, probability) if len(drawn) > 1 else None,
-        "new": next_curve(others, noise, probability) if len(others) >= FEWEST - 1 else None,
+        "new": new,
+        "whole": whole,
     }
 
 
@@ -51,6 +66,24 @@ def pointwise(curves: Array, probability: float) -> Band:
     return low, high
 
 
+def simultaneous(curves: Array, probability: float) -> Band:
+    """Bounds ``[t]`` between which ``probability`` of ``curves`` ``[n, t]`` lie entirely.
+
+    As far from the median as it takes, in standard deviations of each point, of asinh of the curves.
+    """
+    bend = _bend(curves)
+    bent = np.arcsinh(curves / bend)
+    middle, spread = np.median(bent, axis=0), np.maximum(bent.std(axis=0), np.finfo(float).tiny)
+    farthest = np.sort((np.abs(bent - middle) / spread).max(axis=1))
+    reach = farthest[min(int(np.ceil((len(curves) + 1) * probability)), len(curves)) - 1] * spread
+    return bend * np.sinh(middle - reach), bend * np.sinh(middle + reach)
+
+
+def _bend(curves: Array) -> float:
+    """The force at which asinh turns from a line to a logarithm."""
+    return 2.0 * BENDS * float(np.abs(curves).max(axis=1).mean()) or 1.0
+
+
 def next_curve(curves: Array, noise: float, probability: float) -> Band:
     """Bounds ``[t]`` for one more of ``curves`` ``[n, t]`` that is measured with ``noise`` (standard deviation).
 
@@ -58,7 +91,7 @@ def next_curve(curves: Array, noise: float, probability: float) -> Band:
     values' mean.
     """
     n = len(curves)
-    bend = 2.0 * BENDS * float(np.abs(curves).max(axis=1).mean()) or 1.0
+    bend = _bend(curves)
     bent = np.arcsinh(curves / bend)
     mean = bent.mean(axis=0)
     reach = float(stdtrit(n - 1, 0.5 + probability / 2)) * np.sqrt(1.0 + 1.0 / n) * bent.std(axis=0, ddof=1)
@@ -111,8 +144,17 @@ def coverage(dataset: xr.Dataset) -> dict[str, Coverage]:
             points=int(given.sum()),
             protocols={str(each): _share(inside[given & (protocols == each)]) for each in dict.fromkeys(protocols)},
             specimens={str(each): _share(inside[given & (specimens == each)]) for each in dict.fromkeys(specimens)},
+            curves=_share(_whole(inside, given, specimens, protocols)),
         )
     return found
+
+
+def _whole(inside: Array, given: Array, specimens: Array, protocols: Array) -> Array:
+    """For each curve whether all of its points that are ``given`` are ``inside``."""
+    curves = dict.fromkeys(zip(specimens[given], protocols[given], strict=True))
+    return np.array(
+        [inside[given & (specimens == one) & (protocols == test)].all() for one, test in curves], dtype=bool
+    )
 
 
 def _share(inside: Array) -> float | None:

@@ -26,7 +26,12 @@ from sinew.tasks.predict.result import BANDS, Coverage, PredictResult, bands_gro
 from sinew.tasks.report.folder import ResultFolder
 
 NAME = "prediction"
-COLOUR = {"new": "#9aa4ad", "hdi": COLOURS[5], "draws": COLOURS[4]}  # the widest band first, which is drawn behind
+COLOUR = {
+    "whole": "#c9cfd5",
+    "new": "#9aa4ad",
+    "hdi": COLOURS[5],
+    "draws": COLOURS[4],
+}  # the widest band first, which is drawn behind
 
 
 def section(folder: ResultFolder) -> Section:
@@ -99,8 +104,8 @@ def _bands(result: PredictResult, kept: Sequence[xr.Dataset], quantity: str = FO
         ]
         words[name] = f"measured points inside: {', '.join(shares)}" if shares else ""
     caption = (
-        f"Measured curve and {percent(result.probability)} bands. The band of a new specimen is predicted from the "
-        "other specimens of its site."
+        f"Measured curve and {percent(result.probability)} bands. The band of a new specimen is predicted from "
+        f"{'the population' if result.from_population else 'the other specimens of its site'}."
     )
     if quantity != FORCE:
         caption = f"The same for the {quantity.replace('_', ' ')}."
@@ -128,10 +133,11 @@ def _columns(
 def _table(result: PredictResult) -> Table:
     rows = []
     for row in result.shares():
-        cells = ["–" if share is None else percent(share, 1) for share in (row["share"], *row["by_protocol"])]
+        shares = (row["share"], row["curves"], *row["by_protocol"])
+        cells = ["–" if share is None else percent(share, 1) for share in shares]
         rows.append([row["site"], BANDS[row["band"]], *cells, number(row["points"])])
-    header = ["site", "band", "all protocols", *result.protocols, "points"]
-    return Table("Measured points inside the bands", header, rows, words=(1,))
+    header = ["site", "band", "all protocols", "whole curves", *result.protocols, "points"]
+    return Table("Measured points inside the bands, and curves that are inside entirely", header, rows, words=(1,))
 
 
 def _table_of_others(result: PredictResult) -> Table:

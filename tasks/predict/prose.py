@@ -11,10 +11,14 @@ def methods(result: PredictResult) -> str:
         for band, one in result.coverage.items()
         if one.all is not None
     )
+    source = (
+        "from draws of the population's posterior" if result.from_population
+        else "from the calibrated parameters of the other specimens of its site"
+    )  # fmt: skip
     return (
         f"Bands of {percent(result.probability)} around the curves of each specimen were computed from "
         f"{result.draws:,} "
-        f"draws of each posterior [@pekedis] and, for a new specimen, from the calibrated parameters of the other "
-        f"specimens of its site ({result.rows:,} simulations, {result.failed:,} failed). "
+        f"draws of each posterior [@pekedis] and, for a new specimen, {source} "
+        f"({result.rows:,} simulations, {result.failed:,} failed). "
         f"{f'They cover: {covers}.' if covers else 'Nothing was measured that they could cover.'}"
     )

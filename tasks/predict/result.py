@@ -7,13 +7,21 @@ from typing import Any
 
 from sinew.tasks.study.result import OMIT, Number, Result
 
-BANDS = {"hdi": "mean and HDI bounds", "draws": "draws from the posterior", "new": "a new specimen"}
+SIMULATED = ("hdi", "draws", "new")
+"""What is simulated for bands."""
+BANDS = {
+    "hdi": "mean and HDI bounds",
+    "draws": "draws from the posterior",
+    "new": "a new specimen",
+    "whole": "a new specimen's whole curve",
+}
 """The bands, and what each is called: see :mod:`sinew.tasks.predict.method`."""
 TOO_NARROW = 0.1  # a share of the points below the probability of a band by more than this is remarked on
 WHY_NARROW = {
     "hdi": "it shows the spread of the parameters only, not the noise and not what the model lacks",
     "draws": "it shows the spread of the parameters only, not the noise and not what the model lacks",
     "new": "specimens differ by more than this band knows",
+    "whole": "specimens differ by more than this band knows",
 }
 
 
@@ -21,13 +29,15 @@ WHY_NARROW = {
 class Coverage:
     """The share of measured points inside a band: of all points, by protocol and by specimen.
 
-    None where the band is not given; ``points`` counts the measured points where it is.
+    None where the band is not given; ``points`` counts the measured points where it is. ``curves``: the share of
+    measured curves all of whose points are inside.
     """
 
     all: Number | None
     points: int
     protocols: Mapping[str, Number | None]
     specimens: Mapping[str, Number | None]
+    curves: Number | None
 
 
 @dataclass(frozen=True)
@@ -65,10 +75,13 @@ class SitePrediction:
 
 @dataclass(frozen=True, eq=False)
 class PredictResult(Result):
-    """Bands around the curves of each site, from ``rows`` simulations, and how many measured points they cover."""
+    """Bands around the curves of each site, from ``rows`` simulations, and how many measured points they cover.
+
+    ``from_population``: those of a new specimen come from a population's posterior, not from the other specimens.
+    """
 
     TASK = "predict"
-    VERSION = 2  # spikes are no noise
+    VERSION = 3  # whole curves
 
     probability: Number
     draws: int
@@ -78,6 +91,7 @@ class PredictResult(Result):
     coverage: Mapping[str, Coverage]
     inputs: str
     others: Mapping[str, QuantityPrediction] | None = dataclasses.field(default=None, metadata=OMIT)
+    from_population: bool = False
 
     def shares_of_others(self) -> Iterator[dict[str, Any]]:
         """As :meth:`shares`, of the quantities that are compared beside the force; ``quantity`` names each."""
@@ -119,6 +133,7 @@ class PredictResult(Result):
                 "share": one.all,
                 "by_protocol": [one.protocols.get(name) for name in self.protocols],
                 "points": one.points,
+                "curves": one.curves,
             }
             for site, bands in self.by_site.items()
             for band, one in bands.items()

@@ -13,9 +13,9 @@ from sinew.tasks.simulate.series import with_unit
 
 
 def table(result: PredictResult) -> pd.DataFrame:
-    """Share of the measured points inside each band, by site: of all points, and by protocol."""
+    """Share of the measured points inside each band, by site: of all points, of whole curves, and by protocol."""
     rows = {
-        (site, band): {"all": one.all, **one.protocols}
+        (site, band): {"all": one.all, "curves": one.curves, **one.protocols}
         for site, bands in result.by_site.items()
         for band, one in bands.items()
         if one.all is not None
@@ -47,9 +47,10 @@ def points_table(dataset: xr.Dataset, prefix: str = "", unit: str | None = None)
 
 def summary(result: PredictResult, folder: Path, console: Console) -> None:
     """Print the coverage by site, band and protocol."""
-    grid = Grid("site", "band", "all", *result.protocols, title="Measured points inside the bands (%)")
+    heads = ("site", "band", "all", "whole curves", *result.protocols)
+    grid = Grid(*heads, title="Measured points inside the bands (%), and whole curves")
     for row in result.shares():
-        shares = (row["share"], *row["by_protocol"])
+        shares = (row["share"], row["curves"], *row["by_protocol"])
         cells = ("" if share is None else f"{100 * share:.1f}" for share in shares)
         grid.add_row(row["site"], BANDS[row["band"]], *cells)
     console.print(grid)

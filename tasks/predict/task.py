@@ -31,7 +31,7 @@ from sinew.tasks.infer.result import (
 from sinew.tasks.model import FORCE, Specimen
 from sinew.tasks.predict.method import FEWEST, Band, bands_of, coverage, noise_of_others, typical
 from sinew.tasks.predict.result import (
-    BANDS,
+    SIMULATED,
     PredictResult,
     QuantityPrediction,
     SitePrediction,
@@ -64,7 +64,7 @@ class Rows:
     def split(self, values: Array) -> dict[str, Array]:
         """``values`` ``[n, ...]`` of all rows, by band."""
         ends = np.cumsum([len(self.hdi), len(self.draws)])
-        return dict(zip(BANDS, np.split(values, ends), strict=True))
+        return dict(zip(SIMULATED, np.split(values, ends), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +137,7 @@ def run(workspace: Workspace, settings: Settings) -> PredictResult:
         coverage=coverage(xr.concat(forces, "point")),
         inputs=inputs,
         others=_others_of([dataset for _, dataset in predicted], every[0].evaluation),
+        from_population=isinstance(read_posteriors(workspace.out), LikelihoodResult),
     )
     commit(workspace, result, {name: dataset for name, (_, dataset) in zip(arrays, predicted, strict=True)})
     return result
@@ -165,7 +166,7 @@ def _planned(workspace: Workspace, settings: Settings) -> dict[str, list[Planned
         planned[site] = []
         for one in specimens:
             with believed(path):
-                rows = _rows(workspace, inferred, calibration, specimens, one, settings.draws, seed)
+                rows = _rows(workspace, inferred, calibration, specimens, one, settings, seed)
             evaluation = workspace.evaluation(one)
             planned[site].append(Planned(evaluation, rows, *workspace.plan(evaluation, rows.all)))
     return planned
@@ -177,10 +178,10 @@ def _rows(
     calibration: CalibrateResult | None,
     specimens: Sequence[Specimen],
     specimen: Specimen,
-    count: int,
+    settings: Settings,
     seed: tuple[int, ...],
 ) -> Rows:
-    """The simulations of one of the ``specimens`` of a site: ``count`` draws of a posterior, and those of a new one.
+    """The simulations of one of the ``specimens`` of a site: draws of a posterior, and those of a new one.
 
     ABC has one posterior for all specimens of a site, and a new one is like the others' calibrations. By likelihood,
     each specimen has its own posterior, and a new one is drawn from the population.
@@ -193,10 +194,11 @@ def _rows(
     if isinstance(inferred, LikelihoodResult):
         varied = tuple(str(name) for name in kept["parameter"].values)
         full_varied = partial(workspace.model.full, varied)
-        own = draws_of_specimen(kept, specimen.name, count, seed)
-        return Rows(full(three), full_varied(own), full_varied(draws_of_new(kept, max(count, FEWEST), seed)))
+        own = draws_of_specimen(kept, specimen.name, settings.draws, seed)
+        new = draws_of_new(kept, settings.of_new(quick=workspace.simulator.capabilities.quick), seed)
+        return Rows(full(three), full_varied(own), full_varied(new))
     assert calibration is not None
-    drawn = draws(kept.sel(parameter=inferred.names), count, seed)
+    drawn = draws(kept.sel(parameter=inferred.names), settings.draws, seed)
     with believed(CalibrateResult.path(workspace.out)):
         return Rows(full(three), full(drawn), _others(workspace, calibration.specimens, specimens, specimen))
 
@@ -292,7 +294,7 @@ def _points(workspace: Workspace, planned: Sequence[Planned], probability: float
             )
             force = one.rows.split(one.table.read(field, one.at))
             noise = noise_of_others(specimens, one.specimen, curve.name, quantity)
-            bands = bands_of({name: force[name][ok[name]] for name in BANDS}, noise, probability)
+            bands = bands_of({name: force[name][ok[name]] for name in SIMULATED}, noise, probability)
             arrays = {
                 "time": curve.protocol.time_s[keep],
                 "displacement": curve.protocol.displacement_mm[keep],
@@ -334,7 +336,7 @@ def _stresses(workspace: Workspace, planned: Planned, probability: float) -> tup
         arrays = {"time": curve.protocol.time_s[keep], "displacement": curve.protocol.displacement_mm[keep]}
         for constituent, stress in (("matrix", done.matrix_MPa), ("fibre", done.fibre_MPa)):
             each = rows.split(stress[:, keep])
-            bands = bands_of({name: each[name][ok[name]] for name in BANDS}, 0.0, probability)
+            bands = bands_of({name: each[name][ok[name]] for name in SIMULATED}, 0.0, probability)
             arrays |= _bounds(bands, keep.size, f"{constituent}_")
         points.add(keep.size, {"specimen": specimen.name, "protocol": curve.name}, arrays)
     return points, None

@@ -5,11 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import qmc
 
 from sinew.tasks.model import Model
 from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.pairing import pairs_of
 
-FEWEST = 4  # base samples of a sequence
+FEWEST = 16  # base samples of a sequence
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +66,12 @@ def base_samples(points: int, parameters: int, second_order: bool) -> int:
 
 
 def scrambles_of(base: int, wanted: int) -> int:
-    """How many scrambled sequences ``base`` samples come from: ``wanted``, but with ``FEWEST`` samples of each."""
-    return max(1, min(wanted, base // FEWEST))
+    """How many scrambled sequences ``base`` samples come from: ``wanted``, but with ``FEWEST`` samples of each.
+
+    One rather than two, whose scatter says next to nothing.
+    """
+    found = min(wanted, base // FEWEST)
+    return found if found > 2 else 1
 
 
 def saltelli(model: Model, base: int, second_order: bool, seed: int, scrambles: int = 1) -> Design:
@@ -84,19 +90,28 @@ def saltelli(model: Model, base: int, second_order: bool, seed: int, scrambles: 
 def drawn(
     names: Sequence[str], bounds: Sequence[Sequence[float]], base: int, seed: int, *, second_order: bool, scrambles: int
 ) -> Array:
-    """The rows ``[n, free]`` of a design: base samples of each sequence in turn."""
-    import SALib.sample.sobol as salib_sample
+    """The rows ``[n, free]`` of a design: base samples of each sequence in turn. One sequence is SALib's."""
+    if scrambles == 1:
+        import SALib.sample.sobol as salib_sample
 
-    problem = {"num_vars": len(names), "names": list(names), "bounds": [list(each) for each in bounds]}
-    each = base // scrambles
-    sequences = [
-        salib_sample.sample(problem, each, calc_second_order=second_order, scramble=True, seed=_seed(seed, number))
-        for number in range(scrambles)
-    ]
-    blocks = np.stack([rows.reshape(each, -1, len(names)) for rows in sequences], axis=1)
-    return np.asarray(blocks.reshape(-1, len(names)))
+        problem = {"num_vars": len(names), "names": list(names), "bounds": [list(each) for each in bounds]}
+        return np.asarray(salib_sample.sample(problem, base, calc_second_order=second_order, scramble=True, seed=seed))
+    sequences = [_sequence(len(names), base // scrambles, second_order, (seed, number)) for number in range(scrambles)]
+    low, high = np.array(bounds, dtype=float).T
+    return np.asarray(low + (high - low) * np.stack(sequences, axis=1).reshape(-1, len(names)))
 
 
-def _seed(seed: int, number: int) -> int:
-    """The seed of a sequence; that of the first is the study's own."""
-    return seed if number == 0 else int(np.random.SeedSequence((seed, number)).generate_state(1)[0])
+def _sequence(size: int, count: int, second_order: bool, seed: tuple[int, int]) -> Array:
+    """The blocks ``[count, block, size]`` of one scrambled sequence, in SALib's order, on the unit cube.
+
+    Which parameter has which pair of columns is drawn, so that a pair that fills its square badly meets another
+    parameter in each sequence.
+    """
+    rng = np.random.default_rng(seed)
+    pairs = np.array(pairs_of(size))[rng.permutation(size)]
+    points = qmc.Sobol(2 * size, scramble=True, seed=rng).random(count)
+    a, b = points[:, pairs[:, 0]], points[:, pairs[:, 1]]
+    own = np.eye(size, dtype=bool)
+    a_with_b = np.where(own, b[:, np.newaxis], a[:, np.newaxis])
+    b_with_a = [np.where(own, a[:, np.newaxis], b[:, np.newaxis])] if second_order else []
+    return np.concatenate([a[:, np.newaxis], a_with_b, *b_with_a, b[:, np.newaxis]], axis=1)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from sinew.tasks.simulate.saltelli import Design
+from sinew.tasks.simulate.saltelli import FEWEST, Design
 from sinew.tasks.sobol.given_data import Independent, first_order, independent
 from sinew.tasks.sobol.method import Intervals, analyse, indices
 from sinew.tasks.sobol.result import KEYS, Analysis, Convergence
@@ -82,9 +82,12 @@ class Estimator:
         return Estimator(design, self.ok[:rows], ran, self.intervals)
 
     def convergence(self, outcomes: Array) -> Convergence:
-        """Indices of one output ``[n]`` from the first 32, 64, ... base samples; none where ST is refused."""
-        base = self.design.base_samples
-        sizes = [2**k for k in range(FIRST_SIZE, 31) if 2**k <= base] or [base]
+        """Indices of one output ``[n]`` from the first 32, 64, ... base samples; none where ST is refused.
+
+        It begins where there are enough samples of each sequence.
+        """
+        base, least = self.design.base_samples, FEWEST * self.design.scrambles
+        sizes = [2**k for k in range(FIRST_SIZE, 31) if least <= 2**k <= base] or [base]
         curve: dict[str, list[Array]] = {key: [] for key in KEYS}
         used = []
         for size in sizes if not self.refuses else ():

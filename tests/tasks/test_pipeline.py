@@ -183,7 +183,7 @@ def test_extending_pays_for_new_rows_only(study, tmp_path, in_this_process):
     assert new_simulations(out) == [2 * 32 * 18, 2 * 32 * 18]
     assert sobol["convergence"]["base_samples"] == [32, 64]
     fresh = tmp_path / "fresh"
-    study.write_text(STUDY.replace("base_samples: 32", "base_samples: 64"))
+    study.write_text(STUDY.replace("base_samples: 32", "base_samples: 64, scrambles: 1"))
     sinew("sobol", study, "--out", fresh, "--quiet")
     again = json.loads((fresh / "sobol.json").read_text())
     assert again["ST"] == sobol["ST"]

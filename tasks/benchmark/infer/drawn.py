@@ -16,7 +16,7 @@ import numpy as np
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.virtual import virtual_specimen
 from sinew.tasks.infer.likelihood.compiled import FARTHEST
-from sinew.tasks.infer.likelihood.population import from_prior, moments
+from sinew.tasks.infer.likelihood.population import from_prior, moments, specimens_of
 from sinew.tasks.infer.likelihood.scores import places
 from sinew.tasks.model import Model, Specimen
 from sinew.tasks.model.parameters import bounds
@@ -51,13 +51,15 @@ class Conditions:
 class Truth:
     """What is true of a cohort, as places in the ranges.
 
-    ``mean`` and ``spread`` ``[k]`` of the population, and of each specimen by name its parameters ``[k]``.
+    ``mean`` and ``spread`` ``[k]`` of the population, and of each specimen by name its parameters ``[k]``. ``further``
+    ``[2, k]``: one more of the population for each site, which no inference knows.
     """
 
     names: tuple[str, ...]
     mean: Array
     spread: Array
     specimens: dict[str, Array]
+    further: Array
 
 
 def drawn(
@@ -67,24 +69,30 @@ def drawn(
     names = [f"{site}/{number + 1}" for site in SITES for number in range(conditions.per_site)]
     varied = tuple(parameter.name for parameter in model.free)
     if by_likelihood:
-        mean, spread, at = _population(rng, len(varied), len(names), heavy=heavy)
+        mean, spread, at, further = _population(rng, len(varied), len(names), heavy=heavy)
     else:
         mean, spread = rng.random(len(varied)), np.zeros(len(varied))
-        at = np.tile(mean, (len(names), 1))
+        at, further = np.tile(mean, (len(names), 1)), np.tile(mean, (len(SITES), 1))
+    specimens = [measured(rng, name, model, one, conditions) for name, one in zip(names, at, strict=True)]
+    return specimens, Truth(varied, mean, spread, dict(zip(names, at, strict=True)), further)
+
+
+def measured(rng: np.random.Generator, name: str, model: Model, at: Array, conditions: Conditions) -> Specimen:
+    """A specimen at places ``at`` ``[k]`` of the free parameters, with simulated measurements."""
     low, high = bounds(model.free)
-    rows = model.full(varied, low + (high - low) * at)
-    tests = [TESTS[name] for name in conditions.tests]
-    specimens = [
-        virtual_specimen(
-            rng, name, model, values, tests, rate_hz=conditions.rate_hz, noise=conditions.noise, ar1=conditions.ar1
-        )[0]
-        for name, values in zip(names, rows, strict=True)
-    ]
-    return specimens, Truth(varied, mean, spread, dict(zip(names, at, strict=True)))
+    varied = tuple(parameter.name for parameter in model.free)
+    values = model.full(varied, (low + (high - low) * at)[np.newaxis])[0]
+    tests = [TESTS[test] for test in conditions.tests]
+    return virtual_specimen(
+        rng, name, model, values, tests, rate_hz=conditions.rate_hz, noise=conditions.noise, ar1=conditions.ar1
+    )[0]
 
 
-def _population(rng: np.random.Generator, size: int, count: int, *, heavy: bool) -> tuple[Array, Array, Array]:
-    """Mean and spread ``[k]`` of a population, and ``count`` specimens ``[n, k]`` of it, all as places."""
+def _population(rng: np.random.Generator, size: int, count: int, *, heavy: bool) -> tuple[Array, Array, Array, Array]:
+    """Mean and spread ``[k]`` of a population, ``count`` specimens ``[n, k]`` of it, and one more for each site.
+
+    All as places. Those that are one more may be anywhere, as a new specimen may.
+    """
     for _ in range(TRIES):
         population = from_prior(rng, 1, size, count, heavy=heavy)
         root = np.linalg.cholesky(population.covariance()[0])
@@ -92,7 +100,9 @@ def _population(rng: np.random.Generator, size: int, count: int, *, heavy: bool)
         scores = population.mean + apart / np.sqrt(population.weights)
         if np.abs(scores).max() <= FARTHEST:
             spread = np.sqrt(np.diagonal(population.covariance()[0]))
-            return *moments(population.mean[0], spread, heavy=heavy), places(scores)
+            own = rng.spawn(1)[0]
+            further = np.concatenate([specimens_of(own, population, heavy=heavy) for _ in SITES])
+            return *moments(population.mean[0], spread, heavy=heavy), places(scores), places(further)
     raise BadInput("--specimens", f"no population keeps {count} specimens within the ranges", "fewer specimens")
 
 

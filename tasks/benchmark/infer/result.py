@@ -1,7 +1,7 @@
 """What became of one cohort of the benchmark: what ``cohort.json`` holds."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from sinew.tasks.study.result import Number, Result
 
@@ -27,12 +27,26 @@ class Ranked:
         return abs(self.rank - 0.5) <= level / 2
 
 
+@dataclass(frozen=True)
+class LeftOut:
+    """A curve of a specimen that was left out: the share of its ``points`` in the pointwise band of a new specimen.
+
+    ``whole``: whether all of it is inside the band for whole curves.
+    """
+
+    site: str
+    protocol: str
+    points: Number
+    whole: bool
+
+
 @dataclass(frozen=True, eq=False)
 class CohortResult(Result):
     """The ranks of all truths of a cohort, or the ``error`` for which it has no posterior.
 
     ``tarp`` by level: see :mod:`sinew.tasks.benchmark.infer.score`. ``contrasts``: parameters that are compared between
-    the two sites, whose populations are one, and how many of them are called ``different``.
+    the two sites, whose populations are one, and how many of them are called ``different``. ``left_out``: curves of
+    further specimens, after an inference by likelihood.
     """
 
     TASK = "cohort"
@@ -46,3 +60,4 @@ class CohortResult(Result):
     seconds: Number
     error: str | None
     inputs: str
+    left_out: list[LeftOut] = field(default_factory=list)

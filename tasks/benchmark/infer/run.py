@@ -16,6 +16,7 @@ from sinew.runner.files import remove_folder
 from sinew.tasks.benchmark.blind import refuse_strange, run_blind
 from sinew.tasks.benchmark.infer.compared import compared
 from sinew.tasks.benchmark.infer.drawn import Conditions, drawn
+from sinew.tasks.benchmark.infer.left_out import left_out
 from sinew.tasks.benchmark.infer.result import CohortResult, Ranked
 from sinew.tasks.benchmark.infer.score import summary
 from sinew.tasks.data.cohort import write_cohort
@@ -108,9 +109,12 @@ def _cohort(
             ranked += one.ranked(number)
             tarp.setdefault(one.level, []).append(one.nearer(points))
         contrasts = results["compare"].contrasts
+        inferred = results["infer"]
         return CohortResult(
-            number, method, ranked, tarp, len(contrasts), sum(one.different for one in contrasts), 0.0, None, inputs
-        )
+            number, method, ranked, tarp, len(contrasts), sum(one.different for one in contrasts), 0.0, None, inputs,
+            left_out(workspace, inferred, truth, specimens, conditions)
+            if isinstance(inferred, LikelihoodResult) else [],
+        )  # fmt: skip
 
     started = time.monotonic()
     found = run_blind(read_study(out / "study.yaml"), tasks, out / "run", workers, scored, figures=False)

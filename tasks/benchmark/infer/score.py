@@ -30,9 +30,12 @@ BINS = 10  # of a histogram of ranks
 
 @dataclass(frozen=True)
 class Covered:
-    """How many of ``of`` truths an interval held, and the 95 % interval of that share."""
+    """How many of ``of`` truths an interval held, and the 95 % interval of that share.
 
-    count: int
+    Of shares of curves, ``count`` is their sum.
+    """
+
+    count: float
     of: int
     interval: tuple[float, float]
 
@@ -68,7 +71,7 @@ def covered(held: Sequence[tuple[int, bool]]) -> Covered | None:
 def of_cohorts(counts: Array, sizes: Array) -> Covered:
     """The share of ``counts`` in ``sizes``, both ``[n]`` by cohort."""
     total, share = sizes.sum(), counts.sum() / sizes.sum()
-    return Covered(int(counts.sum()), int(total), _interval(share, _independent(counts, sizes)))
+    return Covered(round(float(counts.sum()), 3), int(total), _interval(share, _independent(counts, sizes)))
 
 
 def _independent(counts: Array, sizes: Array) -> float:
@@ -119,6 +122,7 @@ def summary(cohorts: Sequence[CohortResult]) -> dict[str, Any]:
         "ranks": _ranks(ranked),
         "tarp": _tarp(whole),
         "contrasts": _contrasts(whole),
+        "left_out": _left_out(whole),
     }
 
 
@@ -170,6 +174,23 @@ def _tarp(cohorts: Sequence[CohortResult]) -> list[dict[str, Any]]:
     return rows
 
 
+def _left_out(cohorts: Sequence[CohortResult]) -> dict[str, Any] | None:
+    """Of specimens that no inference knew: points in the pointwise band, and whole curves in the other."""
+    some = [one for one in cohorts if one.left_out]
+    if not some:
+        return None
+    sizes = np.array([len(one.left_out) for one in some], dtype=float)
+    found = {
+        "points": np.array([sum(each.points for each in one.left_out) for one in some]),
+        "whole": np.array([sum(each.whole for each in one.left_out) for one in some], dtype=float),
+    }
+    return {
+        "cohorts": len(some),
+        "curves": int(sizes.sum()),
+        **{name: _share(of_cohorts(counts, sizes)) for name, counts in found.items()},
+    }
+
+
 def _contrasts(cohorts: Sequence[CohortResult]) -> dict[str, Any] | None:
     """How many differences that are none were called different; cohorts with as many contrasts count alike."""
     counts = np.array([one.different for one in cohorts], dtype=float)
@@ -177,4 +198,4 @@ def _contrasts(cohorts: Sequence[CohortResult]) -> dict[str, Any] | None:
     if not sizes.sum():
         return None
     found = of_cohorts(counts, sizes)
-    return {"different": found.count, "of": found.of, "share": found.share, "interval": list(found.interval)}
+    return {"different": int(found.count), "of": found.of, "share": found.share, "interval": list(found.interval)}

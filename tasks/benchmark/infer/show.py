@@ -56,6 +56,13 @@ def lines(result: dict[str, Any]) -> list[str]:
             f"differences of zero between two sites: {found['different']} of {found['of']} called different at 5 %: "
             f"{100 * found['share']:.1f} % ({100 * low:.1f} to {100 * high:.1f} %)"
         )
+    if (out := result["left_out"]) is not None:
+        points, whole = (_cell(out[name]) for name in ("points", "whole"))
+        words.append(
+            f"one more specimen of each site, of {out['cohorts']} cohorts: {points} % of the points of {out['curves']} "
+            f"curves inside the pointwise 95 % band of a new specimen, {whole} % of the curves inside the band for "
+            "whole curves"
+        )
     odd = [f"{row['parameter']} ({row['level']})" for row in result["ranks"] if (row["p"] or 1.0) < UNIFORM]
     expected = UNIFORM * len(result["ranks"])
     words.append(

@@ -11,7 +11,7 @@ from sinew.tasks.data.sites import by_site
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Model
 from sinew.tasks.predict import method
-from sinew.tasks.predict.method import coverage, next_curve, noise_of_others, pointwise
+from sinew.tasks.predict.method import bands_of, coverage, next_curve, noise_of_others, pointwise, simultaneous
 from sinew.tasks.simulate.evaluation import kept_points
 from sinew.tasks.simulate.uniaxial import Uniaxial
 
@@ -76,6 +76,50 @@ def test_the_band_of_a_new_tendon_covers_those_left_out(monkeypatch):
     assert all(0.85 <= share <= 1.0 for share in covered.values()), covered
 
 
+def smooth(rng, count):
+    """Curves that scatter by factors, and wander smoothly about their shape."""
+    t = np.linspace(0.0, 1.0, 60)
+    waves = np.array([np.sin((j + 1) * np.pi * t) / (j + 1) for j in range(5)])
+    along = 800.0 * np.abs(np.sin(9.0 * t)) + 20.0
+    return along * np.exp(rng.normal(0, 0.2, (count, 1))) + 40.0 * rng.standard_normal((count, 5)) @ waves
+
+
+def test_whole_curves_lie_inside_the_band_as_often_as_it_says():
+    """Over 60 bands of 400 curves each, with 200 new ones for each: a standard deviation of about 0.2 %."""
+    rng = np.random.default_rng(2)
+    whole, points = [], []
+    for _ in range(60):
+        low, high = simultaneous(smooth(rng, 400), 0.95)
+        curves = smooth(rng, 200)
+        inside = (curves >= low) & (curves <= high)
+        whole.append(inside.all(axis=1).mean())
+        points.append(inside.mean())
+    assert 0.935 <= np.mean(whole) <= 0.965
+    assert np.mean(points) > 0.98, "a band for whole curves is wider than a pointwise one"
+
+
+def test_bands_of_many_draws_hold_the_noise_and_whole_curves():
+    rng = np.random.default_rng(4)
+    drawn, new = smooth(rng, 400), smooth(rng, 500)
+    measured = new + rng.normal(0, 30.0, new.shape)
+    bands = bands_of({"hdi": drawn[:3], "draws": drawn, "new": drawn}, 30.0, 0.95)
+    inside = {name: (measured >= low) & (measured <= high) for name, (low, high) in bands.items()}
+    assert inside["draws"].mean() < inside["new"].mean(), "it knows no noise"
+    assert 0.93 <= inside["new"].mean() <= 0.97
+    assert 0.92 <= inside["whole"].all(axis=1).mean() <= 0.98
+    assert inside["new"].all(axis=1).mean() < 0.8
+    again = bands_of({"hdi": drawn[:3], "draws": drawn, "new": drawn}, 30.0, 0.95)
+    np.testing.assert_array_equal(again["whole"], bands["whole"])
+    few = bands_of({"hdi": drawn[:3], "draws": drawn, "new": drawn[:8]}, 30.0, 0.95)
+    assert few["whole"] is None and few["new"] is not None
+
+
+def test_a_band_of_equal_curves_is_their_curve():
+    low, high = simultaneous(np.tile(np.array([0.0, 3.0]), (200, 1)), 0.95)
+    np.testing.assert_allclose(low, [0.0, 3.0])
+    np.testing.assert_allclose(high, [0.0, 3.0])
+
+
 def test_pointwise_bounds_leave_out_the_same_on_both_sides():
     low, high = pointwise(np.arange(101.0)[:, np.newaxis] * [1.0, -2.0], 0.95)
     assert (low[0], high[0]) == pytest.approx((2.5, 97.5))
@@ -86,6 +130,7 @@ def test_each_point_counts_once_and_a_band_that_is_not_given_not_at_all():
     nothing = np.full(4, np.nan)
     bands = {"hdi_low": np.zeros(4), "hdi_high": np.array([1.0, 1.0, 1.0, 0.4]), "draws_low": nothing}
     bands |= {"draws_high": nothing, "new_low": np.array([0, 0, 0, np.nan]), "new_high": np.array([9, 9, 0.1, np.nan])}
+    bands |= {"whole_low": bands["hdi_low"], "whole_high": bands["hdi_high"]}
     dataset = xr.Dataset(
         {"measured": ("point", np.full(4, 0.5)), **{name: ("point", values) for name, values in bands.items()}},
         {"protocol": ("point", ["pull", "pull", "hold", "hold"]), "specimen": ("point", ["a", "b", "a", "b"])},
@@ -94,5 +139,6 @@ def test_each_point_counts_once_and_a_band_that_is_not_given_not_at_all():
     assert found["hdi"].all == 0.75
     assert found["hdi"].protocols == {"pull": 1.0, "hold": 0.5}
     assert found["hdi"].specimens == {"a": 1.0, "b": 0.5}
-    assert (found["draws"].all, found["draws"].points) == (None, 0)
+    assert found["hdi"].curves == 0.75, "four curves of a point each"
+    assert (found["draws"].all, found["draws"].points, found["draws"].curves) == (None, 0, None)
     assert (found["new"].all, found["new"].points) == (pytest.approx(2 / 3), 3)

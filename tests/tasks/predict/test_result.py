@@ -7,7 +7,7 @@ from sinew.tasks.predict.result import Coverage, PredictResult, SitePrediction
 
 def prediction(**shares: float | None) -> PredictResult:
     """One site, 100 points, and these shares inside its bands."""
-    coverage = {band: Coverage(share, 100, {"ramp": share}, {"a": share}) for band, share in shares.items()}
+    coverage = {band: Coverage(share, 100, {"ramp": share}, {"a": share}, share) for band, share in shares.items()}
     site = SitePrediction(["a"], {}, None, coverage, "a", "a", None)
     return PredictResult(0.95, 40, 43, 0, {"all": site}, coverage, "known")
 

@@ -82,6 +82,7 @@ def test_a_prediction_is_simulated_once_and_drawn(tmp_path):
         result = run(workspace, FEW_DRAWS)
         done = workspace.simulations
         assert done == result.rows - _repeated(workspace)
+        assert result.coverage["whole"].all is None and not result.from_population, "seven others are too few"
         first = (workspace.out / "predict.json").read_bytes()
         dataset = workspace.store.read_result("predict/distal")
         specimen = workspace.cohort.specimens[1]
@@ -136,7 +137,7 @@ def test_three_specimens_of_a_site_are_too_few_for_a_new_one_and_failed_rows_are
         assert "3 specimens" in prediction.no_new
         protocols = dict.fromkeys(("cyclic", "one_step", "two_step"))
         specimens = dict.fromkeys(f"middle/{number}" for number in (1, 2, 3))
-        assert prediction.coverage["new"] == Coverage(None, 0, protocols, specimens)
+        assert prediction.coverage["new"] == Coverage(None, 0, protocols, specimens, None)
         assert result.failed == 3
         assert prediction.coverage["hdi"].points == 3 * 3 * 96, "two of the three are left"
         assert "NaN" not in (workspace.out / "predict.json").read_text()
@@ -224,7 +225,10 @@ def test_what_is_measured_beside_the_force_has_bands_of_its_own(tmp_path, capsys
     seen = [int(np.isfinite(curve.others["lateral_strain"]).sum()) for one in specimens for curve in one.curves]
     assert points >= sum(min(each, 94) for each in seen), "points are kept where the camera saw something"
     assert dataset["lateral_strain_measured"].attrs["units"] == "1"
+    assert other.coverage["whole"].all is None, "three others are too few"
     for band, one in other.coverage.items():
+        if band == "whole":
+            continue
         low, high = (dataset[f"lateral_strain_{band}_{end}"].to_numpy() for end in ("low", "high"))
         inside = (measured >= low) & (measured <= high)
         assert one.points == points

@@ -106,11 +106,13 @@ def test_one_output_and_many_agree():
 
 
 def test_a_convergence_begins_with_32_base_samples_and_ends_with_all():
-    estimate, output = estimated(128, nothing, ishigami.evaluate, BOUNDS)
+    several, output = estimated(256, nothing, ishigami.evaluate, BOUNDS)
+    assert several.convergence(output).base_samples == [128, 256], "of each sequence 16"
+    estimate, output = estimated(128, nothing, ishigami.evaluate, BOUNDS, scrambles=1)
     curve = estimate.convergence(output)
     assert curve.base_samples == [32, 64, 128]
     for at, size in enumerate(curve.base_samples):
-        smaller, same = estimated(size, nothing, ishigami.evaluate, BOUNDS)
+        smaller, same = estimated(size, nothing, ishigami.evaluate, BOUNDS, scrambles=1)
         found = smaller.of(same[:, np.newaxis])
         for key in KEYS:
             assert np.array_equal(getattr(curve, key)[at], found[key][:, 0]), (size, key)

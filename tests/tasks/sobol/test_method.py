@@ -131,7 +131,7 @@ KNOWN = {
 
 
 @pytest.mark.parametrize("name", KNOWN)
-@pytest.mark.parametrize("base", [64, 256])
+@pytest.mark.parametrize("base", [128, 512])
 def test_intervals_cover_the_truth_as_often_as_they_say(name, base):
     """95 % intervals of both indices, over 100 seeds; the standard deviation of the share is about 1.3 %."""
     problem, function, first, total = KNOWN[name]
@@ -152,15 +152,17 @@ def test_scrambles_are_saltelli_designs_of_their_own_in_turn():
     rows = drawn(names, bounds, 32, 3, second_order=False, scrambles=4).reshape(32, 5, 3)
     for number in range(4):
         own = rows[number::4]
-        unit = (own[:, 0] + np.pi) / (2 * np.pi)
-        assert (np.histogram(unit[:, 0], bins=8, range=(0, 1))[0] == 1).all(), "each is a stratified sequence"
+        unit = (own + np.pi) / (2 * np.pi)
+        for matrix in (unit[:, 0], unit[:, -1]):
+            for column in matrix.T:
+                assert (np.histogram(column, bins=8, range=(0, 1))[0] == 1).all(), "each is a stratified sequence"
         for j in range(3):
             changed = own[:, 1 + j] != own[:, 0]
             assert not np.delete(changed, j, axis=1).any()
     assert not np.array_equal(rows[0::4], rows[1::4])
     np.testing.assert_array_equal(drawn(names, bounds, 64, 3, second_order=False, scrambles=4)[: 32 * 5].ravel(),
                                   rows.ravel())  # fmt: skip
-    assert [scrambles_of(base, 8) for base in (2, 4, 8, 16, 32, 2048)] == [1, 1, 2, 4, 8, 8]
+    assert [scrambles_of(base, 8) for base in (2, 32, 64, 128, 2048)] == [1, 1, 4, 8, 8]
 
 
 @pytest.mark.parametrize("second_order", [False, True])

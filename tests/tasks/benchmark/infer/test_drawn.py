@@ -24,6 +24,8 @@ def test_specimens_are_within_the_ranges_and_follow_from_the_seed(heavy):
     at = np.array(list(truth.specimens.values()))
     assert at.shape == (4, len(model.free)) and (at >= 0).all() and (at <= 1).all()
     assert (truth.spread > 0).all()
+    assert truth.further.shape == (2, len(model.free)) and (truth.further >= 0).all() and (truth.further <= 1).all()
+    assert not np.isin(truth.further[:, 0], at[:, 0]).any()
 
 
 def test_curves_are_those_of_the_truth_with_noise():

@@ -44,6 +44,8 @@ def test_two_cohorts_are_run_scored_and_not_run_again(tmp_path, study, capsys):
     every = next(row for row in result["coverage"] if row["parameter"] == "all" and row["level"] == "mean")
     assert every["shares"]["95 %"]["share"] > 0.5
     assert result["contrasts"]["of"] == 2 * len(FREE)
+    assert (result["left_out"]["cohorts"], result["left_out"]["curves"]) == (2, 4)
+    assert 0.5 < result["left_out"]["points"]["share"] <= 1.0
     assert "differences of zero between two sites" in capsys.readouterr().out
     assert "| population mean | E_f | 4 |" in (out / "benchmark.md").read_text()
     assert (out / "ranks.png").stat().st_size > 5000

@@ -120,7 +120,10 @@ def test_figures_are_drawn_one_at_a_time(inferred):
 
 def test_predictions_and_comparisons_build_upon_it(inferred):
     predicted = json.loads((inferred / "predict.json").read_text())
-    assert predicted["coverage"]["new"]["fraction"] > 0.8 if "fraction" in predicted["coverage"]["new"] else True
+    assert predicted["from_population"]
+    for band in ("new", "whole"):
+        assert predicted["coverage"][band]["all"] > 0.8
+    assert predicted["coverage"]["whole"]["curves"] >= predicted["coverage"]["new"]["curves"]
     assert predicted["sites"]["distal"]["no_new"] is None
     compared = json.loads((inferred / "compare.json").read_text())
     assert compared["names"] == ["E_f", "alpha_f", "E_m"]
