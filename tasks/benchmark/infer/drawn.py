@@ -15,9 +15,8 @@ import numpy as np
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.virtual import virtual_specimen
-from sinew.tasks.infer.likelihood.compiled import FARTHEST
-from sinew.tasks.infer.likelihood.population import from_prior, moments, specimens_of
-from sinew.tasks.infer.likelihood.scores import places
+from sinew.tasks.infer.likelihood.population import Population, from_prior, moments, specimens_of
+from sinew.tasks.infer.likelihood.scores import inside, places
 from sinew.tasks.model import Model, Specimen
 from sinew.tasks.model.parameters import bounds
 from sinew.tasks.model.protocols import STANDARD
@@ -69,7 +68,7 @@ def drawn(
     names = [f"{site}/{number + 1}" for site in SITES for number in range(conditions.per_site)]
     varied = tuple(parameter.name for parameter in model.free)
     if by_likelihood:
-        mean, spread, at, further = _population(rng, len(varied), len(names), heavy=heavy)
+        mean, spread, at, further = _population(rng, len(varied), conditions.per_site, heavy=heavy)
     else:
         mean, spread = rng.random(len(varied)), np.zeros(len(varied))
         at, further = np.tile(mean, (len(names), 1)), np.tile(mean, (len(SITES), 1))
@@ -88,22 +87,33 @@ def measured(rng: np.random.Generator, name: str, model: Model, at: Array, condi
     )[0]
 
 
-def _population(rng: np.random.Generator, size: int, count: int, *, heavy: bool) -> tuple[Array, Array, Array, Array]:
-    """Mean and spread ``[k]`` of a population, ``count`` specimens ``[n, k]`` of it, and one more for each site.
+def _population(
+    rng: np.random.Generator, size: int, per_site: int, *, heavy: bool
+) -> tuple[Array, Array, Array, Array]:
+    """Mean and spread ``[k]`` of a population, specimens ``[n, k]`` of both sites, and one more for each site.
 
-    All as places. Those that are one more may be anywhere, as a new specimen may.
+    All as places. A population whose specimens of the first site are not all within the ranges is not used, as the
+    inference of a site supposes; those of the second site are drawn until they are. So each site alone is a draw from
+    what its inference takes for the prior. Those that are one more may be anywhere, as a new specimen may.
     """
     for _ in range(TRIES):
-        population = from_prior(rng, 1, size, count, heavy=heavy)
-        root = np.linalg.cholesky(population.covariance()[0])
-        apart = rng.standard_normal((count, size)) @ root.T
-        scores = population.mean + apart / np.sqrt(population.weights)
-        if np.abs(scores).max() <= FARTHEST:
-            spread = np.sqrt(np.diagonal(population.covariance()[0]))
-            own = rng.spawn(1)[0]
-            further = np.concatenate([specimens_of(own, population, heavy=heavy) for _ in SITES])
-            return *moments(population.mean[0], spread, heavy=heavy), places(scores), places(further)
-    raise BadInput("--specimens", f"no population keeps {count} specimens within the ranges", "fewer specimens")
+        population = from_prior(rng, 1, size, 1, heavy=heavy)
+        first = _specimens(rng, population, per_site, heavy=heavy)
+        if not inside(first).all():
+            continue
+        for _ in range(TRIES):
+            second = _specimens(rng, population, per_site, heavy=heavy)
+            if inside(second).all():
+                spread = np.sqrt(np.diagonal(population.covariance()[0]))
+                further = _specimens(rng, population, len(SITES), heavy=heavy)
+                mean, spread = moments(population.mean[0], spread, heavy=heavy)
+                return mean, spread, places(np.concatenate([first, second])), places(further)
+    raise BadInput("--specimens", f"no population keeps {per_site} specimens within the ranges", "fewer specimens")
+
+
+def _specimens(rng: np.random.Generator, population: Population, count: int, *, heavy: bool) -> Array:
+    """Scores ``[count, k]`` of specimens of one population, wherever they are."""
+    return np.concatenate([specimens_of(rng, population, heavy=heavy) for _ in range(count)])
 
 
 def tests_of(names: Sequence[str]) -> tuple[str, ...]:

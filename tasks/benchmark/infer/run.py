@@ -108,13 +108,12 @@ def _cohort(
         for one in compared(workspace, results["infer"], truth):
             ranked += one.ranked(number)
             tarp.setdefault(one.level, []).append(one.nearer(points))
-        contrasts = results["compare"].contrasts
-        inferred = results["infer"]
-        return CohortResult(
-            number, method, ranked, tarp, len(contrasts), sum(one.different for one in contrasts), 0.0, None, inputs,
-            left_out(workspace, inferred, truth, specimens, conditions)
-            if isinstance(inferred, LikelihoodResult) else [],
-        )  # fmt: skip
+        contrasts, inferred = results["compare"].contrasts, results["infer"]
+        further = []
+        if isinstance(inferred, LikelihoodResult):
+            further = left_out(workspace, inferred, truth, specimens, conditions)
+        different = sum(one.different for one in contrasts)
+        return CohortResult(number, method, ranked, tarp, len(contrasts), different, 0.0, None, inputs, further)
 
     started = time.monotonic()
     found = run_blind(read_study(out / "study.yaml"), tasks, out / "run", workers, scored, figures=False)

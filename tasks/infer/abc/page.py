@@ -9,7 +9,7 @@ from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plot, Plots, Section, Table, Words, number, percent, plural
 from sinew.tasks.infer.abc.figures import density
-from sinew.tasks.infer.abc.result import FEW, AbcResult, particles_group
+from sinew.tasks.infer.abc.result import ENOUGH, AbcResult, particles_group
 from sinew.tasks.infer.abc.show import beyond_ranges
 from sinew.tasks.report.folder import ResultFolder
 
@@ -23,8 +23,9 @@ def section(folder: ResultFolder, result: AbcResult) -> Section:
     sites = result.sites
     blocks: list[Block] = []
     if result.few:
-        words = f"{', '.join(result.few)}: the particles are worth fewer than {FEW} of equal weight, which says little "
-        blocks.append(Words(f"{words}of a posterior. Infer with a larger population.", "warning"))
+        words = f"{', '.join(result.few)}: the particles are worth fewer than {ENOUGH} of equal weight, so means and "
+        words += "intervals depend on the seed. Infer with a larger population, or by likelihood."
+        blocks.append(Words(words, "warning"))
     if folder.store is not None:
         particles = {site: folder.store.read_result(particles_group(site)) for site in sites}
         blocks.append(_marginals(result, particles))

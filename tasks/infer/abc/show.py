@@ -7,7 +7,7 @@ from rich.table import Table as Grid
 
 from sinew.runner.console import Console
 from sinew.tasks.calibrate.result import CalibrateResult
-from sinew.tasks.infer.abc.result import AbcResult
+from sinew.tasks.infer.abc.result import ENOUGH, AbcResult
 
 
 def table(result: AbcResult) -> pd.DataFrame:
@@ -56,4 +56,9 @@ def summary(result: AbcResult, folder: Path, console: Console) -> None:
             f"{site}: {len(posterior.generations)} generations, {posterior.judged:,} proposals, "
             f"threshold {posterior.epsilon[-1]:.3g}, "
             f"effective sample size {posterior.effective_sample_size:.0f} of {result.population}"
+        )
+    if result.few:
+        console.print(
+            f"{', '.join(result.few)}: below an effective sample size of {ENOUGH}, means and intervals depend on the "
+            "seed; infer with a larger population, or by likelihood"
         )

@@ -157,7 +157,7 @@ def test_the_summary_tells_of_few_particles_and_of_all_bands(run_folder):
     build(run_folder)
     sections = read(run_folder).sections
     assert "worth few particles: distal" in sections["summary"]
-    assert "distal: the particles are worth fewer than 10 of equal weight" in sections["posterior"]
+    assert "distal: the particles are worth fewer than 100 of equal weight" in sections["posterior"]
     coverage = json.loads((run_folder / "predict.json").read_text())["coverage"]
     shown = [percent(told["all"]) for told in coverage.values() if told["all"] is not None]
     assert len(shown) >= 2
