@@ -11,7 +11,7 @@ from sinew.tasks.model import Model
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.pairing import pairs_of
 
-FEWEST = 16  # base samples of a sequence
+FEWEST = 32  # base samples of a sequence
 
 
 @dataclass(frozen=True, eq=False)

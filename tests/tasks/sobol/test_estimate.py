@@ -106,8 +106,8 @@ def test_one_output_and_many_agree():
 
 
 def test_a_convergence_begins_with_32_base_samples_and_ends_with_all():
-    several, output = estimated(256, nothing, ishigami.evaluate, BOUNDS)
-    assert several.convergence(output).base_samples == [128, 256], "of each sequence 16"
+    several, output = estimated(512, nothing, ishigami.evaluate, BOUNDS)
+    assert several.convergence(output).base_samples == [256, 512], "of each sequence 32"
     estimate, output = estimated(128, nothing, ishigami.evaluate, BOUNDS, scrambles=1)
     curve = estimate.convergence(output)
     assert curve.base_samples == [32, 64, 128]

@@ -131,7 +131,7 @@ KNOWN = {
 
 
 @pytest.mark.parametrize("name", KNOWN)
-@pytest.mark.parametrize("base", [128, 512])
+@pytest.mark.parametrize("base", [256, 512])
 def test_intervals_cover_the_truth_as_often_as_they_say(name, base):
     """95 % intervals of both indices, over 100 seeds; the standard deviation of the share is about 1.3 %."""
     problem, function, first, total = KNOWN[name]
@@ -162,7 +162,7 @@ def test_scrambles_are_saltelli_designs_of_their_own_in_turn():
     assert not np.array_equal(rows[0::4], rows[1::4])
     np.testing.assert_array_equal(drawn(names, bounds, 64, 3, second_order=False, scrambles=4)[: 32 * 5].ravel(),
                                   rows.ravel())  # fmt: skip
-    assert [scrambles_of(base, 8) for base in (2, 32, 64, 128, 2048)] == [1, 1, 4, 8, 8]
+    assert [scrambles_of(base, 8) for base in (2, 64, 128, 256, 2048)] == [1, 1, 4, 8, 8]
 
 
 @pytest.mark.parametrize("second_order", [False, True])
