@@ -3,39 +3,25 @@
 from collections.abc import Sequence
 from typing import Any
 
-from rich.table import Table as Grid
-from rich.text import Text
-
 from sinew.runner.console import Console
+from sinew.tasks.benchmark.tables import Table, as_markdown, printed
 from sinew.tasks.discover.result import NAMES
 
-Rows = list[list[str]]
 # open: the verdict says which effects it cannot tell apart, and the truth is among them
 GOOD = ("right", "open", "one of two", "some of them")
 
 
 def tell(result: dict[str, Any], console: Console) -> None:
     """Cases, table, comparison with other selectors, and how many cases there are of each class."""
-    for title, header, rows in _tables(result):
-        grid = Grid(*header, title=title)
-        for row in rows:
-            grid.add_row(*(Text(cell) for cell in row))
-        console.print(grid)
-    for line in _lines(result):
-        console.print(line)
+    printed(_tables(result), _lines(result), console)
 
 
 def markdown(result: dict[str, Any]) -> str:
     """The same as a file for the docs."""
-    parts = []
-    for title, header, rows in _tables(result):
-        lines = [header, ["---"] * len(header), *rows]
-        table = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
-        parts.append(f"**{title}**\n\n{table}\n")
-    return "\n".join([*(f"{line}\n" for line in _lines(result)), *parts])
+    return as_markdown(_tables(result), _lines(result))
 
 
-def _tables(result: dict[str, Any]) -> list[tuple[str, list[str], Rows]]:
+def _tables(result: dict[str, Any]) -> list[Table]:
     rows = [[row["name"], *_counted(row)] for row in result["shares"]]
     rows += [
         [f"median {row['name']}", _median(row), _interval(row["interval"], row["unit"]),

@@ -112,7 +112,8 @@ def run(workspace: Workspace, settings: Settings) -> PredictResult:
 
     Raises :class:`BadInput` when there is no inference, or when it was of another model.
     """
-    sites = _planned(workspace, settings)
+    inferred = _posteriors(workspace)
+    sites = _planned(workspace, settings, inferred)
     every = [one for planned in sites.values() for one in planned]
     _evaluate(workspace, every)
     inputs = key(
@@ -137,14 +138,14 @@ def run(workspace: Workspace, settings: Settings) -> PredictResult:
         coverage=coverage(xr.concat(forces, "point")),
         inputs=inputs,
         others=_others_of([dataset for _, dataset in predicted], every[0].evaluation),
-        from_population=isinstance(read_posteriors(workspace.out), LikelihoodResult),
+        from_population=isinstance(inferred, LikelihoodResult),
     )
     commit(workspace, result, {name: dataset for name, (_, dataset) in zip(arrays, predicted, strict=True)})
     return result
 
 
-def _planned(workspace: Workspace, settings: Settings) -> dict[str, list[Planned]]:
-    """The simulations of each specimen by site, from the posterior and the calibration."""
+def _posteriors(workspace: Workspace) -> Posteriors:
+    """What was inferred, of this model and with the specimens of each site."""
     path = InferResult.path(workspace.out)
     inferred = read_posteriors(workspace.out)
     if inferred is None:
@@ -155,6 +156,12 @@ def _planned(workspace: Workspace, settings: Settings) -> dict[str, list[Planned
         raise BadInput(path, problem, f"{', '.join(names)} (`sinew infer` again)")
     if not all(posterior.specimens for posterior in inferred.sites.values()):
         raise BadInput(path, "names no specimen of a site", "what `sinew infer` writes; run it again")
+    return inferred
+
+
+def _planned(workspace: Workspace, settings: Settings, inferred: Posteriors) -> dict[str, list[Planned]]:
+    """The simulations of each specimen by site, from the posterior and the calibration."""
+    path = InferResult.path(workspace.out)
     by_likelihood = isinstance(inferred, LikelihoodResult)
     calibration = None if by_likelihood else CalibrateResult.read(workspace.out)
     if calibration is None and not by_likelihood:

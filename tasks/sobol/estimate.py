@@ -9,7 +9,7 @@ more than ``LIMIT`` of them    the same S1; ST is refused: what is left of the r
 =============================  ========================================================================================
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -73,9 +73,7 @@ class Estimator:
 
     def first(self, base: int) -> "Estimator":
         """That of the first ``base`` samples of the design."""
-        design = Design(
-            self.design.names, base, self.design.second_order, self.design.rows, self.design.free, self.design.scrambles
-        )
+        design = replace(self.design, base_samples=base)
         rows = base * design.block
         of = self.ran.at < rows
         ran = Independent(self.ran.features[of], self.ran.at[of], self.ran.scramble[of])

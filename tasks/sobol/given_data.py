@@ -63,6 +63,7 @@ def first_order(rows: Independent, outcomes: Array, intervals: Intervals) -> dic
     varies = variance > (1e-12 * np.abs(outcomes).max(axis=0)) ** 2
     there, counts = np.unique(rows.scramble, return_counts=True)
     degree = int(np.clip(counts.min() // ROWS_PER_TERM, 1, HIGHEST))
+    factor = intervals.resampled(rows.scramble)[1]
     with np.errstate(divide="ignore", invalid="ignore"):
         for j in range(size):
             basis = _polynomials(rows.features[:, j], degree)
@@ -77,7 +78,6 @@ def first_order(rows: Independent, outcomes: Array, intervals: Intervals) -> dic
                 *(_product(np.delete(terms, left_out, axis=0)) for left_out in range(len(terms))),
             ]
             shares = np.stack(values) / variance
-            factor = intervals.resampled(rows.scramble)[1]
             found["S1"][j] = np.where(varies, shares[0], np.nan)
             found["S1_conf"][j] = np.where(varies, factor * shares[1:].std(axis=0, ddof=1), np.nan)
     return found

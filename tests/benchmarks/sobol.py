@@ -9,7 +9,7 @@ import numpy as np
 from SALib.test_functions import Ishigami, Sobol_G
 
 from sinew.tasks.model import Model
-from sinew.tasks.model.parameters import bounds, scaled
+from sinew.tasks.model.parameters import scaled
 from sinew.tasks.simulate.saltelli import Design, drawn
 from sinew.tasks.sobol.estimate import estimator
 from sinew.tasks.sobol.method import Intervals
@@ -89,7 +89,6 @@ def tendon() -> Case:
         parts = np.array_split(rows, max(1, len(rows) // 4096))
         return np.concatenate([evaluated(scaled(model.free, part)).values["objective"].sum(axis=1) for part in parts])
 
-    assert len(bounds(model.free)[0]) == len(model.parameters)
     whole = estimates(Case("", unit, function, np.empty(0)), TENDON_TRUTH, 10**6)
     print(f"  tendon: truth from {TENDON_TRUTH} base samples, half-widths up to {whole['S1_conf'].max():.4f} (S1) and "
           f"{whole['ST_conf'].max():.4f} (ST)")  # fmt: skip

@@ -2,12 +2,9 @@
 
 from typing import Any
 
-from rich.table import Table as Grid
-from rich.text import Text
-
 from sinew.runner.console import Console
+from sinew.tasks.benchmark.tables import Table, as_markdown, printed
 
-Rows = list[list[str]]
 LEVELS = {
     "mean": "population mean",
     "spread": "population spread",
@@ -19,22 +16,12 @@ UNIFORM = 0.01  # p-value below which ranks are not uniform
 
 def tell(result: dict[str, Any], console: Console) -> None:
     """Coverage, ranks, and what else was counted."""
-    for title, header, rows in _tables(result, by_parameter=False):
-        grid = Grid(*header, title=title)
-        for row in rows:
-            grid.add_row(*(Text(cell) for cell in row))
-        console.print(grid)
-    for line in lines(result):
-        console.print(line)
+    printed(_tables(result, by_parameter=False), lines(result), console)
 
 
 def markdown(result: dict[str, Any]) -> str:
-    """The same as a file for the docs."""
-    parts = [f"{line}\n" for line in lines(result)]
-    for title, header, rows in _tables(result, by_parameter=True):
-        table = "\n".join("| " + " | ".join(line) + " |" for line in [header, ["---"] * len(header), *rows])
-        parts.append(f"**{title}**\n\n{table}\n")
-    return "\n".join(parts)
+    """The same, with a table by parameter, as a file for the docs."""
+    return as_markdown(_tables(result, by_parameter=True), lines(result))
 
 
 def lines(result: dict[str, Any]) -> list[str]:
@@ -72,7 +59,7 @@ def lines(result: dict[str, Any]) -> list[str]:
     return words
 
 
-def _tables(result: dict[str, Any], *, by_parameter: bool) -> list[tuple[str, list[str], Rows]]:
+def _tables(result: dict[str, Any], *, by_parameter: bool) -> list[Table]:
     coverage, tarp = result["coverage"], result["tarp"]
     shares = list(coverage[0]["shares"]) if coverage else []
     every, single = [], []
