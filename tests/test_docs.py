@@ -136,7 +136,7 @@ tasks: [sobol, importance, calibrate, infer, predict, compare, discover]
 sobol: {{base_samples: 4, resamples: 20}}
 importance: {{trees: 10, repeats: 2}}
 calibrate: {{evaluations: 14, methods: [bayesian]}}
-infer: {{population: 6, generations: 1, epsilon: 9.0}}
+infer: {{paper: true, population: 6, generations: 1, epsilon: 9.0}}
 predict: {{draws: 4}}
 compare: {{permutations: 20, repeats: 1}}
 discover: {{effects: [toe-slack], starts: 1, laws: false}}
@@ -150,7 +150,7 @@ def study(folder: Path) -> None:
 
 def by_likelihood(folder: Path) -> None:
     """The study with posteriors of populations."""
-    of_abc = "infer: {population: 6, generations: 1, epsilon: 9.0}"
+    of_abc = "infer: {paper: true, population: 6, generations: 1, epsilon: 9.0}"
     assert of_abc in STUDY
     (folder / "study.yaml").write_text(STUDY.replace(of_abc, "infer: {method: likelihood, ess: 100}"))
 

@@ -1,4 +1,4 @@
-"""Commands that score sinew where the answer is known."""
+"""Commands that score sinew where the answer is known, and that reproduce published work."""
 
 from pathlib import Path
 
@@ -56,6 +56,13 @@ def benchmark_discover(
 @click.option("--protocol", "protocols", multiple=True, metavar="NAME", help="Test of each specimen; all without.")
 @click.option("--rate-hz", type=click.FloatRange(1, 1000), default=20.0, show_default=True, help="Samples per second.")
 @click.option("--noise", type=click.FloatRange(1e-5, 0.5), default=0.003, show_default=True, help="Of the peak force.")
+@click.option("--effect", default="", help="Hide an effect of the library in all specimens, at its typical size.")
+@click.option(
+    "--screw",
+    type=click.FloatRange(0, 1),
+    default=0.0,
+    help="Hide an uneven screw, which the library does not have: how far it is off, as a fraction of the displacement.",
+)
 @click.option("--workers", type=click.IntRange(1, 1024), help="Local worker processes.")
 @click.option("--quiet", is_flag=True, help="No progress and no table.")
 def benchmark_infer(
@@ -66,6 +73,8 @@ def benchmark_infer(
     protocols: tuple[str, ...],
     rate_hz: float,
     noise: float,
+    effect: str,
+    screw: float,
     workers: int | None,
     quiet: bool,
 ) -> None:
@@ -82,7 +91,7 @@ def benchmark_infer(
             put(line)
 
     out = out or own_folder("benchmark-infer")
-    conditions = Conditions(specimens, tests_of(protocols), rate_hz, noise)
+    conditions = Conditions(specimens, tests_of(protocols), rate_hz, noise, effect=effect, screw=screw)
     result = benchmark(out, cohorts=cohorts, conditions=conditions, study=study, workers=workers, say=say)
     write_text(out / "benchmark.md", markdown(result))
     draw(result, out)
@@ -90,3 +99,28 @@ def benchmark_infer(
     if not quiet:
         put(f"results: {out / 'benchmark.json'}, {out / 'benchmark.md'}")
     say_next(f"read {out / 'benchmark.md'}")
+
+
+@sinew.group("reproduce")
+def reproduce_() -> None:
+    """Published work, reproduced on specimens whose truth is known."""
+
+
+@reproduce_.command("paper")
+@click.option("--out", type=PATH, show_default="results/paper", help="Folder of the cohort, the run and the paper.")
+@click.option("--study", type=PATH, help="Settings in place of the paper's sizes (default: configs/tendon.yaml).")
+@click.option("--per-site", type=click.IntRange(1, 9), default=9, show_default=True, help="Specimens of each site.")
+@click.option("--rate", type=click.FloatRange(0.5, 1000), default=100.0, show_default=True, help="Samples per second.")
+@click.option("--workers", type=click.IntRange(1, 1024), help="Local worker processes.")
+@click.option("--quiet", is_flag=True, help="Nothing but errors and the last line.")
+def reproduce_paper(
+    out: Path | None, study: Path | None, per_site: int, rate: float, workers: int | None, quiet: bool
+) -> None:
+    """All figures, tables and numbers of Pekedis (2025), beside the truth."""
+    from sinew.tasks.benchmark.paper.run import reproduce
+
+    out = out or own_folder("paper")
+    missing = reproduce(out, study=study, per_site=per_site, rate_hz=rate, workers=workers, quiet=quiet)
+    if missing and not quiet:
+        put(f"not drawn by this study: {', '.join(missing)}")
+    say_next(f"read {out / 'paper' / 'paper.md'}")

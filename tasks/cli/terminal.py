@@ -22,7 +22,7 @@ GROUPS: Mapping[str, Sequence[str]] = {
     "Run a study": ("run", *TASKS, "simulate"),
     "Look": ("watch", "status", "report", "fields", "export"),
     "On a cluster": ("doctor", "submit", "cancel"),
-    "Care": ("trust", "repair", "benchmark", "completion"),
+    "Care": ("trust", "repair", "benchmark", "reproduce", "completion"),
 }
 EXAMPLES: Mapping[str, Sequence[str]] = {
     "init": ("sinew init bench/*.csv --out study --length-mm 20 --width-mm 5 --thickness-mm 1.5",),

@@ -82,20 +82,23 @@ def virtual_specimen(
     noise: float,
     ar1: float,
     effects: tuple[Effect, ...] = (),
+    strength: float = 1.0,
     screw: float = 0.0,
 ) -> tuple[Specimen, float]:
     """A specimen of parameters ``values`` ``[d]`` of ``model`` with simulated measurements, and their noise (N).
 
-    Its sizes and its noise are drawn from ``rng``; ``tests`` make the protocols from gauge length and rate. The rest is
-    as for :func:`virtual_cohort`.
+    Its sizes and its noise are drawn from ``rng``; ``tests`` make the protocols from gauge length and rate; effects
+    have ``strength`` times their typical sizes. The rest is as for :func:`virtual_cohort`.
     """
     length, width, thickness = (round(size * (1 + GAUGE_SCATTER * rng.standard_normal()), 4) for size in GAUGE_MM)
     bare = Specimen(name, length, width, thickness)
     protocols = [make(length, rate_hz) for make in tests]
     moved = [_screwed(protocol, screw) for protocol in protocols]
-    typical = np.concatenate([np.empty(0), *(effect.typical for effect in effects)])[np.newaxis]
+    nothing = np.concatenate([np.empty(0), *(effect.null_values for effect in effects)])
+    typical = np.concatenate([np.empty(0), *(effect.typical for effect in effects)])
+    sizes = typical if strength == 1.0 else nothing + strength * (typical - nothing)
     rows = values[np.newaxis]
-    forces = [simulate_with(model, effects, bare, protocol, rows, typical)[0] for protocol in moved]
+    forces = [simulate_with(model, effects, bare, protocol, rows, sizes[np.newaxis])[0] for protocol in moved]
     scale = noise * max(force.max() for force in forces)
     curves = tuple(
         Curve(protocol, force + scale * autoregressive(rng, force.size, ar1))

@@ -11,10 +11,11 @@ def run(workspace: Workspace, settings: Settings) -> Any:
 
     Raises :class:`sinew.runner.errors.BadInput` as the methods do.
     """
-    if settings.chosen(quick=workspace.simulator.capabilities.quick) == "abc":
+    quick = workspace.simulator.capabilities.quick
+    if settings.chosen(quick=quick) == "abc":
         from sinew.tasks.infer.abc import task as abc
 
-        return abc.run(workspace, settings)
+        return abc.run(workspace, settings.by_abc(quick=quick))
     from sinew.tasks.infer.likelihood import task as likelihood
 
-    return likelihood.run(workspace, settings)
+    return likelihood.run(workspace, settings.by_likelihood())

@@ -26,6 +26,8 @@ def work(given: Given, settings: Settings) -> Work:
     if settings.chosen(quick=given.can.quick) == "likelihood":
         count = sum(len(members) for members in sites.values())
         return Work(here_s=NOISE_S * count, shared_s=(EXPLORED_S + SWEEPS_S) * count)
-    proposals = settings.generations * settings.population * PROPOSALS
+    filled = settings.by_abc(quick=given.can.quick)
+    assert filled.population is not None and filled.generations is not None, "they are filled in"
+    proposals = filled.generations * filled.population * PROPOSALS
     rows = {one.name: proposals for members in sites.values() for one in members}
     return Work(rows, here_s=START_S + PROPOSAL_S * proposals * len(sites))

@@ -1,12 +1,24 @@
 """Benchmarks: ratios measured in one run, medians of several rounds. `make benchmarks`, or name some:
 
-python -m tests.benchmarks kernel study durable memory febio resume scale calibration sampler sobol
+python -m tests.benchmarks kernel study durable memory febio resume scale calibration sampler sobol discrepancy
 """
 
 import platform
 import sys
 
-from tests.benchmarks import calibration, durable, febio, kernel, memory, resume, sampler, scale, sobol, study
+from tests.benchmarks import (
+    calibration,
+    discrepancy,
+    durable,
+    febio,
+    kernel,
+    memory,
+    resume,
+    sampler,
+    scale,
+    sobol,
+    study,
+)
 
 ALL = {
     "kernel": kernel.main,
@@ -19,6 +31,7 @@ ALL = {
     "calibration": calibration.main,
     "sampler": sampler.main,
     "sobol": sobol.main,
+    "discrepancy": discrepancy.main,
 }
 
 

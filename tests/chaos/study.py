@@ -29,7 +29,7 @@ importance: {{trees: 10, repeats: 2}}
 morris: {{trajectories: 4, specimens: [distal/1], resamples: 20}}
 pawn: {{slides: 4, resamples: 20}}
 calibrate: {{evaluations: 40, bayesian: {{evaluations: 20}}}}
-infer: {{population: 8, generations: 2, epsilon: 1.0, pending: 16}}
+infer: {{paper: true, population: 8, generations: 2, epsilon: 1.0, pending: 16}}
 predict: {{draws: 8}}
 compare: {{permutations: 20}}
 discover: {{effects: [toe-slack], starts: 1, laws: false}}

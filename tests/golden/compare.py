@@ -99,8 +99,9 @@ def edited_by_hand() -> list[str]:
 
 
 def _version(task: str) -> str:
-    """The declared version of a task's method."""
-    return str(TASKS[task].module("result").RESULT.VERSION)
+    """The declared version of a task's method: of an inference, ABC, by which the golden study infers."""
+    result = TASKS[task].module("result")
+    return str(getattr(result, "AbcResult", result.RESULT).VERSION)
 
 
 def _digest(path: Path) -> str:

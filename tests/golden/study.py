@@ -24,7 +24,7 @@ morris: {{trajectories: 5, resamples: 20}}
 pawn: {{slides: 4, resamples: 20}}
 importance: {{trees: 10, repeats: 2}}
 calibrate: {{evaluations: 30, starts: 1, bayesian: {{evaluations: 12, initial: 6, seeds: 10}}}}
-infer: {{population: 10, generations: 2, epsilon: 2.0}}
+infer: {{paper: true, population: 10, generations: 2, epsilon: 2.0}}
 predict: {{draws: 5}}
 discover: {{effects: [toe-slack], starts: 2, specimens: [distal/1]}}
 """

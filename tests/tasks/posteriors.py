@@ -14,7 +14,7 @@ def posterior_of(
 ) -> Posterior:
     """A posterior with the given means; intervals reach ``half_width`` of the mean to both sides."""
     marginals = {
-        name: Marginal(value, 0.05 * value, np.array([1 - half_width, 1 + half_width]) * value, value, value)
+        name: Marginal(value, 0.05 * value, np.array([1 - half_width, 1 + half_width]) * value, value, value, "normal")
         for name, value in zip(names, mean, strict=True)
     }
     return Posterior(specimens, marginals, 30.0, np.array([0.5]), Distance(0.1), {}, [])
@@ -37,6 +37,16 @@ def write_inference(
         )
         workspace.store.write_result(particles_group(site), dataset)
     texts = ["1"] * len(names), [""] * len(names)
-    result = AbcResult("store", names, *texts, population=40, interval=0.95, sites=sites, inputs="known")
+    result = AbcResult(
+        "store",
+        names,
+        *texts,
+        paper=True,
+        priors="calibrated",
+        population=40,
+        interval=0.95,
+        sites=sites,
+        inputs="known",
+    )
     result.write(workspace.out)
     return result

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sinew.runner.errors import BadInput
+from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.virtual import virtual_specimen
 from sinew.tasks.infer.likelihood.population import Population, from_prior, moments, specimens_of
 from sinew.tasks.infer.likelihood.scores import inside, places
 from sinew.tasks.model import Model, Specimen
+from sinew.tasks.model.effects import named
 from sinew.tasks.model.parameters import bounds
 from sinew.tasks.model.protocols import STANDARD
 from sinew.tasks.simulate import Array
@@ -32,6 +33,8 @@ class Conditions:
     """How cohorts are measured: specimens ``per_site``, names of ``tests``, samples per second, and noise.
 
     ``noise``: standard deviation as a fraction of a specimen's peak force, whose neighbours correlate by ``ar1``.
+    What the model does not have: an ``effect`` of the library in all specimens, at its typical size, or ``""``; and an
+    uneven ``screw``, as for :func:`sinew.tasks.data.virtual.virtual_cohort`.
     """
 
     per_site: int = 4
@@ -39,11 +42,15 @@ class Conditions:
     rate_hz: float = 20.0
     noise: float = 0.003
     ar1: float = 0.3
+    effect: str = ""
+    screw: float = 0.0
 
     def __post_init__(self) -> None:
         for name in self.tests:
             if name not in TESTS:
                 raise BadInput("--protocol", f"no protocol {name}", f"one of {', '.join(TESTS)}")
+        if self.effect and self.effect not in named():
+            raise BadInput("--effect", f"{shown(self.effect)} is no effect", f"one of {', '.join(named())}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +89,11 @@ def measured(rng: np.random.Generator, name: str, model: Model, at: Array, condi
     varied = tuple(parameter.name for parameter in model.free)
     values = model.full(varied, (low + (high - low) * at)[np.newaxis])[0]
     tests = [TESTS[test] for test in conditions.tests]
+    effects = (named()[conditions.effect],) if conditions.effect else ()
     return virtual_specimen(
-        rng, name, model, values, tests, rate_hz=conditions.rate_hz, noise=conditions.noise, ar1=conditions.ar1
-    )[0]
+        rng, name, model, values, tests, rate_hz=conditions.rate_hz, noise=conditions.noise, ar1=conditions.ar1,
+        effects=effects, screw=conditions.screw,
+    )[0]  # fmt: skip
 
 
 def _population(

@@ -24,13 +24,19 @@ def markdown(result: dict[str, Any]) -> str:
     return as_markdown(_tables(result, by_parameter=True), lines(result))
 
 
+def _hidden(said: dict[str, Any]) -> str:
+    """What the specimens have and the model has not."""
+    effect = f", beside the model: {said['effect']}" if said["effect"] else ""
+    return effect + (f", a screw that is off by {100 * said['screw']:g} %" if said["screw"] else "")
+
+
 def lines(result: dict[str, Any]) -> list[str]:
     """What was run, what was refused, and differences that are none."""
     said = result["conditions"]
     words = [
         f"method {result['method']}: {result['cohorts']} cohorts of two sites of {said['per_site']} specimens "
-        f"({', '.join(said['tests'])} at {said['rate_hz']:g} Hz, noise {100 * said['noise']:g} % of the peak force), "
-        f"drawn from the prior; intervals of shares count cohorts"
+        f"({', '.join(said['tests'])} at {said['rate_hz']:g} Hz, noise {100 * said['noise']:g} % of the peak force"
+        f"{_hidden(said)}), drawn from the prior; intervals of shares count cohorts"
     ]
     if result["seconds"] is not None:
         words.append(f"median time of a cohort: {result['seconds']:.0f} s")

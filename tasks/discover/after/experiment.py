@@ -18,8 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from sinew.tasks.discover.fit.fit import WIDTH, Candidate, derivatives, residuals, spreads
+from sinew.tasks.discover.fit.fit import Candidate, derivatives, residuals, spreads
 from sinew.tasks.discover.follow_up import MenuEntry, NextExperiment, PairSeparation, RivalPair
+from sinew.tasks.fitting.discrepancy import WIDTH
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect

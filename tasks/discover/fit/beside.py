@@ -1,7 +1,7 @@
 """Fits of one specimen beside a discrepancy: parameters and the size of what no effect explains, in turn.
 
 Beside a discrepancy a fit does not bend its parameters to follow an error of the model, and an effect gains only by
-what a smooth error cannot do as well (:mod:`sinew.tasks.discover.measure.discrepancy`).
+what a smooth error cannot do as well (:mod:`sinew.tasks.fitting.discrepancy`).
 """
 
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from scipy.optimize import least_squares, lsq_linear
 from threadpoolctl import threadpool_limits
 
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, derivatives, pulls, spreads, together
-from sinew.tasks.discover.measure.discrepancy import Discrepancy, discrepancy_of
+from sinew.tasks.fitting.discrepancy import Discrepancy, discrepancy_of
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array

@@ -9,6 +9,7 @@ from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import chi2
 
 from sinew.tasks.fitting import starts as begins
+from sinew.tasks.fitting.discrepancy import WIDTH
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect, model_with
@@ -23,7 +24,6 @@ FAR = 1e3  # standard deviations: where a model fails
 TOLERANCE = 1e-5
 EVALUATIONS = 60  # iterations of one fit, at most
 PARTS = (0.05, 0.2, 0.6, 1.0)  # of an effect's typical size, from which its fit may begin
-WIDTH = 12.0  # precision of what is anywhere on the unit cube
 RISE = float(chi2.ppf(0.9, 1))  # of the loss, by chance alone in one case of ten
 
 

@@ -16,7 +16,8 @@ from threadpoolctl import threadpool_limits
 
 from sinew.tasks.discover.fit.fit import Candidate, derivatives, residuals
 from sinew.tasks.discover.follow_up import Correction, Outside, Row, Similarity
-from sinew.tasks.discover.measure.splines import (
+from sinew.tasks.fitting.measured import Measured
+from sinew.tasks.fitting.splines import (
     COEFFICIENTS,
     KINDS,
     Range,
@@ -25,7 +26,6 @@ from sinew.tasks.discover.measure.splines import (
     spline_forces,
     splines_at,
 )
-from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Model
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array

@@ -121,7 +121,7 @@ def curves_of(particles: xr.Dataset, result: AbcResult, site: str, name: str) ->
     marginal = result.sites[site].parameters[name]
     low, high = (marginal.prior_mean + side * marginal.prior_sd for side in (-2, 2))
     grid = np.linspace(min(values.min(), max(low, 0.0)), max(values.max(), high), 200)
-    prior = np.exp(-0.5 * ((grid - marginal.prior_mean) / marginal.prior_sd) ** 2)
+    prior = marginal.prior_density(grid)
     return grid, prior / np.trapezoid(prior, grid), density(values, particles["weight"].values[-1], grid)
 
 

@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pyabc
@@ -15,7 +15,9 @@ import xarray as xr
 from pyabc.sampler import Sampler
 
 from sinew.tasks.infer.abc.history import IN_MEMORY, close
+from sinew.tasks.infer.abc.noise import CurveNoise
 from sinew.tasks.infer.abc.observations import SiteEvaluation, root_mean_square
+from sinew.tasks.infer.abc.population import EnoughParticles
 from sinew.tasks.infer.abc.prior import Prior
 from sinew.tasks.infer.abc.pyabc_priors import Alike, Normals
 from sinew.tasks.infer.abc.result import INTERVAL, Distance, GenerationCounts, Marginal, Posterior, draws
@@ -54,21 +56,32 @@ class Inferred:
     weights: dict[str, Array]
 
 
-def comparison(kind: str, evaluation: SiteEvaluation) -> Comparison:
-    """The comparison of ``kind`` ``relative`` or ``adaptive``, for the curves of one site."""
+def comparison(kind: str, evaluation: SiteEvaluation, noise: CurveNoise | None = None) -> Comparison:
+    """The comparison of ``kind`` ``relative`` or ``adaptive``, for the curves of one site.
+
+    With ``noise``, simulated forces are as noisy as measured ones.
+    """
     curves = evaluation.curves()
     if kind == "relative":
-        return Comparison(
-            relative_distance,
-            lambda values: {"relative_error": values["relative_error"]},
-            {"relative_error": np.zeros(len(curves) + len(evaluation.others()))},
-        )
+
+        def errors(values: Mapping[str, Array]) -> dict[str, Any]:
+            found = values["relative_error"]
+            if noise is not None:
+                forces = len(curves)
+                found = np.concatenate([noise.relative_errors(found[:forces]), found[forces:]])
+            return {"relative_error": found}
+
+        nothing = np.zeros(len(curves) + len(evaluation.others()))
+        return Comparison(relative_distance, errors, {"relative_error": nothing})
     of, measured = evaluation.points()
     scale = np.array([root_mean_square(curve.force_N) for _, curve in curves])[of]
 
     def describe(values: Mapping[str, Array]) -> dict[str, Any]:
         others = {"others": values["others"]} if "others" in values else {}
-        return {"force": values["force"] / scale} | others
+        force = values["force"] / scale
+        if noise is not None:
+            force = force + noise.size[of] * np.random.standard_normal(force.size)
+        return {"force": force} | others
 
     observed = {"force": measured / scale} | ({"others": evaluation.points_of_others()} if evaluation.others() else {})
     return Comparison(pyabc.AdaptivePNormDistance(p=2), describe, observed)
@@ -94,16 +107,17 @@ def infer(
     ``on_judged`` is called after each proposal, by :class:`StoreSampler` only; ``save`` receives the whole history.
     """
     relative = settings.distance == "relative"
-    threshold = pyabc.QuantileEpsilon(
-        initial_epsilon=settings.epsilon if relative else "from_sample", alpha=settings.quantile
-    )
+    first = settings.epsilon if relative and settings.epsilon else "from_sample"
+    threshold = pyabc.QuantileEpsilon(initial_epsilon=first, alpha=settings.quantile)
+    assert settings.population is not None, "it is filled in"
+    population = settings.population if settings.ess is None else EnoughParticles(settings.population, settings.ess)
     abc = pyabc.ABCSMC(
         model,
         prior,
         compared.distance,
         model_prior=Alike(1),
         transitions=DefensiveNormal(prior),
-        population_size=settings.population,
+        population_size=population,
         eps=threshold,
         sampler=sampler,
     )
@@ -132,7 +146,10 @@ def _report(threshold: Callable[[int], float], on_judged: Judged, generation: Ge
 
 
 def particles_of(history: pyabc.History, names: tuple[str, ...]) -> xr.Dataset:
-    """Every generation of a history: parameters, weights (their sum is 1) and distances of its particles."""
+    """Every generation of a history: parameters, weights (their sum is 1) and distances of its particles.
+
+    Generations with fewer particles than others repeat their last one, with the weight 0.
+    """
     parameters, weights, distances, thresholds = [], [], [], []
     populations = history.get_all_populations().set_index("t")
     for t in range(history.max_t + 1):
@@ -143,12 +160,20 @@ def particles_of(history: pyabc.History, names: tuple[str, ...]) -> xr.Dataset:
         thresholds.append(float(populations.loc[t, "epsilon"]))
     return xr.Dataset(
         {
-            "parameters": (("generation", "particle", "parameter"), np.array(parameters)),
-            "weight": (("generation", "particle"), np.array(weights)),
-            "distance": (("generation", "particle"), np.array(distances)),
+            "parameters": (("generation", "particle", "parameter"), _alike(parameters, "edge")),
+            "weight": (("generation", "particle"), _alike(weights, "constant")),
+            "distance": (("generation", "particle"), _alike(distances, "edge")),
             "epsilon": ("generation", np.array(thresholds)),
         },
         coords={"parameter": list(names)},
+    )
+
+
+def _alike(generations: list[Array], mode: Literal["edge", "constant"]) -> Array:
+    """Arrays whose first axes are made as long as the longest one's."""
+    longest = max(len(one) for one in generations)
+    return np.array(
+        [np.pad(one, [(0, longest - len(one)), *[(0, 0)] * (one.ndim - 1)], mode=mode) for one in generations]
     )
 
 
@@ -164,7 +189,10 @@ def posterior(inferred: Inferred, prior: Prior, specimens: list[str], seed: tupl
     return Posterior(
         specimens=specimens,
         parameters={
-            name: Marginal(mean[j], sd[j], hdi[j], prior.mean[j], prior.sd[j]) for j, name in enumerate(prior.names)
+            name: Marginal(
+                mean[j], sd[j], hdi[j], prior.mean[j], prior.spread[j], "uniform" if prior.uniform[j] else "normal"
+            )
+            for j, name in enumerate(prior.names)
         },
         effective_sample_size=float(1.0 / np.sum(weight**2)),
         epsilon=particles["epsilon"].values,

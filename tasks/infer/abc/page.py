@@ -103,8 +103,7 @@ def _columns(result: AbcResult, particles: dict[str, xr.Dataset], name: str) -> 
     for k, (site, (values, weight)) in enumerate(lasts.items()):
         marginal = result.sites[site].parameters[name]
         columns[f"density-{k}"] = {"value": grid, "density": density(values, weight, grid)}
-        prior = np.exp(-0.5 * ((grid - marginal.prior_mean) / marginal.prior_sd) ** 2)
-        columns[f"prior-{k}"] = {"value": grid, "density": prior / (marginal.prior_sd * np.sqrt(2 * np.pi))}
+        columns[f"prior-{k}"] = {"value": grid, "density": marginal.prior_density(grid)}
         row = {"site": site, "mean": marginal.mean, "sd": marginal.sd, "low": marginal.hdi[0],
                "high": marginal.hdi[1], "at": -0.07 * top * (k + 1)}  # fmt: skip
         for key, value in row.items():

@@ -3,6 +3,17 @@
 from sinew.tasks.drawing.blocks import number, percent, plural
 from sinew.tasks.infer.abc.result import AbcResult
 
+PRIORS = {
+    "calibrated": "normal priors around the calibrated parameters of the same specimens",
+    "others": "normal priors around the calibrated parameters of the other sites' specimens, within the ranges",
+    "ranges": "uniform priors over the ranges",
+}
+
+
+def _particles(result: AbcResult) -> str:
+    noise = "without noise in simulations" if result.paper else "with noise in simulations as in measurements"
+    return f"up to {result.population:,} particles, {noise}"
+
 
 def methods(result: AbcResult) -> str:
     """The paragraph of a methods section; ``[@key]`` cites."""
@@ -16,7 +27,7 @@ def methods(result: AbcResult) -> str:
     return (
         f"Posteriors of {len(result.names)} parameters were inferred for each site by ABC-SMC with pyABC "
         f"[@pyabc], with "
-        f"{result.population:,} particles, normal priors around the calibrated parameters, and a mixture of a normal "
+        f"{_particles(result)}, {PRIORS[result.priors]}, and a mixture of a normal "
         f"distribution and the prior as proposals [@hesterberg]. Intervals are highest density intervals of "
         f"{percent(result.interval)}. {sites}.{few}"
     )

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -19,13 +19,21 @@ ENOUGH = 100
 
 @dataclass(frozen=True, eq=False)
 class Marginal:
-    """Posterior mean, standard deviation and highest density interval ``[2]`` of a parameter, and its normal prior."""
+    """Posterior mean, standard deviation and highest density interval ``[2]`` of a parameter, and its prior."""
 
     mean: Number
     sd: Number
     hdi: Numbers
     prior_mean: Number
     prior_sd: Number
+    prior: Literal["normal", "uniform"]
+
+    def prior_density(self, values: Array) -> Array:
+        """The density of the prior, of any shape, at ``values``; where it is normal, before truncation."""
+        apart = (values - self.prior_mean) / self.prior_sd
+        if self.prior == "uniform":
+            return np.where(np.abs(apart) <= np.sqrt(3.0), 1.0 / (np.sqrt(12.0) * self.prior_sd), 0.0)
+        return np.asarray(np.exp(-0.5 * apart**2) / (self.prior_sd * np.sqrt(2 * np.pi)))
 
 
 @dataclass(frozen=True)
@@ -75,17 +83,21 @@ class Posterior:
 class AbcResult(Result):
     """The posterior of each site. ``names``, ``units`` and ``meanings`` are of the free parameters.
 
-    ``interval`` is the probability of the highest density intervals.
+    ``interval`` is the probability of the highest density intervals. ``paper``: whether it is as in Pekedis (2025),
+    without noise in simulations; ``priors``: from the same ``calibrated`` specimens, from ``others``, or of the
+    ``ranges``. ``population``: particles of the largest generation.
     """
 
     TASK = "infer"
-    VERSION = 2  # spikes are no noise
+    VERSION = 3  # noise is simulated, unless it is the paper's
     LIBRARIES = ("pyabc", "arviz")
 
     sampler: str
     names: list[str]
     units: list[str]
     meanings: list[str]
+    paper: bool
+    priors: Literal["calibrated", "others", "ranges"]
     population: int
     interval: Number
     sites: Mapping[str, Posterior]

@@ -33,6 +33,7 @@ def on_the_store(workspace: Workspace, settings: Settings, sites: Sequence[Site]
     for number, site in enumerate(sites):
         table, _ = workspace.plan(site.evaluation, np.empty((0, len(workspace.model.names))))
         work = partial(_infer_site, workspace, settings, site, streams.key(workspace.seed, Stream.INFERENCE, number))
+        assert settings.generations is not None and settings.population is not None, "they are filled in"
         rows = settings.generations * settings.population * EXPECTED_PROPOSALS
         runs.append(AdaptiveRun([(table, site.evaluation)], rows, work))
     return workspace.run_adaptive(runs, "infer")
@@ -42,7 +43,7 @@ def _infer_site(
     workspace: Workspace, settings: Settings, site: Site, seed: tuple[int, ...], session: Session
 ) -> Inferred:
     sampler = StoreSampler(session, seed, settings.pending)
-    compared = comparison(settings.distance, site.evaluation)
+    compared = comparison(settings.distance, site.evaluation, site.noise)
     row = partial(_full_row, workspace.model, site.prior.names)
     model = StoredModel(site.name, site.prior.names, row=row, describe=compared.describe)
 
@@ -55,18 +56,23 @@ def _infer_site(
         last = sampler.generations[-1]
         raise BadInput(
             f"{workspace.study.path}: infer.epsilon",
-            f"site {site.name}: {last.accepted:,} of {last.judged:,} draws came within {settings.epsilon:g}, "
+            f"site {site.name}: {last.accepted:,} of {last.judged:,} draws came within {_first(settings)}, "
             f"the closest was at {last.closest:.3g}, {last.failed} failed",
             "a larger epsilon, or another prior",
         )
     return inferred
 
 
+def _first(settings: Settings) -> str:
+    """The first threshold, in words."""
+    return "the first threshold" if settings.epsilon is None else f"{settings.epsilon:g}"
+
+
 def by_the_stock_sampler(workspace: Workspace, settings: Settings, sites: Sequence[Site]) -> list[Inferred]:
     """One site after the other: pyABC's sampler mixes up inferences that share a scheduler at the same time."""
     done = []
     for site in sites:
-        compared = comparison(settings.distance, site.evaluation)
+        compared = comparison(settings.distance, site.evaluation, site.noise)
         row = partial(_full_row, workspace.model, site.prior.names)
         model = DirectModel(site.name, site.prior.names, site.evaluation, row, compared.describe)
         sampler = stock_sampler(workspace.client())
@@ -96,7 +102,7 @@ def _note(workspace: Workspace, settings: Settings, site: str, threshold: float,
         return
     words = (
         f"generation {generation.t + 1} of at most {settings.generations}, threshold {threshold:.4g}: "
-        f"{generation.accepted} of {settings.population} accepted, {generation.judged:,} judged"
+        f"{generation.accepted} accepted, {generation.judged:,} judged"
     )
     numbers = {"accepted": generation.accepted, "judged": generation.judged}
     workspace.note("infer", site, words, generation=int(generation.t) + 1, value=threshold, **numbers)

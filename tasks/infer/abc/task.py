@@ -8,10 +8,12 @@ import numpy as np
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.calibrate.result import CalibrateResult
+from sinew.tasks.data.noise import noise_of
 from sinew.tasks.data.sites import by_site
 from sinew.tasks.infer.abc import files
+from sinew.tasks.infer.abc.noise import CurveNoise, noise_of_curves
 from sinew.tasks.infer.abc.observations import SiteEvaluation, observed
-from sinew.tasks.infer.abc.prior import Prior, calibrated
+from sinew.tasks.infer.abc.prior import Prior, calibrated, of_others, of_ranges
 from sinew.tasks.infer.abc.result import INTERVAL, AbcResult, particles_group
 from sinew.tasks.infer.abc.site import Site
 from sinew.tasks.infer.settings import Settings
@@ -22,17 +24,15 @@ from sinew.tasks.study.workspace import Workspace
 
 
 def run(workspace: Workspace, settings: Settings) -> AbcResult:
-    """The posterior of each site.
+    """The posterior of each site, by ``settings`` of which nothing but the first threshold may be left open.
 
     Raises :class:`BadInput` when there is no calibration to take priors from, or no draw came within ``epsilon``.
     """
-    calibration = CalibrateResult.read(workspace.out)
-    if calibration is None:
-        raise BadInput(CalibrateResult.path(workspace.out), "is not there", "`sinew calibrate` on this study first")
     grouped = by_site(workspace.specimens(settings.specimens, "infer.specimens"))
     evaluations = {site: _evaluation(workspace, settings, site, members) for site, members in grouped.items()}
+    noise = {name: None if settings.paper else _noise(one) for name, one in evaluations.items()}
     sites = [
-        Site(name, members, evaluations[name], _prior(workspace, settings, members, calibration))
+        Site(name, members, evaluations[name], _prior(workspace, settings, name, members), noise[name])
         for name, members in grouped.items()
     ]
     tables = [site.evaluation.table().key for site in sites]
@@ -51,7 +51,9 @@ def run(workspace: Workspace, settings: Settings) -> AbcResult:
         names=[parameter.name for parameter in free],
         units=[parameter.unit for parameter in free],
         meanings=[parameter.description for parameter in free],
-        population=settings.population,
+        paper=bool(settings.paper),
+        priors=settings.priors or "calibrated",
+        population=max(one.particles.sizes["particle"] for one in inferred),
         interval=INTERVAL,
         sites={site.name: sampling.summarised(workspace, site, one) for site, one in zip(sites, inferred, strict=True)},
         inputs=inputs,
@@ -72,18 +74,30 @@ def _evaluation(workspace: Workspace, settings: Settings, site: str, members: tu
     return SiteEvaluation(workspace.model, cut, workspace.simulator, workspace.study.store.points_per_curve, site)
 
 
-def _prior(
-    workspace: Workspace, settings: Settings, members: tuple[Specimen, ...], calibration: CalibrateResult
-) -> Prior:
+def _noise(evaluation: SiteEvaluation) -> CurveNoise:
+    """The noise of the measured forces, as the curves themselves show it."""
+    return noise_of_curves([(curve, noise_of(curve, one.curves)) for one, curve in evaluation.curves()])
+
+
+def _prior(workspace: Workspace, settings: Settings, site: str, members: tuple[Specimen, ...]) -> Prior:
     free = workspace.model.free
+    if settings.priors == "ranges":
+        return of_ranges(free)
+    path = CalibrateResult.path(workspace.out)
+    calibration = CalibrateResult.read(workspace.out)
+    if calibration is None:
+        raise BadInput(path, "is not there", "`sinew calibrate` on this study first")
     found = calibration.specimens
-    missing = [specimen.name for specimen in members if specimen.name not in found]
-    if missing:
-        raise BadInput(
-            CalibrateResult.path(workspace.out),
-            f"{missing[0]} is not calibrated",
-            "`sinew calibrate` with this specimen",
-        )
-    with believed(CalibrateResult.path(workspace.out)):
-        values = [found[specimen.name].values([p.name for p in free]) for specimen in members]
-        return calibrated(free, np.array(values, dtype=float), settings.widening)
+    if settings.priors == "others":
+        names = [one.name for one in workspace.specimens("all", "infer.priors") if (one.site or "all") != site]
+        names = [name for name in names if name in found]
+        if not names:
+            where = f"{workspace.study.path}: infer.priors"
+            raise BadInput(where, f"no specimen of a site other than {site} is calibrated", "ranges")
+    else:
+        names = [one.name for one in members]
+        if missing := [name for name in names if name not in found]:
+            raise BadInput(path, f"{missing[0]} is not calibrated", "`sinew calibrate` with this specimen")
+    with believed(path):
+        values = np.array([found[name].values([p.name for p in free]) for name in names], dtype=float)
+        return (of_others if settings.priors == "others" else calibrated)(free, values, settings.widening)

@@ -33,10 +33,11 @@ class DefensiveNormal(Transition):  # type: ignore[misc]
         values = X[list(self.prior.names)].to_numpy()
         self.mean_ = w @ values
         effective = 1.0 / np.sum(w**2)
+        self.worth_ = effective / len(w)  # share of particles of equal weight
         apart = values - self.mean_
         covariance = (apart * w[:, np.newaxis]).T @ apart * (effective / max(effective - 1.0, 1.0))
         sd = np.sqrt(np.diag(covariance))
-        least = 1e-3 * self.prior.sd  # all particles alike: still move
+        least = 1e-3 * self.prior.spread  # all particles alike: still move
         sd = np.maximum(sd, least)
         trust = effective / (effective + len(sd))
         correlation = trust * covariance / np.outer(sd, sd)

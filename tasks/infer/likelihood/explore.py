@@ -8,23 +8,19 @@ emulator is fitted again.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.fitting.starts import starts
+from sinew.tasks.infer.likelihood.best import best_fit
 from sinew.tasks.infer.likelihood.chart import Chart, chart_of
 from sinew.tasks.infer.likelihood.compiled import FARTHEST
 from sinew.tasks.infer.likelihood.emulator import emulator
-from sinew.tasks.infer.likelihood.scores import density, places, scores_of
+from sinew.tasks.infer.likelihood.scores import places
 from sinew.tasks.infer.likelihood.target import Target
 from sinew.tasks.infer.likelihood.walk import Prior, walk
 from sinew.tasks.simulate import Array
 
-FITS = 6  # starts
-ITERATIONS = 60  # of a fit, at most
-TOLERANCE = 1e-6
 ROUNDS, FEWEST_POINTS = 5, 100  # of training; points of a round, at least
 FEWEST_COMPUTED = 20  # of them, below which there is nothing to begin with
 TERMS_RATIO = 2.0  # points of a round for each coefficient of a polynomial
@@ -64,7 +60,7 @@ def explored(target: Target, seed: tuple[int, ...]) -> Explored:
 
 def _explored(target: Target, rng: np.random.Generator) -> Explored:
     size = target.size
-    best = _best_fit(target, rng)
+    best = best_fit(target, rng)
     root = np.linalg.cholesky(best.covariance)
     count = max(FEWEST_POINTS, int(TERMS_RATIO * (1 + size + size * (size + 1) / 2)))
     points = best.at + WIDE * _heavy_tailed(rng, count, size) @ root.T
@@ -131,52 +127,3 @@ def _loss(squares: Array, scores: Array) -> Array:
 def _likely(loss: Array, size: int) -> Array:
     """The places in ``loss`` ``[n]`` of points that may well be draws of a posterior of ``size`` parameters."""
     return np.flatnonzero(loss < loss.min() + chi2.ppf(LIKELY, size))
-
-
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """``at`` ``[k]`` as scores, ``loss`` (with the prior's part), ``squares``, and ``covariance``."""
-
-    at: Array
-    loss: float
-    squares: float
-    covariance: Array
-
-
-def _best_fit(target: Target, rng: np.random.Generator) -> _Fit:
-    names = [parameter.name for parameter in target.varied]
-    fits = [_fit(target, scores_of(np.clip(start, 0.01, 0.99))) for start in starts(names, rng, FITS)]
-    whole = [one for one in fits if one is not None]
-    if not whole:
-        raise BadInput(f"infer: {target.measured.specimen.name}", "the model fails at every start", "other ranges")
-    return min(whole, key=lambda one: one.loss)
-
-
-def _fit(target: Target, start: Array) -> _Fit | None:
-    """The nearest maximum of likelihood and prior to ``start`` ``[k]`` (scores); None where the model fails there."""
-    prior = np.eye(start.size)
-    last: dict[bytes, tuple[Array, Array]] = {}
-
-    def both(scores: Array) -> tuple[Array, Array]:
-        if scores.tobytes() not in last:
-            at = places(scores)
-            errors, slopes = target.slopes(at)
-            last.clear()
-            last[scores.tobytes()] = (
-                np.concatenate([errors, scores]),
-                np.concatenate([slopes * density(scores), prior]),
-            )
-        return last[scores.tobytes()]
-
-    if not np.isfinite(target.squares(places(start)[np.newaxis])).all():
-        return None
-    try:
-        found = least_squares(
-            lambda scores: both(scores)[0], start, jac=lambda scores: both(scores)[1], ftol=TOLERANCE, xtol=TOLERANCE,
-            gtol=TOLERANCE, max_nfev=ITERATIONS, bounds=(-FARTHEST, FARTHEST),
-        )  # fmt: skip
-    except ValueError:  # the model fails on the way
-        return None
-    slopes = found.jac
-    squares = float(2.0 * found.cost - np.square(found.x).sum())
-    return _Fit(found.x, float(2.0 * found.cost), squares, np.linalg.inv(slopes.T @ slopes))

@@ -1,11 +1,13 @@
-"""What an unfinished inference keeps: explored specimens, and blocks of sweeps."""
+"""What an unfinished inference keeps: errors of the model, explored specimens, and blocks of sweeps."""
 
 from pathlib import Path
 
 import numpy as np
 
+from sinew.tasks.fitting.roughness import Roughness
 from sinew.tasks.infer.likelihood.chains import Block, State
 from sinew.tasks.infer.likelihood.chart import Chart
+from sinew.tasks.infer.likelihood.discrepancy import ModelError, lengths_of
 from sinew.tasks.infer.likelihood.emulator import Emulator
 from sinew.tasks.infer.likelihood.explore import Explored
 from sinew.tasks.infer.likelihood.population import Population
@@ -14,6 +16,25 @@ from sinew.tasks.simulate import Array
 from sinew.tasks.study.kept import KeptArrays
 
 OF_A_BLOCK = ("scores", "squares", "mean", "spread", "new", "correlation", "accepted")
+
+
+def read_model_error(path: Path, inputs: str, target: Target) -> ModelError | None:
+    """The model's error in a specimen that was found before, if it was with the same inputs."""
+    shapes = {"rough": (2,), "directions": (target.points, None), "taken": (None,), "size": (), "misfit": ()}
+    found = KeptArrays(path, inputs).read(shapes)
+    if found is None or found["directions"].shape[1] != found["taken"].size:
+        return None
+    size, memory = (float(each) for each in found["rough"])
+    rough = Roughness(size, memory, lengths_of(target.measured))
+    return ModelError(rough, found["directions"], found["taken"], float(found["size"]), float(found["misfit"]))
+
+
+def write_model_error(path: Path, inputs: str, error: ModelError) -> None:
+    """Keep the model's error in a specimen."""
+    rough = np.array([error.rough.size, error.rough.memory])
+    arrays = {"rough": rough, "directions": error.directions, "taken": error.taken, "size": error.size,
+              "misfit": error.misfit}  # fmt: skip
+    KeptArrays(path, inputs).write({name: np.asarray(array, dtype=np.float64) for name, array in arrays.items()})
 
 
 def read_explored(path: Path, inputs: str, target: Target) -> Explored | None:

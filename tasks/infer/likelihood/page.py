@@ -5,7 +5,7 @@ from typing import Any
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, Words, number, percent, plural
 from sinew.tasks.infer.likelihood.result import LikelihoodResult
-from sinew.tasks.infer.likelihood.show import misfitting, undetermined
+from sinew.tasks.infer.likelihood.show import discrepant, misfitting, undetermined
 from sinew.tasks.report.folder import ResultFolder
 
 NAME, TITLE = "posterior", "Posterior"
@@ -14,10 +14,16 @@ QUESTION = "What is known of each site's population and of its specimens, and ho
 
 def section(folder: ResultFolder, result: LikelihoodResult) -> Section:
     """Everything of ``infer.json``."""
-    blocks: list[Block] = [_populations(result), _picked(result), _specimens(result), _convergence(result)]
+    blocks: list[Block] = [
+        _populations(result),
+        _picked(result),
+        _specimens(result),
+        _misfit(result),
+        _convergence(result),
+    ]
     wrong = misfitting(result)
     blocks = [*(Words(f"{remark[:1].upper()}{remark[1:]}.", "warning") for remark in wrong), *blocks]
-    remarks = undetermined(result)
+    remarks = [*discrepant(result), *undetermined(result)]
     blocks += [Words(f"{remark}.", "note") for remark in remarks]
     sites = result.sites.values()
     sizes = [len(site.specimens) for site in sites]
@@ -120,6 +126,15 @@ def _specimens(result: LikelihoodResult) -> Table:
     level = percent(result.interval)
     title = f"Specimens: mean ({level} interval); * not determined by the specimen's own curves"
     return Table(title, ["specimen", *result.names], rows, words=(0,))
+
+
+def _misfit(result: LikelihoodResult) -> Table:
+    rows = [
+        [name, number(one.bare), *([number(one.discrepancy), number(one.left)] if result.discrepancy else [])]
+        for name, one in result.misfit.items()
+    ]
+    header = ["specimen", "left by the model", *(["discrepancy", "left beside it"] if result.discrepancy else [])]
+    return Table("What the best fit leaves, in units of the noise (1: nothing but noise)", header, rows, words=(0,))
 
 
 def _convergence(result: LikelihoodResult) -> Table:

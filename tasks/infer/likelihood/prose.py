@@ -13,6 +13,13 @@ def methods(result: LikelihoodResult) -> str:
     )
     tails = "normal" if result.tails == "normal" else "Student's t (4 degrees of freedom)"
     blind = f" No curve depends on {', '.join(result.blind)}." if result.blind else ""
+    wrong = (
+        " An error of the model was expected beside the noise [@kennedy]: a smooth part, sums of splines over the "
+        "phases of a test, and a rough part, a first-order process along each curve, each as large as had the most "
+        "evidence in a specimen."
+        if result.discrepancy
+        else ""
+    )
     return (
         f"Posteriors of {len(result.names)} parameters were inferred by a hierarchical model: the curves of each "
         f"specimen have a Gaussian likelihood with autoregressive noise as estimated from the curves, and the scores "
@@ -20,5 +27,5 @@ def methods(result: LikelihoodResult) -> str:
         f"of the spreads and uniform ones of the correlations [@huang]. {result.chains} chains were run by Gibbs "
         f"sampling, with proposals of specimens from Hamiltonian Monte Carlo on an emulator that are accepted or "
         f"refused by the model itself [@liu]; convergence was judged with ArviZ [@vehtari]. Intervals hold "
-        f"{percent(result.interval)}. {sites}.{blind}"
+        f"{percent(result.interval)}.{wrong} {sites}.{blind}"
     )

@@ -48,12 +48,24 @@ class SpecimenMarginal:
 
 
 @dataclass(frozen=True)
+class Misfit:
+    """What the best fit leaves of a specimen, as root mean squares in units of the noise.
+
+    ``bare``: of a fit without a discrepancy, 1 where the model describes the curves. ``discrepancy``: of the model's
+    error as it is expected, 0 where none is. ``left``: beside that error, 1 where both together describe the curves.
+    """
+
+    bare: Number
+    discrepancy: Number
+    left: Number
+
+
+@dataclass(frozen=True)
 class SitePosterior:
     """The posterior of a site's population.
 
     ``smallest_ess`` and ``largest_rhat`` are over the population and all of its specimens; ``sweeps``: kept ones of
-    each chain; ``emulator_sd``: largest standard deviation of an emulator's log likelihoods. ``misfit``: by specimen,
-    root mean square of what the best fit leaves, in units of the noise: 1 where the model describes the curves.
+    each chain; ``emulator_sd``: largest standard deviation of an emulator's log likelihoods; ``misfit``: by specimen.
     """
 
     specimens: list[str]
@@ -62,7 +74,7 @@ class SitePosterior:
     largest_rhat: Number
     sweeps: int
     emulator_sd: Number
-    misfit: Mapping[str, Number]
+    misfit: Mapping[str, Misfit]
 
     @property
     def parameters(self) -> dict[str, "MeanOfPopulation"]:
@@ -90,7 +102,7 @@ class LikelihoodResult(Result):
     """
 
     TASK = "infer"
-    VERSION = 3  # chains of an ensemble
+    VERSION = 4  # a discrepancy
     LIBRARIES = ("arviz",)
 
     method: Literal["likelihood"]
@@ -100,16 +112,26 @@ class LikelihoodResult(Result):
     blind: list[str]
     interval: Number
     tails: Literal["normal", "heavy"]
+    discrepancy: bool
     chains: int
     sites: Mapping[str, SitePosterior]
     specimens: Mapping[str, Mapping[str, SpecimenMarginal]]
     inputs: str
 
     @property
+    def misfit(self) -> dict[str, Misfit]:
+        """What the best fit leaves of each specimen."""
+        return {name: one for site in self.sites.values() for name, one in site.misfit.items()}
+
+    @property
     def misfitting(self) -> dict[str, float]:
-        """Specimens of which the model leaves clearly more than noise, and how many times the noise."""
-        every = {name: ratio for site in self.sites.values() for name, ratio in site.misfit.items()}
-        return {name: ratio for name, ratio in every.items() if ratio > MISFIT}
+        """Specimens of which clearly more than noise is left, also beside a discrepancy; how many times the noise."""
+        return {name: one.left for name, one in self.misfit.items() if one.left > MISFIT}
+
+    @property
+    def discrepant(self) -> dict[str, float]:
+        """Specimens of which a fit without a discrepancy leaves clearly more than noise; how many times the noise."""
+        return {name: one.bare for name, one in self.misfit.items() if one.bare > MISFIT}
 
     @property
     def undetermined(self) -> dict[str, list[str]]:

@@ -33,14 +33,27 @@ def headline(result: LikelihoodResult) -> str:
 
 
 def misfitting(result: LikelihoodResult) -> list[str]:
-    """A sentence of caution where the model leaves more than noise; none else."""
+    """A sentence of caution where more than noise is left that no discrepancy takes up; none else."""
     found = result.misfitting
     if not found:
         return []
     worst = max(found, key=lambda name: found[name])
+    which = "the model and its discrepancy do" if result.discrepancy else "the model does"
     return [
-        f"the model does not describe {plural(len(found), 'specimen')} (what is left of {worst} is {found[worst]:.3g} "
+        f"{which} not describe {plural(len(found), 'specimen')} (what is left of {worst} is {found[worst]:.3g} "
         "times the noise): intervals of these posteriors leave that error out, and are too narrow"
+    ]
+
+
+def discrepant(result: LikelihoodResult) -> list[str]:
+    """A sentence where posteriors allow for an error of the model; none else."""
+    found = result.discrepant if result.discrepancy else {}
+    if not found:
+        return []
+    worst = max(found, key=lambda name: found[name])
+    return [
+        f"the model alone does not describe {plural(len(found), 'specimen')} (it leaves {found[worst]:.3g} times the "
+        f"noise of {worst}): intervals allow for an error of the model as large as that"
     ]
 
 
@@ -62,7 +75,7 @@ def summary(result: LikelihoodResult, folder: Path, console: Console) -> None:
         cells = (f"{m.mean:.4g} ({m.low:.4g} to {m.high:.4g}), {m.spread:.3g}" for m in marginals)
         grid.add_row(name, *cells)
     console.print(grid)
-    for remark in (*misfitting(result), *undetermined(result)):
+    for remark in (*misfitting(result), *discrepant(result), *undetermined(result)):
         console.print(remark)
     for site, posterior in result.sites.items():
         count = plural(len(posterior.specimens), "specimen")

@@ -10,7 +10,7 @@ from sinew.tasks.infer.library import arviz
 from sinew.tasks.infer.likelihood.chains import Block
 from sinew.tasks.infer.likelihood.explore import Explored
 from sinew.tasks.infer.likelihood.population import from_prior, moments, specimens_of
-from sinew.tasks.infer.likelihood.result import INTERVAL, PopulationMarginal, SitePosterior, SpecimenMarginal
+from sinew.tasks.infer.likelihood.result import INTERVAL, Misfit, PopulationMarginal, SitePosterior, SpecimenMarginal
 from sinew.tasks.infer.likelihood.scores import places
 from sinew.tasks.model import Specimen
 from sinew.tasks.model.parameters import Parameter, bounds
@@ -108,7 +108,7 @@ def site_posterior(
     specimens: Sequence[Specimen],
     varied: Sequence[Parameter],
     prior: Mapping[str, PopulationMarginal],
-    misfit: Sequence[float],
+    misfit: Mapping[str, Misfit],
 ) -> SitePosterior:
     """The posterior of a site's population; ``prior``: of the parameters that no curve depends on.
 
@@ -126,7 +126,7 @@ def site_posterior(
         largest_rhat=found.largest_rhat,
         sweeps=chains.mean.shape[1],
         emulator_sd=max(one.error for one in explored),
-        misfit={one.name: ratio for one, ratio in zip(specimens, misfit, strict=True)},
+        misfit=misfit,
     )
 
 

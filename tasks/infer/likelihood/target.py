@@ -1,12 +1,14 @@
 """How well parameter sets agree with all that was measured of one specimen: whitened errors, and the sum of squares.
 
 Minus half the sum of squares is the logarithm of the likelihood, up to a constant, for errors as the noise is
-estimated from the curves themselves (:mod:`sinew.tasks.data.noise`): generalised least squares.
+estimated from the curves themselves (:mod:`sinew.tasks.data.noise`): generalised least squares. With a discrepancy
+(:mod:`sinew.tasks.infer.likelihood.discrepancy`), an error of the model itself is expected beside the noise.
 
 Points are on the unit cube of the free parameters: 0 is the lower bound of a parameter, 1 the upper. Chains and fits
 move as scores (:mod:`sinew.tasks.infer.likelihood.scores`).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numba
@@ -22,12 +24,16 @@ STEP = 1e-5  # of a difference quotient
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """The likelihood of one specimen's curves, by ``k`` parameters that vary; all others are at their reference."""
+    """The likelihood of one specimen's curves, by ``k`` parameters that vary; all others are at their reference.
+
+    ``whitening``: of the noise's whitened errors ``[n, g]``, where the model has an error as well.
+    """
 
     model: Model
     varied: tuple[Parameter, ...]
     simulator: Simulator
     measured: Measured
+    whitening: Callable[[Array], Array] | None = None
 
     @property
     def size(self) -> int:
@@ -40,10 +46,15 @@ class Target:
 
     def errors(self, at: Array) -> Array:
         """Whitened errors ``[n, g]`` at points ``[n, k]``; NaN where the model fails."""
-        return np.concatenate([one.residuals(self._forces(one, at)) for one in self.measured.thinned.values()], axis=1)
+        every = [one.residuals(self._forces(one, at)) for one in self.measured.thinned.values()]
+        errors = np.concatenate(every, axis=1)
+        return errors if self.whitening is None else self.whitening(errors)
 
     def squares(self, at: Array) -> Array:
         """Sums of squares ``[n]`` of the whitened errors at points ``[n, k]``; infinite where the model fails."""
+        if self.whitening is not None:
+            total = np.square(self.errors(at)).sum(axis=1)
+            return np.where(np.isfinite(total), total, np.inf)
         total = np.zeros(len(at))
         for one in self.measured.thinned.values():
             weights = one.weights

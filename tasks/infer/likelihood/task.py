@@ -1,14 +1,16 @@
 """Posteriors of specimens and populations by likelihood: explore each specimen, run chains, summarise, commit.
 
-Specimens are explored on the cluster, then the ensembles of chains of all sites run there, block by block, until they
-have converged. What was computed is kept in ``infer/`` until the result is committed, so an interrupted run goes on.
+The model's error in each specimen is found on the cluster, if one is expected, and specimens are explored there. Then
+the ensembles of chains of all sites run, block by block, until they have converged. What was computed is kept in
+``infer/`` until the result is committed, so an interrupted run goes on.
 The store keeps ``infer/SITE``, draws of the population and of all specimens.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,9 +21,17 @@ from sinew.tasks.data.sites import by_site
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.infer.likelihood import files
 from sinew.tasks.infer.likelihood.chains import CHAINS, Block, State, begun, swept
+from sinew.tasks.infer.likelihood.discrepancy import ModelError, model_error
 from sinew.tasks.infer.likelihood.explore import Explored, explored
-from sinew.tasks.infer.likelihood.kept import read_block, read_explored, write_block, write_explored
-from sinew.tasks.infer.likelihood.result import INTERVAL, LikelihoodResult
+from sinew.tasks.infer.likelihood.kept import (
+    read_block,
+    read_explored,
+    read_model_error,
+    write_block,
+    write_explored,
+    write_model_error,
+)
+from sinew.tasks.infer.likelihood.result import INTERVAL, LikelihoodResult, Misfit
 from sinew.tasks.infer.likelihood.summary import (
     Chains,
     Convergence,
@@ -42,25 +52,32 @@ from sinew.tasks.study.workspace import Workspace
 
 ENSEMBLES = 2  # independent ones: two of them can agree or not
 BLOCK = 100  # sweeps
-EXPLORING, SWEEPING, PRIOR = "explored specimens", "chains of likelihood", "prior of populations"  # random streams
+LATER = 1.1  # times as many sweeps as chains had when they were judged, until they are judged again
+ERRORS, EXPLORING = "errors of the model", "explored specimens"  # random streams
+SWEEPING, PRIOR = "chains of likelihood", "prior of populations"
+
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """The explored specimens of a site, its chains, and whether they have converged."""
+    """The explored specimens of a site, its chains, whether they have converged, and the model's errors."""
 
     targets: Sequence[Target]
     explored: Sequence[Explored]
     chains: Chains
     found: Convergence
+    errors: Mapping[str, ModelError]
 
     @property
-    def misfit(self) -> list[float]:
-        """Of each specimen: root mean square of what the best fit leaves, in units of the noise."""
-        return [
-            float(np.sqrt(known.least / target.points))
-            for known, target in zip(self.explored, self.targets, strict=True)
-        ]
+    def misfit(self) -> dict[str, Misfit]:
+        """What the best fit leaves of each specimen."""
+        found = {}
+        for known, target, specimen in zip(self.explored, self.targets, self.specimens, strict=True):
+            left = float(np.sqrt(known.least / target.points))
+            error = self.errors.get(specimen.name)
+            found[specimen.name] = Misfit(error.misfit, error.size, left) if error else Misfit(left, 0.0, left)
+        return found
 
     @property
     def specimens(self) -> list[Specimen]:
@@ -86,9 +103,11 @@ def run(workspace: Workspace, settings: Settings) -> LikelihoodResult:
         return known
     workspace.say_what_is_left_out("infer")
     targets, blind = _targets(workspace, specimens)
+    errors = _model_errors(workspace, targets, inputs) if settings.discrepancy else {}
+    targets = {**targets, **{name: replace(targets[name], whitening=one.white) for name, one in errors.items()}}
     seen = _explored(workspace, targets, inputs)
     sampled = {
-        site: _sampled(workspace, settings, inputs, number, [targets[one.name] for one in members], seen)
+        site: _sampled(workspace, settings, inputs, number, [targets[one.name] for one in members], seen, errors)
         for number, (site, members) in enumerate(grouped.items())
     }
     result = _result(workspace, settings, inputs, sampled, blind)
@@ -132,24 +151,51 @@ def _folder(workspace: Workspace) -> Path:
     return workspace.out / "infer"
 
 
+def _model_errors(workspace: Workspace, targets: dict[str, Target], inputs: str) -> dict[str, ModelError]:
+    """The model's error in every specimen."""
+
+    def found(number: int, name: str, session: Session) -> ModelError:
+        path = _folder(workspace) / f"{file_name(name)}.model_error.safetensors"
+        known = read_model_error(path, inputs, targets[name])
+        if known is None:
+            known = session.compute(model_error, targets[name], streams.key(workspace.seed, ERRORS, number))
+            write_model_error(path, inputs, known)
+        return known
+
+    return _of_each(workspace, "infer: errors of the model", targets, found)
+
+
 def _explored(workspace: Workspace, targets: dict[str, Target], inputs: str) -> dict[str, Explored]:
-    """Every specimen explored, on the cluster or before."""
-    with workspace.progress("infer: specimens", len(targets), of="specimens") as report:
+    """Every specimen explored."""
+
+    def found(number: int, name: str, session: Session) -> Explored:
+        path = _folder(workspace) / f"{file_name(name)}.explored.safetensors"
+        known = read_explored(path, inputs, targets[name])
+        if known is None:
+            known = session.compute(explored, targets[name], streams.key(workspace.seed, EXPLORING, number))
+            write_explored(path, inputs, known)
+        return known
+
+    return _of_each(workspace, "infer: specimens", targets, found)
+
+
+def _of_each(
+    workspace: Workspace, title: str, names: Iterable[str], found: Callable[[int, str, Session], Found]
+) -> dict[str, Found]:
+    """What is ``found`` of each specimen by its number and name, on the cluster or before."""
+    every = list(names)
+    with workspace.progress(title, len(every), of="specimens") as report:
         finished = 0
 
-        def work(number: int, name: str, session: Session) -> Explored:
+        def work(number: int, name: str, session: Session) -> Found:
             nonlocal finished
-            path = _folder(workspace) / f"{file_name(name)}.explored.safetensors"
-            found = read_explored(path, inputs, targets[name])
-            if found is None:
-                found = session.compute(explored, targets[name], streams.key(workspace.seed, EXPLORING, number))
-                write_explored(path, inputs, found)
+            one = found(number, name, session)
             finished += 1
             report(finished, 0, 0)
-            return found
+            return one
 
-        runs = [AdaptiveRun([], 0, partial(work, number, name)) for number, name in enumerate(targets)]
-        return dict(zip(targets, workspace.run_adaptive(runs, "infer"), strict=True))
+        runs = [AdaptiveRun([], 0, partial(work, number, name)) for number, name in enumerate(every)]
+        return dict(zip(every, workspace.run_adaptive(runs, "infer"), strict=True))
 
 
 def _sampled(
@@ -159,6 +205,7 @@ def _sampled(
     site: int,
     targets: Sequence[Target],
     seen: dict[str, Explored],
+    errors: dict[str, ModelError],
 ) -> Sampled:
     """The chains of a site, as many blocks of them as it takes."""
     name = targets[0].measured.specimen.site or "all"
@@ -177,18 +224,23 @@ def _sampled(
             write_block(path, inputs, block)
         blocks.append(block)
 
-    most = -(-settings.sweeps // BLOCK)
+    most, enough = -(-settings.sweeps // BLOCK), settings.ess
+    assert enough is not None, "it is filled in"
     with workspace.progress(f"infer: chains of {name}", most * BLOCK, of="sweeps") as report:
+        judged = 0
         for number in range(most):
             workspace.run_adaptive([AdaptiveRun([], 0, partial(work, one)) for one in range(ENSEMBLES)], "infer")
+            if number + 1 < min(judged * LATER, most):
+                continue
+            judged = number + 1
             chains = chains_of(ensembles, targets[0].varied, heavy=heavy)
             found = convergence(chains)
             report((number + 1) * BLOCK, 0, 0)
             words = f"effective sample size {found.smallest_ess:.0f}, R-hat {found.largest_rhat:.3f}"
             workspace.note("infer", name, words, value=found.smallest_ess, sweeps=(number + 1) * BLOCK)
-            if found.smallest_ess >= settings.ess and found.largest_rhat <= settings.rhat:
+            if found.smallest_ess >= enough and found.largest_rhat <= settings.rhat:
                 workspace.counted["sweeps"] -= (most - number - 1) * BLOCK  # that were not needed
-                return Sampled(targets, known, chains, found)
+                return Sampled(targets, known, chains, found, errors)
     raise BadInput(
         f"{workspace.study.path}: infer.sweeps",
         f"{name}: the chains have not converged after {most * BLOCK} sweeps: effective sample size "
@@ -228,6 +280,7 @@ def _result(
         blind=blind,
         interval=INTERVAL,
         tails=settings.tails,
+        discrepancy=settings.discrepancy,
         chains=ENSEMBLES * CHAINS,
         sites={
             site: site_posterior(

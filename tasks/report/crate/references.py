@@ -69,6 +69,10 @@ REFERENCES: Mapping[str, Reference] = {
         "(1995).",
         "10.1080/00401706.1995.10484303",
     ),
+    "kennedy": Reference(
+        "Kennedy M., O'Hagan A. Bayesian calibration of computer models. J R Stat Soc B 63 (2001).",
+        "10.1111/1467-9868.00294",
+    ),
     "huang": Reference(
         "Huang A., Wand M. Simple marginally noninformative prior distributions for covariance matrices. Bayesian "
         "Analysis 8 (2013).",

@@ -9,7 +9,7 @@ from pathlib import Path
 import pexpect
 import pytest
 
-R = {"run", "report", "repair"}  # what begins with it
+R = {"run", "report", "repair", "reproduce"}  # what begins with it
 
 
 @pytest.fixture

@@ -133,7 +133,7 @@ store: {points_per_curve: 16}
 sobol: {base_samples: 8, resamples: 20}
 importance: {trees: 10, repeats: 2}
 calibrate: {evaluations: 60, bayesian: {evaluations: 20}}
-infer: {population: 8, generations: 3, epsilon: 1.0, pending: 16}
+infer: {paper: true, population: 8, generations: 3, epsilon: 1.0, pending: 16}
 predict: {draws: 8}
 compare: {permutations: 20}
 """

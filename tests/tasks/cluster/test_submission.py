@@ -87,7 +87,7 @@ tasks: {tasks}
 sobol: {{base_samples: 16, resamples: 20, specimens: [distal/1]}}
 importance: {{trees: 10, repeats: 2}}
 calibrate: {{evaluations: 60, starts: 1, bayesian: {{evaluations: 14, initial: 10}}}}
-infer: {{population: 8, generations: 2, epsilon: 0.6, pending: 8}}
+infer: {{paper: true, population: 8, generations: 2, epsilon: 0.6, pending: 8}}
 compare: {{permutations: 20}}
 cluster: slurm
 """

@@ -29,7 +29,7 @@ store: {points_per_curve: 16}
 sobol: {base_samples: 16, resamples: 10}
 importance: {trees: 10, repeats: 2}
 calibrate: {methods: [bayesian, least_squares], evaluations: 40, starts: 1, bayesian: {evaluations: 12}}
-infer: {population: 8, generations: 2, epsilon: 1.0, pending: 16}
+infer: {paper: true, population: 8, generations: 2, epsilon: 1.0, pending: 16}
 predict: {draws: 4}
 compare: {permutations: 20}
 discover: {effects: [toe-slack, time-lag], starts: 1}

@@ -230,7 +230,7 @@ def test_quantities_beside_the_force_have_plots_and_columns_of_their_own(tmp_pat
     write_measured(tmp_path, 1, 2.0)
     section = (
         "calibrate: {methods: [least_squares], evaluations: 60, starts: 1}\n"
-        "infer: {population: 6, generations: 1, epsilon: 3.0, pending: 8}\npredict: {draws: 3}\n"
+        "infer: {paper: true, population: 6, generations: 1, epsilon: 3.0, pending: 8}\npredict: {draws: 3}\n"
     )
     study = read_study(study_of(tmp_path, section))
     with open_workspace(study, out=tmp_path / "out", cluster=cluster_of(study), quiet=True) as workspace:

@@ -25,7 +25,7 @@ SETTINGS = {
     "pawn": "pawn: {resamples: %d}",
     "importance": "importance: {trees: %d}",
     "calibrate": "calibrate: {bayesian: {evaluations: %d}}",
-    "infer": "infer: {population: %d}",
+    "infer": "infer: {paper: true, population: %d}",
     "predict": "predict: {draws: %d}",
     "compare": "compare: {permutations: %d}",
 }

@@ -22,7 +22,7 @@ def test_draws_of_equal_weight_have_the_weighted_mean():
 
 def test_posteriors_that_leave_the_ranges_of_the_study_are_named():
     sites = {"d": posterior_of(["d/1"], ["E_f", "nu_m"], [200.0, 0.2]), "p": posterior_of(["p/1"], ["E_f"], [240.0])}
-    result = AbcResult("store", ["E_f", "nu_m"], ["MPa", "1"], ["", ""], 40, 0.95, sites, "known")
+    result = AbcResult("store", ["E_f", "nu_m"], ["MPa", "1"], ["", ""], True, "calibrated", 40, 0.95, sites, "known")
     assert result.beyond(["E_f", "nu_m"], [(160.0, 275.0), (0.0, 0.4)]) == []
     (line,) = result.beyond(["E_f", "tau"], [(160.0, 250.0), (0.0, 0.1)])
     assert line == "p: E_f 216 to 264 leaves the study's range 160 to 250 (the prior is normal, and has no ends)"

@@ -24,7 +24,7 @@ seed: 5
 cohort: cohort
 tasks: [calibrate, infer, predict, compare]
 calibrate: {methods: [least_squares], evaluations: 60, starts: 1}
-infer: {population: 12, generations: 3, epsilon: 0.5, pending: 16}
+infer: {paper: true, population: 12, generations: 3, epsilon: 0.5, pending: 16}
 """
 
 

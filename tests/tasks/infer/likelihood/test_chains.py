@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chisquare
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.infer.likelihood import explore
+from sinew.tasks.infer.likelihood import best, explore
 from sinew.tasks.infer.likelihood.chains import CHAINS, begun, swept
 from sinew.tasks.infer.likelihood.compiled import FARTHEST
 from sinew.tasks.infer.likelihood.explore import explored
@@ -69,8 +69,9 @@ COHORTS = 30
 @pytest.mark.parametrize("heavy", [False, True])
 def test_truth_is_anywhere_among_the_draws(heavy, monkeypatch):
     """Simulation-based calibration (Talts et al. 2018): ranks are uniform. A rough emulator will do here."""
-    for name, value in (("PATHS", 4), ("WALKERS", 64), ("ROUNDS", 2), ("FITS", 2)):
+    for name, value in (("PATHS", 4), ("WALKERS", 64), ("ROUNDS", 2)):
         monkeypatch.setattr(explore, name, value)
+    monkeypatch.setattr(best, "FITS", 2)
     found = np.array([ranks(seed, heavy) for seed in range(COHORTS)])
     for name, each in zip(("mean", "spread", "specimen"), found.swapaxes(0, 1), strict=True):
         for j in range(SIZE):

@@ -86,7 +86,7 @@ def test_true_values_are_in_the_intervals(inferred):
     for site in found.sites.values():
         assert site.smallest_ess >= 200
         assert site.largest_rhat <= 1.05
-        assert all(ratio < 1.2 for ratio in site.misfit.values())
+        assert all(0.8 < one.bare < 1.2 and 0.8 < one.left < 1.2 for one in site.misfit.values())
         for name in ("E_f", "alpha_f", "E_m"):
             mean = np.mean([TRUTH[specimen][name] for specimen in site.specimens])
             assert site.population[name].low < mean < site.population[name].high

@@ -2,7 +2,7 @@
 
 Every model of tissue is wrong in some smooth way. Judged against noise alone, any effect that follows the error a
 little would be certain. So the error has a prior of its own (Kennedy and O'Hagan 2001, J R Stat Soc B 63): three sums
-of splines (:mod:`sinew.tasks.discover.measure.splines`) with normal coefficients of mean zero, each sum with its own
+of splines (:mod:`sinew.tasks.fitting.splines`) with normal coefficients of mean zero, each sum with its own
 size:
 
 1. the same in all curves of a specimen;
@@ -14,18 +14,19 @@ section 5.4). The evidence also counts how closely the data determine the parame
 candidate with more parameters needs no further penalty.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
-from sinew.tasks.discover.fit.fit import WIDTH
-from sinew.tasks.discover.measure.splines import COEFFICIENTS, KINDS, piece_of, ranges_of, spline_forces
 from sinew.tasks.fitting.measured import Measured
+from sinew.tasks.fitting.splines import COEFFICIENTS, KINDS, piece_of, ranges_of, spline_forces
 from sinew.tasks.simulate import Array
 
+WIDTH = 12.0  # precision of a parameter that is anywhere on the unit cube
 SMALLEST, LARGEST = -4.6, 7.0  # logarithm of a size, in units of the noise
 
 
@@ -40,6 +41,13 @@ class Discrepancy:
     blocks: tuple[Array, ...]
     basis: Array
     grams: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, blocks: Sequence[Array]) -> "Discrepancy":
+        """A discrepancy of these ``blocks``."""
+        basis, _ = np.linalg.qr(np.concatenate(blocks, axis=1))
+        within = [basis.T @ block for block in blocks]
+        return cls(tuple(blocks), basis, tuple(one @ one.T for one in within))
 
     def evidence(self, sizes: Array, error: Array, slopes: Array) -> float:
         """Minus twice the logarithm of the evidence of whitened residuals ``error`` ``[g]`` at a fit.
@@ -68,10 +76,15 @@ class Discrepancy:
         )  # fmt: skip
         return best.x, float(best.fun)
 
-    def whitening(self, sizes: Array) -> Callable[[Array], Array]:
-        """What makes residuals ``[g]``, or slopes ``[g, k]``, of discrepancies of these sizes and noise white."""
+    def directions(self, sizes: Array) -> tuple[Array, Array]:
+        """Orthonormal directions ``[g, d]`` of a discrepancy of log ``sizes``, and its spreads ``[d]`` along them."""
         every = np.concatenate([np.exp(size) * one for size, one in zip(sizes, self.blocks, strict=True)], axis=1)
         directions, spreads, _ = np.linalg.svd(every, full_matrices=False)
+        return directions, spreads
+
+    def whitening(self, sizes: Array) -> Callable[[Array], Array]:
+        """What makes residuals ``[g]``, or slopes ``[g, k]``, of discrepancies of these sizes and noise white."""
+        directions, spreads = self.directions(sizes)
         taken = 1.0 - 1.0 / np.sqrt(1.0 + spreads**2)
 
         def white(vectors: Array) -> Array:
@@ -87,8 +100,12 @@ def _reduced(basis: Array, error: Array, slopes: Array) -> tuple[Array, Array, f
     return within, along, float(error @ error - within @ within), slopes.T @ slopes - along.T @ along
 
 
-def discrepancy_of(measured: Measured) -> Discrepancy:
-    """The discrepancy of a specimen."""
+def discrepancy_of(measured: Measured, root: Array | None = None) -> Discrepancy:
+    """The discrepancy of a specimen.
+
+    ``root`` ``[coefficients, coefficients]``: of the covariance of each spline's coefficients; without, these are
+    independent.
+    """
     curves = measured.curves
     pieces = [piece_of(measured, curve) for curve in curves]
     ranges = ranges_of(pieces)
@@ -98,15 +115,16 @@ def discrepancy_of(measured: Measured) -> Discrepancy:
     ]
     grows = np.tile(np.repeat([False, True], COEFFICIENTS), len(KINDS))
     every = np.concatenate(white)
+    if root is not None:
+        every = np.concatenate(
+            [part @ root for part in np.split(every, every.shape[1] // COEFFICIENTS, axis=1)], axis=1
+        )
     blocks = [every[:, ~grows], every[:, grows]]
     if len(curves) > 1:
         ends = np.cumsum([0, *(len(one) for one in white)])
         own = np.zeros((len(every), len(curves), int((~grows).sum())))
-        for number, (one, begin, end) in enumerate(zip(white, ends, ends[1:], strict=False)):
-            own[begin:end, number] = one[:, ~grows]
+        for number, (begin, end) in enumerate(pairwise(ends)):
+            own[begin:end, number] = every[begin:end, ~grows]
         blocks.append(own.reshape(len(every), -1))
     blocks = [block[:, np.any(block != 0.0, axis=0)] for block in blocks]
-    blocks = [block / np.sqrt(np.square(block).sum() / len(block)) for block in blocks if block.size]
-    basis, _ = np.linalg.qr(np.concatenate(blocks, axis=1))
-    within = [basis.T @ block for block in blocks]
-    return Discrepancy(tuple(blocks), basis, tuple(one @ one.T for one in within))
+    return Discrepancy.of([block / np.sqrt(np.square(block).sum() / len(block)) for block in blocks if block.size])

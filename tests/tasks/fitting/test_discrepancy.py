@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from sinew.tasks.discover.fit.fit import WIDTH
-from sinew.tasks.discover.measure.discrepancy import discrepancy_of
+from sinew.tasks.fitting.discrepancy import WIDTH, discrepancy_of
 from sinew.tasks.model.protocols import cyclic, one_step
 from tests.tasks.discover.measure.test_shape import measured_with
 

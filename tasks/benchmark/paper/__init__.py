@@ -1,0 +1,1 @@
+"""Pekedis (2025), reproduced on specimens whose truth is known."""

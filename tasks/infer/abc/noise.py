@@ -1,0 +1,51 @@
+"""Noise of simulated measurements: ABC compares like with like only if simulations are noisy as measurements are.
+
+The store keeps the size of a curve's error, not the error itself, which is all that is needed: if r is the simulated
+less the measured force at n points, and e the noise, |r + e|^2 = |r|^2 + 2 r e + |e|^2. For an r that is smooth beside
+the noise, r e is normal with variance c s^2 |r|^2, and |e|^2 has mean n s^2 and variance 2 k n s^4, where s is the
+noise's standard deviation, a its autocorrelation, c = (1 + a) / (1 - a) and k = (1 + a^2) / (1 - a^2).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sinew.tasks.data.noise import Noise
+from sinew.tasks.infer.abc.observations import root_mean_square
+from sinew.tasks.model import Curve
+from sinew.tasks.simulate import Array
+
+
+@dataclass(frozen=True, eq=False)
+class CurveNoise:
+    """The noise of ``c`` curves of ``points`` ``[c]``, of a ``size`` ``[c]`` relative to the force's root mean square.
+
+    ``smooth`` and ``rough`` ``[c]``: the factors c and k of the module's description.
+    """
+
+    size: Array
+    points: Array
+    smooth: Array
+    rough: Array
+
+    def relative_errors(self, errors: Array) -> Array:
+        """Relative errors ``[c]`` of noisy simulations, from those of simulations without noise.
+
+        Drawn from numpy's global generator, as all that pyABC draws.
+        """
+        along, own = np.random.standard_normal((2, errors.size))
+        cross = 2.0 * self.size * np.sqrt(self.smooth / self.points) * errors * along
+        squares = self.size**2 * np.maximum(1.0 + np.sqrt(2.0 * self.rough / self.points) * own, 0.0)
+        return np.asarray(np.sqrt(np.maximum(errors**2 + cross + squares, 0.0)))
+
+
+def noise_of_curves(curves: list[tuple[Curve, Noise]]) -> CurveNoise:
+    """What the noise of each curve does to its relative error."""
+    a = np.array([noise.ar1 for _, noise in curves])
+    sizes = [root_mean_square(noise.sd_at(one.force_N)) / root_mean_square(one.force_N) for one, noise in curves]
+    return CurveNoise(
+        size=np.array(sizes),
+        points=np.array([one.force_N.size for one, _ in curves], dtype=float),
+        smooth=(1.0 + a) / (1.0 - a),
+        rough=(1.0 + a**2) / (1.0 - a**2),
+    )
