@@ -1,5 +1,7 @@
 """Cohorts drawn from the prior."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -26,6 +28,22 @@ def test_specimens_are_within_the_ranges_and_follow_from_the_seed(heavy):
     assert (truth.spread > 0).all()
     assert truth.further.shape == (2, len(model.free)) and (truth.further >= 0).all() and (truth.further <= 1).all()
     assert not np.isin(truth.further[:, 0], at[:, 0]).any()
+
+
+@pytest.mark.parametrize("more", [{"effect": "force-drift"}, {"screw": 0.02}])
+def test_specimens_may_have_more_than_the_model(more):
+    model = Model()
+    bare, truth = drawn(np.random.default_rng(2), model, FEW, by_likelihood=True, heavy=False)
+    conditions = replace(FEW, **more)
+    found, same = drawn(np.random.default_rng(2), model, conditions, by_likelihood=True, heavy=False)
+    np.testing.assert_array_equal(truth.specimens["first/1"], same.specimens["first/1"])
+    apart = np.abs(found[0].curves[0].force_N - bare[0].curves[0].force_N)
+    assert apart.max() > 0.01 * bare[0].curves[0].force_N.max()
+
+
+def test_an_effect_is_of_the_library():
+    with pytest.raises(BadInput, match="--effect: 'moonlight' is no effect"):
+        Conditions(effect="moonlight")
 
 
 def test_curves_are_those_of_the_truth_with_noise():

@@ -10,6 +10,7 @@ import xarray as xr
 
 from sinew.runner.store.store import open_store
 from sinew.tasks import pipeline
+from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.infer.abc.result import AbcResult
@@ -110,6 +111,46 @@ def test_the_posteriors_open_in_xarray_pyabc_and_arviz(inferred):
     table = (out / "infer.csv").read_text().splitlines()
     assert table[0].startswith("parameter,unit,distal_mean,distal_sd,distal_hdi_low,distal_hdi_high,proximal_mean")
     assert len(table) == 17
+
+
+SOUND = "infer: {priors: others, population: 20, ess: 100, generations: 2, smallest_acceptance: 0.01, pending: 16}"
+
+
+def test_outside_the_papers_mode_priors_are_of_others_within_the_ranges_and_particles_are_enough(study, tmp_path, here):
+    old = next(line for line in NO_TAIL.splitlines() if line.startswith("infer:"))
+    study.write_text(NO_TAIL.replace(old, SOUND))
+    sinew("run", study, "--out", tmp_path / "out", "--quiet")
+    result = AbcResult.read(tmp_path / "out")
+    assert (result.paper, result.priors) == (False, "others")
+    calibrated = CalibrateResult.read(tmp_path / "out")
+    bounds = dict(zip(calibrated.free, calibrated.bounds, strict=True))
+    for site, posterior in result.sites.items():
+        particles = open_store(tmp_path / "out").read_result(f"infer/{site}")
+        values = particles["parameters"].values
+        low, high = np.array([bounds[name] for name in result.names]).T
+        assert (values >= low).all()
+        assert (values <= high).all()
+        weight = particles["weight"].values
+        assert weight.sum(axis=1) == pytest.approx(1.0)
+        assert weight.shape[1] > 20, "the second generation is larger"
+        assert (weight[0] > 0).sum() == 20
+        assert posterior.effective_sample_size > 50
+        other = "proximal" if site == "distal" else "distal"
+        of_others = [fit.parameters["E_f"] for fit in calibrated.specimens.values() if fit.site == other]
+        assert posterior.parameters["E_f"].prior in ("normal", "uniform")
+        if posterior.parameters["E_f"].prior == "normal":
+            assert posterior.parameters["E_f"].prior_mean == pytest.approx(np.mean(of_others))
+
+
+def test_without_another_site_there_are_no_others(study, tmp_path, here, capsys):
+    old = next(line for line in NO_TAIL.splitlines() if line.startswith("infer:"))
+    study.write_text(NO_TAIL.replace(old, "infer: {priors: others}"))
+    for folder in (tmp_path / "cohort").glob("proximal*"):
+        shutil.rmtree(folder)
+    with pytest.raises(SystemExit):
+        sinew("run", study, "--out", tmp_path / "new", "--quiet")
+    said = capsys.readouterr().err
+    assert "infer.priors: no specimen of a site other than distal is calibrated; expected ranges" in said
 
 
 def test_what_is_gone_is_made_again_without_a_simulation(inferred, tmp_path, here):

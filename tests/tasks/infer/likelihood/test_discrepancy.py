@@ -14,7 +14,7 @@ from tests.tasks.infer.likelihood.specimens import apart, target
 
 def test_where_the_model_is_right_there_is_next_to_no_error():
     wider = []
-    for number in range(4):
+    for number in range(3):
         bare, truth = target(number)
         found = model_error(bare, (1,))
         assert found.misfit == pytest.approx(1.0, abs=0.1)
@@ -26,7 +26,7 @@ def test_where_the_model_is_right_there_is_next_to_no_error():
 @pytest.mark.parametrize(("effect", "screw"), [("", 0.01), ("friction", 0.0)])
 def test_where_the_model_is_wrong_posteriors_are_wider(effect, screw):
     without, beside, left = [], [], []
-    for number in range(4):
+    for number in range(3):
         bare, truth = target(number, effect, screw)
         found = model_error(bare, (1,))
         assert found.misfit > 1.5
@@ -37,7 +37,7 @@ def test_where_the_model_is_wrong_posteriors_are_wider(effect, screw):
         left.append(best_fit(white, np.random.default_rng(1)).squares / bare.points)
     assert np.sqrt(np.mean(np.square(without))) > 5.0
     assert np.sqrt(np.mean(np.square(beside))) < 3.5
-    assert np.sqrt(left) == pytest.approx(np.ones(4), abs=0.1)
+    assert np.sqrt(left) == pytest.approx(np.ones(3), abs=0.1)
 
 
 def test_white_errors_are_those_of_the_whole_covariance():
