@@ -20,6 +20,7 @@ def run(workspace: Workspace, settings: Settings) -> ImportanceResult:
     studied = workspace.study.section(SobolSettings).output
     found = sobol_rows(workspace)
     design, ok = found.design, found.ok
+    names = [parameter.name for parameter in workspace.model.free]
     inputs = key(ImportanceResult, settings.model_dump(), workspace.seed, found.keys, ok, design.rows, studied)
     if (known := cached(workspace, ImportanceResult, inputs, ["importance"])) is not None:
         return known
@@ -31,7 +32,7 @@ def run(workspace: Workspace, settings: Settings) -> ImportanceResult:
     forests = workspace.each("importance", "forests", importance_of, found.objectives())
     outputs = workspace.each("importance for outputs", "forests", importance_of, found.outputs())
     result = ImportanceResult(
-        names=list(design.names),
+        names=names,
         **vars(forests["total"]),
         objective=found.words,
         field=found.studied,
@@ -46,7 +47,7 @@ def run(workspace: Workspace, settings: Settings) -> ImportanceResult:
     every = forests | outputs
     dataset = xr.Dataset(
         {name: (("output", "parameter"), np.stack([getattr(one, name) for one in every.values()])) for name in KEYS},
-        {"parameter": np.array(design.names, dtype=str), "output": list(every)},
+        {"parameter": np.array(names, dtype=str), "output": list(every)},
     )
     commit(workspace, result, {"importance": dataset})
     return result

@@ -27,6 +27,7 @@ def run(workspace: Workspace, settings: Settings) -> PawnResult:
     if (known := cached(workspace, PawnResult, inputs, ["pawn"])) is not None:
         return known
     place = np.arange(len(design.rows)) % design.block
+    names = [parameter.name for parameter in workspace.model.free]
     independent = (place == 0) | (place == design.block - 1)
     used = np.flatnonzero(independent & found.ok)
     if used.size < FEWEST_ROWS_OF_A_SLIDE * settings.slides:
@@ -41,7 +42,7 @@ def run(workspace: Workspace, settings: Settings) -> PawnResult:
         for title, outcomes in (("pawn", found.objectives()), ("pawn for outputs", found.outputs()))
     )
     result = PawnResult(
-        names=list(design.names),
+        names=names,
         **vars(objectives["total"]),
         slides=settings.slides,
         confidence=settings.confidence,
@@ -56,7 +57,7 @@ def run(workspace: Workspace, settings: Settings) -> PawnResult:
     every = objectives | outputs
     dataset = xr.Dataset(
         {name: (("output", "parameter"), np.stack([getattr(one, name) for one in every.values()])) for name in KEYS},
-        {"parameter": np.array(design.names, dtype=str), "output": list(every)},
+        {"parameter": np.array(names, dtype=str), "output": list(every)},
     )
     commit(workspace, result, {"pawn": dataset})
     return result

@@ -1,6 +1,6 @@
 """Which parameter sets a sensitivity study evaluates: Saltelli's design (SALib)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +9,7 @@ from scipy.stats import qmc
 
 from sinew.tasks.model import Model
 from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.inputs import PLAIN, Inputs
 from sinew.tasks.simulate.pairing import pairs_of
 
 FEWEST = 32  # base samples of a sequence
@@ -16,11 +17,12 @@ FEWEST = 32  # base samples of a sequence
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A Saltelli design over a model's free parameters.
+    """A Saltelli design over a model's free parameters, or groups of them, called ``names``.
 
-    ``rows`` ``[n, d]`` holds full parameter sets, of which ``free`` are the columns of the free parameters, ``names``.
-    ``block`` is the number of consecutive rows of one base sample. Base samples come in turn from ``scrambles``
-    independent scrambled sequences.
+    ``rows`` ``[n, d]`` holds full parameter sets, of which ``free`` are the columns of the free parameters, and
+    ``members`` the places of each of ``names`` among these (without any, each is a parameter). ``block`` is the number
+    of consecutive rows of one base sample. Base samples come in turn from ``scrambles`` independent scrambled
+    sequences.
     """
 
     names: tuple[str, ...]
@@ -29,6 +31,7 @@ class Design:
     rows: Array
     free: tuple[int, ...] = ()
     scrambles: int = 1
+    members: tuple[tuple[int, ...], ...] = ()
 
     @property
     def scramble(self) -> Array:
@@ -43,6 +46,17 @@ class Design:
     def free_rows(self) -> Array:
         """The free parameters ``[n, free]`` of every row."""
         return self.rows[:, list(self.free)]
+
+    def features(self) -> Array:
+        """What is varied in the first and the last row of each base sample, ``[base samples, 2, names]``.
+
+        NaN for a group of several parameters, which no number stands for.
+        """
+        rows = self.free_rows.reshape(self.base_samples, self.block, -1)[:, [0, -1]]
+        if not self.members:
+            return rows
+        columns = [rows[..., at[0]] if len(at) == 1 else np.full(rows.shape[:2], np.nan) for at in self.members]
+        return np.stack(columns, axis=-1)
 
     @property
     def problem(self) -> dict[str, Any]:
@@ -74,44 +88,70 @@ def scrambles_of(base: int, wanted: int) -> int:
     return found if found > 2 else 1
 
 
-def saltelli(model: Model, base: int, second_order: bool, seed: int, scrambles: int = 1) -> Design:
+def saltelli(
+    model: Model, base: int, second_order: bool, seed: int, scrambles: int = 1, inputs: Inputs = PLAIN
+) -> Design:
     """Saltelli's design from scrambled Sobol sequences; the first half of a doubled design is the design itself.
 
     ``scrambles``: a power of two, at most ``base``.
     """
     free = model.free
     names = tuple(parameter.name for parameter in free)
-    bounds = [[parameter.minimum, parameter.maximum] for parameter in free]
-    rows = drawn(names, bounds, base, seed, second_order=second_order, scrambles=scrambles)
+    factors = inputs.factors(names)
+    if inputs.distributions:
+        unit = [[0.0, 1.0]] * len(names)
+        share = drawn(names, unit, base, seed, second_order=second_order, scrambles=scrambles, factors=factors)
+        rows = inputs.values(free, share)
+    else:
+        bounds = [[parameter.minimum, parameter.maximum] for parameter in free]
+        rows = drawn(names, bounds, base, seed, second_order=second_order, scrambles=scrambles, factors=factors)
     at = tuple(model.names.index(name) for name in names)
-    return Design(names, base, second_order, model.full(names, rows), at, scrambles)
+    members = tuple(factors.values())
+    return Design(tuple(factors), base, second_order, model.full(names, rows), at, scrambles, members)
 
 
 def drawn(
-    names: Sequence[str], bounds: Sequence[Sequence[float]], base: int, seed: int, *, second_order: bool, scrambles: int
+    names: Sequence[str],
+    bounds: Sequence[Sequence[float]],
+    base: int,
+    seed: int,
+    *,
+    second_order: bool,
+    scrambles: int,
+    factors: Mapping[str, tuple[int, ...]] | None = None,
 ) -> Array:
-    """The rows ``[n, free]`` of a design: base samples of each sequence in turn. One sequence is SALib's."""
+    """The rows ``[n, free]`` of a design: base samples of each sequence in turn. One sequence is SALib's.
+
+    ``factors``: what moves as one, by its name; every parameter alone without it.
+    """
+    moves = factors or {name: (at,) for at, name in enumerate(names)}
     if scrambles == 1:
         import SALib.sample.sobol as salib_sample
 
-        problem = {"num_vars": len(names), "names": list(names), "bounds": [list(each) for each in bounds]}
+        problem: dict[str, Any] = {
+            "num_vars": len(names), "names": list(names), "bounds": [list(each) for each in bounds]
+        }  # fmt: skip
+        if len(moves) < len(names):
+            group = {at: title for title, places in moves.items() for at in places}
+            problem["groups"] = [group[at] for at in range(len(names))]
         return np.asarray(salib_sample.sample(problem, base, calc_second_order=second_order, scramble=True, seed=seed))
-    sequences = [_sequence(len(names), base // scrambles, second_order, (seed, number)) for number in range(scrambles)]
+    own = np.array([np.isin(np.arange(len(names)), places) for places in moves.values()])
+    sequences = [_sequence(own, base // scrambles, second_order, (seed, number)) for number in range(scrambles)]
     low, high = np.array(bounds, dtype=float).T
     return np.asarray(low + (high - low) * np.stack(sequences, axis=1).reshape(-1, len(names)))
 
 
-def _sequence(size: int, count: int, second_order: bool, seed: tuple[int, int]) -> Array:
+def _sequence(own: Array, count: int, second_order: bool, seed: tuple[int, int]) -> Array:
     """The blocks ``[count, block, size]`` of one scrambled sequence, in SALib's order, on the unit cube.
 
-    Which parameter has which pair of columns is drawn, so that a pair that fills its square badly meets another
-    parameter in each sequence.
+    ``own`` ``[factors, size]``: which parameters move as one. Which parameter has which pair of columns is drawn, so
+    that a pair that fills its square badly meets another parameter in each sequence.
     """
+    size = own.shape[1]
     rng = np.random.default_rng(seed)
     pairs = np.array(pairs_of(size))[rng.permutation(size)]
     points = qmc.Sobol(2 * size, scramble=True, seed=rng).random(count)
     a, b = points[:, pairs[:, 0]], points[:, pairs[:, 1]]
-    own = np.eye(size, dtype=bool)
     a_with_b = np.where(own, b[:, np.newaxis], a[:, np.newaxis])
     b_with_a = [np.where(own, a[:, np.newaxis], b[:, np.newaxis])] if second_order else []
     return np.concatenate([a[:, np.newaxis], a_with_b, *b_with_a, b[:, np.newaxis]], axis=1)

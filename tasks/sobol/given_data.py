@@ -54,7 +54,7 @@ def independent(design: Design, features: Array, ok: Array) -> Independent:
 def first_order(rows: Independent, outcomes: Array, intervals: Intervals) -> dict[str, Array]:
     """S1 and the half-widths of its intervals ``[d, m]`` for outcomes ``[k, m]``; ST is NaN.
 
-    NaN for outputs that do not vary.
+    NaN for outputs that do not vary, and for groups of several parameters.
     """
     size, count = rows.features.shape[1], outcomes.shape[1]
     found = {key: np.full((size, count), np.nan) for key in KEYS}
@@ -66,6 +66,8 @@ def first_order(rows: Independent, outcomes: Array, intervals: Intervals) -> dic
     factor = intervals.resampled(rows.scramble)[1]
     with np.errstate(divide="ignore", invalid="ignore"):
         for j in range(size):
+            if np.isnan(rows.features[:, j]).any():  # a group, which has no order
+                continue
             basis = _polynomials(rows.features[:, j], degree)
             if there.size == 1:
                 explained = np.square(_terms(basis, centred)).sum(axis=0) / variance

@@ -8,12 +8,20 @@ def methods(result: SobolResult) -> str:
     """The paragraph of a methods section; ``[@key]`` cites."""
     kinds = "First order" if result.refuses else "First and total order"
     failed = f" {result.failures.rule}." if result.failed else ""
+    varied = "groups or parameters" if result.groups else "parameters"
     return (
-        f"{kinds} Sobol indices of the {result.objective} were estimated for {len(result.names)} free "
-        f"parameters from a Saltelli design on scrambled Sobol sequences [@saltelli, @salib]: {result.base_samples:,} "
-        f"base samples, {result.rows:,} rows, of which {result.failed:,} failed.{failed} {_intervals(result)} "
-        f"{_largest(result)}"
+        f"{kinds} Sobol indices of the {result.objective} were estimated for {len(result.names)} free {varied}"
+        f"{_normal(result)} from a Saltelli design on scrambled Sobol sequences [@saltelli, @salib]: "
+        f"{result.base_samples:,} base samples, {result.rows:,} rows, of which {result.failed:,} failed.{failed} "
+        f"{_intervals(result)} {_largest(result)}"
     )
+
+
+def _normal(result: SobolResult) -> str:
+    """Which parameters are not uniform."""
+    found = (result.distributions or {}).items()
+    each = [f"{name} {number(one['mean'])} ± {number(one['sd'])}" for name, one in found]
+    return f" ({', '.join(each)}: normal within the range; all others uniform)" if each else ""
 
 
 def _intervals(result: SobolResult) -> str:

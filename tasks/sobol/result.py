@@ -99,7 +99,8 @@ class Convergence:
 class SobolResult(Result):
     """Sobol indices of the total objective, and of each protocol, specimen and output.
 
-    ``names`` and ``bounds`` are of the ``d`` free parameters. Base samples come from ``scrambles`` independent
+    ``names`` are of the ``d`` free parameters or ``groups`` of them, ``bounds`` of the free parameters, which are
+    uniform unless they have ``distributions``. Base samples come from ``scrambles`` independent
     sequences. ``field`` is what the store calls the quantity under study and ``objective`` says it in words.
     ``tables`` names each specimen's evaluations in the store.
     """
@@ -130,6 +131,10 @@ class SobolResult(Result):
     protocols: Mapping[str, OfProtocol]
     specimens: Mapping[str, OfSpecimen]
     outputs: Mapping[str, OfOutput] | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
+    groups: Mapping[str, list[str]] | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
+    distributions: Mapping[str, Mapping[str, Number]] | None = dataclasses.field(
+        default=None, kw_only=True, metadata=OMIT
+    )
     failures: Failures
     convergence: Convergence
     tables: Mapping[str, str]

@@ -57,7 +57,9 @@ def sobol_rows(workspace: Workspace) -> SobolRows:
     missing = BadInput(SobolResult.path(workspace.out), "no finished Sobol study", "`sinew sobol` on this study first")
     if last is None:
         raise missing
-    design = saltelli(workspace.model, last.base_samples, settings.second_order, workspace.seed, last.scrambles)
+    design = saltelli(
+        workspace.model, last.base_samples, settings.second_order, workspace.seed, last.scrambles, settings.inputs
+    )
     specimens = workspace.specimens(settings.specimens, "sobol.specimens")
     evaluated = tuple(_found(workspace, specimen, design, missing) for specimen in specimens)
     studied, words = quantity(workspace.evaluation(specimens[0]), settings.output)

@@ -8,20 +8,31 @@ from typing import TYPE_CHECKING, Annotated, Self
 from pydantic import Field, model_validator
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.study.fields import Specimens, TaskSettings
+from sinew.tasks.simulate.inputs import Inputs, Normal
+from sinew.tasks.study.fields import Name, Positive, Specimens, TaskSettings
 from sinew.tasks.study.files import read_json
 from sinew.tasks.study.model import model_of
-from sinew.tasks.study.settings_file import FieldError
+from sinew.tasks.study.settings_file import FieldError, Section
 
 if TYPE_CHECKING:
+    from sinew.tasks.model import Model
     from sinew.tasks.study.study import Study
+
+
+class NormalSettings(Section):
+    """A normal distribution within the range of a parameter."""
+
+    mean: Annotated[float, Field(allow_inf_nan=False)]
+    sd: Positive
 
 
 class Settings(TaskSettings):
     """A Saltelli design of ``base_samples`` x (free parameters + 2) rows, or of at least ``points`` rows.
 
     They come from ``scrambles`` independent scrambles of the Sobol sequence, whose scatter gives the intervals; with
-    one, the intervals come from ``resamples`` of a bootstrap. ``specimens``: which to study, ``all`` or names.
+    one, the intervals come from ``resamples`` of a bootstrap. ``groups``: parameters that move as one and have one
+    index, by the group's name. ``distributions``: of parameters that are not uniform over their ranges, each normal
+    with a ``mean`` and an ``sd``, cut off at the ends. ``specimens``: which to study, ``all`` or names.
     ``output``: of which of a template's outputs the indices are (left out: of the objective where there is one).
     """
 
@@ -29,6 +40,8 @@ class Settings(TaskSettings):
     base_samples: Annotated[int, Field(ge=2, le=2**26)] | None = None
     specimens: Specimens = "all"
     output: str | None = None
+    groups: dict[Name, Annotated[list[str], Field(min_length=1)]] = Field(default_factory=dict)
+    distributions: dict[str, NormalSettings] = Field(default_factory=dict)
     second_order: bool = False
     scrambles: Annotated[int, Field(ge=1, le=64)] = 8
     resamples: Annotated[int, Field(ge=10, le=100_000)] = 200
@@ -49,14 +62,48 @@ class Settings(TaskSettings):
         if self.output is not None and self.output not in outputs:
             known = f"one of {', '.join(outputs)}" if outputs else "nothing; only templates have outputs"
             raise FieldError("output", f"no output {shown(self.output)}", known)
+        if self.groups or self.distributions:
+            self._check_inputs(model_of(study.model, study.simulator.law))
+
+    def _check_inputs(self, model: Model) -> None:
+        free = {parameter.name: parameter for parameter in model.free}
+        seen: set[str] = set()
+        for title, members in self.groups.items():
+            for name in members:
+                if name not in free:
+                    raise FieldError(f"groups.{title}", shown(name), f"free parameters: {', '.join(free)}")
+                if name in seen:
+                    raise FieldError(f"groups.{title}", f"{shown(name)} is in a group twice", "one group for each")
+                seen.add(name)
+            if title in free and title not in members:
+                raise FieldError("groups", f"{shown(title)} is a parameter", "another name for the group")
+        for name, one in self.distributions.items():
+            if name not in free:
+                raise FieldError("distributions", shown(name), f"free parameters: {', '.join(free)}")
+            low, high = free[name].minimum, free[name].maximum
+            if not low - FAR * one.sd < one.mean < high + FAR * one.sd:
+                expected = f"within {FAR:g} standard deviations of the range, {low:g} to {high:g}"
+                raise FieldError(f"distributions.{name}.mean", f"{one.mean:g}", expected)
+
+    @property
+    def inputs(self) -> Inputs:
+        """What is varied, and how."""
+        normals = {name: Normal(one.mean, one.sd) for name, one in self.distributions.items()}
+        return Inputs({title: tuple(members) for title, members in self.groups.items()}, normals)
 
 
 DEFAULT = Settings(points=20_000)
+FAR = 4.0  # standard deviations: a mean farther from the range leaves hardly any of the distribution
 
 
 def check(study: Study, out: Path, *, extend: bool = False) -> None:
-    """Refuse a study with one free parameter, and ``extend`` where there is nothing to extend."""
-    if len(model_of(study.model, study.simulator.law).free) < 2:
+    """Refuse a study with one free parameter or group, and ``extend`` where there is nothing to extend."""
+    names = [parameter.name for parameter in model_of(study.model, study.simulator.law).free]
+    if len(names) < 2:
         raise BadInput(f"{study.path}: model.parameters", "one free parameter", "at least two for Sobol indices")
+    if len(study.section(Settings).inputs.factors(names)) < 2:
+        raise BadInput(
+            f"{study.path}: sobol.groups", "one group of all parameters", "two groups or parameters at least"
+        )
     if extend and read_json(out / "sobol.json") is None:
         raise BadInput(out / "sobol.json", "is not there", "a finished `sinew sobol` to extend")

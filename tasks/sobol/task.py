@@ -51,12 +51,12 @@ def run(workspace: Workspace, settings: Settings, *, extend: bool = False) -> So
     if not extend and settings.points is not None:
         _say_size(workspace, settings, base)
     scrambles = _scrambles(workspace, settings, base, extend=extend)
-    design = saltelli(workspace.model, base, settings.second_order, workspace.seed, scrambles)
+    design = saltelli(workspace.model, base, settings.second_order, workspace.seed, scrambles, settings.inputs)
     drawn = digest(design.rows)
     specimens = workspace.specimens(settings.specimens, "sobol.specimens")
     log.info("sobol", extra={"rows": len(design.rows), "base_samples": base, "specimens": len(specimens)})
     planned = [Evaluated(one, *workspace.plan(one, design.rows)) for one in map(workspace.evaluation, specimens)]
-    features = design.free_rows.reshape(base, design.block, -1)[:, [0, -1]]
+    features = design.features()
     design = replace(design, rows=design.rows[:0])  # they are in the store now; a large design need not stay in memory
     for one in planned:
         workspace.evaluate(one.evaluation, one.table, one.at, f"sobol {one.specimen.name}")
@@ -77,7 +77,12 @@ def _base_samples(workspace: Workspace, settings: Settings, *, extend: bool) -> 
         previous = SobolResult.read(workspace.out)
         assert previous is not None, "checked before the store was opened"
         return 2 * previous.base_samples
-    return base_of(settings, len(workspace.model.free))
+    return base_of(settings, _factors(workspace, settings))
+
+
+def _factors(workspace: Workspace, settings: Settings) -> int:
+    """How many free parameters or groups of them there are."""
+    return len(settings.inputs.factors([parameter.name for parameter in workspace.model.free]))
 
 
 def _scrambles(workspace: Workspace, settings: Settings, base: int, *, extend: bool) -> int:
@@ -87,11 +92,11 @@ def _scrambles(workspace: Workspace, settings: Settings, base: int, *, extend: b
 
 
 def _say_size(workspace: Workspace, settings: Settings, base: int) -> None:
-    count = len(workspace.model.free)
+    count = _factors(workspace, settings)
     rows = base * block_of(count, settings.second_order)
     workspace.say(
         f"sobol: {settings.points:,} points asked; the next power of two is {base:,} base samples, "
-        f"{rows:,} rows for {count} parameters"
+        f"{rows:,} rows for {count} {'groups' if settings.groups else 'parameters'}"
     )
 
 
@@ -132,6 +137,8 @@ def _analysed(
                    for name, each in found.items()},
         specimens=_of_specimens(estimate, planned, objectives),
         outputs=outputs or None,
+        groups={title: list(members) for title, members in settings.groups.items()} or None,
+        distributions={name: vars(one) for name, one in settings.inputs.distributions.items()} or None,
         failures=_failures(estimate, planned, outcomes["total"]),
         convergence=estimate.convergence(outcomes["total"]),
         tables={one.specimen.name: one.table.name for one in planned},

@@ -8,13 +8,14 @@ ANALYSIS_S = 1.2e-7  # for each row and kept point of a curve: indices along tim
 
 
 def base_of(settings: Settings, parameters: int) -> int:
-    """The base samples that a study asks for, with so many free parameters."""
+    """The base samples that a study asks for, with so many free parameters or groups of them."""
     return settings.base_samples or base_samples(settings.points or 20_000, parameters, settings.second_order)
 
 
 def rows_of(given: Given) -> int:
     """The rows of the study's design, each of which every specimen evaluates."""
-    settings, parameters = given.study.section(Settings), len(given.model.free)
+    settings = given.study.section(Settings)
+    parameters = len(settings.inputs.factors([one.name for one in given.model.free]))
     return base_of(settings, parameters) * block_of(parameters, settings.second_order)
 
 

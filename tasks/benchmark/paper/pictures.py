@@ -65,6 +65,7 @@ def joint_pairs(particles: xr.Dataset, names: list[str], pairs: Sequence[tuple[s
         for axis, (across, up) in zip(axes[0], pairs, strict=True):
             x, y = (values[:, names.index(name)] for name in (across, up))
             axis.scatter(x, y, s=12 * weight * weight.size, color=COLOURS[0], alpha=0.7, lw=0)
+            axis.margins(0.15)
             axis.set_xlabel(symbol(across))
             axis.set_ylabel(symbol(up))
         figure.suptitle(site, x=0.01, ha="left", fontsize=10)

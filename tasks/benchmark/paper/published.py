@@ -5,6 +5,7 @@ The middle site's interval of E_f lacks its closing bracket in table 3; all othe
 
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
 from sinew.tasks.data.virtual import published as table_2
@@ -42,6 +43,19 @@ class OfSite:
     mean: float
     sd: float
     error: float
+
+
+def correlation(first: str, second: str) -> float:
+    """The repeated-measures correlation of two parameters in table 2, the specimen's number being the donor."""
+    table = table_2()
+    apart = [(table[name] - table.groupby("specimen")[name].transform("mean")).to_numpy() for name in (first, second)]
+    return float(np.corrcoef(apart)[0, 1])
+
+
+def exchanged(names: tuple[str, str]) -> tuple[str, str]:
+    """Names of parameters with matrix and fibre exchanged: the last letter says which."""
+    first, second = (name[:-1] + ("f" if name[-1] == "m" else "m") for name in names)
+    return first, second
 
 
 def table_3() -> dict[tuple[str, str], Printed]:

@@ -23,7 +23,7 @@ def section(folder: ResultFolder, result: LikelihoodResult) -> Section:
     ]
     wrong = misfitting(result)
     blocks = [*(Words(f"{remark[:1].upper()}{remark[1:]}.", "warning") for remark in wrong), *blocks]
-    remarks = [*discrepant(result), *undetermined(result)]
+    remarks = [*(f"{remark[:1].upper()}{remark[1:]}" for remark in discrepant(result)), *undetermined(result)]
     blocks += [Words(f"{remark}.", "note") for remark in remarks]
     sites = result.sites.values()
     sizes = [len(site.specimens) for site in sites]

@@ -51,3 +51,29 @@ def test_a_name_that_no_output_has_is_told_the_names_that_are_there(tmp_path):
     with pytest.raises(FieldError) as error:
         Settings(output="torque").check_study(Template)
     assert error.value.expected == "one of force, stretch"
+
+
+@pytest.mark.parametrize(
+    ("given", "field", "problem"),
+    [
+        ({"groups": {"one": ["E_f", "moonlight"]}}, "groups.one", "'moonlight'"),
+        ({"groups": {"one": ["E_f"], "two": ["E_f", "E_m"]}}, "groups.two", "'E_f' is in a group twice"),
+        ({"groups": {"E_m": ["E_f", "alpha_f"]}}, "groups", "'E_m' is a parameter"),
+        ({"distributions": {"moonlight": {"mean": 1, "sd": 1}}}, "distributions", "'moonlight'"),
+        ({"distributions": {"E_f": {"mean": 10, "sd": 1}}}, "distributions.E_f.mean", "10"),
+    ],
+)
+def test_groups_and_distributions_are_of_free_parameters(tmp_path, given, field, problem):
+    known = study(tmp_path, free=len(Model().parameters) - 1)
+    Settings(groups={"one": ["E_f", "E_m"]}, distributions={"E_f": {"mean": 205, "sd": 27}}).check_study(known)
+    with pytest.raises(FieldError) as error:
+        Settings(**given).check_study(known)
+    assert (error.value.field, error.value.problem) == (field, problem)
+
+
+def test_one_group_of_everything_has_no_indices(tmp_path):
+    path = tmp_path / "study.yaml"
+    names = ", ".join(parameter.name for parameter in Model().parameters)
+    path.write_text(f"name: small\ncohort: cohort\nsobol: {{groups: {{all: [{names}]}}}}\n")
+    with pytest.raises(BadInput, match=r"sobol.groups: one group of all parameters"):
+        check(sinew.read_study(path), tmp_path)

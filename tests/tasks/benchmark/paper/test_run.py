@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from sinew.tasks import pipeline
-from sinew.tasks.benchmark.paper.published import of_sites, table_3
+from sinew.tasks.benchmark.paper.published import CORRELATIONS, correlation, exchanged, of_sites, table_3
 from sinew.tasks.data.virtual import published
 from sinew.tasks.study.workspace import Workspace
 from tests.tasks.test_pipeline import sinew
@@ -76,6 +76,11 @@ def test_the_page_says_what_decides(paper):
     assert "| E_f, middle (table 3, MPa) | 249.1 ± 46.5 (167.2 to 324.9) | 181.9 ± 5.5 (standard error" in text
     for what in ("Sobol total indices", "random forest", "figure 5", "figure 12", "figure 13"):
         assert what in text
+
+
+@pytest.mark.parametrize("pair", CORRELATIONS)
+def test_published_correlations_are_those_of_table_2_with_matrix_and_fibre_exchanged(pair):
+    assert correlation(*exchanged(pair)) == pytest.approx(CORRELATIONS[pair], abs=0.006)
 
 
 def test_what_was_published_is_whole():

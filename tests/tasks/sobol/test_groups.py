@@ -1,0 +1,57 @@
+"""`sinew sobol` of groups and of normal parameters, what builds upon it, and how it is shown."""
+
+import json
+
+import numpy as np
+import pytest
+
+from sinew.tasks import pipeline
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.study.workspace import Workspace
+from tests.tasks.test_pipeline import sinew
+
+STUDY = """
+name: grouped
+seed: 3
+cohort: cohort
+tasks: [sobol, importance, pawn]
+sobol:
+  base_samples: 64
+  groups: {fibre_times: [tau_1f, tau_2f, tau_3f], matrix: [E_m, g_1m, g_2m, g_3m, tau_1m, tau_2m, tau_3m, nu_m]}
+  distributions: {E_f: {mean: 205, sd: 20}}
+importance: {trees: 10, repeats: 2}
+pawn: {slides: 4}
+"""
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory, drawing):
+    folder = tmp_path_factory.mktemp("grouped")
+    specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=2.0)
+    write_cohort(folder / "cohort", specimens[:1], truth)
+    (folder / "study.yaml").write_text(STUDY)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Workspace, "client", lambda self: None)
+        for name, function in drawing.items():
+            patch.setattr(pipeline, name, function)
+        sinew("run", folder / "study.yaml", "--out", folder / "out", "--quiet")
+    return folder / "out"
+
+
+def test_groups_have_indices_and_parameters_have_importance(out):
+    found = json.loads((out / "sobol.json").read_text())
+    assert found["names"] == ["E_f", "alpha_f", "g_1f", "g_2f", "g_3f", "fibre_times", "matrix"]
+    assert found["rows"] == 64 * 9
+    assert found["groups"]["fibre_times"] == ["tau_1f", "tau_2f", "tau_3f"]
+    assert found["distributions"] == {"E_f": {"mean": 205, "sd": 20}}
+    assert np.nansum(found["ST"]) > 0.9
+    for task in ("importance", "pawn"):
+        assert len(json.loads((out / f"{task}.json").read_text())["names"]) == 16
+
+
+def test_page_and_table_name_the_groups(out):
+    page = (out / "report.html").read_text()
+    assert "fibre_times" in page
+    assert (out / "figures" / "sobol.png").is_file()
+    assert "fibre_times" in (out / "figures" / "sobol.csv").read_text()
