@@ -19,6 +19,7 @@ from sinew.runner.store.table import Table
 from sinew.tasks.calibrate.result import CalibrateResult, SpecimenFit
 from sinew.tasks.data.sites import by_site, site_of
 from sinew.tasks.infer.result import (
+    AbcResult,
     InferResult,
     LikelihoodResult,
     Posteriors,
@@ -164,7 +165,8 @@ def _planned(workspace: Workspace, settings: Settings, inferred: Posteriors) -> 
     path = InferResult.path(workspace.out)
     by_likelihood = isinstance(inferred, LikelihoodResult)
     calibration = None if by_likelihood else CalibrateResult.read(workspace.out)
-    if calibration is None and not by_likelihood:
+    calibrated = isinstance(inferred, AbcResult) and inferred.priors != "ranges"
+    if calibration is None and calibrated:
         raise BadInput(CalibrateResult.path(workspace.out), "is not there", "`sinew calibrate` on this study first")
     members = [name for posterior in inferred.sites.values() for name in posterior.specimens]
     planned: dict[str, list[Planned]] = {}
@@ -204,8 +206,9 @@ def _rows(
         own = draws_of_specimen(kept, specimen.name, settings.draws, seed)
         new = draws_of_new(kept, settings.of_new(quick=workspace.simulator.capabilities.quick), seed)
         return Rows(full(three), full_varied(own), full_varied(new))
-    assert calibration is not None
     drawn = draws(kept.sel(parameter=inferred.names), settings.draws, seed)
+    if calibration is None:
+        return Rows(full(three), full(drawn), np.empty((0, len(workspace.model.names))))
     with believed(CalibrateResult.path(workspace.out)):
         return Rows(full(three), full(drawn), _others(workspace, calibration.specimens, specimens, specimen))
 
@@ -258,6 +261,8 @@ def _site(workspace: Workspace, planned: Sequence[Planned], probability: float) 
     shown = typical(specimens)
     stresses, no_stresses = _stresses(workspace, planned[specimens.index(shown)], probability)
     few = f"{len(specimens)} specimens; a band for a new one needs {FEWEST} or more"
+    if len(specimens) >= FEWEST:
+        few = "no calibration, from which a band for a new specimen is made after ABC (`sinew calibrate`)"
     beside = [each.dataset(f"{name}_point", units[name], f"{name}_") for name, each in others.items()]
     dataset = xr.merge([points.dataset("point", "N"), stresses.dataset("stress_point", "MPa", "stress_"), *beside])
     prediction = SitePrediction(

@@ -24,6 +24,7 @@ LIMIT = 0.005  # of all rows
 FIRST_SIZE = 5  # the convergence begins with 2**5 base samples
 RULE = "S1 is that of the rows that ran, ST that of base samples without a failed row"
 REFUSED = f"S1 is that of the rows that ran; ST is refused, as more than {100 * LIMIT:g} % of the rows failed"
+OF_GROUPS = "; S1 of groups of several parameters is unknown"
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +49,8 @@ class Estimator:
     @property
     def rule(self) -> str:
         """What is done about failed rows, in words."""
-        return REFUSED if self.refuses else RULE
+        several = any(len(at) > 1 for at in self.design.members)
+        return (REFUSED if self.refuses else RULE) + (OF_GROUPS if several else "")
 
     def of(self, outcomes: Array) -> dict[str, Array]:
         """S1, S1_conf, ST, ST_conf ``[d, m]`` of outcomes ``[n, m]``, NaN where one is refused or nothing varies."""

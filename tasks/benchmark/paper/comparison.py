@@ -51,7 +51,7 @@ def _sobol(result: SobolResult) -> Iterator[Row]:
     for of, found in ((typical, result.specimens[typical]), ("mean objective of all specimens", result)):
         total = dict(zip(result.names, found.ST, strict=True))
         half = dict(zip(result.names, found.ST_conf, strict=True))
-        ours = ", ".join(f"{name} {total[name]:.2f} ± {half[name]:.2f}" for name in SOBOL)
+        ours = ", ".join(f"{name} {total[name]:.2f} ± {half[name]:.2f}" for name in SOBOL if name in total)
         published = ", ".join(f"{name} {value:.2f}" for name, value in SOBOL.items()) if of == typical else ""
         sums = f"here, totals add up to {np.nansum(found.ST):.2f}, first-order ones to {np.nansum(found.S1):.2f}; "
         why = (
@@ -142,12 +142,12 @@ def _posteriors(result: AbcResult) -> Iterator[Row]:
 
 
 def _shared(result: AbcResult) -> int:
-    """How many ends of intervals of two sites are the same."""
-    sites = list(result.sites.values())
-    pairs = [(a, b) for i, a in enumerate(sites) for b in sites[i + 1 :]]
-    return sum(
-        int(np.equal(a.parameters[name].hdi, b.parameters[name].hdi).sum()) for a, b in pairs for name in result.names
-    )
+    """How many ends of intervals of middle and proximal are the same."""
+    sites = [result.sites[name] for name in ("middle", "proximal") if name in result.sites]
+    if len(sites) < 2:
+        return 0
+    ends = [np.array([site.parameters[name].hdi for name in result.names]) for site in sites]
+    return int((ends[0] == ends[1]).sum())
 
 
 def _standard_errors(result: AbcResult) -> dict[tuple[str, str], float]:

@@ -1,6 +1,5 @@
 """The paper's figures: those of the tasks under the paper's numbers, and figure 11, which only the paper has."""
 
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import xarray as xr
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
+from sinew.runner.files import new_file, read_regular
 from sinew.tasks.drawing.figures import COLOURS, STYLE, save, symbol
 from sinew.tasks.infer.abc.result import AbcResult, particles_group
 from sinew.tasks.study.workspace import Workspace
@@ -34,6 +34,7 @@ FIGURES = {  # the paper's numbers, and how the files of the tasks begin
     "figure_S6_middle": ("predict_middle_stresses",),
     "figure_S6_proximal": ("predict_proximal_stresses",),
 }
+SUFFIXES, MAX_BYTES = (".png", ".pdf", ".csv"), 2**28
 PAIRS = (("tau_1m", "tau_1f"), ("g_1m", "g_1f"), ("g_2m", "g_2f"), ("E_m", "E_f"), ("nu_m", "alpha_f"))
 
 
@@ -41,16 +42,19 @@ def pictures(workspace: Workspace, result: AbcResult, out: Path) -> list[str]:
     """Write the paper's figures to ``out``; returns the numbers of those that the run has not drawn."""
     missing = []
     for number, names in FIGURES.items():
-        drawn = [path for name in names for path in (workspace.out / "figures").glob(f"{name}.*")]
-        for path in drawn:
-            shutil.copyfile(path, out / f"{number}{path.suffix}")
+        drawn = [path for name in names if (path := workspace.out / "figures" / f"{name}.png").exists()]
         if not drawn:
             missing.append(number)
+        for path in drawn:
+            for suffix in SUFFIXES:
+                with new_file(out / f"{number}{suffix}") as file:
+                    file.write(read_regular(path.with_suffix(suffix), MAX_BYTES))
     site = next(iter(result.sites))
     particles = workspace.store.read_result(particles_group(site))
     pairs = [pair for pair in PAIRS if set(pair) <= set(result.names)]
     if pairs:
         table = pd.DataFrame(particles["parameters"].values[-1], columns=result.names)
+        table.insert(0, "weight", particles["weight"].values[-1])
         save(joint_pairs(particles, result.names, pairs, site), out, "figure_11", table)
     else:
         missing.append("figure_11")

@@ -1,9 +1,10 @@
 """Noise of simulated measurements: ABC compares like with like only if simulations are noisy as measurements are.
 
 The store keeps the size of a curve's error, not the error itself, which is all that is needed: if r is the simulated
-less the measured force at n points, and e the noise, |r + e|^2 = |r|^2 + 2 r e + |e|^2. For an r that is smooth beside
-the noise, r e is normal with variance c s^2 |r|^2, and |e|^2 has mean n s^2 and variance 2 k n s^4, where s is the
-noise's standard deviation, a its autocorrelation, c = (1 + a) / (1 - a) and k = (1 + a^2) / (1 - a^2).
+less the measured force at n points, and e the noise, |r + e|^2 = |r|^2 + 2 r e + |e|^2. The noise has the standard
+deviation s and the autocorrelation a. |e|^2 has mean n s^2 and variance 2 k n s^4 with k = (1 + a^2) / (1 - a^2). r e
+is normal; its variance is k s^2 |r|^2 for the part of r that is the noise of the measured curve, at most n s^2 of
+|r|^2, and c s^2 |r|^2 with c = (1 + a) / (1 - a) for the rest, which is smooth.
 """
 
 from dataclasses import dataclass
@@ -34,17 +35,19 @@ class CurveNoise:
         Drawn from numpy's global generator, as all that pyABC draws.
         """
         along, own = np.random.standard_normal((2, errors.size))
-        cross = 2.0 * self.size * np.sqrt(self.smooth / self.points) * errors * along
+        noisy = np.minimum(errors**2, self.size**2)  # of the measured curve itself, which the error holds
+        factor = self.smooth * (errors**2 - noisy) + self.rough * noisy
+        cross = 2.0 * self.size * np.sqrt(factor / self.points) * along
         squares = self.size**2 * np.maximum(1.0 + np.sqrt(2.0 * self.rough / self.points) * own, 0.0)
         return np.asarray(np.sqrt(np.maximum(errors**2 + cross + squares, 0.0)))
 
 
 def noise_of_curves(curves: list[tuple[Curve, Noise]]) -> CurveNoise:
-    """What the noise of each curve does to its relative error."""
-    a = np.array([noise.ar1 for _, noise in curves])
-    sizes = [root_mean_square(noise.sd_at(one.force_N)) / root_mean_square(one.force_N) for one, noise in curves]
+    """What the noise of each curve does to its relative error: nothing where it is unknown (NaN)."""
+    a = np.nan_to_num([noise.ar1 for _, noise in curves])
+    sizes = [np.sqrt(np.mean(noise.sd_at(one.force_N) ** 2)) / root_mean_square(one.force_N) for one, noise in curves]
     return CurveNoise(
-        size=np.array(sizes),
+        size=np.nan_to_num(sizes),
         points=np.array([one.force_N.size for one, _ in curves], dtype=float),
         smooth=(1.0 + a) / (1.0 - a),
         rough=(1.0 + a**2) / (1.0 - a**2),

@@ -5,9 +5,14 @@ from typing import Any
 
 from pyabc.populationstrategy import PopulationStrategy
 
+MOST = 10
+
 
 class EnoughParticles(PopulationStrategy):  # type: ignore[misc]
-    """At least ``particles``, and so many that they are worth ``ess`` of equal weight, if weights are as before."""
+    """At least ``particles``, and so many that they are worth ``ess`` of equal weight, if weights are as before.
+
+    At most ``MOST`` times as many as either.
+    """
 
     def __init__(self, particles: int, ess: int) -> None:
         super().__init__()
@@ -15,7 +20,8 @@ class EnoughParticles(PopulationStrategy):  # type: ignore[misc]
 
     def update(self, transitions: Any, model_weights: Any, t: int | None = None) -> None:
         """Learn from the weights of the generation before, to which proposals were fitted."""
-        self.now = max(self.least, math.ceil(self.ess / transitions[0].worth_))
+        most = MOST * max(self.least, self.ess)
+        self.now = min(max(self.least, math.ceil(self.ess / transitions[0].worth_)), most)
 
     def __call__(self, t: int | None = None) -> int:
         return self.now if t is not None and t > 0 else self.least

@@ -11,7 +11,7 @@ PRIORS = {
 
 
 def _particles(result: AbcResult) -> str:
-    noise = "without noise in simulations" if result.paper else "with noise in simulations as in measurements"
+    noise = "without noise in simulations" if result.paper else "with noise in simulated forces as in measured ones"
     return f"up to {result.population:,} particles, {noise}"
 
 

@@ -36,8 +36,12 @@ def run(workspace: Workspace, settings: Settings) -> AbcResult:
         for name, members in grouped.items()
     ]
     tables = [site.evaluation.table().key for site in sites]
-    priors = [[site.prior.mean.tolist(), site.prior.sd.tolist()] for site in sites]
-    inputs = key(AbcResult, settings.of("abc"), workspace.seed, tables, priors)
+    priors = [
+        [one.names, *(values.tolist() for values in (one.mean, one.sd, one.low, one.high))]
+        for one in (site.prior for site in sites)
+    ]
+    fixed = [[p.name, p.reference] for p in workspace.model.parameters if p not in workspace.model.free]
+    inputs = key(AbcResult, settings.of("abc"), workspace.seed, tables, priors, fixed)
     arrays = [particles_group(site) for site in grouped]
     if (known := cached(workspace, AbcResult, inputs, arrays, files.names(grouped))) is not None:
         return known

@@ -7,7 +7,7 @@ import pytest
 from sinew.tasks.infer.abc.population import EnoughParticles
 
 
-@pytest.mark.parametrize(("worth", "expected"), [(1.0, 1000), (0.5, 1000), (0.25, 1600)])
+@pytest.mark.parametrize(("worth", "expected"), [(1.0, 1000), (0.5, 1000), (0.25, 1600), (1e-4, 10_000)])
 def test_uneven_weights_call_for_more_particles(worth, expected):
     size = EnoughParticles(1000, 400)
     assert (size(-1), size(0)) == (1000, 1000)

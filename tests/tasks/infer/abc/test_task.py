@@ -142,6 +142,22 @@ def test_outside_the_papers_mode_priors_are_of_others_within_the_ranges_and_part
             assert posterior.parameters["E_f"].prior_mean == pytest.approx(np.mean(of_others))
 
 
+def test_bands_are_drawn_without_a_calibration_where_none_is_needed(study, tmp_path, here):
+    old = next(line for line in STUDY.splitlines() if line.startswith("infer:"))
+    text = STUDY.replace(old, "infer: {method: abc, population: 20, generations: 2, pending: 16}")
+    assert text != STUDY
+    study.write_text(text.replace("tasks: [calibrate, infer, predict, compare]", "tasks: [infer, predict]"))
+    sinew("run", study, "--out", tmp_path / "new", "--quiet")
+    result = AbcResult.read(tmp_path / "new")
+    assert (result.priors, result.paper) == ("ranges", False)
+    assert json.loads((tmp_path / "new" / "predict.json").read_text())["coverage"]["draws"]["all"] is not None
+    first = (tmp_path / "new" / "infer.json").read_bytes()
+    wider = "model: {parameters: {E_f: {min: 150, max: 285}}}\n"  # around the same middle
+    study.write_text(study.read_text() + wider)
+    sinew("infer", study, "--out", tmp_path / "new", "--quiet")
+    assert (tmp_path / "new" / "infer.json").read_bytes() != first, "other ranges are another prior"
+
+
 def test_without_another_site_there_are_no_others(study, tmp_path, here, capsys):
     old = next(line for line in NO_TAIL.splitlines() if line.startswith("infer:"))
     study.write_text(NO_TAIL.replace(old, "infer: {priors: others}"))
