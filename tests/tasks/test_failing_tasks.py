@@ -8,6 +8,7 @@ from rich.console import Console
 
 from sinew.runner.errors import BadInput, ClusterError, StoreError, WalltimeReached
 from sinew.tasks import pipeline
+from sinew.tasks.infer.settings import Settings as InferSettings
 from sinew.tasks.registry import TASKS
 from sinew.tasks.study import provenance
 
@@ -20,8 +21,8 @@ class Run:
     def __init__(self, folder, monkeypatch, errors):
         self.did, self.states, self.events, self.built = [], {}, [], []
         board = SimpleNamespace(put=lambda **facts: self.states.update(facts.get("tasks", {})))
-        by_abc = SimpleNamespace(chosen=lambda *, quick: "abc")  # of which `infer` needs `calibrate`
-        study = SimpleNamespace(simulator=SimpleNamespace(name="uniaxial"), section=lambda kind: by_abc)
+        paper = InferSettings(paper=True)  # of which `infer` needs `calibrate`
+        study = SimpleNamespace(simulator=SimpleNamespace(name="uniaxial"), section=lambda kind: paper)
         self.workspace = SimpleNamespace(
             study=study, out=folder, console=Console(quiet=True), board=board, ranges=None, quiet=False,
             event=lambda event, **facts: self.events.append((event, facts.get("task"))),
