@@ -172,8 +172,7 @@ def _size_of(count: float) -> str:
 def _size(study: Study, specimens: tuple[Specimen, ...]) -> tuple[int, int]:
     """Rows of the study, and numbers stored for each."""
     settings = study.section(SobolSettings)
-    names = [parameter.name for parameter in model_of(study.model, study.simulator.law).free]
-    free = len(settings.inputs.factors(names))
+    free = settings.count(model_of(study.model, study.simulator.law))
     base = settings.base_samples or base_samples(settings.points or 1, free, settings.second_order)
     chosen = len(specimens) if settings.specimens == "all" else len(settings.specimens)
     points = study.store.points_per_curve

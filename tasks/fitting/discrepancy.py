@@ -77,15 +77,17 @@ class Discrepancy:
         return best.x, float(best.fun)
 
     def directions(self, sizes: Array) -> tuple[Array, Array]:
-        """Orthonormal directions ``[g, d]`` of a discrepancy of log ``sizes``, and its spreads ``[d]`` along them."""
+        """Orthonormal directions ``[g, d]`` of a discrepancy of log ``sizes``.
+
+        And the share ``[d]`` of residuals along each that is to be taken out, so that the rest is white.
+        """
         every = np.concatenate([np.exp(size) * one for size, one in zip(sizes, self.blocks, strict=True)], axis=1)
         directions, spreads, _ = np.linalg.svd(every, full_matrices=False)
-        return directions, spreads
+        return directions, 1.0 - 1.0 / np.sqrt(1.0 + spreads**2)
 
     def whitening(self, sizes: Array) -> Callable[[Array], Array]:
         """What makes residuals ``[g]``, or slopes ``[g, k]``, of discrepancies of these sizes and noise white."""
-        directions, spreads = self.directions(sizes)
-        taken = 1.0 - 1.0 / np.sqrt(1.0 + spreads**2)
+        directions, taken = self.directions(sizes)
 
         def white(vectors: Array) -> Array:
             left: Array = vectors - (directions * taken) @ (directions.T @ vectors)

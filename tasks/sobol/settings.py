@@ -85,6 +85,10 @@ class Settings(TaskSettings):
                 expected = f"within {FAR:g} standard deviations of the range, {low:g} to {high:g}"
                 raise FieldError(f"distributions.{name}.mean", f"{one.mean:g}", expected)
 
+    def count(self, model: Model) -> int:
+        """How many free parameters or groups of them a model has."""
+        return len(self.inputs.factors([parameter.name for parameter in model.free]))
+
     @property
     def inputs(self) -> Inputs:
         """What is varied, and how."""
@@ -98,10 +102,10 @@ FAR = 4.0  # standard deviations: a mean farther from the range leaves hardly an
 
 def check(study: Study, out: Path, *, extend: bool = False) -> None:
     """Refuse a study with one free parameter or group, and ``extend`` where there is nothing to extend."""
-    names = [parameter.name for parameter in model_of(study.model, study.simulator.law).free]
-    if len(names) < 2:
+    model = model_of(study.model, study.simulator.law)
+    if len(model.free) < 2:
         raise BadInput(f"{study.path}: model.parameters", "one free parameter", "at least two for Sobol indices")
-    if len(study.section(Settings).inputs.factors(names)) < 2:
+    if study.section(Settings).count(model) < 2:
         raise BadInput(
             f"{study.path}: sobol.groups", "one group of all parameters", "two groups or parameters at least"
         )

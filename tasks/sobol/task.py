@@ -77,12 +77,7 @@ def _base_samples(workspace: Workspace, settings: Settings, *, extend: bool) -> 
         previous = SobolResult.read(workspace.out)
         assert previous is not None, "checked before the store was opened"
         return 2 * previous.base_samples
-    return base_of(settings, _factors(workspace, settings))
-
-
-def _factors(workspace: Workspace, settings: Settings) -> int:
-    """How many free parameters or groups of them there are."""
-    return len(settings.inputs.factors([parameter.name for parameter in workspace.model.free]))
+    return base_of(settings, settings.count(workspace.model))
 
 
 def _scrambles(workspace: Workspace, settings: Settings, base: int, *, extend: bool) -> int:
@@ -92,7 +87,7 @@ def _scrambles(workspace: Workspace, settings: Settings, base: int, *, extend: b
 
 
 def _say_size(workspace: Workspace, settings: Settings, base: int) -> None:
-    count = _factors(workspace, settings)
+    count = settings.count(workspace.model)
     rows = base * block_of(count, settings.second_order)
     workspace.say(
         f"sobol: {settings.points:,} points asked; the next power of two is {base:,} base samples, "

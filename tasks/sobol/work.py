@@ -15,7 +15,7 @@ def base_of(settings: Settings, parameters: int) -> int:
 def rows_of(given: Given) -> int:
     """The rows of the study's design, each of which every specimen evaluates."""
     settings = given.study.section(Settings)
-    parameters = len(settings.inputs.factors([one.name for one in given.model.free]))
+    parameters = settings.count(given.model)
     return base_of(settings, parameters) * block_of(parameters, settings.second_order)
 
 

@@ -11,7 +11,7 @@ An error that other parameters imitate leaves nothing behind by which it could b
 it (Brynjarsdottir and O'Hagan 2014, Inverse Problems 30, 114007).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
@@ -63,15 +63,16 @@ def model_error(target: Target, seed: tuple[int, ...]) -> ModelError:
     """The model's error in a specimen. Raises :class:`BadInput` when the model fails wherever a fit begins."""
     with threadpool_limits(1):  # sums in one order, on whatever machine
         rng = np.random.default_rng(seed)
-        best = best_fit(target, rng)
+        beside, best = target, best_fit(target, rng)
         misfit = float(np.sqrt(best.squares / target.points))
         smooth, lengths = discrepancy_of(target.measured, WALK), lengths_of(target.measured)
         sizes, rough = np.zeros(len(smooth.blocks)), np.array(FIRST)
-        for _ in range(ROUNDS):
+        for number in range(ROUNDS):
+            if number > 0:
+                best = best_fit(beside, rng, [best.at])
             sizes, rough = _sized(smooth, lengths, *target.slopes(places(best.at)), sizes, rough)
             found = _model_error(smooth, sizes, _roughness(rough, lengths), misfit)
-            beside = Target(target.model, target.varied, target.simulator, target.measured, found.white)
-            best = best_fit(beside, rng, [best.at])
+            beside = replace(target, whitening=found.white)
         return found
 
 
@@ -113,8 +114,7 @@ def _sized(
 
 
 def _model_error(smooth: Discrepancy, sizes: Array, rough: Roughness, misfit: float) -> ModelError:
-    directions, spreads = _through(smooth, rough).directions(sizes)
-    taken = 1.0 - 1.0 / np.sqrt(1.0 + spreads**2)
+    directions, taken = _through(smooth, rough).directions(sizes)
     worth = taken > NEGLIGIBLE
     size = float(np.sqrt(rough.size**2 + np.exp(2.0 * sizes).sum()))  # each block has unit mean square
     return ModelError(rough, np.ascontiguousarray(directions[:, worth]), taken[worth], size, misfit)

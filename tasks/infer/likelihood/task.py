@@ -6,11 +6,11 @@ the ensembles of chains of all sites run, block by block, until they have conver
 The store keeps ``infer/SITE``, draws of the population and of all specimens.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -57,6 +57,18 @@ ERRORS, EXPLORING = "errors of the model", "explored specimens"  # random stream
 SWEEPING, PRIOR = "chains of likelihood", "prior of populations"
 
 Found = TypeVar("Found")
+
+
+@dataclass(frozen=True)
+class Step(Generic[Found]):
+    """What is computed of each specimen alone, with random numbers of ``stream``, and kept in files with ``suffix``."""
+
+    title: str
+    suffix: str
+    stream: str
+    compute: Callable[[Target, tuple[int, ...]], Found]
+    read: Callable[[Path, str, Target], Found | None]
+    write: Callable[[Path, str, Found], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,49 +165,34 @@ def _folder(workspace: Workspace) -> Path:
 
 def _model_errors(workspace: Workspace, targets: dict[str, Target], inputs: str) -> dict[str, ModelError]:
     """The model's error in every specimen."""
-
-    def found(number: int, name: str, session: Session) -> ModelError:
-        path = _folder(workspace) / f"{file_name(name)}.model_error.safetensors"
-        known = read_model_error(path, inputs, targets[name])
-        if known is None:
-            known = session.compute(model_error, targets[name], streams.key(workspace.seed, ERRORS, number))
-            write_model_error(path, inputs, known)
-        return known
-
-    return _of_each(workspace, "infer: errors of the model", targets, found)
+    step = Step("infer: errors of the model", "model_error", ERRORS, model_error, read_model_error, write_model_error)
+    return _of_each(workspace, targets, inputs, step)
 
 
 def _explored(workspace: Workspace, targets: dict[str, Target], inputs: str) -> dict[str, Explored]:
     """Every specimen explored."""
-
-    def found(number: int, name: str, session: Session) -> Explored:
-        path = _folder(workspace) / f"{file_name(name)}.explored.safetensors"
-        known = read_explored(path, inputs, targets[name])
-        if known is None:
-            known = session.compute(explored, targets[name], streams.key(workspace.seed, EXPLORING, number))
-            write_explored(path, inputs, known)
-        return known
-
-    return _of_each(workspace, "infer: specimens", targets, found)
+    step = Step("infer: specimens", "explored", EXPLORING, explored, read_explored, write_explored)
+    return _of_each(workspace, targets, inputs, step)
 
 
-def _of_each(
-    workspace: Workspace, title: str, names: Iterable[str], found: Callable[[int, str, Session], Found]
-) -> dict[str, Found]:
-    """What is ``found`` of each specimen by its number and name, on the cluster or before."""
-    every = list(names)
-    with workspace.progress(title, len(every), of="specimens") as report:
+def _of_each(workspace: Workspace, targets: dict[str, Target], inputs: str, step: "Step[Found]") -> dict[str, Found]:
+    """What a step finds of each specimen by its name, on the cluster or before."""
+    with workspace.progress(step.title, len(targets), of="specimens") as report:
         finished = 0
 
         def work(number: int, name: str, session: Session) -> Found:
             nonlocal finished
-            one = found(number, name, session)
+            path = _folder(workspace) / f"{file_name(name)}.{step.suffix}.safetensors"
+            found = step.read(path, inputs, targets[name])
+            if found is None:
+                found = session.compute(step.compute, targets[name], streams.key(workspace.seed, step.stream, number))
+                step.write(path, inputs, found)
             finished += 1
             report(finished, 0, 0)
-            return one
+            return found
 
-        runs = [AdaptiveRun([], 0, partial(work, number, name)) for number, name in enumerate(every)]
-        return dict(zip(every, workspace.run_adaptive(runs, "infer"), strict=True))
+        runs = [AdaptiveRun([], 0, partial(work, number, name)) for number, name in enumerate(targets)]
+        return dict(zip(targets, workspace.run_adaptive(runs, "infer"), strict=True))
 
 
 def _sampled(
