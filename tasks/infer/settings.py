@@ -76,7 +76,8 @@ class Settings(TaskSettings):
         if self.method == "abc" and of_likelihood:
             raise ValueError(f"{of_likelihood[0]} is of the method likelihood; method is abc")
         if self.paper and (self.priors or self.ess):
-            raise ValueError(f"{'priors' if self.priors else 'ess'} is not of the paper; paper is true")
+            field = "priors" if self.priors else "ess"
+            raise ValueError(f"{field} is not of the paper's mode; expected paper: false, or no {field}")
         return self
 
     def chosen(self, *, quick: bool) -> Method:

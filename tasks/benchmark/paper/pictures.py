@@ -13,26 +13,26 @@ from sinew.tasks.drawing.figures import COLOURS, STYLE, save, symbol
 from sinew.tasks.infer.abc.result import AbcResult, particles_group
 from sinew.tasks.study.workspace import Workspace
 
-FIGURES = {  # the paper's numbers, and how the files of the tasks begin
-    "figure_04": ("calibrate_typical_convergence",),
-    "figure_05": ("calibrate_distal-1", "calibrate_distal_1"),
-    "figure_06": ("calibrate_samples",),
-    "figure_07": ("calibrate_surrogate",),
-    "figure_08": ("calibrate_correlations",),
-    "figure_09": ("importance",),
-    "figure_10": ("sobol",),
-    "figure_12_distal": ("predict_distal",),
-    "figure_12_middle": ("predict_middle",),
-    "figure_12_proximal": ("predict_proximal",),
-    "figure_13": ("compare",),
-    "figure_14": ("predict_distal_stresses",),
-    "figure_S1": ("calibrate_samples_all",),
-    "figure_S2": ("calibrate_surrogate_all",),
-    "figure_S3": ("infer_distal_joint",),
-    "figure_S4": ("infer_middle_joint",),
-    "figure_S5": ("infer_proximal_joint",),
-    "figure_S6_middle": ("predict_middle_stresses",),
-    "figure_S6_proximal": ("predict_proximal_stresses",),
+FIGURES = {  # the paper's numbers, and the files of the tasks
+    "figure_04": "calibrate_typical_convergence",
+    "figure_05": "calibrate_distal_1",
+    "figure_06": "calibrate_samples",
+    "figure_07": "calibrate_surrogate",
+    "figure_08": "calibrate_correlations",
+    "figure_09": "importance",
+    "figure_10": "sobol",
+    "figure_12_distal": "predict_distal",
+    "figure_12_middle": "predict_middle",
+    "figure_12_proximal": "predict_proximal",
+    "figure_13": "compare",
+    "figure_14": "predict_distal_stresses",
+    "figure_S1": "calibrate_samples_all",
+    "figure_S2": "calibrate_surrogate_all",
+    "figure_S3": "infer_distal_joint",
+    "figure_S4": "infer_middle_joint",
+    "figure_S5": "infer_proximal_joint",
+    "figure_S6_middle": "predict_middle_stresses",
+    "figure_S6_proximal": "predict_proximal_stresses",
 }
 SUFFIXES, MAX_BYTES = (".png", ".pdf", ".csv"), 2**28
 PAIRS = (("tau_1m", "tau_1f"), ("g_1m", "g_1f"), ("g_2m", "g_2f"), ("E_m", "E_f"), ("nu_m", "alpha_f"))
@@ -41,14 +41,14 @@ PAIRS = (("tau_1m", "tau_1f"), ("g_1m", "g_1f"), ("g_2m", "g_2f"), ("E_m", "E_f"
 def pictures(workspace: Workspace, result: AbcResult, out: Path) -> list[str]:
     """Write the paper's figures to ``out``; returns the numbers of those that the run has not drawn."""
     missing = []
-    for number, names in FIGURES.items():
-        drawn = [path for name in names if (path := workspace.out / "figures" / f"{name}.png").exists()]
-        if not drawn:
+    for number, name in FIGURES.items():
+        path = workspace.out / "figures" / f"{name}.png"
+        if not path.exists():
             missing.append(number)
-        for path in drawn:
-            for suffix in SUFFIXES:
-                with new_file(out / f"{number}{suffix}") as file:
-                    file.write(read_regular(path.with_suffix(suffix), MAX_BYTES))
+            continue
+        for suffix in SUFFIXES:
+            with new_file(out / f"{number}{suffix}") as file:
+                file.write(read_regular(path.with_suffix(suffix), MAX_BYTES))
     site = next(iter(result.sites))
     particles = workspace.store.read_result(particles_group(site))
     pairs = [pair for pair in PAIRS if set(pair) <= set(result.names)]
