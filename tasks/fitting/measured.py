@@ -29,11 +29,12 @@ STRAIGHT = 1e-4  # of the range of the displacement: largest deviation from a st
 class Thinned:
     """A curve as the fits use it.
 
-    ``protocol`` has ``k`` points; ``weights`` ``[g, k]`` makes of forces there (N) what ``target`` ``[g]`` is of the
-    measured ones: whitened, and summed over groups.
+    ``protocol`` has ``k`` points, which are the ``rows`` ``[k]`` of the measured ones; ``weights`` ``[g, k]`` makes of
+    forces there (N) what ``target`` ``[g]`` is of the measured ones: whitened, and summed over groups.
     """
 
     protocol: Protocol
+    rows: Array
     weights: csr_matrix
     target: Array
 
@@ -83,7 +84,7 @@ def thinned(curve: Curve, noise: Noise) -> Thinned:
     )
     white = sums @ _whitening(curve, noise)
     protocol = Protocol(curve.name, time[nodes], curve.protocol.displacement_mm[nodes])
-    return Thinned(protocol, csr_matrix(white @ between), white @ curve.force_N)
+    return Thinned(protocol, nodes, csr_matrix(white @ between), white @ curve.force_N)
 
 
 def _whitening(curve: Curve, noise: Noise) -> csr_matrix:

@@ -1,6 +1,7 @@
 """How long the inference of all sites will take."""
 
 from sinew.tasks.data.sites import by_site
+from sinew.tasks.infer.likelihood.effort import most_rows
 from sinew.tasks.infer.settings import Settings
 from sinew.tasks.model import Specimen
 from sinew.tasks.study.work import Given, Work
@@ -8,6 +9,7 @@ from sinew.tasks.study.work import Given, Work
 PROPOSALS = 13  # for each particle, mean of the generations
 PROPOSAL_S = 5e-4
 START_S = 2.0  # pyABC is imported
+DRAWS = 200  # of a likelihood, that a model computes that takes time
 NOISE_S, EXPLORED_S = 0.8, 12.0  # of a likelihood, for each specimen
 SWEEPS_S = 2 * 200 * 0.025  # for each specimen: two ensembles, their usual sweeps, and seconds of one
 
@@ -20,12 +22,18 @@ def sites_of(given: Given) -> dict[str, tuple[Specimen, ...]]:
 def work(given: Given, settings: Settings) -> Work:
     """By ABC, proposals for all particles, each of which is an evaluation of every specimen of a site.
 
-    By likelihood, all specimens are explored, and chains run on emulators: no rows of the store.
+    By likelihood, all specimens are explored, and chains run on emulators: rows of the store are only those of a
+    simulator that takes time.
     """
     sites = sites_of(given)
     if settings.chosen(quick=given.can.quick) == "likelihood":
-        count = sum(len(members) for members in sites.values())
-        return Work(here_s=NOISE_S * count, shared_s=(EXPLORED_S + SWEEPS_S) * count)
+        names = [one.name for members in sites.values() for one in members]
+        rows = (
+            {}
+            if given.can.quick
+            else dict.fromkeys(names, most_rows(len(given.model.free), discrepancy=settings.discrepancy) + DRAWS)
+        )
+        return Work(rows, here_s=NOISE_S * len(names), shared_s=(EXPLORED_S + SWEEPS_S) * len(names))
     filled = settings.by_abc(quick=given.can.quick)
     assert filled.population is not None and filled.generations is not None, "they are filled in"
     proposals = filled.generations * filled.population * PROPOSALS

@@ -9,12 +9,11 @@ from scipy.optimize import least_squares
 from sinew.runner.errors import BadInput
 from sinew.tasks.fitting.starts import starts
 from sinew.tasks.infer.likelihood.compiled import FARTHEST
+from sinew.tasks.infer.likelihood.effort import FULL, Effort
 from sinew.tasks.infer.likelihood.scores import density, places, scores_of
 from sinew.tasks.infer.likelihood.target import Target
 from sinew.tasks.simulate import Array
 
-FITS = 6  # starts
-ITERATIONS = 60  # of a fit, at most
 TOLERANCE = 1e-6
 
 
@@ -28,17 +27,28 @@ class Best:
     covariance: Array
 
 
-def best_fit(target: Target, rng: np.random.Generator, begin: Sequence[Array] = ()) -> Best:
+def best_fit(target: Target, rng: np.random.Generator, begin: Sequence[Array] = (), effort: Effort = FULL) -> Best:
     """The best of fits from several starts, and from scores ``begin``, each ``[k]``."""
-    names = [parameter.name for parameter in target.varied]
-    scores = [*begin, *(scores_of(np.clip(start, 0.01, 0.99)) for start in starts(names, rng, FITS))]
-    whole = [one for one in (_fit(target, each) for each in scores) if one is not None]
+    count = effort.again if begin else effort.starts
+    scores = [*begin, *_starts(target, rng, count, effort.candidates)]
+    whole = [one for one in (_fit(target, each, effort.steps) for each in scores) if one is not None]
     if not whole:
         raise BadInput(f"infer: {target.measured.specimen.name}", "the model fails at every start", "other ranges")
     return min(whole, key=lambda one: one.loss)
 
 
-def _fit(target: Target, start: Array) -> Best | None:
+def _starts(target: Target, rng: np.random.Generator, count: int, candidates: int) -> list[Array]:
+    """The best ``count`` of so many ``candidates``, as scores ``[k]``."""
+    names = [parameter.name for parameter in target.varied]
+    scores = [scores_of(np.clip(start, 0.01, 0.99)) for start in starts(names, rng, candidates)]
+    if count in (0, candidates):
+        return scores[:count]
+    every = np.array(scores)
+    loss = target.squares(places(every)) + np.square(every).sum(axis=1)
+    return [scores[number] for number in np.argsort(loss, kind="stable")[:count]]
+
+
+def _fit(target: Target, start: Array, steps: int) -> Best | None:
     """The nearest maximum of likelihood and prior to ``start`` ``[k]`` (scores); None where the model fails there."""
     prior = np.eye(start.size)
     last: dict[bytes, tuple[Array, Array]] = {}
@@ -59,7 +69,7 @@ def _fit(target: Target, start: Array) -> Best | None:
     try:
         found = least_squares(
             lambda scores: both(scores)[0], start, jac=lambda scores: both(scores)[1], ftol=TOLERANCE, xtol=TOLERANCE,
-            gtol=TOLERANCE, max_nfev=ITERATIONS, bounds=(-FARTHEST, FARTHEST),
+            gtol=TOLERANCE, max_nfev=steps, bounds=(-FARTHEST, FARTHEST),
         )  # fmt: skip
     except ValueError:  # the model fails on the way
         return None

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from sinew.tasks.infer.likelihood.explore import Explored
 from sinew.tasks.infer.likelihood.population import Population, drawn, from_prior, specimens_of
 from sinew.tasks.infer.likelihood.scores import inside, places
-from sinew.tasks.infer.likelihood.target import Target
+from sinew.tasks.infer.likelihood.target import Squares
 from sinew.tasks.infer.likelihood.together import chances, moved_together
 from sinew.tasks.infer.likelihood.walk import Prior, scales, walk
 from sinew.tasks.simulate import Array
@@ -63,7 +63,7 @@ class Block:
     accepted: Array
 
 
-def begun(targets: Sequence[Target], explored: Sequence[Explored], seed: tuple[int, ...], *, heavy: bool) -> State:
+def begun(targets: Sequence[Squares], explored: Sequence[Explored], seed: tuple[int, ...], *, heavy: bool) -> State:
     """An ensemble that begins at draws of each specimen alone, and a population from its prior."""
     rng = np.random.default_rng(seed)
     scores = np.array(
@@ -75,7 +75,7 @@ def begun(targets: Sequence[Target], explored: Sequence[Explored], seed: tuple[i
 
 
 def swept(
-    targets: Sequence[Target],
+    targets: Sequence[Squares],
     explored: Sequence[Explored],
     state: State,
     sweeps: int,
@@ -115,7 +115,7 @@ def swept(
 
 def _led_step(
     rng: np.random.Generator,
-    target: Target,
+    target: Squares,
     known: Explored,
     prior: Prior,
     scores: Array,
@@ -133,7 +133,7 @@ def _led_step(
 
 def _plain_step(
     rng: np.random.Generator,
-    target: Target,
+    target: Squares,
     known: Explored,
     prior: Prior,
     scores: Array,

@@ -23,6 +23,8 @@ from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.fitting.roughness import Roughness
 from sinew.tasks.fitting.splines import COEFFICIENTS
 from sinew.tasks.infer.likelihood.best import best_fit
+from sinew.tasks.infer.likelihood.compute import Compute, directly
+from sinew.tasks.infer.likelihood.effort import FULL, Effort
 from sinew.tasks.infer.likelihood.scores import places
 from sinew.tasks.infer.likelihood.target import Target
 from sinew.tasks.simulate import Array
@@ -59,21 +61,27 @@ class ModelError:
         return found
 
 
-def model_error(target: Target, seed: tuple[int, ...]) -> ModelError:
-    """The model's error in a specimen. Raises :class:`BadInput` when the model fails wherever a fit begins."""
+def model_error(
+    target: Target, seed: tuple[int, ...], effort: Effort = FULL, compute: Compute = directly
+) -> ModelError:
+    """The model's error in a specimen; ``compute`` does what takes long beside the model.
+
+    Raises :class:`BadInput` when the model fails wherever a fit begins.
+    """
     with threadpool_limits(1):  # sums in one order, on whatever machine
         rng = np.random.default_rng(seed)
-        beside, best = target, best_fit(target, rng)
+        beside, best = target, best_fit(target, rng, effort=effort)
         misfit = float(np.sqrt(best.squares / target.points))
         smooth, lengths = discrepancy_of(target.measured, WALK), lengths_of(target.measured)
         sizes, rough = np.zeros(len(smooth.blocks)), np.array(FIRST)
         for number in range(ROUNDS):
             if number > 0:
-                best = best_fit(beside, rng, [best.at])
-            sizes, rough = _sized(smooth, lengths, *target.slopes(places(best.at)), sizes, rough)
-            found = _model_error(smooth, sizes, _roughness(rough, lengths), misfit)
-            beside = replace(target, whitening=found.white)
-        return found
+                best = best_fit(beside, rng, [best.at], effort)
+            found = target.slopes(places(best.at))
+            sizes, rough = compute(_sized, smooth, lengths, *found, sizes, rough)
+            error = _model_error(smooth, sizes, _roughness(rough, lengths), misfit)
+            beside = replace(target, whitening=error.white)
+        return error
 
 
 def lengths_of(measured: Measured) -> tuple[int, ...]:

@@ -15,15 +15,15 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.infer.likelihood.best import best_fit
 from sinew.tasks.infer.likelihood.chart import Chart, chart_of
 from sinew.tasks.infer.likelihood.compiled import FARTHEST
+from sinew.tasks.infer.likelihood.compute import Compute, directly
+from sinew.tasks.infer.likelihood.effort import FULL, Effort, points_of_a_round
 from sinew.tasks.infer.likelihood.emulator import emulator
 from sinew.tasks.infer.likelihood.scores import places
 from sinew.tasks.infer.likelihood.target import Target
 from sinew.tasks.infer.likelihood.walk import Prior, walk
 from sinew.tasks.simulate import Array
 
-ROUNDS, FEWEST_POINTS = 5, 100  # of training; points of a round, at least
 FEWEST_COMPUTED = 20  # of them, below which there is nothing to begin with
-TERMS_RATIO = 2.0  # points of a round for each coefficient of a polynomial
 PATHS, LENGTH = 6, 0.3  # on the emulator, and longest steps, in standard deviations
 LENGTHS = (0.15, 0.25, 0.4, 0.6)  # that are tried for chains
 WALKERS = 256  # chains that walk on it
@@ -41,7 +41,7 @@ class Explored:
     ``chart``: coordinates of the posterior, with the emulator; ``length`` of steps that leads farthest on it; draws
     ``begin`` ``[n, k]`` of it, as scores; ``determined`` ``[k]``: whether the specimen's own data say where a parameter
     is in its range; ``error``: standard deviation of the emulator's log likelihoods; ``least``: smallest sum of squares
-    that was found.
+    that was found; ``seen`` ``[m, k]``: scores with which the emulator was trained.
     """
 
     chart: Chart
@@ -50,52 +50,108 @@ class Explored:
     determined: Array
     error: float
     least: float
+    seen: Array
 
 
-def explored(target: Target, seed: tuple[int, ...]) -> Explored:
-    """Explore a specimen. Raises :class:`BadInput` when the model fails wherever a fit begins, or around the best."""
+@dataclass(frozen=True, eq=False)
+class Led:
+    """Where chains on a new emulator, with its ``chart``, came to: ``ends`` ``[w, k]``; and the next ``points``."""
+
+    chart: Chart
+    ends: Array
+    points: Array
+
+
+def explored(
+    target: Target,
+    seed: tuple[int, ...],
+    effort: Effort = FULL,
+    compute: Compute = directly,
+    known: Array | None = None,
+) -> Explored:
+    """Explore a specimen; ``compute`` does what takes long beside the model.
+
+    With scores ``known`` ``[m, k]`` at which the model was computed before, one emulator is trained with them, without
+    a fit. Raises :class:`BadInput` when the model fails wherever a fit begins, or around the best.
+    """
     with threadpool_limits(1):  # sums in one order, on whatever machine
-        return _explored(target, np.random.default_rng(seed))
+        rng = np.random.default_rng(seed)
+        size, count = target.size, points_of_a_round(target.size, effort)
+        rounds, points, least, most = 1, known, np.inf, None
+        if points is None:
+            best = best_fit(target, rng, effort=effort)
+            points = best.at + WIDE * _heavy_tailed(rng, count, size) @ np.linalg.cholesky(best.covariance).T
+            rounds, least, most = effort.rounds, best.squares, KEPT_RATIO * count
+        seen, errors = np.empty((0, size)), np.empty((0, target.points))
+        for _ in range(rounds):
+            points = np.clip(points, -FARTHEST, FARTHEST)
+            new = target.errors(places(points))
+            whole = np.isfinite(new).all(axis=1)
+            if len(seen) + whole.sum() < FEWEST_COMPUTED:
+                name = target.measured.specimen.name
+                raise BadInput(
+                    f"infer: {name}", "the model fails nearly everywhere around its best fit", "other ranges"
+                )
+            seen, errors = np.concatenate([seen, points[whole]]), np.concatenate([errors, new[whole]])
+            loss = _loss(np.square(errors).sum(axis=1), seen)
+            kept = np.argsort(loss, kind="stable")[:most]
+            seen, errors = seen[kept], errors[kept]
+            rng, led = compute(_led, rng, seen, errors, loss[kept], count)
+            points = led.points
+        return _judged(target, rng, led, seen, least, effort, compute)
 
 
-def _explored(target: Target, rng: np.random.Generator) -> Explored:
-    size = target.size
-    best = best_fit(target, rng)
-    root = np.linalg.cholesky(best.covariance)
-    count = max(FEWEST_POINTS, int(TERMS_RATIO * (1 + size + size * (size + 1) / 2)))
-    points = best.at + WIDE * _heavy_tailed(rng, count, size) @ root.T
-    prior = _own_prior(WALKERS, size)
-    seen, errors = np.empty((0, size)), np.empty((0, target.points))
-    for _ in range(ROUNDS):
-        points = np.clip(points, -FARTHEST, FARTHEST)
-        new = target.errors(places(points))
-        whole = np.isfinite(new).all(axis=1)
-        if len(seen) + whole.sum() < FEWEST_COMPUTED:
-            name = target.measured.specimen.name
-            raise BadInput(f"infer: {name}", "the model fails nearly everywhere around its best fit", "other ranges")
-        seen, errors = np.concatenate([seen, points[whole]]), np.concatenate([errors, new[whole]])
-        loss = _loss(np.square(errors).sum(axis=1), seen)
-        kept = np.argsort(loss, kind="stable")[: KEPT_RATIO * count]
-        seen, errors, loss = seen[kept], errors[kept], loss[kept]
+def _led(
+    rng: np.random.Generator, seen: Array, errors: Array, loss: Array, count: int
+) -> tuple[np.random.Generator, Led]:
+    """Train an emulator with ``errors`` ``[m, g]`` at scores ``seen`` ``[m, k]``, the likeliest first, and walk on it.
+
+    Returns the generator of random numbers as it is then, and ``count`` points for the next round.
+    """
+    with threadpool_limits(1):
+        size = seen.shape[1]
         known = emulator(places(seen), errors, (1.0 + (loss - loss.min()) / (2 * size)) ** -2.0)
         begin = seen[rng.choice(_likely(loss, size), WALKERS)]
         chart = chart_of(known, seen[0])
-        ends = walk(rng, chart, prior, begin, PATHS, LENGTH)
+        ends = walk(rng, chart, _own_prior(WALKERS, size), begin, PATHS, LENGTH)
         ends = ends[_likely(_loss(known.squares(places(ends)), ends), size)]
-        points, _ = chart.displaced(ends[rng.choice(len(ends), count)], BETWEEN * rng.standard_normal((count, size)))
-    squares = target.squares(places(ends))
-    likely = _likely(_loss(squares, ends), size)
-    ends = ends[likely]
-    apart = squares[likely] - known.squares(places(ends))
-    chart = chart.fitted(ends)
+        begin = ends[rng.choice(len(ends), count)]
+        return rng, Led(chart, ends, chart.displaced(begin, BETWEEN * rng.standard_normal((count, size)))[0])
+
+
+def _judged(
+    target: Target,
+    rng: np.random.Generator,
+    led: Led,
+    seen: Array,
+    least: float,
+    effort: Effort,
+    compute: Compute,
+) -> Explored:
+    """What is known of a specimen once the model was computed where chains ended; ``least`` sum of squares so far."""
+    size = target.size
+    checked = led.ends[: effort.checked]
+    squares = target.squares(places(checked))
+    likely = _likely(_loss(squares, checked), size)
+    apart = squares[likely] - led.chart.known.squares(places(checked[likely]))
+    ends = np.concatenate([checked[likely], led.ends[effort.checked :]])
+    chart, length = compute(_fitted, rng, led.chart, ends)
     return Explored(
         chart=chart,
-        length=_best_length(rng, chart, ends),
+        length=length,
         begin=ends,
         determined=places(ends).std(axis=0) < DETERMINED / np.sqrt(12.0),
         error=float(np.std(apart)) / 2,
-        least=float(min(squares.min(), best.squares)),
+        least=float(min(squares.min(), least)),
+        seen=np.concatenate([seen, checked[np.isfinite(squares)]]),
     )
+
+
+def _fitted(rng: np.random.Generator, chart: Chart, ends: Array) -> tuple[Chart, float]:
+    """The chart with the precision of draws ``[n, k]``, and the length of steps that leads farthest on it."""
+    with threadpool_limits(1):
+        chart = chart.fitted(ends)
+        return chart, _best_length(rng, chart, ends)
 
 
 def _best_length(rng: np.random.Generator, chart: Chart, begin: Array) -> float:

@@ -43,16 +43,16 @@ def read_explored(path: Path, inputs: str, target: Target) -> Explored | None:
     terms = 1 + k + k * (k + 1) // 2
     shapes = {"centre": (k,), "scale": (k,), "coefficients": (terms, None), "rest": (),
               "frame": (None, k), "root": (k, k), "precision": (k, k),
-              "length": (), "begin": (None, k), "determined": (k,), "error": (), "least": ()}  # fmt: skip
+              "length": (), "begin": (None, k), "determined": (k,), "error": (), "least": (),
+              "seen": (None, k)}  # fmt: skip
     found = KeptArrays(path, inputs).read(shapes)
     if found is None or len(found["begin"]) == 0 or len(found["frame"]) != found["coefficients"].shape[1] + k:
         return None
     known = Emulator(found["centre"], found["scale"], found["coefficients"], float(found["rest"]))
     chart = Chart(known, found["frame"], found["root"], found["precision"])
     determined = found["determined"] == 1.0
-    return Explored(
-        chart, float(found["length"]), found["begin"], determined, float(found["error"]), float(found["least"])
-    )
+    error, least = float(found["error"]), float(found["least"])
+    return Explored(chart, float(found["length"]), found["begin"], determined, error, least, found["seen"])
 
 
 def write_explored(path: Path, inputs: str, explored: Explored) -> None:
@@ -61,7 +61,8 @@ def write_explored(path: Path, inputs: str, explored: Explored) -> None:
     arrays = {"centre": known.centre, "scale": known.scale, "coefficients": known.coefficients, "rest": known.rest,
               "frame": chart.frame, "root": chart.root, "precision": chart.precision, "length": explored.length,
               "begin": explored.begin,
-              "determined": explored.determined, "error": explored.error, "least": explored.least}  # fmt: skip
+              "determined": explored.determined, "error": explored.error, "least": explored.least,
+              "seen": explored.seen}  # fmt: skip
     KeptArrays(path, inputs).write({name: np.asarray(array, dtype=np.float64) for name, array in arrays.items()})
 
 

@@ -5,7 +5,7 @@ from typing import Any
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, Words, number, percent, plural
 from sinew.tasks.infer.likelihood.result import LikelihoodResult
-from sinew.tasks.infer.likelihood.show import discrepant, misfitting, undetermined
+from sinew.tasks.infer.likelihood.show import discrepant, misfitting, simulated, undetermined
 from sinew.tasks.report.folder import ResultFolder
 
 NAME, TITLE = "posterior", "Posterior"
@@ -23,7 +23,11 @@ def section(folder: ResultFolder, result: LikelihoodResult) -> Section:
     ]
     wrong = misfitting(result)
     blocks = [*(Words(f"{remark[:1].upper()}{remark[1:]}.", "warning") for remark in wrong), *blocks]
-    remarks = [*(f"{remark[:1].upper()}{remark[1:]}" for remark in discrepant(result)), *undetermined(result)]
+    remarks = [
+        *(f"{remark[:1].upper()}{remark[1:]}" for remark in discrepant(result)),
+        *undetermined(result),
+        *simulated(result),
+    ]
     blocks += [Words(f"{remark}.", "note") for remark in remarks]
     sites = result.sites.values()
     sizes = [len(site.specimens) for site in sites]

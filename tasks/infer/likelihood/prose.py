@@ -2,6 +2,7 @@
 
 from sinew.tasks.drawing.blocks import percent, plural
 from sinew.tasks.infer.likelihood.result import LikelihoodResult
+from sinew.tasks.infer.likelihood.show import runs_of_each
 
 
 def methods(result: LikelihoodResult) -> str:
@@ -20,12 +21,20 @@ def methods(result: LikelihoodResult) -> str:
         if result.discrepancy
         else ""
     )
+    runs = {name: one for site in result.sites.values() for name, one in site.runs.items()}
+    emulated = (
+        "a walk by Hamiltonian Monte Carlo on an emulator that is accepted or refused by the model itself [@liu]"
+        if not runs
+        else f"walks by Hamiltonian Monte Carlo on emulators of each specimen's errors, for which the simulator was "
+        f"run {runs_of_each(result)} times for a specimen; draws were checked by the simulator, and weighted where "
+        f"means could have been more than a tenth of a standard deviation away from those of its own posterior "
+        f"[@vihola]"
+    )
     return (
         f"Posteriors of {len(result.names)} parameters were inferred by a hierarchical model: the curves of each "
         f"specimen have a Gaussian likelihood with autoregressive noise as estimated from the curves, and the scores "
         f"of the parameters within their ranges are {tails} distributed in each site's population, with half-t priors "
         f"of the spreads and uniform ones of the correlations [@huang]. {result.chains} chains were run by Gibbs "
-        f"sampling, with proposals of specimens from Hamiltonian Monte Carlo on an emulator that are accepted or "
-        f"refused by the model itself [@liu]; convergence was judged with ArviZ [@vehtari]. Intervals hold "
+        f"sampling, with specimens moved by {emulated}; convergence was judged with ArviZ [@vehtari]. Intervals hold "
         f"{percent(result.interval)}.{wrong} {sites}.{blind}"
     )

@@ -61,11 +61,24 @@ class Misfit:
 
 
 @dataclass(frozen=True)
+class Runs:
+    """Runs of a simulator that takes time, for the posterior of one specimen.
+
+    ``rows``: those that the store holds of it, at all measured points. ``apart``: how many standard deviations means
+    may be away from those of the model's own posterior, because chains ran on emulators; 0 where draws have weights.
+    """
+
+    rows: int
+    apart: Number
+
+
+@dataclass(frozen=True)
 class SitePosterior:
     """The posterior of a site's population.
 
     ``smallest_ess`` and ``largest_rhat`` are over the population and all of its specimens; ``sweeps``: kept ones of
-    each chain; ``emulator_sd``: largest standard deviation of an emulator's log likelihoods; ``misfit``: by specimen.
+    each chain; ``emulator_sd``: largest standard deviation of an emulator's log likelihoods; ``misfit``: by specimen;
+    ``runs`` by specimen, where runs of the simulator take time.
     """
 
     specimens: list[str]
@@ -75,6 +88,7 @@ class SitePosterior:
     sweeps: int
     emulator_sd: Number
     misfit: Mapping[str, Misfit]
+    runs: Mapping[str, Runs]
 
     @property
     def parameters(self) -> dict[str, "MeanOfPopulation"]:
@@ -102,7 +116,7 @@ class LikelihoodResult(Result):
     """
 
     TASK = "infer"
-    VERSION = 4  # a discrepancy
+    VERSION = 5  # runs of simulators that take time
     LIBRARIES = ("arviz",)
 
     method: Literal["likelihood"]

@@ -66,6 +66,22 @@ def undetermined(result: LikelihoodResult) -> list[str]:
     return found
 
 
+def runs_of_each(result: LikelihoodResult) -> str:
+    """How many runs of the simulator a specimen took, ``388`` or ``379 to 388``."""
+    rows = sorted(one.rows for site in result.sites.values() for one in site.runs.values())
+    return f"{rows[0]:,}" if rows[0] == rows[-1] else f"{rows[0]:,} to {rows[-1]:,}"
+
+
+def simulated(result: LikelihoodResult) -> list[str]:
+    """A sentence on the runs of a simulator that takes time; none else."""
+    apart = [one.apart for site in result.sites.values() for one in site.runs.values()]
+    if not apart:
+        return []
+    far = f"means are at most {max(apart):.2g} standard deviations away from those of the simulator's own posterior"
+    near = far if max(apart) > 0.0 else "every draw was weighted by the simulator"
+    return [f"{runs_of_each(result)} runs of the simulator for each specimen; chains ran on emulators: {near}"]
+
+
 def summary(result: LikelihoodResult, folder: Path, console: Console) -> None:
     """Print the population of each site, and how well the chains have converged."""
     percent = round(100 * result.interval)
@@ -75,7 +91,7 @@ def summary(result: LikelihoodResult, folder: Path, console: Console) -> None:
         cells = (f"{m.mean:.4g} ({m.low:.4g} to {m.high:.4g}), {m.spread:.3g}" for m in marginals)
         grid.add_row(name, *cells)
     console.print(grid)
-    for remark in (*misfitting(result), *discrepant(result), *undetermined(result)):
+    for remark in (*misfitting(result), *discrepant(result), *undetermined(result), *simulated(result)):
         console.print(remark)
     for site, posterior in result.sites.items():
         count = plural(len(posterior.specimens), "specimen")

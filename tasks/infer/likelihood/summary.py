@@ -1,16 +1,17 @@
 """What the chains of a site say, in the parameters' own units, and whether they have converged."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
 
 from sinew.tasks.infer.library import arviz
 from sinew.tasks.infer.likelihood.chains import Block
+from sinew.tasks.infer.likelihood.correction import Draws
 from sinew.tasks.infer.likelihood.explore import Explored
 from sinew.tasks.infer.likelihood.population import from_prior, moments, specimens_of
-from sinew.tasks.infer.likelihood.result import INTERVAL, Misfit, PopulationMarginal, SitePosterior, SpecimenMarginal
+from sinew.tasks.infer.likelihood.result import INTERVAL, PopulationMarginal, SpecimenMarginal
 from sinew.tasks.infer.likelihood.scores import places
 from sinew.tasks.model import Specimen
 from sinew.tasks.model.parameters import Parameter, bounds
@@ -60,6 +61,21 @@ def chains_of(ensembles: Sequence[Sequence[Block]], varied: Sequence[Parameter],
     )
 
 
+def chains_of_draws(draws: Draws, varied: Sequence[Parameter], *, heavy: bool) -> Chains:
+    """Draws of equal weight, as one chain."""
+    low, high = bounds(varied)
+    width = high - low
+    mean, spread = moments(draws.mean, draws.spread, heavy=heavy)
+    return Chains(
+        specimens=(low + width * places(draws.scores))[np.newaxis],
+        log_likelihood=-0.5 * draws.squares[np.newaxis],
+        mean=(low + width * mean)[np.newaxis],
+        spread=(width * spread)[np.newaxis],
+        new=(low + width * places(draws.new))[np.newaxis],
+        correlation=draws.correlation,
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Convergence:
     """Effective sample sizes and R-hat: of the population ``[2, k]`` (mean, spread) and of specimens ``[n, k]``."""
@@ -68,6 +84,10 @@ class Convergence:
     rhat: Array
     specimens_ess: Array
     specimens_rhat: Array
+
+    def of_draws(self, worth: float) -> "Convergence":
+        """The same chains, of which draws were taken that are ``worth`` so many independent ones."""
+        return replace(self, ess=np.minimum(self.ess, worth), specimens_ess=np.minimum(self.specimens_ess, worth))
 
     @property
     def smallest_ess(self) -> float:
@@ -101,36 +121,7 @@ def interval(draws: Array, low: float, high: float) -> tuple[float, float]:
     return (low if ends[0] - low <= near else ends[0]), (high if high - ends[1] <= near else ends[1])
 
 
-def site_posterior(
-    chains: Chains,
-    found: Convergence,
-    explored: Sequence[Explored],
-    specimens: Sequence[Specimen],
-    varied: Sequence[Parameter],
-    prior: Mapping[str, PopulationMarginal],
-    misfit: Mapping[str, Misfit],
-) -> SitePosterior:
-    """The posterior of a site's population; ``prior``: of the parameters that no curve depends on.
-
-    ``misfit``: of each specimen, see :class:`SitePosterior`.
-    """
-    population = {}
-    for j, parameter in enumerate(varied):
-        population[parameter.name] = _marginal(
-            chains.mean[..., j], chains.spread[..., j], float(found.ess[:, j].min()), float(found.rhat[:, j].max())
-        )
-    return SitePosterior(
-        specimens=[specimen.name for specimen in specimens],
-        population={**population, **prior},
-        smallest_ess=found.smallest_ess,
-        largest_rhat=found.largest_rhat,
-        sweeps=chains.mean.shape[1],
-        emulator_sd=max(one.error for one in explored),
-        misfit=misfit,
-    )
-
-
-def _marginal(means: Array, spreads: Array, ess: float, rhat: float) -> PopulationMarginal:
+def marginal(means: Array, spreads: Array, ess: float, rhat: float) -> PopulationMarginal:
     """Posterior means and equal-tailed intervals of draws, of any shape, of a population's mean and spread."""
     tail = 50 * (1 - INTERVAL)
     low, high = np.percentile(means, [tail, 100 - tail])
@@ -171,7 +162,7 @@ def prior_population(
         centre, apart = moments(drawn.mean[:, 0], 1.0 / np.sqrt(drawn.precision[:, 0, 0]), heavy=heavy)
         mean, spread = parameter.minimum + width * centre, width * apart
         new = parameter.minimum + width * places(specimens_of(rng, drawn, heavy=heavy)[:, 0])
-        populations[parameter.name] = _marginal(mean, spread, float(MOST_DRAWS), 1.0)
+        populations[parameter.name] = marginal(mean, spread, float(MOST_DRAWS), 1.0)
         ends = interval(new, parameter.minimum, parameter.maximum)
         specimens[parameter.name] = SpecimenMarginal(float(new.mean()), float(new.std()), *ends, determined=False)
     return populations, specimens

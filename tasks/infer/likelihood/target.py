@@ -6,20 +6,33 @@ estimated from the curves themselves (:mod:`sinew.tasks.data.noise`): generalise
 
 Points are on the unit cube of the free parameters: 0 is the lower bound of a parameter, 1 the upper. Chains and fits
 move as scores (:mod:`sinew.tasks.infer.likelihood.scores`).
+
+A quick simulator is called where a likelihood is needed. Another's runs are rows of the store: a :class:`RowTarget`
+asks for them.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol as Interface
 
 import numba
 import numpy as np
 
-from sinew.tasks.fitting.measured import Measured, Thinned
+from sinew.runner.evaluation.adaptive import RowResult, Session
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Model
 from sinew.tasks.model.parameters import Parameter, scaled
 from sinew.tasks.simulate import Array, Simulator
 
 STEP = 1e-5  # of a difference quotient
+
+
+class Squares(Interface):
+    """What chains ask of a likelihood."""
+
+    def squares(self, at: Array) -> Array:
+        """Sums of squares ``[n]`` at points ``[n, k]``: minus twice the log likelihoods, up to a constant."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +59,8 @@ class Target:
 
     def errors(self, at: Array) -> Array:
         """Whitened errors ``[n, g]`` at points ``[n, k]``; NaN where the model fails."""
-        every = [one.residuals(self._forces(one, at)) for one in self.measured.thinned.values()]
+        forces = self.forces(at)
+        every = [one.residuals(forces[name]) for name, one in self.measured.thinned.items()]
         errors = np.concatenate(every, axis=1)
         return errors if self.whitening is None else self.whitening(errors)
 
@@ -55,10 +69,10 @@ class Target:
         if self.whitening is not None:
             total = np.square(self.errors(at)).sum(axis=1)
             return np.where(np.isfinite(total), total, np.inf)
-        total = np.zeros(len(at))
-        for one in self.measured.thinned.values():
+        total, forces = np.zeros(len(at)), self.forces(at)
+        for name, one in self.measured.thinned.items():
             weights = one.weights
-            total += _squares(weights.data, weights.indices, weights.indptr, one.target, self._forces(one, at))
+            total += _squares(weights.data, weights.indices, weights.indptr, one.target, forces[name])
         return np.where(np.isfinite(total), total, np.inf)
 
     def slopes(self, at: Array) -> tuple[Array, Array]:
@@ -75,10 +89,29 @@ class Target:
         errors = self.errors(np.concatenate([here[np.newaxis], moved]))
         return np.asarray((errors[1:] == errors[0]).all(axis=1))
 
-    def _forces(self, thinned: Thinned, at: Array) -> Array:
-        names = tuple(parameter.name for parameter in self.varied)
-        rows = self.model.full(names, scaled(self.varied, at))
-        return self.simulator.simulate(self.model, self.measured.specimen, thinned.protocol, rows).force_N
+    def forces(self, at: Array) -> Mapping[str, Array]:
+        """Forces ``[n, t]`` (N) along each curve by its name, at the points of fits; NaN where the model fails."""
+        rows, specimen = self.rows(at), self.measured.specimen
+        every = self.measured.thinned.items()
+        return {name: self.simulator.simulate(self.model, specimen, one.protocol, rows).force_N for name, one in every}
+
+    def rows(self, at: Array) -> Array:
+        """Parameter sets ``[n, d]`` of the model at points ``[n, k]``."""
+        return self.model.full(tuple(parameter.name for parameter in self.varied), scaled(self.varied, at))
+
+
+@dataclass(frozen=True, eq=False)
+class RowTarget(Target):
+    """A likelihood that asks its ``session`` for rows of the store, which hold forces at all measured points."""
+
+    session: Session = field(kw_only=True)
+
+    def forces(self, at: Array) -> Mapping[str, Array]:
+        every: list[RowResult] = self.session.ask_all(self.rows(at))
+        return {
+            name: np.array([row.values[f"force_{name}"][one.rows] for row in every])
+            for name, one in self.measured.thinned.items()
+        }
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")

@@ -12,37 +12,23 @@ from functools import partial
 from pathlib import Path
 from typing import Generic, TypeVar
 
-import numpy as np
-
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.tasks.data.noise import noise_of_each
 from sinew.tasks.data.sites import by_site
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.infer.likelihood import files
-from sinew.tasks.infer.likelihood.chains import CHAINS, Block, State, begun, swept
+from sinew.tasks.infer.likelihood.by_rows import of_each, sampled_by_rows
+from sinew.tasks.infer.likelihood.chains import CHAINS
+from sinew.tasks.infer.likelihood.compute import Compute, directly
 from sinew.tasks.infer.likelihood.discrepancy import ModelError, model_error
+from sinew.tasks.infer.likelihood.effort import FULL, SPARING, Effort, most_rows
 from sinew.tasks.infer.likelihood.explore import Explored, explored
-from sinew.tasks.infer.likelihood.kept import (
-    read_block,
-    read_explored,
-    read_model_error,
-    write_block,
-    write_explored,
-    write_model_error,
-)
-from sinew.tasks.infer.likelihood.result import INTERVAL, LikelihoodResult, Misfit
-from sinew.tasks.infer.likelihood.summary import (
-    Chains,
-    Convergence,
-    chains_of,
-    convergence,
-    dataset,
-    prior_population,
-    site_posterior,
-    specimen_marginals,
-)
-from sinew.tasks.infer.likelihood.target import Target
+from sinew.tasks.infer.likelihood.kept import read_explored, read_model_error, write_explored, write_model_error
+from sinew.tasks.infer.likelihood.result import INTERVAL, LikelihoodResult, PopulationMarginal, SitePosterior
+from sinew.tasks.infer.likelihood.sampling import ENSEMBLES, Sampled, Site, folder, sampled
+from sinew.tasks.infer.likelihood.summary import dataset, marginal, prior_population, specimen_marginals
+from sinew.tasks.infer.likelihood.target import RowTarget, Target
 from sinew.tasks.infer.result import particles_group
 from sinew.tasks.infer.settings import Settings
 from sinew.tasks.model import Specimen, file_name
@@ -50,11 +36,8 @@ from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
 from sinew.tasks.study.workspace import Workspace
 
-ENSEMBLES = 2  # independent ones: two of them can agree or not
-BLOCK = 100  # sweeps
-LATER = 1.1  # times as many sweeps as chains had when they were judged, until they are judged again
 ERRORS, EXPLORING = "errors of the model", "explored specimens"  # random streams
-SWEEPING, PRIOR = "chains of likelihood", "prior of populations"
+PRIOR = "prior of populations"
 
 Found = TypeVar("Found")
 
@@ -66,34 +49,9 @@ class Step(Generic[Found]):
     title: str
     suffix: str
     stream: str
-    compute: Callable[[Target, tuple[int, ...]], Found]
+    compute: Callable[[Target, tuple[int, ...], Effort, Compute], Found]
     read: Callable[[Path, str, Target], Found | None]
     write: Callable[[Path, str, Found], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Sampled:
-    """The explored specimens of a site, its chains, whether they have converged, and the model's errors."""
-
-    targets: Sequence[Target]
-    explored: Sequence[Explored]
-    chains: Chains
-    found: Convergence
-    errors: Mapping[str, ModelError]
-
-    @property
-    def misfit(self) -> dict[str, Misfit]:
-        """What the best fit leaves of each specimen."""
-        found = {}
-        for known, target, specimen in zip(self.explored, self.targets, self.specimens, strict=True):
-            left = float(np.sqrt(known.least / target.points))
-            error = self.errors.get(specimen.name)
-            found[specimen.name] = Misfit(error.misfit, error.size, left) if error else Misfit(left, 0.0, left)
-        return found
-
-    @property
-    def specimens(self) -> list[Specimen]:
-        return [target.measured.specimen for target in self.targets]
 
 
 def run(workspace: Workspace, settings: Settings) -> LikelihoodResult:
@@ -118,15 +76,16 @@ def run(workspace: Workspace, settings: Settings) -> LikelihoodResult:
     errors = _model_errors(workspace, targets, inputs) if settings.discrepancy else {}
     targets = {**targets, **{name: replace(targets[name], whitening=one.white) for name, one in errors.items()}}
     seen = _explored(workspace, targets, inputs)
-    sampled = {
-        site: _sampled(workspace, settings, inputs, number, [targets[one.name] for one in members], seen, errors)
-        for number, (site, members) in enumerate(grouped.items())
-    }
-    result = _result(workspace, settings, inputs, sampled, blind)
-    stored = {site: dataset(one.chains, one.specimens, one.targets[0].varied) for site, one in sampled.items()}
+    found = {}
+    for number, (name, members) in enumerate(grouped.items()):
+        likelihoods, specimens_seen = [targets[one.name] for one in members], [seen[one.name] for one in members]
+        site = Site(workspace, settings, inputs, number, likelihoods, specimens_seen, errors)
+        found[name] = sampled(site) if _quick(workspace) else sampled_by_rows(site)
+    result = _result(workspace, settings, inputs, found, blind)
+    stored = {name: dataset(one.chains, one.site.specimens, one.site.targets[0].varied) for name, one in found.items()}
     files.write(workspace.out, result, stored, streams.key(workspace.seed, PRIOR))
     commit(workspace, result, dict(zip(arrays, stored.values(), strict=True)))
-    for path in _folder(workspace).glob("*.safetensors"):
+    for path in folder(workspace).glob("*.safetensors"):
         path.unlink()
     return result
 
@@ -148,19 +107,25 @@ def _targets(workspace: Workspace, specimens: Sequence[Specimen]) -> tuple[dict[
     """The likelihood of each specimen, by its name, and the parameters that no curve depends on."""
     noise = noise_of_each([one.curves for one in specimens])
     free = workspace.model.free
-    make = partial(Target, workspace.model)
-    measured = [Measured(one, level) for one, level in zip(specimens, noise, strict=True)]
-    blind = [make(free, workspace.simulator, one).blind() for one in measured]
+    every = [
+        Target(workspace.model, free, workspace.simulator, Measured(one, level))
+        for one, level in zip(specimens, noise, strict=True)
+    ]
+    if _quick(workspace):
+        blind = [target.blind() for target in every]
+    else:
+        blind = of_each(workspace, every, len(free) + 1, lambda _, target: target.blind())
     names = [parameter.name for j, parameter in enumerate(free) if all(each[j] for each in blind)]
     varied = tuple(parameter for parameter in free if parameter.name not in names)
     if not varied:
         expected = "a free parameter that the measured curves depend on"
         raise BadInput(f"{workspace.study.path}: model.parameters", "no curve depends on any", expected)
-    return {one.specimen.name: make(varied, workspace.simulator, one) for one in measured}, names
+    return {one.measured.specimen.name: replace(one, varied=varied) for one in every}, names
 
 
-def _folder(workspace: Workspace) -> Path:
-    return workspace.out / "infer"
+def _quick(workspace: Workspace) -> bool:
+    """Whether simulations take so little time that they are no rows of the store."""
+    return workspace.simulator.capabilities.quick
 
 
 def _model_errors(workspace: Workspace, targets: dict[str, Target], inputs: str) -> dict[str, ModelError]:
@@ -177,85 +142,39 @@ def _explored(workspace: Workspace, targets: dict[str, Target], inputs: str) -> 
 
 def _of_each(workspace: Workspace, targets: dict[str, Target], inputs: str, step: "Step[Found]") -> dict[str, Found]:
     """What a step finds of each specimen by its name, on the cluster or before."""
+    every = list(targets.values())
+
+    def kept(number: int, compute: Callable[[tuple[int, ...]], Found]) -> Found:
+        name = every[number].measured.specimen.name
+        path = folder(workspace) / f"{file_name(name)}.{step.suffix}.safetensors"
+        found = step.read(path, inputs, every[number])
+        if found is None:
+            found = compute(streams.key(workspace.seed, step.stream, number))
+            step.write(path, inputs, found)
+        return found
+
+    def by_rows(number: int, target: RowTarget) -> Found:
+        return kept(number, lambda seed: step.compute(target, seed, SPARING, target.session.compute))
+
+    if not _quick(workspace):
+        most = most_rows(every[0].size, discrepancy=True)
+        return dict(zip(targets, of_each(workspace, every, most, by_rows), strict=True))
     with workspace.progress(step.title, len(targets), of="specimens") as report:
         finished = 0
 
-        def work(number: int, name: str, session: Session) -> Found:
+        def work(number: int, session: Session) -> Found:
             nonlocal finished
-            path = _folder(workspace) / f"{file_name(name)}.{step.suffix}.safetensors"
-            found = step.read(path, inputs, targets[name])
-            if found is None:
-                found = session.compute(step.compute, targets[name], streams.key(workspace.seed, step.stream, number))
-                step.write(path, inputs, found)
+            found = kept(number, lambda seed: session.compute(step.compute, every[number], seed, FULL, directly))
             finished += 1
             report(finished, 0, 0)
             return found
 
-        runs = [AdaptiveRun([], 0, partial(work, number, name)) for number, name in enumerate(targets)]
+        runs = [AdaptiveRun([], 0, partial(work, number)) for number in range(len(every))]
         return dict(zip(targets, workspace.run_adaptive(runs, "infer"), strict=True))
 
 
-def _sampled(
-    workspace: Workspace,
-    settings: Settings,
-    inputs: str,
-    site: int,
-    targets: Sequence[Target],
-    seen: dict[str, Explored],
-    errors: dict[str, ModelError],
-) -> Sampled:
-    """The chains of a site, as many blocks of them as it takes."""
-    name = targets[0].measured.specimen.site or "all"
-    known = [seen[target.measured.specimen.name] for target in targets]
-    heavy = settings.tails == "heavy"
-    ensembles: list[list[Block]] = [[] for _ in range(ENSEMBLES)]
-
-    def work(ensemble: int, session: Session) -> None:
-        blocks = ensembles[ensemble]
-        path = _folder(workspace) / f"{site}-{ensemble}-{len(blocks)}.block.safetensors"
-        block = read_block(path, inputs, len(targets), targets[0].size)
-        if block is None:
-            seed = streams.key(workspace.seed, SWEEPING, site, ensemble)
-            before = blocks[-1].state if blocks else None
-            block = session.compute(_block, targets, known, before, seed, heavy)
-            write_block(path, inputs, block)
-        blocks.append(block)
-
-    most, enough = -(-settings.sweeps // BLOCK), settings.ess
-    assert enough is not None, "it is filled in"
-    with workspace.progress(f"infer: chains of {name}", most * BLOCK, of="sweeps") as report:
-        judged = 0
-        for number in range(most):
-            workspace.run_adaptive([AdaptiveRun([], 0, partial(work, one)) for one in range(ENSEMBLES)], "infer")
-            if number + 1 < min(judged * LATER, most):
-                continue
-            judged = number + 1
-            chains = chains_of(ensembles, targets[0].varied, heavy=heavy)
-            found = convergence(chains)
-            report((number + 1) * BLOCK, 0, 0)
-            words = f"effective sample size {found.smallest_ess:.0f}, R-hat {found.largest_rhat:.3f}"
-            workspace.note("infer", name, words, value=found.smallest_ess, sweeps=(number + 1) * BLOCK)
-            if found.smallest_ess >= enough and found.largest_rhat <= settings.rhat:
-                workspace.counted["sweeps"] -= (most - number - 1) * BLOCK  # that were not needed
-                return Sampled(targets, known, chains, found, errors)
-    raise BadInput(
-        f"{workspace.study.path}: infer.sweeps",
-        f"{name}: the chains have not converged after {most * BLOCK} sweeps: effective sample size "
-        f"{found.smallest_ess:.0f} of {settings.ess}, R-hat {found.largest_rhat:.3f} (at most {settings.rhat:g})",
-        "more sweeps, a smaller infer.ess, or fixed values for parameters that the curves do not determine",
-    )
-
-
-def _block(
-    targets: Sequence[Target], known: Sequence[Explored], before: State | None, seed: tuple[int, ...], heavy: bool
-) -> Block:
-    """The next block of an ensemble; the first begins at draws of each specimen alone."""
-    state = before if before is not None else begun(targets, known, (*seed, 2**32), heavy=heavy)
-    return swept(targets, known, state, BLOCK, seed, heavy=heavy)
-
-
 def _result(
-    workspace: Workspace, settings: Settings, inputs: str, sampled: dict[str, Sampled], blind: list[str]
+    workspace: Workspace, settings: Settings, inputs: str, found: dict[str, Sampled], blind: list[str]
 ) -> LikelihoodResult:
     free = workspace.model.free
     rng = streams.generator(workspace.seed, PRIOR)
@@ -263,11 +182,11 @@ def _result(
     prior, prior_specimens = prior_population([one for one in free if one.name in blind], rng, heavy=heavy)
     specimens = {
         specimen.name: {
-            **specimen_marginals(one.chains, number, one.explored[number], one.targets[0].varied),
+            **specimen_marginals(one.chains, number, one.site.explored[number], one.site.targets[0].varied),
             **prior_specimens,
         }
-        for one in sampled.values()
-        for number, specimen in enumerate(one.specimens)
+        for one in found.values()
+        for number, specimen in enumerate(one.site.specimens)
     }
     return LikelihoodResult(
         method="likelihood",
@@ -279,12 +198,26 @@ def _result(
         tails=settings.tails,
         discrepancy=settings.discrepancy,
         chains=ENSEMBLES * CHAINS,
-        sites={
-            site: site_posterior(
-                one.chains, one.found, one.explored, one.specimens, one.targets[0].varied, prior, one.misfit
-            )
-            for site, one in sampled.items()
-        },
+        sites={name: _site_posterior(one, prior) for name, one in found.items()},
         specimens=specimens,
         inputs=inputs,
+    )
+
+
+def _site_posterior(one: Sampled, prior: Mapping[str, PopulationMarginal]) -> SitePosterior:
+    """The posterior of a site's population; ``prior``: of the parameters that no curve depends on."""
+    chains, found = one.chains, one.found
+    population = {}
+    for j, parameter in enumerate(one.site.targets[0].varied):
+        ess, rhat = float(found.ess[:, j].min()), float(found.rhat[:, j].max())
+        population[parameter.name] = marginal(chains.mean[..., j], chains.spread[..., j], ess, rhat)
+    return SitePosterior(
+        specimens=[specimen.name for specimen in one.site.specimens],
+        population={**population, **prior},
+        smallest_ess=found.smallest_ess,
+        largest_rhat=found.largest_rhat,
+        sweeps=one.sweeps,
+        emulator_sd=max(known.error for known in one.site.explored),
+        misfit=one.misfit,
+        runs=one.runs,
     )

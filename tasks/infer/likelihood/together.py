@@ -14,7 +14,7 @@ import numpy as np
 from sinew.tasks.infer.likelihood.explore import Explored
 from sinew.tasks.infer.likelihood.population import Population
 from sinew.tasks.infer.likelihood.scores import inside, places
-from sinew.tasks.infer.likelihood.target import Target
+from sinew.tasks.infer.likelihood.target import Squares
 from sinew.tasks.simulate import Array
 
 WEAK = 0.1  # share of a specimen's own variance in that of all, from which on a parameter is moved together
@@ -36,7 +36,7 @@ def chances(explored: Sequence[Explored]) -> Array:
 
 def moved_together(
     rng: np.random.Generator,
-    targets: Sequence[Target],
+    targets: Sequence[Squares],
     explored: Sequence[Explored],
     scores: Array,
     squares: Array,

@@ -81,6 +81,11 @@ REFERENCES: Mapping[str, Reference] = {
     "liu": Reference(
         "Liu J. Monte Carlo strategies in scientific computing. Springer (2001).", "10.1007/978-0-387-76371-2"
     ),
+    "vihola": Reference(
+        "Vihola M., Helske J., Franks J. Importance sampling type estimators based on approximate marginal Markov "
+        "chain Monte Carlo. Scand J Stat 47 (2020).",
+        "10.1111/sjos.12492",
+    ),
     "vehtari": Reference(
         "Vehtari A., Gelman A., Simpson D., Carpenter B., Bürkner P. Rank-normalization, folding, and localization: an "
         "improved R-hat for assessing convergence of MCMC. Bayesian Analysis 16 (2021).",

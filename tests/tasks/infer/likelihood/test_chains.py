@@ -8,15 +8,17 @@ import pytest
 from scipy.stats import chisquare
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.infer.likelihood import best, explore
+from sinew.tasks.infer.likelihood import explore
 from sinew.tasks.infer.likelihood.chains import CHAINS, begun, swept
 from sinew.tasks.infer.likelihood.compiled import FARTHEST
+from sinew.tasks.infer.likelihood.effort import FULL
 from sinew.tasks.infer.likelihood.explore import explored
 from sinew.tasks.infer.likelihood.population import from_prior
 from sinew.tasks.infer.likelihood.scores import places
 from sinew.tasks.model.parameters import own_parameter
 
 SIZE, SPECIMENS = 2, 3
+ROUGH = replace(FULL, candidates=2, starts=2, again=2, rounds=2)
 VARIED = tuple(own_parameter(f"p{j}", "1", 0.0, 1.0) for j in range(SIZE))
 
 
@@ -55,7 +57,7 @@ def ranks(seed, heavy):
         weights = truth.weights[:, 0] if heavy else np.ones(SPECIMENS)
         scores = truth.mean + (rng.standard_normal((SPECIMENS, SIZE)) @ root.T) / np.sqrt(weights)[:, np.newaxis]
     targets = [Line(course(places(one)[np.newaxis])[0] + rng.standard_normal(6)) for one in scores]
-    known = [explored(target, (seed, i)) for i, target in enumerate(targets)]
+    known = [explored(target, (seed, i), ROUGH) for i, target in enumerate(targets)]
     state = begun(targets, known, (seed, 100), heavy=heavy)
     block = swept(targets, known, state, 40, (seed, 200), heavy=heavy)
     spread = np.sqrt(np.diagonal(truth.covariance()[0]))
@@ -69,9 +71,8 @@ COHORTS = 30
 @pytest.mark.parametrize("heavy", [False, True])
 def test_truth_is_anywhere_among_the_draws(heavy, monkeypatch):
     """Simulation-based calibration (Talts et al. 2018): ranks are uniform. A rough emulator will do here."""
-    for name, value in (("PATHS", 4), ("WALKERS", 64), ("ROUNDS", 2)):
+    for name, value in (("PATHS", 4), ("WALKERS", 64)):
         monkeypatch.setattr(explore, name, value)
-    monkeypatch.setattr(best, "FITS", 2)
     found = np.array([ranks(seed, heavy) for seed in range(COHORTS)])
     for name, each in zip(("mean", "spread", "specimen"), found.swapaxes(0, 1), strict=True):
         for j in range(SIZE):

@@ -3,7 +3,6 @@
 import json
 import shutil
 
-import arviz
 import numpy as np
 import pytest
 
@@ -12,7 +11,8 @@ from sinew.runner.store.store import open_store
 from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
-from sinew.tasks.infer.likelihood import task
+from sinew.tasks.infer.library import arviz
+from sinew.tasks.infer.likelihood import sampling, task
 from sinew.tasks.infer.likelihood.summary import WARM_UP
 from sinew.tasks.infer.result import LikelihoodResult, read_posteriors
 from sinew.tasks.study.workspace import Workspace
@@ -101,7 +101,7 @@ def test_the_file_holds_populations_and_specimens_under_their_names(inferred):
 
 
 def test_draws_are_left_for_arviz_and_in_the_store(inferred):
-    data = arviz.from_netcdf(inferred / "infer" / "distal.nc")
+    data = arviz().from_netcdf(inferred / "infer" / "distal.nc")
     assert {"posterior", "prior", "log_likelihood", "posterior_predictive"} <= set(data.groups())
     found = read_posteriors(inferred)
     drawn = data.posterior["specimens"].sel(specimen="distal/1", parameter="E_f").values
@@ -143,7 +143,7 @@ def test_an_interrupted_inference_goes_on_and_ends_with_the_same_bytes(study, in
     monkeypatch.setattr(Workspace, "client", lambda self: None)
     shutil.copytree(study.parent / "cohort", tmp_path / "cohort")
     shutil.copy(study, tmp_path / "study.yaml")
-    calls, swept, explored = [], task.swept, task.explored
+    calls, swept, explored = [], sampling.swept, task.explored
 
     def interrupted(*arguments, **options):
         calls.append("swept")
@@ -152,7 +152,7 @@ def test_an_interrupted_inference_goes_on_and_ends_with_the_same_bytes(study, in
         return swept(*arguments, **options)
 
     with monkeypatch.context() as patch:
-        patch.setattr(task, "swept", interrupted)
+        patch.setattr(sampling, "swept", interrupted)
         with pytest.raises(SystemExit):
             sinew("infer", tmp_path / "study.yaml", "--out", tmp_path / "out", "--quiet")
     monkeypatch.setattr(task, "explored", lambda *_: pytest.fail("a specimen is explored again"))

@@ -1,0 +1,168 @@
+"""The posterior of a site whose model takes time: rows of the store in place of calls of the simulator.
+
+Chains run on the specimens' emulators alone. Some of their draws are then computed by the model, and their weights
+(:mod:`sinew.tasks.infer.likelihood.correction`) say how far the emulators' posterior may be from the model's own. Where
+that is too far, emulators are trained once more with these draws, and chains run again. Where it stays so, more draws
+are computed, and the posterior is that of the weighted draws, which is exact in the limit of many.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from sinew.runner.errors import BadInput
+from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
+from sinew.runner.store.table import Table
+from sinew.tasks.infer.likelihood.correction import Draws, Weighted, draws_of, resampled, weighted
+from sinew.tasks.infer.likelihood.effort import SPARING
+from sinew.tasks.infer.likelihood.emulator import Emulator
+from sinew.tasks.infer.likelihood.explore import Explored, explored
+from sinew.tasks.infer.likelihood.kept import read_explored, write_explored
+from sinew.tasks.infer.likelihood.result import Runs
+from sinew.tasks.infer.likelihood.sampling import ENSEMBLES, Ensembles, Sampled, Site, converged, folder, swept_until
+from sinew.tasks.infer.likelihood.scores import places
+from sinew.tasks.infer.likelihood.summary import chains_of, chains_of_draws
+from sinew.tasks.infer.likelihood.target import RowTarget, Target
+from sinew.tasks.model import Specimen, file_name
+from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.evaluation import SpecimenEvaluation
+from sinew.tasks.study import streams
+from sinew.tasks.study.workspace import Workspace
+
+EARLY = 200  # sweeps, after which emulators are judged
+FIRST = 100  # draws that are computed first
+CLOSE = 0.1  # posterior standard deviations that means may be away, without weights
+TRAININGS = 4  # of emulators, at most
+ENOUGH = 400  # draws of equal weight that weighted ones are to be worth
+SPARE = 1.15  # times as many draws as seem to be needed
+LEAST_EFFICIENT = 0.1  # where draws are worth less, they are too few
+BROAD_TAIL, ALIKE = 0.7, 0.9  # Pareto's k of weights, beyond which few decide, unless draws are worth as much
+CHOOSING, RESAMPLING, TRAINING = "draws of emulators", "weighted draws", "emulators trained again"  # random streams
+
+
+@dataclass(frozen=True, eq=False)
+class Emulated:
+    """The likelihood of a specimen as its emulator has it."""
+
+    known: Emulator
+
+    def squares(self, at: Array) -> Array:
+        """Sums of squares ``[n]`` at points ``[n, k]`` of the unit cube."""
+        return self.known.squares(at)
+
+
+def planned(workspace: Workspace, specimen: Specimen) -> tuple[Table, SpecimenEvaluation]:
+    """The table for rows of a specimen: with forces at all measured points, as its likelihood needs them."""
+    evaluation = SpecimenEvaluation(workspace.model, specimen, workspace.simulator, "all")
+    return workspace.plan(evaluation, np.empty((0, len(workspace.model.names))))[0], evaluation
+
+
+def asking(target: Target, session: Session) -> RowTarget:
+    """The same likelihood, which asks a session for rows."""
+    return RowTarget(target.model, target.varied, target.simulator, target.measured, target.whitening, session=session)
+
+
+def of_each(
+    workspace: Workspace, targets: Sequence[Target], rows: int, work: Callable[[int, RowTarget], Any]
+) -> list[Any]:
+    """What ``work`` finds of each specimen with at most so many rows of it; all of them share the cluster."""
+
+    def one(number: int, session: Session) -> Any:
+        return work(number, asking(targets[number], session))
+
+    tables = [planned(workspace, target.measured.specimen) for target in targets]
+    runs = [AdaptiveRun([each], rows, partial(one, number)) for number, each in enumerate(tables)]
+    return workspace.run_adaptive(runs, "infer")
+
+
+def sampled_by_rows(site: Site) -> Sampled:
+    """The posterior of a site. Raises :class:`BadInput` for emulators that do not come near the model."""
+    for training in range(TRAININGS):
+        likelihoods, tag = [Emulated(one.chart.known) for one in site.explored], f"-{training}"
+        early, so_far = swept_until(site, likelihoods, EARLY, tag)  # on a poor emulator, they might never converge
+        draws = _chosen(site, training, early, FIRST)
+        first = weighted(_exact(site, draws), draws.squares)
+        if first.apart <= CLOSE:
+            break
+        if training + 1 < TRAININGS:
+            site = replace(site, explored=_trained_again(site, training, draws))
+    blocks, found = converged(site, likelihoods, tag, early)
+    if first.apart <= CLOSE and so_far.largest_rhat > site.settings.rhat:  # draws were not yet those of the emulators
+        draws = _chosen(site, TRAININGS, blocks, FIRST)
+        first = weighted(_exact(site, draws), draws.squares)
+    if first.apart > CLOSE:
+        return _of_weighted_draws(site, likelihoods, tag, blocks, first)
+    chains = chains_of(blocks, site.targets[0].varied, heavy=site.heavy)
+    return Sampled(site, chains, found, chains.mean.shape[1], _runs(site, first.apart))
+
+
+def _of_weighted_draws(
+    site: Site, likelihoods: Sequence[Emulated], tag: str, blocks: Ensembles, first: Weighted
+) -> Sampled:
+    """The posterior by draws that the model has computed: so many that they are worth ``ENOUGH`` of equal weight.
+
+    ``first``: weights of a first sample. Chains go on after their ``blocks`` where these have too few draws.
+    """
+    enough = min(ENOUGH, site.settings.ess or ENOUGH)
+    count = int(SPARE * enough / max(first.efficiency, LEAST_EFFICIENT))
+    blocks, found = converged(site, likelihoods, tag, blocks, 2 * count // ENSEMBLES)
+    draws = _chosen(site, TRAININGS + 1, blocks, count)
+    exact = _exact(site, draws)
+    judged = weighted(exact, draws.squares)
+    worth = count * judged.efficiency
+    if worth < enough or (judged.tail > BROAD_TAIL and judged.efficiency < ALIKE):
+        raise BadInput(
+            f"{site.workspace.study.path}: infer",
+            f"{site.name}: emulators of the model are not good enough: {count} draws are worth {worth:.0f} of the "
+            f"model's posterior, expected {enough} (Pareto's k of their weights is {judged.tail:.2f}, expected at most "
+            f"{BROAD_TAIL})",
+            "narrower ranges, or fixed values for parameters that the curves do not determine",
+        )
+    rng = streams.generator(site.workspace.seed, RESAMPLING, site.number)
+    same = replace(draws, squares=exact).at(resampled(rng, judged.weights))
+    chains = chains_of_draws(same, site.targets[0].varied, heavy=site.heavy)
+    return Sampled(site, chains, found.of_draws(worth), count, _runs(site, 0.0))
+
+
+def _chosen(site: Site, training: int, blocks: Ensembles, count: int) -> Draws:
+    """``count`` draws of chains."""
+    draws = draws_of(blocks)
+    rng = streams.generator(site.workspace.seed, CHOOSING, site.number, training)
+    return draws.at(rng.permutation(len(draws))[:count])
+
+
+def _runs(site: Site, apart: float) -> dict[str, Runs]:
+    """The runs of each specimen."""
+    return {one.name: Runs(planned(site.workspace, one)[0].finished(), apart) for one in site.specimens}
+
+
+def _exact(site: Site, draws: Draws) -> Array:
+    """The sums of squares ``[m, n]`` of draws, as the model has them."""
+
+    def work(number: int, target: RowTarget) -> Array:
+        return target.squares(places(draws.scores[:, number]))
+
+    return np.stack(of_each(site.workspace, site.targets, len(draws), work), axis=1)
+
+
+def _trained_again(site: Site, training: int, draws: Draws) -> list[Explored]:
+    """Specimens explored with emulators that know some draws as well."""
+
+    def work(number: int, target: RowTarget) -> Explored:
+        name = file_name(target.measured.specimen.name)
+        path = folder(site.workspace) / f"{name}.explored-{training + 1}.safetensors"
+        found = read_explored(path, site.inputs, target)
+        if found is None:
+            known = np.concatenate([site.explored[number].seen, draws.scores[:, number]])
+            seed = streams.key(site.workspace.seed, TRAINING, site.number, number, training)
+            found = explored(target, seed, SPARING, target.session.compute, known)
+            least = min(found.least, site.explored[number].least)
+            found = replace(found, least=least)
+            write_explored(path, site.inputs, found)
+        return found
+
+    most = SPARING.checked + len(site.explored[0].seen) + len(draws)
+    return of_each(site.workspace, site.targets, most, work)
