@@ -34,7 +34,7 @@ from sinew.tasks.model import FORCE, Specimen
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
-from sinew.tasks.simulate.saltelli import base_samples
+from sinew.tasks.simulate.saltelli import base_samples, block_of
 from sinew.tasks.sobol.settings import Settings as SobolSettings
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.range_check import look
@@ -174,10 +174,11 @@ def _size(study: Study, specimens: tuple[Specimen, ...]) -> tuple[int, int]:
     settings = study.section(SobolSettings)
     free = settings.count(model_of(study.model, study.simulator.law))
     base = settings.base_samples or base_samples(settings.points or 1, free, settings.second_order)
+    rows = base * block_of(free, settings.second_order) if settings.method == "saltelli" else settings.runs
     chosen = len(specimens) if settings.specimens == "all" else len(settings.specimens)
     points = study.store.points_per_curve
     kept = [curve.force_N.size if points == "all" else points for curve in specimens[0].curves]
-    return base * ((2 if settings.second_order else 1) * free + 2) * chosen, sum(kept) + 32
+    return rows * chosen, sum(kept) + 32
 
 
 def _look_at_the_batch_system(study: Study, profile: Profile, out: Path, note: Note) -> None:

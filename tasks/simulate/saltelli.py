@@ -22,7 +22,7 @@ class Design:
     ``rows`` ``[n, d]`` holds full parameter sets, of which ``free`` are the columns of the free parameters, and
     ``members`` the places of each of ``names`` among these (without any, each is a parameter). ``block`` is the number
     of consecutive rows of one base sample. Base samples come in turn from ``scrambles`` independent scrambled
-    sequences.
+    sequences. In a ``plain`` design, each is one row.
     """
 
     names: tuple[str, ...]
@@ -32,6 +32,7 @@ class Design:
     free: tuple[int, ...] = ()
     scrambles: int = 1
     members: tuple[tuple[int, ...], ...] = ()
+    plain: bool = False
 
     @property
     def scramble(self) -> Array:
@@ -40,7 +41,7 @@ class Design:
 
     @property
     def block(self) -> int:
-        return block_of(len(self.names), self.second_order)
+        return 1 if self.plain else block_of(len(self.names), self.second_order)
 
     @property
     def free_rows(self) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 
 from sinew.tasks.simulate.saltelli import FEWEST, Design
 from sinew.tasks.sobol.given_data import Independent, first_order, independent
-from sinew.tasks.sobol.method import Intervals, analyse, indices
+from sinew.tasks.sobol.method import Intervals, analyse, indices, indices_if_failed_had
 from sinew.tasks.sobol.result import KEYS, Analysis, Convergence
 
 Array = np.ndarray[Any, Any]
@@ -80,6 +80,10 @@ class Estimator:
         of = self.ran.at < rows
         ran = Independent(self.ran.features[of], self.ran.at[of], self.ran.scramble[of])
         return Estimator(design, self.ok[:rows], ran, self.intervals)
+
+    def if_failed_had(self, outcomes: Array) -> dict[str, Array]:
+        """Indices of one output ``[n]`` if failed rows had the smallest, the mean or the largest outcome."""
+        return indices_if_failed_had(self.design, outcomes, self.ok, self.intervals)
 
     def convergence(self, outcomes: Array) -> Convergence:
         """Indices of one output ``[n]`` from the first 32, 64, ... base samples; none where ST is refused.

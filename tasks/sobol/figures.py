@@ -113,7 +113,7 @@ def convergence(result: SobolResult) -> Figure:
         axis.set_xscale("log", base=2)
         axis.set_xticks(sizes, [f"{size:,}" for size in sizes], rotation=30)
         axis.minorticks_off()
-        axis.set_xlabel("base samples")
+        axis.set_xlabel(result.sample)
         axis.set_ylabel(f"total order index, {result.total}")
         axis.legend(ncols=3)
     return figure

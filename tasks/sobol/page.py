@@ -11,7 +11,7 @@ from sinew.tasks.drawing.figures import COLOURS
 from sinew.tasks.drawing.formats import protocols_of
 from sinew.tasks.report.folder import ResultFolder
 from sinew.tasks.sobol.result import SobolResult
-from sinew.tasks.sobol.show import specimens_table, stored
+from sinew.tasks.sobol.show import specimens_table, stored, surrogate_words
 
 NAME = "sensitivity"
 SHOWN = 6  # lines in a plot along time
@@ -36,7 +36,8 @@ def section(folder: ResultFolder) -> Section:
     if result.failed:
         failed = f"{result.failed:,} of {result.rows:,} rows; {result.failures.rule}"
         blocks.append(Words(f"Failed rows: {failed}.", "warning"))
-    sure = f"{level} intervals from {result.base_samples_used:,} base samples"
+    sure = f"{level} intervals from {result.base_samples_used:,} {result.sample}"
+    blocks += [Words(f"{words}.", "note") for words in surrogate_words(result)]
     if small:
         sure += f"; below 0.01: {listed(small, 3)}"
     return Section(
@@ -180,7 +181,7 @@ def _convergence(result: SobolResult, level: str) -> Block | None:
     total, conf = curve.ST, curve.ST_conf
     chosen = np.argsort(-np.nan_to_num(total[-1]))[:SHOWN]
 
-    plot = plots.figure("base samples", "total order index", x_axis_type="log", height=300)
+    plot = plots.figure(result.sample, "total order index", x_axis_type="log", height=300)
     plot.xaxis.ticker = list(sizes)
     entries = []
     for rank, j in enumerate(chosen):
@@ -197,12 +198,12 @@ def _convergence(result: SobolResult, level: str) -> Block | None:
         line = plot.line("size", "index", source=source, color=colour, line_dash=plots.dash(rank))
         bar = plot.segment("size", "low", "size", "high", source=source, color=colour)
         dots = plot.scatter("size", "index", source=source, color=colour, marker=plots.MARKERS[rank], size=7)
-        rows = [("parameter", result.names[j]), ("base samples", "@size"), ("index", "@index{0.000} ± @conf{0.000}")]
+        rows = [("parameter", result.names[j]), (result.sample, "@size"), ("index", "@index{0.000} ± @conf{0.000}")]
         plots.hover(plot, dots, rows)
         entries.append((result.names[j], [line, bar, dots]))
     plots.legend(plot, entries)
     shown = plots.plot(
-        "sensitivity-convergence", plot, "Total order indices over the number of base samples", wide=True
+        "sensitivity-convergence", plot, f"Total order indices over the number of {result.sample}", wide=True
     )
     words = (
         f"How the largest indices settle as the design grows; lines: {level} intervals, {plural(len(sizes), 'size')}."

@@ -1,11 +1,13 @@
 """What a methods section says of this task, with the numbers of a result."""
 
 from sinew.tasks.drawing.blocks import number
-from sinew.tasks.sobol.result import SobolResult
+from sinew.tasks.sobol.result import SobolResult, Surrogate
 
 
 def methods(result: SobolResult) -> str:
     """The paragraph of a methods section; ``[@key]`` cites."""
+    if result.surrogate is not None:
+        return _by_surrogate(result, result.surrogate)
     kinds = "First order" if result.refuses else "First and total order"
     failed = f" {result.failures.rule}." if result.failed else ""
     varied = "groups or parameters" if result.groups else "parameters"
@@ -14,6 +16,19 @@ def methods(result: SobolResult) -> str:
         f"{_normal(result)} from a Saltelli design on scrambled Sobol sequences [@saltelli, @salib]: "
         f"{result.base_samples:,} base samples, {result.rows:,} rows, of which {result.failed:,} failed.{failed} "
         f"{_intervals(result)} {_largest(result)}"
+    )
+
+
+def _by_surrogate(result: SobolResult, surrogate: Surrogate) -> str:
+    """The same for indices of polynomials."""
+    varied = "groups or parameters" if result.groups else "parameters"
+    return (
+        f"First and total order Sobol indices of the {result.objective} were taken from sparse polynomial chaos "
+        f"[@sudret, @blatman] for {len(result.names)} free {varied}{_normal(result)}, trained with {result.rows:,} "
+        f"rows on scrambled Sobol sequences, of which {result.failed:,} failed; the polynomials leave at most "
+        f"{number(100 * max(surrogate.unexplained.values()), 2)} % of a variance unexplained (leave-one-out). "
+        f"Intervals are Student's at {100 * result.confidence:g} %, from the jackknife of {result.scrambles} "
+        f"independent scrambles, widened by the unexplained part. {_largest(result)}"
     )
 
 

@@ -85,6 +85,19 @@ class Failures:
 
 
 @dataclass(frozen=True, eq=False)
+class Surrogate:
+    """Polynomials that stand for the model: the largest half-width of intervals that was asked for as ``error``.
+
+    ``reached``: whether all are smaller. ``unexplained``: part of the variance of each outcome that the polynomials do
+    not explain, by leave-one-out.
+    """
+
+    error: Number
+    reached: bool
+    unexplained: Mapping[str, Number]
+
+
+@dataclass(frozen=True, eq=False)
 class Convergence:
     """Indices ``[sizes, d]`` of the total objective from the first ``base_samples`` ``[sizes]`` of the design."""
 
@@ -100,9 +113,9 @@ class SobolResult(Result):
     """Sobol indices of the total objective, and of each protocol, specimen and output.
 
     ``names`` are of the ``d`` free parameters or ``groups`` of them, ``bounds`` of the free parameters, which are
-    uniform unless they have ``distributions``. Base samples come from ``scrambles`` independent
-    sequences. ``field`` is what the store calls the quantity under study and ``objective`` says it in words.
-    ``tables`` names each specimen's evaluations in the store.
+    uniform unless they have ``distributions``. Base samples come from ``scrambles`` independent sequences; with a
+    ``surrogate``, each is one row. ``field`` is what the store calls the quantity under study and ``objective`` says it
+    in words. ``tables`` names each specimen's evaluations in the store.
     """
 
     TASK = "sobol"
@@ -135,10 +148,16 @@ class SobolResult(Result):
     distributions: Mapping[str, Mapping[str, Number]] | None = dataclasses.field(
         default=None, kw_only=True, metadata=OMIT
     )
+    surrogate: Surrogate | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
     failures: Failures
     convergence: Convergence
     tables: Mapping[str, str]
     inputs: str
+
+    @property
+    def sample(self) -> str:
+        """What the design has many of."""
+        return "runs" if self.surrogate else "base samples"
 
     @property
     def refuses(self) -> bool:

@@ -8,6 +8,7 @@ from sinew.runner.errors import BadInput
 from sinew.runner.store.table import Table
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.plain_design import plain_design
 from sinew.tasks.simulate.saltelli import Design, saltelli
 from sinew.tasks.simulate.studied_quantity import objectives_by_output, quantity
 from sinew.tasks.sobol.result import SobolResult
@@ -57,9 +58,12 @@ def sobol_rows(workspace: Workspace) -> SobolRows:
     missing = BadInput(SobolResult.path(workspace.out), "no finished Sobol study", "`sinew sobol` on this study first")
     if last is None:
         raise missing
-    design = saltelli(
-        workspace.model, last.base_samples, settings.second_order, workspace.seed, last.scrambles, settings.inputs
-    )
+    if last.surrogate is None:
+        design = saltelli(
+            workspace.model, last.base_samples, settings.second_order, workspace.seed, last.scrambles, settings.inputs
+        )
+    else:
+        design, _ = plain_design(workspace.model, last.base_samples, workspace.seed, last.scrambles, settings.inputs)
     specimens = workspace.specimens(settings.specimens, "sobol.specimens")
     evaluated = tuple(_found(workspace, specimen, design, missing) for specimen in specimens)
     studied, words = quantity(workspace.evaluation(specimens[0]), settings.output)

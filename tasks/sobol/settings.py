@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -17,6 +17,9 @@ from sinew.tasks.study.settings_file import FieldError, Section
 if TYPE_CHECKING:
     from sinew.tasks.model import Model
     from sinew.tasks.study.study import Study
+
+
+OF_SALTELLI, OF_SURROGATE = {"points", "base_samples", "scrambles", "resamples"}, {"error", "runs"}
 
 
 class NormalSettings(Section):
@@ -34,8 +37,14 @@ class Settings(TaskSettings):
     index, by the group's name. ``distributions``: of parameters that are not uniform over their ranges, each normal
     with a ``mean`` and an ``sd``, cut off at the ends. ``specimens``: which to study, ``all`` or names.
     ``output``: of which of a template's outputs the indices are (left out: of the objective where there is one).
+
+    With ``method: surrogate``, indices are those of polynomials that are trained with plain rows: more and more of
+    them, at most ``runs``, until no interval of the total and of each protocol is wider than ``error`` to either side.
     """
 
+    method: Literal["saltelli", "surrogate"] = "saltelli"
+    error: Annotated[float, Field(gt=0, lt=1)] = 0.02
+    runs: Annotated[int, Field(ge=32, le=10_000)] = 400
     points: Annotated[int, Field(ge=1, le=10**8)] | None = None
     base_samples: Annotated[int, Field(ge=2, le=2**26)] | None = None
     specimens: Specimens = "all"
@@ -46,6 +55,13 @@ class Settings(TaskSettings):
     scrambles: Annotated[int, Field(ge=1, le=64)] = 8
     resamples: Annotated[int, Field(ge=10, le=100_000)] = 200
     confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
+
+    @model_validator(mode="after")
+    def _of_one_method(self) -> Self:
+        of_the_other = OF_SURROGATE if self.method == "saltelli" else OF_SALTELLI
+        if given := sorted(self.model_fields_set & of_the_other):
+            raise FieldError(given[0], f"given with method: {self.method}", f"no {given[0]}, or the other method")
+        return self
 
     @model_validator(mode="after")
     def _one_size(self) -> Self:
@@ -109,5 +125,7 @@ def check(study: Study, out: Path, *, extend: bool = False) -> None:
         raise BadInput(
             f"{study.path}: sobol.groups", "one group of all parameters", "two groups or parameters at least"
         )
+    if extend and study.section(Settings).method == "surrogate":
+        raise BadInput("--extend", "the method is surrogate", "a smaller sobol.error, or more sobol.runs")
     if extend and read_json(out / "sobol.json") is None:
         raise BadInput(out / "sobol.json", "is not there", "a finished `sinew sobol` to extend")

@@ -78,9 +78,23 @@ def summary(result: SobolResult, folder: Path, console: Console) -> None:
     console.print(f"{round(100 * result.confidence)} % intervals; columns of protocols show {key}")
     if result.outputs:
         _outputs_summary(result, console)
+    for words in surrogate_words(result):
+        console.print(words)
     if result.failed:
         failed = f"{result.failed:,} of {result.rows:,} rows failed"
         console.print(Text.assemble((failed, "red"), f"; {result.failures.rule}{_moved(result)}"))
+
+
+def surrogate_words(result: SobolResult) -> list[str]:
+    """A sentence on the polynomials that stand for the model; none where the model itself answered."""
+    if (found := result.surrogate) is None:
+        return []
+    left = max(found.unexplained.values())
+    words = f"{result.rows:,} runs; polynomials that stand for the model leave at most {100 * left:.2g} % of a variance"
+    asked = f"± {found.error:g}"
+    return [
+        f"{words}; intervals are " + (f"within {asked}" if found.reached else f"wider than {asked}: more sobol.runs")
+    ]
 
 
 def _specimens_summary(result: SobolResult, console: Console) -> None:

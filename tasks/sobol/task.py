@@ -17,11 +17,14 @@ from sinew.runner.store.table import Table
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
+from sinew.tasks.simulate.plain_design import plain_design, sizes_up_to
 from sinew.tasks.simulate.saltelli import Design, block_of, saltelli, scrambles_of
 from sinew.tasks.simulate.studied_quantity import objectives_by_output, quantity
-from sinew.tasks.sobol.estimate import Estimator, estimator
-from sinew.tasks.sobol.method import Intervals, column, indices_if_failed_had
-from sinew.tasks.sobol.result import KEYS, Failures, Indices, OfOutput, OfProtocol, OfSpecimen, SobolResult
+from sinew.tasks.sobol.by_chaos import ByChaos
+from sinew.tasks.sobol.estimate import LIMIT, Estimator, estimator
+from sinew.tasks.sobol.method import Intervals, column
+from sinew.tasks.sobol.result import KEYS, Failures, Indices, OfOutput, OfProtocol, OfSpecimen, SobolResult, Surrogate
+from sinew.tasks.sobol.rows import sobol_rows
 from sinew.tasks.sobol.settings import Settings
 from sinew.tasks.sobol.work import base_of
 from sinew.tasks.study.cached import cached, commit, key
@@ -47,6 +50,8 @@ class Evaluated:
 
 def run(workspace: Workspace, settings: Settings, *, extend: bool = False) -> SobolResult:
     """Sobol indices of the study; ``extend`` doubles the base samples of the last result."""
+    if settings.method == "surrogate":
+        return _by_surrogate(workspace, settings)
     base = _base_samples(workspace, settings, extend=extend)
     if not extend and settings.points is not None:
         _say_size(workspace, settings, base)
@@ -60,16 +65,75 @@ def run(workspace: Workspace, settings: Settings, *, extend: bool = False) -> So
     design = replace(design, rows=design.rows[:0])  # they are in the store now; a large design need not stay in memory
     for one in planned:
         workspace.evaluate(one.evaluation, one.table, one.at, f"sobol {one.specimen.name}")
+    inputs, known = _known(workspace, settings, drawn, planned)
+    if known is not None:
+        return known
+    intervals = Intervals(settings.resamples, settings.confidence, workspace.seed)
+    return _analysed(workspace, settings, estimator(design, features, _ran(planned), intervals), planned, inputs)
+
+
+def _by_surrogate(workspace: Workspace, settings: Settings) -> SobolResult:
+    """Indices of polynomials, trained with more and more rows until their intervals are as narrow as asked."""
+    if (known := _finished(workspace, settings)) is not None:
+        return known
+    specimens = workspace.specimens(settings.specimens, "sobol.specimens")
+    evaluations = [workspace.evaluation(one) for one in specimens]
+    intervals = Intervals(settings.resamples, settings.confidence, workspace.seed)
+    studied, _ = quantity(evaluations[0], settings.output)
+    looked: list[int] = []
+    for size in sizes_up_to(settings.runs):
+        design, share = plain_design(workspace.model, size, workspace.seed, settings.scrambles, settings.inputs)
+        planned = [Evaluated(one, *workspace.plan(one, design.rows)) for one in evaluations]
+        for one in planned:
+            workspace.evaluate(one.evaluation, one.table, one.at, f"sobol {one.specimen.name}")
+        looked.append(size)
+        ok = _ran(planned)
+        if (~ok).mean() > LIMIT:
+            raise BadInput(
+                f"{workspace.study.path}: sobol.method", f"{(~ok).sum()} of {size} rows failed",
+                f"at most {100 * LIMIT:g} % for a surrogate: narrower ranges, or method: saltelli",
+            )  # fmt: skip
+        estimate = ByChaos(design, share, ok, intervals, settings.second_order, tuple(looked))
+        outcomes = objectives_by_output(specimens, [one.table.read(studied, one.at) for one in planned])
+        found = {name: estimate.analysis(values) for name, values in outcomes.items()}
+        widest = max(float(np.nanmax([each.S1_conf, each.ST_conf], initial=0.0)) for each in found.values())
+        words = f"{size} runs, intervals at most ± {widest:.3f}"
+        workspace.note("sobol", "surrogate", words, value=widest, runs=size)
+        workspace.say(f"sobol: {words} ({settings.error:g} asked)")
+        if widest <= settings.error:
+            break
+    inputs, _ = _known(workspace, settings, digest(design.rows), planned)
+    left = {name: estimate.unexplained(values) for name, values in outcomes.items()}
+    surrogate = Surrogate(settings.error, widest <= settings.error, left)
+    return _analysed(workspace, settings, estimate, planned, inputs, surrogate)
+
+
+def _finished(workspace: Workspace, settings: Settings) -> SobolResult | None:
+    """The last result, if it is of the same study and all that it was made of is there."""
+    try:
+        last = sobol_rows(workspace)
+    except BadInput:
+        return None
+    planned = [
+        Evaluated(workspace.evaluation(one), *each) for one, each in zip(last.specimens, last.evaluated, strict=True)
+    ]
+    return _known(workspace, settings, digest(last.design.rows), planned)[1]
+
+
+def _ran(planned: Sequence[Evaluated]) -> Array:
+    """Rows ``[n]`` of the design that no specimen failed."""
+    return np.asarray((np.stack([one.table.status[one.at] for one in planned]) == 0).all(axis=0))
+
+
+def _known(
+    workspace: Workspace, settings: Settings, drawn: str, planned: Sequence[Evaluated]
+) -> tuple[str, SobolResult | None]:
+    """The key of a result, and the result itself if it is there; ``drawn``: digest of the design's rows."""
     bounds = [[parameter.minimum, parameter.maximum] for parameter in workspace.model.free]
     statuses = [one.table.status[one.at] for one in planned]
     tables = [one.table.key for one in planned]
     inputs = key(SobolResult, settings.model_dump(), workspace.seed, drawn, bounds, tables, *statuses)
-    arrays = ["sobol", *map(_course_name, planned)]
-    if (known := cached(workspace, SobolResult, inputs, arrays)) is not None:
-        return known
-    ok = np.asarray((np.stack(statuses) == 0).all(axis=0))
-    intervals = Intervals(settings.resamples, settings.confidence, workspace.seed)
-    return _analysed(workspace, settings, estimator(design, features, ok, intervals), planned, inputs)
+    return inputs, cached(workspace, SobolResult, inputs, ["sobol", *map(_course_name, planned)])
 
 
 def _base_samples(workspace: Workspace, settings: Settings, *, extend: bool) -> int:
@@ -96,7 +160,12 @@ def _say_size(workspace: Workspace, settings: Settings, base: int) -> None:
 
 
 def _analysed(
-    workspace: Workspace, settings: Settings, estimate: Estimator, planned: Sequence[Evaluated], inputs: str
+    workspace: Workspace,
+    settings: Settings,
+    estimate: Estimator | ByChaos,
+    planned: Sequence[Evaluated],
+    inputs: str,
+    surrogate: Surrogate | None = None,
 ) -> SobolResult:
     """Analyse finished rows and commit the result."""
     design, ok, whole = estimate.design, estimate.ok, estimate.whole
@@ -134,6 +203,7 @@ def _analysed(
         outputs=outputs or None,
         groups={title: list(members) for title, members in settings.groups.items()} or None,
         distributions={name: vars(one) for name, one in settings.inputs.distributions.items()} or None,
+        surrogate=surrogate,
         failures=_failures(estimate, planned, outcomes["total"]),
         convergence=estimate.convergence(outcomes["total"]),
         tables={one.specimen.name: one.table.name for one in planned},
@@ -154,7 +224,7 @@ def _course_name(one: Evaluated) -> str:
 
 
 def _of_outputs(
-    workspace: Workspace, estimate: Estimator, planned: Sequence[Evaluated]
+    workspace: Workspace, estimate: Estimator | ByChaos, planned: Sequence[Evaluated]
 ) -> tuple[dict[str, OfOutput], dict[str, Indices]]:
     """Indices of each of a template's outputs, and the same by the name that the store gives them."""
     outputs: dict[str, OfOutput] = {}
@@ -175,7 +245,7 @@ def _of_outputs(
 
 
 def _of_specimens(
-    estimate: Estimator, planned: Sequence[Evaluated], objectives: Sequence[Array]
+    estimate: Estimator | ByChaos, planned: Sequence[Evaluated], objectives: Sequence[Array]
 ) -> dict[str, OfSpecimen]:
     specimens = {}
     for one, values in zip(planned, objectives, strict=True):
@@ -189,13 +259,13 @@ def _of_specimens(
     return specimens
 
 
-def _failures(estimate: Estimator, planned: Sequence[Evaluated], total: Array) -> Failures:
+def _failures(estimate: Estimator | ByChaos, planned: Sequence[Evaluated], total: Array) -> Failures:
     return Failures(
         rule=estimate.rule,
         rows=int((~estimate.ok).sum()),
         base_samples_left_out=estimate.design.base_samples - int(estimate.whole.sum()),
         by_status={one.specimen.name: failures(one.table, one.at) for one in planned},
-        **indices_if_failed_had(estimate.design, total, estimate.ok, estimate.intervals),
+        **estimate.if_failed_had(total),
     )
 
 
@@ -214,13 +284,13 @@ def _arrays(design: Design, result: SobolResult, analyses: Mapping[str, Indices]
         },
         {
             "rows": design.base_samples * design.block,
-            "method": "Saltelli 2010 by SALib",
+            "method": "polynomial chaos" if design.plain else "Saltelli 2010 by SALib",
             "failed_rows": result.failures.rule,
         },
     )
 
 
-def _along_time(estimate: Estimator, one: Evaluated) -> xr.Dataset:
+def _along_time(estimate: Estimator | ByChaos, one: Evaluated) -> xr.Dataset:
     """Indices of the force, and of other outputs, at each kept point, a few points at a time: memory stays flat."""
     variables = {}
     coordinates: dict[str, object] = {"parameter": np.array(estimate.design.names, dtype=str)}

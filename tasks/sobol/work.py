@@ -4,6 +4,7 @@ from sinew.tasks.simulate.saltelli import base_samples, block_of
 from sinew.tasks.sobol.settings import Settings
 from sinew.tasks.study.work import Given, Work
 
+FIT_S, FITS_EACH = 0.1, 4  # of polynomials, and how often they are fitted anew as rows are added
 ANALYSIS_S = 1.2e-7  # for each row and kept point of a curve: indices along time with their bootstrap
 
 
@@ -15,6 +16,8 @@ def base_of(settings: Settings, parameters: int) -> int:
 def rows_of(given: Given) -> int:
     """The rows of the study's design, each of which every specimen evaluates."""
     settings = given.study.section(Settings)
+    if settings.method == "surrogate":
+        return settings.runs
     parameters = settings.count(given.model)
     return base_of(settings, parameters) * block_of(parameters, settings.second_order)
 
@@ -30,4 +33,7 @@ def work(given: Given, settings: Settings) -> Work:
         for size in (curve.protocol.time_s.size for curve in one.curves)
     )
     courses = len(given.can.outputs) or 1
+    if settings.method == "surrogate":
+        fits = 9 * (courses + len(given.specimens(settings.specimens))) * FITS_EACH
+        return Work({one.name: rows for one in specimens}, here_s=FIT_S * fits)
     return Work({one.name: rows for one in specimens}, here_s=ANALYSIS_S * rows * points * courses)

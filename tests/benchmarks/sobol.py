@@ -10,9 +10,12 @@ from SALib.test_functions import Ishigami, Sobol_G
 
 from sinew.tasks.model import Model
 from sinew.tasks.model.parameters import scaled
+from sinew.tasks.simulate.plain_design import shares
 from sinew.tasks.simulate.saltelli import Design, drawn
+from sinew.tasks.sobol.by_chaos import ByChaos
 from sinew.tasks.sobol.estimate import estimator
 from sinew.tasks.sobol.method import Intervals
+from sinew.tasks.sobol.result import KEYS
 from tests.benchmarks.common import evaluation
 
 Array = np.ndarray
@@ -43,9 +46,25 @@ def estimates(case: Case, base: int, seed: int) -> dict[str, Array]:
     return {key: values[:, 0] for key, values in found.items()}
 
 
-def covered(case: Case, base: int, seeds: int) -> None:
+def by_surrogate(case: Case, rows: int, seed: int) -> dict[str, Array]:
+    """The same from polynomial chaos, trained with so many plain rows."""
+    share = shares(len(case.ranges), rows, seed, SCRAMBLES)
+    low, high = np.array(case.ranges, dtype=float).T
+    names = tuple(f"x{j}" for j in range(len(case.ranges)))
+    alone = tuple((j,) for j in range(len(names)))
+    design = Design(names, rows, False, share, scrambles=SCRAMBLES, members=alone, plain=True)
+    outcomes = case.function(low + (high - low) * share)
+    found = ByChaos(design, share, np.isfinite(outcomes), Intervals(10, 0.95, seed)).analysis(outcomes)
+    return {key: getattr(found, key) for key in KEYS}
+
+
+def covered(
+    case: Case, base: int, seeds: int, estimate: Callable[[Case, int, int], dict[str, Array]] | None = None
+) -> None:
     """Print coverage and bias of both indices, of parameters whose index is worth it."""
-    every = [estimates(case, base, seed) for seed in range(seeds)]
+    every = [(estimate or estimates)(case, base, seed) for seed in range(seeds)]
+    of = "rows by surrogate" if estimate else "base samples"
+    wide = max(np.median([one[key + "_conf"] for one in every], axis=0).max() for key in ("S1", "ST"))
     for key, truth in (("S1", case.first), ("ST", case.total)):
         if truth is None:
             continue
@@ -53,9 +72,10 @@ def covered(case: Case, base: int, seeds: int) -> None:
         held = (np.abs(apart) <= np.array([one[f"{key}_conf"] for one in every])).mean(axis=0)
         worth = truth > WORTH
         print(
-            f"  {case.name}, {base} base samples, {seeds} seeds: {key} held in {held[worth].min():.2f} to "
+            f"  {case.name}, {base} {of}, {seeds} seeds: {key} held in {held[worth].min():.2f} to "
             f"{held[worth].max():.2f} of {worth.sum()} parameters above {WORTH:g} (mean {held[worth].mean():.3f}), "
-            f"largest bias {np.abs(apart.mean(axis=0)).max():.4f}",
+            f"largest bias {np.abs(apart.mean(axis=0)).max():.4f}, median of the largest error "
+            f"{np.median(np.abs(apart).max(axis=1)):.4f}, widest half-width {wide:.4f}",
             flush=True,
         )
 
@@ -110,6 +130,11 @@ def main() -> None:
     for share in (0.005, 0.05, 0.5):
         for base in (256, 2048):
             covered(corner(share), base, SEEDS)
+    for case in (ishigami, g):
+        for rows in (64, 144, 320):
+            covered(case, rows, SEEDS, by_surrogate)
     case = tendon()
     for base in (256, 2048):
         covered(case, base, TENDON_SEEDS)
+    for rows in (144, 320, 1000):
+        covered(case, rows, TENDON_SEEDS, by_surrogate)

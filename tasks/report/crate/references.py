@@ -86,6 +86,15 @@ REFERENCES: Mapping[str, Reference] = {
         "chain Monte Carlo. Scand J Stat 47 (2020).",
         "10.1111/sjos.12492",
     ),
+    "sudret": Reference(
+        "Sudret B. Global sensitivity analysis using polynomial chaos expansions. Reliab Eng Syst Saf 93 (2008).",
+        "10.1016/j.ress.2007.04.002",
+    ),
+    "blatman": Reference(
+        "Blatman G., Sudret B. Adaptive sparse polynomial chaos expansion based on least angle regression. J Comput "
+        "Phys 230 (2011).",
+        "10.1016/j.jcp.2010.12.021",
+    ),
     "vehtari": Reference(
         "Vehtari A., Gelman A., Simpson D., Carpenter B., Bürkner P. Rank-normalization, folding, and localization: an "
         "improved R-hat for assessing convergence of MCMC. Bayesian Analysis 16 (2021).",

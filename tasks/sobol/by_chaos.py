@@ -1,0 +1,155 @@
+"""Indices by surrogate: of polynomial chaos that stands for the model, with intervals that hold its error.
+
+============  ===============================================================================================
+what          how
+============  ===============================================================================================
+sampling      rows come from several scrambles in turn; each is left out in turn (jackknife, Student's t)
+emulation     the part of the variance that the polynomials do not explain, by leave-one-out: it could belong to
+              any index
+============  ===============================================================================================
+
+The half-width of an interval is the root of the sum of the squares of both. Curves are principal components, each with
+polynomials of its own.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.saltelli import Design
+from sinew.tasks.sobol.chaos import Basis, basis, first_and_total, second
+from sinew.tasks.sobol.method import Intervals
+from sinew.tasks.sobol.result import KEYS, Analysis, Convergence
+
+CONSTANT = 1e-12  # part of its size by which an outcome varies at least
+EXPLAINED, COMPONENTS = 1e-4, 8  # part of all curves' variance that is left out, and principal components at most
+
+
+@dataclass(frozen=True, eq=False)
+class ByChaos:
+    """Indices of any outcomes of a plain design with ``share`` ``[n, free]``; ``ok`` ``[n]``: its rows that ran.
+
+    ``sizes``: how many rows there were when intervals were looked at.
+    """
+
+    design: Design
+    share: Array
+    ok: Array
+    intervals: Intervals
+    second_order: bool = False
+    sizes: tuple[int, ...] = ()
+    rule: str = "the emulators were trained with the rows that ran"
+    refuses: bool = False
+
+    @property
+    def whole(self) -> Array:
+        """Rows ``[n]`` that ran."""
+        return self.ok
+
+    def of(self, outcomes: Array) -> dict[str, Array]:
+        """S1, S1_conf, ST, ST_conf ``[d, m]`` of outcomes ``[n, m]`` that change little from one to the next."""
+        used = outcomes[self.ok]
+        varies = np.ptp(used, axis=0) > CONSTANT * np.abs(used).max(axis=0)
+        found = {key: np.full((len(self.design.names), outcomes.shape[1]), np.nan) for key in KEYS}
+        if varies.any():
+            with threadpool_limits(1):  # sums in one order, on whatever machine
+                for key, values in self._of_curves(used[:, varies]).items():
+                    found[key][:, varies] = values
+        return found
+
+    def analysis(self, outcomes: Array) -> Analysis:
+        """The same of one output ``[n]``, with indices of second order if they were asked for."""
+        values = outcomes[self.ok]
+        names = self.design.names
+        if np.ptp(values) <= CONSTANT * np.abs(values).max():
+            return Analysis(*(np.full(len(names), np.nan) for _ in KEYS))
+        with threadpool_limits(1):
+            share = self.share[self.ok]
+            known = basis(share, values)
+            every = [_indices(share, values, known, self.design, self.second_order)]
+            for kept in self._without_each():
+                again = basis(share[kept], values[kept], known.degree)
+                every.append(_indices(share[kept], values[kept], again, self.design, self.second_order))
+        found = dict(zip(("S1", "ST", "S2"), zip(*every, strict=True), strict=False))
+        parts = {key: each[0] for key, each in found.items()}
+        parts |= {f"{key}_conf": self._half(np.array(each[1:]), known.unexplained) for key, each in found.items()}
+        return Analysis(**parts)
+
+    def unexplained(self, outcomes: Array) -> float:
+        """The part of one output's variance that its polynomials do not explain."""
+        with threadpool_limits(1):
+            return basis(self.share[self.ok], outcomes[self.ok]).unexplained
+
+    def first(self, rows: int) -> "ByChaos":
+        """That of the first ``rows`` of the design."""
+        design = replace(self.design, base_samples=rows, rows=self.design.rows[:rows])
+        return replace(self, design=design, share=self.share[:rows], ok=self.ok[:rows])
+
+    def if_failed_had(self, outcomes: Array) -> dict[str, Array]:
+        """Nothing: so few rows failed that they could not move the indices, or there are none."""
+        return {}
+
+    def convergence(self, outcomes: Array) -> Convergence:
+        """Indices of one output ``[n]`` from the first rows, of each of the sizes."""
+        every = [self.first(size).analysis(outcomes[:size]) for size in self.sizes]
+        shape = (len(self.sizes), len(self.design.names))
+        return Convergence(
+            list(self.sizes), *(np.array([getattr(one, key) for one in every]).reshape(shape) for key in KEYS)
+        )
+
+    def _without_each(self) -> list[Array]:
+        """Rows that ran ``[n]`` without those of each scramble in turn."""
+        scramble = self.design.scramble[self.ok]
+        return [scramble != each for each in np.unique(scramble)]
+
+    def _half(self, without: Array, unexplained: Array | float) -> Array:
+        """Half-widths of intervals from indices ``[r, ...]`` without each scramble in turn."""
+        _, factor = self.intervals.resampled(self.design.scramble[self.ok])
+        return np.hypot(factor * without.std(axis=0, ddof=1), unexplained)
+
+    def _of_curves(self, curves: Array) -> dict[str, Array]:
+        """Of curves ``[n, m]``: chaos of their principal components, combined point by point."""
+        share, members = self.share[self.ok], self.design.members
+        scale = curves.std(axis=0)
+        scaled = (curves - curves.mean(axis=0)) / scale
+        scores, sizes, directions = np.linalg.svd(scaled, full_matrices=False)
+        lost = 1.0 - np.cumsum(sizes**2) / np.sum(sizes**2)
+        count = min(int(np.argmax(lost <= EXPLAINED)) + 1, COMPONENTS, len(sizes))
+        scores, directions = scores[:, :count] * sizes[:count], directions[:count]
+        bases = [basis(share, each) for each in scores.T]
+        variances = scores.var(axis=0)[:, np.newaxis] * directions**2  # [components, m]
+        left = np.array([one.unexplained for one in bases]) @ variances + np.maximum(1.0 - variances.sum(axis=0), 0.0)
+
+        def indices(kept: Array) -> tuple[Array, Array]:
+            exponents, coefficients = _joined(bases, share[kept], scores[kept])
+            first, total = first_and_total(exponents, coefficients @ directions, members)
+            return np.nan_to_num(first), np.nan_to_num(total)
+
+        whole = indices(np.ones(len(share), dtype=bool))
+        without = [indices(kept) for kept in self._without_each()]
+        found = {}
+        for number, key in enumerate(("S1", "ST")):
+            found[key] = whole[number]
+            found[f"{key}_conf"] = self._half(np.array([each[number] for each in without]), left)
+        return found
+
+
+def _indices(share: Array, outcome: Array, known: Basis, design: Design, second_order: bool) -> tuple[Array, ...]:
+    """First and total order indices, and those of second order if they are asked for; 0 where nothing is explained."""
+    coefficients = known.coefficients(share, outcome)
+    first, total = first_and_total(known.exponents, coefficients, design.members)
+    found = (np.nan_to_num(first), np.nan_to_num(total))
+    return (*found, second(known.exponents, coefficients, design.members)) if second_order else found
+
+
+def _joined(bases: list[Basis], share: Array, scores: Array) -> tuple[Array, Array]:
+    """All polynomials ``[t, d]`` of several components, and their coefficients ``[t, components]`` in each."""
+    exponents, place = np.unique(np.concatenate([one.exponents for one in bases]), axis=0, return_inverse=True)
+    coefficients = np.zeros((len(exponents), len(bases)))
+    ends = np.cumsum([len(one.exponents) for one in bases])
+    for number, (one, end) in enumerate(zip(bases, ends, strict=True)):
+        at = place.ravel()[end - len(one.exponents) : end]
+        coefficients[at, number] = one.coefficients(share, scores[:, number])
+    return exponents, coefficients

@@ -1,0 +1,160 @@
+"""Sparse polynomial chaos: outcomes as sums of few orthonormal polynomials, whose coefficients are Sobol indices.
+
+Polynomials are products of Legendre's in the share of each parameter's distribution that lies below its value, of
+limited degree and interaction (hyperbolic truncation). Which of them an outcome needs is found by least angle
+regression; how many, and up to which degree, by the smallest leave-one-out error of ordinary least squares (Blatman and
+Sudret 2011, J. Comput. Phys. 230, 2345). The variance of an outcome is the sum of the squares of its coefficients, and
+its Sobol indices are parts of that sum (Sudret 2008, Reliab. Eng. Syst. Saf. 93, 964).
+"""
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import eval_legendre
+
+from sinew.tasks.simulate import Array
+
+NORM = 0.75  # of the exponents in the truncation: the smaller, the fewer interactions
+HIGHEST, MOST = 10, 1500  # degree, and polynomials of a candidate
+PART = 0.6  # of the number of rows: polynomials that an outcome may need
+WORSE = 2  # degrees in a row that do no better, after which no higher one is tried
+DEPENDENT = 1e-8  # part of a polynomial that is no combination of others, at least
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """Polynomials with ``exponents`` ``[t, d]``, the first of them constant, and the highest ``degree`` tried.
+
+    ``unexplained``: part of the outcome's variance, by leave-one-out.
+    """
+
+    exponents: Array
+    degree: int
+    unexplained: float
+
+    def coefficients(self, share: Array, outcomes: Array) -> Array:
+        """``[t, ...]`` of outcomes ``[n, ...]`` at ``share`` ``[n, d]``, by least squares."""
+        return np.asarray(np.linalg.lstsq(polynomials(share, self.exponents), outcomes, rcond=None)[0])
+
+
+def exponents_up_to(parameters: int, degree: int) -> Array:
+    """All exponents ``[t, parameters]`` whose ``NORM`` is at most the degree, the constant's first."""
+    limit = degree**NORM * (1 + 1e-9)
+    found: list[tuple[tuple[int, ...], float]] = [((), 0.0)]
+    for _ in range(parameters):
+        found = [
+            ((*before, power), norm + power**NORM)
+            for before, norm in found
+            for power in range(degree + 1)
+            if norm + power**NORM <= limit
+        ]
+    every = np.array([exponents for exponents, _ in found])
+    return every[np.lexsort((*every.T[::-1], every.sum(axis=1)))]
+
+
+def polynomials(share: Array, exponents: Array) -> Array:
+    """The polynomials ``[n, t]`` at ``share`` ``[n, d]``: orthonormal where shares are uniform."""
+    degrees = np.arange(exponents.max(initial=0) + 1)
+    one = np.stack([np.sqrt(2 * k + 1) * eval_legendre(k, 2 * share - 1) for k in degrees])  # [degrees, n, d]
+    found = np.ones((len(share), len(exponents)))
+    for j in range(share.shape[1]):
+        moving = exponents[:, j] > 0
+        found[:, moving] *= one[exponents[moving, j], :, j].T
+    return found
+
+
+def basis(share: Array, outcome: Array, degree: int | None = None) -> Basis:
+    """The polynomials that an outcome ``[n]`` needs, of the best degree, or of a given one."""
+    best: Basis | None = None
+    worse = 0
+    for each in (degree,) if degree is not None else range(1, HIGHEST + 1):
+        exponents = exponents_up_to(share.shape[1], each)
+        if best is not None and len(exponents) > MOST:
+            break
+        found = _of_degree(share, outcome, exponents, each)
+        if best is None or found.unexplained < best.unexplained:
+            best, worse = found, 0
+        else:
+            worse += 1
+        if worse == WORSE:
+            break
+    assert best is not None, "at least one degree is tried"
+    return best
+
+
+def _of_degree(share: Array, outcome: Array, exponents: Array, degree: int) -> Basis:
+    """The first polynomials on the path of least angle regression, as many as have the least error."""
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.linear_model import lars_path
+
+    values = polynomials(share, exponents)
+    most = min(int(PART * len(share)), len(exponents) - 1)
+    centred = values[:, 1:] - values[:, 1:].mean(axis=0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # nearly dependent polynomials are dropped, as they should
+        path = lars_path(
+            centred / np.linalg.norm(centred, axis=0), outcome - outcome.mean(), method="lar", max_iter=most
+        )
+    order = np.array(path[1], dtype=int) + 1
+    errors = _leave_one_out(values[:, order], outcome)
+    count = int(np.argmin(errors))
+    return Basis(exponents[np.concatenate([[0], order[:count]])], degree, float(errors[count]))
+
+
+def _leave_one_out(values: Array, outcome: Array) -> Array:
+    """Errors of least squares with a constant and the first 0, 1, ... columns of ``values``, in parts of the variance.
+
+    Corrected for the number of polynomials (Chapelle, Vapnik and Bengio 2002, Mach. Learn. 48, 9).
+    """
+    count = len(outcome)
+    directions = np.full((count, 1), 1 / np.sqrt(count))
+    left, leverage, variance = outcome - outcome.mean(), np.full(count, 1 / count), outcome.var()
+    errors = []
+    for column in range(values.shape[1] + 1):
+        used = column + 1
+        if column:
+            new = values[:, column - 1]
+            for _ in range(2):  # once more, for what rounding has left
+                new = new - directions @ (directions.T @ new)
+            length = np.linalg.norm(new)
+            if length < DEPENDENT * np.linalg.norm(values[:, column - 1]):
+                errors.append(np.inf)
+                continue
+            new = new / length
+            directions = np.column_stack([directions, new])
+            left, leverage = left - new * (new @ left), leverage + new**2
+        if used >= count - 1 or leverage.max() > 1 - DEPENDENT:
+            break
+        factor = count / (count - used) * (1 + used / count)
+        errors.append(factor * np.mean((left / (1 - leverage)) ** 2) / variance)
+    return np.array(errors)
+
+
+def first_and_total(exponents: Array, coefficients: Array, members: tuple[tuple[int, ...], ...]) -> tuple[Array, Array]:
+    """First and total order indices ``[f, ...]`` of factors from coefficients ``[t, ...]``.
+
+    ``members``: which parameters move as one. NaN where nothing varies.
+    """
+    on, of_variance = _parts(exponents, coefficients, members)
+    alone = on & (on.sum(axis=1, keepdims=True) == 1)
+    return np.tensordot(alone.T, of_variance, 1), np.tensordot(on.T, of_variance, 1)
+
+
+def second(exponents: Array, coefficients: Array, members: tuple[tuple[int, ...], ...]) -> Array:
+    """Second order indices ``[f, f]`` of one outcome, NaN on and below the diagonal, as SALib has them."""
+    on, of_variance = _parts(exponents, coefficients, members)
+    found = np.full((len(members), len(members)), np.nan)
+    for i, j in zip(*np.triu_indices(len(members), 1), strict=True):
+        both = on[:, i] & on[:, j] & (on.sum(axis=1) == 2)
+        found[i, j] = of_variance[both].sum()
+    return found
+
+
+def _parts(exponents: Array, coefficients: Array, members: tuple[tuple[int, ...], ...]) -> tuple[Array, Array]:
+    """Which factors each polynomial has ``[t, f]``, and its part of the variance ``[t, ...]``."""
+    on = np.stack([(exponents[:, list(at)] > 0).any(axis=1) for at in members], axis=1)
+    squares = np.where(exponents.any(axis=1).reshape(-1, *[1] * (coefficients.ndim - 1)), coefficients**2, 0.0)
+    total = squares.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return on, np.where(total > 0.0, squares / total, np.nan)
