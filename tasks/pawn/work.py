@@ -12,5 +12,6 @@ def work(given: Given, settings: Settings) -> Work:
     """Resampling of the independent rows of the Sobol study, for each outcome."""
     specimens = given.specimens(given.study.section(SobolSettings).specimens)
     free = len(given.model.free)
-    rows = 2 * rows_of(given) / (free + 2)
+    of_saltelli = given.study.section(SobolSettings).method == "saltelli"
+    rows = rows_of(given) * (2 / (free + 2) if of_saltelli else 1)
     return Work(here_s=CUT_S * rows * settings.resamples * free * given.outcomes(specimens))

@@ -6,10 +6,12 @@ what          how
 sampling      rows come from several scrambles in turn; each is left out in turn (jackknife, Student's t)
 emulation     the part of the variance that the polynomials do not explain, by leave-one-out: it could belong to
               any index
+failed rows   twice their share: nobody knows what they would have shown
 ============  ===============================================================================================
 
-The half-width of an interval is the root of the sum of the squares of both. Curves are principal components, each with
-polynomials of its own.
+The half-width of an interval is the root of the sum of the squares of the first two, and the third. Polynomials of one
+outcome are chosen anew without each scramble. Curves are principal components, each with polynomials of its own, which
+stay the same in the jackknife.
 """
 
 from dataclasses import dataclass, replace
@@ -24,6 +26,7 @@ from sinew.tasks.sobol.method import Intervals
 from sinew.tasks.sobol.result import KEYS, Analysis, Convergence
 
 CONSTANT = 1e-12  # part of its size by which an outcome varies at least
+LIMIT = 0.05  # of all rows: if more of them failed, polynomials would speak for where there is no model
 EXPLAINED, COMPONENTS = 1e-4, 8  # part of all curves' variance that is left out, and principal components at most
 
 
@@ -79,8 +82,11 @@ class ByChaos:
 
     def unexplained(self, outcomes: Array) -> float:
         """The part of one output's variance that its polynomials do not explain."""
+        values = outcomes[self.ok]
+        if np.ptp(values) <= CONSTANT * np.abs(values).max():
+            return 0.0
         with threadpool_limits(1):
-            return basis(self.share[self.ok], outcomes[self.ok]).unexplained
+            return basis(self.share[self.ok], values).unexplained
 
     def first(self, rows: int) -> "ByChaos":
         """That of the first ``rows`` of the design."""
@@ -88,7 +94,7 @@ class ByChaos:
         return replace(self, design=design, share=self.share[:rows], ok=self.ok[:rows])
 
     def if_failed_had(self, outcomes: Array) -> dict[str, Array]:
-        """Nothing: so few rows failed that they could not move the indices, or there are none."""
+        """Nothing: intervals hold what failed rows might have shown."""
         return {}
 
     def convergence(self, outcomes: Array) -> Convergence:
@@ -107,7 +113,7 @@ class ByChaos:
     def _half(self, without: Array, unexplained: Array | float) -> Array:
         """Half-widths of intervals from indices ``[r, ...]`` without each scramble in turn."""
         _, factor = self.intervals.resampled(self.design.scramble[self.ok])
-        return np.hypot(factor * without.std(axis=0, ddof=1), unexplained)
+        return np.hypot(factor * without.std(axis=0, ddof=1), unexplained) + 2.0 * (~self.ok).mean()
 
     def _of_curves(self, curves: Array) -> dict[str, Array]:
         """Of curves ``[n, m]``: chaos of their principal components, combined point by point."""
@@ -120,7 +126,8 @@ class ByChaos:
         scores, directions = scores[:, :count] * sizes[:count], directions[:count]
         bases = [basis(share, each) for each in scores.T]
         variances = scores.var(axis=0)[:, np.newaxis] * directions**2  # [components, m]
-        left = np.array([one.unexplained for one in bases]) @ variances + np.maximum(1.0 - variances.sum(axis=0), 0.0)
+        parts = np.array([one.unexplained for one in bases])[:, np.newaxis] * variances
+        left = np.sqrt(parts).sum(axis=0) ** 2 + np.maximum(1.0 - variances.sum(axis=0), 0.0)  # as if all errors agreed
 
         def indices(kept: Array) -> tuple[Array, Array]:
             exponents, coefficients = _joined(bases, share[kept], scores[kept])

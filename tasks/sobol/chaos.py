@@ -93,9 +93,8 @@ def _of_degree(share: Array, outcome: Array, exponents: Array, degree: int) -> B
     centred = values[:, 1:] - values[:, 1:].mean(axis=0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # nearly dependent polynomials are dropped, as they should
-        path = lars_path(
-            centred / np.linalg.norm(centred, axis=0), outcome - outcome.mean(), method="lar", max_iter=most
-        )
+        standard = (outcome - outcome.mean()) / outcome.std()  # the path ends at a correlation that has a unit
+        path = lars_path(centred / np.linalg.norm(centred, axis=0), standard, method="lar", max_iter=most)
     order = np.array(path[1], dtype=int) + 1
     errors = _leave_one_out(values[:, order], outcome)
     count = int(np.argmin(errors))

@@ -127,5 +127,8 @@ def check(study: Study, out: Path, *, extend: bool = False) -> None:
         )
     if extend and study.section(Settings).method == "surrogate":
         raise BadInput("--extend", "the method is surrogate", "a smaller sobol.error, or more sobol.runs")
-    if extend and read_json(out / "sobol.json") is None:
+    last = read_json(out / "sobol.json") if extend else None
+    if extend and last is None:
         raise BadInput(out / "sobol.json", "is not there", "a finished `sinew sobol` to extend")
+    if isinstance(last, dict) and last.get("surrogate"):
+        raise BadInput(out / "sobol.json", "is by surrogate", "a design of Saltelli's to extend: `sinew sobol` first")

@@ -90,7 +90,7 @@ def surrogate_words(result: SobolResult) -> list[str]:
     if (found := result.surrogate) is None:
         return []
     left = max(found.unexplained.values())
-    words = f"{result.rows:,} runs; polynomials that stand for the model leave at most {100 * left:.2g} % of a variance"
+    words = f"{result.rows:,} runs; polynomials leave at most {100 * left:.2g} % of an outcome's variance unexplained"
     asked = f"± {found.error:g}"
     return [
         f"{words}; intervals are " + (f"within {asked}" if found.reached else f"wider than {asked}: more sobol.runs")
@@ -131,9 +131,10 @@ def specimens_table(result: SobolResult) -> pd.DataFrame:
 
 def _moved(result: SobolResult) -> str:
     """How far failed rows could move total indices, in words; nothing where these were refused."""
-    if result.refuses:
+    outcomes = result.failures.outcomes("ST")
+    if result.refuses or not outcomes:
         return ""
-    moved = max(float(np.max(np.abs(values - result.ST))) for values in result.failures.outcomes("ST"))
+    moved = max(float(np.max(np.abs(values - result.ST))) for values in outcomes)
     return (
         f" ({result.failures.base_samples_left_out:,} of {result.base_samples:,} were left out); giving all failed "
         f"rows the smallest, the mean or the largest outcome moves ST by up to {moved:.3f} (not a bound)"

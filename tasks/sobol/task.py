@@ -20,10 +20,20 @@ from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.simulate.plain_design import plain_design, sizes_up_to
 from sinew.tasks.simulate.saltelli import Design, block_of, saltelli, scrambles_of
 from sinew.tasks.simulate.studied_quantity import objectives_by_output, quantity
-from sinew.tasks.sobol.by_chaos import ByChaos
-from sinew.tasks.sobol.estimate import LIMIT, Estimator, estimator
+from sinew.tasks.sobol.by_chaos import LIMIT, ByChaos
+from sinew.tasks.sobol.estimate import Estimator, estimator
 from sinew.tasks.sobol.method import Intervals, column
-from sinew.tasks.sobol.result import KEYS, Failures, Indices, OfOutput, OfProtocol, OfSpecimen, SobolResult, Surrogate
+from sinew.tasks.sobol.result import (
+    KEYS,
+    Analysis,
+    Failures,
+    Indices,
+    OfOutput,
+    OfProtocol,
+    OfSpecimen,
+    SobolResult,
+    Surrogate,
+)
 from sinew.tasks.sobol.rows import sobol_rows
 from sinew.tasks.sobol.settings import Settings
 from sinew.tasks.sobol.work import base_of
@@ -74,16 +84,19 @@ def run(workspace: Workspace, settings: Settings, *, extend: bool = False) -> So
 
 def _by_surrogate(workspace: Workspace, settings: Settings) -> SobolResult:
     """Indices of polynomials, trained with more and more rows until their intervals are as narrow as asked."""
-    if (known := _finished(workspace, settings)) is not None:
+    if not workspace.retry_failed and (known := _finished(workspace, settings)) is not None:
         return known
     specimens = workspace.specimens(settings.specimens, "sobol.specimens")
     evaluations = [workspace.evaluation(one) for one in specimens]
     intervals = Intervals(settings.resamples, settings.confidence, workspace.seed)
     studied, _ = quantity(evaluations[0], settings.output)
     looked: list[int] = []
+    places: list[Array] = [np.empty(0, dtype=int) for _ in evaluations]
     for size in sizes_up_to(settings.runs):
         design, share = plain_design(workspace.model, size, workspace.seed, settings.scrambles, settings.inputs)
-        planned = [Evaluated(one, *workspace.plan(one, design.rows)) for one in evaluations]
+        new = [workspace.plan(one, design.rows[len(places[0]) :]) for one in evaluations]
+        places = [np.concatenate([before, at]) for before, (_, at) in zip(places, new, strict=True)]
+        planned = [Evaluated(*each) for each in zip(evaluations, (table for table, _ in new), places, strict=True)]
         for one in planned:
             workspace.evaluate(one.evaluation, one.table, one.at, f"sobol {one.specimen.name}")
         looked.append(size)
@@ -96,7 +109,7 @@ def _by_surrogate(workspace: Workspace, settings: Settings) -> SobolResult:
         estimate = ByChaos(design, share, ok, intervals, settings.second_order, tuple(looked))
         outcomes = objectives_by_output(specimens, [one.table.read(studied, one.at) for one in planned])
         found = {name: estimate.analysis(values) for name, values in outcomes.items()}
-        widest = max(float(np.nanmax([each.S1_conf, each.ST_conf], initial=0.0)) for each in found.values())
+        widest = max(_widest(each) for each in found.values())
         words = f"{size} runs, intervals at most ± {widest:.3f}"
         workspace.note("sobol", "surrogate", words, value=widest, runs=size)
         workspace.say(f"sobol: {words} ({settings.error:g} asked)")
@@ -106,6 +119,12 @@ def _by_surrogate(workspace: Workspace, settings: Settings) -> SobolResult:
     left = {name: estimate.unexplained(values) for name, values in outcomes.items()}
     surrogate = Surrogate(settings.error, widest <= settings.error, left)
     return _analysed(workspace, settings, estimate, planned, inputs, surrogate)
+
+
+def _widest(found: Analysis) -> float:
+    """The largest half-width of an interval; 0 where nothing varies."""
+    every = [half.ravel() for half in (found.S1_conf, found.ST_conf, found.S2_conf) if half is not None]
+    return float(np.nanmax(np.concatenate(every), initial=0.0))
 
 
 def _finished(workspace: Workspace, settings: Settings) -> SobolResult | None:

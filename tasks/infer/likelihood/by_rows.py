@@ -60,6 +60,13 @@ def planned(workspace: Workspace, specimen: Specimen) -> tuple[Table, SpecimenEv
     return workspace.plan(evaluation, np.empty((0, len(workspace.model.names))))[0], evaluation
 
 
+def reopen_failed(workspace: Workspace, specimens: Sequence[Specimen]) -> None:
+    """Have failed rows of specimens computed once more where they are asked for."""
+    for specimen in specimens:
+        table, _ = planned(workspace, specimen)
+        table.reopen(np.flatnonzero(table.status))
+
+
 def asking(target: Target, session: Session) -> RowTarget:
     """The same likelihood, which asks a session for rows."""
     return RowTarget(target.model, target.varied, target.simulator, target.measured, target.whitening, session=session)
@@ -82,21 +89,33 @@ def sampled_by_rows(site: Site) -> Sampled:
     """The posterior of a site. Raises :class:`BadInput` for emulators that do not come near the model."""
     for training in range(TRAININGS):
         likelihoods, tag = [Emulated(one.chart.known) for one in site.explored], f"-{training}"
-        early, so_far = swept_until(site, likelihoods, EARLY, tag)  # on a poor emulator, they might never converge
-        draws = _chosen(site, training, early, FIRST)
-        first = weighted(_exact(site, draws), draws.squares)
-        if first.apart <= CLOSE:
-            break
+        # on a poor emulator, chains might never converge
+        blocks, found = swept_until(site, likelihoods, min(EARLY, site.settings.sweeps), tag)
+        draws, judged = _checked(site, training, blocks)
+        if judged.apart <= CLOSE:
+            early = found
+            blocks, found = converged(site, likelihoods, tag, blocks)
+            if early.largest_rhat > site.settings.rhat:  # these were not yet draws of the emulators' posterior
+                draws, judged = _checked(site, TRAININGS + training, blocks)
+            if judged.apart <= CLOSE:
+                chains = chains_of(blocks, site.targets[0].varied, heavy=site.heavy)
+                return Sampled(site, chains, found, chains.mean.shape[1], _runs(site, judged.apart, 0))
         if training + 1 < TRAININGS:
             site = replace(site, explored=_trained_again(site, training, draws))
-    blocks, found = converged(site, likelihoods, tag, early)
-    if first.apart <= CLOSE and so_far.largest_rhat > site.settings.rhat:  # draws were not yet those of the emulators
-        draws = _chosen(site, TRAININGS, blocks, FIRST)
-        first = weighted(_exact(site, draws), draws.squares)
-    if first.apart > CLOSE:
-        return _of_weighted_draws(site, likelihoods, tag, blocks, first)
-    chains = chains_of(blocks, site.targets[0].varied, heavy=site.heavy)
-    return Sampled(site, chains, found, chains.mean.shape[1], _runs(site, first.apart))
+    blocks, _ = converged(site, likelihoods, tag, blocks)
+    return _of_weighted_draws(site, likelihoods, tag, blocks, judged)
+
+
+def _checked(site: Site, number: int, blocks: Ensembles) -> tuple[Draws, Weighted]:
+    """Some draws of chains, and their weights by the model. Raises :class:`BadInput` where it fails for all of them."""
+    draws = _chosen(site, number, blocks, FIRST)
+    judged = weighted(_exact(site, draws), draws.squares)
+    if not judged.efficiency:
+        what = f"{site.name}: the simulator failed for all of {FIRST} draws, in one specimen or another"
+        raise BadInput(
+            f"{site.workspace.study.path}: infer", what, "`sinew status`, which tells why; then --retry-failed"
+        )
+    return draws, judged
 
 
 def _of_weighted_draws(
@@ -109,7 +128,7 @@ def _of_weighted_draws(
     enough = min(ENOUGH, site.settings.ess or ENOUGH)
     count = int(SPARE * enough / max(first.efficiency, LEAST_EFFICIENT))
     blocks, found = converged(site, likelihoods, tag, blocks, 2 * count // ENSEMBLES)
-    draws = _chosen(site, TRAININGS + 1, blocks, count)
+    draws = _chosen(site, 2 * TRAININGS, blocks, count)
     exact = _exact(site, draws)
     judged = weighted(exact, draws.squares)
     worth = count * judged.efficiency
@@ -123,8 +142,9 @@ def _of_weighted_draws(
         )
     rng = streams.generator(site.workspace.seed, RESAMPLING, site.number)
     same = replace(draws, squares=exact).at(resampled(rng, judged.weights))
+    sweeps = chains_of(blocks, site.targets[0].varied, heavy=site.heavy).mean.shape[1]
     chains = chains_of_draws(same, site.targets[0].varied, heavy=site.heavy)
-    return Sampled(site, chains, found.of_draws(worth), count, _runs(site, 0.0))
+    return Sampled(site, chains, found.of_draws(count, judged.efficiency), sweeps, _runs(site, 0.0, count))
 
 
 def _chosen(site: Site, training: int, blocks: Ensembles, count: int) -> Draws:
@@ -134,9 +154,9 @@ def _chosen(site: Site, training: int, blocks: Ensembles, count: int) -> Draws:
     return draws.at(rng.permutation(len(draws))[:count])
 
 
-def _runs(site: Site, apart: float) -> dict[str, Runs]:
+def _runs(site: Site, apart: float, draws: int) -> dict[str, Runs]:
     """The runs of each specimen."""
-    return {one.name: Runs(planned(site.workspace, one)[0].finished(), apart) for one in site.specimens}
+    return {one.name: Runs(planned(site.workspace, one)[0].finished(), apart, draws) for one in site.specimens}
 
 
 def _exact(site: Site, draws: Draws) -> Array:

@@ -6,7 +6,7 @@ specimen given the population: the chain walks on the specimen's emulator, which
 and the model's own likelihood decides whether where it ended is accepted (the surrogate transition method: Liu 2001,
 Monte Carlo strategies in scientific computing, section 9.4.3). Some proposals are plain random steps, which need no
 emulator: they free chains from where the emulator is far off. Draws are those of the exact posterior in the limit,
-whatever the emulator is worth.
+whatever the emulator is worth. Likelihoods that are emulators themselves give draws of the emulators' posterior.
 """
 
 from collections.abc import Sequence

@@ -61,16 +61,17 @@ class Weighted:
 
     @property
     def efficiency(self) -> float:
-        """How many draws of equal weight each is worth."""
-        return float(1.0 / max(len(self.weights) * np.square(self.weights).sum(), 1.0))
+        """How many draws of equal weight each is worth; 0 where none has a weight."""
+        squares = len(self.weights) * np.square(self.weights).sum()
+        return float(1.0 / max(squares, 1.0)) if squares else 0.0
 
     @property
     def apart(self) -> float:
-        """How many standard deviations the mean of anything may differ from that of draws without weights.
+        """How many standard deviations a mean may be off without weights, as far as these draws show it.
 
         By the inequality of Cauchy and Schwarz: the difference is the covariance with the weights.
         """
-        return float(np.sqrt(1.0 / self.efficiency - 1.0))
+        return float(np.sqrt(1.0 / self.efficiency - 1.0)) if self.efficiency else np.inf
 
 
 def weighted(exact: Array, emulated: Array) -> Weighted:

@@ -27,9 +27,12 @@ SPARING = Effort(candidates=32, starts=2, again=0, steps=8, rounds=4, fewest=40,
 
 
 def most_rows(size: int, *, discrepancy: bool) -> int:
-    """The most runs that :data:`SPARING` takes for ``size`` parameters, with fits that look for a discrepancy."""
+    """The most runs that :data:`SPARING` takes for ``size`` parameters, with fits that look for a discrepancy.
+
+    Those begin anew, so that there are fits twice.
+    """
     fits = SPARING.candidates + SPARING.starts * SPARING.steps * (size + 1)
-    beside = 3 * SPARING.steps * (size + 1) if discrepancy else 0
+    beside = fits + 3 * SPARING.steps * (size + 1) if discrepancy else 0
     return fits + beside + SPARING.rounds * points_of_a_round(size, SPARING) + SPARING.checked
 
 

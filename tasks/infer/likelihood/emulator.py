@@ -4,7 +4,8 @@ Whitened errors change smoothly with the parameters: products of moduli and rela
 second order, and times nearly so. So their few principal components are fitted by polynomials of second order in the
 parameters. What stands for the sum of squares is then the sum of squares of these polynomials, and what is left out.
 Chains are led by the emulator and corrected by the model itself (:mod:`sinew.tasks.infer.likelihood.chains`), so an
-error of the emulator costs time, not truth.
+error of the emulator costs time, not truth. Where a run of the model takes time, chains stay on the emulator, and their
+draws are corrected (:mod:`sinew.tasks.infer.likelihood.correction`).
 """
 
 from dataclasses import dataclass

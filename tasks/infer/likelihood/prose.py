@@ -26,9 +26,8 @@ def methods(result: LikelihoodResult) -> str:
         "a walk by Hamiltonian Monte Carlo on an emulator that is accepted or refused by the model itself [@liu]"
         if not runs
         else f"walks by Hamiltonian Monte Carlo on emulators of each specimen's errors, for which the simulator was "
-        f"run {runs_of_each(result)} times for a specimen; draws were checked by the simulator, and weighted where "
-        f"means could have been more than a tenth of a standard deviation away from those of its own posterior "
-        f"[@vihola]"
+        f"run {runs_of_each(result)} times for each specimen; draws were checked by the simulator, and weighted where "
+        f"posterior means could have been off by more than a tenth of a standard deviation [@vihola]"
     )
     return (
         f"Posteriors of {len(result.names)} parameters were inferred by a hierarchical model: the curves of each "

@@ -64,12 +64,14 @@ class Misfit:
 class Runs:
     """Runs of a simulator that takes time, for the posterior of one specimen.
 
-    ``rows``: those that the store holds of it, at all measured points. ``apart``: how many standard deviations means
-    may be away from those of the model's own posterior, because chains ran on emulators; 0 where draws have weights.
+    ``rows``: those that the store holds of it, at all measured points. ``apart``: how many standard deviations
+    posterior means may be off because chains ran on emulators, as far as some draws show it. ``weighted``: how many
+    draws the simulator has weighted instead; 0 where none needed to be.
     """
 
     rows: int
     apart: Number
+    weighted: int
 
 
 @dataclass(frozen=True)

@@ -67,19 +67,26 @@ def undetermined(result: LikelihoodResult) -> list[str]:
 
 
 def runs_of_each(result: LikelihoodResult) -> str:
-    """How many runs of the simulator a specimen took, ``388`` or ``379 to 388``."""
+    """How many runs of the simulator the store holds of a specimen, ``388`` or ``379 to 388``."""
     rows = sorted(one.rows for site in result.sites.values() for one in site.runs.values())
     return f"{rows[0]:,}" if rows[0] == rows[-1] else f"{rows[0]:,} to {rows[-1]:,}"
 
 
 def simulated(result: LikelihoodResult) -> list[str]:
-    """A sentence on the runs of a simulator that takes time; none else."""
-    apart = [one.apart for site in result.sites.values() for one in site.runs.values()]
-    if not apart:
-        return []
-    far = f"means are at most {max(apart):.2g} standard deviations away from those of the simulator's own posterior"
-    near = far if max(apart) > 0.0 else "every draw was weighted by the simulator"
-    return [f"{runs_of_each(result)} runs of the simulator for each specimen; chains ran on emulators: {near}"]
+    """A sentence for each site whose simulator takes time; none else."""
+    said = []
+    for name, site in result.sites.items():
+        if not site.runs:
+            continue
+        one = next(iter(site.runs.values()))
+        how = (
+            f"the posterior is that of {one.weighted:,} draws that the simulator has weighted"
+            if one.weighted
+            else f"checked by draws that the simulator has computed, posterior means are off by {one.apart:.2g} "
+            "standard deviations at most"
+        )
+        said.append(f"{name}: chains ran on emulators; {how}")
+    return [f"{runs_of_each(result)} runs of the simulator for each specimen", *said] if said else []
 
 
 def summary(result: LikelihoodResult, folder: Path, console: Console) -> None:

@@ -85,9 +85,10 @@ class Convergence:
     specimens_ess: Array
     specimens_rhat: Array
 
-    def of_draws(self, worth: float) -> "Convergence":
-        """The same chains, of which draws were taken that are ``worth`` so many independent ones."""
-        return replace(self, ess=np.minimum(self.ess, worth), specimens_ess=np.minimum(self.specimens_ess, worth))
+    def of_draws(self, count: int, efficiency: float) -> "Convergence":
+        """The same chains, of which so many draws were taken and weighted."""
+        ess, specimens = (efficiency * np.minimum(each, count) for each in (self.ess, self.specimens_ess))
+        return replace(self, ess=ess, specimens_ess=specimens)
 
     @property
     def smallest_ess(self) -> float:

@@ -18,7 +18,7 @@ from sinew.tasks.data.noise import noise_of_each
 from sinew.tasks.data.sites import by_site
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.infer.likelihood import files
-from sinew.tasks.infer.likelihood.by_rows import of_each, sampled_by_rows
+from sinew.tasks.infer.likelihood.by_rows import of_each, reopen_failed, sampled_by_rows
 from sinew.tasks.infer.likelihood.chains import CHAINS
 from sinew.tasks.infer.likelihood.compute import Compute, directly
 from sinew.tasks.infer.likelihood.discrepancy import ModelError, model_error
@@ -72,6 +72,8 @@ def run(workspace: Workspace, settings: Settings) -> LikelihoodResult:
     if (known := cached(workspace, LikelihoodResult, inputs, arrays, files.names(grouped))) is not None:
         return known
     workspace.say_what_is_left_out("infer")
+    if workspace.retry_failed and not _quick(workspace):
+        reopen_failed(workspace, specimens)
     targets, blind = _targets(workspace, specimens)
     errors = _model_errors(workspace, targets, inputs) if settings.discrepancy else {}
     targets = {**targets, **{name: replace(targets[name], whitening=one.white) for name, one in errors.items()}}

@@ -154,7 +154,7 @@ def test_a_study_stops_at_the_error_that_was_asked_for(out):
     for task in ("importance", "pawn"):
         assert json.loads((out / f"{task}.json").read_text())["names"] == list(FREE)
     page = (out / "report.html").read_text()
-    assert "216 runs; polynomials that stand for the model leave at most" in page
+    assert "216 runs; polynomials leave at most" in page
     assert "from 216 runs" in page
     assert (out / "figures" / "sobol.png").is_file()
 
@@ -186,11 +186,11 @@ def test_a_study_that_comes_to_its_last_run_says_so(study, tmp_path, monkeypatch
 
 def test_a_model_that_fails_in_a_corner_is_refused(study, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(Workspace, "client", lambda self: None)
-    compare = Uniaxial.compare
+    compare, edge = Uniaxial.compare, [60.0]
 
     def failing(self, model, specimen, curve, parameters, keep):
         found = compare(self, model, specimen, curve, parameters, keep)
-        high = parameters[:, model.names.index("E_m")] > 60.0
+        high = parameters[:, model.names.index("E_m")] > edge[0]
         found.status[high] = 1
         found.rmse_N[high] = np.nan
         return found
@@ -200,8 +200,20 @@ def test_a_model_that_fails_in_a_corner_is_refused(study, tmp_path, monkeypatch,
         sinew("sobol", study, "--out", tmp_path / "out", "--quiet")
     assert ended.value.code == 2
     said = capsys.readouterr().err
-    assert "of 64 rows failed; expected at most 0.5 % for a surrogate: narrower ranges, or method: saltelli" in said
+    assert "of 64 rows failed; expected at most 5 % for a surrogate: narrower ranges, or method: saltelli" in said
     assert not (tmp_path / "out" / "sobol.json").exists()
+    edge[0] = 69.0  # 2 % of the range
+    sinew("sobol", study, "--out", tmp_path / "few")
+    few = json.loads((tmp_path / "few" / "sobol.json").read_text())
+    assert few["failed"] > 0
+    assert min(few["ST_conf"]) > 2 * few["failed"] / few["rows"]
+    assert "rows failed; the emulators were trained with the rows that ran" in " ".join(capsys.readouterr().out.split())
+
+
+def test_an_outcome_that_does_not_vary_is_explained():
+    one = estimate(3, 64)
+    assert one.unexplained(np.full(64, 3.0)) == 0.0
+    assert np.isnan(one.analysis(np.full(64, 3.0)).ST).all()
 
 
 @pytest.mark.parametrize(
@@ -224,3 +236,8 @@ def test_a_surrogate_is_not_extended(study, out, capsys):
     with pytest.raises(SystemExit):
         sinew("sobol", study, "--out", out, "--extend", "--quiet")
     assert "a smaller sobol.error, or more sobol.runs" in capsys.readouterr().err
+    other = study.with_name("other.yaml")
+    other.write_text(study.read_text().replace("method: surrogate, error: 0.15, runs: 400", "base_samples: 64"))
+    with pytest.raises(SystemExit):
+        sinew("sobol", other, "--out", out, "--extend", "--quiet")
+    assert "sobol.json: is by surrogate; expected a design of Saltelli's to extend" in capsys.readouterr().err

@@ -84,6 +84,15 @@ def test_what_is_left_unexplained_is_what_new_points_show(count):
     assert 0.5 < np.median(ratios) < 2.5
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_the_unit_of_an_outcome_does_not_matter(unit):
+    share = points(64)
+    outcome = np.exp(share[:, 0]) * (1.0 + share[:, 1] ** 3) + share[:, 2]
+    one, other = basis(share, outcome), basis(share, unit * outcome)
+    np.testing.assert_array_equal(one.exponents, other.exponents)
+    assert other.unexplained == pytest.approx(one.unexplained)
+
+
 def test_noise_is_not_explained():
     share = points(100)
     found = basis(share, np.random.default_rng(1).standard_normal(100))

@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 
+import sinew as sinew_package
+from sinew.runner.cluster.local import Local
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_specimen
 from sinew.tasks.infer.likelihood import by_rows, effort, explore, prose, sampling, task
@@ -14,7 +16,7 @@ from sinew.tasks.model import Model
 from sinew.tasks.model.protocols import one_step
 from sinew.tasks.simulate import Capabilities
 from sinew.tasks.simulate.uniaxial import Uniaxial
-from sinew.tasks.study.workspace import Workspace
+from sinew.tasks.study.workspace import Workspace, open_workspace
 from tests.tasks.test_pipeline import sinew
 
 VARIED = {"E_f": (180.0, 210.0), "alpha_f": (1500.0, 2500.0)}
@@ -146,7 +148,7 @@ def test_an_emulator_that_stays_wrong_is_made_up_for_by_weights(study, by_calls,
     monkeypatch.setattr(by_rows.Emulated, "squares", lambda self, at: squares(self, at) + 60.0 * at[:, 0])
     found = inferred(study, tmp_path / "out")
     site = found.sites["distal"]
-    assert {one.apart for one in site.runs.values()} == {0.0}
+    assert {one.weighted >= by_rows.ENOUGH for one in site.runs.values()} == {True}
     assert by_rows.ENOUGH <= site.smallest_ess < site.runs["distal/1"].rows
     assert_alike(found, by_calls, 0.3)
 
@@ -161,6 +163,37 @@ def test_an_emulator_that_is_no_good_is_refused(study, slow, tmp_path, monkeypat
     assert ended.value.code == 2
     assert "distal: emulators of the model are not good enough" in capsys.readouterr().err
     assert not (tmp_path / "out" / "infer.json").exists()
+
+
+def test_where_all_draws_fail_there_is_no_posterior(study, slow, tmp_path, monkeypatch, capsys):
+    exact = by_rows._exact
+    monkeypatch.setattr(by_rows, "_exact", lambda site, draws: np.full_like(exact(site, draws), np.inf))
+    with pytest.raises(SystemExit) as ended:
+        sinew("infer", study, "--out", tmp_path / "out", "--quiet")
+    assert ended.value.code == 2
+    assert "the simulator failed for all of 100 draws" in capsys.readouterr().err
+    assert not (tmp_path / "out" / "infer.json").exists()
+
+
+def test_failed_rows_are_computed_again_if_that_is_asked_for(study, slow, tmp_path, monkeypatch):
+    compare = Uniaxial.compare
+
+    def failing(self, model, specimen, curve, parameters, keep):
+        found = compare(self, model, specimen, curve, parameters, keep)
+        found.status[::2] = 1
+        return found
+
+    opened = open_workspace(sinew_package.read_study(study), out=tmp_path / "out", cluster=Local(workers=1), quiet=True)
+    with opened as workspace:
+        specimen = workspace.cohort.specimens[0]
+        table, evaluation = by_rows.planned(workspace, specimen)
+        rows = table.plan(np.array([[p.reference * (1 + 0.01 * i) for p in MODEL.parameters] for i in range(4)]))
+        monkeypatch.setattr(Uniaxial, "compare", failing)
+        workspace.evaluate(evaluation, table, rows, "some", here=True)
+        failed = int((table.status > 0).sum())
+        assert 0 < failed < 4
+        by_rows.reopen_failed(workspace, [specimen])
+        assert by_rows.planned(workspace, specimen)[0].pending(rows).size == failed
 
 
 @pytest.mark.parametrize("size", [2, 15])

@@ -65,6 +65,8 @@ def test_a_model_that_fails_everywhere_leaves_nothing():
     found = weighted(np.full((20, 1), np.inf), np.zeros((20, 1)))
     assert found.weights.sum() == 0.0
     assert found.tail == np.inf
+    assert found.efficiency == 0.0
+    assert found.apart == np.inf
 
 
 def test_a_heavy_tail_is_seen():
