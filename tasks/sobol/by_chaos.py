@@ -9,9 +9,10 @@ emulation     the part of the variance that the polynomials do not explain, by l
 failed rows   twice their share: nobody knows what they would have shown
 ============  ===============================================================================================
 
-The half-width of an interval is the root of the sum of the squares of the first two, and the third. Polynomials of one
-outcome are chosen anew without each scramble. Curves are principal components, each with polynomials of its own, which
-stay the same in the jackknife.
+The variance of an outcome is the sum of the squares of its coefficients, and its Sobol indices are parts of that sum
+(Sudret 2008, Reliab. Eng. Syst. Saf. 93, 964). The half-width of an interval is the root of the sum of the squares of
+the first two, and the third. Polynomials of one outcome are chosen anew without each scramble. Curves are principal
+components, each with polynomials of its own, which stay the same in the jackknife.
 """
 
 from dataclasses import dataclass, replace
@@ -19,9 +20,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from sinew.tasks.fitting.chaos import Basis, basis
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.saltelli import Design
-from sinew.tasks.sobol.chaos import Basis, basis, first_and_total, second
 from sinew.tasks.sobol.method import Intervals
 from sinew.tasks.sobol.result import KEYS, Analysis, Convergence
 
@@ -160,3 +161,32 @@ def _joined(bases: list[Basis], share: Array, scores: Array) -> tuple[Array, Arr
         at = place.ravel()[end - len(one.exponents) : end]
         coefficients[at, number] = one.coefficients(share, scores[:, number])
     return exponents, coefficients
+
+
+def first_and_total(exponents: Array, coefficients: Array, members: tuple[tuple[int, ...], ...]) -> tuple[Array, Array]:
+    """First and total order indices ``[f, ...]`` of factors from coefficients ``[t, ...]``.
+
+    ``members``: which parameters move as one. NaN where nothing varies.
+    """
+    on, of_variance = _parts(exponents, coefficients, members)
+    alone = on & (on.sum(axis=1, keepdims=True) == 1)
+    return np.tensordot(alone.T, of_variance, 1), np.tensordot(on.T, of_variance, 1)
+
+
+def second(exponents: Array, coefficients: Array, members: tuple[tuple[int, ...], ...]) -> Array:
+    """Second order indices ``[f, f]`` of one outcome, NaN on and below the diagonal, as SALib has them."""
+    on, of_variance = _parts(exponents, coefficients, members)
+    found = np.full((len(members), len(members)), np.nan)
+    for i, j in zip(*np.triu_indices(len(members), 1), strict=True):
+        both = on[:, i] & on[:, j] & (on.sum(axis=1) == 2)
+        found[i, j] = of_variance[both].sum()
+    return found
+
+
+def _parts(exponents: Array, coefficients: Array, members: tuple[tuple[int, ...], ...]) -> tuple[Array, Array]:
+    """Which factors each polynomial has ``[t, f]``, and its part of the variance ``[t, ...]``."""
+    on = np.stack([(exponents[:, list(at)] > 0).any(axis=1) for at in members], axis=1)
+    squares = np.where(exponents.any(axis=1).reshape(-1, *[1] * (coefficients.ndim - 1)), coefficients**2, 0.0)
+    total = squares.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return on, np.where(total > 0.0, squares / total, np.nan)

@@ -7,7 +7,7 @@ are computed, and the posterior is that of the weighted draws, which is exact in
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -18,8 +18,8 @@ from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.runner.store.table import Table
 from sinew.tasks.infer.likelihood.correction import Draws, Weighted, draws_of, resampled, weighted
 from sinew.tasks.infer.likelihood.effort import SPARING
-from sinew.tasks.infer.likelihood.emulator import Emulator
 from sinew.tasks.infer.likelihood.explore import Explored, explored
+from sinew.tasks.infer.likelihood.fine import FineEmulator, fine_emulator
 from sinew.tasks.infer.likelihood.kept import read_explored, write_explored
 from sinew.tasks.infer.likelihood.result import Runs
 from sinew.tasks.infer.likelihood.sampling import ENSEMBLES, Ensembles, Sampled, Site, converged, folder, swept_until
@@ -38,20 +38,9 @@ CLOSE = 0.1  # posterior standard deviations that means may be away, without wei
 TRAININGS = 4  # of emulators, at most
 ENOUGH = 400  # draws of equal weight that weighted ones are to be worth
 SPARE = 1.15  # times as many draws as seem to be needed
-LEAST_EFFICIENT = 0.1  # where draws are worth less, they are too few
+LEAST_EFFICIENT = 0.25  # where draws are worth less, they are too few
 BROAD_TAIL, ALIKE = 0.7, 0.9  # Pareto's k of weights, beyond which few decide, unless draws are worth as much
 CHOOSING, RESAMPLING, TRAINING = "draws of emulators", "weighted draws", "emulators trained again"  # random streams
-
-
-@dataclass(frozen=True, eq=False)
-class Emulated:
-    """The likelihood of a specimen as its emulator has it."""
-
-    known: Emulator
-
-    def squares(self, at: Array) -> Array:
-        """Sums of squares ``[n]`` at points ``[n, k]`` of the unit cube."""
-        return self.known.squares(at)
 
 
 def planned(workspace: Workspace, specimen: Specimen) -> tuple[Table, SpecimenEvaluation]:
@@ -88,7 +77,7 @@ def of_each(
 def sampled_by_rows(site: Site) -> Sampled:
     """The posterior of a site. Raises :class:`BadInput` for emulators that do not come near the model."""
     for training in range(TRAININGS):
-        likelihoods, tag = [Emulated(one.chart.known) for one in site.explored], f"-{training}"
+        likelihoods, tag = _emulated(site), f"-{training}"
         # on a poor emulator, chains might never converge
         blocks, found = swept_until(site, likelihoods, min(EARLY, site.settings.sweeps), tag)
         draws, judged = _checked(site, training, blocks)
@@ -119,32 +108,49 @@ def _checked(site: Site, number: int, blocks: Ensembles) -> tuple[Draws, Weighte
 
 
 def _of_weighted_draws(
-    site: Site, likelihoods: Sequence[Emulated], tag: str, blocks: Ensembles, first: Weighted
+    site: Site, likelihoods: Sequence[FineEmulator], tag: str, blocks: Ensembles, first: Weighted
 ) -> Sampled:
     """The posterior by draws that the model has computed: so many that they are worth ``ENOUGH`` of equal weight.
 
     ``first``: weights of a first sample. Chains go on after their ``blocks`` where these have too few draws.
     """
     enough = min(ENOUGH, site.settings.ess or ENOUGH)
-    count = int(SPARE * enough / max(first.efficiency, LEAST_EFFICIENT))
-    blocks, found = converged(site, likelihoods, tag, blocks, 2 * count // ENSEMBLES)
-    draws = _chosen(site, 2 * TRAININGS, blocks, count)
-    exact = _exact(site, draws)
-    judged = weighted(exact, draws.squares)
-    worth = count * judged.efficiency
-    if worth < enough or (judged.tail > BROAD_TAIL and judged.efficiency < ALIKE):
-        raise BadInput(
-            f"{site.workspace.study.path}: infer",
-            f"{site.name}: emulators of the model are not good enough: {count} draws are worth {worth:.0f} of the "
-            f"model's posterior, expected {enough} (Pareto's k of their weights is {judged.tail:.2f}, expected at most "
-            f"{BROAD_TAIL})",
-            "narrower ranges, or fixed values for parameters that the curves do not determine",
-        )
+    most = int(SPARE * enough / LEAST_EFFICIENT)
+    blocks, found = converged(site, likelihoods, tag, blocks, 2 * most // ENSEMBLES)
+    draws, exact = _chosen(site, 2 * TRAININGS, blocks, most), np.empty((0, len(site.targets)))
+    efficiency = first.efficiency
+    while True:
+        count = min(most, max(len(exact) + FIRST, int(SPARE * enough / max(efficiency, LEAST_EFFICIENT))))
+        exact = np.concatenate([exact, _exact(site, draws.at(np.arange(len(exact), count)))])
+        judged = weighted(exact, draws.squares[:count])
+        worth, efficiency = count * judged.efficiency, judged.efficiency
+        if worth >= enough and (judged.tail <= BROAD_TAIL or efficiency >= ALIKE):
+            break
+        if count == most:
+            raise BadInput(
+                f"{site.workspace.study.path}: infer",
+                f"{site.name}: emulators of the model are not good enough: {count} draws are worth {worth:.0f} of the "
+                f"model's posterior, expected {enough} (Pareto's k of their weights is {judged.tail:.2f}, expected at "
+                f"most {BROAD_TAIL})",
+                "narrower ranges, or fixed values for parameters that the curves do not determine",
+            )
     rng = streams.generator(site.workspace.seed, RESAMPLING, site.number)
-    same = replace(draws, squares=exact).at(resampled(rng, judged.weights))
+    same = replace(draws.at(np.arange(count)), squares=exact).at(resampled(rng, judged.weights))
     sweeps = chains_of(blocks, site.targets[0].varied, heavy=site.heavy).mean.shape[1]
     chains = chains_of_draws(same, site.targets[0].varied, heavy=site.heavy)
-    return Sampled(site, chains, found.of_draws(count, judged.efficiency), sweeps, _runs(site, 0.0, count))
+    return Sampled(site, chains, found.of_draws(count, efficiency), sweeps, _runs(site, 0.0, count))
+
+
+def _emulated(site: Site) -> list[FineEmulator]:
+    """What stands for the likelihood of each specimen: trained with the points at which it was explored."""
+
+    def work(number: int, target: RowTarget) -> FineEmulator:
+        at = places(site.explored[number].seen)
+        errors = target.errors(at)
+        found: FineEmulator = target.session.compute(fine_emulator, at, errors)
+        return found
+
+    return of_each(site.workspace, site.targets, max(len(one.seen) for one in site.explored), work)
 
 
 def _chosen(site: Site, training: int, blocks: Ensembles, count: int) -> Draws:

@@ -15,7 +15,7 @@ from sinew.tasks.simulate.inputs import Inputs
 from sinew.tasks.simulate.plain_design import TURN, plain_design, shares, sizes_up_to
 from sinew.tasks.simulate.saltelli import Design
 from sinew.tasks.simulate.uniaxial import Uniaxial
-from sinew.tasks.sobol.by_chaos import ByChaos
+from sinew.tasks.sobol.by_chaos import ByChaos, first_and_total, second
 from sinew.tasks.sobol.method import Intervals
 from sinew.tasks.study.workspace import Workspace
 from tests.tasks.test_pipeline import sinew
@@ -38,6 +38,31 @@ def estimate(size, count, seed=0, *, second_order=False):
     design = Design(names, count, False, share, scrambles=TURN, members=alone, plain=True)
     ok = np.ones(count, dtype=bool)
     return ByChaos(design, share, ok, Intervals(10, 0.95, seed), second_order, sizes=(count // 2, count))
+
+
+ALONE = ((0,), (1,), (2,))
+
+
+def test_indices_are_parts_of_the_variance():
+    exponents = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [1, 0, 1], [2, 1, 1]])
+    first, total = first_and_total(exponents, np.array([7.0, 2.0, 1.0, 1.0, 2.0]), ALONE)
+    np.testing.assert_allclose(first, [0.4, 0.1, 0.0])
+    np.testing.assert_allclose(total, [0.9, 0.5, 0.5])
+    found = second(exponents, np.array([7.0, 2.0, 1.0, 1.0, 2.0]), ALONE)
+    np.testing.assert_allclose(found[np.triu_indices(3, 1)], [0.0, 0.1, 0.0])
+    assert np.isnan(found[np.tril_indices(3)]).all()
+
+
+def test_parameters_that_move_as_one_have_one_index():
+    exponents = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 1]])
+    first, total = first_and_total(exponents, np.array([1.0, 1.0, 2.0, 1.0]), ((0, 1), (2,)))
+    np.testing.assert_allclose(first, [5 / 6, 0.0])
+    np.testing.assert_allclose(total, [1.0, 1 / 6])
+
+
+def test_an_outcome_that_does_not_vary_has_no_index():
+    first, total = first_and_total(np.array([[0, 0], [1, 0]]), np.array([3.0, 0.0]), ((0,), (1,)))
+    assert np.isnan(first).all() and np.isnan(total).all()
 
 
 @pytest.mark.parametrize(("name", "count", "error"), [("Ishigami", 64, 0.02), ("g", 144, 0.08)])

@@ -144,8 +144,8 @@ def test_a_poor_emulator_is_trained_again(study, by_calls, slow, tmp_path, monke
 
 
 def test_an_emulator_that_stays_wrong_is_made_up_for_by_weights(study, by_calls, slow, tmp_path, monkeypatch):
-    squares = by_rows.Emulated.squares
-    monkeypatch.setattr(by_rows.Emulated, "squares", lambda self, at: squares(self, at) + 60.0 * at[:, 0])
+    squares = by_rows.FineEmulator.squares
+    monkeypatch.setattr(by_rows.FineEmulator, "squares", lambda self, at: squares(self, at) + 60.0 * at[:, 0])
     found = inferred(study, tmp_path / "out")
     site = found.sites["distal"]
     assert {one.weighted >= by_rows.ENOUGH for one in site.runs.values()} == {True}
@@ -154,10 +154,10 @@ def test_an_emulator_that_stays_wrong_is_made_up_for_by_weights(study, by_calls,
 
 
 def test_an_emulator_that_is_no_good_is_refused(study, slow, tmp_path, monkeypatch, capsys):
-    squares = by_rows.Emulated.squares
+    squares = by_rows.FineEmulator.squares
     for name, value in (("TRAININGS", 1), ("ENOUGH", 100), ("LEAST_EFFICIENT", 0.5)):
         monkeypatch.setattr(by_rows, name, value)
-    monkeypatch.setattr(by_rows.Emulated, "squares", lambda self, at: 9.0 * squares(self, at))
+    monkeypatch.setattr(by_rows.FineEmulator, "squares", lambda self, at: 9.0 * squares(self, at))
     with pytest.raises(SystemExit) as ended:
         sinew("infer", study, "--out", tmp_path / "out", "--quiet")
     assert ended.value.code == 2

@@ -1,10 +1,9 @@
-"""Sparse polynomial chaos: outcomes as sums of few orthonormal polynomials, whose coefficients are Sobol indices.
+"""Sparse polynomial chaos: outcomes as sums of few orthonormal polynomials.
 
-Polynomials are products of Legendre's in the share of each parameter's distribution that lies below its value, of
-limited degree and interaction (hyperbolic truncation). Which of them an outcome needs is found by least angle
-regression; how many, and up to which degree, by the smallest leave-one-out error of ordinary least squares (Blatman and
-Sudret 2011, J. Comput. Phys. 230, 2345). The variance of an outcome is the sum of the squares of its coefficients, and
-its Sobol indices are parts of that sum (Sudret 2008, Reliab. Eng. Syst. Saf. 93, 964).
+Polynomials are products of Legendre's in the place of each parameter between 0 and 1 (for Sobol indices: the share of
+its distribution that lies below its value), of limited degree and interaction (hyperbolic truncation). Which of them an
+outcome needs is found by least angle regression; how many, and up to which degree, by the smallest leave-one-out error
+of ordinary least squares (Blatman and Sudret 2011, J. Comput. Phys. 230, 2345).
 """
 
 import warnings
@@ -128,32 +127,3 @@ def _leave_one_out(values: Array, outcome: Array) -> Array:
         factor = count / (count - used) * (1 + used / count)
         errors.append(factor * np.mean((left / (1 - leverage)) ** 2) / variance)
     return np.array(errors)
-
-
-def first_and_total(exponents: Array, coefficients: Array, members: tuple[tuple[int, ...], ...]) -> tuple[Array, Array]:
-    """First and total order indices ``[f, ...]`` of factors from coefficients ``[t, ...]``.
-
-    ``members``: which parameters move as one. NaN where nothing varies.
-    """
-    on, of_variance = _parts(exponents, coefficients, members)
-    alone = on & (on.sum(axis=1, keepdims=True) == 1)
-    return np.tensordot(alone.T, of_variance, 1), np.tensordot(on.T, of_variance, 1)
-
-
-def second(exponents: Array, coefficients: Array, members: tuple[tuple[int, ...], ...]) -> Array:
-    """Second order indices ``[f, f]`` of one outcome, NaN on and below the diagonal, as SALib has them."""
-    on, of_variance = _parts(exponents, coefficients, members)
-    found = np.full((len(members), len(members)), np.nan)
-    for i, j in zip(*np.triu_indices(len(members), 1), strict=True):
-        both = on[:, i] & on[:, j] & (on.sum(axis=1) == 2)
-        found[i, j] = of_variance[both].sum()
-    return found
-
-
-def _parts(exponents: Array, coefficients: Array, members: tuple[tuple[int, ...], ...]) -> tuple[Array, Array]:
-    """Which factors each polynomial has ``[t, f]``, and its part of the variance ``[t, ...]``."""
-    on = np.stack([(exponents[:, list(at)] > 0).any(axis=1) for at in members], axis=1)
-    squares = np.where(exponents.any(axis=1).reshape(-1, *[1] * (coefficients.ndim - 1)), coefficients**2, 0.0)
-    total = squares.sum(axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return on, np.where(total > 0.0, squares / total, np.nan)

@@ -5,9 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sinew.tasks.sobol.chaos import NORM, basis, exponents_up_to, first_and_total, polynomials, second
-
-ALONE = ((0,), (1,), (2,))
+from sinew.tasks.fitting.chaos import NORM, basis, exponents_up_to, polynomials
 
 
 def points(count, size=3, seed=0):
@@ -42,28 +40,6 @@ def test_a_sparse_sum_is_found_again():
     for each, value in zip(exponents, coefficients, strict=True):
         assert at.pop(tuple(each)) == pytest.approx(value)
     assert np.allclose(list(at.values()), 0.0, atol=1e-6)
-
-
-def test_indices_are_parts_of_the_variance():
-    exponents = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [1, 0, 1], [2, 1, 1]])
-    first, total = first_and_total(exponents, np.array([7.0, 2.0, 1.0, 1.0, 2.0]), ALONE)
-    np.testing.assert_allclose(first, [0.4, 0.1, 0.0])
-    np.testing.assert_allclose(total, [0.9, 0.5, 0.5])
-    found = second(exponents, np.array([7.0, 2.0, 1.0, 1.0, 2.0]), ALONE)
-    np.testing.assert_allclose(found[np.triu_indices(3, 1)], [0.0, 0.1, 0.0])
-    assert np.isnan(found[np.tril_indices(3)]).all()
-
-
-def test_parameters_that_move_as_one_have_one_index():
-    exponents = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 1]])
-    first, total = first_and_total(exponents, np.array([1.0, 1.0, 2.0, 1.0]), ((0, 1), (2,)))
-    np.testing.assert_allclose(first, [5 / 6, 0.0])
-    np.testing.assert_allclose(total, [1.0, 1 / 6])
-
-
-def test_an_outcome_that_does_not_vary_has_no_index():
-    first, total = first_and_total(np.array([[0, 0], [1, 0]]), np.array([3.0, 0.0]), ((0,), (1,)))
-    assert np.isnan(first).all() and np.isnan(total).all()
 
 
 @pytest.mark.parametrize("count", [40, 120])
