@@ -4,15 +4,14 @@
 what          how
 ============  ===============================================================================================
 sampling      rows come from several scrambles in turn; each is left out in turn (jackknife, Student's t)
-emulation     the part of the variance that the polynomials do not explain, by leave-one-out: it could belong to
-              any index
+emulation     the part of the variance that the polynomials do not explain: it could belong to any index
 failed rows   twice their share: nobody knows what they would have shown
 ============  ===============================================================================================
 
 The variance of an outcome is the sum of the squares of its coefficients, and its Sobol indices are parts of that sum
 (Sudret 2008, Reliab. Eng. Syst. Saf. 93, 964). The half-width of an interval is the root of the sum of the squares of
-the first two, and the third. Polynomials of one outcome are chosen anew without each scramble. Curves are principal
-components, each with polynomials of its own, which stay the same in the jackknife.
+the first two, and the third. Polynomials are chosen anew without each scramble. Curves are principal components, each
+with polynomials of its own.
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from sinew.tasks.fitting.chaos import Basis, basis
+from sinew.tasks.fitting.chaos import Basis, basis, polynomials
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.saltelli import Design
 from sinew.tasks.sobol.method import Intervals
@@ -29,6 +28,19 @@ from sinew.tasks.sobol.result import KEYS, Analysis, Convergence
 CONSTANT = 1e-12  # part of its size by which an outcome varies at least
 LIMIT = 0.05  # of all rows: if more of them failed, polynomials would speak for where there is no model
 EXPLAINED, COMPONENTS = 1e-4, 8  # part of all curves' variance that is left out, and principal components at most
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """Polynomials of an outcome, of the ``whole`` design and ``without`` each scramble in turn.
+
+    ``unexplained``: the part of its variance that they do not explain, the larger of two estimates: by leave-one-out,
+    and of each scramble by the polynomials without it.
+    """
+
+    whole: Basis
+    without: list[Basis]
+    unexplained: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,11 +83,12 @@ class ByChaos:
             return Analysis(*(np.full(len(names), np.nan) for _ in KEYS))
         with threadpool_limits(1):
             share = self.share[self.ok]
-            known = basis(share, values)
-            every = [_indices(share, values, known, self.design, self.second_order)]
-            for kept in self._without_each():
-                again = basis(share[kept], values[kept], known.degree)
-                every.append(_indices(share[kept], values[kept], again, self.design, self.second_order))
+            known = self._trained(values)
+            every = [_indices(share, values, known.whole, self.design, self.second_order)]
+            every += [
+                _indices(share[kept], values[kept], again, self.design, self.second_order)
+                for kept, again in zip(self._without_each(), known.without, strict=True)
+            ]
         found = dict(zip(("S1", "ST", "S2"), zip(*every, strict=True), strict=False))
         parts = {key: each[0] for key, each in found.items()}
         parts |= {f"{key}_conf": self._half(np.array(each[1:]), known.unexplained) for key, each in found.items()}
@@ -87,7 +100,7 @@ class ByChaos:
         if np.ptp(values) <= CONSTANT * np.abs(values).max():
             return 0.0
         with threadpool_limits(1):
-            return basis(self.share[self.ok], values).unexplained
+            return self._trained(values).unexplained
 
     def first(self, rows: int) -> "ByChaos":
         """That of the first ``rows`` of the design."""
@@ -111,6 +124,18 @@ class ByChaos:
         scramble = self.design.scramble[self.ok]
         return [scramble != each for each in np.unique(scramble)]
 
+    def _trained(self, values: Array) -> "Trained":
+        """Polynomials for the values ``[n]`` of one outcome, of the rows that ran."""
+        share = self.share[self.ok]
+        whole = basis(share, values)
+        without, missed = [], 0.0
+        for kept in self._without_each():
+            again = basis(share[kept], values[kept], whole.degree)
+            predicted = polynomials(share[~kept], again.exponents) @ again.coefficients(share[kept], values[kept])
+            missed += float(np.square(predicted - values[~kept]).sum())
+            without.append(again)
+        return Trained(whole, without, max(whole.unexplained, missed / (len(values) * values.var())))
+
     def _half(self, without: Array, unexplained: Array | float) -> Array:
         """Half-widths of intervals from indices ``[r, ...]`` without each scramble in turn."""
         _, factor = self.intervals.resampled(self.design.scramble[self.ok])
@@ -125,18 +150,20 @@ class ByChaos:
         lost = 1.0 - np.cumsum(sizes**2) / np.sum(sizes**2)
         count = min(int(np.argmax(lost <= EXPLAINED)) + 1, COMPONENTS, len(sizes))
         scores, directions = scores[:, :count] * sizes[:count], directions[:count]
-        bases = [basis(share, each) for each in scores.T]
+        trained = [self._trained(each) for each in scores.T]
         variances = scores.var(axis=0)[:, np.newaxis] * directions**2  # [components, m]
-        parts = np.array([one.unexplained for one in bases])[:, np.newaxis] * variances
+        parts = np.array([one.unexplained for one in trained])[:, np.newaxis] * variances
         left = np.sqrt(parts).sum(axis=0) ** 2 + np.maximum(1.0 - variances.sum(axis=0), 0.0)  # as if all errors agreed
 
-        def indices(kept: Array) -> tuple[Array, Array]:
+        def indices(bases: list[Basis], kept: Array) -> tuple[Array, Array]:
             exponents, coefficients = _joined(bases, share[kept], scores[kept])
             first, total = first_and_total(exponents, coefficients @ directions, members)
             return np.nan_to_num(first), np.nan_to_num(total)
 
-        whole = indices(np.ones(len(share), dtype=bool))
-        without = [indices(kept) for kept in self._without_each()]
+        whole = indices([one.whole for one in trained], np.ones(len(share), dtype=bool))
+        without = [
+            indices([one.without[number] for one in trained], kept) for number, kept in enumerate(self._without_each())
+        ]
         found = {}
         for number, key in enumerate(("S1", "ST")):
             found[key] = whole[number]

@@ -93,6 +93,15 @@ def test_curves_have_the_indices_of_each_of_their_points():
     assert (found["ST_conf"][:, 1:] < 0.05).all()
 
 
+def test_intervals_of_curves_know_that_their_polynomials_were_chosen():
+    """As wide as those of one outcome: with the same polynomials for all scrambles, a tenth of that."""
+    one = estimate(3, 64)
+    outcome = np.exp(3.0 * one.share[:, 0] * one.share[:, 1]) / (0.3 + one.share[:, 2])
+    found, alone = one.of(outcome[:, np.newaxis]), one.analysis(outcome)
+    for key in ("S1_conf", "ST_conf"):
+        np.testing.assert_allclose(found[key][:, 0], getattr(alone, key), rtol=0.5)
+
+
 def test_where_nothing_is_explained_anything_may_be():
     one = estimate(3, 64)
     found = one.analysis(np.random.default_rng(1).standard_normal(64))
