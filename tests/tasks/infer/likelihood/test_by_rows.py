@@ -145,7 +145,7 @@ def test_a_poor_emulator_is_trained_again(study, by_calls, slow, tmp_path, monke
 
 def test_an_emulator_that_stays_wrong_is_made_up_for_by_weights(study, by_calls, slow, tmp_path, monkeypatch):
     squares = by_rows.FineEmulator.squares
-    monkeypatch.setattr(by_rows.FineEmulator, "squares", lambda self, at: squares(self, at) + 60.0 * at[:, 0])
+    monkeypatch.setattr(by_rows.FineEmulator, "squares", lambda self, at: squares(self, at) + 300.0 * at[:, 0])
     found = inferred(study, tmp_path / "out")
     site = found.sites["distal"]
     assert {one.weighted >= by_rows.ENOUGH for one in site.runs.values()} == {True}
