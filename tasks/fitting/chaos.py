@@ -7,6 +7,7 @@ of ordinary least squares (Blatman and Sudret 2011, J. Comput. Phys. 230, 2345).
 """
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,6 +81,17 @@ def basis(share: Array, outcome: Array, degree: int | None = None) -> Basis:
             break
     assert best is not None, "at least one degree is tried"
     return best
+
+
+def joined(bases: Sequence[Basis], share: Array, outcomes: Array) -> tuple[Array, Array]:
+    """All polynomials ``[t, d]`` of several outcomes ``[n, q]``, and their coefficients ``[t, q]`` in each."""
+    exponents, place = np.unique(np.concatenate([one.exponents for one in bases]), axis=0, return_inverse=True)
+    coefficients = np.zeros((len(exponents), len(bases)))
+    ends = np.cumsum([len(one.exponents) for one in bases])
+    for number, (one, end) in enumerate(zip(bases, ends, strict=True)):
+        at = place.ravel()[end - len(one.exponents) : end]
+        coefficients[at, number] = one.coefficients(share, outcomes[:, number])
+    return exponents, coefficients
 
 
 def _of_degree(share: Array, outcome: Array, exponents: Array, degree: int) -> Basis:

@@ -9,7 +9,7 @@ from sinew.tasks.study.work import Given, Work
 PROPOSALS = 13  # for each particle, mean of the generations
 PROPOSAL_S = 5e-4
 START_S = 2.0  # pyABC is imported
-DRAWS = 200  # of a likelihood, that a model computes that takes time
+DRAWS = 200  # that a slow simulator computes to check the emulators of a likelihood
 NOISE_S, EXPLORED_S = 0.8, 12.0  # of a likelihood, for each specimen
 SWEEPS_S = 2 * 200 * 0.025  # for each specimen: two ensembles, their usual sweeps, and seconds of one
 

@@ -14,12 +14,12 @@ the first two, and the third. Polynomials are chosen anew without each scramble.
 with polynomials of its own.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from sinew.tasks.fitting.chaos import Basis, basis, polynomials
+from sinew.tasks.fitting.chaos import Basis, basis, joined, polynomials
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.saltelli import Design
 from sinew.tasks.sobol.method import Intervals
@@ -47,7 +47,8 @@ class Trained:
 class ByChaos:
     """Indices of any outcomes of a plain design with ``share`` ``[n, free]``; ``ok`` ``[n]``: its rows that ran.
 
-    ``sizes``: how many rows there were when intervals were looked at.
+    ``sizes``: how many rows there were when intervals were looked at. ``fits``: polynomials so far, by the rows that
+    ran and their outcome; a design that grows hands them on.
     """
 
     design: Design
@@ -58,6 +59,7 @@ class ByChaos:
     sizes: tuple[int, ...] = ()
     rule: str = "the emulators were trained with the rows that ran"
     refuses: bool = False
+    fits: dict[tuple[bytes, bytes], Trained] = field(default_factory=dict, repr=False)
 
     @property
     def whole(self) -> Array:
@@ -67,7 +69,7 @@ class ByChaos:
     def of(self, outcomes: Array) -> dict[str, Array]:
         """S1, S1_conf, ST, ST_conf ``[d, m]`` of outcomes ``[n, m]`` that change little from one to the next."""
         used = outcomes[self.ok]
-        varies = np.ptp(used, axis=0) > CONSTANT * np.abs(used).max(axis=0)
+        varies = _varies(used)
         found = {key: np.full((len(self.design.names), outcomes.shape[1]), np.nan) for key in KEYS}
         if varies.any():
             with threadpool_limits(1):  # sums in one order, on whatever machine
@@ -79,7 +81,7 @@ class ByChaos:
         """The same of one output ``[n]``, with indices of second order if they were asked for."""
         values = outcomes[self.ok]
         names = self.design.names
-        if np.ptp(values) <= CONSTANT * np.abs(values).max():
+        if not _varies(values):
             return Analysis(*(np.full(len(names), np.nan) for _ in KEYS))
         with threadpool_limits(1):
             share = self.share[self.ok]
@@ -97,7 +99,7 @@ class ByChaos:
     def unexplained(self, outcomes: Array) -> float:
         """The part of one output's variance that its polynomials do not explain."""
         values = outcomes[self.ok]
-        if np.ptp(values) <= CONSTANT * np.abs(values).max():
+        if not _varies(values):
             return 0.0
         with threadpool_limits(1):
             return self._trained(values).unexplained
@@ -124,8 +126,14 @@ class ByChaos:
         scramble = self.design.scramble[self.ok]
         return [scramble != each for each in np.unique(scramble)]
 
-    def _trained(self, values: Array) -> "Trained":
-        """Polynomials for the values ``[n]`` of one outcome, of the rows that ran."""
+    def _trained(self, values: Array) -> Trained:
+        """Polynomials for the values ``[n]`` of one outcome, of the rows that ran; fitted once."""
+        key = self.ok.tobytes(), values.tobytes()
+        if key not in self.fits:
+            self.fits[key] = self._fitted(values)
+        return self.fits[key]
+
+    def _fitted(self, values: Array) -> Trained:
         share = self.share[self.ok]
         whole = basis(share, values)
         without, missed = [], 0.0
@@ -156,7 +164,7 @@ class ByChaos:
         left = np.sqrt(parts).sum(axis=0) ** 2 + np.maximum(1.0 - variances.sum(axis=0), 0.0)  # as if all errors agreed
 
         def indices(bases: list[Basis], kept: Array) -> tuple[Array, Array]:
-            exponents, coefficients = _joined(bases, share[kept], scores[kept])
+            exponents, coefficients = joined(bases, share[kept], scores[kept])
             first, total = first_and_total(exponents, coefficients @ directions, members)
             return np.nan_to_num(first), np.nan_to_num(total)
 
@@ -171,23 +179,17 @@ class ByChaos:
         return found
 
 
+def _varies(outcomes: Array) -> Array:
+    """Whether outcomes ``[n, ...]`` vary from row to row ``[...]``."""
+    return np.asarray(np.ptp(outcomes, axis=0) > CONSTANT * np.abs(outcomes).max(axis=0))
+
+
 def _indices(share: Array, outcome: Array, known: Basis, design: Design, second_order: bool) -> tuple[Array, ...]:
     """First and total order indices, and those of second order if they are asked for; 0 where nothing is explained."""
     coefficients = known.coefficients(share, outcome)
     first, total = first_and_total(known.exponents, coefficients, design.members)
     found = (np.nan_to_num(first), np.nan_to_num(total))
     return (*found, second(known.exponents, coefficients, design.members)) if second_order else found
-
-
-def _joined(bases: list[Basis], share: Array, scores: Array) -> tuple[Array, Array]:
-    """All polynomials ``[t, d]`` of several components, and their coefficients ``[t, components]`` in each."""
-    exponents, place = np.unique(np.concatenate([one.exponents for one in bases]), axis=0, return_inverse=True)
-    coefficients = np.zeros((len(exponents), len(bases)))
-    ends = np.cumsum([len(one.exponents) for one in bases])
-    for number, (one, end) in enumerate(zip(bases, ends, strict=True)):
-        at = place.ravel()[end - len(one.exponents) : end]
-        coefficients[at, number] = one.coefficients(share, scores[:, number])
-    return exponents, coefficients
 
 
 def first_and_total(exponents: Array, coefficients: Array, members: tuple[tuple[int, ...], ...]) -> tuple[Array, Array]:

@@ -20,7 +20,7 @@ from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.simulate.plain_design import plain_design, sizes_up_to
 from sinew.tasks.simulate.saltelli import Design, block_of, saltelli, scrambles_of
 from sinew.tasks.simulate.studied_quantity import objectives_by_output, quantity
-from sinew.tasks.sobol.by_chaos import LIMIT, ByChaos
+from sinew.tasks.sobol.by_chaos import LIMIT, ByChaos, Trained
 from sinew.tasks.sobol.estimate import Estimator, estimator
 from sinew.tasks.sobol.method import Intervals, column
 from sinew.tasks.sobol.result import (
@@ -91,6 +91,7 @@ def _by_surrogate(workspace: Workspace, settings: Settings) -> SobolResult:
     intervals = Intervals(settings.resamples, settings.confidence, workspace.seed)
     studied, _ = quantity(evaluations[0], settings.output)
     looked: list[int] = []
+    fits: dict[tuple[bytes, bytes], Trained] = {}
     places: list[Array] = [np.empty(0, dtype=int) for _ in evaluations]
     for size in sizes_up_to(settings.runs):
         design, share = plain_design(workspace.model, size, workspace.seed, settings.scrambles, settings.inputs)
@@ -106,7 +107,7 @@ def _by_surrogate(workspace: Workspace, settings: Settings) -> SobolResult:
                 f"{workspace.study.path}: sobol.method", f"{(~ok).sum()} of {size} rows failed",
                 f"at most {100 * LIMIT:g} % for a surrogate: narrower ranges, or method: saltelli",
             )  # fmt: skip
-        estimate = ByChaos(design, share, ok, intervals, settings.second_order, tuple(looked))
+        estimate = ByChaos(design, share, ok, intervals, settings.second_order, tuple(looked), fits=fits)
         outcomes = objectives_by_output(specimens, [one.table.read(studied, one.at) for one in planned])
         found = {name: estimate.analysis(values) for name, values in outcomes.items()}
         widest = max(_widest(each) for each in found.values())

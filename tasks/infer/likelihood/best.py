@@ -27,6 +27,11 @@ class Best:
     covariance: Array
 
 
+def loss(squares: Array, scores: Array) -> Array:
+    """Minus twice the log posterior ``[n]`` of a specimen alone, up to a constant."""
+    return np.asarray(squares + np.square(scores).sum(axis=1))
+
+
 def best_fit(target: Target, rng: np.random.Generator, begin: Sequence[Array] = (), effort: Effort = FULL) -> Best:
     """The best of fits from several starts, and from scores ``begin``, each ``[k]``."""
     count = effort.again if begin else effort.starts
@@ -44,8 +49,8 @@ def _starts(target: Target, rng: np.random.Generator, count: int, candidates: in
     if count in (0, candidates):
         return scores[:count]
     every = np.array(scores)
-    loss = target.squares(places(every)) + np.square(every).sum(axis=1)
-    return [scores[number] for number in np.argsort(loss, kind="stable")[:count]]
+    order = np.argsort(loss(target.squares(places(every)), every), kind="stable")
+    return [scores[number] for number in order[:count]]
 
 
 def _fit(target: Target, start: Array, steps: int) -> Best | None:

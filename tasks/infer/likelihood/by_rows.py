@@ -24,7 +24,7 @@ from sinew.tasks.infer.likelihood.kept import read_explored, write_explored
 from sinew.tasks.infer.likelihood.result import Runs
 from sinew.tasks.infer.likelihood.sampling import ENSEMBLES, Ensembles, Sampled, Site, converged, folder, swept_until
 from sinew.tasks.infer.likelihood.scores import places
-from sinew.tasks.infer.likelihood.summary import chains_of, chains_of_draws
+from sinew.tasks.infer.likelihood.summary import chains_of, chains_of_draws, warm_up
 from sinew.tasks.infer.likelihood.target import RowTarget, Target
 from sinew.tasks.model import Specimen, file_name
 from sinew.tasks.simulate import Array
@@ -34,7 +34,7 @@ from sinew.tasks.study.workspace import Workspace
 
 EARLY = 200  # sweeps, after which emulators are judged
 FIRST = 100  # draws that are computed first
-CLOSE = 0.1  # posterior standard deviations that means may be away, without weights
+CLOSE = 0.1  # standard deviations by which posterior means may be off, without weights
 TRAININGS = 4  # of emulators, at most
 ENOUGH = 400  # draws of equal weight that weighted ones are to be worth
 SPARE = 1.15  # times as many draws as seem to be needed
@@ -136,9 +136,9 @@ def _of_weighted_draws(
             )
     rng = streams.generator(site.workspace.seed, RESAMPLING, site.number)
     same = replace(draws.at(np.arange(count)), squares=exact).at(resampled(rng, judged.weights))
-    sweeps = chains_of(blocks, site.targets[0].varied, heavy=site.heavy).mean.shape[1]
+    sweeps = sum(len(block.mean) for block in blocks[0])
     chains = chains_of_draws(same, site.targets[0].varied, heavy=site.heavy)
-    return Sampled(site, chains, found.of_draws(count, efficiency), sweeps, _runs(site, 0.0, count))
+    return Sampled(site, chains, found.of_draws(count, efficiency), sweeps - warm_up(sweeps), _runs(site, 0.0, count))
 
 
 def _emulated(site: Site) -> list[FineEmulator]:

@@ -1,4 +1,4 @@
-"""Where functions run that take long: here, or on a worker."""
+"""Where slow functions run: in this process, or on a worker."""
 
 from collections.abc import Callable
 from typing import Any

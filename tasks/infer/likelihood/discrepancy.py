@@ -64,7 +64,7 @@ class ModelError:
 def model_error(
     target: Target, seed: tuple[int, ...], effort: Effort = FULL, compute: Compute = directly
 ) -> ModelError:
-    """The model's error in a specimen; ``compute`` does what takes long beside the model.
+    """The model's error in a specimen; ``compute`` runs the slow parts other than the model.
 
     Raises :class:`BadInput` when the model fails wherever a fit begins.
     """

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.infer.likelihood.best import best_fit
+from sinew.tasks.infer.likelihood.best import best_fit, loss
 from sinew.tasks.infer.likelihood.chart import Chart, chart_of
 from sinew.tasks.infer.likelihood.compiled import FARTHEST
 from sinew.tasks.infer.likelihood.compute import Compute, directly
@@ -69,7 +69,7 @@ def explored(
     compute: Compute = directly,
     known: Array | None = None,
 ) -> Explored:
-    """Explore a specimen; ``compute`` does what takes long beside the model.
+    """Explore a specimen; ``compute`` runs the slow parts other than the model.
 
     With scores ``known`` ``[m, k]`` at which the model was computed before, one emulator is trained with them, without
     a fit. Raises :class:`BadInput` when the model fails wherever a fit begins, or around the best.
@@ -93,16 +93,16 @@ def explored(
                     f"infer: {name}", "the model fails nearly everywhere around its best fit", "other ranges"
                 )
             seen, errors = np.concatenate([seen, points[whole]]), np.concatenate([errors, new[whole]])
-            loss = _loss(np.square(errors).sum(axis=1), seen)
-            kept = np.argsort(loss, kind="stable")[:most]
+            losses = loss(np.square(errors).sum(axis=1), seen)
+            kept = np.argsort(losses, kind="stable")[:most]
             seen, errors = seen[kept], errors[kept]
-            rng, led = compute(_led, rng, seen, errors, loss[kept], count)
+            rng, led = compute(_led, rng, seen, errors, losses[kept], count)
             points = led.points
         return _judged(target, rng, led, seen, least, effort, compute)
 
 
 def _led(
-    rng: np.random.Generator, seen: Array, errors: Array, loss: Array, count: int
+    rng: np.random.Generator, seen: Array, errors: Array, losses: Array, count: int
 ) -> tuple[np.random.Generator, Led]:
     """Train an emulator with ``errors`` ``[m, g]`` at scores ``seen`` ``[m, k]``, the likeliest first, and walk on it.
 
@@ -110,11 +110,11 @@ def _led(
     """
     with threadpool_limits(1):
         size = seen.shape[1]
-        known = emulator(places(seen), errors, (1.0 + (loss - loss.min()) / (2 * size)) ** -2.0)
-        begin = seen[rng.choice(_likely(loss, size), WALKERS)]
+        known = emulator(places(seen), errors, (1.0 + (losses - losses.min()) / (2 * size)) ** -2.0)
+        begin = seen[rng.choice(_likely(losses, size), WALKERS)]
         chart = chart_of(known, seen[0])
         ends = walk(rng, chart, _own_prior(WALKERS, size), begin, PATHS, LENGTH)
-        ends = ends[_likely(_loss(known.squares(places(ends)), ends), size)]
+        ends = ends[_likely(loss(known.squares(places(ends)), ends), size)]
         begin = ends[rng.choice(len(ends), count)]
         return rng, Led(chart, ends, chart.displaced(begin, BETWEEN * rng.standard_normal((count, size)))[0])
 
@@ -132,7 +132,7 @@ def _judged(
     size = target.size
     checked = led.ends[: effort.checked]
     squares = target.squares(places(checked))
-    likely = _likely(_loss(squares, checked), size)
+    likely = _likely(loss(squares, checked), size)
     apart = squares[likely] - led.chart.known.squares(places(checked[likely]))
     ends = np.concatenate([checked[likely], led.ends[effort.checked :]])
     chart, length = compute(_fitted, rng, led.chart, ends)
@@ -173,11 +173,6 @@ def _heavy_tailed(rng: np.random.Generator, count: int, size: int) -> Array:
     """Draws ``[n, k]`` of Student's t distribution."""
     heavy = np.sqrt(WIDE_DF / rng.chisquare(WIDE_DF, size=(count, 1)))
     return np.asarray(heavy * rng.standard_normal((count, size)))
-
-
-def _loss(squares: Array, scores: Array) -> Array:
-    """Minus twice the log posterior ``[n]`` of the specimen alone, up to a constant."""
-    return np.asarray(squares + np.square(scores).sum(axis=1))
 
 
 def _likely(loss: Array, size: int) -> Array:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from sinew.tasks.fitting.chaos import basis, polynomials
+from sinew.tasks.fitting.chaos import basis, joined, polynomials
+from sinew.tasks.infer.likelihood.emulator import NEGLIGIBLE
 from sinew.tasks.simulate import Array
 
 COMPONENTS = 30  # of the errors, at most
-NEGLIGIBLE = 1e-3  # of a sum of squares: mean contribution of a component that is left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +46,6 @@ def fine_emulator(at: Array, errors: Array) -> FineEmulator:
         kept = np.flatnonzero(sizes**2 > NEGLIGIBLE * len(at))[:COMPONENTS]
         components = scores[:, kept] * sizes[kept]
         bases = [basis(place, each) for each in components.T]
-        exponents, where = np.unique(np.concatenate([one.exponents for one in bases]), axis=0, return_inverse=True)
-        coefficients = np.zeros((len(exponents), len(bases)))
-        ends = np.cumsum([len(one.exponents) for one in bases])
-        for number, (one, end) in enumerate(zip(bases, ends, strict=True)):
-            own = where.ravel()[end - len(one.exponents) : end]
-            coefficients[own, number] = one.coefficients(place, components[:, number])
+        exponents, coefficients = joined(bases, place, components)
         rest = float(np.mean(np.square(errors).sum(axis=1) - np.square(components).sum(axis=1)))
         return FineEmulator(low, width, exponents, coefficients, rest)

@@ -1,6 +1,6 @@
 """What the chains of a site say, in the parameters' own units, and whether they have converged."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from sinew.tasks.simulate import Array
 MOST_DRAWS = 4096  # of all chains, that are stored
 NEAR = 0.05  # of an interval's length, within which an end is put on a bound
 WARM_UP = 0.2  # of the sweeps, at the beginning, that are not used
+ALONG_CHAINS = ("scores", "squares", "mean", "spread", "new")  # of blocks and of draws
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,39 +41,40 @@ class Chains:
 
 def chains_of(ensembles: Sequence[Sequence[Block]], varied: Sequence[Parameter], *, heavy: bool) -> Chains:
     """The chains of all ensembles, each a sequence of blocks."""
-    low, high = bounds(varied)
-    width = high - low
 
     def joined(name: str) -> Array:
         """``[h, s, ...]``."""
         every = [np.concatenate([getattr(block, name) for block in blocks]) for blocks in ensembles]
-        later = np.concatenate([one[int(WARM_UP * len(one)) :] for one in every], axis=1)
+        later = np.concatenate([one[warm_up(len(one)) :] for one in every], axis=1)
         return later.swapaxes(0, 1)
 
-    mean, spread = moments(joined("mean"), joined("spread"), heavy=heavy)
     correlation = np.concatenate([block.correlation for blocks in ensembles for block in blocks[len(blocks) // 2 :]])
-    return Chains(
-        specimens=low + width * places(joined("scores")),
-        log_likelihood=-0.5 * joined("squares"),
-        mean=low + width * mean,
-        spread=width * spread,
-        new=low + width * places(joined("new")),
-        correlation=correlation,
-    )
+    return _in_units({name: joined(name) for name in ALONG_CHAINS}, correlation, varied, heavy=heavy)
 
 
 def chains_of_draws(draws: Draws, varied: Sequence[Parameter], *, heavy: bool) -> Chains:
     """Draws of equal weight, as one chain."""
+    arrays = {name: getattr(draws, name)[np.newaxis] for name in ALONG_CHAINS}
+    return _in_units(arrays, draws.correlation, varied, heavy=heavy)
+
+
+def warm_up(sweeps: int) -> int:
+    """How many of so many sweeps are not used."""
+    return int(WARM_UP * sweeps)
+
+
+def _in_units(arrays: Mapping[str, Array], correlation: Array, varied: Sequence[Parameter], *, heavy: bool) -> Chains:
+    """Chains of scores ``[h, s, ...]`` by name, in the parameters' units."""
     low, high = bounds(varied)
     width = high - low
-    mean, spread = moments(draws.mean, draws.spread, heavy=heavy)
+    mean, spread = moments(arrays["mean"], arrays["spread"], heavy=heavy)
     return Chains(
-        specimens=(low + width * places(draws.scores))[np.newaxis],
-        log_likelihood=-0.5 * draws.squares[np.newaxis],
-        mean=(low + width * mean)[np.newaxis],
-        spread=(width * spread)[np.newaxis],
-        new=(low + width * places(draws.new))[np.newaxis],
-        correlation=draws.correlation,
+        specimens=low + width * places(arrays["scores"]),
+        log_likelihood=-0.5 * arrays["squares"],
+        mean=low + width * mean,
+        spread=width * spread,
+        new=low + width * places(arrays["new"]),
+        correlation=correlation,
     )
 
 
