@@ -3,10 +3,11 @@
 Nothing is unpickled: numbers come from ``TASK.json``, the store, pyABC's SQLite database and a NetCDF file.
 """
 
+import json
 import os
-import sqlite3
+import subprocess
+import sys
 import warnings
-from contextlib import closing
 from pathlib import Path
 from types import MethodType
 from typing import Any
@@ -14,6 +15,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from sinew import database_reading
+from sinew.posterior_file import fault
 from sinew.runner.errors import BadInput, brief, shown
 from sinew.runner.store.schema import STATUSES
 from sinew.runner.store.store import open_store
@@ -24,11 +27,9 @@ from sinew.tasks.simulate.saltelli import drawn
 from sinew.tasks.sobol.result import KEYS, SobolResult
 
 INFERRED = "what `sinew infer` writes; run it again"  # expected of its files
-MAX_DATABASE_BYTES = 2**28
+MAX_FILE_BYTES = 2**28
 STEP, MAX_STEPS = 100_000, 5_000  # of the look at a database: instructions of SQLite together, and how often
-MAX_DRAWS = 10**6  # numbers of one variable of a posterior
-WIDEST = 8  # bytes of such a number
-MOST_OBJECTS = 1000  # variables and groups of a posterior
+WALL_S = 600.0
 
 
 def salib_problem(result: SobolResult) -> dict[str, Any]:
@@ -93,74 +94,27 @@ def _refuse_program(path: Path) -> None:
     for ending in ("-journal", "-wal", "-shm"):  # SQLite would take the database back, and delete what a journal names
         if os.path.lexists(beside := path.with_name(path.name + ending)):
             raise BadInput(beside, "is there", "no file of an interrupted change; delete it")
-    if (size := path.stat().st_size) > MAX_DATABASE_BYTES:
+    if (size := path.stat().st_size) > MAX_FILE_BYTES:
         raise BadInput(path, f"has {size:,} bytes", INFERRED)
+    command = [sys.executable, "-I", str(Path(database_reading.__file__).resolve()), f"{path.as_uri()}?mode=ro"]
     try:
-        with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as database:
-            kinds = {str(kind) for (kind,) in database.execute("SELECT DISTINCT type FROM sqlite_master")}
-            steps = iter(range(MAX_STEPS))
-            database.set_progress_handler(lambda: next(steps, None) is None, STEP)
-            sound = database.execute("PRAGMA quick_check(1)").fetchone()  # a page that is named twice has no end
-            computed = database.execute(
-                "SELECT sql LIKE 'create virtual%' OR EXISTS "
-                "(SELECT 1 FROM pragma_table_xinfo(tables.name) WHERE hidden) "
-                "FROM sqlite_master AS tables WHERE type = 'table'"
-            ).fetchall()
-    except sqlite3.Error as error:
-        raise BadInput(path, f"damaged ({error})", INFERRED) from None
-    if sound != ("ok",):
-        raise BadInput(path, f"damaged ({brief(str(sound[0]), 80)})", INFERRED)
-    if more := sorted(kinds - {"table", "index"}):
-        raise BadInput(path, f"holds a {shown(more[0])[1:-1]}", INFERRED)
-    if any(one for (one,) in computed):
-        raise BadInput(path, "holds a table that computes its content", INFERRED)
+        done = subprocess.run([*command, str(MAX_STEPS), str(STEP)], capture_output=True, timeout=WALL_S, check=False)
+        found = json.loads(done.stdout) if done.returncode == 0 else "takes too long, or too much memory, to look at"
+    except subprocess.TimeoutExpired:
+        found = f"takes more than {WALL_S:g} s to look at"
+    if found:
+        raise BadInput(path, brief(found, 120), INFERRED)
 
 
 def posterior(folder: Path, site: str) -> Any:
     """1,000 draws of equal weight from the posterior of a site as :class:`arviz.InferenceData`."""
     path = _of_site(folder, site, "nc")
-    _refuse_elsewhere(path)
+    if found := fault(path, MAX_FILE_BYTES):
+        raise BadInput(path, brief(found), INFERRED)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"[\s\S]*ArviZ is undergoing a major refactor", FutureWarning)
         import arviz
     return arviz.from_netcdf(str(path), engine="h5netcdf")
-
-
-def _refuse_elsewhere(path: Path) -> None:
-    """Refuse an HDF5 file whose numbers are in other files, or which holds more than ``sinew infer`` writes."""
-    import h5py  # type: ignore[import-untyped]
-
-    seen: set[int] = set()
-
-    def problem(group: Any) -> str | None:
-        for name in group:
-            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-                return f"{name} is a link"
-            one = group[name]
-            place = h5py.h5o.get_info(one.id).addr
-            if place in seen:
-                return f"{name} is there twice"
-            if len(seen) == MOST_OBJECTS:
-                return f"{name} is one of more than {MOST_OBJECTS} objects"
-            seen.add(place)
-            if isinstance(one, h5py.Group):
-                if found := problem(one):
-                    return found
-            elif not isinstance(one, h5py.Dataset) or one.external or one.is_virtual:
-                return f"{name} has its numbers elsewhere"
-            elif one.size is None or one.size > MAX_DRAWS:
-                return f"{name} has {one.size} numbers"
-            elif one.dtype.itemsize > WIDEST:
-                return f"{name} has numbers of {one.dtype.itemsize} bytes"
-        return None
-
-    try:
-        with h5py.File(path, "r") as file:
-            found = problem(file)
-    except (OSError, RuntimeError, ValueError, KeyError, RecursionError) as error:
-        found = f"damaged ({error})"
-    if found:
-        raise BadInput(path, brief(found), INFERRED)
 
 
 def skopt_result(result: CalibrateResult, folder: Path, specimen: str, *, surrogate: bool = False) -> Any:

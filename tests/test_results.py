@@ -312,7 +312,7 @@ def test_a_database_whose_tables_compute_is_refused(copied_run, monkeypatch, cha
         database.commit()
     with pytest.raises(BadInput, match=r"distal\.db: holds a table that computes its content"):
         sinew.results(copied_run).abc_history("distal")
-    monkeypatch.setattr("sinew.interop.MAX_DATABASE_BYTES", 1000)
+    monkeypatch.setattr("sinew.interop.MAX_FILE_BYTES", 1000)
     with pytest.raises(BadInput, match=r"distal\.db: has [0-9,]+ bytes"):
         sinew.results(copied_run).abc_history("distal")
 
@@ -364,6 +364,18 @@ POSTERIORS = {
     "wide": (
         lambda file: file.create_dataset("more", (1000,), "S2000000", chunks=(1,)),
         "more has numbers of 2000000 bytes",
+    ),
+    "chunks": (
+        lambda file: file.create_dataset("more", (10,), "f8", maxshape=(None,), chunks=(2**21,), compression="gzip"),
+        "more has chunks of 2,097,152 numbers",
+    ),
+    "long attribute": (
+        lambda file: file["posterior/E_f"].attrs.__setitem__("more", np.zeros(8100, "f8")),
+        "E_f has an attribute of 64,800 bytes",
+    ),
+    "many attributes": (
+        lambda file: [file["posterior/E_f"].attrs.__setitem__(f"a{i}", i) for i in range(200)] and None,
+        "E_f has [0-9]+ attributes",
     ),
     "twice": (lambda file: file["posterior"].__setitem__("more", file["posterior/E_f"]), "more is there twice"),
     "many": (
@@ -422,6 +434,17 @@ def test_a_database_that_takes_too_long_to_check_is_refused(copied_run, monkeypa
     twice[12:14], twice[size - 6 :] = (size - 6).to_bytes(2, "big"), root.to_bytes(4, "big") + b"\x81\0"
     path.write_bytes(content[: (root - 1) * size] + twice + content[root * size :])
     with pytest.raises(BadInput, match=r"distal\.db: damaged"):
+        sinew.results(copied_run).abc_history("distal")
+
+
+def test_a_database_whose_schema_fills_the_memory_is_refused(copied_run):
+    path = copied_run / "infer" / "distal.db"
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("PRAGMA writable_schema=ON")
+        rows = ((f"t{i:x}", f"t{i:x}", f"CREATE TABLE t{i:x}(a)") for i in range(100_000))
+        database.executemany("INSERT INTO sqlite_master VALUES('table', ?, ?, 2, ?)", rows)
+        database.commit()
+    with pytest.raises(BadInput, match=r"distal\.db: (holds [0-9,]+ tables|takes too long|damaged)"):
         sinew.results(copied_run).abc_history("distal")
 
 

@@ -36,6 +36,11 @@ def files_fault(array: zarr.Array[Any]) -> str:
     return "" if named == {"name": "default", "configuration": {"separator": "/"}} else f"its chunks are named {named}"
 
 
+def too_large(array: zarr.Array[Any]) -> bool:
+    """Whether a chunk is larger than the array: it would take memory for what nobody sees."""
+    return any(part > max(length, 1) for length, part in zip(array.shape, array.chunks, strict=True))
+
+
 def chunk_fault(file: Path, array: zarr.Array[Any]) -> str:
     """Why the file of a chunk must not be decompressed, or nothing. Raises ``OSError``."""
     try:

@@ -17,6 +17,7 @@ CLEAR = 30.0  # of a whitened sum of squares, beyond what it is expected to be
 DEVIATIONS = 3.0  # standard deviations of that sum, on top
 APART = 2.0  # times the misfit beyond noise that the truth leaves: what its best rival must leave
 RESAMPLES = 10_000
+AT_ONCE = 10**7  # numbers that are drawn
 STRONG = 1.5  # strength from which on an effect of a compound case should be named
 
 NULL, DETECTABLE, ALIKE, UNDETECTABLE = "null", "detectable", "indistinguishable", "undetectable"
@@ -82,8 +83,11 @@ class Median:
     def interval(self) -> tuple[float, float] | None:
         if len(self.values) < 2:
             return None
-        drawn = np.random.default_rng(0).choice(np.array(self.values), (RESAMPLES, len(self.values)))
-        low, high = np.quantile(np.median(drawn, axis=1), [0.025, 0.975])
+        rng, values = np.random.default_rng(0), np.array(self.values)
+        rows = max(1, min(RESAMPLES, AT_ONCE // values.size))
+        counts = [min(rows, RESAMPLES - begin) for begin in range(0, RESAMPLES, rows)]
+        medians = [np.median(rng.choice(values, (count, values.size)), axis=1) for count in counts]
+        low, high = np.quantile(np.concatenate(medians), [0.025, 0.975])
         return float(low), float(high)
 
 

@@ -17,9 +17,10 @@ from typing import Any
 
 MEMORY_BYTES = 2**31  # of the process
 SECONDS = 60  # of a processor; a spreadsheet of the largest size takes less
+MAX_SHEETS = 2_000
 MAX_CELLS = 4 * 10**6  # of all sheets, with those that are empty
 MAX_BYTES = 2**26  # of all texts: a text that is stored once may stand in every cell
-
+EXPECTED = f"at most {MAX_CELLS:,} cells and {MAX_BYTES:,} bytes of text"
 
 MEMORY = f"takes more than {MEMORY_BYTES / 2**30:g} GB"
 TIME = f"takes more than {SECONDS} s of a processor"
@@ -27,7 +28,11 @@ SMALLER = "a smaller spreadsheet, or the table as CSV"
 
 
 class TooMuch(Exception):
-    """More than can be read; the words say of what."""
+    """More than can be read: of what, and what is expected."""
+
+    def __init__(self, words: str, expected: str = EXPECTED) -> None:
+        super().__init__(words)
+        self.expected = expected
 
 
 def _text(cell: Any) -> str:
@@ -44,6 +49,8 @@ def lines_of(content: bytes) -> Iterator[str | list[str]]:
 
     cells = size = 0
     with CalamineWorkbook.from_filelike(io.BytesIO(content)) as workbook:
+        if len(workbook.sheet_names) > MAX_SHEETS:
+            raise TooMuch(f"{len(workbook.sheet_names):,} sheets", f"at most {MAX_SHEETS:,} sheets")
         for name in workbook.sheet_names:
             yield str(name)
             sheet = workbook.get_sheet_by_name(name)
@@ -69,7 +76,7 @@ def main() -> None:
         for line in lines_of(sys.stdin.buffer.read()):
             _write(line)
     except TooMuch as too_much:
-        end = {"wrong": str(too_much), "expected": f"at most {MAX_CELLS:,} cells and {MAX_BYTES:,} bytes of text"}
+        end = {"wrong": str(too_much), "expected": too_much.expected}
     except MemoryError:
         end = {"wrong": MEMORY, "expected": SMALLER}
     except BaseException as error:  # noqa: BLE001 - the library's panics are no Exception

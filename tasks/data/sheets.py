@@ -13,11 +13,13 @@ from typing import Any
 
 from sinew.runner.errors import BadInput, one_line
 from sinew.runner.files import read_input
+from sinew.runner.zip_end import directory_of
 from sinew.tasks.data import sheet_reading
 
 SUFFIXES = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 MAX_BYTES = 64 * 2**20
 MAX_UNPACKED_BYTES = 512 * 2**20
+MAX_MEMBERS = 20_000  # files of an archive
 WALL_S = 600.0  # of the process that reads, whose processor time is limited as well
 
 
@@ -69,12 +71,21 @@ def _why(returncode: int) -> str:
 
 
 def _refuse_large_archive(path: Path, content: bytes) -> None:
-    """Spreadsheets are archives, except for .xls; one of a few kilobytes can hold gigabytes."""
+    """Spreadsheets are archives, except for .xls; one of a few kilobytes can hold gigabytes.
+
+    What is no archive, or a damaged one, is left to the process that reads it.
+    """
+    file = io.BytesIO(content)
     try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        count, _ = directory_of(file)
+        if count > MAX_MEMBERS:
+            raise BadInput(path, f"an archive of {count:,} files", f"at most {MAX_MEMBERS:,}")
+        with zipfile.ZipFile(file) as archive:
             size = sum(entry.file_size for entry in archive.infolist())
-    except zipfile.BadZipFile:
-        size = 0
+    except BadInput:
+        raise
+    except Exception:  # noqa: BLE001 - what zipfile raises for damaged archives is no closed list
+        return
     if size > MAX_UNPACKED_BYTES:
         expected = f"at most {MAX_UNPACKED_BYTES / 2**20:,.0f} MB"
         raise BadInput(path, f"{size / 2**20:,.0f} MB when unpacked", expected)

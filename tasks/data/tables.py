@@ -16,6 +16,8 @@ MOST_COLUMNS = 1000
 MOST_TABLES = 500  # of one file
 FEWEST_COLUMNS = (3, 2)  # time, motion and load; where no table has three, motion and load
 HEAD_LINES = 450  # where separator and decimal mark are looked for first; and at each end of long lines above a table
+MOST_BEFORE = 10 * HEAD_LINES  # rows of the sheets before a table
+LOOKED_AT = 2**22  # characters in which separator and decimal mark are looked for, where the first lines have no table
 EXPECTED = "three columns or more: time, displacement (or strain) and force (or stress)"
 RUN = 3  # rows that must agree for a table to begin
 
@@ -142,6 +144,8 @@ def tables_of(source: Source) -> Iterator[Table]:
                 own = len(before) + table.own
                 yield replace(table, header=(*before, *table.header), sheet=page.name, own=own) if page.name else table
             before += tuple(row for _, row in page.rows[:HEAD_LINES] if any(row))
+            if len(before) > MOST_BEFORE:  # each table keeps them
+                before = before[: MOST_BEFORE // 2] + before[-MOST_BEFORE // 2 :]
         if found:
             return
     raise NoTable(source.path, "no sheet has a table of numbers", EXPECTED)
@@ -159,6 +163,8 @@ def _tables(source: Source, page: _Page, fewest: int) -> Iterator[Table]:
         if start >= end:  # else it belongs to the table above, behind a broken row
             places.append((start, titles_at))
         end = run.end
+        if len(places) > MOST_TABLES:
+            raise BadInput(path, f"more than {MOST_TABLES:,} tables", "fewer of them in one file")
     heads = [_beside_row_names(head_of(titles, at), rows[start : start + RUN]) for start, at in places]
     before: dict[Row, tuple[int, int]] = {}  # by titles: the top of the first table, and the end of the last one
     for (start, _), head, stop in zip(places, heads, _stops(heads), strict=True):
@@ -211,7 +217,7 @@ def _layout(path: Path, lines: Sequence[tuple[int, str]]) -> tuple[str, str, int
     Whole numbers read alike with both marks; the point goes first then.
     """
     for fewest in FEWEST_COLUMNS:
-        for some in (lines[:HEAD_LINES], lines):
+        for some in (lines[:HEAD_LINES], _first(lines, LOOKED_AT)):
             best, length = None, 0
             for separator in (*SEPARATORS, " "):
                 split = [cells(line, separator) for _, line in some]
@@ -222,6 +228,15 @@ def _layout(path: Path, lines: Sequence[tuple[int, str]]) -> tuple[str, str, int
             if best is not None:
                 return best
     raise NoTable(path, "no table of numbers can be found", EXPECTED)
+
+
+def _first(lines: Sequence[tuple[int, str]], most: int) -> Sequence[tuple[int, str]]:
+    """The first lines, of so many characters together at most."""
+    for count, (_, line) in enumerate(lines):
+        most -= len(line)
+        if most < 0:
+            return lines[:count]
+    return lines
 
 
 def _longest(rows: Sequence[Sequence[str]], decimal: str, fewest: int) -> int:

@@ -6,6 +6,8 @@ import os
 import re
 from pathlib import Path
 
+import numpy as np
+
 from sinew.runner.errors import BadInput
 from sinew.runner.files import read_input
 from sinew.tasks.data.words import FOREIGN
@@ -69,7 +71,8 @@ def read_lines(path: Path) -> list[str]:
     characters.
     """
     check_text(path, MAX_TEXT_BYTES, export=True)
-    lines = re.split(r"\r*\n|\r", _decoded(path))  # Windows programs write \r\r\n where they convert twice
+    # Windows programs write \r\r\n where they convert twice
+    lines = [part for line in _decoded(path).split("\n") for part in line.rstrip("\r").split("\r")]
     while lines and is_blank(lines[-1]):
         lines.pop()
     for number, line in enumerate(lines, start=1):
@@ -97,7 +100,7 @@ def _utf16(content: bytes) -> str | None:
 
 def _decoded(path: Path) -> str:
     content = read_input(path, MAX_TEXT_BYTES, "a text export")
-    if max(content.count(b"\n"), content.count(b"\r")) > MAX_LINES or sum(map(content.count, b"\t,;")) > MAX_CELLS:
+    if max(content.count(b"\n"), content.count(b"\r")) > MAX_LINES or _most_cells(content) > MAX_CELLS:
         raise BadInput(path, "too many rows or columns", f"at most {MAX_LINES:,} rows and {MAX_CELLS:,} cells")
     if (encoding := _utf16(content)) is not None:
         try:
@@ -114,6 +117,12 @@ def _decoded(path: Path) -> str:
         except UnicodeDecodeError:
             continue
     raise BadInput(path, "neither UTF-8 nor Windows text", "a text export")
+
+
+def _most_cells(content: bytes) -> int:
+    """How many cells a text holds at most, whatever separates them: neighbouring spaces are one separator."""
+    spaces = np.frombuffer(content, np.uint8) == ord(" ")
+    return sum(map(content.count, SEPARATORS.encode())) + int(np.count_nonzero(spaces[1:] & ~spaces[:-1]))
 
 
 def _encodings(content: bytes) -> list[str]:

@@ -2,7 +2,7 @@
 
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from sinew.tasks.data import units, words
 
@@ -11,7 +11,7 @@ SPREADS = ("sd", "std", "se", "sem", "standard deviation", "standard error")
 _CHANNEL = re.compile(r"(?:c|ch|chan|channel|kanal|canal|voie) ?\d+ (?=\D)")  # "C_1_Force", "Ch 1 Kraft"
 _NUMBERED = re.compile(r"(.*[^\d .]) ?(\d{1,3})")
 _AGAIN = re.compile(r"\.\d{1,3}$")
-_LONGEST = 300  # characters of a title with a unit: the patterns take time with the square of its length
+_LONGEST = 300  # characters of a title with a unit
 
 
 def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
@@ -25,13 +25,27 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
         told = [text for text in brackets if units.is_unit(text)]
         return _plain(re.split(r"[(\[]", title)[0]), units.agreed([*told, below]) or brackets[0]
     title = title.rstrip("._") or title  # "Time_s_" of MATLAB and "Time..s." of R, which have no brackets in names
-    for pattern in (r"(.+?)\s*/\s*(\S+)", r"(.+?)\s*,\s*(\S+)", r"(.+)[_ .-](?!1$)([^\s_.-]+)", r"(.+?)\s+in\s+(\S+)"):
-        found = re.fullmatch(pattern, title)
-        if found and units.is_unit(found[2]) and not _is_minimum(*found.groups()):
-            return _plain(found[1]), units.agreed([found[2], below])
+    for name, unit in _parts(" ".join(title.split())):
+        if units.is_unit(unit) and not _is_minimum(name, unit):
+            return _plain(name), units.agreed([unit, below])
     if title in words.UNITS_AS_TITLES:
         return f"({title})", units.agreed([title, below])
     return _plain(title), below
+
+
+def _parts(title: str) -> Iterator[tuple[str, str]]:
+    """How a title with single spaces may part into a name and a unit, which is one word: in time with its length."""
+    last = title.rfind(" ")
+    for mark in "/,":
+        at = title.find(mark, max(1, last - 1))  # a space may stand behind it
+        if at > 0 and (unit := title[at + 1 :].strip()):
+            yield title[:at].rstrip(), unit
+    at = max(map(title.rfind, "_ .-"))
+    if at > 0 and title[at + 1 :] not in ("", "1"):
+        yield title[:at], title[at + 1 :]
+    name, word, unit = title.rpartition(" in ")
+    if word and name and unit and " " not in unit:
+        yield name, unit
 
 
 def _is_minimum(name: str, unit: str) -> bool:

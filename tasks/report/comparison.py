@@ -120,13 +120,14 @@ def _calibration(pair: Pair) -> Section:
         return Section("calibration", title, question, missing=pair.missing("calibrate"))
     first, second = found
     fits, parameters, far = [], [], 0
+    widths = [dict(zip(each.free, (high - low for low, high in each.bounds), strict=True)) for each in found]
+    both = [name for name in first.free if name in widths[1]]
     for name in (name for name in first.specimens if name in second.specimens):
         one, other = first.specimens[name], second.specimens[name]
         ratio = other.total_N / one.total_N if one.total_N else float("nan")
         fits.append([name, number(one.total_N, 4), number(other.total_N, 4), number(ratio, 3)])
-        widths = [dict(zip(each.free, (high - low for low, high in each.bounds), strict=True)) for each in found]
         determined = [set(fit.determined) for fit in (one, other)]
-        for parameter in (each for each in first.free if each in widths[1]):
+        for parameter in both:
             values = [fit.parameters[parameter] for fit in (one, other)]
             known = all(parameter in names for names in determined)
             sds = [fit.sd_of_range[parameter] * width[parameter]

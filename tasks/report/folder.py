@@ -5,6 +5,7 @@ import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -28,7 +29,10 @@ R = TypeVar("R", bound=Result)
 
 MOST = 1e15  # of a number in a log
 MAX_LOG_BYTES = 2**25  # the last of them are read,
+MAX_LINE_BYTES = 2**20  # of one event
 MAX_EVENTS = 50_000  # and of these the last lines
+MAX_CURVES = 5_000  # that a page shows
+MAX_PROTOCOLS = 2_000  # of a specimen: each is looked for in the store, more than once
 
 
 @dataclass(frozen=True)
@@ -93,12 +97,14 @@ class ResultFolder:
                 kept = self.store.read_result(f"discover/{file_name(name)}")
                 protocols = sorted(str(key).removeprefix("time_") for key in kept.dims)
                 found[name] = {protocol: _discovered(kept, protocol) for protocol in protocols}
+        if sum(map(len, found.values())) > MAX_CURVES:
+            self.trouble.append(f"{self.folder}: holds more than {MAX_CURVES:,} curves; the first of them are shown")
         return {
             name: {
                 protocol: replace(curve, others=_others(self.tables.get(name, ()), protocol))
                 for protocol, curve in every.items()
             }
-            for name, every in sorted(found.items())
+            for name, every in _first(found, MAX_CURVES).items()
         }
 
     @property
@@ -175,6 +181,15 @@ def read_folder(folder: Path) -> ResultFolder:
     return ResultFolder(folder, results, states, events, store, status, trouble)
 
 
+def _first(found: dict[str, dict[str, MeasuredCurve]], most: int) -> dict[str, dict[str, MeasuredCurve]]:
+    """The first ``most`` curves by specimen and protocol, specimens sorted by name."""
+    pairs = ((name, protocol) for name, every in sorted(found.items()) for protocol in every)
+    kept: dict[str, dict[str, MeasuredCurve]] = {}
+    for name, protocol in islice(pairs, most):
+        kept.setdefault(name, {})[protocol] = found[name][protocol]
+    return kept
+
+
 def _points(table: Table) -> int:
     return sum(
         column.size for name in protocols_of(table) if (column := table.coordinate(f"displacement_{name}")) is not None
@@ -213,6 +228,8 @@ def _discovered(kept: xr.Dataset, protocol: str) -> MeasuredCurve:
 def protocols_of(table: Table) -> list[str]:
     """The protocols that a table of a specimen holds; none for the table of a site."""
     names = table.coordinate("protocol")
+    if names is not None and names.size > MAX_PROTOCOLS:
+        raise StoreError(f"{table.folder / 'store.zarr'}: {table.title} holds {names.size:,} protocols")
     return [] if names is None else [str(name) for name in names]
 
 
@@ -248,7 +265,7 @@ def _read_log(path: Path, trouble: list[str]) -> list[dict[str, Any]]:
     events, bad = [], 0
     for line in lines[:-1]:
         try:
-            event = json.loads(line)
+            event = json.loads(line) if len(line) <= MAX_LINE_BYTES else None
         except (ValueError, RecursionError):
             event = None
         if isinstance(event, dict) and isinstance(event.get("message"), str):

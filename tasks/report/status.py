@@ -48,11 +48,11 @@ def read_status(folder: Path) -> dict[str, Any]:
         for at, worker, words in zip(last, *(outcomes.read(name, last) for name in ("worker", "message")), strict=True):
             node, _, job = split_worker(str(worker))
             status, message = STATUSES[outcomes.status[at]], str(words)[:LONGEST_MESSAGE]
-            failure = {"table": table.title, "row": int(outcomes.rows[at]), "status": status, "message": message}
-            failures.append(failure | {"node": node, "job": job})
+            failure = {"table": brief(table.title), "row": int(outcomes.rows[at]), "status": status, "message": message}
+            failures.append(failure | {"node": brief(node), "job": brief(job)})
         tables.append(
             {
-                "table": table.title,
+                "table": brief(table.title),
                 "rows": max(
                     len(table), int(outcomes.rows.size)
                 ),  # the journal may be ahead of what is planned in the store
@@ -64,15 +64,15 @@ def read_status(folder: Path) -> dict[str, Any]:
     by_job.pop("", None)
     return {
         "folder": str(folder),
-        "study": "waiting" if store is None else store.study,
+        "study": "waiting" if store is None else brief(store.study),
         "tables": tables,
         "now": sign_of_life(folder, now),
         "jobs": [
             {
                 "job": record.job,
-                "role": record.role,
-                "nodes": record.nodes,
-                "state": record.end if record.ended else "running" if record.started else "waiting",
+                "role": brief(record.role),
+                "nodes": brief(record.nodes),
+                "state": brief(record.end) if record.ended else "running" if record.started else "waiting",
                 "core_hours": record.core_hours(now),
                 "rows": by_job.get(record.job, 0),
             }
@@ -176,7 +176,7 @@ def sign_of_life(folder: Path, now: float) -> dict[str, Any] | None:
     alive = age < SILENT_S and facts.get("state", RUNNING) == RUNNING and is_here(facts.get("process")) is not False
     if "state" not in facts:  # written by an older version, which did not record how it ended
         alive = alive and facts["done"] < facts["total"]
-    return {**facts, "age_s": round(age, 1), "alive": alive}
+    return {**facts, "title": brief(str(facts["title"])), "age_s": round(age, 1), "alive": alive}
 
 
 def logged_tasks(folder: Path) -> dict[str, Any]:

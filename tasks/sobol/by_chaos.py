@@ -68,7 +68,7 @@ class ByChaos:
 
     def of(self, outcomes: Array) -> dict[str, Array]:
         """S1, S1_conf, ST, ST_conf ``[d, m]`` of outcomes ``[n, m]`` that change little from one to the next."""
-        used = outcomes[self.ok]
+        used = _moderate(outcomes[self.ok])
         varies = _varies(used)
         found = {key: np.full((len(self.design.names), outcomes.shape[1]), np.nan) for key in KEYS}
         if varies.any():
@@ -79,7 +79,7 @@ class ByChaos:
 
     def analysis(self, outcomes: Array) -> Analysis:
         """The same of one output ``[n]``, with indices of second order if they were asked for."""
-        values = outcomes[self.ok]
+        values = _moderate(outcomes[self.ok])
         names = self.design.names
         if not _varies(values):
             return Analysis(*(np.full(len(names), np.nan) for _ in KEYS))
@@ -98,7 +98,7 @@ class ByChaos:
 
     def unexplained(self, outcomes: Array) -> float:
         """The part of one output's variance that its polynomials do not explain."""
-        values = outcomes[self.ok]
+        values = _moderate(outcomes[self.ok])
         if not _varies(values):
             return 0.0
         with threadpool_limits(1):
@@ -177,6 +177,14 @@ class ByChaos:
             found[key] = whole[number]
             found[f"{key}_conf"] = self._half(np.array([each[number] for each in without]), left)
         return found
+
+
+def _moderate(outcomes: Array) -> Array:
+    """Outcomes ``[n, ...]`` in other units, powers of two, in which squares neither overflow nor vanish."""
+    if not len(outcomes):
+        return outcomes
+    _, exponent = np.frexp(np.abs(outcomes).max(axis=0))
+    return np.ldexp(outcomes, -exponent)
 
 
 def _varies(outcomes: Array) -> Array:

@@ -13,7 +13,8 @@ from sinew.runner.errors import BadInput
 from sinew.runner.files import NotReadable, new_file, read_regular
 from sinew.tasks.simulate import Array
 
-MAX_BYTES = 2**29
+MAX_BYTES = 2**28
+LARGEST = 1e75  # of a number: its cube does not overflow
 INPUTS = "inputs"  # the array that holds the key of what all others were made from
 
 
@@ -24,10 +25,11 @@ class KeptArrays:
     path: Path
     inputs: str
 
-    def read(self, shapes: Mapping[str, tuple[int | None, ...]]) -> dict[str, Array] | None:
-        """The arrays, if all of them have the ``shapes`` that they must have (None: any length) and are numbers.
+    def read(self, shapes: Mapping[str, tuple[int | str, ...]]) -> dict[str, Array] | None:
+        """The arrays, if all of them have the ``shapes`` that they must have and are numbers.
 
-        None where there is no such file; one of other inputs, a damaged one or one with other arrays does not count.
+        A length that is a name may be any, the same wherever it stands. None where there is no such file; one of other
+        inputs, a damaged one or one with other arrays does not count.
         """
         try:
             found = safetensors.numpy.load(read_regular(self.path, MAX_BYTES))
@@ -38,7 +40,8 @@ class KeptArrays:
         inputs = found.pop(INPUTS, np.empty(0))
         if inputs.tobytes() != self.inputs.encode() or set(found) != set(shapes):
             return None
-        whole = all(_fits(found[name], shape) for name, shape in shapes.items())
+        lengths: dict[str, int] = {}
+        whole = all(_fits(found[name], shape, lengths) for name, shape in shapes.items())
         return found if whole else None
 
     def write(self, arrays: Mapping[str, Array]) -> None:
@@ -55,8 +58,11 @@ class KeptArrays:
             temporary.unlink(missing_ok=True)
 
 
-def _fits(array: Array, shape: tuple[int | None, ...]) -> bool:
-    right = array.ndim == len(shape) and all(
-        want in (None, have) for want, have in zip(shape, array.shape, strict=True)
-    )
-    return bool(right and array.dtype == np.float64 and np.isfinite(array).all())
+def _fits(array: Array, shape: tuple[int | str, ...], lengths: dict[str, int]) -> bool:
+    """Whether an array has the shape; ``lengths`` are those of names so far, to which its own are added."""
+    if array.ndim != len(shape) or array.dtype != np.float64:
+        return False
+    for want, have in zip(shape, array.shape, strict=True):
+        if (lengths.setdefault(want, have) if isinstance(want, str) else want) != have:
+            return False
+    return bool((np.abs(array) <= LARGEST).all())  # not true of NaN

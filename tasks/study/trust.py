@@ -22,7 +22,7 @@ class Request:
     """What ``field`` of a study asks for, in ``words``.
 
     ``text`` is that of the study file as it was read: the file may have changed since. ``contents`` are the files that
-    the request is about, as bytes.
+    the request is about, as bytes. ``beside``: what a confirmation cannot hold, in words.
     """
 
     study: Path
@@ -31,6 +31,7 @@ class Request:
     words: str
     instead: str
     contents: tuple[bytes, ...] = ()
+    beside: str = ""
 
     @property
     def key(self) -> str:

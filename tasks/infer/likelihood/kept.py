@@ -1,30 +1,41 @@
-"""What an unfinished inference keeps: errors of the model, explored specimens, and blocks of sweeps."""
+"""What an unfinished inference keeps: errors of the model, explored specimens, and blocks of sweeps.
 
+A file whose numbers cannot be those of what it claims to be does not count: what it held is computed again.
+"""
+
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from sinew.tasks.fitting.roughness import Roughness
-from sinew.tasks.infer.likelihood.chains import Block, State
+from sinew.tasks.infer.likelihood.chains import CHAINS, Block, State
 from sinew.tasks.infer.likelihood.chart import Chart
+from sinew.tasks.infer.likelihood.compiled import FARTHEST
 from sinew.tasks.infer.likelihood.discrepancy import ModelError, lengths_of
 from sinew.tasks.infer.likelihood.emulator import Emulator
-from sinew.tasks.infer.likelihood.explore import Explored
+from sinew.tasks.infer.likelihood.explore import LENGTHS, Explored
 from sinew.tasks.infer.likelihood.population import Population
 from sinew.tasks.infer.likelihood.target import Target
 from sinew.tasks.simulate import Array
 from sinew.tasks.study.kept import KeptArrays
 
+Shapes = dict[str, tuple[int | str, ...]]
+MODERATE = 1e30  # of variances and precisions of scores, at most; and at least one in so many
 OF_A_BLOCK = ("scores", "squares", "mean", "spread", "new", "correlation", "accepted")
 
 
 def read_model_error(path: Path, inputs: str, target: Target) -> ModelError | None:
     """The model's error in a specimen that was found before, if it was with the same inputs."""
-    shapes = {"rough": (2,), "directions": (target.points, None), "taken": (None,), "size": (), "misfit": ()}
+    shapes: Shapes = {"rough": (2,), "directions": (target.points, "d"), "taken": ("d",), "size": (), "misfit": ()}
     found = KeptArrays(path, inputs).read(shapes)
-    if found is None or found["directions"].shape[1] != found["taken"].size:
+    if found is None:
         return None
     size, memory = (float(each) for each in found["rough"])
+    if not (
+        size >= 0.0 <= memory < 1.0 and _within(found["taken"], 0.0, 1.0) and min(found["size"], found["misfit"]) >= 0.0
+    ):
+        return None
     rough = Roughness(size, memory, lengths_of(target.measured))
     return ModelError(rough, found["directions"], found["taken"], float(found["size"]), float(found["misfit"]))
 
@@ -41,18 +52,33 @@ def read_explored(path: Path, inputs: str, target: Target) -> Explored | None:
     """A specimen that was explored before, if it was with the same inputs."""
     k = target.size
     terms = 1 + k + k * (k + 1) // 2
-    shapes = {"centre": (k,), "scale": (k,), "coefficients": (terms, None), "rest": (),
-              "frame": (None, k), "root": (k, k), "precision": (k, k),
-              "length": (), "begin": (None, k), "determined": (k,), "error": (), "least": (),
-              "seen": (None, k)}  # fmt: skip
+    shapes: Shapes = {"centre": (k,), "scale": (k,), "coefficients": (terms, "q"), "rest": (),
+              "frame": ("q + k", k), "root": (k, k), "precision": (k, k),
+              "length": (), "begin": ("begin", k), "determined": (k,), "error": (), "least": (),
+              "seen": ("seen", k)}  # fmt: skip
     found = KeptArrays(path, inputs).read(shapes)
-    if found is None or len(found["begin"]) == 0 or len(found["frame"]) != found["coefficients"].shape[1] + k:
+    if found is None or not _of_an_explored(found):
         return None
     known = Emulator(found["centre"], found["scale"], found["coefficients"], float(found["rest"]))
     chart = Chart(known, found["frame"], found["root"], found["precision"])
     determined = found["determined"] == 1.0
     error, least = float(found["error"]), float(found["least"])
     return Explored(chart, float(found["length"]), found["begin"], determined, error, least, found["seen"])
+
+
+def _of_an_explored(found: Mapping[str, Array]) -> bool:
+    """Whether arrays of the right shapes may be those of an explored specimen."""
+    k = found["centre"].size
+    return bool(
+        len(found["frame"]) == found["coefficients"].shape[1] + k
+        and all(len(found[name]) and _within(found[name], -FARTHEST, FARTHEST) for name in ("begin", "seen"))
+        and (found["scale"] > 0.0).all()
+        and np.isin(found["determined"], (0.0, 1.0)).all()
+        and min(found["error"], found["least"]) >= 0.0
+        and found["length"] in LENGTHS
+        and np.linalg.matrix_rank(found["root"]) == k
+        and _positive(found["precision"])
+    )
 
 
 def write_explored(path: Path, inputs: str, explored: Explored) -> None:
@@ -69,19 +95,47 @@ def write_explored(path: Path, inputs: str, explored: Explored) -> None:
 def read_block(path: Path, inputs: str, specimens: int, size: int) -> Block | None:
     """A block of sweeps of an ensemble that was made before, if it was with the same inputs."""
     n, k = specimens, size
-    shapes: dict[str, tuple[int | None, ...]] = {
-        "state_scores": (n, None, k), "state_squares": (n, None), "state_mean": (None, k),
-        "state_precision": (None, k, k), "state_scales": (None, k), "state_weights": (n, None), "sweep": (),
-        "scores": (None, None, n, k), "squares": (None, None, n), "mean": (None, None, k),
-        "spread": (None, None, k), "new": (None, None, k),
-        "correlation": (None, k, k), "accepted": (n,),
+    c, s = CHAINS, "sweeps"
+    shapes: Shapes = {
+        "state_scores": (n, c, k), "state_squares": (n, c), "state_mean": (c, k), "state_precision": (c, k, k),
+        "state_scales": (c, k), "state_weights": (n, c), "sweep": (),
+        "scores": (s, c, n, k), "squares": (s, c, n), "mean": (s, c, k), "spread": (s, c, k), "new": (s, c, k),
+        "correlation": (s, k, k), "accepted": (n,),
     }  # fmt: skip
     found = KeptArrays(path, inputs).read(shapes)
-    if found is None:
+    if found is None or not _of_a_block(found):
         return None
     population = Population(*(found[f"state_{name}"] for name in ("mean", "precision", "scales", "weights")))
     state = State(found["state_scores"], found["state_squares"], population, int(found["sweep"]))
     return Block(state, *(found[name] for name in OF_A_BLOCK))
+
+
+def _of_a_block(found: Mapping[str, Array]) -> bool:
+    """Whether arrays of the right shapes may be those of a block."""
+    sweep, sweeps = float(found["sweep"]), len(found["scores"])
+    return bool(
+        sweeps
+        and sweep.is_integer()
+        and sweeps <= sweep < 2**31
+        and all(_within(found[name], -FARTHEST, FARTHEST) for name in ("scores", "state_scores"))
+        and all((found[name] >= 0.0).all() for name in ("squares", "state_squares"))
+        and all(_within(found[name], 1 / MODERATE, MODERATE) for name in ("state_scales", "state_weights", "spread"))
+        and all(_within(found[name], -MODERATE, MODERATE) for name in ("mean", "state_mean", "new"))
+        and _within(found["correlation"], -1.0 - 1e-9, 1.0 + 1e-9)
+        and _within(found["accepted"], 0.0, 1.0)
+        and _positive(found["state_precision"])
+    )
+
+
+def _within(values: Array, low: float, high: float) -> bool:
+    return bool(((values >= low) & (values <= high)).all())
+
+
+def _positive(matrices: Array) -> bool:
+    """Whether matrices ``[..., k, k]`` can be precisions: symmetric, with moderate eigenvalues above 0."""
+    if not np.allclose(matrices, np.swapaxes(matrices, -1, -2), rtol=0.0, atol=1e-6 * np.abs(matrices).max()):
+        return False
+    return _within(np.linalg.eigvalsh(matrices), 1 / MODERATE, MODERATE)
 
 
 def write_block(path: Path, inputs: str, block: Block) -> None:

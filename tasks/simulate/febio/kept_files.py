@@ -14,14 +14,15 @@ import zarr
 
 from sinew.runner.errors import StoreError, of_the_system
 from sinew.runner.files import what_is
-from sinew.runner.store.chunks import BLOSC_HEADER, blosc_fault, codecs_fault
+from sinew.runner.store.chunks import BLOSC_HEADER, blosc_fault, codecs_fault, too_large
 from sinew.runner.store.damage import words
+from sinew.runner.zip_end import directory_of
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.febio.kept import ENDING, FORMAT, Entry, Run, as_zarr
 from sinew.tasks.simulate.febio.plot_file import PlotFile, Variable, fits
 from sinew.tasks.simulate.febio.plot_mesh import Mesh, Region
 
-MAX_MEMBERS = 200_000
+MAX_MEMBERS, MAX_DIRECTORY = 200_000, 2**25  # entries of a zip, and the bytes that all of them take
 MAX_ARRAY_BYTES = 2**28
 MAX_JSON = 2**22
 MAX_RUNS = 10_000  # of a file, which keeps those of a batch
@@ -83,6 +84,10 @@ def _sound(path: Path) -> Iterator[tuple[zipfile.ZipFile, zarr.Group]]:
     try:
         if not stat.S_ISREG(mode := os.lstat(path).st_mode):
             raise ValueError(f"it is {what_is(mode)}")  # a device has no end, and zipfile looks for it
+        with path.open("rb") as file:
+            count, size = directory_of(file)  # zipfile reads all of it before it looks at it
+        if count > MAX_MEMBERS or size > MAX_DIRECTORY:
+            raise ValueError(f"it lists {count:,} members in {size:,} bytes")
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
             stored = all(
@@ -140,7 +145,9 @@ class _Reader:
             raise ValueError(f"{name} has another type or shape, or other codecs ({fault or array.dtype})")
         size = array.dtype.itemsize * int(np.prod(array.shape, dtype=object))
         chunk = array.dtype.itemsize * int(np.prod(array.chunks, dtype=object))
-        self.left -= size
+        if too_large(array):
+            raise ValueError(f"{name} has the shape {array.shape} and chunks {array.chunks}")
+        self.left -= max(size, chunk * len(self._chunks.get(name, ())))
         parts = int(
             np.prod([-(-length // part) for length, part in zip(array.shape, array.chunks, strict=True)], dtype=object)
         )

@@ -41,12 +41,14 @@ def chunks(content: memoryview, what: str) -> Iterator[tuple[int, memoryview]]:
         at += size
 
 
-def one_of_each(content: memoryview, what: str, *, repeated: bool = False) -> dict[int, memoryview]:
-    """The chunks in ``content`` by tag, at most ``MAX_TAGS``. Each is there once; if ``repeated``, the last counts."""
+def one_of_each(content: memoryview, what: str, *, again: int = 0) -> dict[int, memoryview]:
+    """The chunks in ``content`` by tag, at most ``MAX_TAGS``. Each is there once, or ``again`` times more."""
     found: dict[int, memoryview] = {}
     for tag, inside in chunks(content, what):
-        if tag in found and not repeated:
-            raise damaged(f"{what} has two chunks {tag:#010x}")
+        if tag in found:
+            again -= 1
+            if again < 0:
+                raise damaged(f"{what} has the chunk {tag:#010x} too often")
         if len(found) == MAX_TAGS and tag not in found:
             raise damaged(f"{what} has more than {MAX_TAGS} parts")
         found[tag] = inside

@@ -24,6 +24,7 @@ from sinew.tasks.simulate.febio.plot_mesh import Mesh, Region, read_mesh
 Where = Literal["global", "node", "domain", "surface", "edge"]
 Per = Literal["node", "item", "corner", "region"]
 Kind = Literal["float", "vec3f", "mat3fs", "mat3fd", "tens4fs", "mat3f", "array", "array_vec3f"]
+_Place = tuple[Where, int]  # a variable: where it is, and its number there
 
 _WHERE: dict[int, Where] = {0x01021000: "global", 0x01023000: "node", 0x01024000: "domain", 0x01025000: "surface",
                             0x01026000: "edge"}  # fmt: skip
@@ -39,7 +40,7 @@ COMPONENTS: dict[str, tuple[str, ...]] = {
     "mat3fd": ("1", "2", "3"),
     "mat3f": ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"),
 }
-MAX_VARIABLES, MAX_ARRAY, MAX_STATES = 1000, 4096, 10**6
+MAX_VARIABLES, MAX_ARRAY, MAX_STATES = 1000, 4096, 100_000
 MAX_BYTES = 2**28  # of a file, of its states, and of the arrays that are made of them: what can be kept and read again
 MAX_REGIONS = 2**22  # of all variables in all states, each of which is looked at
 
@@ -116,7 +117,7 @@ def plot_file_of(content: bytes, max_bytes: int) -> PlotFile:
     entries = _dictionary(parts.get(plot_chunks.DICTIONARY, memoryview(b"")))
     mesh_part, rest = _top(rest, plot_chunks.MESH, "the mesh")
     mesh = read_mesh(mesh_part)
-    return _with_states(entries, mesh, rest, max_bytes)
+    return _with_states(entries, mesh, rest, max_bytes - len(mesh_part))
 
 
 def _top(content: memoryview, tag: int, what: str) -> tuple[memoryview, memoryview]:
@@ -132,7 +133,7 @@ def _top(content: memoryview, tag: int, what: str) -> tuple[memoryview, memoryvi
 def _dictionary(content: memoryview) -> list[_Entry]:
     """The variables, in the order of the file within each part of it."""
     found: list[_Entry] = []
-    for tag, inside in chunks(content, "the dictionary"):
+    for tag, inside in one_of_each(content, "the dictionary").items():
         if tag not in _WHERE:
             raise damaged(f"the dictionary has a part {tag:#010x}")
         for _, item in chunks(inside, "the dictionary"):
@@ -146,7 +147,7 @@ def _dictionary(content: memoryview) -> list[_Entry]:
 
 
 def _entry(where: Where, content: memoryview) -> _Entry:
-    parts = one_of_each(content, "a variable", repeated=True)  # names of an array's parts repeat
+    parts = one_of_each(content, "a variable", again=MAX_ARRAY)  # names of an array's parts repeat
     kind, per = integer(parts, 0x01020002, "a variable's type"), integer(parts, 0x01020003, "a variable's format")
     size = integer(parts, 0x01020005, "an array's size", 0)
     name = name_in(parts.get(0x01020004, memoryview(b"")), "a variable's name", counted=False)
@@ -175,14 +176,35 @@ class _Course:
 
 
 def _with_states(entries: list[_Entry], mesh: Mesh, rest: memoryview, max_bytes: int) -> PlotFile:
+    at, courses, first = _courses(entries, mesh, rest, max_bytes)
+    if not (np.isfinite(at).all() and (np.diff(at) >= 0).all()):
+        raise damaged("its times do not increase")
+    rows = np.cumsum(np.diff(at, prepend=np.nan) != 0) - 1  # of times that are equal as float32, the last state counts
+    variables, left = {}, max_bytes
+    for place in list(courses):
+        course = courses.pop(place)  # the memory of its numbers is needed for the next
+        variable = _variable(course, rows[first.get(place, 0) :], int(rows[-1]) + 1 if rows.size else 0, left)
+        left -= variable.values.nbytes
+        name = variable.name if variable.name not in variables else f"{variable.name} ({variable.where})"
+        variables[name] = variable
+    return PlotFile(np.unique(at), mesh, variables)
+
+
+def _courses(
+    entries: list[_Entry], mesh: Mesh, rest: memoryview, max_bytes: int
+) -> tuple[Array, dict[_Place, _Course], dict[_Place, int]]:
+    """The times of all states, what they hold of each variable, and the state in which it comes first.
+
+    No later state may lack it.
+    """
     times: list[float] = []
     regions = 0
-    courses: dict[tuple[Where, int], _Course] = {
+    courses = {
         (where, number): _Course(entry)
         for where in _WHERE.values()
         for number, entry in enumerate((each for each in entries if each.where == where), 1)
     }
-    first: dict[tuple[Where, int], int] = {}  # the state in which a variable comes first; no later one may lack it
+    first: dict[_Place, int] = {}
     for state in plot_chunks.states(rest, max_bytes):
         parts = one_of_each(state, "a state")
         if len(times) == MAX_STATES:
@@ -201,17 +223,7 @@ def _with_states(entries: list[_Entry], mesh: Mesh, rest: memoryview, max_bytes:
                 raise damaged(f"its states have more than {MAX_REGIONS:,} regions")
         if seen != len(first):
             raise damaged(f"the state at {times[-1]:g} s does not hold each variable once")
-    at = np.array(times)
-    if not (np.isfinite(at).all() and (np.diff(at) >= 0).all()):
-        raise damaged("its times do not increase")
-    rows = np.cumsum(np.diff(at, prepend=np.nan) != 0) - 1  # of times that are equal as float32, the last state counts
-    variables, left = {}, max_bytes
-    for place, course in courses.items():
-        variable = _variable(course, rows[first.get(place, 0) :], int(rows[-1]) + 1 if rows.size else 0, left)
-        left -= variable.values.nbytes
-        name = variable.name if variable.name not in variables else f"{variable.name} ({variable.where})"
-        variables[name] = variable
-    return PlotFile(np.unique(at), mesh, variables)
+    return np.array(times), courses, first
 
 
 def _time(parts: dict[int, memoryview]) -> float:
@@ -221,9 +233,9 @@ def _time(parts: dict[int, memoryview]) -> float:
     return float(np.frombuffer(header[0x02010002], "<f4")[0])
 
 
-def _state_data(content: memoryview) -> Iterator[tuple[tuple[Where, int], memoryview]]:
+def _state_data(content: memoryview) -> Iterator[tuple[_Place, memoryview]]:
     """Of each variable of a state: where it is, its number there, and what the state has of it by region."""
-    for tag, inside in chunks(content, "a state's data"):
+    for tag, inside in one_of_each(content, "a state's data").items():
         if tag not in _DATA:
             raise damaged(f"a state's data has a part {tag:#010x}")
         for _, each in chunks(inside, "a state's data"):

@@ -110,13 +110,13 @@ def _domains(content: memoryview, nodes: int) -> Iterator[Region]:
         if claimed != len(table):
             raise damaged(f"a domain has {len(table):,} elements and claims {claimed:,}")
         part = integer(header, 0x01042103, "the part of a domain")
-        yield Region(name, shape, part, table[:, 0].copy(), _corners(table[:, 1:], nodes, lowest=0))
+        _known(table[:, 1:], nodes)
+        yield Region(name, shape, part, table[:, 0].copy(), table[:, 1:].copy())
 
 
-def _corners(table: Array, nodes: int, lowest: int) -> Array:
-    if table.size and (table.min() < lowest or table.max() >= nodes):
+def _known(corners: Array, nodes: int) -> None:
+    if corners.size and (corners.min() < 0 or corners.max() >= nodes):
         raise damaged("elements or faces have nodes that the mesh lacks")
-    return table.copy()
 
 
 #: Tags of a kind of region: its header, number of items, name, corners of an item, list, and one item of the list.
@@ -141,8 +141,10 @@ def _faces(content: memoryview, tags: tuple[int, ...], nodes: int) -> tuple[Regi
             raise damaged(f"a surface has {len(table):,} faces and claims {claimed:,}, or one has too many corners")
         there = np.arange(corners) < own[:, np.newaxis]
         name = name_in(header[name_tag], "a surface's name", counted=True) if name_tag in header else ""
-        filled = _corners(np.where(there, table[:, 2:], 0), nodes, lowest=0)
-        found.append(Region(name, "", 0, table[:, 0].copy(), np.where(there, filled, -1)))
+        filled = np.where(there, table[:, 2:], 0)
+        _known(filled, nodes)
+        filled[~there] = -1
+        found.append(Region(name, "", 0, table[:, 0].copy(), filled))
     return tuple(found)
 
 
@@ -170,10 +172,10 @@ def _sets(content: memoryview, tags: tuple[int, ...], below: int | None) -> dict
 
 def _parts(content: memoryview) -> dict[int, str]:
     found = {}
-    for _, inside in chunks(content, "the parts"):
+    for number, (_, inside) in enumerate(chunks(content, "the parts"), 1):
+        if number > MAX_REGIONS:
+            raise damaged(f"more than {MAX_REGIONS:,} parts")
         parts = one_of_each(inside, "a part")
         name = name_in(parts.get(0x01045102, memoryview(b"")), "the name of a part", counted=False)
         found[integer(parts, 0x01045101, "the number of a part")] = name
-        if len(found) > MAX_REGIONS:
-            raise damaged(f"more than {MAX_REGIONS:,} parts")
     return found

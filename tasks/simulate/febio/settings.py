@@ -94,6 +94,7 @@ class SolverSettings(SimulatorSettings):
             f"{shown(self.executable)} would run on this machine",
             f"{FEBIO}, --solver",
             (str(program).encode(), program_hash(program), *_as_bytes(template.files)),
+            f"{program} may read or run other files: a change of these is not asked about again",
         )
 
     def with_solver(

@@ -9,6 +9,7 @@ import base64
 import struct
 import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -30,6 +31,7 @@ _CELLS = {
 _TYPES = {"f4": "Float32", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
 MAX_STATES = 20_000
 MAX_NUMBERS = 2**24  # of the mesh, and of a field in a state: each takes some thirty bytes while it is written
+MAX_ALL = 2**30  # numbers in all files
 _FULL = (0, 3, 5, 3, 1, 4, 5, 4, 2)  # xx, yy, zz, xy, yz, xz as a matrix by rows
 
 
@@ -46,9 +48,14 @@ def write_vtk(path: Path, plot: PlotFile) -> list[str]:
     numbers = 3 * len(plot.mesh.nodes) + sum(region.corners.size for region in plot.mesh.domains)
     if max(numbers, cells * width, len(plot.mesh.nodes) * width) > MAX_NUMBERS:
         raise BadInput(path, "its mesh or a field of it is too large", f"at most {MAX_NUMBERS:,} numbers")
+    of_a_state = numbers + len(plot.mesh.nodes) + 2 * cells
+    of_a_state += sum(variable.values[0].size for variable in plot.variables.values()) if plot.time_s.size else 0
+    if plot.time_s.size * of_a_state > MAX_ALL:
+        problem = f"its {plot.time_s.size:,} states would have {of_a_state:,} numbers each"
+        raise BadInput(path, problem, f"at most {MAX_ALL:,} numbers in all")
     folder = path.with_suffix("")
     folder.mkdir(parents=True, exist_ok=True)
-    grid = "".join(_grid(plot))
+    frame = _frame(plot)
     lines = [
         '<?xml version="1.0"?>',
         '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
@@ -56,7 +63,7 @@ def write_vtk(path: Path, plot: PlotFile) -> list[str]:
     ]
     for state, time in enumerate(plot.time_s):
         name = f"state_{state:05d}.vtu"
-        _write(folder / name, _with_data(plot, grid, state))
+        _write(folder / name, _with_data(plot, frame, state))
         lines.append(f'<DataSet timestep="{float(time)!r}" file={quoteattr(f"{folder.name}/{name}")}/>')
     _write(path, "\n".join([*lines, "</Collection>", "</VTKFile>", ""]))
     return [name for name, variable in plot.variables.items() if not _has_place(variable)]
@@ -83,14 +90,28 @@ def _grid(plot: PlotFile) -> Iterator[str]:
     yield "</Cells>\n"
 
 
-def _with_data(plot: PlotFile, grid: str, state: int) -> str:
+@dataclass(frozen=True)
+class _Frame:
+    """What is the same in the files of all states: points and cells, and the numbers of nodes, elements and parts."""
+
+    grid: str
+    of_points: str
+    of_cells: str
+
+
+def _frame(plot: PlotFile) -> _Frame:
+    nothing, domains = np.zeros(0, np.int32), plot.mesh.domains
+    elements = np.concatenate([nothing, *(one.ids for one in domains)])
+    parts = np.concatenate([nothing, *(np.full(len(one.ids), one.part, np.int32) for one in domains)])
+    of_cells = _array("element_id", elements) + _array("part", parts)
+    return _Frame("".join(_grid(plot)), _array("node_id", plot.mesh.node_ids), of_cells)
+
+
+def _with_data(plot: PlotFile, frame: _Frame, state: int) -> str:
     """The file of a state."""
     mesh = plot.mesh
     cells = sum(len(region.corners) for region in mesh.domains)
-    points = [_array("node_id", mesh.node_ids)]
-    inside = [_array("element_id", np.concatenate([np.zeros(0, np.int32), *(one.ids for one in mesh.domains)]))]
-    parts = [np.full(len(one.ids), one.part, np.int32) for one in mesh.domains]
-    inside.append(_array("part", np.concatenate([np.zeros(0, np.int32), *parts])))
+    points, inside = [frame.of_points], [frame.of_cells]
     for name, variable in plot.variables.items():
         if variable.where == "node":
             points.append(_array(name, _as_vtk(variable, variable.values[state])))
@@ -99,7 +120,7 @@ def _with_data(plot: PlotFile, grid: str, state: int) -> str:
     return (
         '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" '
         'header_type="UInt64" compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n'
-        f'<Piece NumberOfPoints="{len(mesh.nodes)}" NumberOfCells="{cells}">\n{grid}'
+        f'<Piece NumberOfPoints="{len(mesh.nodes)}" NumberOfCells="{cells}">\n{frame.grid}'
         f"<PointData>\n{''.join(points)}</PointData>\n<CellData>\n{''.join(inside)}</CellData>\n"
         "</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
     )

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -109,3 +110,51 @@ def test_what_was_not_written_is_one_line(folder, kind):
     with Store.writing(folder, "study") as store:
         store.write_result("sobol", DATASET)
     xr.testing.assert_identical(open_store(folder).read_result("sobol"), DATASET)
+
+
+def array(group: Path, name: str, size: list[int], chunk: list[int], dtype: str, content: bytes, files: int) -> None:
+    """Add an array to a group whose chunks all are this content, compressed."""
+    edit(group, lambda one: one["attributes"][ARRAYS].append(name))
+    codecs = ["bytes" if dtype != "string" else "vlen-utf8", "zstd"]
+    metadata = {
+        "zarr_format": 3, "node_type": "array", "shape": size, "data_type": dtype, "attributes": {},
+        "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": chunk}},
+        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}},
+        "fill_value": "" if dtype == "string" else 0, "dimension_names": [f"{name}_{i}" for i in range(len(size))],
+        "codecs": [{"name": codecs[0]}, {"name": "zstd", "configuration": {"level": 3, "checksum": False}}],
+    }  # fmt: skip
+    for number in range(files):
+        path = group / name / "c" / "/".join([str(number), *"0" * (len(size) - 1)])
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(Zstd(3).encode(content))
+    (group / name / "zarr.json").write_text(json.dumps(metadata))
+
+
+def test_a_chunk_is_no_larger_than_its_array(folder):
+    """Ten would be decompressed at once, whatever the array shows of them."""
+    array(folder / "store.zarr" / "sobol", "wide", [10, 1], [1, 2**26], "int8", bytes(2**26), 10)
+    with pytest.raises(StoreError, match=r"the shape of wide is \(10, 1\), its chunks are \(1, 67108864\)"):
+        open_store(folder).read_result("sobol")
+
+
+def test_chunks_that_reach_beyond_the_end_are_counted_whole(folder, monkeypatch):
+    monkeypatch.setattr("sinew.runner.store.results.MAX_BYTES", 3000)
+    group = folder / "store.zarr" / "sobol"
+    array(group, "few", [1001], [1000], "int8", bytes(1000), 2)
+    assert open_store(folder).read_result("sobol")["few"].size == 1001
+    array(group, "more", [601], [600], "int8", bytes(600), 2)
+    with pytest.raises(StoreError, match="its arrays take more than 3,000 bytes"):
+        open_store(folder).read_result("sobol")
+
+
+def test_texts_of_all_arrays_are_counted_as_they_are_in_memory(folder, monkeypatch):
+    """A single rare letter makes each of its text take four bytes."""
+    text = ("a" * 1000 + "\N{GRINNING FACE}").encode()
+    content = struct.pack("<II", 1, len(text)) + text
+    monkeypatch.setattr("sinew.runner.store.results.MAX_BYTES", 9000)
+    for number in range(2):
+        array(folder / "store.zarr" / "sobol", f"t{number}", [1], [1], "string", content, 1)
+    assert open_store(folder).read_result("sobol")["t1"].size == 1
+    array(folder / "store.zarr" / "sobol", "t2", [1], [1], "string", content, 1)
+    with pytest.raises(StoreError, match="its arrays take more than 9,000 bytes"):
+        open_store(folder).read_result("sobol")

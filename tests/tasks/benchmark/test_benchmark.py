@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.benchmark import discover
+from sinew.tasks.benchmark import discover, score
 from sinew.tasks.benchmark.answers import SAME_FORM, Answer, read_answers
 from sinew.tasks.benchmark.discover import result_of
 from sinew.tasks.benchmark.score import (
@@ -272,7 +272,7 @@ def test_each_row_of_the_table_counts_what_it_says():
     assert (seconds.median, seconds.range) == (20.0, (10.0, 30.0))
 
 
-def test_intervals_are_those_of_clopper_and_pearson():
+def test_intervals_are_those_of_clopper_and_pearson(monkeypatch):
     low, high = Share("", 0, 10).interval
     assert (low, high) == pytest.approx((0.0, 1 - 0.025 ** (1 / 10)))
     assert Share("", 3, 10).interval == pytest.approx((0.0667, 0.6525), abs=1e-4)
@@ -281,6 +281,8 @@ def test_intervals_are_those_of_clopper_and_pearson():
     low, high = Median("", values).interval
     assert low < np.median(values) < high
     assert high - low < 1.5
+    monkeypatch.setattr(score, "AT_ONCE", 10 * len(values))
+    assert Median("", values).interval == (low, high), "drawn in blocks"
     assert (Median("", ()).median, Median("", (1.0,)).interval) == (None, None)
 
 

@@ -14,6 +14,7 @@ from sinew.tasks.data import sheet_reading, sheets
 from sinew.tasks.data.exports import read_export
 from sinew.tasks.data.inspection import inspect
 from sinew.tasks.data.sheets import read_sheets
+from sinew.tasks.data.tables import MOST_BEFORE, read_tables
 
 MAIN = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
 OFFICE = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
@@ -164,3 +165,42 @@ def test_texts_reach_this_process_as_they_are_and_are_kept_once(tmp_path):
         tracemalloc.stop()
     assert {cell for row in rows for cell in row} == {text}
     assert peak < 2**22, "20,000 of them would take 8 MB, and escaped in JSON 18"
+
+
+def test_an_archive_of_which_python_knows_nothing_is_one_line(tmp_path):
+    newer = zipfile.ZipInfo("a")
+    newer.extract_version = 64
+    with zipfile.ZipFile(tmp_path / "newer.xlsx", "w") as archive:
+        archive.writestr(newer, "")
+    with zipfile.ZipFile(tmp_path / "names.xlsx", "w") as archive:
+        archive.writestr("\N{LATIN SMALL LETTER E WITH ACUTE}", "")
+    content = (tmp_path / "names.xlsx").read_bytes().replace(b"\xc3\xa9", b"\xff\xff")
+    (tmp_path / "names.xlsx").write_bytes(content)
+    for name in ("newer.xlsx", "names.xlsx"):
+        with pytest.raises(BadInput, match="not a spreadsheet that can be read"):
+            list(read_sheets(tmp_path / name))
+
+
+def test_an_archive_of_very_many_files_is_refused_before_they_are_listed(tmp_path, monkeypatch):
+    path = write_workbook(tmp_path / "a.xlsx", one=VALUES)
+    monkeypatch.setattr(sheets, "MAX_MEMBERS", 4)
+    monkeypatch.setattr(sheets.zipfile, "ZipFile", lambda _: pytest.fail("its files are listed"))
+    with pytest.raises(BadInput, match="an archive of 5 files; expected at most 4"):
+        list(read_sheets(path))
+
+
+def test_sheets_have_a_limit(tmp_path, monkeypatch):
+    path = write_workbook(tmp_path / "a.xlsx", one=VALUES, two=VALUES, three=VALUES)
+    monkeypatch.setattr(sheet_reading, "MAX_SHEETS", 2)
+    with pytest.raises(sheet_reading.TooMuch, match="3 sheets") as error:
+        list(sheet_reading.lines_of(path.read_bytes()))
+    assert error.value.expected == "at most 2 sheets"
+
+
+def test_of_very_many_sheets_a_table_keeps_the_first_and_the_last_rows(tmp_path):
+    """Each table has the sheets before it above it, where sizes may stand."""
+    words = {f"s{number:03d}": [[f"size {number}"]] * 450 for number in range(14)}
+    (table,) = read_tables(write_workbook(tmp_path / "a.xlsx", **words, last=VALUES))
+    above = [row[0] for row in table.header[: table.own]]
+    assert len(above) == MOST_BEFORE
+    assert (above[0], above[-1]) == ("size 0", "size 13")

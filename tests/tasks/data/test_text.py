@@ -1,6 +1,7 @@
 """Text files: what is refused unread, encodings, lines, cells and numbers."""
 
 import math
+import time
 from pathlib import Path
 
 import pytest
@@ -244,7 +245,7 @@ def test_what_is_not_surely_a_clock_time_is_no_number(cell):
     assert number(cell, ".") is None
 
 
-@pytest.mark.parametrize("row", ["1\n", "1\r\n", "1,,,,\n", "1\t\t\t\t\n"])
+@pytest.mark.parametrize("row", ["1\n", "1\r\n", "1,,,,\n", "1\t\t\t\t\n", "1||||\n", "1  2 3 4   5\n"])
 def test_rows_and_cells_without_end_are_refused_before_they_are_split(tmp_path, monkeypatch, row):
     monkeypatch.setattr("sinew.tasks.data.text.MAX_LINES", 1000)
     monkeypatch.setattr("sinew.tasks.data.text.MAX_CELLS", 2000)
@@ -254,3 +255,13 @@ def test_rows_and_cells_without_end_are_refused_before_they_are_split(tmp_path, 
     path.write_text(row * 2001, newline="")
     with pytest.raises(BadInput, match="too many rows or columns; expected at most 1,000 rows and 2,000 cells"):
         read_lines(path)
+
+
+def test_ends_of_lines_are_read_once(tmp_path):
+    """A pattern that begins anew at each of them took minutes for such a file."""
+    path = tmp_path / "ends.txt"
+    path.write_bytes(b"a" + b"\r" * 400_000 + b"b\r\r\nc\rd")
+    begin = time.process_time()
+    lines = read_lines(path)
+    assert time.process_time() - begin < 10.0  # it took 100 s
+    assert (len(lines), lines[0], lines[-3:]) == (400_003, "a", ["b", "c", "d"])

@@ -3,7 +3,9 @@
 import io
 import json
 import logging
+import shutil
 import sys
+import time
 
 import pytest
 
@@ -128,3 +130,28 @@ def test_what_bokeh_says_of_a_damaged_result_is_not_printed(run_folder, monkeypa
     finally:
         logging.getLogger("bokeh").removeHandler(handler)
     assert said.getvalue() == ""
+
+
+def test_specimens_without_end_are_compared_in_time(whole_run, run_folder, tmp_path):
+    """The parameters of both are put side by side once, not once for each specimen."""
+
+    def swollen(told):
+        told["free"] = [f"p{number}" for number in range(20_000)]
+        told["bounds"] = [[0.0, 1.0]] * len(told["free"])
+        told["names"] = []
+        fit = next(iter(told["specimens"].values()))
+        small = {**fit, "parameters": {}, "sd_of_range": {}, "determined": [], "on_bound": [], "confounded": []}
+        told["specimens"] = {f"s{number}": small for number in range(3000)}
+
+    def disjoint(told):
+        swollen(told)
+        told["free"] = [f"q{number}" for number in range(20_000)]
+
+    other = tmp_path / "other"
+    shutil.copytree(run_folder, other)
+    edit(run_folder / "calibrate.json", swollen)
+    edit(other / "calibrate.json", disjoint)
+    begin = time.process_time()
+    found, _ = sections(run_folder, other, tmp_path)
+    assert "000 specimens in both" in found["summary"]
+    assert time.process_time() - begin < 10.0  # it took 30 s

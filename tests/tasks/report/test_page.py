@@ -3,11 +3,13 @@
 import html
 import json
 import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from sinew.runner.errors import StoreError
 from sinew.runner.store.store import Store
 from sinew.tasks import pipeline
 from sinew.tasks.calibrate.result import CalibrateResult
@@ -254,3 +256,12 @@ def test_quantities_beside_the_force_have_plots_and_columns_of_their_own(tmp_pat
     assert "lateral_strain, RMSEs together" in words
     assert "The same for the lateral strain." in text
     assert "Measured points of further quantities inside the bands" in text
+
+
+def test_a_specimen_has_no_protocols_without_end():
+    """Each is looked for in the store, more than once."""
+    names = np.array([f"p{number}" for number in range(folder.MAX_PROTOCOLS + 1)])
+    few = SimpleNamespace(coordinate=lambda _: names[:-1], folder=Path("out"), title="distal/1 64")
+    assert len(folder.protocols_of(few)) == folder.MAX_PROTOCOLS
+    with pytest.raises(StoreError, match="distal/1 64 holds 2,001 protocols"):
+        folder.protocols_of(SimpleNamespace(**{**vars(few), "coordinate": lambda _: names}))

@@ -367,3 +367,23 @@ def test_of_a_log_without_end_the_last_lines_are_read(run_folder, line, monkeypa
     assert len(own) < 2**19
     assert "Which program" in seen.sections["provenance"]
     assert "The log does not say who ran this" not in seen.sections["provenance"]
+
+
+def test_an_event_of_megabytes_is_not_read(run_folder, monkeypatch):
+    monkeypatch.setattr("sinew.tasks.report.folder.MAX_LINE_BYTES", 2**15)
+    with (run_folder / "log.jsonl").open("ab") as log:
+        log.write(json.dumps({"message": "run started", **{f"k{n}": n for n in range(5_000)}}).encode() + b"\n")
+    build(run_folder)
+    assert "1 of" in " ".join(read(run_folder).sections.values())
+    assert "lines cannot be read" in " ".join(read(run_folder).sections.values())
+
+
+def test_of_very_many_protocols_and_curves_the_first_are_drawn(run_folder, monkeypatch):
+    monkeypatch.setattr("sinew.tasks.report.sections.data.MOST_LINES", 2)
+    monkeypatch.setattr("sinew.tasks.report.folder.MAX_CURVES", 5)
+    build(run_folder)
+    seen = read(run_folder)
+    assert "Drawn are the first 2 of 3 protocols." in seen.sections["data"]
+    assert "holds more than 5 curves; the first of them are shown" in " ".join(seen.sections.values())
+    assert "middle/1cyclic, one_step" in seen.sections["data"]
+    assert "middle/1cyclic, one_step, two_step" not in seen.sections["data"]

@@ -4,7 +4,7 @@ import json
 
 from sinew.runner.errors import LONGEST
 from sinew.runner.store.store import Store
-from sinew.tasks.report.status import print_status, read_status
+from sinew.tasks.report.status import print_status, read_status, sign_of_life
 
 
 def folder_with(tmp_path, *events):
@@ -39,3 +39,11 @@ def test_a_task_that_was_started_again_has_not_failed(tmp_path):
 def test_the_reason_of_a_failed_task_is_one_short_line(tmp_path):
     reason = read_status(folder_with(tmp_path, failed("infer", "\n" + "x" * 100_000)))["failed_tasks"]["infer"]
     assert reason.startswith("\\n") and len(reason) == LONGEST
+
+
+def test_texts_of_a_folder_are_short_on_the_terminal(tmp_path):
+    """Words without end would be laid out line by line."""
+    folder = folder_with(tmp_path, failed("sobol", "why"))
+    facts = {"title": "word " * 100_000, "done": 0, "total": 1, "time": 1.0}
+    (folder / "progress.json").write_text(json.dumps(facts))
+    assert len(sign_of_life(folder, 2.0)["title"]) <= 300

@@ -284,3 +284,19 @@ def test_a_surrogate_is_not_extended(study, out, capsys):
     with pytest.raises(SystemExit):
         sinew("sobol", other, "--out", out, "--extend", "--quiet")
     assert "sobol.json: is by surrogate; expected a design of Saltelli's to extend" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("unit", [1e-200, 1e250, 1.7e308])
+def test_outcomes_of_any_size_have_the_same_indices(unit):
+    """A solver may log whatever it likes; squares of such numbers overflow, or vanish."""
+    found = estimate(3, 64)
+    values = np.sin(5.0 * found.share[:, 0]) + found.share[:, 1] * found.share[:, 2]
+    values /= np.abs(values).max()
+    curves = np.column_stack([values, values**3])
+    expected, every = found.analysis(values), found.of(curves)
+    again, far = found.analysis(unit * values), found.of(unit * curves)
+    np.testing.assert_allclose(again.ST, expected.ST, rtol=1e-6)
+    np.testing.assert_allclose(again.ST_conf, expected.ST_conf, rtol=1e-4)
+    for key, known in every.items():
+        np.testing.assert_allclose(far[key], known, rtol=1e-4, atol=1e-8)
+    assert found.unexplained(unit * values) == pytest.approx(found.unexplained(values), rel=1e-4)

@@ -136,7 +136,9 @@ def test_consent_holds_until_the_study_the_template_or_the_program_changes(study
 
     assert refused()
     assert ends(monkeypatch, "trust", path) == 0
-    assert capsys.readouterr().out == "allowed: simulator.executable: './evil.sh' would run on this machine\n"
+    said = capsys.readouterr().out
+    assert "allowed: simulator.executable: './evil.sh' would run on this machine\n" in said
+    assert f"  {tmp_path / 'evil.sh'} may read or run other files: a change of these is not asked about again\n" in said
     assert not (tmp_path / "ran").exists(), "what is allowed need not run now"
     assert not refused()
     assert changed("study.yaml", "retries: 0\n")

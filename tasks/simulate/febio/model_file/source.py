@@ -14,9 +14,10 @@ MAX_BYTES = 2**26
 DEEPEST = 100
 MOST_ELEMENTS = 500_000  # beside those of the mesh: each takes up to 900 bytes
 LONGEST_NAME = 200  # characters of a tag, or of a name
+MOST_TEXT = 2**24  # characters beside the mesh
 MESH = ("Mesh", "Geometry")  # below these sections only the sections themselves are kept
 VERSIONS = ("3.0", "4.0")
-_DECLARATION = re.compile(r"\A\s*<\?xml[^>]*\?>\s*")
+_DECLARATION = re.compile(rb"\A\s*<\?xml[^>]*\?>\s*")
 _ENCODING = re.compile(rb"\A[^>]{0,200}?encoding\s*=\s*[\"']([A-Za-z0-9_.:-]{1,40})[\"']")
 _TAG = re.compile(rb"""<(?:[^"'>]++|"[^"]*+"|'[^']*+')*+>""")  # without places to return to, which take memory
 #: Encodings of models, as Python calls them. Others take time with the square of the text, or give no text at all.
@@ -80,9 +81,7 @@ class Source:
 
 def read_source(path: Path) -> Source:
     """Read a FEBio input. Raises :class:`BadInput`."""
-    content = read_input(path, MAX_BYTES, "a FEBio input of at most 64 MB")
-    lines_stay = _DECLARATION.sub(lambda declared: "\n" * declared[0].count("\n"), _decoded(path, content), count=1)
-    text = lines_stay.encode()
+    text = _without_declaration(_in_utf_8(path, read_input(path, MAX_BYTES, "a FEBio input of at most 64 MB")))
     root = _elements(path, text)
     if root.tag != "febio_spec":
         raise BadInput(path, f"holds <{shown(root.tag)[1:-1]}>", "a FEBio model, which is a <febio_spec>")
@@ -103,7 +102,13 @@ def _walk(element: Element) -> Iterator[Element]:
         waiting.extend(reversed(one.children))
 
 
-def _decoded(path: Path, content: bytes) -> str:
+def _without_declaration(text: bytes) -> bytes:
+    """The text without its XML declaration; lines keep their numbers."""
+    declared = _DECLARATION.match(text)
+    return b"\n" * declared[0].count(b"\n") + text[declared.end() :] if declared else text
+
+
+def _in_utf_8(path: Path, content: bytes) -> bytes:
     told = _ENCODING.match(content)
     encoding = told[1].decode("ascii") if told else "utf-8-sig"
     if content.startswith(codecs.BOM_UTF8):
@@ -113,11 +118,22 @@ def _decoded(path: Path, content: bytes) -> str:
     try:
         if codecs.lookup(encoding).name not in ENCODINGS:
             raise LookupError(encoding)
-        return content.decode(encoding)
+        return content.decode(encoding).encode()
     except LookupError:
         raise BadInput(path, f"is in an unknown encoding ({encoding})", "UTF-8") from None
     except UnicodeError:
         raise BadInput(path, f"is not text in {encoding}", "a FEBio input in the encoding that it names") from None
+
+
+def _check_size(path: Path, names: tuple[str, str], count: int, depth: int) -> None:
+    """Refuse the element number ``count`` with these names if it is one too many. Raises :class:`BadInput`."""
+    if count > MOST_ELEMENTS:
+        raise BadInput(path, f"has more than {MOST_ELEMENTS:,} elements beside its mesh", "a smaller model")
+    for name in names:
+        if len(name) > LONGEST_NAME:
+            raise BadInput(path, f"has a name of {len(name):,} characters", f"at most {LONGEST_NAME}")
+    if depth > DEEPEST:
+        raise BadInput(path, "is nested too deeply", f"at most {DEEPEST} elements in each other")
 
 
 def _elements(path: Path, text: bytes) -> Element:
@@ -126,7 +142,7 @@ def _elements(path: Path, text: bytes) -> Element:
     top = Element("", {}, 0)
     open_elements = [top]
     texts: list[list[str]] = [[]]  # of these
-    count = 0
+    count = length = 0
     skipped = 0  # depth below a part of the mesh, whose nodes and elements are not kept
 
     def refuse(*_: object) -> None:
@@ -138,13 +154,7 @@ def _elements(path: Path, text: bytes) -> Element:
             skipped += 1
             return
         count += 1
-        if count > MOST_ELEMENTS:
-            raise BadInput(path, f"has more than {MOST_ELEMENTS:,} elements beside its mesh", "a smaller model")
-        for name in (tag, attributes.get("name", "")):
-            if len(name) > LONGEST_NAME:
-                raise BadInput(path, f"has a name of {len(name):,} characters", f"at most {LONGEST_NAME}")
-        if len(open_elements) > DEEPEST:
-            raise BadInput(path, "is nested too deeply", f"at most {DEEPEST} elements in each other")
+        _check_size(path, (tag, attributes.get("name", "")), count, len(open_elements))
         element = Element(tag, attributes, parser.CurrentByteIndex)
         open_elements[-1].children.append(element)
         open_elements.append(element)
@@ -168,7 +178,11 @@ def _elements(path: Path, text: bytes) -> Element:
         element.inside, element.end = (begin, at), closing.end()
 
     def characters(data: str) -> None:
+        nonlocal length
         if not skipped and not (len(open_elements) == 4 and open_elements[2].tag in MESH):
+            length += len(data)
+            if length > MOST_TEXT:
+                raise BadInput(path, f"has more than {MOST_TEXT:,} characters beside its mesh", "a smaller model")
             texts[-1].append(data)
 
     parser.buffer_text = True

@@ -1,5 +1,6 @@
 """Runs that are kept, and outputs that are computed from them without a new run."""
 
+import json
 import shutil
 import signal
 import struct
@@ -207,6 +208,34 @@ def test_a_file_lists_no_more_runs_than_a_batch_has(written, monkeypatch):
     monkeypatch.setattr(kept_files, "MAX_RUNS", 1)
     with pytest.raises(StoreError, match="it lists 2 runs"):
         kept_files.contents(written)
+
+
+def test_a_list_of_members_that_would_fill_the_memory_is_not_read(written):
+    """The file is sparse: it takes no room on the disk."""
+    size = 3_000_000_000
+    with written.open("wb") as file:
+        file.seek(size)
+        file.write(struct.pack("<4s4H2LH", b"PK\5\6", 0, 0, 1, 1, size, 0, 0))
+    with pytest.raises(StoreError, match=r"damaged \(it lists 1 members in 3,000,000,000 bytes"):
+        kept_files.contents(written)
+    with written.open("wb") as file:
+        file.write(struct.pack("<4s4H2LH", b"PK\5\6", 0, 0, 1, 1, 46, 0, 1))
+    with pytest.raises(StoreError, match="it does not end as a zip"):
+        kept_files.contents(written)
+
+
+def test_a_chunk_is_no_larger_than_its_array(written):
+    with zipfile.ZipFile(written) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    about = json.loads(members["run_0/displacement/zarr.json"])
+    about["chunk_grid"]["configuration"]["chunk_shape"] = [1, 12, 2**20]
+    members["run_0/displacement/zarr.json"] = json.dumps(about).encode()
+    with zipfile.ZipFile(written, "w") as archive:
+        for one, content in members.items():
+            archive.writestr(one, content)
+    (place, _) = (one for _, one in kept_files.contents(written))
+    with pytest.raises(StoreError, match=r"run_0/displacement has the shape \(3, 12, 3\) and chunks"):
+        kept_files.read_run(place)
 
 
 KILLED = """

@@ -95,3 +95,11 @@ def test_fields_that_would_fill_the_memory_become_no_files(tmp_path, monkeypatch
     with pytest.raises(BadInput, match="its mesh or a field of it is too large; expected at most 3 numbers"):
         write_vtk(tmp_path / "row.pvd", plot)
     assert not list(tmp_path.iterdir())
+
+
+def test_states_times_mesh_are_limited(tmp_path, monkeypatch):
+    plot = plot_file_of(w.plot_file(compressed=True), 2**20)
+    monkeypatch.setattr(vtk, "MAX_ALL", 700)
+    with pytest.raises(BadInput, match=r"its 3 states would have 2\d\d numbers each; expected at most 700 numbers"):
+        write_vtk(tmp_path / "row.pvd", plot)
+    assert not list(tmp_path.iterdir())

@@ -141,3 +141,28 @@ def test_elements_beside_the_mesh_and_their_names_have_limits(tmp_path, monkeypa
     for long in (f"<{'a' * 201}/>", f'<a name="{"a" * 201}"/>'):
         with pytest.raises(BadInput, match="has a name of 201 characters; expected at most 200"):
             read(tmp_path, model(long))
+
+
+def test_text_beside_the_mesh_has_a_limit(tmp_path, monkeypatch):
+    monkeypatch.setattr(source_module, "MOST_TEXT", 5000)
+    inside = CUBE.replace("<Material>", f"<Material>{'long ' * 1000}", 1)
+    with pytest.raises(BadInput, match=r"has more than 5,000 characters beside its mesh"):
+        read(tmp_path, inside)
+    nodes = CUBE.replace("<Nodes", f"<Nodes><!-- -->{'long ' * 1000}</Nodes><Nodes", 1)
+    assert nodes != CUBE
+    assert read(tmp_path, nodes).version
+
+
+def test_a_large_model_takes_little_more_memory_than_its_text(tmp_path):
+    """One letter that is rare makes Python keep four bytes of each."""
+    letters = ("a" * 8000 + "\N{GRINNING FACE}\n") * 250
+    text = CUBE.replace("ISO-8859-1", "UTF-8").replace("<Material>", f"<Material><!--{letters}-->", 1)
+    tracemalloc.start()
+    try:
+        read(tmp_path, text, "utf-8")
+        used = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    size = (tmp_path / "cube.feb").stat().st_size
+    assert size > 2_000_000
+    assert used < 9.5 * size  # its bytes, and four times as many while it is decoded, and while it is encoded again

@@ -1,0 +1,72 @@
+"""A look at a NetCDF 4 file of draws, which is HDF5, before a library opens it: all of it must be plain and small."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+MAX_DRAWS = 10**6  # numbers of one variable, and of one of its chunks
+WIDEST = 8  # bytes of such a number
+MAX_BYTES = 2**28  # of all variables together
+MOST_OBJECTS = 1000  # variables and groups
+MOST_ATTRIBUTES, MAX_ATTRIBUTE_BYTES = 100, 2**15  # of each
+
+
+def fault(path: Path, max_bytes: int) -> str | None:
+    """Why a file must not be opened: its numbers are in other files, or it holds more than is written; or None."""
+    import h5py  # type: ignore[import-untyped]
+
+    if (size := path.stat().st_size) > max_bytes:
+        return f"has {size:,} bytes"
+    try:
+        with h5py.File(path, "r") as file:
+            datasets: dict[int, Any] = {}
+            found = _of_attributes("it", file) or _of_group(file, datasets)
+            total = sum(one.size * one.dtype.itemsize for one in datasets.values() if one is not None)
+            return found or (f"holds {total:,} bytes of numbers" if total > MAX_BYTES else None)
+    except (OSError, RuntimeError, ValueError, KeyError, RecursionError) as error:
+        return f"damaged ({error})"
+
+
+def _of_group(group: Any, seen: dict[int, Any]) -> str | None:
+    """What is wrong below a group; ``seen`` holds all datasets so far, and None for groups, by their place."""
+    import h5py
+
+    for name in group:
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            return f"{name} is a link"
+        one = group[name]
+        place = h5py.h5o.get_info(one.id).addr
+        if place in seen:
+            return f"{name} is there twice"
+        if len(seen) == MOST_OBJECTS:
+            return f"{name} is one of more than {MOST_OBJECTS} objects"
+        is_group = isinstance(one, h5py.Group)
+        seen[place] = None if is_group else one
+        if found := _of_attributes(name, one) or (_of_group(one, seen) if is_group else _of_dataset(name, one)):
+            return found
+    return None
+
+
+def _of_dataset(name: str, one: Any) -> str | None:
+    import h5py
+
+    if not isinstance(one, h5py.Dataset) or one.external or one.is_virtual:
+        return f"{name} has its numbers elsewhere"
+    if one.size is None or one.size > MAX_DRAWS:
+        return f"{name} has {one.size} numbers"
+    if one.dtype.itemsize > WIDEST:
+        return f"{name} has numbers of {one.dtype.itemsize} bytes"
+    if one.chunks is not None and (size := math.prod(one.chunks)) > MAX_DRAWS:
+        return f"{name} has chunks of {size:,} numbers"
+    return None
+
+
+def _of_attributes(name: str, one: Any) -> str | None:
+    if not hasattr(one, "attrs"):
+        return None
+    if len(one.attrs) > MOST_ATTRIBUTES:
+        return f"{name} has {len(one.attrs):,} attributes"
+    for each in one.attrs:
+        if (size := one.attrs.get_id(each).get_storage_size()) > MAX_ATTRIBUTE_BYTES:
+            return f"{name} has an attribute of {size:,} bytes"
+    return None
