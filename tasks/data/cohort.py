@@ -27,6 +27,7 @@ MOST_FURTHER = 1000  # columns behind these
 GEOMETRY = ("length_mm", "width_mm", "thickness_mm")
 NOTES = ("donor", "note", "source", "diameter_mm")
 MAX_JSON_BYTES = 2**20
+MAX_POINTS, MAX_ALL_POINTS = 2_000_000, 20_000_000  # of a curve, and of a cohort
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+.-]{0,99}")
 
 
@@ -54,21 +55,37 @@ def read_cohort(folder: Path) -> Cohort:
         problem = "is a file" if os.path.exists(folder) else "is not there"
         raise BadInput(folder, problem, "a cohort folder with SPECIMEN/PROTOCOL.csv and SPECIMEN/specimen.json")
     root = folder.resolve()
+    room = _Room(folder)
     specimens: list[Specimen] = []
     for entry in _entries(folder, root):
         if entry.is_dir():
             if _is_specimen(entry):
-                specimens.append(_read_specimen(entry, root, entry.name))
+                specimens.append(_read_specimen(entry, root, entry.name, room))
             else:
                 _check_name(entry)
                 site = [child for child in _entries(entry, root) if child.is_dir()]
                 if not site:
                     raise BadInput(entry, "holds no CSV file and no specimen", "PROTOCOL.csv files and specimen.json")
-                specimens += [_read_specimen(child, root, f"{entry.name}/{child.name}") for child in site]
+                specimens += [_read_specimen(child, root, f"{entry.name}/{child.name}", room) for child in site]
     if not specimens:
         raise BadInput(folder, "holds no specimen", "folders SPECIMEN with PROTOCOL.csv files and specimen.json")
     refuse_duplicates(specimens, {s.name: folder / s.name for s in specimens})
     return Cohort(folder, tuple(specimens))
+
+
+@dataclass
+class _Room:
+    """How many points a cohort may still have: links may make one file many curves."""
+
+    folder: Path
+    left: int = MAX_ALL_POINTS
+
+    def take(self, curve: Curve) -> Curve:
+        """The curve, if there is room for it. Raises :class:`BadInput`."""
+        self.left -= curve.force_N.size * (1 + len(curve.others))
+        if self.left < 0:
+            raise BadInput(self.folder, f"more than {MAX_ALL_POINTS:,} points", "fewer or thinner curves in a cohort")
+        return curve
 
 
 def read_curve(path: Path, root: Path, *, length_mm: float = math.inf) -> Curve:
@@ -80,8 +97,9 @@ def read_curve(path: Path, root: Path, *, length_mm: float = math.inf) -> Curve:
     further = _further_columns(path)
     table = read_numbers(path, COLUMNS, further=further)
     time_s, displacement, force = table[:, : len(COLUMNS)].T
-    if len(table) < 3:
-        raise BadInput(path, f"{len(table)} rows of numbers", "at least 3")
+    if not 3 <= len(table) <= MAX_POINTS:
+        few = "at least 3" if len(table) < 3 else f"at most {MAX_POINTS:,}; every second or tenth row will do"
+        raise BadInput(path, f"{len(table):,} rows of numbers", few)
     huge = np.flatnonzero((np.abs(table) >= HUGE).any(axis=1))
     if huge.size:
         raise BadInput(f"{path}: row {huge[0] + 2}", "a number beyond 1e100", "seconds, millimetres and newtons")
@@ -144,10 +162,11 @@ def read_json(path: Path, root: Path) -> dict[str, Any]:
     check_text(path, MAX_JSON_BYTES)
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        names = [name for name, _ in pairs]
-        if len(set(names)) < len(names):
-            name = next(name for i, name in enumerate(names) if name in names[:i])
-            raise BadInput(f"{path}: {name}", "given twice", "each key once")
+        seen = set[str]()
+        for name, _ in pairs:
+            if name in seen:
+                raise BadInput(f"{path}: {shown(name)[1:-1]}", "given twice", "each key once")
+            seen.add(name)
         return dict(pairs)
 
     try:
@@ -161,7 +180,7 @@ def read_json(path: Path, root: Path) -> dict[str, Any]:
     return content
 
 
-def _read_specimen(folder: Path, root: Path, name: str) -> Specimen:
+def _read_specimen(folder: Path, root: Path, name: str, room: _Room) -> Specimen:
     _check_name(folder)
     entries = list(_entries(folder, root))
     curves = [entry for entry in entries if entry.suffix.lower() == ".csv"]
@@ -183,7 +202,7 @@ def _read_specimen(folder: Path, root: Path, name: str) -> Specimen:
         length,
         width,
         thickness,
-        curves=tuple(read_curve(path, root, length_mm=length) for path in curves),
+        curves=tuple(room.take(read_curve(path, root, length_mm=length)) for path in curves),
         donor=None if donor is None else str(donor),
     )
 

@@ -29,10 +29,13 @@ def read_numbers(
     """
     check_text(path, max_bytes)
     header = read_header(path)
+    _check_rows(path)
     if columns is not None and header != [*columns, *further]:
         raise BadInput(f"{path}: row 1", f"header {shown(','.join(header))}", f"{','.join(columns)}")
     empty: Any = {len(header) - number: [""] for number in range(1, len(further) + 1)} if further else []
     try:
+        if _cells_of_second_row(path) != len(header):  # pandas makes as many columns as it has
+            raise ValueError
         table = pd.read_csv(
             path, encoding="utf-8-sig", dtype=np.float64, skipinitialspace=True, header=None, skiprows=1,
             keep_default_na=False, skip_blank_lines=False,
@@ -57,6 +60,27 @@ def read_header(path: Path) -> list[str]:
     if len(row) > LONGEST_HEADER:
         raise BadInput(f"{path}: row 1", f"more than {LONGEST_HEADER:,} characters", "a row of names")
     return [cell.strip() for cell in next(csv.reader([row]), [])]
+
+
+def _check_rows(path: Path) -> None:
+    """Refuse a row that would fill the memory. Raises :class:`BadInput`."""
+    content = np.fromfile(path, np.uint8)
+    ends = np.flatnonzero((content == ord("\n")) | (content == ord("\r")))
+    lengths = np.diff(ends, prepend=-1, append=content.size)
+    if (long := np.flatnonzero(lengths > LONGEST_HEADER)).size:
+        row = 1 + int(np.count_nonzero(content[ends[: long[0]]] == ord("\n")))
+        raise BadInput(f"{path}: row {row}", f"{lengths[long[0]]:,} characters", f"at most {LONGEST_HEADER:,}")
+
+
+def _cells_of_second_row(path: Path) -> int:
+    """How many cells the first row of numbers has; 0 where there is none."""
+    with open(path, encoding="utf-8-sig", errors="replace", newline="") as file:
+        reader = csv.reader(file)
+        try:
+            next(reader, None)
+            return len(next(reader, []))
+        except csv.Error:
+            return 0
 
 
 def _read_carefully(path: Path, header: list[str], further: Sequence[str]) -> Array:

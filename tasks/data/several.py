@@ -1,7 +1,7 @@
 """Which tests a file holds: several in one table, or one whose tables go on from each other after a short pause."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -105,13 +105,14 @@ def blocks_of_cycles(table: Table, rows: int, wanted: str) -> list[Block]:
 
 
 def _blocks(table: Table, rows: int, place: int) -> list[Block]:
-    found: list[Block] = []
-    for row, name in enumerate(_cells(table, rows, place)):
-        if found and found[-1].name == name:
-            found[-1] = replace(found[-1], end=row + 1)
-        else:
-            found.append(Block(name, row, row + 1))
-    return found
+    cells = _cells(table, rows, place)
+    starts = _starts(cells)
+    return [Block(cells[start], start, end) for start, end in zip(starts, [*starts[1:], rows], strict=False)]
+
+
+def _starts(cells: Sequence[str]) -> list[int]:
+    """The rows whose cell is another than that of the row before."""
+    return [row for row, cell in enumerate(cells) if row == 0 or cell != cells[row - 1]]
 
 
 def _place(table: Table, wanted: str, option: str) -> int:
@@ -153,7 +154,8 @@ def told_apart(table: Table, rows: int, back: Sequence[int], taken: Sequence[int
             continue
         if any(_cell(table, row - 1, place) == _cell(table, row, place) for row in back):
             continue
-        values = [block.name for block in _blocks(table, rows, place)]
+        cells = _cells(table, rows, place)
+        values = [cells[start] for start in _starts(cells)]
         again = len(set(values)) < len(values)
         if 1 < len(values) <= rows // 3 and (not again or name in words.CYCLES):
             option = "--cycle-column" if name in words.CYCLES else "--test-column"

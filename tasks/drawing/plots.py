@@ -18,6 +18,7 @@ INK, MUTED, RULE, MEASURED = "#1d2329", "#5a646e", "#e4e7ea", "#7a858f"
 DASHES = ("solid", "dashed", "dotdash", "dotted", [10, 3, 2, 3, 2, 3], [2, 5])
 MARKERS = ("circle", "square", "triangle", "diamond", "inverted_triangle", "star", "hex", "plus")
 DIGITS = 5  # significant ones of numbers in the page
+MOST_NUMBERS = 5_000_000  # of what can be picked
 HEIGHT = 270
 NARROW = 300  # pixels of the narrowest plot, as on a phone
 _ID = re.compile(r"p\d+")
@@ -143,11 +144,20 @@ def picked(
     draw: Callable[[Sources], Sequence[Plot]],
     notes: Mapping[str, str] | None = None,
 ) -> Plots:
-    """Plots of one of several things. ``data`` holds the same sources for each; ``draw`` gets those of the first."""
-    rounded = {
-        option: {key: {column: numbers(values) for column, values in columns.items()} for key, columns in found.items()}
-        for option, found in data.items()
-    }
+    """Plots of one of several things. ``data`` holds the same sources for each; ``draw`` gets those of the first.
+
+    Of very many things, only the first can be picked.
+    """
+    rounded: dict[str, dict[str, dict[str, list[Any]]]] = {}
+    room = MOST_NUMBERS
+    for option, found in data.items():
+        room -= sum(len(values) + 10 for columns in found.values() for values in columns.values())
+        if room < 0 and rounded:
+            caption += f" The first {len(rounded):,} of {len(data):,} can be picked."
+            break
+        rounded[option] = {
+            key: {column: numbers(values) for column, values in columns.items()} for key, columns in found.items()
+        }
     first = next(iter(rounded.values()))
     plots = draw({key: ColumnDataSource(dict(columns), name=key) for key, columns in first.items()})
     return Plots(name, caption, plots, pick, list(rounded), rounded, notes or {})

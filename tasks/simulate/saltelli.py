@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
+from sinew.runner.errors import BadInput
 from sinew.tasks.model import Model
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.inputs import PLAIN, Inputs
 from sinew.tasks.simulate.pairing import pairs_of
 
 FEWEST = 32  # base samples of a sequence
+MOST_NUMBERS = 2**27  # of a design: a gigabyte
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,9 +96,13 @@ def saltelli(
 ) -> Design:
     """Saltelli's design from scrambled Sobol sequences; the first half of a doubled design is the design itself.
 
-    ``scrambles``: a power of two, at most ``base``.
+    ``scrambles``: a power of two, at most ``base``. Raises :class:`BadInput` for a design that would fill the memory.
     """
     free = model.free
+    count, columns = base * block_of(len(free), second_order), len(model.names)
+    if not 0 < count * columns <= MOST_NUMBERS or not 0 < scrambles <= base:
+        problem = f"{base:,} base samples are {count:,} rows of {columns} parameters"
+        raise BadInput("sobol.base_samples", problem, f"at most {MOST_NUMBERS // columns:,} rows")
     names = tuple(parameter.name for parameter in free)
     factors = inputs.factors(names)
     if inputs.distributions:

@@ -1,6 +1,7 @@
 """Figures of Sobol indices: by parameter, along time, and how they settle with the size of the design."""
 
 from collections.abc import Mapping
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from sinew.tasks.sobol.show import beside, convergence_table, stored, table, tim
 from sinew.tasks.study.workspace import Workspace
 
 SHOWN = 6  # parameters in figures along time and of the convergence
+PANELS = 40  # of a figure; its table has all
 _DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
 _MARKERS = "osv^D*"
 
@@ -44,7 +46,7 @@ def _along_time(result: SobolResult, folder: Path, course: str) -> Figure:
 
 def indices(result: SobolResult) -> Figure:
     """First and total order indices with intervals: the total objective above, each protocol below."""
-    shown = result.panels()
+    shown = dict(islice(result.panels().items(), PANELS))
     with plt.rc_context(STYLE):
         height = 2.1 * len(shown) + 0.4
         figure, axes = plt.subplots(len(shown), 1, figsize=(7.5, height), sharex=True, squeeze=False)

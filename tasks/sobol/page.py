@@ -125,7 +125,8 @@ def _along_time(folder: ResultFolder, result: SobolResult, level: str) -> Block 
     names = result.names
     leading = result.leading
     order = _order(result)
-    kept = {name: folder.store.read_result(f"sobol_time/{table}") for name, table in result.tables.items()}
+    every = {table: folder.store.read_result(f"sobol_time/{table}") for table in dict.fromkeys(result.tables.values())}
+    kept = {name: every[table] for name, table in result.tables.items()}
     protocols = list(dict.fromkeys(name for each in kept.values() for name in protocols_of(each)))
     outputs = bool(result.outputs)
     of, beside, unit = ("the picked output", "displacement", "mm") if outputs else ("the force", "measured", "N")

@@ -26,6 +26,7 @@ TASK_S = 0.5  # figures and tables of a task
 PAGE_S = 3.0  # the page of all results, at the end
 SENT, SENT_QUICK = 0.95, 0.85  # share of the workers' time in which they evaluate: solvers, embedded simulator
 PILOT_ROWS, PILOT_ROUNDS = 256, 5
+PILOT_POINTS = 10**7  # of all rows of a round, at most
 REFERENCE_S = 0.0092  # what `_fixed_work` takes on the machine of docs/benchmarks.md
 
 
@@ -99,9 +100,10 @@ def _row_s(given: Given, simulator: Simulator, specimen: Specimen) -> float:
     reference = np.array([[parameter.reference for parameter in model.parameters]])
     if not given.can.quick:
         return _seconds(evaluation, reference, given)
-    rows = np.repeat(reference, PILOT_ROWS, axis=0)
+    count = max(1, min(PILOT_ROWS, PILOT_POINTS // points(specimen)))
+    rows = np.repeat(reference, count, axis=0)
     _seconds(evaluation, rows[:64], given)  # the compiled kernel is loaded
-    return statistics.median(_seconds(evaluation, rows, given) for _ in range(PILOT_ROUNDS)) / PILOT_ROWS
+    return statistics.median(_seconds(evaluation, rows, given) for _ in range(PILOT_ROUNDS)) / count
 
 
 def _seconds(evaluation: Evaluation, rows: np.ndarray, given: Given) -> float:

@@ -16,9 +16,11 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 
 
 def _once(value: Any) -> Any:
-    if isinstance(value, list) and len(set(value)) < len(value):
-        name = next(name for i, name in enumerate(value) if name in value[:i])
-        raise ValueError(f"{shown(name)} is a duplicate; expected each specimen once")
+    seen = set[str]()
+    for name in value if isinstance(value, list) else ():
+        if name in seen:
+            raise ValueError(f"{shown(name)} is a duplicate; expected each specimen once")
+        seen.add(name)
     return value
 
 

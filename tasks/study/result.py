@@ -23,6 +23,8 @@ from sinew.tasks.study.files import MAX_JSON_BYTES, write_json
 #: Libraries whose version changes what any task computes.
 ALWAYS = ("numpy", "scipy", "numba")
 
+MOST_NAMES, MOST_ENTRIES = 1_000, 5_000  # parameters; specimens, protocols and the like
+
 OMIT = {"omit": True}
 """Metadata of a field that is left out of the file where it is None: ``field(default=None, metadata=OMIT)``."""
 
@@ -82,6 +84,7 @@ class Result:
     @classmethod
     def parse(cls, content: Any, where: Path) -> Self:
         """A result from the content of its file. Raises :class:`BadInput` for the first field that is wrong."""
+        _check_size(content, where)
         try:
             return cast(Self, _adapter(cls).validate_python(content))
         except ValidationError as error:
@@ -101,6 +104,14 @@ class Result:
     def write(self, folder: Path) -> None:
         """Write ``TASK.json``, whole or not at all."""
         write_json(self.path(folder), {**plain(self), "version": self.VERSION})
+
+
+def _check_size(content: Any, where: Path) -> None:
+    """Refuse what no task writes: a page or a figure would have as many panels and labels. Raises :class:`BadInput`."""
+    for field, value in content.items() if isinstance(content, dict) else ():
+        most = MOST_NAMES if field == "names" else MOST_ENTRIES if isinstance(value, dict) else None
+        if most is not None and isinstance(value, dict | list) and len(value) > most:
+            raise BadInput(f"{where}: {shown(field)[1:-1]}", f"{len(value):,} entries", f"at most {most:,}")
 
 
 def read_object(path: Path, expected: str) -> dict[str, Any] | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sinew.tasks.benchmark.infer.drawn import SITES, Truth
-from sinew.tasks.benchmark.infer.result import Ranked
+from sinew.tasks.benchmark.infer.result import Level, Ranked
 from sinew.tasks.benchmark.infer.score import nearer, rank
 from sinew.tasks.infer.result import AbcResult, LikelihoodResult, draws, particles_group
 from sinew.tasks.model.parameters import Parameter, bounds
@@ -23,7 +23,7 @@ class Compared:
     ``draws`` ``[m, k]``, ``truth``, reported intervals from ``low`` to ``high``, and ``determined``, all ``[k]``.
     """
 
-    level: str
+    level: Level
     of: str
     names: tuple[str, ...]
     draws: Array

@@ -2,8 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 from sinew.tasks.study.result import Number, Result
+
+Level = Literal["mean", "spread", "specimen"]
 
 
 @dataclass(frozen=True)
@@ -15,7 +18,7 @@ class Ranked:
     """
 
     cohort: int
-    level: str
+    level: Level
     of: str
     parameter: str
     rank: float

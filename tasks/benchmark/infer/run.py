@@ -26,7 +26,7 @@ from sinew.tasks.study import streams
 from sinew.tasks.study.files import digest, write_json, write_text
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.resources import resource
-from sinew.tasks.study.result import plain
+from sinew.tasks.study.result import believed, plain
 from sinew.tasks.study.settings_file import as_yaml, from_yaml
 from sinew.tasks.study.study import Study, read_study
 from sinew.tasks.study.workspace import Workspace, check_folder
@@ -62,7 +62,8 @@ def benchmark(
         one = _cohort(out / f"cohort_{number:04d}", number, read, base, conditions, workers)
         found.append(one)
         say(f"{number} of {cohorts}: {_said(one)}")
-    result = {"conditions": plain(conditions), "method": found[0].method, **summary(found)}
+    with believed(out / "cohort.json"):
+        result = {"conditions": plain(conditions), "method": found[0].method, **summary(found)}
     write_json(out / "benchmark.json", result)
     return result
 

@@ -139,7 +139,9 @@ def _coverage(ranked: Sequence[Ranked]) -> list[dict[str, Any]]:
     """A row for each level, and for each level and parameter: coverage by interval."""
     rows = []
     for level, every in _levels(ranked).items():
-        by_name = {name: [one for one in every if one.parameter == name] for name in {one.parameter for one in every}}
+        by_name: dict[str, list[Ranked]] = {}
+        for one in every:
+            by_name.setdefault(one.parameter, []).append(one)
         for parameter, some in {"all": every, **dict(sorted(by_name.items()))}.items():
             shares = {f"{100 * at:.0f} %": covered([(one.cohort, one.inside(at)) for one in some]) for at in LEVELS}
             shares[REPORTED] = covered([(one.cohort, one.held) for one in some])
@@ -154,14 +156,20 @@ def _share(found: Covered | None) -> dict[str, Any] | None:
 
 def _ranks(ranked: Sequence[Ranked]) -> list[dict[str, Any]]:
     """Histograms of ranks by level and parameter; one site of each cohort, so that ranks are independent."""
-    rows = []
     firsts = [one for one in ranked if one.of in ("first", "first/1")]
-    for level in dict.fromkeys(one.level for one in firsts):
-        for parameter in dict.fromkeys(one.parameter for one in firsts):
-            found = [one.rank for one in firsts if (one.level, one.parameter) == (level, parameter)]
-            rows.append({"level": level, "parameter": parameter, "counts": histogram(found),
-                         "band": list(band(len(found))), "p": uniform(found)})  # fmt: skip
-    return rows
+    found: dict[tuple[str, str], list[float]] = {}
+    for one in firsts:
+        found.setdefault((one.level, one.parameter), []).append(one.rank)
+    levels, parameters = (dict.fromkeys(getattr(one, name) for one in firsts) for name in ("level", "parameter"))
+    return [
+        {
+            "level": level, "parameter": parameter, "counts": histogram(ranks), "band": list(band(len(ranks))),
+            "p": uniform(ranks),
+        }
+        for level in levels
+        for parameter in parameters
+        for ranks in [found.get((level, parameter), [])]
+    ]  # fmt: skip
 
 
 def _tarp(cohorts: Sequence[CohortResult]) -> list[dict[str, Any]]:

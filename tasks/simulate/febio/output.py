@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from io import StringIO
+from io import BytesIO
 from pathlib import Path
 from typing import Literal
 
@@ -118,22 +118,24 @@ def read_records(path: Path, max_bytes: int) -> tuple[Array, Array, bool]:
     equally many lines. Raises :class:`Failed`.
     """
     try:
-        text = read_regular(path, min(max_bytes, MAX_TEXT_BYTES)).decode("ascii").replace("\r\n", "\n")
+        content = read_regular(path, min(max_bytes, MAX_TEXT_BYTES))
     except FileNotFoundError:
         raise Failed("bad_output", f"the solver wrote no {path.name}") from None
     except NotReadable as odd:
         raise Failed("bad_output", f"{path.name} is {odd}") from None
     except OSError as error:
         raise Failed("bad_output", f"{path.name} cannot be read ({error.strerror})") from None
-    except UnicodeDecodeError:
-        raise Failed("bad_output", f"{path.name} is not text") from None
-    if text and not text.endswith("\n"):
+    if not content.isascii():
+        raise Failed("bad_output", f"{path.name} is not text")
+    content = content.replace(b"\r\n", b"\n") if b"\r" in content else content
+    if content and not content.endswith(b"\n"):
         raise Failed("bad_output", f"{path.name} ends in the middle of a line")
+    _check_size(path, content)
     # whole-text operations: a loop over the lines of a long run takes as long as some solver runs
-    records = [record.count("\n") for record in text.split("*Step")[1:]]
+    records = [record.count(b"\n") for record in content.split(b"*Step")[1:]]
     try:
-        found = np.array(_STAMP.findall(text), dtype=np.float64)
-        table = pd.read_csv(StringIO(text), comment="*", header=None, dtype=np.float64).to_numpy()
+        found = np.array([float(stamp) for stamp in _STAMP.findall(content)])
+        table = pd.read_csv(BytesIO(content), comment="*", header=None, dtype=np.float64).to_numpy()
     except pd.errors.EmptyDataError:
         table = np.zeros((0, 1))
     except ValueError as error:
@@ -141,5 +143,14 @@ def read_records(path: Path, max_bytes: int) -> tuple[Array, Array, bool]:
     return found, table, len(records) == found.size and len(set(records)) == 1
 
 
+def _check_size(path: Path, content: bytes) -> None:
+    """Refuse what would fill the memory: pandas makes as many columns as the first line has. Raises :class:`Failed`."""
+    first = next((line for line in content[: 2 * LONGEST_LINE].split(b"\n") if line and not line.startswith(b"*")), b"")
+    lines, steps = content.count(b"\n"), content.count(b"*Step")
+    if len(first) > LONGEST_LINE or (first.count(b",") + 1) * lines > MAX_NUMBERS or steps > MAX_STEPS:
+        raise Failed("bad_output", f"{path.name} holds too many numbers")
+
+
 MAX_TEXT_BYTES = 2**28  # of numbers that are logged; plot files may be larger
-_STAMP = re.compile(r"^\*Time\s*=\s*(\S+)$", re.MULTILINE)
+LONGEST_LINE, MAX_NUMBERS, MAX_STEPS = 10_000, 2**25, 10**6
+_STAMP = re.compile(rb"^\*Time\s*=\s*(\S+)$", re.MULTILINE)

@@ -3,6 +3,8 @@
 import csv
 import io
 import json
+import time
+import tracemalloc
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -12,6 +14,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data import cohort
 from sinew.tasks.data.cohort import COLUMNS, GEOMETRY, read_cohort, write_cohort
 from sinew.tasks.data.text import BINARY
 from sinew.tasks.data.virtual import virtual_cohort
@@ -167,3 +170,49 @@ def test_a_cohort_is_not_written_through_links(tmp_path):
     (tmp_path / "c" / "distal" / "1").symlink_to(tmp_path / "nowhere")
     with pytest.raises(BadInput, match="is there already"):
         write_cohort(tmp_path / "c", specimens[:1])
+
+
+def specimen_folder(folder: Path) -> Path:
+    (folder / "A").mkdir()
+    (folder / "A" / "specimen.json").write_text('{"length_mm": 10, "width_mm": 8, "thickness_mm": 4}')
+    return folder / "A"
+
+
+def test_a_row_of_very_many_cells_is_refused_before_it_fills_the_memory(tmp_path):
+    """pandas would make a column of each."""
+    curve = specimen_folder(tmp_path) / "ramp.csv"
+    for row in ("1," * 3_000_000 + "1", "1," * 50_000 + "1"):
+        curve.write_text(f"time_s,displacement_mm,force_N\n{row}\n")
+        tracemalloc.start()
+        try:
+            with pytest.raises(BadInput, match=r"ramp\.csv: row 2: (6,000,00. characters|50001 cells); expected"):
+                read_cohort(tmp_path)
+            assert tracemalloc.get_traced_memory()[1] < 150 * 2**20
+        finally:
+            tracemalloc.stop()
+
+
+def test_a_key_that_is_given_twice_is_found_in_time(tmp_path):
+    keys = ",".join(f'"{number:x}": 0' for number in range(70_000))
+    (specimen_folder(tmp_path) / "specimen.json").write_text(f'{{{keys}, "1": 0}}')
+    (tmp_path / "A" / "ramp.csv").write_text("time_s,displacement_mm,force_N\n0,0,0\n1,1,1\n2,2,2\n")
+    begin = time.process_time()
+    with pytest.raises(BadInput, match=r"specimen\.json: 1: given twice"):
+        read_cohort(tmp_path)
+    assert time.process_time() - begin < 10.0
+
+
+def test_links_do_not_make_one_curve_many(tmp_path, monkeypatch):
+    folder = specimen_folder(tmp_path)
+    rows = "".join(f"{number},{number % 9},1\n" for number in range(100))
+    (folder / "ramp.csv").write_text(f"time_s,displacement_mm,force_N\n{rows}")
+    for number in range(4):
+        (folder / f"again{number}.csv").symlink_to("ramp.csv")
+    monkeypatch.setattr(cohort, "MAX_POINTS", 100)
+    assert len(read_cohort(tmp_path).specimens[0].curves) == 5
+    monkeypatch.setattr(cohort._Room.__init__, "__defaults__", (499,))
+    with pytest.raises(BadInput, match="more than 20,000,000 points; expected fewer or thinner curves"):
+        read_cohort(tmp_path)
+    monkeypatch.setattr(cohort, "MAX_POINTS", 99)
+    with pytest.raises(BadInput, match="100 rows of numbers; expected at most 99; every second or tenth row will do"):
+        read_cohort(tmp_path)

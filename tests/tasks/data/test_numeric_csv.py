@@ -75,8 +75,15 @@ def test_files_without_a_fault_are_read_at_once_and_not_row_by_row(tmp_path, mon
     assert read_numbers(written(tmp_path, content), ["a", "b"]).tolist() == [[1.0, 2.0], [3.0, 4.5]]
 
 
-def test_a_cell_that_never_ends_is_no_csv(tmp_path):
-    path = written(tmp_path, "a,b\n1," + "1" * 200_000 + "\n")
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_cell_that_never_ends_is_refused(tmp_path, end):
+    path = written(tmp_path, f"a,b{end}1,2{end}1," + "1" * 200_000 + end)
+    with pytest.raises(BadInput, match=r"numbers\.csv: row 3: 200,00. characters; expected at most 120,000"):
+        read_numbers(path, ["a", "b"])
+
+
+def test_a_quote_that_never_ends_is_no_csv(tmp_path):
+    path = written(tmp_path, 'a,b\n1,"' + "1\n" * 100_000)
     with pytest.raises(BadInput) as refused:
         read_numbers(path, ["a", "b"])
     assert str(refused.value).startswith(f"{path}: not a CSV file (field larger than field limit")

@@ -96,3 +96,18 @@ def test_a_log_of_gigabytes_is_not_read(tmp_path):
         file.truncate(3 * 2**30)
     with pytest.raises(Failed, match="is a file of 3,221,225,472 bytes, more than 268,435,456"):
         read_records(path, 2**40)
+
+
+LONG = {
+    "a line of many numbers": "*Step  = 1\n*Time  = 1\n" + "1," * 50_000 + "1\n",
+    "many lines beside a long one": "*Step  = 1\n*Time  = 1\n" + "1," * 4_000 + "1\n" + "1\n" * 10_000,
+    "many steps": "*Step" * 1_000_001 + "\n*Time  = 1\n1\n",
+}
+
+
+@pytest.mark.parametrize("kind", LONG)
+def test_what_would_become_a_table_of_gigabytes_is_not_parsed(tmp_path, kind, monkeypatch):
+    (tmp_path / "log.txt").write_text(LONG[kind])
+    monkeypatch.setattr("pandas.read_csv", lambda *_, **__: pytest.fail("it is parsed"))
+    with pytest.raises(Failed, match=r"log\.txt holds too many numbers"):
+        read_records(tmp_path / "log.txt", 2**28)

@@ -1,0 +1,22 @@
+"""Results from elsewhere: no more than any task writes."""
+
+from pathlib import Path
+
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.sobol.result import SobolResult
+from sinew.tasks.study import result
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "most"),
+    [
+        ("names", ["a"] * (result.MOST_NAMES + 1), "1,000"),
+        ("tables", {f"s{i}": "t" for i in range(result.MOST_ENTRIES + 1)}, "5,000"),
+        ("protocols", dict.fromkeys(map(str, range(result.MOST_ENTRIES + 1))), "5,000"),
+    ],
+)
+def test_more_than_any_task_writes_is_refused(field, value, most):
+    with pytest.raises(BadInput, match=rf"sobol\.json: {field}: [0-9,]+ entries; expected at most {most}"):
+        SobolResult.parse({field: value}, Path("sobol.json"))
