@@ -2,10 +2,10 @@
 
 Commands are in blocks marked ``sh``, Python is in blocks marked ``python``. The blocks of a page run in order, in one
 folder per page: commands of sinew in the tests' process, without a cluster and without figures, which have tests of
-their own; Python and all other commands in processes of their own. An invisible comment names what the folder holds
-first: ``<!-- commands: study, exports -->``. A command that takes long, or needs what a test machine does not have, is
-listed in ``NOT_RUN``; its arguments are still checked against the command line. Options and files of the project that a
-text names must exist.
+their own; other commands, and Python blocks that follow each other, in processes of their own. An invisible comment
+names what the folder holds first: ``<!-- commands: study, exports -->``. A command that takes long, or needs what a
+test machine does not have, is listed in ``NOT_RUN``; its arguments are still checked against the command line. Options
+and files of the project that a text names must exist.
 """
 
 import contextlib
@@ -19,6 +19,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from unittest import mock
 
@@ -317,11 +318,13 @@ def test_what_a_page_says_runs(page, tmp_path):
     if not todo and all(block.language == "sh" for block in work):
         return  # all of them are listed
     prepared(page, tmp_path)
-    for block in work:
-        if block.language == "python":
-            _ended(tmp_path, [sys.executable, "-c", block.text], f"{page.name}: line {block.line}")
+    for language, following in groupby(work, lambda block: block.language):
+        some = list(following)
+        if language == "python":
+            text = "\n".join(block.text for block in some)
+            _ended(tmp_path, [sys.executable, "-c", text], f"{page.name}: line {some[0].line}")
             continue
-        for line in block.text.replace("\\\n", " ").splitlines():
+        for line in (line for block in some for line in block.text.replace("\\\n", " ").splitlines()):
             if line.split("#")[0].strip() and bare(line) not in NOT_RUN:
                 run(tmp_path, line)
 

@@ -114,15 +114,6 @@ def test_kills_lose_nothing_and_change_nothing(tmp_path):
     assert chaos == calm
 
 
-def test_a_finished_study_is_not_computed_again(tmp_path):
-    study, cohort, notes = prepare(tmp_path, base_samples=2)
-    for _ in range(2):
-        finish(start(study, cohort, tmp_path / "out", workers=1), study)
-    status = open_store(tmp_path / "out").tables()[0].status
-    assert len(notes.read_text().splitlines()) == status.size
-    assert not np.any(status)
-
-
 TASKS = """
 name: tasks
 seed: 3
@@ -222,8 +213,11 @@ def test_all_tasks_killed_at_any_moment_end_with_the_same_bytes(tmp_path, monkey
 
 
 def test_an_interrupt_from_the_terminal_is_one_line_and_nothing_is_left(tmp_path):
-    """Ctrl-C reaches the command and all of its workers at once; finished rows are there when it goes on."""
-    study, cohort, _ = prepare(tmp_path, seconds=2.0, base_samples=2)
+    """Ctrl-C reaches the command and all of its workers at once; finished rows are there when it goes on.
+
+    What is finished is not computed again.
+    """
+    study, cohort, notes = prepare(tmp_path, seconds=2.0, base_samples=2)
     out, errors = tmp_path / "out", tmp_path / "errors"
     command = [sys.executable, "-m", "sinew", "sobol", str(study), "--data", str(cohort), "--out", str(out)]
     with open(errors, "wb") as file:
@@ -248,3 +242,7 @@ def test_an_interrupt_from_the_terminal_is_one_line_and_nothing_is_left(tmp_path
     solver.write_text(solver.read_text().replace("time.sleep(2.0)", "time.sleep(0.01)"))
     finish(start(trusted(study), cohort, out, workers=2), study)
     assert rows < committed(out)
+    ran = notes.read_text()
+    finish(start(study, cohort, out, workers=2), study)
+    assert notes.read_text() == ran
+    assert not np.any(open_store(out).tables()[0].status)

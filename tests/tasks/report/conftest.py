@@ -18,6 +18,7 @@ from sinew.tasks.drawing import plots
 from sinew.tasks.report.page import build
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace, open_workspace
+from tests.shared_folders import made_once
 
 STUDY = """
 name: small
@@ -38,8 +39,19 @@ discover: {effects: [toe-slack, time-lag], starts: 1}
 
 @pytest.fixture(scope="session")
 def whole_run(tmp_path_factory: pytest.TempPathFactory, drawing: object) -> Path:
-    """The result folder of a study with all tasks, to be read only; without figures, as they take longer than all."""
-    folder = tmp_path_factory.mktemp("report")  # of this process: a test moves it away for a while
+    """The result folder of a study with all tasks, to be read only; without figures, as they take longer than all.
+
+    Each process has its own copy: a test moves it away for a while.
+    """
+    made, folder = made_once(tmp_path_factory, "report", _whole_run), tmp_path_factory.mktemp("report")
+    shutil.copytree(made, folder, dirs_exist_ok=True)
+    log = folder / "out" / "log.jsonl"
+    log.write_text(log.read_text().replace(str(made), str(folder)))  # it says where the study is
+    build(folder / "out")
+    return folder / "out"
+
+
+def _whole_run(folder: Path) -> None:
     specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
     write_cohort(folder / "cohort", specimens[:2], truth)
     (folder / "study.yaml").write_text(STUDY)
@@ -51,8 +63,6 @@ def whole_run(tmp_path_factory: pytest.TempPathFactory, drawing: object) -> Path
             results = pipeline.run(workspace, study.tasks)
             for specimen in workspace.cohort.specimens:
                 fitted_curves(workspace, specimen, results["calibrate"].specimens[specimen.name].parameters)
-    build(folder / "out")
-    return folder / "out"
 
 
 @pytest.fixture

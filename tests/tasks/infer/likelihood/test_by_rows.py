@@ -145,6 +145,7 @@ def test_a_poor_emulator_is_trained_again(study, by_calls, slow, tmp_path, monke
 
 def test_an_emulator_that_stays_wrong_is_made_up_for_by_weights(study, by_calls, slow, tmp_path, monkeypatch):
     squares = by_rows.FineEmulator.squares
+    monkeypatch.setattr(by_rows, "TRAININGS", 2)
     monkeypatch.setattr(by_rows.FineEmulator, "squares", lambda self, at: squares(self, at) + 300.0 * at[:, 0])
     found = inferred(study, tmp_path / "out")
     site = found.sites["distal"]
