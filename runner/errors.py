@@ -45,6 +45,8 @@ def shown(value: object, width: int = 60) -> str:
         text = repr(value)
     except ValueError:  # Python does not print integers of thousands of digits
         text = "a number of thousands of digits"
+    except RecursionError:
+        text = "lists in lists without end"
     return text if len(text) <= width else f"{text[: width - 3]}..."
 
 

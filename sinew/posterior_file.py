@@ -4,11 +4,14 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 MAX_DRAWS = 10**6  # numbers of one variable, and of one of its chunks
 WIDEST = 8  # bytes of such a number
 MAX_BYTES = 2**28  # of all variables together
 MOST_OBJECTS = 1000  # variables and groups
 MOST_ATTRIBUTES, MAX_ATTRIBUTE_BYTES = 100, 2**15  # of each
+MOST_TEXTS, MAX_TEXT_BYTES = 10_000, 2**20  # of a variable of texts
 
 
 def fault(path: Path, max_bytes: int) -> str | None:
@@ -58,6 +61,8 @@ def _of_dataset(name: str, one: Any) -> str | None:
         return f"{name} has numbers of {one.dtype.itemsize} bytes"
     if one.chunks is not None and (size := math.prod(one.chunks)) > MAX_DRAWS:
         return f"{name} has chunks of {size:,} numbers"
+    if one.dtype.kind == "O" and (one.size > MOST_TEXTS or one.ndim > 1 or _length(one) > MAX_TEXT_BYTES):
+        return f"{name} has texts of more than {MAX_TEXT_BYTES:,} bytes"
     return None
 
 
@@ -67,6 +72,22 @@ def _of_attributes(name: str, one: Any) -> str | None:
     if len(one.attrs) > MOST_ATTRIBUTES:
         return f"{name} has {len(one.attrs):,} attributes"
     for each in one.attrs:
-        if (size := one.attrs.get_id(each).get_storage_size()) > MAX_ATTRIBUTE_BYTES:
+        found = one.attrs.get_id(each)
+        size = found.get_storage_size()
+        if size <= MAX_ATTRIBUTE_BYTES and found.dtype.kind == "O":  # texts or lists: what is stored is where they are
+            size = (
+                _length(np.atleast_1d(one.attrs[each])) if math.prod(found.shape) <= MOST_ATTRIBUTES else found.shape[0]
+            )
+        if size > MAX_ATTRIBUTE_BYTES:
             return f"{name} has an attribute of {size:,} bytes"
     return None
+
+
+def _length(texts: Any) -> int:
+    """The letters of some texts, or the items of lists; each may be the same long one. Counted as far as is allowed."""
+    total = 0
+    for number in range(len(texts)):
+        total += len(text) if hasattr(text := texts[number], "__len__") else 8
+        if total > MAX_TEXT_BYTES:
+            break
+    return total

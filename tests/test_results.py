@@ -373,6 +373,14 @@ POSTERIORS = {
         lambda file: file["posterior/E_f"].attrs.__setitem__("more", np.zeros(8100, "f8")),
         "E_f has an attribute of 64,800 bytes",
     ),
+    "long text": (
+        lambda file: file["posterior/E_f"].attrs.__setitem__("more", "x" * 60_000),
+        "E_f has an attribute of 60,000 bytes",
+    ),
+    "texts": (
+        lambda file: file.create_dataset("more", data=["x" * 70_000] * 20, dtype=h5py.string_dtype()),
+        "more has texts of more than 1,048,576 bytes",
+    ),
     "many attributes": (
         lambda file: [file["posterior/E_f"].attrs.__setitem__(f"a{i}", i) for i in range(200)] and None,
         "E_f has [0-9]+ attributes",

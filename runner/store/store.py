@@ -32,6 +32,7 @@ Guarantees:
 | ``lock`` | one writer at a time |
 """
 
+import json
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -97,12 +98,18 @@ class Store:
         with store_errors(self.path):
             for group in self._groups():
                 if table_key(group) == spec.key:  # the content decides, not the name at its creation
-                    return self._open(group)
+                    return self._of(spec, self._open(group))
             if not self.writable:
                 raise StoreError(f"{self.path}: holds no evaluations of {spec.title}")
             name = f"evaluations/{_slug(spec.title)}-{spec.key[:KEY_DIGITS]}"
             create_table(self.root, name, spec)
             return self._open(self.root[name])  # type: ignore[arg-type]
+
+    def _of(self, spec: TableSpec, table: Table) -> Table:
+        """The table, if it is what its key says. Raises :class:`Damaged`."""
+        if table.identity != json.loads(json.dumps(spec.identity)):
+            raise Damaged(f"{table.name} is of something else than its key says")
+        return table
 
     def tables(self) -> list[Table]:
         """All tables, sorted by name."""

@@ -356,7 +356,7 @@ def _inspect(files: Sequence[Path], reading: Any, as_json: bool) -> int:
         except BadInput as error:
             found.append({"file": str(path), "error": str(error)})
     if as_json:
-        put(json.dumps(found, ensure_ascii=False, indent=1))
+        put(json.dumps(found, indent=1))
     for one in [] if as_json else found:
         put(one_line(_sentence(one)))
         for question in one.get("ask", ()):

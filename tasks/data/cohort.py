@@ -27,7 +27,7 @@ MOST_FURTHER = 1000  # columns behind these
 GEOMETRY = ("length_mm", "width_mm", "thickness_mm")
 NOTES = ("donor", "note", "source", "diameter_mm")
 MAX_JSON_BYTES = 2**20
-MAX_POINTS, MAX_ALL_POINTS = 2_000_000, 20_000_000  # of a curve, and of a cohort
+MAX_POINTS, MAX_NUMBERS, MAX_CURVES = 2_000_000, 100_000_000, 10_000  # of a curve; and of a cohort
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+.-]{0,99}")
 
 
@@ -75,16 +75,19 @@ def read_cohort(folder: Path) -> Cohort:
 
 @dataclass
 class _Room:
-    """How many points a cohort may still have: links may make one file many curves."""
+    """How many numbers and curves a cohort may still have: links may make one file many curves."""
 
     folder: Path
-    left: int = MAX_ALL_POINTS
+    numbers: int = MAX_NUMBERS
+    curves: int = MAX_CURVES
 
     def take(self, curve: Curve) -> Curve:
         """The curve, if there is room for it. Raises :class:`BadInput`."""
-        self.left -= curve.force_N.size * (1 + len(curve.others))
-        if self.left < 0:
-            raise BadInput(self.folder, f"more than {MAX_ALL_POINTS:,} points", "fewer or thinner curves in a cohort")
+        self.numbers -= curve.force_N.size * (len(COLUMNS) + len(curve.others))
+        self.curves -= 1
+        if self.numbers < 0 or self.curves < 0:
+            most = f"{MAX_NUMBERS:,} numbers" if self.numbers < 0 else f"{MAX_CURVES:,} curves"
+            raise BadInput(self.folder, f"more than {most}", "fewer or thinner curves in a cohort")
         return curve
 
 

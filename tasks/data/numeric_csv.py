@@ -16,6 +16,7 @@ import pandas as pd
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.text import MAX_TEXT_BYTES, check_text
 
+MAX_ROWS = 4_100_000  # ends of lines, of which Windows writes two for each
 LONGEST_HEADER = 120_000  # characters: a thousand names of a hundred; below what Python's csv takes for a cell
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -34,7 +35,7 @@ def read_numbers(
         raise BadInput(f"{path}: row 1", f"header {shown(','.join(header))}", f"{','.join(columns)}")
     empty: Any = {len(header) - number: [""] for number in range(1, len(further) + 1)} if further else []
     try:
-        if _cells_of_second_row(path) != len(header):  # pandas makes as many columns as it has
+        if _cells_of_second_row(path) != len(header):  # pandas makes as many columns as it has, also in quotes
             raise ValueError
         table = pd.read_csv(
             path, encoding="utf-8-sig", dtype=np.float64, skipinitialspace=True, header=None, skiprows=1,
@@ -65,6 +66,9 @@ def read_header(path: Path) -> list[str]:
 def _check_rows(path: Path) -> None:
     """Refuse a row that would fill the memory. Raises :class:`BadInput`."""
     content = np.fromfile(path, np.uint8)
+    count = np.count_nonzero(content == ord("\n")) + np.count_nonzero(content == ord("\r"))
+    if count > MAX_ROWS:
+        raise BadInput(path, f"{count:,} rows", f"at most {MAX_ROWS:,}; every second or tenth row will do")
     ends = np.flatnonzero((content == ord("\n")) | (content == ord("\r")))
     lengths = np.diff(ends, prepend=-1, append=content.size)
     if (long := np.flatnonzero(lengths > LONGEST_HEADER)).size:
@@ -73,9 +77,9 @@ def _check_rows(path: Path) -> None:
 
 
 def _cells_of_second_row(path: Path) -> int:
-    """How many cells the first row of numbers has; 0 where there is none."""
+    """How many cells the first row of numbers has, as pandas reads it; 0 where there is none."""
     with open(path, encoding="utf-8-sig", errors="replace", newline="") as file:
-        reader = csv.reader(file)
+        reader = csv.reader(file, skipinitialspace=True)
         try:
             next(reader, None)
             return len(next(reader, []))

@@ -19,7 +19,7 @@ from sinew.tasks.data import sheet_reading
 SUFFIXES = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 MAX_BYTES = 64 * 2**20
 MAX_UNPACKED_BYTES = 512 * 2**20
-MAX_MEMBERS = 20_000  # files of an archive
+MAX_MEMBERS, MAX_LIST_BYTES = 20_000, 2**22  # files of an archive, and the list of them
 WALL_S = 600.0  # of the process that reads, whose processor time is limited as well
 
 
@@ -77,8 +77,8 @@ def _refuse_large_archive(path: Path, content: bytes) -> None:
     """
     file = io.BytesIO(content)
     try:
-        count, _ = directory_of(file)
-        if count > MAX_MEMBERS:
+        count, size = directory_of(file)
+        if count > MAX_MEMBERS or size > MAX_LIST_BYTES:  # zipfile believes the second number
             raise BadInput(path, f"an archive of {count:,} files", f"at most {MAX_MEMBERS:,}")
         with zipfile.ZipFile(file) as archive:
             size = sum(entry.file_size for entry in archive.infolist())

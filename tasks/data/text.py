@@ -122,7 +122,7 @@ def _decoded(path: Path) -> str:
 def _most_cells(content: bytes) -> int:
     """How many cells a text holds at most, whatever separates them: neighbouring spaces are one separator."""
     spaces = np.frombuffer(content, np.uint8) == ord(" ")
-    return sum(map(content.count, SEPARATORS.encode())) + int(np.count_nonzero(spaces[1:] & ~spaces[:-1]))
+    return max(*map(content.count, SEPARATORS.encode()), int(np.count_nonzero(spaces[1:] & ~spaces[:-1])))
 
 
 def _encodings(content: bytes) -> list[str]:

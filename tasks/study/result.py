@@ -23,7 +23,7 @@ from sinew.tasks.study.files import MAX_JSON_BYTES, write_json
 #: Libraries whose version changes what any task computes.
 ALWAYS = ("numpy", "scipy", "numba")
 
-MOST_NAMES, MOST_ENTRIES = 1_000, 5_000  # parameters; specimens, protocols and the like
+MOST_NAMES, MOST_ENTRIES = 1_000, 20_000  # parameters; specimens, protocols and the like
 
 OMIT = {"omit": True}
 """Metadata of a field that is left out of the file where it is None: ``field(default=None, metadata=OMIT)``."""
@@ -53,7 +53,15 @@ def believed(path: Path) -> Iterator[None]:
     """
     try:
         yield
-    except (KeyError, IndexError, ValueError, TypeError, AttributeError, ArithmeticError) as error:
+    except (
+        LookupError,
+        ValueError,
+        TypeError,
+        AttributeError,
+        ArithmeticError,
+        RecursionError,
+        AssertionError,
+    ) as error:
         words = brief(f"contradicts itself, or the store ({type(error).__name__}: {error})", 150)
         raise BadInput(path, words, f"what `sinew {path.stem}` writes; run it again") from error
 

@@ -1,6 +1,6 @@
 """An error is one printable line that is not too long."""
 
-from sinew.runner.errors import LONGEST, brief
+from sinew.runner.errors import LONGEST, brief, shown
 
 
 def test_a_long_error_keeps_its_beginning_and_its_end():
@@ -16,3 +16,12 @@ def test_a_short_error_stays():
     assert brief("x" * LONGEST) == "x" * LONGEST
     assert len(brief("\x00" * LONGEST)) == LONGEST
     assert brief("x" * 2 * LONGEST).count(" ... ") == 1
+
+
+def test_lists_in_lists_without_end_are_shown_in_words():
+    value: list[object] = []
+    for _ in range(100_000):
+        value = [value]
+    assert shown(value) == "lists in lists without end"
+    while value:  # else Python would call itself as often to remove them
+        (value,) = value  # type: ignore[assignment]

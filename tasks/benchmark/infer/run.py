@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sinew.runner.errors import BadInput
+from sinew.runner.errors import BadInput, shown
 from sinew.runner.files import remove_folder
 from sinew.tasks.benchmark.blind import refuse_strange, run_blind
 from sinew.tasks.benchmark.infer.compared import compared
@@ -35,6 +35,7 @@ STUDY = "configs/infer.yaml"
 COHORTS, POINTS = "benchmark of posteriors", "points of TARP"  # random streams
 
 Say = Callable[[str], None]
+MADE = ("cohort", "study.yaml", "run", "cohort.json")  # of a cohort
 
 
 def benchmark(
@@ -88,6 +89,10 @@ def _cohort(
     known = CohortResult.read(out)
     if known is not None and known.inputs == inputs:
         return known
+    if known is not None:
+        raise BadInput(CohortResult.path(out), "is of other settings or another version", "another --out, or delete it")
+    if others := sorted({entry.name for entry in out.iterdir()} - set(MADE)) if out.is_dir() else []:
+        raise BadInput(out, f"holds {shown(others[0])}", "a folder of `sinew benchmark infer`")
     remove_folder(out)
     out.mkdir(parents=True)
     model = model_of(study.model, study.simulator.law)

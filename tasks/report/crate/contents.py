@@ -24,6 +24,7 @@ PLAIN = re.compile(r"[A-Za-z0-9_+. -]{1,255}")  # names that every archive, list
 LARGE = ("store.zarr", "journal", "log.jsonl")  # what a crate holds only if it is asked for: all rows, and the log
 MACHINERY = ("attempts", "jobs", "lock", "progress.json")  # records of processes, in no crate
 FILES = ("ranges.json", COPY, PAGE)
+ENDINGS = (".json", ".jsonl", ".csv", ".png", ".pdf", ".svg", ".nc", ".db", ".yaml", ".feb", ".txt", ".safetensors")
 WORDS = {
     ".json": "result", ".csv": "table", ".png": "figure", ".pdf": "figure", ".html": "page with all results",
     ".nc": "posterior sample (netCDF)", ".db": "history of an inference (SQLite)",
@@ -90,6 +91,8 @@ def kept(relative: PurePosixPath, *, store: bool) -> bool:
         return False
     if first in LARGE:
         return store
+    if relative.suffix not in ENDINGS:
+        return first in FILES and not rest
     if not rest:
         return first in FILES or first.partition(".")[0].partition("_")[0] in TASKS
     return first in (*TASKS, "figures") and (store or relative.suffix != ".jsonl")  # those are checkpoints

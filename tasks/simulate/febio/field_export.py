@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +61,10 @@ def export_rows(folder: Path, rows: Sequence[int], to: Path, name: str | None = 
             raise BadInput(f"--row {row}", "is there in several tables", f"--table: {', '.join(sorted(found))}"[:200])
         title, keys = next(iter(sorted(found.items())))
         for along, key in keys.items():
-            chosen[f"{_plain(title)}_row{row:06d}_{_plain(along)}"] = key
+            stem = f"{_plain(title)}_row{row:06d}_{_plain(along)}"
+            more = count(2)
+            while chosen.setdefault(stem, key) != key:  # names that differ in other characters
+                stem = f"{stem.rpartition('__')[0] or stem}__{next(more)}"
     paths: list[Path] = []
     left_out: dict[str, None] = {}
     for stem, key in chosen.items():

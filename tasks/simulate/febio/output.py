@@ -145,12 +145,16 @@ def read_records(path: Path, max_bytes: int) -> tuple[Array, Array, bool]:
 
 def _check_size(path: Path, content: bytes) -> None:
     """Refuse what would fill the memory: pandas makes as many columns as the first line has. Raises :class:`Failed`."""
-    first = next((line for line in content[: 2 * LONGEST_LINE].split(b"\n") if line and not line.startswith(b"*")), b"")
-    lines, steps = content.count(b"\n"), content.count(b"*Step")
-    if len(first) > LONGEST_LINE or (first.count(b",") + 1) * lines > MAX_NUMBERS or steps > MAX_STEPS:
+    if b"\r" in content or b'"' in content:
+        raise Failed("bad_output", f"{path.name} holds a quotation mark, or half a line end")
+    first = _NUMBERS.search(content)
+    start, end = first.span() if first is not None else (0, 0)
+    columns, steps = content.count(b",", start, end) + 1, max(content.count(b"*Step"), content.count(b"*Time"))
+    if end - start > LONGEST_LINE or columns * content.count(b"\n") > MAX_NUMBERS or steps > MAX_STEPS:
         raise Failed("bad_output", f"{path.name} holds too many numbers")
 
 
 MAX_TEXT_BYTES = 2**28  # of numbers that are logged; plot files may be larger
 LONGEST_LINE, MAX_NUMBERS, MAX_STEPS = 10_000, 2**25, 10**6
+_NUMBERS = re.compile(rb"^[ \t]*+[^*\s][^\n]*+$", re.MULTILINE)  # a line that is neither blank nor a comment
 _STAMP = re.compile(rb"^\*Time\s*=\s*(\S+)$", re.MULTILINE)

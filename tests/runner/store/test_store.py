@@ -293,3 +293,15 @@ def test_chunks_have_the_names_that_are_checked(tmp_path, encoding, place):
             (table,) = open_store(tmp_path).tables()
             table.coordinate("parameter")
             table.read(path.parent.name, np.arange(20))
+
+
+def test_a_table_of_something_else_than_its_key_says_is_refused(tmp_path):
+    with Store.writing(tmp_path, "study") as store:
+        store.table(table_spec())
+    (place,) = (tmp_path / "store.zarr" / "evaluations").glob("specimen-*")
+    content = json.loads((place / "zarr.json").read_text())
+    identity = json.loads(content["attributes"]["identity"])
+    content["attributes"]["identity"] = json.dumps(identity | {"simulator": "another"})
+    (place / "zarr.json").write_text(json.dumps(content))
+    with pytest.raises(StoreError, match="is of something else than its key says"):
+        open_store(tmp_path).table(table_spec())

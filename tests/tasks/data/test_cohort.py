@@ -210,9 +210,10 @@ def test_links_do_not_make_one_curve_many(tmp_path, monkeypatch):
         (folder / f"again{number}.csv").symlink_to("ramp.csv")
     monkeypatch.setattr(cohort, "MAX_POINTS", 100)
     assert len(read_cohort(tmp_path).specimens[0].curves) == 5
-    monkeypatch.setattr(cohort._Room.__init__, "__defaults__", (499,))
-    with pytest.raises(BadInput, match="more than 20,000,000 points; expected fewer or thinner curves"):
-        read_cohort(tmp_path)
+    for left, most in (((1499, 9), "100,000,000 numbers"), ((1500, 4), "10,000 curves")):
+        monkeypatch.setattr(cohort._Room.__init__, "__defaults__", left)
+        with pytest.raises(BadInput, match=f"more than {most}; expected fewer or thinner curves"):
+            read_cohort(tmp_path)
     monkeypatch.setattr(cohort, "MAX_POINTS", 99)
     with pytest.raises(BadInput, match="100 rows of numbers; expected at most 99; every second or tenth row will do"):
         read_cohort(tmp_path)

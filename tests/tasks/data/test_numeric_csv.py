@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data import numeric_csv
 from sinew.tasks.data.numeric_csv import read_header, read_numbers
 
 
@@ -95,3 +96,19 @@ def test_a_file_has_at_most_as_many_bytes_as_asked(tmp_path):
     assert np.array_equal(read_numbers(path, None, max_bytes=8), [[1.0, 2.0]])
     with pytest.raises(BadInput, match="MB; expected at most"):
         read_numbers(path, None, max_bytes=7)
+
+
+def test_rows_have_a_limit_before_they_take_memory(tmp_path, monkeypatch):
+    path = written(tmp_path, "a,b\n" + "1,2\n" * 50)
+    monkeypatch.setattr(numeric_csv, "MAX_ROWS", 50)
+    with pytest.raises(
+        BadInput, match=r"numbers\.csv: 51 rows; expected at most 50; every second or tenth row will do"
+    ):
+        read_numbers(path, ["a", "b"])
+
+
+def test_a_quoted_cell_makes_no_wider_table(tmp_path):
+    """pandas would go on with the row behind the quotation mark."""
+    path = written(tmp_path, 'a,b\n1, "2\n1",1,1,1\n')
+    with pytest.raises(BadInput, match=r"row [23]"):
+        read_numbers(path, ["a", "b"])

@@ -13,8 +13,8 @@ from sinew.tasks.study import result
     ("field", "value", "most"),
     [
         ("names", ["a"] * (result.MOST_NAMES + 1), "1,000"),
-        ("tables", {f"s{i}": "t" for i in range(result.MOST_ENTRIES + 1)}, "5,000"),
-        ("protocols", dict.fromkeys(map(str, range(result.MOST_ENTRIES + 1))), "5,000"),
+        ("tables", {f"s{i}": "t" for i in range(result.MOST_ENTRIES + 1)}, "20,000"),
+        ("protocols", dict.fromkeys(map(str, range(result.MOST_ENTRIES + 1))), "20,000"),
     ],
 )
 def test_more_than_any_task_writes_is_refused(field, value, most):

@@ -7,6 +7,7 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.benchmark.infer.drawn import Conditions
+from sinew.tasks.benchmark.infer.result import CohortResult
 from sinew.tasks.benchmark.infer.run import benchmark
 from tests.tasks.test_pipeline import sinew
 
@@ -72,3 +73,23 @@ def test_other_simulators_are_refused(tmp_path, study):
     study.write_text(study.read_text() + "simulator: febio\n")
     with pytest.raises(BadInput, match=r"simulator: febio; expected uniaxial, which draws the cohorts"):
         benchmark(tmp_path / "out", cohorts=1, conditions=Conditions(), study=study)
+
+
+def test_what_was_not_made_here_is_refused_and_left_as_it_is(tmp_path, study):
+    mine = tmp_path / "out" / "cohort_0001" / "measured.csv"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("mine")
+    with pytest.raises(BadInput, match=r"cohort_0001: holds 'measured\.csv'; expected a folder of"):
+        benchmark(tmp_path / "out", cohorts=1, conditions=Conditions(), study=study)
+    assert mine.read_text() == "mine"
+
+
+def test_results_of_other_settings_are_not_removed(tmp_path, study):
+    other = CohortResult(1, "likelihood", [], {}, 0, 0, 1.0, None, "other inputs")
+    (tmp_path / "out" / "cohort_0001").mkdir(parents=True)
+    other.write(tmp_path / "out" / "cohort_0001")
+    with pytest.raises(
+        BadInput, match=r"cohort\.json: is of other settings or another version; expected another --out"
+    ):
+        benchmark(tmp_path / "out", cohorts=1, conditions=Conditions(), study=study)
+    assert CohortResult.read(tmp_path / "out" / "cohort_0001").inputs == "other inputs"

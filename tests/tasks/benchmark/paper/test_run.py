@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from sinew.runner.errors import BadInput
 from sinew.tasks import pipeline
 from sinew.tasks.benchmark.paper.published import CORRELATIONS, correlation, exchanged, of_sites, table_3
+from sinew.tasks.benchmark.paper.run import reproduce
 from sinew.tasks.data.virtual import published
 from sinew.tasks.study.workspace import Workspace
 from tests.tasks.test_pipeline import sinew
@@ -90,3 +92,23 @@ def test_what_was_published_is_whole():
         assert one.low < one.mean < one.high
     proximal = [271.839, 174.056, 188.282, 236.762, 230.546, 227.843, 275.0, 191.018, 183.61]
     assert of_sites()["proximal", "E_f"].sd == pytest.approx(np.std(proximal, ddof=1))
+
+
+@pytest.mark.parametrize("there", [("paper", "thesis.tex"), ("study.yaml", None), ("notes.txt", None)])
+def test_a_folder_with_anything_else_is_refused_and_left_as_it_is(tmp_path, there):
+    name, inside = there
+    mine = tmp_path / name / inside if inside else tmp_path / name
+    mine.parent.mkdir(exist_ok=True)
+    mine.write_text("mine")
+    with pytest.raises(BadInput, match=f"holds '{name}'; expected an empty folder, or one of `sinew reproduce paper`"):
+        reproduce(tmp_path)
+    assert mine.read_text() == "mine"
+
+
+def test_nothing_is_written_through_a_link(tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / ".cohort").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(BadInput, match=r"\.cohort: is a link"):
+        reproduce(tmp_path / "out")
+    assert not list((tmp_path / "elsewhere").iterdir())

@@ -100,3 +100,17 @@ def test_a_damaged_file_is_named_and_costs_no_other_row(tmp_path):
     assert len(done.missing) == 1
     assert "row000002_relax: its fields are in a file that is damaged" in done.missing[0]
     assert {line.split(": damaged")[0] for line in done.damaged} == {str(second), str(third)}
+
+
+def test_protocols_whose_names_differ_in_odd_characters_have_files_of_their_own(tmp_path):
+    every = tuple(
+        Curve(replace(SHORT, name=name, displacement_mm=factor * SHORT.displacement_mm), FORCE[:9])
+        for factor, name in ((1.0, "relax.1"), (0.9, "relax+1"), (0.8, "relax 1"))
+    )
+    table = evaluated(
+        tmp_path, SpecimenEvaluation(OWN, replace(BAR, curves=every), keeping_bar(tmp_path), 96), ROWS[:1]
+    )
+    done = export_rows(tmp_path, [0], tmp_path / "vtk", table)
+    stem = table.replace(".", "_")[:80]
+    names = [path.name.removeprefix(f"{stem}_row000000_") for path in done.paths]
+    assert names == ["relax_1.pvd", "relax_1__2.pvd", "relax_1__3.pvd"]

@@ -101,6 +101,8 @@ def test_a_log_of_gigabytes_is_not_read(tmp_path):
 LONG = {
     "a line of many numbers": "*Step  = 1\n*Time  = 1\n" + "1," * 50_000 + "1\n",
     "many lines beside a long one": "*Step  = 1\n*Time  = 1\n" + "1," * 4_000 + "1\n" + "1\n" * 10_000,
+    "a long one behind blank lines": " \n" * 9_000 + "*Step  = 1\n*Time  = 1\n" + "1," * 6_000 + "1\n",
+    "many times": "*Step  = 1\n" + "*Time=1\n" * 1_000_001 + "1\n",
     "many steps": "*Step" * 1_000_001 + "\n*Time  = 1\n1\n",
 }
 
@@ -110,4 +112,11 @@ def test_what_would_become_a_table_of_gigabytes_is_not_parsed(tmp_path, kind, mo
     (tmp_path / "log.txt").write_text(LONG[kind])
     monkeypatch.setattr("pandas.read_csv", lambda *_, **__: pytest.fail("it is parsed"))
     with pytest.raises(Failed, match=r"log\.txt holds too many numbers"):
+        read_records(tmp_path / "log.txt", 2**28)
+
+
+@pytest.mark.parametrize("odd", ['1,"2\n3"\n', "1\r2\n"])
+def test_line_ends_that_are_none_are_refused(tmp_path, odd):
+    (tmp_path / "log.txt").write_text(f"*Step  = 1\n*Time  = 1\n{odd}", newline="")
+    with pytest.raises(Failed, match=r"log\.txt holds a quotation mark, or half a line end"):
         read_records(tmp_path / "log.txt", 2**28)
