@@ -123,7 +123,9 @@ def _contradictions(size: str, asked: float, told: Mapping[float, Path], overrid
             continue
         if not override:
             problem = f"a {size} of {value:g} mm, but --{size}-mm says {asked:g}"
-            raise BadInput(path, problem, f"no --{size}-mm, or --override to use it all the same")
+            raise BadInput(
+                path, problem, f"a {size} for each file that has none (--answers), or --override to use it all the same"
+            )
         found.append(f"{size} {asked:g} mm by --{size}-mm; {path.name} tells {value:g} mm")
     return found
 

@@ -111,8 +111,8 @@ def summary(result: DiscoverResult, folder: Path, console: Console) -> None:
     """Print the verdict, how the best candidates did, and what goes with the verdict."""
     grid = Grid("candidate", "gain", "explained", "held-out gain", "on a bound", title="Candidates, the best first")
     for one in result.candidates[:SHOWN]:
-        explained = "" if one.explained is None else f"{100 * one.explained:.0f} %"
-        grid.add_row(one.name, f"{one.gain:,.0f}", explained, held_out(one), " ".join(one.on_bound))
+        explained = "" if one.explained is None else percent(one.explained)
+        grid.add_row(one.name, _whole(one.gain), explained, held_out(one), " ".join(one.on_bound))
     console.print(grid)
     console.print(Text.assemble((result.verdict, "bold"), f" {result.answer}: {result.why}"))
     console.print(in_words(result.confidence))
@@ -136,8 +136,13 @@ def held_out(one: CandidateResult) -> str:
     """A candidate's gain on held-out data with its standard error; empty where nothing was held out."""
     if one.held_out is None:
         return ""
-    error = "unknown" if one.held_out_error is None else f"{one.held_out_error:,.0f}"
-    return f"{one.held_out:,.0f} ± {error}"
+    error = "unknown" if one.held_out_error is None else _whole(one.held_out_error)
+    return f"{_whole(one.held_out)} ± {error}"
+
+
+def _whole(value: float) -> str:
+    """A number without decimals."""
+    return number(float(f"{value:.0f}"))
 
 
 def _conflict_lines(result: DiscoverResult) -> Iterator[str]:

@@ -93,11 +93,17 @@ class Section:
     folded: bool = False
 
 
+LARGE = 1e15  # beyond it, a number is written with its power of ten
+FAR_BELOW = -10.0  # a part of one
+
+
 def number(value: Any, digits: int = 3) -> str:
     """A number for a person, a dash where there is none."""
     if value is None or not math.isfinite(value):
         return "–"
-    if value == int(value) and abs(value) < 1e15:
+    if abs(value) >= LARGE:
+        return f"{value:.{digits}g}"
+    if value == int(value):
         return f"{int(value):,}"
     if abs(value) >= 10**digits:
         return f"{value:,.0f}"
@@ -111,8 +117,10 @@ def span(values: Sequence[float], digits: int = 3) -> str:
 
 
 def percent(part: Any, digits: int = 0) -> str:
-    """A part of one as percent."""
-    return "–" if part is None or not math.isfinite(part) else f"{round(100 * part, digits) + 0.0:.{digits}f} %"
+    """A part of one as percent; what is far below zero, as of a fit that ended nowhere, only as that."""
+    if part is None or not math.isfinite(part):
+        return "–"
+    return f"{round(100 * part, digits) + 0.0:.{digits}f} %" if part > FAR_BELOW else f"below {100 * FAR_BELOW:.0f} %"
 
 
 def times(above: Any) -> str:

@@ -34,8 +34,8 @@ def test_a_size_that_the_file_contradicts_is_refused_unless_it_shall_count(tmp_p
     with pytest.raises(BadInput) as told:
         known_sizes("a", [measured], Sizes(width_mm=5.0))
     assert str(told.value) == (
-        f"{measured.path}: a width of 8.0956 mm, but --width-mm says 5; expected no --width-mm, "
-        "or --override to use it all the same"
+        f"{measured.path}: a width of 8.0956 mm, but --width-mm says 5; expected a width for each file "
+        "that has none (--answers), or --override to use it all the same"
     )
     known = known_sizes("a", [measured], Sizes(width_mm=5.0, override=True))
     assert known.mm == {"length": 10.0, "width": 5.0, "thickness": None}

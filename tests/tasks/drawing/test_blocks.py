@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from sinew.tasks.drawing.blocks import behind, duration, largest, span, times, with_its_unit
+from sinew.tasks.drawing.blocks import behind, duration, largest, number, percent, span, times, with_its_unit
 
 
 def test_a_unit_stands_behind_a_number_and_in_brackets_behind_a_name():
@@ -34,3 +34,16 @@ def test_a_duration_has_the_unit_that_suits_it(seconds, words):
 @pytest.mark.parametrize(("above", "words"), [(0.0034, "1.003"), (0.0, "1"), (30.25, "31.25"), (None, "–")])
 def test_so_many_times_a_reference(above, words):
     assert times(above) == words
+
+
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [(0.876, "88 %"), (-0.2, "-20 %"), (-9.5, "-950 %"), (-3.2e95, "below -1000 %"), (None, "–"), (math.nan, "–")],
+)
+def test_a_part_far_below_zero_is_only_that(part, words):
+    assert percent(part) == words
+
+
+@pytest.mark.parametrize(("value", "words"), [(-2.83e128, "-2.83e+128"), (2e15, "2e+15"), (12_345_678, "12,345,678")])
+def test_huge_numbers_have_a_power_of_ten(value, words):
+    assert number(value) == words
