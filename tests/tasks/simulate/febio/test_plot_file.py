@@ -179,7 +179,7 @@ def test_many_empty_parts_are_refused_before_they_take_memory(what):
     try:
         with pytest.raises(Failed, match=words):
             plot_file_of(content, 64 * MB)
-        assert tracemalloc.get_traced_memory()[1] < MB / 4
+        assert tracemalloc.get_traced_memory()[1] < MB  # each of the parts would take a hundred bytes
     finally:
         tracemalloc.stop()
 
