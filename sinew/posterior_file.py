@@ -73,11 +73,11 @@ def _of_attributes(name: str, one: Any) -> str | None:
         return f"{name} has {len(one.attrs):,} attributes"
     for each in one.attrs:
         found = one.attrs.get_id(each)
-        size = found.get_storage_size()
-        if size <= MAX_ATTRIBUTE_BYTES and found.dtype.kind == "O":  # texts or lists: what is stored is where they are
-            size = (
-                _length(np.atleast_1d(one.attrs[each])) if math.prod(found.shape) <= MOST_ATTRIBUTES else found.shape[0]
-            )
+        size, several = found.get_storage_size(), found.dtype.kind == "O"  # of texts or lists, it is that of references
+        if several and math.prod(found.shape) > MOST_ATTRIBUTES:
+            return f"{name} has an attribute of {math.prod(found.shape):,} texts"
+        if several:
+            size = max(size, _length(np.atleast_1d(one.attrs[each])))
         if size > MAX_ATTRIBUTE_BYTES:
             return f"{name} has an attribute of {size:,} bytes"
     return None

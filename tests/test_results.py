@@ -377,6 +377,10 @@ POSTERIORS = {
         lambda file: file["posterior/E_f"].attrs.__setitem__("more", "x" * 60_000),
         "E_f has an attribute of 60,000 bytes",
     ),
+    "texts as an attribute": (
+        lambda file: file["posterior/E_f"].attrs.create("more", ["x" * 100] * 101, dtype=h5py.string_dtype()),
+        "E_f has an attribute of 101 texts",
+    ),
     "texts": (
         lambda file: file.create_dataset("more", data=["x" * 70_000] * 20, dtype=h5py.string_dtype()),
         "more has texts of more than 1,048,576 bytes",

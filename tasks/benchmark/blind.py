@@ -1,10 +1,10 @@
 """A study run as a user would run it, for a benchmark: nothing but its cohort's folder is known to it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from sinew.runner.errors import BadInput, WalltimeReached, one_line
+from sinew.runner.errors import BadInput, WalltimeReached, one_line, shown
 from sinew.runner.files import strange_entry
 from sinew.tasks import pipeline
 from sinew.tasks.cluster.spec import cluster_of
@@ -32,6 +32,13 @@ def run_blind(
         raise
     except Exception as error:  # noqa: BLE001 - whatever it is, the other cases can still be run
         return one_line(f"{type(error).__name__}: {error}")
+
+
+def refuse_others(folder: Path, made: Collection[str], command: str) -> None:
+    """Raise :class:`BadInput` for anything in a folder that ``command`` does not make: it would be removed."""
+    others = sorted({entry.name for entry in folder.iterdir()} - set(made)) if folder.is_dir() else []
+    if others:
+        raise BadInput(folder, f"holds {shown(others[0])}", f"an empty folder, or one of `sinew {command}`")
 
 
 def refuse_strange(folder: Path) -> None:

@@ -22,10 +22,10 @@ def trust(study: Path) -> None:
 
     read = read_study(study)
     requests = [request for request in (solver_request(read), cluster_request(read)) if request is not None]
+    consent.allow(requests)
     for request in requests:
         put(f"allowed: {request.field}: {request.words}")
         if request.beside:
             put(f"  {request.beside}")
-    consent.allow(requests)
     if not requests:
         put(f"{study} asks for nothing that needs your consent")

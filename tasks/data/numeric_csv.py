@@ -66,10 +66,10 @@ def read_header(path: Path) -> list[str]:
 def _check_rows(path: Path) -> None:
     """Refuse a row that would fill the memory. Raises :class:`BadInput`."""
     content = np.fromfile(path, np.uint8)
-    count = np.count_nonzero(content == ord("\n")) + np.count_nonzero(content == ord("\r"))
-    if count > MAX_ROWS:
+    breaks = (content == ord("\n")) | (content == ord("\r"))
+    if (count := np.count_nonzero(breaks)) > MAX_ROWS:
         raise BadInput(path, f"{count:,} rows", f"at most {MAX_ROWS:,}; every second or tenth row will do")
-    ends = np.flatnonzero((content == ord("\n")) | (content == ord("\r")))
+    ends = np.flatnonzero(breaks)
     lengths = np.diff(ends, prepend=-1, append=content.size)
     if (long := np.flatnonzero(lengths > LONGEST_HEADER)).size:
         row = 1 + int(np.count_nonzero(content[ends[: long[0]]] == ord("\n")))

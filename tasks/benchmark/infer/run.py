@@ -11,9 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sinew.runner.errors import BadInput, shown
+from sinew.runner.errors import BadInput
 from sinew.runner.files import remove_folder
-from sinew.tasks.benchmark.blind import refuse_strange, run_blind
+from sinew.tasks.benchmark.blind import refuse_others, refuse_strange, run_blind
 from sinew.tasks.benchmark.infer.compared import compared
 from sinew.tasks.benchmark.infer.drawn import Conditions, drawn
 from sinew.tasks.benchmark.infer.left_out import left_out
@@ -91,8 +91,7 @@ def _cohort(
         return known
     if known is not None:
         raise BadInput(CohortResult.path(out), "is of other settings or another version", "another --out, or delete it")
-    if others := sorted({entry.name for entry in out.iterdir()} - set(MADE)) if out.is_dir() else []:
-        raise BadInput(out, f"holds {shown(others[0])}", "a folder of `sinew benchmark infer`")
+    refuse_others(out, MADE, "benchmark infer")
     remove_folder(out)
     out.mkdir(parents=True)
     model = model_of(study.model, study.simulator.law)

@@ -15,10 +15,10 @@ from typing import Any
 
 import pandas as pd
 
-from sinew.runner.errors import BadInput, shown
+from sinew.runner.errors import BadInput
 from sinew.runner.files import remove_folder
 from sinew.tasks import pipeline
-from sinew.tasks.benchmark.blind import refuse_strange
+from sinew.tasks.benchmark.blind import refuse_others, refuse_strange
 from sinew.tasks.benchmark.paper.comparison import comparison
 from sinew.tasks.benchmark.paper.pictures import pictures
 from sinew.tasks.benchmark.paper.published import of_sites, table_3
@@ -37,7 +37,7 @@ from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import check_folder, open_workspace
 
 STUDY = "configs/tendon.yaml"
-MADE = ("cohort", ".cohort", "study.yaml", "run", "paper")
+MADE = (".cohort", "cohort", "study.yaml", "run", "paper")  # the first stands alone in a folder that was begun
 TASKS = ("sobol", "importance", "calibrate", "infer", "predict", "compare")
 
 
@@ -58,7 +58,7 @@ def reproduce(
     settings = from_yaml(source.read_text("utf-8"))
     check_folder(out)
     refuse_strange(out)
-    _refuse_others(out)
+    refuse_others(out, MADE if (out / "cohort").is_dir() else MADE[:1], "reproduce paper")
     cohort, path = out / "cohort", out / "study.yaml"
     seed = int(settings.get("seed", 0))
     specimens, truth = virtual_cohort(seed=seed, per_site=per_site, rate_hz=rate_hz)
@@ -83,13 +83,6 @@ def reproduce(
     write_text(folder / "table_3.csv", _table_3(inferred).to_csv(index=False))
     write_text(folder / "paper.md", as_markdown([comparison(results)], _lines(results)))
     return missing
-
-
-def _refuse_others(out: Path) -> None:
-    """Refuse a folder with anything that was not made here: it would be replaced. Raises :class:`BadInput`."""
-    there = {entry.name for entry in out.iterdir()} if out.is_dir() else set()
-    if others := sorted(there - set(MADE)) or (sorted(there - {".cohort"}) if "cohort" not in there else []):
-        raise BadInput(out, f"holds {shown(others[0])}", "an empty folder, or one of `sinew reproduce paper`")
 
 
 def _lines(results: dict[str, Any]) -> list[str]:

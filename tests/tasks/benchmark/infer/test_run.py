@@ -79,7 +79,7 @@ def test_what_was_not_made_here_is_refused_and_left_as_it_is(tmp_path, study):
     mine = tmp_path / "out" / "cohort_0001" / "measured.csv"
     mine.parent.mkdir(parents=True)
     mine.write_text("mine")
-    with pytest.raises(BadInput, match=r"cohort_0001: holds 'measured\.csv'; expected a folder of"):
+    with pytest.raises(BadInput, match=r"cohort_0001: holds 'measured\.csv'; expected an empty folder, or one of"):
         benchmark(tmp_path / "out", cohorts=1, conditions=Conditions(), study=study)
     assert mine.read_text() == "mine"
 
