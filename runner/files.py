@@ -121,6 +121,24 @@ def own_folder(folder: Path) -> Path:
     return folder
 
 
+def refuse_open_way(folder: Path) -> None:
+    """Raise ``OSError`` if any user can rename what is in this folder, or in one that leads to it.
+
+    Its owner can, and anybody else where all may write and the sticky bit is not set. Only in a folder where all may
+    write can a folder on the way belong to just anybody.
+    """
+    named, real = folder.absolute(), folder.resolve(strict=True)
+    for each in dict.fromkeys((named, *named.parents, real, *real.parents)):
+        status, above = os.lstat(each), each.parent.stat().st_mode
+        open_to_all = (
+            not stat.S_ISLNK(status.st_mode) and status.st_mode & (stat.S_IWOTH | stat.S_ISVTX) == stat.S_IWOTH
+        )
+        if open_to_all:
+            raise PermissionError(errno.EACCES, "is a folder in which all users may rename what is yours", str(each))
+        if above & stat.S_IWOTH and status.st_uid not in (0, os.geteuid()):
+            raise PermissionError(errno.EACCES, "belongs to another user, where all may write", str(each))
+
+
 def temporary_folder() -> Path:
     """The user's own folder for temporary files, which outlives the program. Raises ``OSError``."""
     return own_folder(Path(tempfile.gettempdir()) / f"sinew-{os.geteuid()}")

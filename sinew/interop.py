@@ -85,6 +85,8 @@ def abc_history(folder: Path, site: str) -> Any:
     import pyabc
 
     path = _of_site(folder, site, "db").absolute()
+    if "?" in str(path):  # pyABC would open what is named before it
+        raise BadInput(path, "has a '?' in its path", "a folder and a site without one")
     _refuse_program(path)
     return pyabc.History(f"sqlite:///{path}", create=False)
 

@@ -12,6 +12,8 @@ MAX_BYTES = 2**28  # of all variables together
 MOST_OBJECTS = 1000  # variables and groups
 MOST_ATTRIBUTES, MAX_ATTRIBUTE_BYTES = 100, 2**15  # of each
 MOST_TEXTS, MAX_TEXT_BYTES = 10_000, 2**20  # of a variable of texts
+KINDS = "biufSO"  # of numbers and texts; others are made of parts, each of which may be a text
+MOST_AXES = 8  # of a variable, each of which is a list of references
 
 
 def fault(path: Path, max_bytes: int) -> str | None:
@@ -57,6 +59,8 @@ def _of_dataset(name: str, one: Any) -> str | None:
         return f"{name} has its numbers elsewhere"
     if one.size is None or one.size > MAX_DRAWS:
         return f"{name} has {one.size} numbers"
+    if one.dtype.kind not in KINDS:
+        return f"{name} has parts that are no numbers"
     if one.dtype.itemsize > WIDEST:
         return f"{name} has numbers of {one.dtype.itemsize} bytes"
     if one.chunks is not None and (size := math.prod(one.chunks)) > MAX_DRAWS:
@@ -67,20 +71,35 @@ def _of_dataset(name: str, one: Any) -> str | None:
 
 
 def _of_attributes(name: str, one: Any) -> str | None:
+    import h5py
+
     if not hasattr(one, "attrs"):
         return None
     if len(one.attrs) > MOST_ATTRIBUTES:
         return f"{name} has {len(one.attrs):,} attributes"
     for each in one.attrs:
         found = one.attrs.get_id(each)
-        size, several = found.get_storage_size(), found.dtype.kind == "O"  # of texts or lists, it is that of references
-        if several and math.prod(found.shape) > MOST_ATTRIBUTES:
-            return f"{name} has an attribute of {math.prod(found.shape):,} texts"
-        if several:
+        if not _is_plain(found.dtype):
+            return f"{name} has an attribute with parts that are no numbers"
+        size, references = found.get_storage_size(), found.dtype.kind == "O"  # that of references
+        most = 1 if h5py.check_string_dtype(found.dtype) else MOST_AXES  # all may be the same long one
+        if references and math.prod(found.shape) > most:
+            return f"{name} has an attribute of {math.prod(found.shape):,} texts or lists"
+        if references:
             size = max(size, _length(np.atleast_1d(one.attrs[each])))
         if size > MAX_ATTRIBUTE_BYTES:
             return f"{name} has an attribute of {size:,} bytes"
     return None
+
+
+def _is_plain(dtype: Any) -> bool:
+    """Whether a type is one of numbers, texts or references, or made of numbers and references alone."""
+    import h5py
+
+    if dtype.kind != "V":
+        return dtype.kind in KINDS
+    parts = [dtype.fields[name][0] for name in dtype.names] if dtype.names else [None]
+    return all(part is not None and (part.kind in "biuf" or h5py.check_ref_dtype(part)) for part in parts)
 
 
 def _length(texts: Any) -> int:

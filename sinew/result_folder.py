@@ -17,6 +17,7 @@ import xarray as xr
 from sinew import interop
 from sinew.runner.errors import BadInput, StoreError
 from sinew.runner.printing import printable
+from sinew.runner.store.results import PLAIN
 from sinew.runner.store.store import open_store, refuse_strange_entries
 from sinew.tasks.drawing import views
 from sinew.tasks.drawing.formats import without_formulas
@@ -144,7 +145,7 @@ class Results:
         """
         store = open_store(self.folder)
         store.check()
-        return xr.open_datatree(store.path, engine="zarr", consolidated=False)
+        return xr.open_datatree(store.path, engine="zarr", **PLAIN)
 
     def arviz(self, site: str) -> Any:
         """The posterior of a site as :class:`arviz.InferenceData`."""

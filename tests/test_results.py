@@ -353,6 +353,12 @@ def external(file: h5py.File) -> None:
     file["posterior"].create_dataset("E_f", shape, "f8", external=[(str(secret), 0, h5py.h5f.UNLIMITED)])
 
 
+def lists(count: int) -> np.ndarray:
+    found = np.empty(count, object)
+    found[:] = [np.zeros(1 + i, "i4") for i in range(count)]
+    return found
+
+
 POSTERIORS = {
     "external": (external, "E_f has its numbers elsewhere"),
     "link": (lambda file: file["posterior"].__setitem__("more", h5py.ExternalLink("x.nc", "/")), "more is a link"),
@@ -378,8 +384,22 @@ POSTERIORS = {
         "E_f has an attribute of 60,000 bytes",
     ),
     "texts as an attribute": (
-        lambda file: file["posterior/E_f"].attrs.create("more", ["x" * 100] * 101, dtype=h5py.string_dtype()),
-        "E_f has an attribute of 101 texts",
+        lambda file: file["posterior/E_f"].attrs.create("more", ["x" * 100] * 2, dtype=h5py.string_dtype()),
+        "E_f has an attribute of 2 texts or lists",
+    ),
+    "lists as an attribute": (
+        lambda file: file["posterior/E_f"].attrs.create("more", lists(9), dtype=h5py.vlen_dtype("i4")),
+        "E_f has an attribute of 9 texts or lists",
+    ),
+    "parts of an attribute": (
+        lambda file: file["posterior/E_f"].attrs.create(
+            "more", np.array([("x",)], [("a", h5py.string_dtype())]), dtype=[("a", h5py.string_dtype())]
+        ),
+        "E_f has an attribute with parts that are no numbers",
+    ),
+    "parts": (
+        lambda file: file.create_dataset("more", (4,), [("a", h5py.string_dtype())]),
+        "more has parts that are no numbers",
     ),
     "texts": (
         lambda file: file.create_dataset("more", data=["x" * 70_000] * 20, dtype=h5py.string_dtype()),
@@ -419,6 +439,13 @@ def test_the_store_is_checked_before_it_opens_in_xarray(copied_run):
     chunk.unlink()
     with pytest.raises(StoreError, match="sobol: damaged"):
         sinew.results(copied_run).xarray()
+
+
+def test_a_path_that_pyabc_would_cut_is_refused(copied_run, tmp_path):
+    """What stands before the question mark would be opened, and written to."""
+    shutil.copytree(copied_run, tmp_path / "a?b")
+    with pytest.raises(BadInput, match=r"distal\.db: has a '\?' in its path"):
+        sinew.results(tmp_path / "a?b").abc_history("distal")
 
 
 @pytest.mark.parametrize("ending", ["-journal", "-wal", "-shm"])

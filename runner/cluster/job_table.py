@@ -1,6 +1,8 @@
 """The table of jobs beside the results: which job did what, and when."""
 
+import hashlib
 import json
+import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,13 +48,6 @@ class JobRecord:
             self.ended = at
             self.spent_s += at - self.started if self.started is not None else 0.0
 
-    def is_job(self, name: str) -> bool:
-        """Whether the job in the queue that has this number and ``name`` is this one.
-
-        A table may come with a result folder of somebody else: only jobs of this program are ever this one.
-        """
-        return self.name == name and name.startswith("sinew-")
-
     def core_hours(self, now: float) -> float:
         """The core-hours that the job has used."""
         running_s = now - self.started if self.started is not None and self.ended is None else 0.0
@@ -64,6 +59,24 @@ class JobTable:
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / "jobs.jsonl"
+
+    @property
+    def _place(self) -> str:
+        return hashlib.sha256(os.fsencode(os.path.realpath(self.path))).hexdigest()[:10]
+
+    def job_name(self, name: str) -> str:
+        """The name in the queue of a job that works on this result folder: it ends with a hash of the folder's path."""
+        return f"sinew-{name}-{self._place}"
+
+    def is_job(self, record: JobRecord, queued_name: str) -> bool:
+        """Whether the job in the queue that has the number of ``record`` is the one of this table.
+
+        A table may come with a result folder of somebody else, or with a copy of one of your own: only jobs that were
+        submitted for this very folder are ever its jobs.
+        """
+        return (
+            record.name == queued_name and queued_name.startswith("sinew-") and queued_name.endswith(f"-{self._place}")
+        )
 
     def note(self, job: str, event: str, **facts: Any) -> None:
         """Append that ``job`` was ``submitted``, ``started`` or ``ended``."""

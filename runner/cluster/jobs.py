@@ -107,12 +107,12 @@ def _classes(name: str) -> tuple[Any, Any]:
 
 
 def _job_name(spec: Jobs) -> str:
-    return f"sinew-{spec.name}-worker"
+    return JobTable(spec.folder).job_name(f"{spec.name}-worker")
 
 
 def _log(spec: Jobs, job: str) -> Path:
     """The output of a worker job."""
-    return spec.folder / f"{_job_name(spec)}-{job}.log"
+    return spec.folder / f"sinew-{spec.name}-worker-{job}.log"
 
 
 def _job_options(spec: Jobs) -> dict[str, Any]:
@@ -120,7 +120,7 @@ def _job_options(spec: Jobs) -> dict[str, Any]:
     inherited = dask.config.serialize(dask.config.expand_environment_variables(_nested(SETTINGS)))
     prologue = [*drain.job_script_lines(spec.walltime_s), f"export DASK_INTERNAL_INHERIT_CONFIG={inherited}"]
     prologue += [f"export {name}={value}" for name, value in ENVIRONMENT.items()]
-    prologue += _own_folder(spec)
+    prologue += _own_folders(spec)
     prologue += spec.prologue
     output = str(_log(spec, spec.system.job_in_path))
     request = JobRequest(_job_name(spec), output, spec.cores, spec.memory_mb, spec.walltime_s, spec.directives)
@@ -143,19 +143,15 @@ def _job_options(spec: Jobs) -> dict[str, Any]:
 _WORKER_FILES = "SINEW_WORKER_FILES"
 
 
-def _own_folder(spec: Jobs) -> list[str]:
-    """Shell lines that make the job's folder on its node, where other users may have made one of this name before."""
-    if spec.scratch is None:
-        folder = _WORKER_FILES
-        lines = [f'{folder}="$(mktemp -d "${{TMPDIR:-/tmp}}/sinew-XXXXXXXXXX")" || exit 1']
-    else:
-        folder = external.SCRATCH
-        lines = [
-            external.scratch_line(spec.scratch, spec.system.job_variable),
-            f'mkdir -p -m 700 "${folder}" && [ ! -L "${folder}" ] && [ -O "${folder}" ] || exit 1',
-            f'{_WORKER_FILES}="${folder}"',
-        ]
-    return [*lines, f"trap 'rm -rf -- \"${folder}\"' EXIT"]
+def _own_folders(spec: Jobs) -> list[str]:
+    """Shell lines that make the folder of the job's workers on its node, and name the one of its solvers."""
+    lines = [f'{_WORKER_FILES}="$(mktemp -d "${{TMPDIR:-/tmp}}/sinew-XXXXXXXXXX")" || exit 1']
+    removed = [_WORKER_FILES]
+    if spec.scratch is not None:
+        lines.append(external.scratch_line(spec.scratch, spec.system.job_variable))
+        removed.append(external.SCRATCH)
+    folders = " ".join(f'"${name}"' for name in removed)
+    return [*lines, f"trap 'rm -rf -- {folders}' EXIT"]
 
 
 # settings of the user's other Dask projects must not enter these jobs
@@ -242,7 +238,7 @@ def _end_orphans(table: JobTable, system: BatchSystem) -> None:
     """End worker jobs whose coordinator was killed: nothing uses them any more."""
     unfinished = [record for record in table.read().values() if record.role == WORKER and record.ended is None]
     found = patiently(lambda: system.queue(record.job for record in unfinished))
-    left = [r.job for r in unfinished if r.job in found and found[r.job].live and r.is_job(found[r.job].name)]
+    left = [r.job for r in unfinished if r.job in found and found[r.job].live and table.is_job(r, found[r.job].name)]
     patiently(lambda: system.cancel(left))
     for record in unfinished:
         table.note(record.job, "ended", end="cancelled, its coordinator was gone" if record.job in left else "lost")

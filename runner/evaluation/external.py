@@ -23,7 +23,7 @@ from pathlib import Path
 
 import psutil
 
-from sinew.runner.files import NotReadable, own_folder, read_regular
+from sinew.runner.files import NotReadable, new_file, own_folder, read_regular, refuse_open_way
 
 OUTPUT_FILE = "solver-output.txt"
 MARK = "SINEW_SOLVER_OF"
@@ -70,11 +70,11 @@ def run(
     environment: Mapping[str, str] | None = None,
     max_file_bytes: int = 2**31,
 ) -> Finished:
-    """Run ``command`` in ``directory`` and wait for it.
+    """Run ``command`` in ``directory``, in which nothing else has run before, and wait for it.
 
-    Its output goes to ``directory/solver-output.txt``. A file larger than ``max_file_bytes`` ends it (SIGXFSZ). Raises
-    ``OSError`` when the program cannot be started, and :class:`Stopped` when it is ended from outside, as batch systems
-    do with all processes of a job.
+    Its output goes to ``directory/solver-output.txt``, a new file. A file larger than ``max_file_bytes`` ends it
+    (SIGXFSZ). Raises ``OSError`` when the program cannot be started, and :class:`Stopped` when it is ended from
+    outside, as batch systems do with all processes of a job.
     """
     _start_guard()
     _adopt_orphans()
@@ -82,7 +82,7 @@ def run(
     full_environment = {**os.environ, **(environment or {}), MARK: attempt}
     full_environment.pop(SAFE_PATH, None)  # for this program; the solver may be one that imports what lies beside it
     started = time.perf_counter()
-    with open(directory / OUTPUT_FILE, "wb") as output:
+    with new_file(directory / OUTPUT_FILE) as output:
         with _limited(max_file_bytes):
             process = subprocess.Popen(
                 list(command),
@@ -115,12 +115,14 @@ def refuse_stopped(finished: Finished, program: str) -> None:
 def scratch(default: Path) -> Path:
     """The folder on this machine in which solvers run: from the job's environment, or else ``default``.
 
-    The former may lie where all users may write. Raises ``OSError`` when others can write into it.
+    The former may lie where all users may write. Raises ``OSError`` when others can write into it, or put another
+    folder in its place.
     """
     if not os.environ.get(SCRATCH):
         return default
     folder = Path(os.environ[SCRATCH])
     folder.parent.mkdir(parents=True, exist_ok=True)
+    refuse_open_way(folder.parent)
     return own_folder(folder)
 
 

@@ -3,6 +3,7 @@
 What a damaged ``zarr.json`` says would otherwise be believed: rows that fill the memory, chunks of another size.
 """
 
+import json
 import math
 import re
 from pathlib import Path
@@ -17,6 +18,7 @@ from sinew.runner.store.schema import MAX_CHUNK_ROWS, PENDING, STATUSES, Array
 MAX_ROWS = 2**24
 MAX_CHUNK_BYTES = 2**28  # a chunk has 16 rows at least, so this is a curve of two million points
 MAX_COORDINATE = 2**22
+MAX_IDENTITY = 2**22  # characters: of a site of some ten thousand curves
 KEY_DIGITS = 12  # of a key: the name of its folder in the journal, and the end of its table's name
 _KEY = re.compile(r"[0-9a-f]{32}")
 #: The types of the columns; fields and parameters are float64.
@@ -72,6 +74,14 @@ def chunk_rows_of(group: zarr.Group) -> int:
     if not isinstance(rows, int) or isinstance(rows, bool) or not 0 < rows <= MAX_CHUNK_ROWS:
         raise Damaged(f"chunk_rows is {rows!r}")
     return rows
+
+
+def identity_of(group: zarr.Group) -> dict[str, Any]:
+    """What the outcomes of a table depend on, by its attributes. Raises ``ValueError``."""
+    text = str(group.attrs["identity"])
+    if len(text) > MAX_IDENTITY:
+        raise Damaged(f"its identity has {len(text):,} characters")
+    return dict(json.loads(text))
 
 
 def fields_of(group: zarr.Group) -> tuple[str, ...]:

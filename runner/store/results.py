@@ -21,6 +21,10 @@ MAX_MISSING = 1024  # chunks of an array without a list: those of version 0.1 we
 MAX_ITEMS = 2**20  # of an array of texts
 LETTER_BYTES = 4  # that a letter may take in memory, where it is one byte in UTF-8
 NUMBERS, TEXTS = ("bytes", "zstd"), ("vlen-utf8", "zstd")
+#: Attributes by which xarray makes float64 of whatever numbers are in the store; none is written here.
+SCALED = ("scale_factor", "add_offset", "missing_value", "_Unsigned")
+#: How arrays are opened: no unit, such as that of an output, makes dates of numbers.
+PLAIN: Any = {"consolidated": False, "decode_times": False, "decode_timedelta": False}
 
 
 def write(path: Path, name: str, dataset: xr.Dataset) -> None:
@@ -41,7 +45,7 @@ def write(path: Path, name: str, dataset: xr.Dataset) -> None:
 def read(path: Path, group: zarr.Group, name: str) -> xr.Dataset:
     """The dataset in ``group``, which is ``name`` of the store in ``path``. Raises :class:`Damaged`, and as Zarr."""
     check(path, group, name)
-    dataset = xr.open_zarr(path, group=name, consolidated=False, zarr_format=3, chunks=None).load()
+    dataset = xr.open_zarr(path, group=name, zarr_format=3, chunks=None, **PLAIN).load()
     dataset.attrs.pop(ARRAYS, None)
     return dataset
 
@@ -68,11 +72,19 @@ def check(path: Path, group: zarr.Group, name: str) -> None:
             raise Damaged(f"its arrays take more than {MAX_BYTES:,} bytes")
 
 
+def scaled_by(array: zarr.Array[Any]) -> str | None:
+    """The attribute by which xarray would make more of an array than is there, if it has one."""
+    names = SCALED if array.dtype.kind == "f" else (*SCALED, "_FillValue")
+    return next((name for name in names if name in array.attrs), None)
+
+
 def _checked(array: zarr.Array[Any], folder: Path, *, whole: bool) -> int:
     """The bytes that an array takes in memory. Raises :class:`Damaged` for one that :func:`write` does not make."""
     text = array.dtype.kind in "OT"
     if fault := files_fault(array):
         raise Damaged(f"{folder.name}: {fault}")
+    if scaled := scaled_by(array):
+        raise Damaged(f"{folder.name} has the attribute {scaled}")
     codecs = codec_names(array)
     if codecs != (TEXTS if text else NUMBERS):
         raise Damaged(f"the codecs of {folder.name} are {', '.join(codecs)}")

@@ -48,7 +48,7 @@ from sinew.runner.store import results
 from sinew.runner.store.arrays import create_table
 from sinew.runner.store.damage import result_errors, store_errors
 from sinew.runner.store.durable import DurableStore, sync_folder, sync_names
-from sinew.runner.store.layout import KEY_DIGITS, Damaged, check_arrays, table_group, table_key
+from sinew.runner.store.layout import KEY_DIGITS, Damaged, check_arrays, check_group, table_group, table_key
 from sinew.runner.store.lock import lock
 from sinew.runner.store.repair import Repaired, remove_damaged_segments, repair_tables
 from sinew.runner.store.schema import TableSpec
@@ -139,6 +139,10 @@ class Store:
     def check(self) -> None:
         """Raises ``StoreError`` for any array that must not be read, by whatever reads Zarr."""
         folder = self.path / "evaluations"
+        with store_errors(self.path):
+            check_group(self.root)
+            if array := next(self.root.array_keys(), None):
+                raise Damaged(f"it holds the array {array[:40]!r} beside its groups")
         for group in self._groups_in_store():
             place = self.path / group.path
             if place.parent == folder:

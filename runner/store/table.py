@@ -1,9 +1,9 @@
 """One table of the store: planned rows of parameters, their committed outcomes, and what has no outcome yet."""
 
-import json
 import logging
 import math
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +24,14 @@ from sinew.runner.store.layout import (
     coordinate,
     fields_of,
     has,
+    identity_of,
     row_array,
     statuses,
     table_key,
 )
 from sinew.runner.store.planned import PlannedRows
 from sinew.runner.store.repair import without_numbers
+from sinew.runner.store.results import PLAIN
 from sinew.runner.store.rows import RowIndex, by_chunk, hash_rows, slices, spans
 from sinew.runner.store.schema import CHUNK_BYTES, PENDING, Array
 from sinew.runner.store.segment import Part, Segment, column_of
@@ -73,11 +75,11 @@ class Table:
     def name(self) -> str:
         return self.group.path.rsplit("/", 1)[-1]
 
-    @property
+    @cached_property
     def identity(self) -> dict[str, Any]:
         """Everything that an outcome depends on, except the parameters."""
         with store_errors(self._path("zarr.json")):
-            return dict(json.loads(str(self.group.attrs["identity"])))
+            return identity_of(self.group)
 
     @property
     def names(self) -> list[str]:
@@ -288,10 +290,8 @@ class Table:
             out[self.status[rows] == PENDING] = np.nan  # a reopened row still has its old numbers there
             missing = without_numbers(out) & (self.status[rows] == 0)
             if missing.any():
-                raise StoreError(
-                    f"{self._path(name)}: {missing.sum()} rows with an outcome have no numbers; "
-                    f"`sinew repair {self.folder}` makes them pending"
-                )
+                remedy = f"`sinew repair {self.folder}` makes them pending"
+                raise StoreError(f"{self._path(name)}: {missing.sum()} rows with an outcome have no numbers; {remedy}")
         return out
 
     def coordinate(self, name: str) -> Array | None:
@@ -303,7 +303,7 @@ class Table:
         """The table as a lazily loaded :class:`xarray.Dataset` with named dimensions and units."""
         with store_errors(self._path("")):
             check_arrays(self.group, self._path(""))
-            return xr.open_zarr(self.folder / "store.zarr", group=self.group.path, consolidated=False, zarr_format=3)
+            return xr.open_zarr(self.folder / "store.zarr", group=self.group.path, zarr_format=3, **PLAIN)
 
     # ---- arrays and index
 

@@ -71,8 +71,8 @@ def job_scripts(study: Study, profile: Profile, out: Path, arguments: Sequence[s
         if tasks == 1 or profile.scratch is None
         else (external.scratch_line(profile.scratch, profile.system.job_variable),)
     )
-    system, name = profile.system, _job_name(study)
-    output = f"{folder}/{name}-{system.job_in_path}.log"
+    system, name = profile.system, JobTable(folder).job_name(study.name)
+    output = f"{folder}/sinew-{study.name}-{system.job_in_path}.log"
     request = JobRequest(
         name, output, leader.cores, leader.memory_mb, leader.walltime_s, profile.options(leader), tasks
     )
@@ -95,10 +95,6 @@ def job_scripts(study: Study, profile: Profile, out: Path, arguments: Sequence[s
     )
     cluster = profile.cluster(study.name, folder)
     return Scripts(text, worker_job_script(cluster) if isinstance(cluster, Jobs) else None)
-
-
-def _job_name(study: Study) -> str:
-    return f"sinew-{study.name}"
 
 
 def _rendered(profile: Profile, values: Mapping[str, Any]) -> str:
@@ -139,8 +135,8 @@ def submit(study: Study, profile: Profile, out: Path, scripts: Scripts) -> str:
     cores = profile.leader.cores
     if isinstance(profile.leader, AllocationSettings):
         cores *= profile.leader.tasks
-    facts = noted(profile.batch_system)
-    JobTable(folder).note(job, "submitted", role=COORDINATOR, name=_job_name(study), cores=cores, **facts)
+    table, facts = JobTable(folder), noted(profile.batch_system)
+    table.note(job, "submitted", role=COORDINATOR, name=table.job_name(study.name), cores=cores, **facts)
     return job
 
 
@@ -194,10 +190,11 @@ def _system_of(records: Mapping[str, JobRecord]) -> BatchSystem:
 
 def live_jobs(out: Path) -> list[QueuedJob]:
     """Jobs of a result folder that wait or run, the one that leads first. Raises ``ClusterError``."""
-    records = JobTable(jobs_folder(out)).read()
+    table = JobTable(jobs_folder(out))
+    records = table.read()
     unfinished = [record for record in records.values() if record.ended is None or record.role == COORDINATOR]
     queued = _system_of(records).queue(record.job for record in unfinished)
-    found = [queued[r.job] for r in unfinished if r.job in queued and r.is_job(queued[r.job].name)]
+    found = [queued[r.job] for r in unfinished if r.job in queued and table.is_job(r, queued[r.job].name)]
     leads = {record.job for record in unfinished if record.role == COORDINATOR}
     return sorted((job for job in found if job.live), key=lambda job: job.job not in leads)
 

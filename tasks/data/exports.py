@@ -15,13 +15,13 @@ from sinew.tasks.data.recordings import (
     MOST_STRETCH,
     Bar,
     Recording,
-    as_told,
     curve_of,
     first_length_in_words,
     read_recordings,
     remarks,
 )
 from sinew.tasks.data.sizes import LARGEST_MM2, LONGEST_MM, SAME, square_side
+from sinew.tasks.data.told import as_told
 from sinew.tasks.data.units import factor, listed
 from sinew.tasks.model import Specimen
 

@@ -29,12 +29,13 @@ from sinew.tasks.data.new_study import (
 )
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.questions import Doubt, Unclear
-from sinew.tasks.data.recordings import Bar, Recording, as_told, curve_of, read_recordings, remarks
+from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings, remarks
 from sinew.tasks.data.sheets import SUFFIXES
 from sinew.tasks.data.sizes import SIZES
 from sinew.tasks.data.specimen_sizes import Ask, Known, Sizes, ask_for_sizes, known_sizes, with_first_length
 from sinew.tasks.data.tables import NoTable, read_source
 from sinew.tasks.data.taken import TITLES, look_at, rows_of, usable
+from sinew.tasks.data.told import as_told
 from sinew.tasks.model import Specimen
 from sinew.tasks.study.workspace import check_folder
 

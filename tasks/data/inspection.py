@@ -15,12 +15,13 @@ from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import length_beside, numbers_of
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
-from sinew.tasks.data.recordings import FEWEST_ROWS, Recording, as_told, check_times, read_recordings, remarks
+from sinew.tasks.data.recordings import FEWEST_ROWS, Recording, check_times, read_recordings, remarks
 from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart
 from sinew.tasks.data.signs import new_zero
 from sinew.tasks.data.sizes import SIZES, read_sizes
 from sinew.tasks.data.sizes_in_names import sizes_in_name
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
+from sinew.tasks.data.told import as_told
 from sinew.tasks.data.units import usual
 
 NEAR = 0.05  # by how much a length and the one that strains imply may differ
@@ -203,8 +204,9 @@ def _sizes(
     if values["length"] is None and motion is not None and motion.quantity is LENGTH and len(numbers):
         values["length"] = float(numbers[0, 1])
     if values["length"] is None and motion is not None and motion.quantity is DISPLACEMENT:
-        first = new_zero(numbers) if hints.preload == "leave-out" else 0
-        beside_it = length_beside(table, numbers[first:, 1], first)
+        zero = new_zero(numbers) if hints.preload is not None else 0
+        first, end = (zero, None) if hints.preload == "leave-out" else (0, zero or None)
+        beside_it = length_beside(table, numbers[first:end, 1], first)
         values["length"] = None if beside_it is None else beside_it.mm
     width, thickness, diameter = (values[name] for name in ("width", "thickness", "diameter"))
     if values["area"] is None and diameter is not None:

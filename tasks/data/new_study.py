@@ -67,14 +67,19 @@ def write_study(out: Path, cohort: str, specimens: Sequence[Specimen], ranges: F
 
 def write_rendered(study: Path, template: str, values: Mapping[str, Any]) -> None:
     """Write a study file from one of sinew's templates; ``name`` and ``command``, its path in a shell, are set here."""
-    environment = SandboxedEnvironment(
-        undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True, keep_trailing_newline=True
-    )
-    environment.filters["json"] = lambda value: json.dumps(value, ensure_ascii=False)
     name = plain_name(study.parent.resolve().name).replace("+", "-")[:64] or "study"
-    text = environment.from_string(resource(f"templates/{template}").read_text("utf-8"))
+    text = environment().from_string(resource(f"templates/{template}").read_text("utf-8"))
     write_text(study, text.render(values, name=name, command=one_line(shlex.quote(str(study)))))
     read_study(study)  # a study file that cannot be read must not be left behind unnoticed
+
+
+def environment() -> SandboxedEnvironment:
+    """What renders study files. Its filter ``json`` escapes all that YAML takes for the end of a line."""
+    made = SandboxedEnvironment(
+        undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True, keep_trailing_newline=True
+    )
+    made.filters["json"] = json.dumps
+    return made
 
 
 def leave_open(path: Path, missing: Sequence[str]) -> None:

@@ -30,12 +30,12 @@ def read_numbers(
     """
     check_text(path, max_bytes)
     header = read_header(path)
-    _check_rows(path)
+    full = _check_rows(path, len(header))
     if columns is not None and header != [*columns, *further]:
         raise BadInput(f"{path}: row 1", f"header {shown(','.join(header))}", f"{','.join(columns)}")
     empty: Any = {len(header) - number: [""] for number in range(1, len(further) + 1)} if further else []
     try:
-        if _cells_of_second_row(path) != len(header):  # pandas makes as many columns as it has, also in quotes
+        if not full or _cells_of_second_row(path) != len(header):  # pandas makes as many columns as that row has
             raise ValueError
         table = pd.read_csv(
             path, encoding="utf-8-sig", dtype=np.float64, skipinitialspace=True, header=None, skiprows=1,
@@ -63,8 +63,11 @@ def read_header(path: Path) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([row]), [])]
 
 
-def _check_rows(path: Path) -> None:
-    """Refuse a row that would fill the memory. Raises :class:`BadInput`."""
+def _check_rows(path: Path, columns: int) -> bool:
+    """Refuse a row that would fill the memory. Raises :class:`BadInput`.
+
+    Returns whether there are commas for so many columns in all rows: pandas fills up those that are shorter.
+    """
     content = np.fromfile(path, np.uint8)
     breaks = (content == ord("\n")) | (content == ord("\r"))
     if (count := np.count_nonzero(breaks)) > MAX_ROWS:
@@ -74,6 +77,8 @@ def _check_rows(path: Path) -> None:
     if (long := np.flatnonzero(lengths > LONGEST_HEADER)).size:
         row = 1 + int(np.count_nonzero(content[ends[: long[0]]] == ord("\n")))
         raise BadInput(f"{path}: row {row}", f"{lengths[long[0]]:,} characters", f"at most {LONGEST_HEADER:,}")
+    rows = max(np.count_nonzero(content == ord(end)) for end in "\n\r")
+    return bool(np.count_nonzero(content == ord(",")) >= rows * (columns - 1))
 
 
 def _cells_of_second_row(path: Path) -> int:

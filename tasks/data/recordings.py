@@ -27,7 +27,7 @@ from sinew.tasks.data.several import (
     name_beside,
     told_apart,
 )
-from sinew.tasks.data.signs import counted, doubts, new_zero
+from sinew.tasks.data.signs import new_zero
 from sinew.tasks.data.sizes import Size, read_sizes
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.text import HUGE
@@ -50,7 +50,7 @@ class Recording:
     ``header`` holds the rows above the titles, and ``sizes`` what they tell of the specimen. ``test`` is the name of
     the test if its file holds several. ``notes``: what a person should know of how it was read. ``remedy``: what may
     help if times do not increase. ``doubts``: what may be meant otherwise. ``further``: columns that are kept beside
-    the force. ``new_length``: the gauge length where the displacement is set to zero again.
+    the force. ``lengths``: the gauge lengths at the two zeros of a displacement that is set to zero again.
     """
 
     path: Path
@@ -65,7 +65,7 @@ class Recording:
     remedy: str = ""
     doubts: tuple[Doubt, ...] = ()
     further: Kept = field(default_factory=Kept)
-    new_length: Size | None = None
+    lengths: tuple[Size | None, Size | None] = (None, None)
 
     @property
     def motion(self) -> Column:
@@ -216,13 +216,16 @@ def _recording(
     if apart is not None and not back:
         notes += (f"{apart.count} values of '{apart.title}': {apart.option}, if each is a test of its own",)
     sizes = dict(read_sizes(table.header, table.own))
-    new_length = None
+    lengths: tuple[Size | None, Size | None] = (None, None)
     if "length" not in sizes and columns[1].quantity is DISPLACEMENT:
         length = length_beside(table, numbers[:, 1], block.start)
         sizes |= {} if length is None else {"length": length}
         if first := new_zero(numbers):
-            new_length = length_beside(table, numbers[first:, 1], block.start + first)
-    lengths = {size.text for size in (sizes.get("length"), new_length) if size is not None and size.column}
+            lengths = (
+                length_beside(table, numbers[:first, 1], block.start),
+                length_beside(table, numbers[first:, 1], block.start + first),
+            )
+    used = {size.text for size in (sizes.get("length"), lengths[1]) if size is not None and size.column}
     return Recording(
         table.path,
         numbers,
@@ -230,12 +233,12 @@ def _recording(
         tuple(at for at, _ in table.rows[block.start : block.end]),
         table.header,
         sizes,
-        tuple(title for title in left_out if title not in lengths),
+        tuple(title for title in left_out if title not in used),
         block.name,
         notes,
         "" if apart is None or not back else f", or {apart.option} {shown(apart.title)}, which changes there",
         further=further,
-        new_length=new_length,
+        lengths=lengths,
     )
 
 
@@ -287,34 +290,6 @@ def _number(table: Table, row: int, column: Column) -> float:
         mark = "a point" if table.decimal == "." else "a comma"
         raise BadInput(where, shown(cell), f"a finite number with {mark} as decimal mark, like those above")
     return value
-
-
-def as_told(recording: Recording, hints: Hints) -> Recording:
-    """The recording with displacement and force counted as a person says, and what is doubtful then."""
-    first = new_zero(recording.numbers) if hints.preload == "leave-out" else 0
-    if first:
-        reason = f"then the {recording.motion.quantity.name} was set to zero again"
-        note = f"the first {first:,} rows left out, as --preload says: {reason}"
-        recording = _from_row(recording, first, note)
-    numbers, notes = counted(str(recording.path), recording.columns, recording.numbers, hints)
-    titles = (*(column.title for column in recording.columns), *recording.left_out)
-    lines = (" ".join(row) for row in recording.header)
-    found = doubts(recording.columns, numbers, (*titles, *lines), hints)
-    return replace(recording, numbers=numbers, notes=(*recording.notes, *notes), doubts=tuple(found))
-
-
-def _from_row(recording: Recording, first: int, note: str) -> Recording:
-    """The recording without the rows before ``first``."""
-    values = {name: each[first:] for name, each in recording.further.values.items()}
-    length = {} if recording.new_length is None else {"length": recording.new_length}
-    return replace(
-        recording,
-        numbers=recording.numbers[first:],
-        rows=recording.rows[first:],
-        notes=(*recording.notes, note),
-        further=replace(recording.further, values=values),
-        sizes={**recording.sizes, **length},
-    )
 
 
 def check_times(recording: Recording) -> None:

@@ -14,10 +14,11 @@ from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import Inspection, inspect
 from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, STRAIN, STRETCH
 from sinew.tasks.data.rates import rate_words
-from sinew.tasks.data.recordings import Bar, Recording, as_told, curve_of
+from sinew.tasks.data.recordings import Bar, Recording, curve_of
 from sinew.tasks.data.signs import NEGATE
 from sinew.tasks.data.sizes import SIZES
 from sinew.tasks.data.specimen_sizes import Sizes
+from sinew.tasks.data.told import as_told
 
 TITLES = ("file", "time", "displacement", "force", "size", "offset, preload", "peak", "sign", "loaded at")
 UNKNOWN = "?"

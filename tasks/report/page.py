@@ -1,7 +1,5 @@
 """``report.html``: one page of a result folder, finished or not, that needs no network and no other file."""
 
-import base64
-import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +8,6 @@ from types import MappingProxyType
 from typing import Any
 from urllib.parse import quote
 
-from bokeh.resources import INLINE
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
@@ -23,6 +20,7 @@ from sinew.tasks.model import TENDON
 from sinew.tasks.model.effects import named
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.folder import ResultFolder, State, read_folder
+from sinew.tasks.report.page_head import head, scripts
 from sinew.tasks.report.sections import adopted, data, failures, provenance
 from sinew.tasks.report.status import PAGE
 from sinew.tasks.study.files import write_text
@@ -144,7 +142,6 @@ def render(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["json"] = _json
-    scripts = [*INLINE.js_raw[:1], resource("templates/report.js").read_text("utf-8")]
     style = resource("templates/report.css").read_text("utf-8")
     return environment.get_template("report.html.j2").render(
         title=title,
@@ -154,8 +151,8 @@ def render(
         sections=sections,
         figures=figures,
         version=version,
-        policy=_policy(scripts),
-        scripts=[_inside_script(script) for script in scripts],
+        head=head(),
+        scripts=[_inside_script(script) for script in scripts()],
         style=Markup(style),  # noqa: S704 - a file of this package
     )
 
@@ -207,17 +204,3 @@ def _inside_script(script: str) -> Markup:
     if "</script" in script.lower() or "<!--" in script:
         raise ValueError("a script that would end its element")
     return Markup(script)  # noqa: S704 - checked above
-
-
-def _policy(scripts: list[str]) -> str:
-    """A Content-Security-Policy: these very scripts may run, nothing may be loaded from anywhere."""
-    hashes = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
-    rules = {
-        "default-src": "'none'",
-        "script-src": " ".join(f"'sha256-{each}'" for each in hashes),
-        "style-src": "'unsafe-inline'",  # Bokeh styles its plots by elements that it makes
-        "img-src": "data:",
-        "base-uri": "'none'",
-        "form-action": "'none'",
-    }
-    return "; ".join(f"{name} {value}" for name, value in rules.items())

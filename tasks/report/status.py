@@ -97,10 +97,15 @@ def _results(folder: Path) -> list[Path]:
 
 
 def current_page(folder: Path) -> Path | None:
-    """The page of a result folder, if it is there and was built from the results that are there now."""
+    """The page of a result folder, if it is there and was built from the results that are there now.
+
+    One that somebody else has written, in which other scripts may run, does not count.
+    """
+    from sinew.tasks.report.page_head import has_our_head  # slow to import
+
     page = folder / PAGE
     newest = max((file.stat().st_mtime_ns for file in _results(folder)), default=0)
-    return page if page.is_file() and page.stat().st_mtime_ns >= newest else None
+    return page if page.is_file() and page.stat().st_mtime_ns >= newest and has_our_head(page) else None
 
 
 class _Outcomes:

@@ -15,6 +15,7 @@ from sinew.runner.files import (
     own_folder,
     parse_json,
     read_regular,
+    refuse_open_way,
     remove_folder,
     strange_entry,
     temporary_folder,
@@ -141,6 +142,36 @@ def test_a_folder_that_others_can_write_to_is_refused(tmp_path, monkeypatch, kin
         monkeypatch.setattr(os, "geteuid", lambda: other)
     with pytest.raises(PermissionError, match="no folder that only you can write to"):
         own_folder(folder)
+
+
+def test_no_folder_is_used_which_any_user_could_replace(tmp_path):
+    """Who owns a folder, or may write to it where it has no sticky bit, can rename what is inside."""
+    shared, way = tmp_path / "shared", tmp_path / "shared" / "way"
+    way.mkdir(parents=True)
+    refuse_open_way(way)
+    shared.chmod(0o777)
+    with pytest.raises(PermissionError, match="all users may rename"):
+        refuse_open_way(way)
+    shared.chmod(0o1777)
+    refuse_open_way(way)
+
+
+@pytest.mark.parametrize("kind", ["folder", "link"])
+def test_no_way_leads_through_what_another_user_has_made_for_all(tmp_path, monkeypatch, kind):
+    shared, mine = tmp_path / "shared", tmp_path / "mine"
+    shared.mkdir()
+    mine.mkdir()
+    way = shared / "way"
+    way.symlink_to(mine) if kind == "link" else way.mkdir()
+    refuse_open_way(way)
+    real, theirs = os.lstat, way
+    fields = [*real(way)]
+    fields[4] = os.geteuid() + 1
+    monkeypatch.setattr(os, "lstat", lambda path: os.stat_result(fields) if Path(path) == theirs else real(path))
+    refuse_open_way(way)  # in a folder of one's own
+    shared.chmod(0o1777)
+    with pytest.raises(PermissionError, match="belongs to another user, where all may write"):
+        refuse_open_way(way)
 
 
 def test_the_temporary_folder_is_the_user_s_own(tmp_path, monkeypatch):

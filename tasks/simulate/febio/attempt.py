@@ -98,17 +98,35 @@ def attempt(
     """
     scratch = external.scratch(solver.scratch)
     scratch.mkdir(parents=True, exist_ok=True)
+    try:
+        return _in_new_folder(solver, scratch, prepare, read, parameters, "-silent")
+    except _Silent:  # what the first run left is not looked at again
+        return _in_new_folder(solver, scratch, prepare, read, parameters)
+
+
+class _Silent(Exception):
+    """The solver refused its input and, with ``-silent``, did not say why."""
+
+
+def _in_new_folder(
+    solver: Solver,
+    scratch: Path,
+    prepare: Callable[[Path], None],
+    read: Callable[[Path], T],
+    parameters: Mapping[str, float],
+    *options: str,
+) -> T:
+    """The same, with these options; raises also :class:`_Silent`."""
     directory = Path(tempfile.mkdtemp(prefix="attempt-", dir=scratch))
     folder = _identity(directory)
     try:
         prepare(directory)
-        finished = _run(solver, directory, "-silent")
-        if folder == _identity(directory):
-            directory.chmod(0o700)  # the solver may have changed it
-        if finished.returncode == 1 and folder == _identity(directory) and not os.path.lexists(directory / LOG):
-            finished = _run(solver, directory)  # refused: with -silent it does not say why
+        finished = _run(solver, directory, *options)
         if folder != _identity(directory):
             raise Failed("crashed", f"the solver removed or replaced its own folder. {finished.output}")
+        directory.chmod(0o700)  # the solver may have changed it
+        if options and finished.returncode == 1 and not os.path.lexists(directory / LOG):
+            raise _Silent
         _check_end(finished, directory, solver.timeout_s)
         found = read(directory)
     except Failed as failed:
@@ -118,8 +136,8 @@ def attempt(
         if folder == _identity(directory):
             _keep(solver, directory, failed, parameters)
         raise
-    except OSError:
-        full = _is_full(scratch)
+    except BaseException as error:
+        full = isinstance(error, OSError) and _is_full(scratch)
         remove_folder(directory)
         if full:
             raise _no_space(scratch) from None
@@ -169,12 +187,12 @@ def _leave_only_files(directory: Path) -> bool:
     Returns whether the folder can be kept: not one of folders in each other without end, or that cannot be read.
     """
     failure = directory / "failure.json"
-    if failure.is_dir() and not failure.is_symlink():
-        remove_folder(failure)
-    else:
-        failure.unlink(missing_ok=True)
     folders = [(directory, 0)]
     try:
+        if failure.is_dir() and not failure.is_symlink():
+            remove_folder(failure)
+        else:
+            failure.unlink(missing_ok=True)
         while folders:
             folder, depth = folders.pop()
             for path in list(folder.iterdir()):

@@ -1,5 +1,6 @@
 """Kept fields of chosen rows as files for ParaView."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import count
@@ -7,13 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from sinew.runner.errors import BadInput, shown
+from sinew.runner.errors import BadInput, StoreError, shown
 from sinew.runner.store.store import open_store
 from sinew.runner.store.table import Table
 from sinew.tasks.simulate.evaluation import HISTORY
 from sinew.tasks.simulate.febio.keeping import Index
 from sinew.tasks.simulate.febio.kept import key_of, settings_of
 from sinew.tasks.simulate.febio.vtk import write_vtk
+
+MOST_HISTORIES, MAX_MODEL = 2_000, 2**17  # of a table, each hashed with its model of so many characters
 
 FOLDER = "fields"  # in a result folder
 
@@ -87,9 +90,13 @@ def _runs(table: Table, row: int, index: Index) -> dict[str, str]:
     histories = table.coordinate(HISTORY)
     if histories is None or row >= len(table):
         return {}
+    if histories.size > MOST_HISTORIES:
+        raise StoreError(f"{table.folder / 'store.zarr'}: {table.title} holds {histories.size:,} histories")
     curves = table.coordinate("curve")
     titles = table.coordinate("protocol") if curves is None else curves
     identity, found = table.identity, {}
+    if len(json.dumps({name: identity.get(name) for name in ("model", "simulator")})) > MAX_MODEL:
+        return {}  # the identity of something else
     try:
         specimens = identity["specimens"] if "specimens" in identity else [identity["specimen"]]
         of_curve = [one for one in specimens for _ in one["curves"]]  # in the order of the coordinate

@@ -39,6 +39,8 @@ def field_course(output: FieldOutput, plot: PlotFile) -> tuple[Array, Array]:
     if variable is None:
         there = ", ".join(plot.variables) or "none"
         raise _wrong(output, f"no variable {shown(output.field)} in the plot file, which has {there}")
+    if not variable.values.shape[1]:
+        raise _wrong(output, f"{variable.name} is there for no part of the mesh")
     items = _items(output, variable, plot.mesh)
     if not items.size:
         raise _wrong(output, "no place is chosen")

@@ -39,10 +39,23 @@ def test_the_table_names_the_batch_system_unless_it_is_slurm(tmp_path):
     assert [record.batch_system for record in table.read().values()] == ["slurm", "grid_engine"]
 
 
-@pytest.mark.parametrize(
-    ("noted_name", "in_queue", "same"),
-    [("sinew-a", "sinew-a", True), ("sinew-a", "sinew-b", False), ("training", "training", False), ("", "", False)],
-)
-def test_only_a_job_of_this_program_is_one_of_a_table(noted_name, in_queue, same):
-    """A table that came with somebody's result folder may name any of the user's jobs."""
-    assert JobRecord("7", name=noted_name).is_job(in_queue) == same
+def test_only_a_job_for_this_folder_is_one_of_a_table(tmp_path):
+    """A table that came with somebody's result folder, or in a copy of a folder, may name any of the user's jobs."""
+    table, other = JobTable(tmp_path / "here"), JobTable(tmp_path / "there")
+    ours = table.job_name("study-worker")
+    for noted_name, in_queue, same in (
+        (ours, ours, True),
+        (ours, table.job_name("other-worker"), False),
+        (other.job_name("study-worker"), other.job_name("study-worker"), False),
+        ("sinew-study-worker", "sinew-study-worker", False),
+        ("training", "training", False),
+        ("", "", False),
+    ):
+        assert table.is_job(JobRecord("7", name=noted_name), in_queue) == same
+
+
+def test_a_folder_has_one_name_through_whatever_link_it_is_reached(tmp_path):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "link").symlink_to("there")
+    names = {JobTable(tmp_path / name).job_name("study") for name in ("there", "link", "there/../there")}
+    assert len(names) == 1

@@ -301,5 +301,10 @@ def test_a_scratch_folder_that_others_can_write_to_is_refused(tmp_path, monkeypa
     monkeypatch.setenv(SCRATCH, str(folder))
     with pytest.raises(PermissionError, match="only you can write to"):
         scratch(tmp_path)
+    (tmp_path / "all").mkdir()
+    (tmp_path / "all").chmod(0o777)
+    monkeypatch.setenv(SCRATCH, str(tmp_path / "all" / "sinew-7"))
+    with pytest.raises(PermissionError, match="all users may rename"):
+        scratch(tmp_path)
     monkeypatch.setenv(SCRATCH, str(tmp_path / "node" / "mine"))
     assert scratch(tmp_path).stat().st_mode & 0o777 == 0o700

@@ -130,6 +130,34 @@ def array(group: Path, name: str, size: list[int], chunk: list[int], dtype: str,
     (group / name / "zarr.json").write_text(json.dumps(metadata))
 
 
+@pytest.mark.parametrize("name", ["scale_factor", "add_offset", "missing_value", "_Unsigned", "_FillValue"])
+def test_numbers_are_not_turned_into_larger_ones(folder, name):
+    """xarray would make float64 of bytes, eight times their size, and copies of it."""
+    group = folder / "store.zarr" / "sobol"
+    array(group, "small", [16], [16], "int8", bytes(16), 1)
+    assert open_store(folder).read_result("sobol")["small"].dtype == np.int8
+    edit(group / "small", lambda one: one["attributes"].update({name: 1}))
+    with pytest.raises(StoreError, match=f"small has the attribute {name}"):
+        open_store(folder).read_result("sobol")
+
+
+@pytest.mark.parametrize("unit", ["days since 2000-01-01", "seconds"])
+def test_no_unit_makes_dates_of_numbers(folder, unit):
+    group = folder / "store.zarr" / "sobol"
+    array(group, "small", [16], [16], "int8", bytes(16), 1)
+    edit(group / "small", lambda one: one["attributes"].update(units=unit, dtype="timedelta64[ns]"))
+    assert open_store(folder).read_result("sobol")["small"].dtype == np.int8
+
+
+def test_an_array_beside_the_groups_of_a_store_is_refused(folder):
+    """xarray would load it at once, although nothing has looked at it."""
+    open_store(folder).check()
+    edit(folder / "store.zarr", lambda one: one["attributes"].update({ARRAYS: []}))
+    array(folder / "store.zarr", "x", [16], [16], "int8", bytes(16), 1)
+    with pytest.raises(StoreError, match=r"holds the array 'x' beside its groups"):
+        open_store(folder).check()
+
+
 def test_a_chunk_is_no_larger_than_its_array(folder):
     """Ten would be decompressed at once, whatever the array shows of them."""
     array(folder / "store.zarr" / "sobol", "wide", [10, 1], [1, 2**26], "int8", bytes(2**26), 10)

@@ -309,7 +309,7 @@ def test_a_table_knows_its_parameters_and_what_outcomes_depend_on(tmp_path):
     assert read.coordinate("none of these") is None
 
 
-@pytest.mark.parametrize("text", ["", "[", "null", "3"])
+@pytest.mark.parametrize("text", ["", "[", "null", "3", f'{{"a": "{"x" * 2**22}"}}'], ids=len)
 def test_a_damaged_identity_is_one_line(tmp_path, text):
     with Store.writing(tmp_path, "study") as store:
         table = store.table(table_spec())

@@ -15,13 +15,13 @@ from typing import Any
 
 import yaml
 
+from sinew.runner.cluster.job_table import JobTable
 from sinew.tasks.study.study import Study
 from tests.tasks.cli.bad_input import write
 
 SHIPPED = Path(__file__).parents[3] / "slurm"
 SITE: dict[str, Any] = yaml.safe_load((SHIPPED / "site-template.yaml").read_text())
 SUBMIT = ("submit", "study.yaml", "--profile", "profile.yaml", "--out", "out")
-QUEUE = "5|RUNNING|None|n1|sinew-check"
 FAKE = """#!/bin/sh
 echo "{name} $*" >> {calls}
 if [ -e {answer} ]; then . {answer}; fi
@@ -48,6 +48,16 @@ def write_profile(field: str = "", value: Any = None) -> int:
 
 def as_yaml(profile: dict[str, Any]) -> str:
     return "".join(f"{json.dumps(name)}: {json.dumps(value, ensure_ascii=False)}\n" for name, value in profile.items())
+
+
+def job_name() -> str:
+    """The name in the queue of the job that leads the study ``check`` on the folder ``out``."""
+    return JobTable(Path("out/jobs")).job_name("check")
+
+
+def queue() -> str:
+    """What squeue says of job 5."""
+    return f"5|RUNNING|None|n1|{job_name()}"
 
 
 def answer(command: str, script: str) -> None:

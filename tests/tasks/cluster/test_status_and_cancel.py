@@ -18,10 +18,11 @@ from tests.runner.evaluations import table_spec
 from tests.runner.stores import fill, some
 from tests.tasks.cli.bad_input import folder_for_file, link, listing, write
 from tests.tasks.cluster.stand_in_slurm import (
-    QUEUE,
     SUBMIT,
     answer,
     calls,
+    job_name,
+    queue,
 )
 
 
@@ -29,7 +30,13 @@ def make_results() -> None:
     """A result folder without any table, which a job leads."""
     with Store.writing(Path("out"), "check"):
         pass
-    write("out/jobs/jobs.jsonl", "".join(JOB_LINES))
+    write_jobs()
+
+
+def write_jobs(*damages: bytes) -> None:
+    """The table of jobs of the folder ``out``, with ``damages`` between its two lines."""
+    first = JOB_LINES[0].replace("sinew-check", job_name()).encode()
+    write("out/jobs/jobs.jsonl", b"".join([first, *damages, b"\n", JOB_LINES[1].encode()]))
 
 
 JOB_LINES = (
@@ -139,10 +146,10 @@ TABLES = {
 @pytest.mark.parametrize("damages", TABLES.values(), ids=TABLES)
 def test_damaged_table_of_jobs(sinew, damages):
     make_results()
-    answer("squeue", f"echo '{QUEUE}'")
+    answer("squeue", f"echo '{queue()}'")
     problems: dict[Any, str] = {}
     for damage in damages:
-        write("out/jobs/jobs.jsonl", b"".join([JOB_LINES[0].encode(), damage, b"\n", JOB_LINES[1].encode()]))
+        write_jobs(damage)
         with collected_from(problems, damage):
             said = sinew("status", "out")
             assert (said.code, said.err) == (0, "")
@@ -156,12 +163,12 @@ def test_damaged_table_of_jobs(sinew, damages):
 
 @pytest.mark.parametrize("damages", TABLES.values(), ids=TABLES)
 def test_cancel_with_a_damaged_table_of_jobs(sinew, here, damages):
-    write("out/jobs/jobs.jsonl", b"".join([JOB_LINES[0].encode(), *damages, b"\n", JOB_LINES[1].encode()]))
-    answer("squeue", f"echo '{QUEUE}'")
+    write_jobs(*damages)
+    answer("squeue", f"echo '{queue()}'")
     before = listing(here)
     said = sinew("cancel", "out")
     assert (said.code, said.err) == (0, "")
-    assert said.out.startswith("job 5 (sinew-check, RUNNING) is cancelled\n1 jobs cancelled; ")
+    assert said.out.startswith(f"job 5 ({job_name()}, RUNNING) is cancelled\n1 jobs cancelled; ")
     assert calls()[-1] == "scancel --quiet 5"
     assert listing(here) == before
 
@@ -176,17 +183,15 @@ def collected_from(problems: dict[Any, str], damage: bytes) -> Iterator[None]:
 
 def test_a_number_that_belongs_to_another_job_now(accepted):
     make_results()
-    answer("squeue", "echo '5|RUNNING|None|n1|a colleague'; echo '6|RUNNING|None|n1|sinew-check'")
+    answer("squeue", f"echo '5|RUNNING|None|n1|a colleague'; echo '6|RUNNING|None|n1|{job_name()}'")
     assert accepted("cancel", "out").startswith("0 jobs cancelled")
     assert len(calls()) == 1
 
 
-@pytest.mark.parametrize(
-    "answered", ["garbage", "||||", "5", "5|RUNNING", "", "\x1b[31m", "5|GONE|None|n1|sinew-check"]
-)
+@pytest.mark.parametrize("answered", ["garbage", "||||", "5", "5|RUNNING", "", "\x1b[31m", "5|GONE|None|n1|NAME"])
 def test_squeue_that_talks_nonsense(accepted, answered):
     make_results()
-    write("../bin/words", answered)
+    write("../bin/words", answered.replace("NAME", job_name()))
     answer("squeue", "/bin/cat ../bin/words")
     assert accepted("cancel", "out").startswith("0 jobs cancelled")
 
@@ -201,7 +206,7 @@ def test_squeue_that_talks_nonsense(accepted, answered):
 )
 def test_cancel_that_slurm_refuses(sinew, command, said, told):
     make_results()
-    answer("squeue", f"echo '{QUEUE}'")
+    answer("squeue", f"echo '{queue()}'")
     answer(command, said)
     result = sinew("cancel", "out")
     assert (result.code, result.out, result.err.count("\n")) == (2, "", 1)

@@ -235,7 +235,7 @@ def test_the_job_script_can_be_edited(tmp_path):
     study = prepare(tmp_path, PROFILE + "job_script: mine.sh.j2\n")
     (tmp_path / "mine.sh.j2").write_text("#!/bin/sh\n# hello {{ name }}\n{{ command }}\n")
     arguments = ("submit", study, "--profile", tmp_path / "profile.yaml", "--out", tmp_path / "out", "--dry-run")
-    assert sinew(*arguments).startswith("#!/bin/sh\n# hello sinew-survival\n/")
+    assert re.match(r"#!/bin/sh\n# hello sinew-survival-[0-9a-f]{10}\n/", sinew(*arguments))
     (tmp_path / "mine.sh.j2").write_text("#!/bin/sh\n{{ nothing }}\n")
     assert "mine.sh.j2: 'nothing' is undefined; expected a Jinja2 template" in sinew(*arguments, expect=2)
 

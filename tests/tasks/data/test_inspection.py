@@ -206,6 +206,9 @@ def test_a_gauge_length_that_a_preload_has_changed_is_asked_for(tmp_path):
     told = inspect(tmp_path / "preload.csv", Reading(hints=Hints(preload="leave-out"))).content()
     assert told["length_mm"] == pytest.approx(17.5)
     assert not [question for question in told["ask"] if question.startswith("length")]
+    kept = inspect(tmp_path / "preload.csv", Reading(hints=Hints(preload="keep"))).content()
+    assert kept["length_mm"] == pytest.approx(12.5)
+    assert not [question for question in kept["ask"] if question.startswith("length")]
 
 
 def test_sizes_in_the_name_of_a_file_are_said_and_not_taken(tmp_path):

@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.cohort import read_cohort, write_cohort
 from sinew.tasks.data.first_ranges import FirstRanges
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.names import FileName
-from sinew.tasks.data.new_study import NewSpecimen, ReadFile, describe, leave_open, write_study
+from sinew.tasks.data.new_study import NewSpecimen, ReadFile, describe, environment, leave_open, write_study
 from sinew.tasks.data.recordings import Bar, curve_of, read_recordings
 from sinew.tasks.infer.settings import OF_LIKELIHOOD
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
@@ -50,6 +51,13 @@ def test_the_study_explains_every_field_and_holds_every_task(tmp_path):
             assert f" {field}: " in text or f"{{{field}: " in text or f"\n  {field}:\n" in text
     fields = [line for line in text.splitlines() if line.startswith("  ") and ":" in line and "#" not in line]
     assert {line.strip() for line in fields} == {"specimens: all", "bayesian:"}
+
+
+@pytest.mark.parametrize("end", ["\n", "\r", "\x85", "\u2028", "\u2029"])
+def test_no_name_of_a_folder_or_model_adds_a_line_to_a_study(end):
+    """YAML knows more ends of lines than JSON escapes by itself."""
+    text = environment().from_string("a: 1   # {{ path | json }}\n").render(path=f"x{end}retries: 20 #")
+    assert yaml.safe_load(text) == {"a": 1}
 
 
 def test_sites_are_compared_where_there_are_two(tmp_path):

@@ -107,6 +107,24 @@ def test_rows_have_a_limit_before_they_take_memory(tmp_path, monkeypatch):
         read_numbers(path, ["a", "b"])
 
 
+def test_short_rows_are_not_filled_up(tmp_path, monkeypatch):
+    """pandas would make as many columns as the header has, in each of very many short rows."""
+    names = ",".join(f"a{i}" for i in range(1000))
+    path = written(tmp_path, f"a,b,{names}\n1{',1' * 1001}\n" + "2,1\n" * 20_000)
+    monkeypatch.setattr(numeric_csv.pd, "read_csv", lambda *_, **__: pytest.fail("fills them up"))
+    with pytest.raises(BadInput, match="row 3: 2 cells; expected 1002, as in the header"):
+        read_numbers(path, None)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("last", ["", "\n"])
+def test_rows_are_read_at_once_whatever_ends_them(tmp_path, monkeypatch, end, last):
+    monkeypatch.setattr(numeric_csv, "_read_carefully", lambda *_: pytest.fail("was read row by row"))
+    path = tmp_path / "numbers.csv"
+    path.write_bytes(f"a,b\n1,2\n3,4{last}".replace("\n", end).encode())
+    assert read_numbers(path, ["a", "b"]).tolist() == [[1, 2], [3, 4]]
+
+
 def test_a_quoted_cell_makes_no_wider_table(tmp_path):
     """pandas would go on with the row behind the quotation mark."""
     path = written(tmp_path, 'a,b\n1, "2\n1",1,1,1\n')

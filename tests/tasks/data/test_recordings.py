@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.questions import UnknownUnit
-from sinew.tasks.data.recordings import Bar, Recording, as_told, curve_of, read_recordings, remarks
+from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings, remarks
+from sinew.tasks.data.told import as_told
 from tests.tasks.data.test_sheets import write_workbook
 
 TIME_S = np.array([0.0, 0.5, 1.0, 1.5, 2.0])
@@ -585,16 +586,6 @@ def test_a_column_of_current_lengths_tells_the_gauge_length_of_each_test(tmp_pat
     (other,) = read_recordings(path, Hints())
     assert other.left_out == ("Size_mm",)
     assert "length" not in other.sizes
-
-
-def test_after_a_preload_the_gauge_length_is_that_at_the_new_zero(tmp_path):
-    before = [f"{i},{12.5 + 0.1 * i:g},{0.1 * i:g},{i}" for i in range(50)]
-    after = [f"{50 + i},{17.5 + 0.1 * i:g},{0.1 * i:g},{50 + i}" for i in range(50)]
-    path = tmp_path / "lengths.csv"
-    path.write_text("\n".join(["Time_S,Size_mm,Displacement_mm,Force_N", *before, *after, ""]))
-    (one,) = read_recordings(path, Hints())
-    assert "length" not in as_told(one, Hints(preload="keep")).sizes
-    assert as_told(one, Hints(preload="leave-out")).sizes["length"].mm == pytest.approx(17.5)
 
 
 def test_a_file_of_very_many_tests_is_refused(tmp_path, monkeypatch):

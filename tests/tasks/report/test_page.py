@@ -223,7 +223,7 @@ def test_a_page_of_27_specimens_with_long_curves_stays_small():
     data = {f"site/{k}": dict.fromkeys(("one", "two", "cyclic"), columns) for k in range(27)}
     block = plots.picked("curves", "", "Specimen", data, lambda sources: [])
     assert len(page._json({"data": block.data})) < 2_000_000
-    assert len(bytes(page._json({"data": block.data}), "utf-8")) + sum(map(len, page.INLINE.js_raw[:1])) < 15_000_000
+    assert len(bytes(page._json({"data": block.data}), "utf-8")) + sum(map(len, page.scripts())) < 15_000_000
 
 
 def test_quantities_beside_the_force_have_plots_and_columns_of_their_own(tmp_path, monkeypatch):

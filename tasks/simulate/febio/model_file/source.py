@@ -132,8 +132,18 @@ def _check_size(path: Path, names: tuple[str, str], count: int, depth: int) -> N
     for name in names:
         if len(name) > LONGEST_NAME:
             raise BadInput(path, f"has a name of {len(name):,} characters", f"at most {LONGEST_NAME}")
+    _check_depth(path, depth)
+
+
+def _check_depth(path: Path, depth: int) -> None:
     if depth > DEEPEST:
         raise BadInput(path, "is nested too deeply", f"at most {DEEPEST} elements in each other")
+
+
+def _check_prefixes(path: Path, tag: str, attributes: Mapping[str, str]) -> None:
+    """Refuse names with a prefix, for which readers that know namespaces need a declaration."""
+    if ":" in tag or any(":" in name and not name.startswith("xml:") for name in attributes):
+        raise BadInput(path, f"<{shown(tag)[1:-1]}> has a name with a prefix", "names as FEBio writes them")
 
 
 def _elements(path: Path, text: bytes) -> Element:
@@ -150,8 +160,10 @@ def _elements(path: Path, text: bytes) -> Element:
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal skipped, count
+        _check_prefixes(path, tag, attributes)
         if skipped or (len(open_elements) == 4 and open_elements[2].tag in MESH):
             skipped += 1
+            _check_depth(path, len(open_elements) + skipped)
             return
         count += 1
         _check_size(path, (tag, attributes.get("name", "")), count, len(open_elements))

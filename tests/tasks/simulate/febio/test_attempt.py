@@ -358,6 +358,21 @@ def test_nothing_is_written_through_what_a_solver_leaves(tmp_path, model, file, 
     assert mine.read_text() == "mine"
 
 
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("left", [*ODD.values(), "os.chmod('.', 0)", "os.chmod('.', 0o500)"])
+def test_a_second_run_meets_nothing_of_the_first(tmp_path, model, left):
+    """A solver that says nothing with ``-silent`` is asked again without it."""
+    mine = tmp_path / "mine"
+    mine.write_text("mine")
+    file = "solver-output.txt"
+    left = left.replace("/etc/hostname", str(mine)).format(file=file)
+    end = f"'-silent' in sys.argv or print('FATAL ERROR: a reason'); os.unlink('{file}'); {left}; sys.exit(1)"
+    simulator = solver(tmp_path, end)
+    assert outcome(simulator, model)[0] == "bad_input"
+    assert mine.read_text() == "mine"
+    assert len(attempts(simulator)) <= 1
+
+
 @pytest.mark.parametrize("then", ["", "os.symlink('/tmp', here)", "open(here, 'w')"], ids=["gone", "link", "file"])
 def test_a_solver_that_removes_its_own_folder_fails_its_row(tmp_path, model, then):
     end = "here = os.getcwd(); import shutil; os.chdir('/'); shutil.rmtree(here); " + (then or "pass")

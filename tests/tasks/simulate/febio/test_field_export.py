@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sinew.runner.errors import BadInput
+from sinew.runner.errors import BadInput, SinewError
 from sinew.runner.evaluation.ensemble import evaluate
 from sinew.runner.store.store import Store
 from sinew.tasks.infer.abc.observations import SiteEvaluation
 from sinew.tasks.model import Curve, Protocol
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
-from sinew.tasks.simulate.febio import keeping
+from sinew.tasks.simulate.febio import field_export, keeping
 from sinew.tasks.simulate.febio.field_export import export_rows
 from sinew.tasks.simulate.febio.kept_files import files
 from tests.tasks.simulate.febio.dogbone import BAR, OWN, RELAX
@@ -114,3 +114,16 @@ def test_protocols_whose_names_differ_in_odd_characters_have_files_of_their_own(
     stem = table.replace(".", "_")[:80]
     names = [path.name.removeprefix(f"{stem}_row000000_") for path in done.paths]
     assert names == ["relax_1.pvd", "relax_1__2.pvd", "relax_1__3.pvd"]
+
+
+@pytest.mark.parametrize("limit", ["MOST_HISTORIES", "MAX_MODEL"])
+def test_a_table_of_very_many_histories_or_of_a_huge_model_is_not_hashed(tmp_path, monkeypatch, limit):
+    """Each history is hashed with the model."""
+    simulator = keeping_bar(tmp_path)
+    table = evaluated(
+        tmp_path, SpecimenEvaluation(OWN, replace(BAR, curves=(Curve(RELAX, FORCE),)), simulator, 96), ROWS[:1]
+    )
+    assert export_rows(tmp_path, [0], tmp_path / "vtk", table).paths
+    monkeypatch.setattr(field_export, limit, 0)
+    with pytest.raises(SinewError, match="histories" if limit == "MOST_HISTORIES" else "row 0"):
+        export_rows(tmp_path, [0], tmp_path / "more", table)

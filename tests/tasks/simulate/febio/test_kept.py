@@ -19,6 +19,7 @@ import sinew
 from sinew.runner.errors import BadInput, StoreError
 from sinew.tasks import pipeline
 from sinew.tasks.simulate.febio import keeping, kept_files
+from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.field_output import FieldOutput, field_course
 from sinew.tasks.simulate.febio.kept import Run, entry_of, write_runs
 from sinew.tasks.simulate.febio.plot_file import plot_file_of
@@ -307,6 +308,10 @@ def test_places_of_each_kind_of_variable():
         of("density", None, set="upper", reduce="sum"), plot.variables["density"].values[1:, 8:, 0].sum(1, dtype=float)
     )
     assert np.array_equal(of("pull", "z", set="top"), plot.variables["pull"].values[1:, 0, 2].astype(float))
+    empty = replace(plot.variables["displacement"], values=np.zeros((plot.time_s.size, 0, 3), "f4"), regions=())
+    nowhere = replace(plot, variables={"displacement": empty})
+    with pytest.raises(Failed, match="displacement is there for no part of the mesh"):
+        field_course(FieldOutput("o", "1", "max", "displacement", "x", ids=(10,)), nowhere)
     assert np.array_equal(of("energy", None), plot.variables["energy"].values[1:, 0, 0].astype(float))
 
 

@@ -143,6 +143,20 @@ def test_elements_beside_the_mesh_and_their_names_have_limits(tmp_path, monkeypa
             read(tmp_path, model(long))
 
 
+@pytest.mark.parametrize(
+    ("mesh", "words"),
+    [
+        ("<a>" * 200 + "</a>" * 200, "is nested too deeply"),
+        ('<q:quad4 id="1">1,2,3,4</q:quad4>', "<q:quad4> has a name with a prefix"),
+        ('<quad4 id="1" q:a="1">1,2,3,4</quad4>', "<quad4> has a name with a prefix"),
+    ],
+)
+def test_what_other_readers_of_xml_refuse_is_refused_in_a_mesh_too(tmp_path, mesh, words):
+    assert CUBE.count("</Nodes>") == 1
+    with pytest.raises(BadInput, match=words):
+        read(tmp_path, CUBE.replace("</Nodes>", f"{mesh}</Nodes>"))
+
+
 def test_text_beside_the_mesh_has_a_limit(tmp_path, monkeypatch):
     monkeypatch.setattr(source_module, "MOST_TEXT", 5000)
     inside = CUBE.replace("<Material>", f"<Material>{'long ' * 1000}", 1)

@@ -1,0 +1,55 @@
+"""A recording as a person says that its displacement and force are counted."""
+
+from dataclasses import replace
+
+from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.quantities import DISPLACEMENT
+from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.signs import counted, doubts, new_zero
+
+
+def as_told(recording: Recording, hints: Hints) -> Recording:
+    """The recording with displacement and force counted as a person says, and what is doubtful then."""
+    first = new_zero(recording.numbers) if hints.preload is not None else 0
+    if first:
+        recording = (_from_row if hints.preload == "leave-out" else _counted_on)(recording, first)
+    numbers, notes = counted(str(recording.path), recording.columns, recording.numbers, hints)
+    titles = (*(column.title for column in recording.columns), *recording.left_out)
+    lines = (" ".join(row) for row in recording.header)
+    found = doubts(recording.columns, numbers, (*titles, *lines), hints)
+    return replace(recording, numbers=numbers, notes=(*recording.notes, *notes), doubts=tuple(found))
+
+
+def _counted_on(recording: Recording, first: int) -> Recording:
+    """The recording whose displacement goes on where it is set to zero again, in row ``first``.
+
+    It goes on from the row before, or by what the gauge lengths at both zeros tell.
+    """
+    if recording.motion.quantity is not DISPLACEMENT:  # a strain may count from a new length
+        note = f"the {recording.motion.quantity.name} is set to zero again after {first:,} rows, and stays as it is"
+        return replace(recording, notes=(*recording.notes, note))
+    before, after = recording.lengths
+    numbers = recording.numbers.copy()
+    further = numbers[first - 1, 1] - numbers[first, 1]
+    if before is not None and after is not None and before.mm is not None and after.mm is not None:
+        further = after.mm - before.mm
+    numbers[first:, 1] += further
+    note = f"displacement counted on by {further:.6g} mm after the first {first:,} rows, where it was set to zero again"
+    length = {} if before is None else {"length": before}
+    return replace(recording, numbers=numbers, notes=(*recording.notes, note), sizes={**recording.sizes, **length})
+
+
+def _from_row(recording: Recording, first: int) -> Recording:
+    """The recording without the rows before ``first``."""
+    reason = f"then the {recording.motion.quantity.name} was set to zero again"
+    note = f"the first {first:,} rows left out, as --preload says: {reason}"
+    values = {name: each[first:] for name, each in recording.further.values.items()}
+    length = {} if recording.lengths[1] is None else {"length": recording.lengths[1]}
+    return replace(
+        recording,
+        numbers=recording.numbers[first:],
+        rows=recording.rows[first:],
+        notes=(*recording.notes, note),
+        further=replace(recording.further, values=values),
+        sizes={**recording.sizes, **length},
+    )

@@ -1,0 +1,44 @@
+"""Displacements that a machine has set to zero again, as a person says that they count."""
+
+import numpy as np
+import pytest
+
+from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.recordings import read_recordings
+from sinew.tasks.data.told import as_told
+
+
+def test_after_a_preload_the_gauge_length_is_that_at_the_new_zero(tmp_path):
+    before = [f"{i},{12.5 + 0.1 * i:g},{0.1 * i:g},{i}" for i in range(50)]
+    after = [f"{50 + i},{17.5 + 0.1 * i:g},{0.1 * i:g},{50 + i}" for i in range(50)]
+    path = tmp_path / "lengths.csv"
+    path.write_text("\n".join(["Time_S,Size_mm,Displacement_mm,Force_N", *before, *after, ""]))
+    (one,) = read_recordings(path, Hints())
+    assert "length" not in one.sizes
+    assert as_told(one, Hints(preload="leave-out")).sizes["length"].mm == pytest.approx(17.5)
+
+
+@pytest.mark.parametrize(("title", "further_mm"), [("Size_mm", 5.0), ("Note", 4.9)])
+def test_a_preload_that_is_kept_is_followed_by_what_comes_on_top_of_it(tmp_path, title, further_mm):
+    """By the lengths at both zeros, where a column tells them, else from the row before."""
+    before = [f"{i},{12.5 + 0.1 * i:g},{0.1 * i:g},{i}" for i in range(50)]
+    after = [f"{50 + i},{17.5 + 0.1 * i:g},{0.1 * i:g},{50 + i}" for i in range(50)]
+    path = tmp_path / "lengths.csv"
+    path.write_text("\n".join([f"Time_S,{title},Displacement_mm,Force_N", *before, *after, ""]))
+    (one,) = read_recordings(path, Hints())
+    found = as_told(one, Hints(preload="keep"))
+    assert found.numbers[[49, 50, 99], 1] == pytest.approx([4.9, further_mm, 4.9 + further_mm])
+    note = f"displacement counted on by {further_mm:g} mm after the first 50 rows, where it was set to zero again"
+    assert (found.notes, found.doubts) == ((note,), ())
+    assert ("length" in found.sizes) == (title == "Size_mm")
+    if title == "Size_mm":
+        assert found.sizes["length"].mm == pytest.approx(12.5)
+
+
+def test_a_strain_that_is_kept_with_its_preload_stays_as_it_is(tmp_path):
+    path = tmp_path / "strains.csv"
+    path.write_text("Time (s),Strain (%),Load (N)\n" + "".join(f"{i},{i % 50},{i}\n" for i in range(100)))
+    (one,) = read_recordings(path, Hints())
+    found = as_told(one, Hints(preload="keep"))
+    assert np.array_equal(found.numbers, one.numbers)
+    assert found.notes == ("the strain is set to zero again after 50 rows, and stays as it is",)
