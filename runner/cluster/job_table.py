@@ -14,6 +14,7 @@ from sinew.runner.files import NotReadable, read_regular
 MAX_BYTES = 2**23  # some ten thousand jobs
 
 COORDINATOR, WORKER = "coordinator", "worker"
+_ENDINGS = {COORDINATOR: "", WORKER: "-worker"}  # of names in the queue, by which a prologue can tell them apart
 SLURM = "slurm"  # the batch system of jobs for which the table names none
 
 
@@ -64,9 +65,9 @@ class JobTable:
     def _place(self) -> str:
         return hashlib.sha256(os.fsencode(os.path.realpath(self.path))).hexdigest()[:10]
 
-    def job_name(self, name: str) -> str:
-        """The name in the queue of a job that works on this result folder: it ends with a hash of the folder's path."""
-        return f"sinew-{name}-{self._place}"
+    def job_name(self, study: str, role: str) -> str:
+        """The name in the queue of a job that works on this result folder: it holds a hash of the folder's path."""
+        return f"sinew-{study}-{self._place}{_ENDINGS[role]}"
 
     def is_job(self, record: JobRecord, queued_name: str) -> bool:
         """Whether the job in the queue that has the number of ``record`` is the one of this table.
@@ -74,9 +75,8 @@ class JobTable:
         A table may come with a result folder of somebody else, or with a copy of one of your own: only jobs that were
         submitted for this very folder are ever its jobs.
         """
-        return (
-            record.name == queued_name and queued_name.startswith("sinew-") and queued_name.endswith(f"-{self._place}")
-        )
+        ours = tuple(f"-{self._place}{ending}" for ending in _ENDINGS.values())
+        return record.name == queued_name and queued_name.startswith("sinew-") and queued_name.endswith(ours)
 
     def note(self, job: str, event: str, **facts: Any) -> None:
         """Append that ``job`` was ``submitted``, ``started`` or ``ended``."""

@@ -107,7 +107,7 @@ def _classes(name: str) -> tuple[Any, Any]:
 
 
 def _job_name(spec: Jobs) -> str:
-    return JobTable(spec.folder).job_name(f"{spec.name}-worker")
+    return JobTable(spec.folder).job_name(spec.name, WORKER)
 
 
 def _log(spec: Jobs, job: str) -> Path:

@@ -71,7 +71,7 @@ def job_scripts(study: Study, profile: Profile, out: Path, arguments: Sequence[s
         if tasks == 1 or profile.scratch is None
         else (external.scratch_line(profile.scratch, profile.system.job_variable),)
     )
-    system, name = profile.system, JobTable(folder).job_name(study.name)
+    system, name = profile.system, JobTable(folder).job_name(study.name, COORDINATOR)
     output = f"{folder}/sinew-{study.name}-{system.job_in_path}.log"
     request = JobRequest(
         name, output, leader.cores, leader.memory_mb, leader.walltime_s, profile.options(leader), tasks
@@ -136,7 +136,7 @@ def submit(study: Study, profile: Profile, out: Path, scripts: Scripts) -> str:
     if isinstance(profile.leader, AllocationSettings):
         cores *= profile.leader.tasks
     table, facts = JobTable(folder), noted(profile.batch_system)
-    table.note(job, "submitted", role=COORDINATOR, name=table.job_name(study.name), cores=cores, **facts)
+    table.note(job, "submitted", role=COORDINATOR, name=table.job_name(study.name, COORDINATOR), cores=cores, **facts)
     return job
 
 

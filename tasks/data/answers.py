@@ -1,6 +1,6 @@
 """What a person has told of files, kept beside the study, so that the same export needs no questions again."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,23 +31,39 @@ _Hints = create_model("_Hints", __base__=Section, **_HINTS)
 
 class _Rest(Section):
     answered: Any = None
+    confirmed: Any = None
     specimens: dict[str, _Sizes] = Field(default_factory=dict)
 
 
-#: ``answers.yaml``: the fields of :class:`Hints` for all files, the same for questions, and sizes of each specimen.
-_File = create_model("_File", __base__=_Rest, answered=(_Hints, Field(default_factory=_Hints)), **_HINTS)
+class _Confirmed(Section):
+    time: tuple[str, ...] = Field(default=(), strict=False)
+    displacement: tuple[str, ...] = Field(default=(), strict=False)
+    force: tuple[str, ...] = Field(default=(), strict=False)
+
+
+#: ``answers.yaml``: the fields of :class:`Hints` for all files, the same for questions, titles of columns that are
+#: right where they are likely, and sizes of each specimen.
+_File = create_model(
+    "_File",
+    __base__=_Rest,
+    answered=(_Hints, Field(default_factory=_Hints)),
+    confirmed=(_Confirmed, Field(default_factory=_Confirmed)),
+    **_HINTS,
+)
 
 
 @dataclass(frozen=True)
 class Answers:
     """``hints`` for all files, and sizes (mm) by specimen and name (``length``, ``width``, ``thickness``).
 
-    ``answered``: what holds for files that ask for it, and for no others.
+    ``answered``: what holds for files that ask for it, and for no others. ``confirmed``: titles of columns by role
+    (``time``, ``displacement``, ``force``), which are right in files where they are likely.
     """
 
     hints: Hints = field(default_factory=Hints)
     sizes: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     answered: Hints = field(default_factory=Hints)
+    confirmed: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 def read_answers(path: Path) -> Answers:
@@ -58,13 +74,16 @@ def read_answers(path: Path) -> Answers:
         for name, one in found.specimens.items()
     }
     told = found.model_dump()
-    return Answers(Hints(**{name: told[name] for name in _HINTS}), sizes, Hints(**told["answered"]))
+    hints = Hints(**{name: told[name] for name in _HINTS})
+    return Answers(hints, sizes, Hints(**told["answered"]), {k: v for k, v in told["confirmed"].items() if v})
 
 
 def write_answers(path: Path, answers: Answers) -> None:
     """Keep answers for the next time; nothing is written if there are none."""
     content: dict[str, object] = dict(_told(answers.hints))
     content |= {"answered": answered} if (answered := _told(answers.answered)) else {}
+    confirmed = {role: list(titles) for role, titles in answers.confirmed.items() if titles}
+    content |= {"confirmed": confirmed} if confirmed else {}
     sizes = {name: {f"{size}_mm": value for size, value in one.items()} for name, one in answers.sizes.items() if one}
     content |= {"specimens": sizes} if sizes else {}
     if content:

@@ -10,14 +10,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from sinew.runner.errors import BadInput, shown
+from sinew.runner.errors import BadInput
 from sinew.tasks.data.answers import Answers, with_answers, write_answers
+from sinew.tasks.data.certainty import confirm_columns, refuse_doubts, refuse_unsure_names
 from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, visible, write_cohort
-from sinew.tasks.data.columns import LIKELY, NoColumn
+from sinew.tasks.data.columns import NoColumn
 from sinew.tasks.data.first_ranges import first_ranges
 from sinew.tasks.data.further import refuse_unknown
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.names import UNSURE, FileName, names_of, of_test
+from sinew.tasks.data.names import FileName, names_of, of_test
 from sinew.tasks.data.new_study import (
     LeftOut,
     NewSpecimen,
@@ -27,6 +28,7 @@ from sinew.tasks.data.new_study import (
     leave_open,
     write_study,
 )
+from sinew.tasks.data.oddities import odd_tests
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.questions import Doubt, Unclear
 from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings, remarks
@@ -67,8 +69,9 @@ def init(
 ) -> NewStudy:
     """Write ``out/study.yaml`` and, unless ``files`` is a cohort already, ``out/cohort``. Raises :class:`BadInput`.
 
-    ``ask`` is asked for units and sizes that no file tells, and for which ``answers`` have none. Without it, an unknown
-    unit is refused, and an unknown size is left to be filled in. What was told is kept in ``out/answers.yaml``.
+    ``ask`` is asked for units, signs and sizes that no file tells, and for which ``answers`` have none. Without it, an
+    unknown unit or a doubtful sign is refused, and an unknown size is left to be filled in. What was told is kept in
+    ``out/answers.yaml``.
     ``certain``: refuse what is only likely, and sizes that nobody tells. ``show`` gets the titles and the rows of a
     table of what each file is taken for, before anything is asked.
     """
@@ -87,7 +90,10 @@ def init(
     read = read_all(found, hints, ask, answered=answers.answered, known=usable(looked))
     names = names_of([one.path for one in read.recordings])
     if certain:
-        refuse_doubts(read.recordings, names)
+        refuse_unsure_names(names)
+    if certain or ask is None:
+        refuse_doubts(read.recordings)
+    confirmed = confirm_columns(read.recordings, answers.confirmed, ask, certain=certain)
     new = specimens_of(read.recordings, names, sizes, ask, answers.sizes, certain=certain)
     refuse_duplicates([one.specimen for one in new], {one.specimen.name: one.tests[0].path for one in new})
     whole = [one.specimen for one in new if not one.missing]
@@ -103,8 +109,8 @@ def init(
             to_fill_in.append(path)
     study = write_study(out, "cohort", [one.specimen for one in new], ranges)
     sizes_told = {one.specimen.name: one.told for one in new}
-    write_answers(out / ANSWERS, Answers(hints, sizes_told, read.answered))
-    lines = (*describe(new), *ranges.lines, *describe_left_out(read.left_out))
+    write_answers(out / ANSWERS, Answers(hints, sizes_told, read.answered, confirmed))
+    lines = (*describe(new), *odd_tests(whole), *ranges.lines, *describe_left_out(read.left_out))
     return NewStudy(study, lines, tuple(to_fill_in), tuple(one.specimen for one in new))
 
 
@@ -314,19 +320,6 @@ def _specimen(name: str, tests: Sequence[ReadFile], known: Known) -> NewSpecimen
     specimen = Specimen(name, length or 1.0, width or 1.0, thickness or 1.0, curves)
     missing = tuple(size for size in SIZES if known.mm[size] is None)
     return NewSpecimen(specimen, tuple(tests), missing, tuple(notes), known.told)
-
-
-def refuse_doubts(recordings: Sequence[Recording], names: Mapping[Path, FileName]) -> None:
-    """Raises :class:`BadInput` for the first column, zero, sign or name that is not certain, with the option for it."""
-    for recording in recordings:
-        for column, option in zip(recording.columns, ("time", "displacement", "force"), strict=True):
-            if column.how == LIKELY:
-                problem = f"{column.quantity.name} from {shown(column.title)} is likely, not certain"
-                raise BadInput(recording.path, problem, f"--{option}-column {shown(column.title)} to confirm it")
-        for doubt in recording.doubts:
-            raise BadInput(recording.path, doubt.text, doubt.remedy)
-        if names[recording.path].how == UNSURE:
-            raise BadInput(recording.path, "a number may be a specimen's or a trial's", "a name SPECIMEN_PROTOCOL")
 
 
 def refuse_unknown_sizes(specimens: Sequence[NewSpecimen]) -> None:

@@ -136,13 +136,15 @@ def ask_for_sizes(known: Mapping[str, Known], ask: Ask) -> dict[str, Known]:
     An empty answer leaves a size to be filled in. An answer that ends in "all" holds for all specimens that are left.
     """
     found = {specimen: dict(one.mm) for specimen, one in known.items()}
-    for size in SIZES:
-        left = [specimen for specimen, mm in found.items() if mm[size] is None]
-        while left:
-            value, for_all = _answer(size, left, known[left[0]].proposed.get(size), ask)
-            for specimen in left if for_all else left[:1]:
-                found[specimen][size] = value
-            left = [] if for_all else left[1:]
+    left = {size: [specimen for specimen, mm in found.items() if mm[size] is None] for size in SIZES}
+    for specimen in found:
+        for size in SIZES:
+            if specimen not in left[size]:
+                continue
+            value, for_all = _answer(size, left[size], known[specimen].proposed.get(size), ask)
+            for each in left[size] if for_all else [specimen]:
+                found[each][size] = value
+            left[size] = [] if for_all else left[size][1:]
     return {specimen: known[specimen].answered(mm) for specimen, mm in found.items()}
 
 

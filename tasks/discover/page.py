@@ -198,7 +198,7 @@ def _candidates(result: DiscoverResult) -> Table:
         for one in result.candidates
     ]
     header = ["effects", "gain", "misfit explained", "held-out gain", "on a bound"]
-    return Table("Candidates, the best first", header, rows, words=(4,), open=len(rows) <= 8)
+    return Table("Candidates, the largest gain first", header, rows, words=(4,), open=len(rows) <= 8)
 
 
 def _stack(result: DiscoverResult) -> Plots:

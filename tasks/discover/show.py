@@ -109,7 +109,9 @@ def curves_table(kept: xr.Dataset) -> pd.DataFrame:
 
 def summary(result: DiscoverResult, folder: Path, console: Console) -> None:
     """Print the verdict, how the best candidates did, and what goes with the verdict."""
-    grid = Grid("candidate", "gain", "explained", "held-out gain", "on a bound", title="Candidates, the best first")
+    grid = Grid(
+        "candidate", "gain", "explained", "held-out gain", "on a bound", title="Candidates, the largest gain first"
+    )
     for one in result.candidates[:SHOWN]:
         explained = "" if one.explained is None else percent(one.explained)
         grid.add_row(one.name, _whole(one.gain), explained, held_out(one), " ".join(one.on_bound))

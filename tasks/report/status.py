@@ -53,6 +53,7 @@ def read_status(folder: Path) -> dict[str, Any]:
         tables.append(
             {
                 "table": brief(table.title),
+                "key": brief(table.name.rpartition("-")[2], 6),
                 "rows": max(
                     len(table), int(outcomes.rows.size)
                 ),  # the journal may be ahead of what is planned in the store
@@ -61,6 +62,7 @@ def read_status(folder: Path) -> dict[str, Any]:
                 "core_hours": float(outcomes.seconds[np.isfinite(outcomes.seconds)].sum()) / 3600,
             }
         )
+    _tell_apart(tables)
     by_job.pop("", None)
     return {
         "folder": str(folder),
@@ -88,6 +90,15 @@ def read_status(folder: Path) -> dict[str, Any]:
             task: each["reason"] for task, each in logged_tasks(folder).items() if each["state"] == FAILED
         },
     }
+
+
+def _tell_apart(tables: list[dict[str, Any]]) -> None:
+    """Put the beginning of a table's key behind its title where others have the same: their inputs differ."""
+    titles = [table["table"] for table in tables]
+    for table in tables:
+        key = table.pop("key")
+        if titles.count(table["table"]) > 1:
+            table["table"] += f" ({key})"
 
 
 def _results(folder: Path) -> list[Path]:
@@ -231,7 +242,7 @@ def _now(progress: dict[str, Any] | None) -> str:
     line = one_line(f"{progress['title']}: {progress['done']:,} of {progress['total']:,} rows")
     if not progress["alive"]:
         return f"nothing runs; last sign of life {duration(round(progress['age_s']))} ago ({line})"
-    left = f", {duration(round(progress['eta_s']))} left" if progress.get("eta_s") is not None else ""
+    left = f", {duration(round(progress['eta_s']))} left for these" if progress.get("eta_s") is not None else ""
     counted = f"{progress.get('running', 0):,} running, {progress.get('rows_per_s', 0):.4g} rows/s{left}"
     return f"{line}, {counted}{about_left(left_of_run(progress))}"
 

@@ -17,6 +17,7 @@ from sinew.tasks.simulate import Simulator
 from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study.model import model_of
+from sinew.tasks.study.provenance import cohort_hash, made_for
 from sinew.tasks.study.study import Study
 from sinew.tasks.study.work import Given, Work, points
 from sinew.tasks.study.workspace import check_cohort, check_ranges
@@ -74,7 +75,7 @@ def estimate_of(
 
 
 def estimate(given: Given, simulator: Simulator, tasks: Sequence[str], out: Path, workers: int | None) -> Estimate:
-    """The estimate of ``tasks``; those whose result is in ``out`` are taken as done."""
+    """The estimate of ``tasks``; those whose result is in ``out`` are taken as done, if it is of these specimens."""
     tried = sorted(given.cohort.specimens, key=points)[len(given.cohort.specimens) // 2]
     row_s = _row_s(given, simulator, tried)
     slower = _slower()
@@ -86,10 +87,12 @@ def estimate(given: Given, simulator: Simulator, tasks: Sequence[str], out: Path
         return TASK_S + work.here_s * slower + (rows_s + work.shared_s * slower) / (workers or 1)
 
     found = []
+    others = made_for(out) not in (None, cohort_hash(given.cohort.specimens))
     for name in tasks:
         task = TASKS[name]
         work: Work = task.module("work").work(given, given.study.section(task.settings))
-        found.append(TaskEstimate(name, work.evaluations, wall_s(work), (out / f"{name}.json").is_file()))
+        done = not others and (out / f"{name}.json").is_file()
+        found.append(TaskEstimate(name, work.evaluations, wall_s(work), done))
     return Estimate(tuple(found), workers, row_s)
 
 

@@ -5,6 +5,8 @@ import os
 import platform
 import re
 import shlex
+from collections.abc import Iterable
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution, requires, version
 from pathlib import Path
@@ -15,9 +17,13 @@ import psutil
 import sinew
 from sinew.runner.cluster.batch_systems import current_job
 from sinew.runner.cluster.local import Local
+from sinew.runner.files import NotReadable, parse_json, read_regular
+from sinew.tasks.model import Specimen
 from sinew.tasks.study.files import digest
 from sinew.tasks.study.resources import DISTRIBUTION
 from sinew.tasks.study.workspace import Workspace
+
+LOG_BYTES = 2**22  # of the end of a log
 
 
 def facts(workspace: Workspace) -> dict[str, Any]:
@@ -50,6 +56,25 @@ def facts(workspace: Workspace) -> dict[str, Any]:
         "cohort_hash": digest(specimens),
         "specimens": specimens,
     }
+
+
+def cohort_hash(specimens: Iterable[Specimen]) -> str:
+    """The hash of what is known of specimens, as the log of a run tells it."""
+    return digest({specimen.name: specimen.identity() for specimen in specimens})
+
+
+def made_for(folder: Path) -> str | None:
+    """The hash of the specimens of the last run on a result folder, by its log; None where that does not tell it."""
+    try:
+        lines = read_regular(folder / "log.jsonl", LOG_BYTES, last=LOG_BYTES).splitlines()
+    except (OSError, NotReadable):
+        return None
+    for line in reversed(lines):
+        if b'"run started"' in line:
+            with suppress(ValueError, RecursionError, AttributeError):  # the first line is cut
+                found = parse_json(line).get("cohort_hash")
+                return None if found is None else str(found)
+    return None
 
 
 def install_command() -> str:

@@ -166,7 +166,7 @@ def _ruled(best: Score, evidence: Evidence) -> Verdict:
     left, whole = (misfit_left(one, scores.noise) for one in (best, scores.bare))
     if left > may_leave * whole + misfit_by_chance(scores.noise):
         needed = f"{100 * (1.0 - may_leave):.0f} % is needed to name it"
-        why = f"the best of the library ({best.name}) explains {explains} of the misfit; {needed}"
+        why = f"the leading candidate ({best.name}) explains {explains} of the misfit; {needed}"
         return Verdict("OUTSIDE", explained=part, why=why)
     if close := rivals(scores, best):
         slugs = tuple(dict.fromkeys(slug for one in (best, *close) for slug in one.effects))

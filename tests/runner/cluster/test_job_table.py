@@ -42,11 +42,11 @@ def test_the_table_names_the_batch_system_unless_it_is_slurm(tmp_path):
 def test_only_a_job_for_this_folder_is_one_of_a_table(tmp_path):
     """A table that came with somebody's result folder, or in a copy of a folder, may name any of the user's jobs."""
     table, other = JobTable(tmp_path / "here"), JobTable(tmp_path / "there")
-    ours = table.job_name("study-worker")
+    ours = table.job_name("study", WORKER)
     for noted_name, in_queue, same in (
         (ours, ours, True),
-        (ours, table.job_name("other-worker"), False),
-        (other.job_name("study-worker"), other.job_name("study-worker"), False),
+        (ours, table.job_name("other", WORKER), False),
+        (other.job_name("study", WORKER), other.job_name("study", WORKER), False),
         ("sinew-study-worker", "sinew-study-worker", False),
         ("training", "training", False),
         ("", "", False),
@@ -57,5 +57,5 @@ def test_only_a_job_for_this_folder_is_one_of_a_table(tmp_path):
 def test_a_folder_has_one_name_through_whatever_link_it_is_reached(tmp_path):
     (tmp_path / "there").mkdir()
     (tmp_path / "link").symlink_to("there")
-    names = {JobTable(tmp_path / name).job_name("study") for name in ("there", "link", "there/../there")}
+    names = {JobTable(tmp_path / name).job_name("study", COORDINATOR) for name in ("there", "link", "there/../there")}
     assert len(names) == 1

@@ -15,7 +15,7 @@ from typing import Any
 
 import yaml
 
-from sinew.runner.cluster.job_table import JobTable
+from sinew.runner.cluster.job_table import COORDINATOR, JobTable
 from sinew.tasks.study.study import Study
 from tests.tasks.cli.bad_input import write
 
@@ -52,7 +52,7 @@ def as_yaml(profile: dict[str, Any]) -> str:
 
 def job_name() -> str:
     """The name in the queue of the job that leads the study ``check`` on the folder ``out``."""
-    return JobTable(Path("out/jobs")).job_name("check")
+    return JobTable(Path("out/jobs")).job_name("check", COORDINATOR)
 
 
 def queue() -> str:

@@ -53,13 +53,13 @@ def test_only_what_nobody_tells_is_asked_for_specimen_by_specimen():
         "A": Known({"length": 10.0, "width": None, "thickness": 1.0}),
         "B": Known({"length": None, "width": None, "thickness": 2.0}, ("a note",)),
     }
-    ask, asked = person("12", "8,5", "")
+    ask, asked = person("8,5", "12", "")
     assert ask_for_sizes(known, ask) == {
         "A": Known({"length": 10.0, "width": 8.5, "thickness": 1.0}, told={"width": 8.5}),
         "B": Known({"length": 12.0, "width": None, "thickness": 2.0}, ("a note",), {"length": 12.0}),
     }
     assert [question.split(" (")[0] for question in asked] == [
-        "length of B in mm?", "width of A in mm?", "width of B in mm?",
+        "width of A in mm?", "length of B in mm?", "width of B in mm?",
     ]  # fmt: skip
 
 

@@ -1,6 +1,7 @@
 """The time a study takes, as it is told before any work."""
 
 import json
+import shutil
 import sys
 from dataclasses import replace
 
@@ -166,3 +167,8 @@ def test_a_run_tells_what_it_expects(cohort, tmp_path, capsys, monkeypatch):
     assert set(json.loads((tmp_path / "r" / "progress.json").read_text())["expected_s"]) == {"sobol"}
     run_sinew("run", path, "--out", tmp_path / "r", "--dry-run")
     assert "done already" in capsys.readouterr().out
+    shutil.copytree(cohort, tmp_path / "other")
+    for sizes in (tmp_path / "other").rglob("specimen.json"):
+        sizes.write_text(json.dumps(json.loads(sizes.read_text()) | {"length_mm": 12.5}))
+    run_sinew("run", path, "--out", tmp_path / "r", "--dry-run", "--data", tmp_path / "other")
+    assert "done already" not in capsys.readouterr().out, "of other specimens"

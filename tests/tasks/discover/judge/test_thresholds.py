@@ -148,7 +148,7 @@ def test_a_misfit_that_chance_may_leave_is_taken_away_in_whole():
 def test_outside_says_what_the_best_takes_and_what_a_name_would():
     found = judged(candidate("lag", 1196.0), SLIP)
     assert found.word == "OUTSIDE"
-    assert found.why == "the best of the library (lag) explains 80 % of the misfit; 98 % is needed to name it"
+    assert found.why == "the leading candidate (lag) explains 80 % of the misfit; 98 % is needed to name it"
     assert found.explained == pytest.approx(0.8)
 
 

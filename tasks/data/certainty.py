@@ -1,0 +1,50 @@
+"""What is only likely in files that were read: it is refused, or a person says that it is right."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data.columns import LIKELY
+from sinew.tasks.data.names import UNSURE, FileName
+from sinew.tasks.data.questions import FOR_ALL_ALIKE
+from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.specimen_sizes import Ask
+
+ROLES = ("time", "displacement", "force")
+
+
+def refuse_doubts(recordings: Sequence[Recording]) -> None:
+    """Raises :class:`BadInput` for the first zero, sign or preload that only a person can tell, with its option."""
+    for recording in recordings:
+        for doubt in recording.doubts:
+            raise BadInput(recording.path, doubt.text, doubt.remedy)
+
+
+def refuse_unsure_names(names: Mapping[Path, FileName]) -> None:
+    """Raises :class:`BadInput` for the first name of a file that is not certain."""
+    for path, name in names.items():
+        if name.how == UNSURE:
+            raise BadInput(path, "a number may be a specimen's or a trial's", "a name SPECIMEN_PROTOCOL")
+
+
+def confirm_columns(
+    recordings: Sequence[Recording], confirmed: Mapping[str, Sequence[str]], ask: Ask | None, *, certain: bool
+) -> dict[str, tuple[str, ...]]:
+    """Titles of columns that are right where they are likely, by role: those ``confirmed`` before, and the answers.
+
+    Raises :class:`BadInput` for a column that is not right and, if all must be ``certain``, for a likely one.
+    """
+    found = {role: dict.fromkeys(confirmed.get(role, ())) for role in ROLES}
+    for recording in recordings:
+        for column, role in zip(recording.columns, ROLES, strict=True):
+            if column.how != LIKELY or column.title in found[role] or (ask is None and not certain):
+                continue
+            problem = f"{column.quantity.name} from {shown(column.title)} is likely, not certain"
+            remedy = f"--{role}-column with a title or number"
+            if ask is None:
+                raise BadInput(recording.path, problem, f"--{role}-column {shown(column.title)} to confirm it")
+            question = f"{recording.path.name}: {problem}; is it right? {FOR_ALL_ALIKE}"
+            if ask(question, ("yes", "no")) == "no":
+                raise BadInput(recording.path, f"{shown(column.title)} is not its {column.quantity.name}", remedy)
+            found[role][column.title] = None
+    return {role: tuple(titles) for role, titles in found.items() if titles}

@@ -1,0 +1,58 @@
+"""What is only likely is refused, or a person says once that it is right."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.answers import read_answers
+from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.init import init
+from sinew.tasks.data.specimen_sizes import Sizes
+
+BAR = Sizes(10.0, 8.0, 4.0)
+LIKELY = "time_s,Deformation_mm,force_N"
+
+
+def written(path: Path, header: str = LIKELY, sign: int = 1, rest: str = "") -> Path:
+    path.write_text(f"{header}\n" + "".join(f"{i},{i / 20},{sign * 5 * i}\n" for i in range(6)) + rest)
+    return path
+
+
+def test_likely_columns_are_confirmed_once_and_need_no_answer_next_time(tmp_path):
+    files = [written(tmp_path / "a.csv"), written(tmp_path / "b.csv", rest="6,0.3,31\n")]
+    asked = []
+
+    def ask(question: str, choices: Sequence[str]) -> str:
+        asked.append((question, choices))
+        return choices[0]
+
+    init(files, tmp_path / "out", ask=ask, sizes=BAR)
+    question = (
+        "a.csv: displacement from 'Deformation_mm' is likely, not certain; is it right? "
+        "(the answer applies to all files that leave this open)"
+    )
+    assert asked == [(question, ("yes", "no"))]
+    kept = read_answers(tmp_path / "out" / "answers.yaml")
+    assert kept.confirmed == {"displacement": ("Deformation_mm",)}
+    with pytest.raises(BadInput, match="is likely, not certain; expected --displacement-column 'Deformation_mm'"):
+        init(files, tmp_path / "more", sizes=BAR, certain=True)
+    other = written(tmp_path / "c.csv", header="time_s,displacement_mm,force_N", rest="6,0.3,32\n")
+    again = init([*files, other], tmp_path / "again", answers=kept, sizes=BAR, certain=True)
+    assert len(again.specimens) == 3
+    assert read_answers(tmp_path / "again" / "answers.yaml").confirmed == kept.confirmed
+
+
+def test_a_column_that_is_not_right_is_refused(tmp_path):
+    with pytest.raises(BadInput, match=r"'Deformation_mm' is not its displacement; expected --displacement-column"):
+        init([written(tmp_path / "a.csv")], tmp_path / "out", ask=lambda *_: "no", sizes=BAR)
+    assert not (tmp_path / "out").exists()
+
+
+def test_where_nobody_can_answer_a_doubtful_sign_is_refused(tmp_path):
+    path = written(tmp_path / "a.csv", sign=-1)
+    with pytest.raises(BadInput, match=r"forces are below 0; .*expected --negate force or none"):
+        init([path], tmp_path / "out", sizes=BAR)
+    assert not (tmp_path / "out").exists()
+    init([path], tmp_path / "out", sizes=BAR, hints=Hints(negate="force"))
