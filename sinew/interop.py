@@ -23,7 +23,7 @@ from sinew.runner.store.store import open_store
 from sinew.runner.store.table import Table
 from sinew.tasks.calibrate.result import CalibrateResult, search_group
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.saltelli import drawn
+from sinew.tasks.simulate.saltelli import MOST_NUMBERS, block_of, drawn
 from sinew.tasks.sobol.result import KEYS, SobolResult
 
 INFERRED = "what `sinew infer` writes; run it again"  # expected of its files
@@ -65,13 +65,17 @@ def salib_samples(result: SobolResult, folder: Path, specimen: str) -> tuple[Arr
         raise BadInput(f"{where}: specimen", shown(specimen), f"one of {', '.join(result.tables)}")
     problem, second = salib_problem(result), result.S2 is not None
     table = _table(folder, result.tables[specimen])
-    if result.base_samples > len(table):
+    names, asked = _parameters(table), problem["names"]
+    unknown = [name for name in asked if name not in names]
+    if unknown or len(set(asked)) < len(asked):
+        raise BadInput(f"{where}: names", shown(", ".join(unknown or asked)), f"some of {', '.join(names)}, each once")
+    rows_drawn = result.base_samples * block_of(len(result.names), second)
+    if result.base_samples > len(table) or rows_drawn * len(names) > MOST_NUMBERS:
         raise BadInput(where, f"{result.base_samples:,} base samples of {len(table):,} rows", "those of the store")
     sample = drawn(
         result.names, result.bounds, result.base_samples, result.seed, second_order=second, scrambles=result.scrambles
     )
-    names = _parameters(table)
-    at = [names.index(name) for name in problem["names"]]
+    at = [names.index(name) for name in asked]
     full = np.repeat(table.parameters(np.arange(1)), len(sample), axis=0)  # the others are the same in every row
     full[:, at] = sample
     rows = table.find(full)

@@ -1,6 +1,7 @@
 """A look at a NetCDF 4 file of draws, which is HDF5, before a library opens it: all of it must be plain and small."""
 
 import math
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ MOST_OBJECTS = 1000  # variables and groups
 MOST_ATTRIBUTES, MAX_ATTRIBUTE_BYTES = 100, 2**15  # of each
 MOST_TEXTS, MAX_TEXT_BYTES = 10_000, 2**20  # of a variable of texts
 KINDS = "biufSO"  # of numbers and texts; others are made of parts, each of which may be a text
+DEFLATE, SHUFFLE, FLETCHER = 1, 2, 3  # HDF5's numbers of its filters
+CHECKSUM_BYTES = 4
 MOST_AXES = 8  # of a variable, each of which is a list of references
 
 
@@ -28,7 +31,7 @@ def fault(path: Path, max_bytes: int) -> str | None:
             found = _of_attributes("it", file) or _of_group(file, datasets)
             total = sum(one.size * one.dtype.itemsize for one in datasets.values() if one is not None)
             return found or (f"holds {total:,} bytes of numbers" if total > MAX_BYTES else None)
-    except (OSError, RuntimeError, ValueError, KeyError, RecursionError) as error:
+    except (OSError, RuntimeError, ValueError, KeyError, RecursionError, zlib.error) as error:
         return f"damaged ({error})"
 
 
@@ -65,8 +68,30 @@ def _of_dataset(name: str, one: Any) -> str | None:
         return f"{name} has numbers of {one.dtype.itemsize} bytes"
     if one.chunks is not None and (size := math.prod(one.chunks)) > MAX_DRAWS:
         return f"{name} has chunks of {size:,} numbers"
+    if found := _of_chunks(name, one):
+        return found
     if one.dtype.kind == "O" and (one.size > MOST_TEXTS or one.ndim > 1 or _length(one) > MAX_TEXT_BYTES):
         return f"{name} has texts of more than {MAX_TEXT_BYTES:,} bytes"
+    return None
+
+
+def _of_chunks(name: str, one: Any) -> str | None:
+    """What is wrong with chunks as they are stored: HDF5 inflates them to whatever they hold."""
+    filters = one.id.get_create_plist()
+    kinds = [filters.get_filter(i)[0] for i in range(filters.get_nfilters())]
+    if kinds.count(DEFLATE) > 1 or set(kinds) - {DEFLATE, SHUFFLE, FLETCHER}:
+        return f"{name} is compressed in an unusual way"
+    if DEFLATE not in kinds:
+        return None
+    most = math.prod(one.chunks) * one.dtype.itemsize + CHECKSUM_BYTES
+    for i in range(one.id.get_num_chunks()):
+        chunk = one.id.get_chunk_info(i)
+        if chunk.size > 2 * most + 2**10:
+            return f"{name} has a chunk of {chunk.size:,} bytes"
+        if not chunk.filter_mask >> kinds.index(DEFLATE) & 1:  # else it is stored as it is
+            _, raw = one.id.read_direct_chunk(chunk.chunk_offset)
+            if len(zlib.decompressobj().decompress(raw, most + 1)) > most:
+                return f"{name} has a chunk that holds more than it should"
     return None
 
 

@@ -7,8 +7,10 @@ import struct
 import subprocess
 import sys
 import warnings
+import zlib
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ from matplotlib.figure import Figure
 from numcodecs import Zstd
 
 import sinew
+from sinew import interop
 from sinew.runner.errors import BadInput, SinewError, StoreError
 from sinew.runner.store.schema import STATUSES
 from sinew.runner.store.store import open_store
@@ -340,6 +343,15 @@ def test_words_from_a_result_do_not_steer_the_terminal(tmp_path):
     assert not {"\x1b", "\x07"} & set(repr(one) + repr(one.calibrate))
 
 
+@pytest.mark.parametrize("names", [["E_f"] * 2, ["E_f", "x"]], ids=["twice", "unknown"])
+def test_samples_of_other_parameters_are_not_drawn(copied_run, names):
+    """A gigabyte of them would be, before they are looked for."""
+    result = sinew.results(copied_run).sobol.result
+    other = replace(result, names=tuple(names), bounds=result.bounds[:2])
+    with pytest.raises(BadInput, match=rf"names: .*{names[1]}"):
+        interop.salib_samples(other, copied_run, "distal/1")
+
+
 def change_posterior(folder: Path, change: Callable[[h5py.File], object]) -> None:
     with h5py.File(folder / "infer" / "distal.nc", "r+") as file:
         change(file)
@@ -351,6 +363,11 @@ def external(file: h5py.File) -> None:
     secret = Path(file.filename).with_name("secret")
     secret.write_bytes(bytes(8 * int(np.prod(shape))))
     file["posterior"].create_dataset("E_f", shape, "f8", external=[(str(secret), 0, h5py.h5f.UNLIMITED)])
+
+
+def compressed(file: h5py.File, chunk: bytes) -> None:
+    made = file.create_dataset("more", (1000,), "i8", chunks=(1000,), compression="gzip")
+    made.id.write_direct_chunk((0,), chunk)
 
 
 def lists(count: int) -> np.ndarray:
@@ -390,6 +407,18 @@ POSTERIORS = {
     "lists as an attribute": (
         lambda file: file["posterior/E_f"].attrs.create("more", lists(9), dtype=h5py.vlen_dtype("i4")),
         "E_f has an attribute of 9 texts or lists",
+    ),
+    "bomb": (
+        lambda file: compressed(file, zlib.compress(bytes(10**6))),
+        "more has a chunk that holds more than it should",
+    ),
+    "no chunk": (
+        lambda file: compressed(file, b"not compressed"),
+        r"damaged \(.*\)",
+    ),
+    "another filter": (
+        lambda file: file.create_dataset("more", (1000,), "i8", chunks=(1000,), compression="lzf"),
+        "more is compressed in an unusual way",
     ),
     "parts of an attribute": (
         lambda file: file["posterior/E_f"].attrs.create(

@@ -111,7 +111,7 @@ def _densities(result: CompareResult) -> Any:
         colour = plots.colour(k)
         area = along.varea("x", 0, "y", source=source, color=colour, alpha=0.12)
         line = along.line("x", "y", source=source, color=colour, line_dash=plots.dash(k), line_width=2)
-        plots.hover(along, line, [("site", site), ("component", "@x{0.00}"), ("density", "@y{0.000}")])
+        plots.hover(along, line, [("site", plots.words(site)), ("component", "@x{0.00}"), ("density", "@y{0.000}")])
         entries.append((site, [line, area]))
     if entries:
         plots.legend(along, entries)

@@ -7,7 +7,7 @@ understood.
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from sinew.runner.errors import BadInput
@@ -291,22 +291,17 @@ def specimens_of(
             raise BadInput(recording.path, problem, "other names of files, or of the tests in one file")
         ours.append(ReadFile(recording, name))
     tests = dict(sorted(grouped.items()))
-    known = {name: known_sizes(name, [one.recording for one in each], sizes) for name, each in tests.items()}
+    known = {}
     for specimen, each in tests.items():
-        answered = _with_answers(known[specimen], (answers or {}).get(specimen, {}))
-        known[specimen] = with_first_length(answered, [one.recording for one in each], certain=certain)
+        of = [one.recording for one in each]
+        found = known_sizes(specimen, of, sizes, (answers or {}).get(specimen, {}))
+        known[specimen] = with_first_length(found, of, ask, certain=certain)
     if ask is not None:
         known = ask_for_sizes(known, ask)
     new = [_specimen(name, each, known[name]) for name, each in tests.items()]
     if certain:
         refuse_unknown_sizes(new)
     return new
-
-
-def _with_answers(known: Known, answers: Mapping[str, float]) -> Known:
-    """The sizes with earlier answers to what nobody tells, and a note on each."""
-    notes = [f"{size} {mm:g} mm, as answered before" for size, mm in answers.items() if known.mm[size] is None]
-    return replace(known.answered(answers), notes=(*known.notes, *notes))
 
 
 def _specimen(name: str, tests: Sequence[ReadFile], known: Known) -> NewSpecimen:

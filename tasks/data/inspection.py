@@ -13,7 +13,7 @@ from sinew.tasks.data.columns import Column, partly
 from sinew.tasks.data.exports import Reading, first_length
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.length_columns import length_beside, numbers_of
+from sinew.tasks.data.length_columns import NEAR, length_beside, length_by_strain, numbers_of
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
 from sinew.tasks.data.recordings import FEWEST_ROWS, Recording, check_times, read_recordings, remarks
 from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart
@@ -23,8 +23,6 @@ from sinew.tasks.data.sizes_in_names import sizes_in_name
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.told import as_told
 from sinew.tasks.data.units import usual
-
-NEAR = 0.05  # by how much a length and the one that strains imply may differ
 
 
 @dataclass(frozen=True)
@@ -232,23 +230,16 @@ def _doubt(
 ) -> str:
     """The question for a length that contradicts the numbers, or nothing: it is displacement over strain."""
     motion = columns[1]
-    if motion is None or motion.quantity in (STRAIN, POSITION, LENGTH):
+    if motion is None or motion.quantity in (POSITION, LENGTH):
+        return ""
+    if length_mm is None and motion.quantity is STRAIN:
         return ""
     if length_mm is None:
         return _two_lengths(table, numbers[:, 1], new_zero(numbers))
-    strains = partly(table, Hints(), only=STRAIN)[0][1]
-    if strains is None:
+    implied = length_by_strain(table, range(len(table.rows)))
+    if implied is None or abs(implied[0] - length_mm) <= NEAR * length_mm:
         return ""
-    rows = range(len(table.rows))
-    both = np.column_stack([numbers_of(table, motion, rows), numbers_of(table, strains, rows)])
-    both = both[np.isfinite(both).all(axis=1)]
-    large = both[np.abs(both[:, 1]) > 0.5 * np.abs(both[:, 1]).max()] if both.size else both
-    if not large.size or not np.abs(large[:, 1]).max():
-        return ""
-    implied = float(np.median(large[:, 0] / large[:, 1]))
-    if abs(implied - length_mm) <= NEAR * length_mm:
-        return ""
-    return f"length: {length_mm:g} mm in the lines above, but {implied:.4g} mm by '{strains.title}'; --length-mm"
+    return f"length: {length_mm:g} mm in the lines above, but {implied[0]:.4g} mm by '{implied[1]}'; --length-mm"
 
 
 def _missing(

@@ -6,11 +6,12 @@ import numpy as np
 
 from sinew.tasks.data.columns import Column, partly
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.quantities import LENGTH
-from sinew.tasks.data.sizes import SAME, Size
+from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, STRAIN
+from sinew.tasks.data.sizes import LONGEST_MM, SAME, Size
 from sinew.tasks.data.tables import Table
 
 Array = np.ndarray[Any, np.dtype[Any]]
+NEAR = 0.05  # by how much a length and the one that strains imply may differ
 
 
 def length_beside(table: Table, displacement_mm: Array, first: int = 0) -> Size | None:
@@ -25,6 +26,25 @@ def length_beside(table: Table, displacement_mm: Array, first: int = 0) -> Size 
     if not np.ptp(at_rest) <= SAME * abs(at_rest[0]) or at_rest[0] <= 0.0:
         return None
     return Size(float(at_rest[0]), True, lengths.title, column=True)
+
+
+def length_by_strain(table: Table, rows: range) -> tuple[float, str] | None:
+    """The length (mm) by which a column of displacements and one of strains agree, and the title of the strains.
+
+    None without both.
+
+    Some machines write the distance of the grips above the table, and strains of another length.
+    """
+    moved, strains = (partly(table, Hints(), only=each)[0][1] for each in (DISPLACEMENT, STRAIN))
+    if moved is None or strains is None or not moved.unit or moved.place == strains.place:
+        return None
+    both = np.column_stack([numbers_of(table, moved, rows), numbers_of(table, strains, rows)])
+    both = both[np.isfinite(both).all(axis=1)]
+    if not both.size or not np.abs(both[:, 1]).max():
+        return None
+    large = both[np.abs(both[:, 1]) > 0.5 * np.abs(both[:, 1]).max()]
+    length = float(np.median(large[:, 0] / large[:, 1]))
+    return (length, strains.title) if 0.0 < length < LONGEST_MM else None
 
 
 def numbers_of(table: Table, column: Column, rows: range) -> Array:

@@ -17,7 +17,7 @@ PROTOCOLS = (
     "one_step", "two_step", "onestep", "twostep", "step", "steps", "stress_relaxation", "relaxation", "relax",
     "creep", "hold", "cyclic", "cycles", "cycle", "cyc", "precondition", "preconditioning", "ramp", "pull", "failure",
     "fail", "rupture", "tension", "tensile", "quasistatic", "dynamic", "sinus", "sine", "fast", "slow", "loading",
-    "test",
+    "test", "compression", "compressive",
 )  # fmt: skip
 _MOST_WORDS = 3  # of a protocol's name
 

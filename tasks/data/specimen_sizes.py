@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import GEOMETRY
@@ -74,10 +75,12 @@ def size_of(recording: Recording, name: str) -> float | None:
     return size.mm if size is not None and size.has_unit else None
 
 
-def known_sizes(specimen: str, recordings: Sequence[Recording], given: Sizes) -> Known:
-    """Sizes of a specimen: those ``given``, else those of its files.
+def known_sizes(
+    specimen: str, recordings: Sequence[Recording], given: Sizes, answers: Mapping[str, float] = MappingProxyType({})
+) -> Known:
+    """Sizes of a specimen: those ``given``, else earlier ``answers`` (mm), else those of its files.
 
-    Raises :class:`BadInput` where files disagree with each other or, without ``given.override``, with what is given.
+    Raises :class:`BadInput` where files disagree with each other or, without ``given.override``, with what is told.
     """
     mm: dict[str, float | None] = {}
     notes: list[str] = []
@@ -87,12 +90,17 @@ def known_sizes(specimen: str, recordings: Sequence[Recording], given: Sizes) ->
         for recording in recordings:
             if (value := size_of(recording, size)) is not None:
                 told.setdefault(value, recording.path)
-        asked = getattr(given, f"{size}_mm")
-        if asked is not None and not told:
-            only_given[size] = asked
+        by_option = getattr(given, f"{size}_mm")
+        asked = by_option or answers.get(size)
         mm[size] = asked or next(iter(told), None)
         if asked is not None:
-            notes += _contradictions(size, asked, told, given.override)
+            source = f"--{size}-mm" if by_option else "an earlier answer"
+            contradictions = _contradictions(size, asked, told, source, given.override)
+            if contradictions or not told:
+                only_given[size] = asked
+            if not (told or by_option):
+                notes.append(f"{size} {asked:g} mm, as answered before")
+            notes += contradictions
         elif told and max(told) - min(told) > SAME * max(told):
             (first, one), (second, other) = ((value, told[value]) for value in (min(told), max(told)))
             problem = f"a {size} of {second:g} mm, but {first:g} mm in {one}, of the same specimen {specimen}"
@@ -101,10 +109,12 @@ def known_sizes(specimen: str, recordings: Sequence[Recording], given: Sizes) ->
     return Known(mm, tuple(notes), only_given, proposed)
 
 
-def with_first_length(known: Known, recordings: Sequence[Recording], *, certain: bool = False) -> Known:
+def with_first_length(
+    known: Known, recordings: Sequence[Recording], ask: Ask | None = None, *, certain: bool = False
+) -> Known:
     """The sizes with the length in the first row for a gauge length, where the tests hold lengths and nobody tells it.
 
-    ``certain``: raises :class:`BadInput` in place of that.
+    ``ask`` is asked whether that is right. ``certain``: raises :class:`BadInput` in place of that.
     """
     if known.mm["length"] is not None or any(recording.motion.quantity is not LENGTH for recording in recordings):
         return known
@@ -112,21 +122,24 @@ def with_first_length(known: Known, recordings: Sequence[Recording], *, certain:
     if certain:
         problem = f"does not tell the gauge length; {first:g} mm, the length in the first row, is {LIKELY}, not certain"
         raise BadInput(recordings[0].path, problem, "--length-mm")
+    if ask is not None:
+        question = f"{recordings[0].path.name}: {first:g} mm, the length in the first row, for a gauge length?"
+        return known.answered({"length": first}) if ask(question, ("yes", "no")) == "yes" else known
     return replace(known, mm={**known.mm, "length": first}, notes=(*known.notes, first_length_in_words(recordings[0])))
 
 
-def _contradictions(size: str, asked: float, told: Mapping[float, Path], override: bool) -> list[str]:
+def _contradictions(size: str, asked: float, told: Mapping[float, Path], source: str, override: bool) -> list[str]:
     """A note for each file that tells another size than the one that was ``asked`` for."""
     found = []
     for value, path in told.items():
         if abs(value - asked) <= SAME * value:
             continue
         if not override:
-            problem = f"a {size} of {value:g} mm, but --{size}-mm says {asked:g}"
+            problem = f"a {size} of {value:g} mm, but {source} says {asked:g}"
             raise BadInput(
                 path, problem, f"a {size} for each file that has none (--answers), or --override to use it all the same"
             )
-        found.append(f"{size} {asked:g} mm by --{size}-mm; {path.name} tells {value:g} mm")
+        found.append(f"{size} {asked:g} mm by {source}; {path.name} tells {value:g} mm")
     return found
 
 

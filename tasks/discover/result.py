@@ -261,7 +261,7 @@ class DiscoverResult(Result):
     """
 
     TASK = "discover"
-    VERSION = 8
+    VERSION = 9
     LIBRARIES = ("scikit-learn",)
 
     verdict: Word

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from html import escape
 from typing import Any, Literal
 
 import numpy as np
@@ -72,6 +73,11 @@ def legend(plot: Any, entries: Sequence[tuple[str, Sequence[Any]]]) -> None:
         location="left",
     )
     plot.add_layout(above, "above")
+
+
+def words(name: str) -> str:
+    """A name as a row of what :func:`hover` shows, where Bokeh takes HTML and names of columns."""
+    return escape(name).replace("@", "&#64;").replace("$", "&#36;").replace("{", "&#123;")
 
 
 def hover(plot: Any, glyph: Any, rows: Sequence[tuple[str, str]], mode: Literal["mouse", "vline"] = "mouse") -> None:

@@ -7,7 +7,8 @@ from sinew.tasks.model import Specimen
 from sinew.tasks.study.work import Given, Work
 
 PROPOSALS = 13  # for each particle, mean of the generations
-PROPOSAL_S = 5e-4
+PROPOSAL_S = 2.5e-4
+USUAL = 0.5  # of the generations that a study allows: most inferences stop before
 START_S = 2.0  # pyABC is imported
 DRAWS = 200  # that a slow simulator computes to check the emulators of a likelihood
 NOISE_S, EXPLORED_S = 0.8, 12.0  # of a likelihood, for each specimen
@@ -36,6 +37,6 @@ def work(given: Given, settings: Settings) -> Work:
         return Work(rows, here_s=NOISE_S * len(names), shared_s=(EXPLORED_S + SWEEPS_S) * len(names))
     filled = settings.by_abc(quick=given.can.quick)
     assert filled.population is not None and filled.generations is not None, "they are filled in"
-    proposals = filled.generations * filled.population * PROPOSALS
+    proposals = round(USUAL * filled.generations) * filled.population * PROPOSALS
     rows = {one.name: proposals for members in sites.values() for one in members}
     return Work(rows, here_s=START_S + PROPOSAL_S * proposals * len(sites))

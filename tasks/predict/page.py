@@ -23,7 +23,7 @@ from sinew.tasks.drawing.blocks import (
 from sinew.tasks.drawing.figures import COLOURS
 from sinew.tasks.model import FORCE
 from sinew.tasks.predict.result import BANDS, Coverage, PredictResult, bands_group, of_quantity
-from sinew.tasks.report.folder import ResultFolder
+from sinew.tasks.report.folder import ResultFolder, read_results
 
 NAME = "prediction"
 COLOUR = {
@@ -42,7 +42,7 @@ def section(folder: ResultFolder) -> Section:
         return Section("prediction", title, question, missing=folder.missing("predict"))
     blocks: list[Block] = [_table(result)]
     if folder.store is not None:
-        kept = [folder.store.read_result(bands_group(site)) for site in result.sites]
+        kept = read_results(folder.store, [bands_group(site) for site in result.sites])
         blocks.insert(0, _bands(result, kept))
         for quantity, other in (result.others or {}).items():
             own = replace(result, coverage=other.coverage)

@@ -31,6 +31,7 @@ MOST = 1e15  # of a number in a log
 MAX_LOG_BYTES = 2**25  # the last of them are read,
 MAX_LINE_BYTES = 2**20  # of one event
 MAX_EVENTS = 50_000  # and of these the last lines
+MAX_RESULT_BYTES = 2**28  # of arrays that a section shows together
 MAX_CURVES = 5_000  # that a page shows
 MAX_PROTOCOLS = 2_000  # of a specimen: each is looked for in the store, more than once
 
@@ -223,6 +224,17 @@ def _compared(table: Table, protocol: str) -> Iterator[tuple[str, MeasuredQuanti
 def _discovered(kept: xr.Dataset, protocol: str) -> MeasuredCurve:
     columns = (kept[f"{kind}_{protocol}"].to_numpy() for kind in ("time", "displacement", "measured"))
     return represented(protocol, *columns)
+
+
+def read_results(store: Store, names: Sequence[str]) -> list[xr.Dataset]:
+    """Several results of a store, which a section needs together. Raises ``StoreError`` for too much of them."""
+    found, size = [], 0
+    for name in names:
+        found.append(store.read_result(name))
+        size += found[-1].nbytes
+        if size > MAX_RESULT_BYTES:
+            raise StoreError(f"{store.path}: {name} and those before it take more than {MAX_RESULT_BYTES:,} bytes")
+    return found
 
 
 def protocols_of(table: Table) -> list[str]:

@@ -44,8 +44,12 @@ def head() -> Markup:
 
 
 def has_our_head(page: Path) -> bool:
-    """Whether a file begins as a page of this program: whoever made it, no other script can run in it."""
+    """Whether a file begins as a page of this program: whoever made it, no other script can run in it.
+
+    No policy stops a page from leading elsewhere by itself, so there is no second ``http-equiv``.
+    """
     try:
-        return read_regular(page, MAX_BYTES).startswith(str(head()).encode())
+        content = read_regular(page, MAX_BYTES)
+        return content.startswith(str(head()).encode()) and content.lower().count(b"http-equiv") == 1
     except (OSError, NotReadable):
         return False

@@ -9,7 +9,7 @@ from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plot, Plots, Section, Table, Words, listed, number, percent, plural
 from sinew.tasks.drawing.figures import COLOURS
 from sinew.tasks.drawing.formats import protocols_of
-from sinew.tasks.report.folder import ResultFolder
+from sinew.tasks.report.folder import ResultFolder, read_results
 from sinew.tasks.sobol.result import SobolResult
 from sinew.tasks.sobol.show import specimens_table, stored, surrogate_words
 
@@ -125,7 +125,8 @@ def _along_time(folder: ResultFolder, result: SobolResult, level: str) -> Block 
     names = result.names
     leading = result.leading
     order = _order(result)
-    every = {table: folder.store.read_result(f"sobol_time/{table}") for table in dict.fromkeys(result.tables.values())}
+    tables = dict.fromkeys(result.tables.values())
+    every = dict(zip(tables, read_results(folder.store, [f"sobol_time/{table}" for table in tables]), strict=True))
     kept = {name: every[table] for name, table in result.tables.items()}
     protocols = list(dict.fromkeys(name for each in kept.values() for name in protocols_of(each)))
     outputs = bool(result.outputs)
@@ -151,7 +152,7 @@ def _along_time(folder: ResultFolder, result: SobolResult, level: str) -> Block 
                 band = plot.varea("time", f"l{j}", f"h{j}", source=sources[protocol], color=colour, alpha=0.15)
                 style = {"color": colour, "line_dash": plots.dash(rank), "line_width": 1.6}
                 line = plot.line("time", f"v{j}", source=sources[protocol], **style)
-                rows = [("parameter", names[j]), ("time", "@time{0.0} s"), ("index", f"@v{j}{{0.000}}"),
+                rows = [("parameter", plots.words(names[j])), ("time", "@time{0.0} s"), ("index", f"@v{j}{{0.000}}"),
                         (beside, f"@{beside}{{{digits}}} {unit}")]  # fmt: skip
                 plots.hover(plot, line, rows)
                 entries.append((names[j], [line, band]))
@@ -199,7 +200,11 @@ def _convergence(result: SobolResult, level: str) -> Block | None:
         line = plot.line("size", "index", source=source, color=colour, line_dash=plots.dash(rank))
         bar = plot.segment("size", "low", "size", "high", source=source, color=colour)
         dots = plot.scatter("size", "index", source=source, color=colour, marker=plots.MARKERS[rank], size=7)
-        rows = [("parameter", result.names[j]), (result.sample, "@size"), ("index", "@index{0.000} ± @conf{0.000}")]
+        rows = [
+            ("parameter", plots.words(result.names[j])),
+            (result.sample, "@size"),
+            ("index", "@index{0.000} ± @conf{0.000}"),
+        ]
         plots.hover(plot, dots, rows)
         entries.append((result.names[j], [line, bar, dots]))
     plots.legend(plot, entries)

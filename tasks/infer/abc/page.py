@@ -11,7 +11,7 @@ from sinew.tasks.drawing.blocks import Block, Plot, Plots, Section, Table, Words
 from sinew.tasks.infer.abc.figures import density
 from sinew.tasks.infer.abc.result import ENOUGH, AbcResult, particles_group
 from sinew.tasks.infer.abc.show import beyond_ranges
-from sinew.tasks.report.folder import ResultFolder
+from sinew.tasks.report.folder import ResultFolder, read_results
 
 NAME, TITLE = "posterior", "Posterior"
 QUESTION = "What is known of each site's parameters, and how surely?"
@@ -27,7 +27,8 @@ def section(folder: ResultFolder, result: AbcResult) -> Section:
         words += "intervals depend on the seed. Infer with a larger population, or by likelihood."
         blocks.append(Words(words, "warning"))
     if folder.store is not None:
-        particles = {site: folder.store.read_result(particles_group(site)) for site in sites}
+        kept = read_results(folder.store, [particles_group(site) for site in sites])
+        particles = dict(zip(sites, kept, strict=True))
         blocks.append(_marginals(result, particles))
     blocks += [_table(result), _thresholds(result)]
     beyond = beyond_ranges(result, folder.result(CalibrateResult))
@@ -68,7 +69,9 @@ def _marginals(result: AbcResult, particles: dict[str, xr.Dataset]) -> Block:
             )
             style = {"color": colours[k], "line_dash": plots.dash(k), "line_width": 2}
             line = plot.line("value", "density", source=sources[f"density-{k}"], **style)
-            plots.hover(plot, line, [("site", site), ("value", "@value{0.0000}"), ("density", "@density{0.0000}")])
+            plots.hover(
+                plot, line, [("site", plots.words(site)), ("value", "@value{0.0000}"), ("density", "@density{0.0000}")]
+            )
             entries.append((site, [line, prior]))
         intervals.add(colours, "colour")
         plot.segment("low", "at", "high", "at", source=intervals, color="colour", line_width=2)

@@ -164,10 +164,10 @@ def _table(found: ResultFolder, bars: Mapping[str, dict[str, Any]], quantities: 
     for name, every in found.measured.items():
         bar = bars[name]
         sizes = [bar.get(f"{side}_mm") or np.nan for side in ("length", "width", "thickness")]
-        peak = max(float(np.max(np.abs(curve.force_N))) for curve in every.values())
+        peak = _farthest(np.concatenate([curve.force_N for curve in every.values()]))
         lasts = max(float(curve.time_s[-1] - curve.time_s[0]) for curve in every.values())
         points = sum(curve.total for curve in every.values())
-        farthest = max(float(np.max(np.abs(curve.displacement_mm))) for curve in every.values())
+        farthest = _farthest(np.concatenate([curve.displacement_mm for curve in every.values()]))
         stress, strain = peak / (sizes[1] * sizes[2]), 100.0 * farthest / sizes[0]
         rows.append([name, ", ".join(every), *(number(size, 4) for size in sizes), number(lasts), f"{points:,}",
                      number(peak), number(stress), number(strain),
@@ -176,6 +176,11 @@ def _table(found: ResultFolder, bars: Mapping[str, dict[str, Any]], quantities: 
               "peak force (N)", "peak stress (MPa)", "peak strain (%)",
               *(with_its_unit(_words(name), unit) for name, unit in quantities.items())]  # fmt: skip
     return Table("Specimens", header, rows, words=(1,), open=len(rows) <= 6)
+
+
+def _farthest(values: Any) -> float:
+    """The value of the largest size, with its sign: compression is negative."""
+    return float(values[np.argmax(np.abs(values))])
 
 
 def _reach(every: Mapping[str, MeasuredCurve], quantity: str) -> str:

@@ -165,6 +165,11 @@ def test_what_is_looked_at_next(here, study):
     theirs = (out / "report.html").read_text().replace("script-src ", "script-src &#39;unsafe-inline&#39; ", 1)
     (out / "report.html").write_text(theirs)
     assert here("status", out)[1].splitlines()[-1] == f"next: sinew report {out}", "other scripts may run in it"
+    away = theirs.replace("script-src &#39;unsafe-inline&#39; ", "script-src ", 1)
+    (out / "report.html").write_text(away)
+    assert here("status", out)[1].splitlines()[-1] == f"next: open {out}/report.html in a browser"
+    (out / "report.html").write_text(away.replace("<title>", '<META HTTP-EQUIV="refresh" content="0;url=/"><title>', 1))
+    assert here("status", out)[1].splitlines()[-1] == f"next: sinew report {out}", "it leads elsewhere"
     (out / "report.html").unlink()
     assert here("status", out)[1].splitlines()[-1] == f"next: sinew report {out}"
     assert (

@@ -281,12 +281,71 @@ def test_answers_are_kept_and_the_same_export_needs_none(tmp_path):
 
 def test_sizes_that_were_answered_before_are_told(tmp_path):
     path = table(tmp_path / "T1.csv", "Length,10,mm\ntime_s,displacement_mm,force_N")
-    kept = Answers(sizes={"T1": {"length": 12.0, "width": 8.0}})
+    kept = Answers(sizes={"T1": {"width": 8.0}})
     made = init([path], tmp_path / "out", answers=kept, sizes=Sizes(thickness_mm=4.0))
     assert [line for line in made.lines if "answered before" in line and "T1.csv" not in line] == [
         "    width 8 mm, as answered before"
     ]
     assert made.specimens[0].length_mm == 10.0
+
+
+def test_an_answer_that_a_file_contradicts_counts_with_override_only(tmp_path):
+    path = table(tmp_path / "T1.csv", "Length,10,mm\ntime_s,displacement_mm,force_N")
+    given = Sizes(12.0, 8.0, 4.0, override=True)
+    init([path], tmp_path / "out", sizes=given)
+    kept = read_answers(tmp_path / "out" / "answers.yaml")
+    assert kept.sizes == {"T1": {"length": 12.0, "width": 8.0, "thickness": 4.0}}
+    with pytest.raises(BadInput, match=r"a length of 10 mm, but an earlier answer says 12; .*or --override"):
+        init([path], tmp_path / "more", answers=kept, certain=True)
+    again = init([path], tmp_path / "again", answers=kept, sizes=Sizes(override=True), certain=True)
+    assert again.specimens[0].length_mm == 12.0
+    assert "    length 12 mm by an earlier answer; T1.csv tells 10 mm" in again.lines
+
+
+def test_a_length_that_the_strains_contradict_is_asked_for(tmp_path):
+    """Zwick writes the distance of the grips above the table, and strains of the gauge length."""
+    path = tmp_path / "film.csv"
+    rows = "".join(f"{i},{i / 2},{i / 2 / 80 * 100:.6f},{5 * i}\n" for i in range(9))
+    path.write_text(
+        f"Einspannlänge,832.756,mm\nZeit (s),Standardweg (mm),Dehnung (%),Standardkraft (N)\n{rows}", "utf-8"
+    )
+    asked = []
+
+    def ask(question: str, choices: Sequence[str]) -> str:
+        asked.append(question)
+        return choices[0] if choices else "80"
+
+    made = init([path], tmp_path / "out", ask=ask, sizes=Sizes(None, 11.4, 0.2))
+    assert made.specimens[0].length_mm == 80.0
+    assert any(question.startswith("length of film in mm?") for question in asked)
+    note = "gauge length is not taken from the file: 832.756 mm in the lines above, but 80 mm by 'Dehnung (%)'"
+    assert any(note in line for line in made.lines)
+    with pytest.raises(BadInput, match=r"does not tell the length of film; expected --length-mm"):
+        init([path], tmp_path / "more", sizes=Sizes(None, 11.4, 0.2), certain=True, hints=CHOSEN)
+    again = init([path], tmp_path / "again", sizes=Sizes(80.0, 11.4, 0.2), certain=True, hints=CHOSEN)
+    assert again.specimens[0].length_mm == 80.0
+
+
+CHOSEN = Hints(displacement_column="Standardweg (mm)")
+
+
+def test_a_first_length_is_asked_for_and_kept(tmp_path):
+    path = tmp_path / "gap.csv"
+    path.write_text("time_s,Gap (um),force_N\n" + "".join(f"{i},{9401 - 100 * i},{-0.1 * i}\n" for i in range(9)))
+    told = Sizes(None, 8.0, 4.0)
+    asked = []
+
+    def ask(question: str, choices: Sequence[str]) -> str:
+        asked.append(question)
+        return choices[0]
+
+    made = init([path], tmp_path / "out", ask=ask, sizes=told, hints=Hints(negate="none"))
+    assert made.specimens[0].length_mm == pytest.approx(9.401)
+    assert "gap.csv: 9.401 mm, the length in the first row, for a gauge length?" in asked
+    kept = read_answers(tmp_path / "out" / "answers.yaml")
+    assert kept.sizes["gap"]["length"] == pytest.approx(9.401)
+    again = init([path], tmp_path / "again", answers=kept, sizes=told, certain=True)
+    assert again.specimens[0].length_mm == pytest.approx(9.401)
 
 
 def test_a_file_of_notes_is_left_out_also_where_a_rate_is_told(tmp_path):

@@ -116,6 +116,15 @@ def test_short_rows_are_not_filled_up(tmp_path, monkeypatch):
         read_numbers(path, None)
 
 
+@pytest.mark.parametrize("rows", ["0,0,9\n1,5,9\n2,9", "0,0,9\r1,5\n2,2,9\r3,0\r", "0,0,9\n1,1\n\n2,1,2,3\n"])
+def test_a_cell_that_is_missing_is_never_an_empty_one(tmp_path, rows):
+    """What ends a row, or a longer row, must not make up for it: numbers would stand in other columns."""
+    path = tmp_path / "numbers.csv"
+    path.write_bytes(f"a,b,c\n{rows}".encode())
+    with pytest.raises(BadInput, match=r"row [34]: (2 cells|a blank row)|row 3"):
+        read_numbers(path, ["a", "b"], further=["c"])
+
+
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("last", ["", "\n"])
 def test_rows_are_read_at_once_whatever_ends_them(tmp_path, monkeypatch, end, last):

@@ -12,3 +12,8 @@ def test_of_very_many_things_the_first_can_be_picked(monkeypatch):
     assert list(found.data) == ["s0", "s1", "s2", "s3"]
     assert found.caption == "Curves. The first 4 of 9 can be picked."
     assert list(plots.picked("one", "Curves.", "Specimen", {"s0": {"x": {"x": np.arange(999.0)}}}, lambda _: []).data)
+
+
+def test_a_name_is_neither_html_nor_a_column_where_it_is_shown_at_the_pointer():
+    assert plots.words("<b>@x{0} $y</b> & co") == "&lt;b&gt;&#64;x&#123;0} &#36;y&lt;/b&gt; &amp; co"
+    assert plots.words("E_f") == "E_f"

@@ -6,14 +6,16 @@ import re
 
 import numpy as np
 import pytest
+import xarray as xr
 import zarr
 from rich.console import Console
 
-from sinew.runner.errors import BadInput
+from sinew.runner.errors import BadInput, StoreError
 from sinew.runner.store.store import Store
 from sinew.tasks import pipeline
+from sinew.tasks.report import folder as report_folder
 from sinew.tasks.report import page
-from sinew.tasks.report.folder import read_folder
+from sinew.tasks.report.folder import read_folder, read_results
 from sinew.tasks.report.page import build
 from sinew.tasks.report.sections import adopted
 from sinew.tasks.study.resources import DISTRIBUTION
@@ -387,3 +389,13 @@ def test_of_very_many_protocols_and_curves_the_first_are_drawn(run_folder, monke
     assert "holds more than 5 curves; the first of them are shown" in " ".join(seen.sections.values())
     assert "middle/1cyclic, one_step" in seen.sections["data"]
     assert "middle/1cyclic, one_step, two_step" not in seen.sections["data"]
+
+
+def test_results_that_a_section_shows_together_have_a_limit(tmp_path, monkeypatch):
+    with Store.writing(tmp_path, "study") as store:
+        for name in "ab":
+            store.write_result(name, xr.Dataset({"x": ("t", np.zeros(100))}))
+        assert len(read_results(store, ["a", "b"])) == 2
+        monkeypatch.setattr(report_folder, "MAX_RESULT_BYTES", 1000)
+        with pytest.raises(StoreError, match="b and those before it take more than 1,000 bytes"):
+            read_results(store, ["a", "b"])
