@@ -22,6 +22,7 @@ from sinew.tasks.data.virtual import published, virtual_cohort
 from sinew.tasks.model import Model
 from sinew.tasks.model.protocols import STANDARD
 from sinew.tasks.simulate.uniaxial import Uniaxial
+from sinew.tasks.report.page_head import head
 from sinew.tasks.study import provenance
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.study import read_study
@@ -141,7 +142,7 @@ def shown(tmp_path, monkeypatch):
     def report(folder, console, **_):
         built.append(folder)
         page = folder / "report.html"
-        page.write_text("")
+        page.write_text(str(head()))
         return page
 
     monkeypatch.setattr(pipeline, "report", report)
