@@ -21,8 +21,8 @@ from sinew.tasks.data.cohort import read_cohort, write_cohort
 from sinew.tasks.data.virtual import published, virtual_cohort
 from sinew.tasks.model import Model
 from sinew.tasks.model.protocols import STANDARD
-from sinew.tasks.simulate.uniaxial import Uniaxial
 from sinew.tasks.report.page_head import head
+from sinew.tasks.simulate.uniaxial import Uniaxial
 from sinew.tasks.study import provenance
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.study import read_study
