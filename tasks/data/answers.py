@@ -82,7 +82,7 @@ def write_answers(path: Path, answers: Answers) -> None:
     """Keep answers for the next time; nothing is written if there are none."""
     content: dict[str, object] = dict(_told(answers.hints))
     content |= {"answered": answered} if (answered := _told(answers.answered)) else {}
-    confirmed = {role: list(titles) for role, titles in answers.confirmed.items() if titles}
+    confirmed = {role: list(titles) for role, titles in answers.confirmed.items()}
     content |= {"confirmed": confirmed} if confirmed else {}
     sizes = {name: {f"{size}_mm": value for size, value in one.items()} for name, one in answers.sizes.items() if one}
     content |= {"specimens": sizes} if sizes else {}

@@ -13,7 +13,7 @@ from sinew.tasks.data.columns import Column, partly
 from sinew.tasks.data.exports import Reading, first_length
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.length_columns import NEAR, length_beside, length_by_strain, numbers_of
+from sinew.tasks.data.length_columns import contradiction, length_beside, numbers_of
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
 from sinew.tasks.data.recordings import FEWEST_ROWS, Recording, check_times, read_recordings, remarks
 from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart
@@ -232,14 +232,10 @@ def _doubt(
     motion = columns[1]
     if motion is None or motion.quantity in (POSITION, LENGTH):
         return ""
-    if length_mm is None and motion.quantity is STRAIN:
-        return ""
     if length_mm is None:
-        return _two_lengths(table, numbers[:, 1], new_zero(numbers))
-    implied = length_by_strain(table, range(len(table.rows)))
-    if implied is None or abs(implied[0] - length_mm) <= NEAR * length_mm:
-        return ""
-    return f"length: {length_mm:g} mm in the lines above, but {implied[0]:.4g} mm by '{implied[1]}'; --length-mm"
+        return "" if motion.quantity is STRAIN else _two_lengths(table, numbers[:, 1], new_zero(numbers))
+    both = contradiction(table, range(len(table.rows)), length_mm)
+    return f"length: {both}; --length-mm" if both else ""
 
 
 def _missing(

@@ -47,6 +47,14 @@ def length_by_strain(table: Table, rows: range) -> tuple[float, str] | None:
     return (length, strains.title) if 0.0 < length < LONGEST_MM else None
 
 
+def contradiction(table: Table, rows: range, length_mm: float) -> str:
+    """How the strains of a table contradict a length that is told above it, in words; empty if they do not."""
+    implied = length_by_strain(table, rows)
+    if implied is None or abs(implied[0] - length_mm) <= NEAR * length_mm:
+        return ""
+    return f"{length_mm:g} mm in the lines above, but {implied[0]:.4g} mm by '{implied[1]}'"
+
+
 def numbers_of(table: Table, column: Column, rows: range) -> Array:
     """The numbers ``[t]`` of a column, NaN where a cell has none; clock times since the first row."""
     cells = (table.number(row, column.place) for row in rows)

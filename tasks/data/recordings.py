@@ -12,7 +12,7 @@ from sinew.tasks.data.columns import LIKELY, NOWHERE, Column, NoColumn, recognis
 from sinew.tasks.data.further import Kept, kept
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.length_columns import NEAR, length_beside, length_by_strain
+from sinew.tasks.data.length_columns import contradiction, length_beside
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.questions import Doubt
 from sinew.tasks.data.several import (
@@ -247,11 +247,10 @@ def _own_sizes(table: Table, rows: range) -> tuple[dict[str, Size], tuple[str, .
     """The sizes in the lines above a table, without a length that its own strains contradict, and a note on that."""
     sizes = dict(read_sizes(table.header, table.own))
     told = sizes.get("length")
-    implied = None if told is None or told.mm is None else length_by_strain(table, rows)
-    if told is None or told.mm is None or implied is None or abs(implied[0] - told.mm) <= NEAR * told.mm:
+    both = "" if told is None or told.mm is None else contradiction(table, rows, told.mm)
+    if not both:
         return sizes, ()
     del sizes["length"]
-    both = f"{told.mm:g} mm in the lines above, but {implied[0]:.4g} mm by '{implied[1]}'"
     return sizes, (f"the gauge length is not taken from the file: {both}",)
 
 

@@ -1,9 +1,8 @@
 """What a result folder holds and what works on it, read from its files alone: it works where nothing runs."""
 
-import json
 import time
+from collections import Counter
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ from rich.table import Table as Grid
 from sinew.runner.cluster.job_table import JobTable
 from sinew.runner.console import Console
 from sinew.runner.errors import StoreError, brief, one_line
-from sinew.runner.files import NotReadable, read_regular
 from sinew.runner.printing import no_formula
 from sinew.runner.progress import FAILED, FINISHED, INTERRUPTED, RUNNING, is_here, read_progress
 from sinew.runner.store.schema import PENDING, STATUSES, Array
@@ -22,6 +20,7 @@ from sinew.runner.store.store import open_store
 from sinew.runner.store.table import Table
 from sinew.tasks.drawing.blocks import duration
 from sinew.tasks.registry import TASKS
+from sinew.tasks.study.files import last_events
 
 PAGE = "report.html"
 MOST_S = 1e9
@@ -94,10 +93,10 @@ def read_status(folder: Path) -> dict[str, Any]:
 
 def _tell_apart(tables: list[dict[str, Any]]) -> None:
     """Put the beginning of a table's key behind its title where others have the same: their inputs differ."""
-    titles = [table["table"] for table in tables]
+    titles = Counter(table["table"] for table in tables)
     for table in tables:
         key = table.pop("key")
-        if titles.count(table["table"]) > 1:
+        if titles[table["table"]] > 1:
             table["table"] += f" ({key})"
 
 
@@ -198,19 +197,16 @@ def sign_of_life(folder: Path, now: float) -> dict[str, Any] | None:
 def logged_tasks(folder: Path) -> dict[str, Any]:
     """The state of each task, from the end of the log; with its seconds, or the reason why it failed."""
     tasks: dict[str, Any] = {}
-    with suppress(OSError, NotReadable):
-        for line in read_regular(folder / "log.jsonl", LOG_TAIL_BYTES, last=LOG_TAIL_BYTES).splitlines():
-            with suppress(ValueError, RecursionError):  # the first line is cut, the last may be
-                event = json.loads(line)
-                task = str(event.get("task")) if isinstance(event, dict) else ""
-                if task in TASKS and event.get("message") == "task started":
-                    tasks[task] = {"state": INTERRUPTED}
-                elif task in TASKS and event.get("message") == "task failed":
-                    tasks[task] = {"state": FAILED, "reason": brief(one_line(str(event.get("reason", ""))))}
-                elif task in TASKS and event.get("message") == "task finished":
-                    seconds = event.get("seconds")
-                    usable = isinstance(seconds, int | float) and 0 <= seconds < MOST_S
-                    tasks[task] = {"state": FINISHED} | ({"seconds": seconds} if usable else {})
+    for event in last_events(folder, LOG_TAIL_BYTES):
+        task, message = str(event.get("task")), event.get("message")
+        if task in TASKS and message == "task started":
+            tasks[task] = {"state": INTERRUPTED}
+        elif task in TASKS and message == "task failed":
+            tasks[task] = {"state": FAILED, "reason": brief(one_line(str(event.get("reason", ""))))}
+        elif task in TASKS and message == "task finished":
+            seconds = event.get("seconds")
+            usable = isinstance(seconds, int | float) and 0 <= seconds < MOST_S
+            tasks[task] = {"state": FINISHED} | ({"seconds": seconds} if usable else {})
     return tasks
 
 

@@ -16,8 +16,9 @@ from sinew.tasks.registry import TASKS
 from sinew.tasks.simulate import Simulator
 from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
+from sinew.tasks.study.files import digest
 from sinew.tasks.study.model import model_of
-from sinew.tasks.study.provenance import cohort_hash, made_for
+from sinew.tasks.study.provenance import identities, made_for
 from sinew.tasks.study.study import Study
 from sinew.tasks.study.work import Given, Work, points
 from sinew.tasks.study.workspace import check_cohort, check_ranges
@@ -87,7 +88,7 @@ def estimate(given: Given, simulator: Simulator, tasks: Sequence[str], out: Path
         return TASK_S + work.here_s * slower + (rows_s + work.shared_s * slower) / (workers or 1)
 
     found = []
-    others = made_for(out) not in (None, cohort_hash(given.cohort.specimens))
+    others = made_for(out) not in (None, digest(identities(given.cohort.specimens)))
     for name in tasks:
         task = TASKS[name]
         work: Work = task.module("work").work(given, given.study.section(task.settings))

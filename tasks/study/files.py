@@ -3,6 +3,8 @@
 import hashlib
 import json
 import os
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +51,22 @@ def read_json(path: Path) -> dict[str, Any] | None:
     except (OSError, NotReadable, ValueError, RecursionError):
         return None
     return content if isinstance(content, dict) else None
+
+
+def last_events(folder: Path, size: int) -> Iterator[dict[str, Any]]:
+    """The events in the last ``size`` bytes of a result folder's log, the oldest first; none where it cannot be read.
+
+    The first line may be cut, the last one not yet whole: what is no event is passed over.
+    """
+    try:
+        lines = read_regular(folder / "log.jsonl", size, last=size).splitlines()
+    except (OSError, NotReadable):
+        return
+    for line in lines:
+        with suppress(ValueError, RecursionError):
+            event = parse_json(line)
+            if isinstance(event, dict):
+                yield event
 
 
 def _finite(value: Any) -> Any:

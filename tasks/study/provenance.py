@@ -6,7 +6,6 @@ import platform
 import re
 import shlex
 from collections.abc import Iterable
-from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution, requires, version
 from pathlib import Path
@@ -17,9 +16,8 @@ import psutil
 import sinew
 from sinew.runner.cluster.batch_systems import current_job
 from sinew.runner.cluster.local import Local
-from sinew.runner.files import NotReadable, parse_json, read_regular
 from sinew.tasks.model import Specimen
-from sinew.tasks.study.files import digest
+from sinew.tasks.study.files import digest, last_events
 from sinew.tasks.study.resources import DISTRIBUTION
 from sinew.tasks.study.workspace import Workspace
 
@@ -30,7 +28,7 @@ def facts(workspace: Workspace) -> dict[str, Any]:
     """Versions, machine, seed, study and data of a run, as plain values for the log."""
     study = workspace.study
     text = study.path.read_text("utf-8")
-    specimens = {specimen.name: specimen.identity() for specimen in workspace.cohort.specimens}
+    specimens = identities(workspace.cohort.specimens)
     cluster = workspace.cluster
     workers = f", {cluster.workers} workers" if isinstance(cluster, Local) else ""
     return {
@@ -58,23 +56,16 @@ def facts(workspace: Workspace) -> dict[str, Any]:
     }
 
 
-def cohort_hash(specimens: Iterable[Specimen]) -> str:
-    """The hash of what is known of specimens, as the log of a run tells it."""
-    return digest({specimen.name: specimen.identity() for specimen in specimens})
+def identities(specimens: Iterable[Specimen]) -> dict[str, Any]:
+    """What results depend on of each specimen, by its name. The digest of this is the cohort's hash."""
+    return {specimen.name: specimen.identity() for specimen in specimens}
 
 
 def made_for(folder: Path) -> str | None:
     """The hash of the specimens of the last run on a result folder, by its log; None where that does not tell it."""
-    try:
-        lines = read_regular(folder / "log.jsonl", LOG_BYTES, last=LOG_BYTES).splitlines()
-    except (OSError, NotReadable):
-        return None
-    for line in reversed(lines):
-        if b'"run started"' in line:
-            with suppress(ValueError, RecursionError, AttributeError):  # the first line is cut
-                found = parse_json(line).get("cohort_hash")
-                return None if found is None else str(found)
-    return None
+    runs = [event for event in last_events(folder, LOG_BYTES) if event.get("message") == "run started"]
+    found = runs[-1].get("cohort_hash") if runs else None
+    return None if found is None else str(found)
 
 
 def install_command() -> str:

@@ -11,6 +11,7 @@ from sinew.tasks.report.folder import ResultFolder, read_folder
 from sinew.tasks.simulate.registry import kinds
 from sinew.tasks.study.cohort import cohort_of
 from sinew.tasks.study.files import digest
+from sinew.tasks.study.provenance import identities
 from sinew.tasks.study.study import Study, read_study
 
 SAME = ("study_hash", "cohort_hash", "seed", "simulator")  # of a run: what its numbers depend on, beside versions
@@ -53,7 +54,7 @@ def read_source(folder: Path, study: Path | None = None, data: Path | None = Non
     if digest(text) != run.get("study_hash"):
         raise BadInput(path, "is not the study file of these results", "the same bytes (--study), or a new `sinew run`")
     cohort = cohort_of(read, data or _cohort(run))
-    if digest({one.name: one.identity() for one in cohort.specimens}) != run.get("cohort_hash"):
+    if digest(identities(cohort.specimens)) != run.get("cohort_hash"):
         raise BadInput(cohort.folder, "is not the cohort of these results", "the same curves (--data), or a new run")
     return Source(found, run, read, text, cohort)
 
