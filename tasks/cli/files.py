@@ -62,7 +62,7 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
         click.option(
             "--preload",
             type=click.Choice(["leave-out", "keep"]),
-            help="Leave out or keep the rows before the displacement is set to zero again.",
+            help="Leave out the rows before the displacement is set to zero again, or keep them and count on.",
         ),
     ]
     for option in reversed(options):

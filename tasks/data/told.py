@@ -7,6 +7,8 @@ from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.recordings import Recording
 from sinew.tasks.data.signs import counted, doubts, new_zero
 
+ZERO = 0.05  # of the displacement before it: what a machine has set to zero again is smaller
+
 
 def as_told(recording: Recording, hints: Hints) -> Recording:
     """The recording with displacement and force counted as a person says, and what is doubtful then."""
@@ -23,16 +25,21 @@ def as_told(recording: Recording, hints: Hints) -> Recording:
 def _counted_on(recording: Recording, first: int) -> Recording:
     """The recording whose displacement goes on where it is set to zero again, in row ``first``.
 
-    It goes on from the row before, or by what the gauge lengths at both zeros tell.
+    It goes on by what the gauge lengths at both zeros tell, or else from the row before. Without such lengths, a jump
+    to anywhere but zero may be a motion of the machine, and nothing is changed.
     """
+    name, numbers = recording.motion.quantity.name, recording.numbers.copy()
     if recording.motion.quantity is not DISPLACEMENT:  # a strain may count from a new length
-        note = f"the {recording.motion.quantity.name} is set to zero again after {first:,} rows, and stays as it is"
+        note = f"the {name} is set to zero again after {first:,} rows, and stays as it is"
         return replace(recording, notes=(*recording.notes, note))
     before, after = recording.lengths
-    numbers = recording.numbers.copy()
-    further = numbers[first - 1, 1] - numbers[first, 1]
     if before is not None and after is not None and before.mm is not None and after.mm is not None:
         further = after.mm - before.mm
+    elif abs(numbers[first, 1]) > ZERO * abs(numbers[first - 1, 1]):
+        note = f"the {name} jumps after {first:,} rows, but not to zero, and stays as it is"
+        return replace(recording, notes=(*recording.notes, note))
+    else:
+        further = numbers[first - 1, 1] - numbers[first, 1]
     numbers[first:, 1] += further
     note = f"displacement counted on by {further:.6g} mm after the first {first:,} rows, where it was set to zero again"
     length = {} if before is None else {"length": before}

@@ -37,6 +37,6 @@ def work(given: Given, settings: Settings) -> Work:
         return Work(rows, here_s=NOISE_S * len(names), shared_s=(EXPLORED_S + SWEEPS_S) * len(names))
     filled = settings.by_abc(quick=given.can.quick)
     assert filled.population is not None and filled.generations is not None, "they are filled in"
-    proposals = round(USUAL * filled.generations) * filled.population * PROPOSALS
+    proposals = max(1, round(USUAL * filled.generations)) * filled.population * PROPOSALS
     rows = {one.name: proposals for members in sites.values() for one in members}
     return Work(rows, here_s=START_S + PROPOSAL_S * proposals * len(sites))

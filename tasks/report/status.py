@@ -52,7 +52,7 @@ def read_status(folder: Path) -> dict[str, Any]:
         tables.append(
             {
                 "table": brief(table.title),
-                "key": brief(table.name.rpartition("-")[2], 6),
+                "key": one_line(table.name.rpartition("-")[2])[:6],
                 "rows": max(
                     len(table), int(outcomes.rows.size)
                 ),  # the journal may be ahead of what is planned in the store

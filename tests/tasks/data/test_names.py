@@ -25,6 +25,7 @@ from sinew.tasks.data.names import PROTOCOLS, UNSURE, FileName, names_of, plain_
         (["mouse one.csv", "Mäuse (2).csv"], ["mouse_one test", "Mause_2 test"]),
         (["hold2_S7.txt", "hold1_S7.txt"], ["S7 hold2", "S7 hold1"]),
         (["stress_relaxation_T1.csv"], ["T1 stress_relaxation"]),
+        (["muscle1_compression.csv", "film1_tension.csv"], ["muscle1 compression", "film1 tension"]),
     ],
 )
 def test_names_of_files_say_specimen_and_protocol(files, found):

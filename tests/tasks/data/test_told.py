@@ -35,6 +35,20 @@ def test_a_preload_that_is_kept_is_followed_by_what_comes_on_top_of_it(tmp_path,
         assert found.sizes["length"].mm == pytest.approx(12.5)
 
 
+def test_a_jump_that_is_not_to_zero_stays_as_it_is(tmp_path):
+    """A slack specimen is pulled taut in one row: the displacement jumps, and the force stays."""
+    moved = [0.001 * i for i in range(10)] + [3.0 + 0.01 * i for i in range(300)]
+    force = [0.0] * 11 + [0.1 * i for i in range(299)]
+    path = tmp_path / "slack.csv"
+    rows = "".join(f"{i},{u:g},{f:g}\n" for i, (u, f) in enumerate(zip(moved, force, strict=True)))
+    path.write_text(f"Time (s),Extension (mm),Load (N)\n{rows}")
+    (one,) = read_recordings(path, Hints())
+    assert [doubt.option for doubt in as_told(one, Hints()).doubts] == ["--preload"]
+    found = as_told(one, Hints(preload="keep"))
+    assert found.numbers[:, 1] == pytest.approx(moved)
+    assert found.notes == ("the displacement jumps after 10 rows, but not to zero, and stays as it is",)
+
+
 def test_a_strain_that_is_kept_with_its_preload_stays_as_it_is(tmp_path):
     path = tmp_path / "strains.csv"
     path.write_text("Time (s),Strain (%),Load (N)\n" + "".join(f"{i},{i % 50},{i}\n" for i in range(100)))

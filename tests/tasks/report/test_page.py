@@ -25,7 +25,7 @@ from sinew.tasks.report.page import build
 from sinew.tasks.report.sections import data
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.simulate.uniaxial import Uniaxial
-from sinew.tasks.study.curves import POINTS, keep_curves
+from sinew.tasks.study.curves import POINTS, keep_curves, represented
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace, open_workspace
 from tests.tasks.measured import study_of, write_measured
@@ -48,6 +48,16 @@ def test_a_run_leaves_a_page_with_every_section(whole_run):
     strongest = int(np.argmax(sobol["ST"]))
     assert f"{sobol['names'][strongest]} {sobol['ST'][strongest]:.2f}" in summary
     assert json.loads((whole_run / "discover.json").read_text())["verdict"] in summary
+
+
+def test_peaks_of_a_compression_are_negative():
+    """The largest in size counts, whichever protocol it is of."""
+    bar = {"length_mm": 10.0, "width_mm": 2.0, "thickness_mm": 1.0}
+    pulled = represented("pull", np.arange(3.0), np.array([0, 0.1, 0.2]), np.array([0, 0.5, 1.0]))
+    pushed = represented("push", np.arange(3.0), np.array([0, -1.0, -2.0]), np.array([0, -2.0, -4.0]))
+    found = SimpleNamespace(measured={"m": {"pull": pulled, "push": pushed}})
+    (row,) = data._table(found, {"m": bar}, {}).rows
+    assert row[-3:] == ["-4", "-2", "-20"]
 
 
 def test_the_page_says_how_to_make_it_again(whole_run):

@@ -61,6 +61,10 @@ def test_more_to_do_takes_longer(cohort, tmp_path, name):
     assert 0 < seconds(few) < seconds(many) < 16 * seconds(few)
 
 
+def test_the_least_that_an_inference_may_do_is_some_work(cohort, tmp_path):
+    assert work_of("infer", given(cohort, tmp_path, "infer: {method: abc, generations: 1}")).evaluations > 0
+
+
 def test_a_discovery_takes_longer_with_more_candidates(cohort, tmp_path):
     few = work_of("discover", given(cohort, tmp_path, "discover: {effects: [grip-slip]}"))
     every = work_of("discover", given(cohort, tmp_path))
