@@ -134,9 +134,13 @@ def refuse_open_way(folder: Path) -> None:
             not stat.S_ISLNK(status.st_mode) and status.st_mode & (stat.S_IWOTH | stat.S_ISVTX) == stat.S_IWOTH
         )
         if open_to_all:
-            raise PermissionError(errno.EACCES, "is a folder in which all users may rename what is yours", str(each))
+            raise PermissionError(
+                errno.EACCES, "all users may rename what is yours in it; use another folder", str(each)
+            )
         if above & stat.S_IWOTH and status.st_uid not in (0, os.geteuid()):
-            raise PermissionError(errno.EACCES, "belongs to another user, where all may write", str(each))
+            raise PermissionError(
+                errno.EACCES, "belongs to another user, where all may write; use another folder", str(each)
+            )
 
 
 def temporary_folder() -> Path:

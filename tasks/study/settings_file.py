@@ -203,6 +203,7 @@ _EXPECTED = {
     "string_type": "text",
     "bool_type": "true or false",
     "list_type": "a list",
+    "tuple_type": "a list",
     "dict_type": "a mapping of names to settings",
     "model_type": "a mapping of settings",
     "model_attributes_type": "a mapping of settings",

@@ -41,6 +41,7 @@ def test_what_is_given_now_goes_before_answers():
         ("zero_force: 3", "zero_force"),
         ("answered: {force: N}", "answered.force"),
         ("answered: kN", "answered"),
+        ("confirmed: {displacement: 3}", "confirmed.displacement: 3; expected a list"),
         ("- a", "not a mapping"),
         ("a: !!python/object:os.system x", "the tag"),
     ],
