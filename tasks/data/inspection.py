@@ -234,7 +234,7 @@ def _doubt(
         return ""
     if length_mm is None:
         return "" if motion.quantity is STRAIN else _two_lengths(table, numbers[:, 1], new_zero(numbers))
-    both = contradiction(table, range(len(table.rows)), length_mm)
+    both = contradiction(table, range(len(table.rows)), motion, length_mm)
     return f"length: {both}; --length-mm" if both else ""
 
 

@@ -12,6 +12,7 @@ from sinew.tasks.data.tables import Table
 
 Array = np.ndarray[Any, np.dtype[Any]]
 NEAR = 0.05  # by how much a length and the one that strains imply may differ
+ON_A_LINE = 0.99  # the correlation of displacements and strains of the same motion
 
 
 def length_beside(table: Table, displacement_mm: Array, first: int = 0) -> Size | None:
@@ -28,28 +29,29 @@ def length_beside(table: Table, displacement_mm: Array, first: int = 0) -> Size 
     return Size(float(at_rest[0]), True, lengths.title, column=True)
 
 
-def length_by_strain(table: Table, rows: range) -> tuple[float, str] | None:
-    """The length (mm) by which a column of displacements and one of strains agree, and the title of the strains.
+def length_by_strain(table: Table, rows: range, moved: Column) -> tuple[float, str] | None:
+    """The length (mm) by which displacements and a column of strains agree, and the title of the strains.
 
-    None without both.
+    ``moved``: the displacements that are read. It is the slope of a line, for the two may count from different zeros.
+    None without strains that have a unit, or where the two are not on one line: an extensometer that was taken off, or
+    displacements that were set to zero again.
 
     Some machines write the distance of the grips above the table, and strains of another length.
     """
-    moved, strains = (partly(table, Hints(), only=each)[0][1] for each in (DISPLACEMENT, STRAIN))
-    if moved is None or strains is None or not moved.unit or moved.place == strains.place:
+    strains = partly(table, Hints(), only=STRAIN)[0][1]
+    if moved.quantity is not DISPLACEMENT or not moved.unit or strains is None or not strains.unit:
         return None
     both = np.column_stack([numbers_of(table, moved, rows), numbers_of(table, strains, rows)])
     both = both[np.isfinite(both).all(axis=1)]
-    if not both.size or not np.abs(both[:, 1]).max():
+    if len(both) < 3 or not np.ptp(both, axis=0).all():
         return None
-    large = both[np.abs(both[:, 1]) > 0.5 * np.abs(both[:, 1]).max()]
-    length = float(np.median(large[:, 0] / large[:, 1]))
-    return (length, strains.title) if 0.0 < length < LONGEST_MM else None
+    slope, correlation = np.polyfit(both[:, 1], both[:, 0], 1)[0], np.corrcoef(both.T)[0, 1]
+    return (float(slope), strains.title) if correlation > ON_A_LINE and slope < LONGEST_MM else None
 
 
-def contradiction(table: Table, rows: range, length_mm: float) -> str:
+def contradiction(table: Table, rows: range, moved: Column, length_mm: float) -> str:
     """How the strains of a table contradict a length that is told above it, in words; empty if they do not."""
-    implied = length_by_strain(table, rows)
+    implied = length_by_strain(table, rows, moved)
     if implied is None or abs(implied[0] - length_mm) <= NEAR * length_mm:
         return ""
     return f"{length_mm:g} mm in the lines above, but {implied[0]:.4g} mm by '{implied[1]}'"

@@ -215,7 +215,7 @@ def _recording(
     apart = told_apart(table, block.end, back, list(places)) if hints.test_column is None else None
     if apart is not None and not back:
         notes += (f"{apart.count} values of '{apart.title}': {apart.option}, if each is a test of its own",)
-    sizes, doubted = _own_sizes(table, range(block.start, block.end))
+    sizes, doubted = _own_sizes(table, range(block.start, block.end), columns[1] if beside == 1 else None)
     notes += doubted
     lengths: tuple[Size | None, Size | None] = (None, None)
     if "length" not in sizes and columns[1].quantity is DISPLACEMENT:
@@ -243,11 +243,14 @@ def _recording(
     )
 
 
-def _own_sizes(table: Table, rows: range) -> tuple[dict[str, Size], tuple[str, ...]]:
-    """The sizes in the lines above a table, without a length that its own strains contradict, and a note on that."""
+def _own_sizes(table: Table, rows: range, moved: Column | None) -> tuple[dict[str, Size], tuple[str, ...]]:
+    """The sizes in the lines above a table, without a length that its own strains contradict, and a note on that.
+
+    ``moved``: the displacements, where it is known which strains belong to them.
+    """
     sizes = dict(read_sizes(table.header, table.own))
     told = sizes.get("length")
-    both = "" if told is None or told.mm is None else contradiction(table, rows, told.mm)
+    both = "" if told is None or told.mm is None or moved is None else contradiction(table, rows, moved, told.mm)
     if not both:
         return sizes, ()
     del sizes["length"]

@@ -126,7 +126,8 @@ def _along_time(folder: ResultFolder, result: SobolResult, level: str) -> Block 
     leading = result.leading
     order = _order(result)
     tables = dict.fromkeys(result.tables.values())
-    every = dict(zip(tables, read_results(folder.store, [f"sobol_time/{table}" for table in tables]), strict=True))
+    names_of_results = [f"sobol_time/{table}" for table in tables]
+    every = dict(zip(tables, read_results(folder.store, names_of_results, f"{leading}_"), strict=True))
     kept = {name: every[table] for name, table in result.tables.items()}
     protocols = list(dict.fromkeys(name for each in kept.values() for name in protocols_of(each)))
     outputs = bool(result.outputs)

@@ -190,6 +190,22 @@ def test_a_length_that_contradicts_the_strains_is_asked_for(tmp_path):
     ]
 
 
+@pytest.mark.parametrize(
+    ("title", "strains", "contradicted"),
+    [
+        ("Strain (%)", (2.0, 2.5, 3.0, 3.5), True),  # the strain counts from another zero
+        ("Strain (%)", (0.0, 0.5, 0.5, 0.1), False),  # the extensometer was taken off
+        ("Strain", (0.0, 0.5, 1.0, 1.5), False),  # in what unit?
+    ],
+)
+def test_strains_tell_a_length_if_they_follow_the_displacement(tmp_path, title, strains, contradicted):
+    rows = "".join(f"{i},{0.4 * i},{i},{strain}\n" for i, strain in enumerate(strains))
+    found = taken(tmp_path, f"Length,832,mm\nTime (s),Stroke (mm),Force (N),{title}\n{rows}")
+    assert found["length_mm"] == (None if contradicted else 832.0)
+    told = [question for question in found["ask"] if "but 80 mm by 'Strain (%)'" in question]
+    assert len(told) == contradicted
+
+
 def test_a_column_of_current_lengths_tells_the_gauge_length(tmp_path):
     found = taken(tmp_path, "Time_S,Size_mm,Displacement_mm,Force_N\n0,12.5,0,1\n1,12.6,0.1,2\n2,12.7,0.2,3\n")
     assert (found["length_mm"], found["time"]["unit"]) == (12.5, "s")

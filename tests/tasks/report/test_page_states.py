@@ -394,8 +394,9 @@ def test_of_very_many_protocols_and_curves_the_first_are_drawn(run_folder, monke
 def test_results_that_a_section_shows_together_have_a_limit(tmp_path, monkeypatch):
     with Store.writing(tmp_path, "study") as store:
         for name in "ab":
-            store.write_result(name, xr.Dataset({"x": ("t", np.zeros(100))}))
+            store.write_result(name, xr.Dataset({"x_1": ("t", np.zeros(100)), "y_1": ("u", np.zeros(10))}))
         assert len(read_results(store, ["a", "b"])) == 2
         monkeypatch.setattr(report_folder, "MAX_RESULT_BYTES", 1000)
         with pytest.raises(StoreError, match="b and those before it take more than 1,000 bytes"):
             read_results(store, ["a", "b"])
+        assert [list(each) for each in read_results(store, ["a", "b"], "y_")] == [["y_1"], ["y_1"]]
