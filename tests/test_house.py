@@ -13,7 +13,7 @@ from sinew.tasks.registry import TASKS
 
 ROOT = Path(__file__).resolve().parents[1]
 LINES, FUNCTION_LINES, ENTRIES = 400, 60, 22
-PUBLIC = {"work", "result", "settings", "rows"}  # modules of a task's folder that other tasks may use
+PUBLIC = {"work", "result", "settings", "rows", "reading"}  # modules of a task's folder that other tasks may use
 
 
 @cache

@@ -26,6 +26,7 @@ from sinew.tasks.study.workspace import check_folder
 
 STUDY = "configs/discover.yaml"
 LOGGED = "case.json"
+MOST_S = 1e9  # that a case took, by its file
 
 Say = Callable[[str], None]
 
@@ -111,7 +112,8 @@ def run_case(cohort: Path, out: Path, base: dict[str, Any], workers: int | None)
     verdict = out / COPY
     if before.get("inputs") == inputs and codes[-1:] == [method] and before.get("finished") and verdict.is_file():
         took = before.get("seconds")
-        return Run(took if isinstance(took, int | float) else None, None, len(codes) > 1)
+        seconds = float(took) if isinstance(took, int | float) and 0 <= took < MOST_S else None
+        return Run(seconds, None, len(codes) > 1)
     out.mkdir(parents=True, exist_ok=True)
     verdict.unlink(missing_ok=True)
     fresh = not (out / "discover").exists()

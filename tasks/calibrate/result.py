@@ -14,6 +14,7 @@ from sinew.tasks.study.result import OMIT, Number, Result
 
 SEARCHES = frozenset({"bayesian", "hybrid"})
 """The methods that leave a Bayesian search in the store."""
+AT_END = 1e-3  # of a range: how near its end a value counts as there
 
 
 @dataclass(frozen=True)
@@ -217,6 +218,12 @@ class CalibrateResult(Result):
         fits = self.specimens.values()
         counts = Counter(name for fit in fits for name in fit.on_bound if name in fit.determined)
         return [name for name in self.free if 2 * counts[name] >= len(self.specimens)]
+
+    def often_at_zero(self, name: str) -> bool:
+        """Whether a parameter whose range begins at 0 ended there in half of the specimens or more."""
+        low, high = self.bounds[self.free.index(name)]
+        near = [fit.parameters[name] - low < AT_END * (high - low) for fit in self.specimens.values()]
+        return low == 0.0 and 2 * sum(near) >= len(near)
 
 
 RESULT = CalibrateResult

@@ -15,14 +15,9 @@ from sinew.tasks.compare.method import FEWEST, Array, Component, Particles, dens
 from sinew.tasks.compare.result import CompareResult, Contrast, Loadings, SiteParticles
 from sinew.tasks.compare.settings import Settings
 from sinew.tasks.compare.show import contrast_table
-from sinew.tasks.infer.result import (
-    InferResult,
-    LikelihoodResult,
-    Posteriors,
-    draws_of_mean,
-    particles_group,
-    read_posteriors,
-)
+from sinew.tasks.drawing.formats import without_formulas
+from sinew.tasks.infer.reading import draws_of_sites, posteriors_of
+from sinew.tasks.infer.result import InferResult, LikelihoodResult, Posteriors, draws_of_mean
 from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
 from sinew.tasks.study.files import write_text
@@ -43,14 +38,13 @@ def run(workspace: Workspace, settings: Settings) -> CompareResult:
     particles. Where a few particles have most of the weight, intervals are wide.
     """
     path = InferResult.path(workspace.out)
-    inferred = read_posteriors(workspace.out)
-    if inferred is None:
-        raise BadInput(path, "is not there", "`sinew infer` on this study first")
+    inferred = posteriors_of(workspace)
     if len(inferred.sites) < 2:
         raise BadInput(path, f"one site only ({', '.join(inferred.sites)})", "two sites or more to compare")
     with believed(path):
         names = _varied(workspace, inferred)
-        sites = {site: _particles(workspace, inferred, site, names) for site in inferred.sites}
+        draws = draws_of_sites(workspace, inferred)
+        sites = {site: _particles(each, names) for site, each in draws.items()}
         donors = _donors(workspace, inferred)
     arrays = [part for particles in sites.values() for part in (particles.values, particles.weights)]
     inputs = key(CompareResult, workspace.seed, settings.model_dump(), names, list(sites), donors, *arrays)
@@ -61,23 +55,26 @@ def run(workspace: Workspace, settings: Settings) -> CompareResult:
         if len(particles.weights) < FEWEST:
             expected = f"{FEWEST} or more: a larger infer.population"
             raise BadInput(path, f"{site}: {len(particles.weights)} particles", expected)
-    component = first_component(list(sites.values()))
-    along = {site: component.of(particles.values) for site, particles in sites.items()}
     with believed(path):
-        contrasts = _contrasts(workspace, inferred, donors, names, settings)
+        component = first_component(list(sites.values()))
+        along = {site: component.of(particles.values) for site, particles in sites.items()}
+        pairs, curves = pairs_of(component, along, sites, workspace.seed, settings), densities(along, sites)
+        contrasts = _contrasts(workspace, draws, donors, names, settings)
     result = CompareResult(
         names=names,
         confidence=settings.confidence,
         contrasts=contrasts,
         component=_loadings(names, component),
         sites={site: SiteParticles(len(each.weights), each.effective) for site, each in sites.items()},
-        pairs=pairs_of(component, along, sites, workspace.seed, settings),
-        densities=densities(along, sites),
+        pairs=pairs,
+        densities=curves,
         note=NOTE,
         inputs=inputs,
     )
     if contrasts:
-        write_text(workspace.out / TABLE, contrast_table(result).to_csv(index=False, float_format="%.6g"))
+        write_text(
+            workspace.out / TABLE, without_formulas(contrast_table(result)).to_csv(index=False, float_format="%.6g")
+        )
     else:
         (workspace.out / TABLE).unlink(missing_ok=True)  # of an inference by likelihood before
     commit(workspace, result, {"compare": _arrays(along, sites)})
@@ -85,12 +82,15 @@ def run(workspace: Workspace, settings: Settings) -> CompareResult:
 
 
 def _contrasts(
-    workspace: Workspace, inferred: Posteriors, donors: Mapping[str, Donors], names: list[str], settings: Settings
+    workspace: Workspace,
+    draws: Mapping[str, xr.Dataset],
+    donors: Mapping[str, Donors],
+    names: list[str],
+    settings: Settings,
 ) -> list[Contrast]:
-    """Differences between populations, where the inference has populations."""
-    if not isinstance(inferred, LikelihoodResult):
+    """Differences between populations, where the inference has populations, and so their donors."""
+    if not donors:
         return []
-    draws = {site: workspace.store.read_result(particles_group(site)) for site in inferred.sites}
     rng = streams.generator(workspace.seed, "contrasts of sites")
     return contrasts_of(draws, donors, names, settings.confidence, rng)
 
@@ -109,15 +109,14 @@ def _varied(workspace: Workspace, inferred: Posteriors) -> list[str]:
     return [name for name in inferred.names if name not in blind]
 
 
-def _particles(workspace: Workspace, inferred: Posteriors, site: str, names: list[str]) -> Particles:
+def _particles(draws: xr.Dataset, names: list[str]) -> Particles:
     """The last particles of ABC, or draws of the mean of a population."""
-    kept = workspace.store.read_result(particles_group(site)).sel(parameter=names)
-    if isinstance(inferred, LikelihoodResult):
+    kept = draws.sel(parameter=names)
+    if "mean" in kept:
         drawn = draws_of_mean(kept)
         return Particles(drawn, np.full(len(drawn), 1.0 / len(drawn)))
-    last = kept.isel(generation=-1)
-    weight = last["weight"].to_numpy()
-    return Particles(last["parameters"].to_numpy(), weight / weight.sum())
+    weight = kept["weight"].to_numpy()
+    return Particles(kept["parameters"].to_numpy(), weight / weight.sum())
 
 
 def _loadings(names: list[str], component: Component) -> Loadings:

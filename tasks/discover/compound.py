@@ -1,6 +1,6 @@
 """Where one or two effects do not explain all of the misfit: which effects are certainly missing, and what is left."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from sinew.tasks.discover.fit.search import Candidates, asked
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
 from sinew.tasks.discover.fit.stepwise import Member, Stepwise, stepwise
 from sinew.tasks.discover.follow_up import Part, Remainder
-from sinew.tasks.discover.judge.partly import InPlace, Worth, doubts
+from sinew.tasks.discover.judge.partly import InPlace, Worth, doubts, outdone
 from sinew.tasks.discover.judge.scores import Score, misfit_left
 from sinew.tasks.discover.measure.shape import smooth
 from sinew.tasks.discover.result import CellMisfit
@@ -40,10 +40,20 @@ def compound(
     found = stepwise(workspace, cohort, candidates, forms)
     parts = tuple(_part(cohort, candidates, found, member) for member in found.members)
     certain = tuple(member.form for member, part in zip(found.members, parts, strict=True) if part.doubt is None)
-    if certain:
+    while certain:
         starts = [_only(cohort[0], found, certain, one.at) for one in found.fits]
-        certain = _added(workspace, cohort, candidates, certain, starts)
-    return Compound(parts, certain)
+        fitted = _added(workspace, cohort, candidates, certain, starts)
+        better = outdone(tuple(form.slug for form in certain), candidates.scores)
+        if not better:
+            return Compound(parts, fitted)
+        parts = tuple(_outdone(part, better) for part in parts)
+        certain = tuple(form for form in certain if form.slug not in better)
+    return Compound(parts, ())
+
+
+def _outdone(part: Part, better: Mapping[str, str]) -> Part:
+    rival = better.get(part.effect)
+    return part if rival is None else replace(part, doubt=f"{rival} explains more in its place")
 
 
 def _added(

@@ -11,7 +11,17 @@ from sinew.tasks.discover.figures import FAR
 from sinew.tasks.discover.follow_up import Part
 from sinew.tasks.discover.judge.confidence import in_words
 from sinew.tasks.discover.result import CandidateResult, DiscoverResult, Estimate
-from sinew.tasks.discover.show import UNLIKELY, held_out, in_one_sentence, noise_words, of_the_law, stack_of, unlikely
+from sinew.tasks.discover.show import (
+    UNLIKELY,
+    held_out,
+    in_one_sentence,
+    noise_words,
+    of_the_law,
+    only_describes,
+    stack_of,
+    standing,
+    unlikely,
+)
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Code, Facts, Plot, Plots, Section, Table, Words, number, percent
 from sinew.tasks.drawing.figures import COLOURS
@@ -28,6 +38,10 @@ MEANING = {
     "AMBIGUOUS": "The data cannot tell a set of effects apart, or the best one fails a check.",
     "OUTSIDE": "Model and data disagree, and nothing in the library explains it.",
 }
+DESCRIBES = (
+    "The named effects describe these curves best. So much is left that the model is another one than that of this "
+    "tissue, and other curves may change the names."
+)
 #: Blue to red through white (RdBu of ColorBrewer), for colour-blind readers too; dots say what is beyond chance.
 _COLOURS = ("#2166ac", "#4393c3", "#92c5de", "#d1e5f0", "#f7f7f7", "#fddbc7", "#f4a582", "#d6604d", "#b2182b")
 
@@ -73,7 +87,7 @@ def _verdict(result: DiscoverResult) -> Facts:
     rows = [
         ("verdict", _answer(result)),
         ("because", result.why),
-        ("that means", MEANING[result.verdict]),
+        ("that means", DESCRIBES if only_describes(result) else MEANING[result.verdict]),
         ("how far to trust it", in_words(result.confidence)),
     ]
     if gap.closed is not None:
@@ -224,13 +238,18 @@ def _stack(result: DiscoverResult) -> Plots:
 def _parts(result: DiscoverResult) -> Table:
     """The effects that were fitted together, and why some of them are not certain."""
     rows = [
-        [one.effect, percent(one.share, 1), " to ".join(percent(end, 1) for end in one.interval), number(one.evidence),
-         number(one.ratio, 2), _in_place(one), one.doubt or "certain"]
+        [one.effect, _share(one.share), " to ".join(map(_share, one.interval)), number(one.evidence),
+         number(one.ratio, 2), _in_place(one), standing(one, result)]
         for one in result.parts
     ]  # fmt: skip
     caption = "Effects fitted together: the part of the misfit that would be left in addition without each"
     header = ["effect", "misfit", "90 % interval", "evidence", "without it, times", "best in its place", ""]
     return Table(caption, header, rows, words=(5, 6))
+
+
+def _share(value: float) -> str:
+    """A part of the misfit; what is less than nothing or more than all of it comes from noise."""
+    return percent(min(max(value, 0.0), 1.0), 1)
 
 
 def _in_place(part: Part) -> str:
@@ -242,7 +261,8 @@ def _in_place(part: Part) -> str:
 
 def _others(result: DiscoverResult) -> list[Block]:
     """Parameters of the effects, and what goes with the verdict."""
-    blocks: list[Block] = [] if result.judged is None else [_parameters(result.judged)]
+    given = not only_describes(result)
+    blocks: list[Block] = [] if result.judged is None else [_parameters(result.judged, intervals=given)]
     if result.outside:
         nearest = result.outside.similar[0]
         lines = [f"What is left looks most like {nearest.effect} (cosine {nearest.cosine:.2f}). That is a "
@@ -275,18 +295,21 @@ def _law(result: DiscoverResult) -> Iterator[Block]:
     yield Code(f"The study with the law, {law.path}", law.difference, open=False)
 
 
-def _parameters(judged: CandidateResult) -> Table:
+def _parameters(judged: CandidateResult, *, intervals: bool) -> Table:
+    if not intervals:
+        caption = f"Parameters of {judged.name}; far more than noise is left, of which their intervals would not know"
+        return _estimates(caption, judged.parameters, intervals=False)
     caption = f"Parameters of {judged.name}, with 90 % intervals"
     if judged.on_bound:
         caption += f"; {' '.join(judged.on_bound)} ended on a bound, where an interval is open"
     return _estimates(caption, judged.parameters)
 
 
-def _estimates(caption: str, parameters: Mapping[str, Mapping[str, Estimate]]) -> Table:
+def _estimates(caption: str, parameters: Mapping[str, Mapping[str, Estimate]], *, intervals: bool = True) -> Table:
     rows = [
-        [specimen, name, number(one.value, 4), one.unit, *(number(end, 4) for end in one.interval)]
+        [specimen, name, number(one.value, 4), one.unit, *(number(end, 4) for end in one.interval if intervals)]
         for specimen, every in parameters.items()
         for name, one in every.items()
     ]
-    header = ["specimen", "parameter", "value", "unit", "from", "to"]
+    header = ["specimen", "parameter", "value", "unit", *(["from", "to"] if intervals else [])]
     return Table(caption, header, rows, words=(1, 3), open=len(rows) <= 8)

@@ -261,7 +261,7 @@ class DiscoverResult(Result):
     """
 
     TASK = "discover"
-    VERSION = 9
+    VERSION = 10
     LIBRARIES = ("scikit-learn",)
 
     verdict: Word

@@ -10,6 +10,7 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from sinew.runner.console import Console
+from sinew.tasks.discover.follow_up import Part
 from sinew.tasks.discover.judge.confidence import in_words
 from sinew.tasks.discover.result import NAMES, CandidateResult, DiscoverResult, NoiseLevel
 from sinew.tasks.drawing.blocks import listed, number, percent
@@ -49,10 +50,30 @@ def in_one_sentence(result: DiscoverResult) -> str:
         if one.doubt and one.rival and one.rival in one.doubt:
             either = f"{one.effect} or {one.rival}".replace("-", " ").capitalize()
             said += f" {either}, which cannot be told apart, would explain {percent(one.share)}."
-    judged = result.judged
-    if judged is not None and (times := float(np.sqrt(judged.loss / result.null.floor))) > FAR:
-        said += f" That is {times:.0f} times the noise: the names describe these curves, and others may change them."
+    if only_describes(result):
+        times = f"{times_the_noise(result):.0f} times the noise"
+        said += f" That is {times}: the names describe these curves, and others may change them."
     return said
+
+
+def times_the_noise(result: DiscoverResult) -> float:
+    """What the named effects leave of the measured forces, root mean square in times of the noise; 0 without names."""
+    judged = result.judged
+    if judged is None or result.verdict not in NAMES:
+        return 0.0
+    return float(np.sqrt(judged.loss / result.null.floor))
+
+
+def only_describes(result: DiscoverResult) -> bool:
+    """Whether the named effects leave so much that they describe these curves only, not the tissue."""
+    return times_the_noise(result) > FAR
+
+
+def standing(part: Part, result: DiscoverResult) -> str:
+    """How far an effect of several may be relied on."""
+    if part.doubt:
+        return f"not certain: {part.doubt}"
+    return "certain for these curves" if only_describes(result) else "certain"
 
 
 def of_the_law(result: DiscoverResult) -> str:
@@ -116,12 +137,13 @@ def summary(result: DiscoverResult, folder: Path, console: Console) -> None:
         explained = "" if one.explained is None else percent(one.explained)
         grid.add_row(one.name, _whole(one.gain), explained, held_out(one), " ".join(one.on_bound))
     console.print(grid)
-    console.print(Text.assemble((result.verdict, "bold"), f" {result.answer}: {result.why}"))
+    named = f" {result.answer}" if result.answer else ""
+    console.print(Text.assemble((result.verdict, "bold"), f"{named}: {result.why}"))
     console.print(in_words(result.confidence))
     if sentence := in_one_sentence(result):
         console.print(sentence)
     for part in result.parts:
-        console.print(f"  {part.effect}: {part.doubt or 'certain'}")
+        console.print(f"  {part.effect}: {standing(part, result)}")
     for line in _law_lines(result, folder):
         console.print(line)
     gap = result.gap

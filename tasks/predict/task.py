@@ -18,6 +18,7 @@ from sinew.runner.evaluation.ensemble import failures
 from sinew.runner.store.table import Table
 from sinew.tasks.calibrate.result import CalibrateResult, SpecimenFit
 from sinew.tasks.data.sites import by_site, site_of
+from sinew.tasks.infer.reading import LARGEST, draws_of, posteriors_of
 from sinew.tasks.infer.result import (
     AbcResult,
     InferResult,
@@ -26,8 +27,6 @@ from sinew.tasks.infer.result import (
     draws,
     draws_of_new,
     draws_of_specimen,
-    particles_group,
-    read_posteriors,
 )
 from sinew.tasks.model import FORCE, Specimen
 from sinew.tasks.predict.method import FEWEST, Band, bands_of, coverage, noise_of_others, typical
@@ -117,6 +116,9 @@ def run(workspace: Workspace, settings: Settings) -> PredictResult:
     sites = _planned(workspace, settings, inferred)
     every = [one for planned in sites.values() for one in planned]
     _evaluate(workspace, every)
+    if all((one.table.status[one.at] > 0).all() for one in every):
+        problem = "every simulation with its parameters failed (`sinew status` tells why)"
+        raise BadInput(InferResult.path(workspace.out), problem, "posteriors within the study's ranges")
     inputs = key(
         PredictResult,
         settings.model_dump(),
@@ -148,15 +150,11 @@ def run(workspace: Workspace, settings: Settings) -> PredictResult:
 def _posteriors(workspace: Workspace) -> Posteriors:
     """What was inferred, of this model and with the specimens of each site."""
     path = InferResult.path(workspace.out)
-    inferred = read_posteriors(workspace.out)
-    if inferred is None:
-        raise BadInput(path, "is not there", "`sinew infer` on this study first")
+    inferred = posteriors_of(workspace)
     names = tuple(parameter.name for parameter in workspace.model.free)
     if tuple(inferred.names) != names:
         problem = f"is of the parameters {', '.join(inferred.names)}"
         raise BadInput(path, problem, f"{', '.join(names)} (`sinew infer` again)")
-    if not all(posterior.specimens for posterior in inferred.sites.values()):
-        raise BadInput(path, "names no specimen of a site", "what `sinew infer` writes; run it again")
     return inferred
 
 
@@ -173,9 +171,11 @@ def _planned(workspace: Workspace, settings: Settings, inferred: Posteriors) -> 
     for number, (site, specimens) in enumerate(by_site(workspace.cohort.choose(members, str(path))).items()):
         seed = streams.key(workspace.seed, Stream.PREDICTION, number)
         planned[site] = []
+        with believed(path):
+            kept = draws_of(workspace, inferred, site)
         for one in specimens:
             with believed(path):
-                rows = _rows(workspace, inferred, calibration, specimens, one, settings, seed)
+                rows = _rows(workspace, inferred, kept, calibration, specimens, one, settings, seed)
             evaluation = workspace.evaluation(one)
             planned[site].append(Planned(evaluation, rows, *workspace.plan(evaluation, rows.all)))
     return planned
@@ -184,6 +184,7 @@ def _planned(workspace: Workspace, settings: Settings, inferred: Posteriors) -> 
 def _rows(
     workspace: Workspace,
     inferred: Posteriors,
+    kept: xr.Dataset,
     calibration: CalibrateResult | None,
     specimens: Sequence[Specimen],
     specimen: Specimen,
@@ -198,8 +199,9 @@ def _rows(
     site = site_of(specimen)
     marginals = [inferred.sites[site].parameters[name] for name in inferred.names]
     three = np.array([[each.mean, *each.hdi] for each in marginals], dtype=float).T
+    if not (np.abs(three) < LARGEST).all():
+        raise ValueError(f"{site}: a mean or an interval is no number")
     full = partial(workspace.model.full, tuple(inferred.names))
-    kept = workspace.store.read_result(particles_group(site))
     if isinstance(inferred, LikelihoodResult):
         varied = tuple(str(name) for name in kept["parameter"].values)
         full_varied = partial(workspace.model.full, varied)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sinew.tasks.simulate.studied_quantity import panels
+from sinew.tasks.sobol.settings import MOST_BASE_SAMPLES, MOST_RUNS, MOST_SCRAMBLES
 from sinew.tasks.study.result import OMIT, Number, Numbers, Result
 
 Array = np.ndarray[Any, Any]
@@ -163,6 +164,13 @@ class SobolResult(Result):
     def refuses(self) -> bool:
         """Whether total indices were refused, as too many rows failed."""
         return bool(self.failed and np.isnan(self.ST).all() and np.isfinite(self.S1).any())
+
+    @property
+    def has_design(self) -> bool:
+        """Whether it tells a design that this program draws: of another, there are no rows, or too many to draw."""
+        base, scrambles = self.base_samples, self.scrambles
+        most = MOST_RUNS if self.surrogate else MOST_BASE_SAMPLES
+        return 0 < base <= most and 0 < scrambles <= MOST_SCRAMBLES and base % scrambles == 0
 
     @property
     def leading(self) -> str:

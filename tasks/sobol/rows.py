@@ -56,7 +56,7 @@ def sobol_rows(workspace: Workspace) -> SobolRows:
     settings = workspace.study.section(Settings)
     last = SobolResult.read(workspace.out)
     missing = BadInput(SobolResult.path(workspace.out), "no finished Sobol study", "`sinew sobol` on this study first")
-    if last is None or not (0 < last.base_samples <= 2**26 and 0 < last.scrambles <= last.base_samples):
+    if last is None or not last.has_design:
         raise missing
     if last.surrogate is None:
         design = saltelli(

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from sinew.tasks.study.study import Study
 
 
+MOST_RUNS, MOST_BASE_SAMPLES, MOST_SCRAMBLES = 10_000, 2**26, 64
 OF_SALTELLI, OF_SURROGATE = {"points", "base_samples", "scrambles", "resamples"}, {"error", "runs"}
 
 
@@ -44,15 +45,15 @@ class Settings(TaskSettings):
 
     method: Literal["saltelli", "surrogate"] = "saltelli"
     error: Annotated[float, Field(gt=0, lt=1)] = 0.02
-    runs: Annotated[int, Field(ge=32, le=10_000)] = 400
+    runs: Annotated[int, Field(ge=32, le=MOST_RUNS)] = 400
     points: Annotated[int, Field(ge=1, le=10**8)] | None = None
-    base_samples: Annotated[int, Field(ge=2, le=2**26)] | None = None
+    base_samples: Annotated[int, Field(ge=2, le=MOST_BASE_SAMPLES)] | None = None
     specimens: Specimens = "all"
     output: str | None = None
     groups: dict[Name, Annotated[list[str], Field(min_length=1)]] = Field(default_factory=dict)
     distributions: dict[str, NormalSettings] = Field(default_factory=dict)
     second_order: bool = False
-    scrambles: Annotated[int, Field(ge=1, le=64)] = 8
+    scrambles: Annotated[int, Field(ge=1, le=MOST_SCRAMBLES)] = 8
     resamples: Annotated[int, Field(ge=10, le=100_000)] = 200
     confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
 

@@ -158,16 +158,23 @@ def _known(
 
 def _base_samples(workspace: Workspace, settings: Settings, *, extend: bool) -> int:
     if extend:
-        previous = SobolResult.read(workspace.out)
-        assert previous is not None, "checked before the store was opened"
-        return 2 * previous.base_samples
+        return 2 * _extended(workspace).base_samples
     return base_of(settings, settings.count(workspace.model))
 
 
 def _scrambles(workspace: Workspace, settings: Settings, base: int, *, extend: bool) -> int:
     """How many sequences there are; a design that is extended keeps those that it has."""
-    previous = SobolResult.read(workspace.out) if extend else None
-    return previous.scrambles if previous is not None else scrambles_of(base, settings.scrambles)
+    return _extended(workspace).scrambles if extend else scrambles_of(base, settings.scrambles)
+
+
+def _extended(workspace: Workspace) -> SobolResult:
+    """The study that is extended. Raises :class:`BadInput` for a design that this program does not draw."""
+    previous = SobolResult.read(workspace.out)
+    assert previous is not None, "checked before the store was opened"
+    if not previous.has_design:
+        problem = f"{previous.base_samples:,} base samples of {previous.scrambles:,} scrambles"
+        raise BadInput(SobolResult.path(workspace.out), problem, "what `sinew sobol` writes; run it again")
+    return previous
 
 
 def _say_size(workspace: Workspace, settings: Settings, base: int) -> None:

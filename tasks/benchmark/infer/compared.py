@@ -97,7 +97,7 @@ def _by_abc(workspace: Workspace, result: AbcResult, truth: Truth, site: str, fr
     names = tuple(result.names)
     columns = [truth.names.index(name) for name in names]
     start, end = bounds([free[name] for name in names])
-    particles = workspace.store.read_result(particles_group(site)).sel(parameter=list(names))
+    particles = workspace.store.read_result(particles_group(site)).sel(parameter=list(names)).isel(generation=-1)
     values = (draws(particles, DRAWS, (0,)) - start) / (end - start)
     hdi = np.array([result.sites[site].parameters[name].hdi for name in names]).T
     low, high = (hdi - start) / (end - start)

@@ -217,21 +217,26 @@ def _result(search: _Search, chosen: Effects) -> Stepwise:
 
 
 def _rivals(search: _Search, chosen: Effects, form: Effect) -> list[Rival]:
-    """Effects in the place of another, with and without a discrepancy."""
+    """Effects in the place of another, with and without a discrepancy: those that promise most, and all tried before.
+
+    What promises most is told from slopes. An effect of which little is known at its beginning, such as a threshold,
+    may do better than that.
+    """
     others = _others(chosen, form)
     there = {one.slug for one in chosen}
+    before = [effects for effects in search.known if effects[:-1] == others and effects[-1:]]
     starts = {
         effects: begins
         for effects, begins in search.promising(others, RIVALS + 2, each_slug=1).items()
         if effects[-1].slug not in there
     }
     wanted = dict(list(starts.items())[:RIVALS])
-    if not wanted:
-        return []
-    search.fitted(wanted, "another effect in the place of one")
-    plain, without = _plain(search, wanted), evidence(search.known[others])
+    if wanted:
+        search.fitted(wanted, "another effect in the place of one")
+    rivals = [effects for effects in dict.fromkeys([*wanted, *before]) if effects[-1].slug not in there]
+    plain, without = _plain(search, rivals), evidence(search.known[others])
     return [
-        Rival(effects[-1].slug, without - evidence(search.known[effects]), tuple(plain[effects])) for effects in wanted
+        Rival(effects[-1].slug, without - evidence(search.known[effects]), tuple(plain[effects])) for effects in rivals
     ]
 
 

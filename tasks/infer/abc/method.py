@@ -183,7 +183,7 @@ def posterior(inferred: Inferred, prior: Prior, specimens: list[str], seed: tupl
     values, weight = particles["parameters"].values[-1], particles["weight"].values[-1]
     mean = weight @ values
     sd = np.sqrt(weight @ (values - mean) ** 2)
-    drawn = draws(particles, DRAWS, seed)
+    drawn = draws(particles.isel(generation=-1), DRAWS, seed)
     hdi = np.array([arviz().hdi(drawn[:, j], hdi_prob=INTERVAL) for j in range(len(prior.names))])
     whole = range(particles.sizes["generation"])  # neither the sample to learn from nor an unfinished generation
     return Posterior(

@@ -10,12 +10,13 @@ from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plot, Plots, Section, Table, Words, number, percent, plural
 from sinew.tasks.infer.abc.figures import density
 from sinew.tasks.infer.abc.result import ENOUGH, AbcResult, particles_group
-from sinew.tasks.infer.abc.show import beyond_ranges
+from sinew.tasks.infer.abc.show import beyond_ranges, too_short
 from sinew.tasks.report.folder import ResultFolder, read_results
 
 NAME, TITLE = "posterior", "Posterior"
 QUESTION = "What is known of each site's parameters, and how surely?"
 GRID = 120  # points of a density
+AS_WIDE = 0.95  # from which ratio of their widths on a posterior is called as wide as its prior
 
 
 def section(folder: ResultFolder, result: AbcResult) -> Section:
@@ -26,6 +27,8 @@ def section(folder: ResultFolder, result: AbcResult) -> Section:
         words = f"{', '.join(result.few)}: the particles are worth fewer than {ENOUGH} of equal weight, so means and "
         words += "intervals depend on the seed. Infer with a larger population, or by likelihood."
         blocks.append(Words(words, "warning"))
+    if words := too_short(result):
+        blocks.append(Words(words, "note"))
     if folder.store is not None:
         kept = read_results(folder.store, [particles_group(site) for site in sites])
         particles = dict(zip(sites, kept, strict=True))
@@ -35,18 +38,22 @@ def section(folder: ResultFolder, result: AbcResult) -> Section:
     blocks += [Words(f"{remark}.", "warning") for remark in beyond]
     failed = sum(generation.failed for posterior in sites.values() for generation in posterior.generations)
     ends = ", ".join(f"{site} {number(posterior.epsilon[-1], 2)}" for site, posterior in sites.items())
-    sizes = ", ".join(f"{site} {posterior.effective_sample_size:.0f}" for site, posterior in sites.items())
     return Section(
         NAME, TITLE, QUESTION, blocks,
-        found=f"{plural(len(sites), 'site')}; posteriors are {number(_narrowing(result), 2)} times as wide as "
-        f"the priors (median); last thresholds: {ends}",
-        sure=f"effective sample size {sizes} of {result.population}",
+        found=f"{plural(len(sites), 'site')}; posteriors are {_narrowed(result)} the priors (median); "
+        f"last thresholds: {ends}",
+        sure=f"effective sample size {result.sizes()} particles",
         failed=", ".join(
             ([f"worth few particles: {', '.join(result.few)}"] if result.few else [])
             + ([f"{plural(len(beyond), 'interval')} beyond the study's ranges"] if beyond else [])
             + ([f"{failed:,} proposals failed"] if failed else [])
         ),
     )  # fmt: skip
+
+
+def _narrowed(result: AbcResult) -> str:
+    ratio = _narrowing(result)
+    return "as wide as" if ratio > AS_WIDE else f"{number(ratio, 2)} times as wide as"
 
 
 def _narrowing(result: AbcResult) -> float:

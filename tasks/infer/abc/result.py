@@ -1,13 +1,13 @@
 """The result of an inference: what ``infer.json`` holds, and how the particles in the store are read."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
 
-from sinew.tasks.study.result import Number, Numbers, Result
+from sinew.tasks.study.result import OMIT, Number, Numbers, Result
 
 Array = np.ndarray[Any, Any]
 INTERVAL = 0.95  # probability of the highest density intervals
@@ -74,6 +74,11 @@ class Posterior:
         return bool(self.effective_sample_size < ENOUGH)
 
     @property
+    def particles(self) -> int:
+        """Particles of the last generation, which is the posterior."""
+        return self.generations[-1].accepted if self.generations else 0
+
+    @property
     def judged(self) -> int:
         """Proposals of all generations."""
         return sum(generation.judged for generation in self.generations)
@@ -85,11 +90,11 @@ class AbcResult(Result):
 
     ``interval`` is the probability of the highest density intervals. ``paper``: whether it is as in Pekedis (2025),
     without noise in simulations; ``priors``: from the same ``calibrated`` specimens, from ``others``, or of the
-    ``ranges``. ``population``: particles of the largest generation.
+    ``ranges``. ``population``: particles of the largest generation. ``ess``: how many of equal weight were asked for.
     """
 
     TASK = "infer"
-    VERSION = 3  # noise is simulated, unless it is the paper's
+    VERSION = 4  # 3: noise is simulated, unless it is the paper's; 4: ess
     LIBRARIES = ("pyabc", "arviz")
 
     sampler: str
@@ -102,11 +107,27 @@ class AbcResult(Result):
     interval: Number
     sites: Mapping[str, Posterior]
     inputs: str
+    ess: int | None = field(default=None, metadata=OMIT)
 
     @property
     def few(self) -> list[str]:
         """The sites whose particles are worth too few of equal weight."""
         return [site for site, posterior in self.sites.items() if posterior.has_few]
+
+    @property
+    def short(self) -> list[str]:
+        """The sites whose particles are worth fewer of equal weight than were asked for, though enough."""
+        return [
+            site
+            for site, one in self.sites.items()
+            if self.ess is not None and not one.has_few and one.effective_sample_size < self.ess
+        ]
+
+    def sizes(self) -> str:
+        """The effective sample size of each site, and of how many particles it is."""
+        return ", ".join(
+            f"{site} {one.effective_sample_size:.0f} of {one.particles:,}" for site, one in self.sites.items()
+        )
 
     def beyond(self, free: Sequence[str], bounds: Sequence[tuple[float, float]]) -> list[str]:
         """A sentence for each posterior whose interval leaves the study's range ``bounds`` of a ``free`` parameter."""
@@ -126,10 +147,10 @@ def particles_group(site: str) -> str:
 
 
 def draws(particles: xr.Dataset, count: int, seed: tuple[int, ...]) -> Array:
-    """Draws ``[count, d]`` of equal weight from the last generation, by systematic resampling, in random order."""
+    """Draws ``[count, d]`` of equal weight from a generation, by systematic resampling, in random order."""
     rng = np.random.default_rng(seed)
-    weight = particles["weight"].values[-1]
+    weight = particles["weight"].values
     places = (np.arange(count) + rng.random()) / count
     chosen = np.minimum(np.searchsorted(np.cumsum(weight), places), weight.size - 1)
-    values: Array = particles["parameters"].values[-1][rng.permutation(chosen)]
+    values: Array = particles["parameters"].values[rng.permutation(chosen)]
     return values

@@ -116,5 +116,6 @@ def _save(path: Path, history: pyabc.History) -> None:
 def summarised(workspace: Workspace, site: Site, inferred: Inferred) -> Posterior:
     """The posterior of a site, whose equally weighted draws are written for ArviZ."""
     seed = streams.key(workspace.seed, Stream.POSTERIOR_DRAWS)
-    files.write_sample(workspace.out, site.name, workspace.model.free, draws(inferred.particles, DRAWS, seed))
+    drawn = draws(inferred.particles.isel(generation=-1), DRAWS, seed)
+    files.write_sample(workspace.out, site.name, workspace.model.free, drawn)
     return posterior(inferred, site.prior, [specimen.name for specimen in site.specimens], seed)

@@ -31,13 +31,23 @@ def table(result: AbcResult) -> pd.DataFrame:
 
 def headline(result: AbcResult) -> str:
     """What came out, in one line."""
-    sizes = ", ".join(f"{site} {one.effective_sample_size:.0f}" for site, one in result.sites.items())
-    return f"{result.population} particles for each site; effective sample sizes: {sizes}"
+    return f"effective sample sizes: {result.sizes()} particles"
 
 
 def beyond_ranges(result: AbcResult, calibration: CalibrateResult | None) -> list[str]:
     """A sentence for each posterior that leaves the range that its parameter had in the calibration."""
     return [] if calibration is None else result.beyond(calibration.free, calibration.bounds)
+
+
+def too_short(result: AbcResult) -> str:
+    """That some particles are worth fewer of equal weight than were asked for; empty if they are not."""
+    if not result.short:
+        return ""
+    return (
+        f"{', '.join(result.short)}: the particles are worth fewer of equal weight than the {result.ess:,} that "
+        "infer.ess asks for, as weights became less even in the last generation. Ends of intervals depend on the seed "
+        "a little; a larger infer.population helps."
+    )
 
 
 def summary(result: AbcResult, folder: Path, console: Console) -> None:
@@ -55,8 +65,10 @@ def summary(result: AbcResult, folder: Path, console: Console) -> None:
         console.print(
             f"{site}: {len(posterior.generations)} generations, {posterior.judged:,} proposals, "
             f"threshold {posterior.epsilon[-1]:.3g}, "
-            f"effective sample size {posterior.effective_sample_size:.0f} of {result.population}"
+            f"effective sample size {posterior.effective_sample_size:.0f} of {posterior.particles:,} particles"
         )
+    if words := too_short(result):
+        console.print(words)
     if result.few:
         console.print(
             f"{', '.join(result.few)}: below an effective sample size of {ENOUGH}, means and intervals depend on the "

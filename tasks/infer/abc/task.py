@@ -61,6 +61,7 @@ def run(workspace: Workspace, settings: Settings) -> AbcResult:
         interval=INTERVAL,
         sites={site.name: sampling.summarised(workspace, site, one) for site, one in zip(sites, inferred, strict=True)},
         inputs=inputs,
+        ess=settings.ess,
     )
     files.write_table(workspace.out, result)
     commit(workspace, result, {name: one.particles for name, one in zip(arrays, inferred, strict=True)})

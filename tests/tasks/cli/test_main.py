@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from sinew.runner.evaluation.external import Stopped
@@ -110,8 +111,19 @@ def test_ctrl_c_in_a_callback_that_cannot_raise_is_not_lost(slow):
     ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert ended.returncode == 130
     assert ended.stderr.splitlines() == [
-        "sinew: interrupted; run the same command again to go on, finished rows are kept"
+        "sinew: interrupted; run the same command again to go on, what was finished is kept"
     ]
+
+
+def test_memory_that_is_not_there_is_one_line(monkeypatch, capsys):
+    def work(*_, **__):
+        np.empty(2**59)
+
+    monkeypatch.setattr(main.sinew, "main", work)
+    with pytest.raises(SystemExit) as ended:
+        main.main()
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.startswith("sinew: not enough memory (Unable to allocate 4.00 EiB")
 
 
 def test_other_errors_that_cannot_be_raised_are_logged_and_not_printed():

@@ -103,6 +103,12 @@ def test_what_cannot_be_compared_is_refused(workspace, settings):
         run(workspace, settings)
 
 
+def test_weights_that_are_none_are_refused_in_one_line(workspace, settings):
+    posteriors(workspace, {"distal": 0.0, "middle": 2.0}, weights=np.append(-18.9, np.full(39, 19.9 / 39)))
+    with pytest.raises(BadInput, match="the weights of the particles do not sum to 1"):
+        run(workspace, settings)
+
+
 def test_a_posterior_that_is_one_particle_has_wide_intervals(workspace, settings):
     """What 40 particles in 16 dimensions can come to: all the weight is on one."""
     posteriors(workspace, {"distal": 0.0, "middle": 2.0}, weights=np.eye(40)[3])

@@ -8,7 +8,8 @@ from sinew.tasks.discover.follow_up import Part, Remainder
 from sinew.tasks.discover.page import section
 from sinew.tasks.discover.prose import methods
 from sinew.tasks.discover.result import Gap, Law
-from sinew.tasks.discover.show import in_one_sentence, of_the_law, stack_of
+from sinew.tasks.discover.show import in_one_sentence, of_the_law, stack_of, standing
+from sinew.tasks.drawing.blocks import Facts
 from tests.tasks.discover.results import candidate, discovery
 
 LEFT = Remainder(0.171, (0.12, 0.22), 3.456, True, ("cyclic: unload 1", "cyclic: toe 2"), "")
@@ -106,12 +107,27 @@ class Folder:
         return self.found
 
 
+def test_names_of_a_model_that_leaves_far_more_than_noise_are_of_these_curves_only():
+    far = replace(partly("softening"), candidates=(candidate("softening", loss=144_000.0),))
+    assert standing(SOFT, far) == "certain for these curves"
+    assert standing(SOFT, partly("softening")) == "certain"
+    blocks = section(Folder(far)).blocks
+    (facts,) = (each for each in blocks if isinstance(each, Facts))
+    assert "other curves may change the names" in dict(facts.rows)["that means"]
+    (table,) = (each for each in blocks if getattr(each, "caption", "").startswith("Parameters of softening"))
+    assert table.header[-1] == "unit"
+
+
 def test_the_page_begins_with_the_sentence():
     shown = section(Folder(partly("softening", "toe-slack")))
     assert shown.blocks[0].text.startswith("Softening and toe slack explain")
     assert shown.found.startswith("PARTLY: softening + toe-slack; Softening and toe slack explain 83 %")
     table = next(one for one in shown.blocks if getattr(one, "caption", "").startswith("Effects fitted together"))
-    assert [row[-1] for row in table.rows] == ["certain", "certain", "it shows in 1 of 2 specimens"]
+    assert [row[-1] for row in table.rows] == [
+        "certain",
+        "certain",
+        "not certain: it shows in 1 of 2 specimens",
+    ]
     assert [row[5] for row in table.rows] == ["time-lag (evidence 30, misfit 3.5 times)", "–", "–"]
     (stack,) = (one for one in shown.blocks if getattr(one, "name", "") == "discovery-stack")
     assert len(stack.plots) == 1

@@ -121,7 +121,7 @@ def test_a_prediction_is_simulated_once_and_drawn(tmp_path):
 def _repeated(workspace):
     """Rows that were asked for twice: equal draws."""
     particles = workspace.store.read_result("infer/distal")
-    drawn = draws(particles, FEW_DRAWS.draws, key(workspace.seed, Stream.PREDICTION, 0))
+    drawn = draws(particles.isel(generation=-1), FEW_DRAWS.draws, key(workspace.seed, Stream.PREDICTION, 0))
     return (FEW_DRAWS.draws - len(np.unique(drawn, axis=0))) * len(workspace.cohort.specimens)
 
 
@@ -171,6 +171,21 @@ def test_what_cannot_be_predicted_is_refused(tmp_path):
         content = json.loads(path.read_text())
         write_json(path, content | {"names": content["names"][1:]})
         with pytest.raises(BadInput, match="again"):
+            run(workspace, FEW_DRAWS)
+
+
+def test_posteriors_with_which_nothing_can_be_simulated_are_refused(tmp_path):
+    opened, truth = open_study(tmp_path, per_site=1, sites=("distal",))
+    with opened as workspace:
+        inferred(workspace, {name: {**one, "parameters": dict.fromkeys(one["parameters"], -1e3)}
+                             for name, one in truth.items()})  # fmt: skip
+        with pytest.raises(BadInput, match="every simulation with its parameters failed"):
+            run(workspace, FEW_DRAWS)
+        assert not PredictResult.path(workspace.out).exists()
+        content = json.loads(AbcResult.path(workspace.out).read_text())
+        content["sites"]["distal"]["parameters"]["E_f"]["mean"] = None
+        write_json(AbcResult.path(workspace.out), content)
+        with pytest.raises(BadInput, match="a mean or an interval is no number"):
             run(workspace, FEW_DRAWS)
 
 

@@ -14,7 +14,10 @@ from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.simulate.saltelli import saltelli
+from sinew.tasks.sobol import task
+from sinew.tasks.sobol.result import Surrogate
 from sinew.tasks.sobol.rows import SobolRows, sobol_rows
+from sinew.tasks.sobol.settings import Settings
 from sinew.tasks.study.workspace import Workspace, open_workspace
 from tests.tasks.sobol.results import sobol_result
 
@@ -104,6 +107,30 @@ def test_a_study_that_is_not_finished_is_refused(workspace):
     sobol_rows(workspace)
     sobol_result(base_samples=8).write(workspace.out)
     assert refused(workspace) == words, "the last study had more rows"
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"base_samples": 2**24, "surrogate": Surrogate(0.02, True, {})},
+        {"base_samples": 2**18, "scrambles": 2**18},
+        {"base_samples": 2**27},
+        {"base_samples": 4, "scrambles": 3},
+        {"base_samples": 0},
+        {"scrambles": -1},
+    ],
+)
+def test_a_design_that_no_study_draws_is_refused_before_it_is_drawn(workspace, changed, monkeypatch):
+    def draw(*_, **__):
+        pytest.fail("it was drawn")
+
+    monkeypatch.setattr("sinew.tasks.sobol.rows.saltelli", draw)
+    monkeypatch.setattr("sinew.tasks.sobol.rows.plain_design", draw)
+    monkeypatch.setattr("sinew.tasks.sobol.task.saltelli", draw)
+    sobol_result(**changed).write(workspace.out)
+    assert "no finished Sobol study" in refused(workspace)
+    with pytest.raises(BadInput, match="what `sinew sobol` writes"):
+        task.run(workspace, workspace.study.section(Settings), extend=True)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from sinew.tasks.discover.judge.partly import InPlace, Worth, doubts, partly
+from sinew.tasks.discover.judge.partly import InPlace, Worth, doubts, outdone, partly
 from sinew.tasks.discover.judge.scores import Score, Scores
 
 SLOWER = InPlace("time-lag", 40.0, 2.5)
@@ -61,3 +61,22 @@ def test_a_single_effect_explains_in_the_singular():
 def test_the_nearest_rival_is_the_one_that_leaves_least():
     assert replace(SURE, rivals=(SLOWER, InPlace("creep", 10.0, 2.2))).nearest.effect == "creep"
     assert replace(SURE, rivals=()).nearest is None
+
+
+@pytest.mark.parametrize(
+    ("others", "found"),
+    [
+        ([], {}),
+        ([Score(("friction", "time-lag"), 0.0, 2500.0)], {"softening": "friction"}),
+        ([Score(("time-lag", "creep"), 0.0, 2000.0), Score(("friction", "time-lag"), 0.0, 2500.0)],
+         {"softening": "creep"}),
+        ([Score(("friction", "time-lag"), 0.0, 2500.0, on_bound=("friction_of_peak",))], {}),
+        ([Score(("friction", "time-lag"), 0.0, 3000.0), Score(("friction",), 0.0, 100.0)], {}),
+        ([Score(("friction", "creep"), 0.0, 100.0), Score(("friction", "softening", "time-lag"), 0.0, 9.0)], {}),
+        ([Score(("softening", "creep"), 0.0, 2500.0), Score(("friction", "time-lag"), 0.0, 2600.0)],
+         {"time-lag": "creep", "softening": "friction"}),
+    ],
+)  # fmt: skip
+def test_an_effect_in_whose_place_another_leaves_less_is_outdone(others, found):
+    both = Score(("softening", "time-lag"), 0.0, 3000.0)
+    assert outdone(("time-lag", "softening"), Scores(BARE, (both, *others), FLOOR)) == found

@@ -1,9 +1,12 @@
 """Draws from the particles that an inference leaves."""
 
+from dataclasses import replace
+
 import numpy as np
 import xarray as xr
 
-from sinew.tasks.infer.abc.result import AbcResult, draws
+from sinew.tasks.infer.abc.result import AbcResult, GenerationCounts, draws
+from sinew.tasks.infer.abc.show import too_short
 from tests.tasks.posteriors import posterior_of
 
 
@@ -16,8 +19,19 @@ def test_draws_of_equal_weight_have_the_weighted_mean():
             "weight": (("generation", "particle"), weight[np.newaxis]),
         }
     )
-    drawn = draws(particles, 400, (1,))[:, 0]
+    drawn = draws(particles.isel(generation=-1), 400, (1,))[:, 0]
     assert np.bincount(drawn.astype(int), minlength=5).tolist() == [0, 200, 100, 100, 0]
+
+
+def test_particles_worth_less_than_was_asked_for_are_told():
+    counts = [GenerationCounts(300, 100, 0, 300), GenerationCounts(900, 250, 0, 900)]
+    one = replace(posterior_of(["d/1"], ["E_f"], [200.0]), effective_sample_size=154.0, generations=counts)
+    result = AbcResult("store", ["E_f"], ["MPa"], [""], False, "ranges", 300, 0.95, {"d": one}, "known", ess=400)
+    assert too_short(result).startswith("d: the particles are worth fewer of equal weight than the 400 that infer.ess")
+    assert result.sizes() == "d 154 of 250"
+    for enough in (replace(result, ess=100), replace(result, ess=None)):
+        assert too_short(enough) == ""
+    assert replace(result, sites={"d": replace(one, effective_sample_size=50.0)}).few == ["d"]
 
 
 def test_posteriors_that_leave_the_ranges_of_the_study_are_named():

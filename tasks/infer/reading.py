@@ -1,0 +1,93 @@
+"""What an inference left, as other tasks read it: only what fits the study and itself is believed."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.sites import site_of
+from sinew.tasks.infer.result import InferResult, LikelihoodResult, Posteriors, particles_group, read_posteriors
+from sinew.tasks.study.workspace import Workspace
+
+LARGEST = 1e100  # of a parameter: squares and their sums stay finite
+MOST_BYTES = 2**29  # of the draws of all sites together
+ROUNDING = 1e-6  # of a sum of weights
+
+
+def posteriors_of(workspace: Workspace) -> Posteriors:
+    """The posteriors of a study: of parameters of its model, and of specimens of its cohort, each at its own site.
+
+    Raises :class:`BadInput` where there are none, or where they are of something else.
+    """
+    path = InferResult.path(workspace.out)
+    inferred = read_posteriors(workspace.out)
+    if inferred is None:
+        raise BadInput(path, "is not there", "`sinew infer` on this study first")
+    strange = next(_strange(workspace, inferred, path), None)
+    if strange is not None:
+        raise BadInput(path, strange, "what `sinew infer` writes; run it again")
+    return inferred
+
+
+def _strange(workspace: Workspace, inferred: Posteriors, path: Path) -> Iterator[str]:
+    """What a result says that this study has not."""
+    free = {parameter.name for parameter in workspace.model.free}
+    if not inferred.names or len(set(inferred.names)) < len(inferred.names) or not set(inferred.names) <= free:
+        yield f"is of the parameters {', '.join(inferred.names) or '(none)'}"
+    if not inferred.sites:
+        yield "names no site"
+    seen: set[str] = set()
+    for site, posterior in inferred.sites.items():
+        if not posterior.specimens:
+            yield f"names no specimen of the site {site}"
+        if not set(inferred.names) <= set(posterior.parameters):
+            yield f"lacks parameters of the site {site}"
+        for one in workspace.cohort.choose(posterior.specimens, str(path)):
+            if site_of(one) != site:
+                yield f"has {one.name} at the site {site}"
+            if one.name in seen:
+                yield f"names {one.name} twice"
+            seen.add(one.name)
+
+
+def draws_of(workspace: Workspace, inferred: Posteriors, site: str) -> xr.Dataset:
+    """The draws of a site: of ABC the particles of the last generation, by likelihood all of the populations.
+
+    Raises ``ValueError`` for what no inference leaves (call it within :func:`sinew.tasks.study.result.believed`), and
+    ``StoreError`` where the store has none.
+    """
+    kept = workspace.store.read_result(particles_group(site))
+    for name, index in kept.indexes.items():
+        if not index.is_unique:
+            raise ValueError(f"{site}: the coordinate {name} has a value twice")
+    if isinstance(inferred, LikelihoodResult):
+        _check(site, kept, ("mean", "spread", "specimens", "new"))
+        if not (kept["spread"] > 0.0).all():
+            raise ValueError(f"{site}: a population has no spread")
+        return kept
+    last = kept[["parameters", "weight"]].isel(generation=-1).copy(deep=True)
+    _check(site, last, ("parameters", "weight"))
+    weight = last["weight"].to_numpy()
+    if not (weight >= 0.0).all() or not abs(weight.sum() - 1.0) < ROUNDING:
+        raise ValueError(f"{site}: the weights of the particles do not sum to 1")
+    return last
+
+
+def draws_of_sites(workspace: Workspace, inferred: Posteriors) -> dict[str, xr.Dataset]:
+    """:func:`draws_of` all sites together."""
+    found, size = {}, 0
+    for site in inferred.sites:
+        found[site] = draws_of(workspace, inferred, site)
+        size += found[site].nbytes
+        if size > MOST_BYTES:
+            raise ValueError(f"the draws of {site} and the sites before it take more than {MOST_BYTES:,} bytes")
+    return found
+
+
+def _check(site: str, kept: xr.Dataset, names: tuple[str, ...]) -> None:
+    """Raises ``ValueError`` for numbers that are none, or beyond all bounds."""
+    for name in names:
+        if not (np.abs(kept[name].to_numpy()) < LARGEST).all():
+            raise ValueError(f"{site}: {name} holds something that is no number")

@@ -1,0 +1,112 @@
+"""What an inference left, as other tasks read it: posteriors of something else, and numbers that are none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import sinew
+from sinew.runner.cluster.local import Local
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.infer import reading
+from sinew.tasks.infer.reading import draws_of, draws_of_sites, posteriors_of
+from sinew.tasks.infer.result import particles_group
+from sinew.tasks.study.workspace import open_workspace
+from tests.tasks.posteriors import posterior_of, write_inference
+
+NAMES, MEAN = ["E_f", "E_m"], [200.0, 5.0]
+SITES = ("distal", "proximal")
+VALUES, EQUAL = np.full((2, 4, 2), 7.0), np.full((2, 4), 0.25)
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("reading")
+    specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
+    write_cohort(folder / "cohort", [one for one in specimens if one.site in SITES], truth)
+    (folder / "study.yaml").write_text("name: sites\nseed: 4\ncohort: cohort\n")
+    study = sinew.read_study(folder / "study.yaml")
+    with open_workspace(study, out=folder / "out", cluster=Local(workers=1), quiet=True) as opened:
+        yield opened
+
+
+def left(workspace, particles=None, **changed):
+    """What an inference leaves: of two sites with a specimen each, or as ``changed`` says."""
+    sites = {site: posterior_of([f"{site}/1"], NAMES, MEAN) for site in SITES}
+    result = write_inference(workspace, NAMES, sites, dict.fromkeys(SITES, particles or (VALUES, EQUAL)))
+    found = replace(result, **changed)
+    found.write(workspace.out)
+    return found
+
+
+def site(*specimens, names=NAMES):
+    return posterior_of(list(specimens), names, MEAN[: len(names)])
+
+
+def test_posteriors_of_the_study_are_read(workspace):
+    left(workspace)
+    found = posteriors_of(workspace)
+    assert list(found.sites) == list(SITES)
+    draws = draws_of_sites(workspace, found)
+    assert {name: one.sizes["particle"] for name, one in draws.items()} == dict.fromkeys(SITES, 4)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"names": ["E_f", "tau"]}, "is of the parameters E_f, tau"),
+        ({"names": ["E_f", "E_f"]}, "is of the parameters E_f, E_f"),
+        ({"names": []}, r"is of the parameters \(none\)"),
+        ({"sites": {}}, "names no site"),
+        ({"sites": {"distal": site()}}, "names no specimen of the site distal"),
+        ({"sites": {"distal": site("distal/9")}}, "no specimen 'distal/9'"),
+        ({"sites": {"=cmd": site("distal/1")}}, "has distal/1 at the site =cmd"),
+        ({"sites": {"distal": site("distal/1", "distal/1")}}, "names distal/1 twice"),
+        ({"sites": {"distal": site("distal/1", names=["E_f"])}}, "lacks parameters of the site distal"),
+    ],
+)
+def test_posteriors_of_something_else_are_refused(workspace, changed, words):
+    left(workspace, **changed)
+    with pytest.raises(BadInput, match=words):
+        posteriors_of(workspace)
+
+
+def weights(*last):
+    return VALUES, np.array([EQUAL[0], last])
+
+
+@pytest.mark.parametrize(
+    ("particles", "words"),
+    [
+        ((np.where(np.arange(4)[:, np.newaxis] == 3, np.nan, VALUES), EQUAL), "parameters holds something that is no"),
+        ((1e200 * VALUES, EQUAL), "parameters holds something that is no number"),
+        (weights(0.5, 0.5, np.nan, 0.0), "weight holds something that is no number"),
+        (weights(0.0, 0.0, 0.0, 0.0), "do not sum to 1"),
+        (weights(-1.0, 1.0, 0.5, 0.5), "do not sum to 1"),
+        (weights(1.0, 1.0, 1.0, 1.0), "do not sum to 1"),
+    ],
+)
+def test_particles_that_no_inference_leaves_are_refused(workspace, particles, words):
+    found = left(workspace, particles)
+    with pytest.raises(ValueError, match=words):
+        draws_of(workspace, found, "distal")
+
+
+def test_a_parameter_that_is_there_twice_is_refused(workspace):
+    found = left(workspace)
+    dims = ("generation", "particle")
+    arrays = {"parameters": ((*dims, "parameter"), VALUES), "weight": (dims, EQUAL)}
+    twice = xr.Dataset(arrays, {"parameter": ["E_f", "E_f"]})
+    workspace.store.write_result(particles_group("distal"), twice)
+    with pytest.raises(ValueError, match="the coordinate parameter has a value twice"):
+        draws_of(workspace, found, "distal")
+
+
+def test_sites_together_have_a_limit(workspace, monkeypatch):
+    found = left(workspace)
+    monkeypatch.setattr(reading, "MOST_BYTES", 150)
+    with pytest.raises(ValueError, match="the draws of proximal and the sites before it take more than 150 bytes"):
+        draws_of_sites(workspace, found)
