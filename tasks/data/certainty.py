@@ -11,6 +11,7 @@ from sinew.tasks.data.recordings import Recording
 from sinew.tasks.data.specimen_sizes import Ask
 
 ROLES = ("time", "displacement", "force")
+MOST_OTHERS = 6  # titles that are told where a column is not the right one
 
 
 def refuse_doubts(recordings: Sequence[Recording]) -> None:
@@ -45,6 +46,8 @@ def confirm_columns(
                 raise BadInput(recording.path, problem, f"--{role}-column {shown(column.title)} to confirm it")
             question = f"{recording.path.name}: {problem}; is it right? {FOR_ALL_ALIKE}"
             if ask(question, ("yes", "no")) == "no":
-                raise BadInput(recording.path, f"{shown(column.title)} is not its {column.quantity.name}", remedy)
+                others = ", ".join(map(shown, recording.left_out[:MOST_OTHERS]))
+                problem = f"{shown(column.title)} is not its {column.quantity.name}"
+                raise BadInput(recording.path, problem, f"{remedy}{f'; there are {others}' if others else ''}")
             found[role][column.title] = None
     return {role: tuple(titles) for role, titles in found.items() if titles}

@@ -147,6 +147,7 @@ def ask_for_sizes(known: Mapping[str, Known], ask: Ask) -> dict[str, Known]:
     """Ask for each size that nobody tells, specimen by specimen; what is told is never asked for.
 
     An empty answer leaves a size to be filled in. An answer that ends in "all" holds for all specimens that are left.
+    A width that begins with "d" is a diameter, which tells the thickness too.
     """
     found = {specimen: dict(one.mm) for specimen, one in known.items()}
     left = {size: [specimen for specimen, mm in found.items() if mm[size] is None] for size in SIZES}
@@ -154,28 +155,41 @@ def ask_for_sizes(known: Mapping[str, Known], ask: Ask) -> dict[str, Known]:
         for size in SIZES:
             if specimen not in left[size]:
                 continue
-            value, for_all = _answer(size, left[size], known[specimen].proposed.get(size), ask)
-            for each in left[size] if for_all else [specimen]:
-                found[each][size] = value
-            left[size] = [] if for_all else left[size][1:]
+            answer = _answer(size, left[size], known[specimen].proposed.get(size), ask)
+            those = list(left[size]) if answer.for_all else [specimen]
+            for told in (size, "thickness") if answer.is_diameter else (size,):
+                for each in (one for one in those if one in left[told]):
+                    found[each][told] = answer.mm
+                left[told] = [one for one in left[told] if one not in those]
     return {specimen: known[specimen].answered(mm) for specimen, mm in found.items()}
 
 
-def _answer(size: str, left: Sequence[str], proposed: float | None, ask: Ask) -> tuple[float | None, bool]:
-    """A size in mm, or None; and whether it holds for all specimens that are ``left``. Asks until it can be read."""
+@dataclass(frozen=True)
+class _Answer:
+    """A size in mm, or None; whether it holds for all specimens that are left; of a round one, the side of a square."""
+
+    mm: float | None
+    for_all: bool
+    is_diameter: bool = False
+
+
+def _answer(size: str, left: Sequence[str], proposed: float | None, ask: Ask) -> _Answer:
+    """The answer for the first of the specimens that are ``left``. Asks until it can be read."""
     more = f"; '{FOR_ALL}' behind it: for all {len(left)} that are left" if len(left) > 1 else ""
     perhaps = "" if proposed is None else f"; the name of the file may say {proposed:g}"
-    question = f"{size} of {left[0]} in mm? (empty: fill it in later{more}{perhaps})"
+    round_one = "; 'd 8': round, with a diameter of 8" if size == "width" else ""
+    question = f"{size} of {left[0]} in mm? (empty: fill it in later{round_one}{more}{perhaps})"
     wrong = ""
     while True:
         answer = ask(wrong + question, ()).strip()
         number, for_all = answer.removesuffix(FOR_ALL).strip(), answer.endswith(FOR_ALL)
         if not number:
-            return None, for_all
+            return _Answer(None, for_all)
+        is_diameter = size == "width" and number.startswith("d")
         try:
-            value = float(number.replace(",", "."))
+            value = float(number.removeprefix("d" if is_diameter else "").replace(",", "."))
         except ValueError:
             value = 0.0
         if 0 < value < LONGEST_MM:
-            return value, for_all
+            return _Answer(square_side(value) if is_diameter else value, for_all, is_diameter)
         wrong = f"{shown(answer)} is no number of millimetres. "

@@ -18,7 +18,7 @@ MEANING: Mapping[str, str] = {
     "OUTSIDE": "the library did not have what was there",
     "NONE": "there was nothing, or nothing that could be seen",
 }
-SINGLE = "the blind benchmark of virtual specimens, with 16 effects in the library"
+SINGLE = "the blind benchmark of virtual specimens, when the library had 16 effects"
 SEVERAL = "compound cases of virtual specimens, with 21 effects in the library"
 #: By word: how many verdicts were true in that sense, of how many; those of PARTLY are of compound cases.
 RECORD: Mapping[str, tuple[int, int]] = {

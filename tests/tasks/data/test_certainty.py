@@ -45,8 +45,15 @@ def test_likely_columns_are_confirmed_once_and_need_no_answer_next_time(tmp_path
 
 
 def test_a_column_that_is_not_right_is_refused(tmp_path):
-    with pytest.raises(BadInput, match=r"'Deformation_mm' is not its displacement; expected --displacement-column"):
-        init([written(tmp_path / "a.csv")], tmp_path / "out", ask=lambda *_: "no", sizes=BAR)
+    path = written(tmp_path / "a.csv", header="time_s,Deformation_mm,force_N,Camera")
+    first, *rest = path.read_text().splitlines()
+    path.write_text("\n".join([first, *(f"{line},0" for line in rest), ""]))
+    words = (
+        "'Deformation_mm' is not its displacement; expected --displacement-column with a title or number; there are "
+        "'Camera'"
+    )
+    with pytest.raises(BadInput, match=words):
+        init([path], tmp_path / "out", ask=lambda *_: "no", sizes=BAR)
     assert not (tmp_path / "out").exists()
 
 

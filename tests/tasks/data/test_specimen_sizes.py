@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sinew.runner.errors import BadInput
@@ -70,6 +71,17 @@ def test_an_answer_may_hold_for_all_that_are_left(answer, value):
     found = ask_for_sizes(known, ask)
     assert [found[name].mm["width"] for name in "ABC"] == [5.0, value, value]
     assert "'all' behind it: for all 2 that are left" in asked[1]
+
+
+def test_a_round_specimen_is_answered_by_its_diameter():
+    known = {name: Known(dict.fromkeys(("length", "width", "thickness"))) for name in "ABC"}
+    ask, asked = person("10 all", "d 8", "d8,5 all")
+    found = ask_for_sizes(known, ask)
+    assert "'d 8': round, with a diameter of 8" in asked[1]
+    for name, diameter in {"A": 8.0, "B": 8.5, "C": 8.5}.items():
+        mm = found[name].mm
+        assert mm["width"] == mm["thickness"] == pytest.approx(diameter * np.sqrt(np.pi / 4))
+    assert len(asked) == 3
 
 
 @pytest.mark.parametrize("wrong", ["ten", "-1", "0", "nan", "1e9", "3 mm"])

@@ -11,7 +11,7 @@ def test_an_interval_is_that_of_the_tables():
     assert clopper_pearson(55, 55) == pytest.approx((0.9351, 1.0), abs=1e-4)
 
 
-TRUE = "such verdicts were true in the blind benchmark of virtual specimens, with 16 effects in the library"
+TRUE = "such verdicts were true in the blind benchmark of virtual specimens, when the library had 16 effects"
 
 
 @pytest.mark.parametrize("word", RECORD)
