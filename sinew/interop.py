@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
 from sinew import database_reading
 from sinew.posterior_file import fault
@@ -25,6 +26,7 @@ from sinew.tasks.calibrate.result import CalibrateResult, search_group
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.saltelli import MOST_NUMBERS, block_of, drawn
 from sinew.tasks.sobol.result import KEYS, SobolResult
+from sinew.tasks.study.result import believed
 
 INFERRED = "what `sinew infer` writes; run it again"  # expected of its files
 MAX_FILE_BYTES = 2**28
@@ -129,15 +131,21 @@ def skopt_result(result: CalibrateResult, folder: Path, specimen: str, *, surrog
     With ``surrogate``, a Gaussian process of skopt is fitted to it, as ``skopt.plots.plot_objective`` needs. It is not
     the process that proposed the points, which knows the residuals along the curves (see docs/methods.md).
     """
-    from skopt.space import Real, Space
-    from skopt.utils import cook_estimator, create_result
-
     where = CalibrateResult.path(folder)
     if specimen not in result.specimens:
         raise BadInput(f"{where}: specimen", shown(specimen), f"one of {', '.join(result.specimens)}")
     if not result.has_search:
         raise BadInput(where, "holds no Bayesian search", "a study with calibrate.methods: [bayesian]")
     seen = open_store(folder).read_result(search_group(specimen))
+    with believed(where):
+        return _search(result, seen, surrogate=surrogate)
+
+
+def _search(result: CalibrateResult, seen: xr.Dataset, *, surrogate: bool) -> Any:
+    """A kept search as skopt's result."""
+    from skopt.space import Real, Space
+    from skopt.utils import cook_estimator, create_result
+
     alive = np.isfinite(seen["total"].to_numpy())
     points = seen["parameters"].sel(parameter=result.free).to_numpy()[alive]
     totals = seen["total"].to_numpy()[alive]

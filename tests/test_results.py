@@ -543,3 +543,10 @@ def test_a_result_that_contradicts_itself_is_one_line_in_a_notebook(copied_run):
     edit(copied_run / "infer.json", lambda one: one.update(names=["x"]))
     with pytest.raises(BadInput, match=r"infer\.json: contradicts itself, or the store \("):
         repr(sinew.results(copied_run).infer)
+
+
+@pytest.mark.parametrize("change", [{"free": ["x"] * len(FREE)}, {"bounds": [[1.0, 0.0]] * len(FREE)}, {"bounds": []}])
+def test_a_search_of_other_parameters_is_one_line_in_a_notebook(copied_run, change):
+    edit(copied_run / "calibrate.json", lambda one: one.update(change))
+    with pytest.raises(BadInput, match=r"calibrate\.json: contradicts itself, or the store \("):
+        sinew.results(copied_run).skopt_result("distal/1")

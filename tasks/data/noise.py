@@ -25,7 +25,7 @@ ENOUGH_IN_HOLDS = 150  # points; ramps are left out then
 CORRELATION_BOUNDS = (-0.5, 0.995)
 SUSPECT = 0.9  # correlation from which on finer splines are tried
 FINER = (2, 4, 8, 16)  # times as many coefficients, as far as the points allow
-MOST_WHEN_FINER = 400  # coefficients of a phase
+MOST_SPLINES = 400  # coefficients of a phase: their normal equations are solved dozens of times
 DEPENDENT = 1e-6  # what a spline adds to the others, squared and relative to the largest, where points do not tell it
 SPIKE = 6.0  # standard deviations from the course of its phase, from which on a point is a spike
 MOST_SPIKES = 0.05  # of the points of a phase
@@ -89,7 +89,7 @@ def noise_of_all(curves: Sequence[Curve], *, proportional: bool = True) -> Noise
     pieces = _chosen(curves)
     if sum(piece.force.size - piece.splines.shape[1] for piece in pieces) < FEWEST_POINTS:
         return Noise(float("nan"), float("nan"))
-    if all(np.ptp(piece.force - piece.course) == 0.0 for piece in pieces):
+    if _smooth(pieces):
         return Noise(0.0, 0.0)
     r, (growth,) = _correlation_and_growth([pieces], proportional)
     _, sd = _restricted(pieces, r, growth)
@@ -103,11 +103,16 @@ def noise_of_each(groups: Sequence[Sequence[Curve]]) -> list[Noise]:
     ``GROWTH_GAIN`` for each.
     """
     pieces = [_chosen(curves) for curves in groups]
-    if any(sum(p.force.size - p.splines.shape[1] for p in each) < FEWEST_POINTS for each in pieces):
+    if any(sum(p.force.size - p.splines.shape[1] for p in each) < FEWEST_POINTS or _smooth(each) for each in pieces):
         return [noise_of_all(curves, proportional=False) for curves in groups]
     r, growths = _correlation_and_growth(pieces, proportional=True)
     levels = [_restricted(each, r, growth)[1] for each, growth in zip(pieces, growths, strict=True)]
     return [Noise(sd, r, sd * growth) for sd, growth in zip(levels, growths, strict=True)]
+
+
+def _smooth(pieces: Sequence[_Piece]) -> bool:
+    """Whether nothing is left beside the courses, as of a force that is 0 throughout."""
+    return all(np.ptp(piece.force - piece.course) == 0.0 for piece in pieces)
 
 
 def _correlation_and_growth(groups: Sequence[list[_Piece]], proportional: bool) -> tuple[float, list[float]]:
@@ -286,7 +291,7 @@ def _splines(phase: Phase, since: Array, median_step: float, finer: int) -> spar
     hold = phase.kind == "hold"
     x = np.log1p(since / median_step) if hold else since
     usual = MOST_COEFFICIENTS + (0 if hold else since.size // POINTS_PER_EXTRA)
-    most = usual if finer == 1 else max(usual, min(finer * usual, MOST_WHEN_FINER))
+    most = min(finer * usual, MOST_SPLINES)
     count = int(np.clip(since.size // POINTS_PER_COEFFICIENT, 4, most))
     inner = np.linspace(0.0, x[-1], count - 2)
     knots = np.concatenate([np.zeros(3), inner, np.full(3, x[-1])])

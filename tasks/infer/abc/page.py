@@ -10,7 +10,7 @@ from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plot, Plots, Section, Table, Words, number, percent, plural
 from sinew.tasks.infer.abc.figures import density
 from sinew.tasks.infer.abc.result import ENOUGH, AbcResult, particles_group
-from sinew.tasks.infer.abc.show import beyond_ranges, too_short
+from sinew.tasks.infer.abc.show import apart_from_fits, beyond_ranges, too_short
 from sinew.tasks.report.folder import ResultFolder, read_results
 
 NAME, TITLE = "posterior", "Posterior"
@@ -35,7 +35,8 @@ def section(folder: ResultFolder, result: AbcResult) -> Section:
         blocks.append(_marginals(result, particles))
     blocks += [_table(result), _thresholds(result)]
     beyond = beyond_ranges(result, folder.result(CalibrateResult))
-    blocks += [Words(f"{remark}.", "warning") for remark in beyond]
+    apart = apart_from_fits(result, folder.result(CalibrateResult))
+    blocks += [Words(f"{remark}.", "warning") for remark in (*beyond, *apart)]
     failed = sum(generation.failed for posterior in sites.values() for generation in posterior.generations)
     ends = ", ".join(f"{site} {number(posterior.epsilon[-1], 2)}" for site, posterior in sites.items())
     return Section(

@@ -9,6 +9,8 @@ from sinew.runner.console import Console
 from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.infer.abc.result import ENOUGH, AbcResult
 
+FAR_OUT = 0.25  # of the width of an interval: values farther from it than this are far outside
+
 
 def table(result: AbcResult) -> pd.DataFrame:
     """Mean, standard deviation and highest density interval by site and parameter."""
@@ -39,6 +41,26 @@ def beyond_ranges(result: AbcResult, calibration: CalibrateResult | None) -> lis
     return [] if calibration is None else result.beyond(calibration.free, calibration.bounds)
 
 
+def apart_from_fits(result: AbcResult, calibration: CalibrateResult | None) -> list[str]:
+    """A sentence for each site in which half of the calibrated values or more are far from an interval."""
+    found, known = [], calibration.specimens if calibration is not None else {}
+    for site, posterior in result.sites.items():
+        fits = [known[one] for one in posterior.specimens if one in known]
+        names = []
+        for name, marginal in posterior.parameters.items():
+            low, high = marginal.hdi
+            values = [fit.parameters[name] for fit in fits if name in fit.determined and name in fit.parameters]
+            far = [max(low - value, value - high) > FAR_OUT * (high - low) for value in values]
+            if values and 2 * sum(far) >= len(far):
+                names.append(name)
+        if names:
+            found.append(
+                f"{site}: {', '.join(names)} of the calibration lie far outside the posterior's intervals; trust "
+                "neither before you have seen which of them fits the curves"
+            )
+    return found
+
+
 def too_short(result: AbcResult) -> str:
     """That some particles are worth fewer of equal weight than were asked for; empty if they are not."""
     if not result.short:
@@ -60,6 +82,8 @@ def summary(result: AbcResult, folder: Path, console: Console) -> None:
         grid.add_row(name, *cells)
     console.print(grid)
     for remark in beyond_ranges(result, CalibrateResult.read(folder)):
+        console.print(remark)
+    for remark in apart_from_fits(result, CalibrateResult.read(folder)):
         console.print(remark)
     for site, posterior in result.sites.items():
         console.print(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sinew.tasks.data.noise import noise_of, noise_of_all, noise_of_each
+from sinew.tasks.data.noise import MOST_SPLINES, Noise, _pieces, noise_of, noise_of_all, noise_of_each
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Curve, Protocol
 
@@ -97,6 +97,21 @@ def test_a_curve_without_noise_and_one_that_is_too_short():
     rng = np.random.default_rng(1)
     long = Curve(Protocol("pull", t, t), 3 * t + 0.5 * rng.standard_normal(t.size))
     assert noise_of(short, [short, long]) == noise_of(long)
+
+
+def test_forces_of_nothing_but_zeros_have_no_noise():
+    t = np.arange(500) / 100
+    nothing = Curve(Protocol("pull", t, t), np.zeros(t.size))
+    assert noise_of(nothing) == noise_of_each([[nothing]])[0] == Noise(0.0, 0.0)
+
+
+def test_a_long_ramp_has_no_more_splines_than_a_computer_solves():
+    """Their normal equations are dense: with one more for every 400 points, 2,000,000 points would take hours."""
+    t = np.arange(200_000) / 1000
+    rough = np.cumsum(np.random.default_rng(1).standard_normal(t.size))
+    for finer in (1, 16):
+        (piece,) = _pieces(Curve(Protocol("pull", t, t), rough), finer)
+        assert 300 < piece.splines.shape[1] <= MOST_SPLINES
 
 
 def test_gaps_do_not_change_the_level():

@@ -6,7 +6,8 @@ import numpy as np
 import xarray as xr
 
 from sinew.tasks.infer.abc.result import AbcResult, GenerationCounts, draws
-from sinew.tasks.infer.abc.show import too_short
+from sinew.tasks.infer.abc.show import apart_from_fits, too_short
+from tests.tasks.calibrations import calibration_of, fit_of
 from tests.tasks.posteriors import posterior_of
 
 
@@ -32,6 +33,22 @@ def test_particles_worth_less_than_was_asked_for_are_told():
     for enough in (replace(result, ess=100), replace(result, ess=None)):
         assert too_short(enough) == ""
     assert replace(result, sites={"d": replace(one, effective_sample_size=50.0)}).few == ["d"]
+
+
+def test_calibrated_values_far_outside_the_intervals_are_told():
+    sites = {"d": posterior_of(["d/1", "d/2"], ["E_f", "E_m"], [200.0, 5.0])}  # E_f 180 to 220, E_m 4.5 to 5.5
+    result = AbcResult("store", ["E_f", "E_m"], ["MPa"] * 2, ["", ""], True, "calibrated", 40, 0.95, sites, "known")
+
+    def told(*values, determined=("E_f", "E_m")):
+        fits = {f"d/{i}": fit_of(dict(zip(("E_f", "E_m"), each, strict=True)), determined=list(determined))
+                for i, each in enumerate(values, 1)}  # fmt: skip
+        return apart_from_fits(result, calibration_of(fits))
+
+    assert told((200.0, 5.0), (229.0, 4.3)) == []
+    (line,) = told((231.0, 5.0), (200.0, 4.2))
+    assert line.startswith("d: E_f, E_m of the calibration lie far outside the posterior's intervals")
+    assert told((231.0, 5.0), (200.0, 4.2), determined=()) == []
+    assert apart_from_fits(result, None) == []
 
 
 def test_posteriors_that_leave_the_ranges_of_the_study_are_named():
