@@ -76,6 +76,7 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
 @click.option("--length-mm", type=float, help="Gauge length, where files do not say.")
 @click.option("--width-mm", type=float, help="Width, where files do not say.")
 @click.option("--thickness-mm", type=float, help="Thickness, where files do not say.")
+@click.option("--diameter-mm", type=float, help="Of a round specimen, in place of width and thickness.")
 @click.option("--override", is_flag=True, help="Use these sizes also where files tell other ones.")
 @_column_options
 @click.option("--answers", type=PATH, help="answers.yaml of an earlier study: what was told then is not asked again.")
@@ -91,6 +92,7 @@ def init(
     length_mm: float | None,
     width_mm: float | None,
     thickness_mm: float | None,
+    diameter_mm: float | None,
     override: bool,
     answers: Path | None,
     yes: bool,
@@ -125,7 +127,7 @@ def init(
         files,
         out,
         hints=Hints(**hints),
-        sizes=Sizes(length_mm, width_mm, thickness_mm, override),
+        sizes=Sizes.of(length_mm, width_mm, thickness_mm, diameter_mm, override=override),
         ask=_ask if asks else None,
         answers=None if answers is None else read_answers(answers),
         certain=yes,

@@ -24,7 +24,7 @@ from sinew.tasks.cli.terminal import COMPLETION, PROGRAM
 __all__ = ["main", "sinew"]
 COMMANDS = (studies, files, results, clusters, benchmarks, trust)  # importing them adds their commands to the group
 
-INTERRUPTED = "interrupted; run the same command again to go on, what was finished is kept"
+INTERRUPTED = "interrupted; run the same command again, rows that were evaluated are kept"
 AGAIN_S = 0.01
 READ_FROM_HERE = {"matplotlibrc": "Matplotlib", ".numba_config.yaml": "Numba", "arvizrc": "ArviZ"}
 
@@ -55,7 +55,7 @@ def main() -> None:
     except OSError as error:  # a path that the system refuses, of whatever kind; a solver that somebody stopped
         _fail(f"{error.filename}: {of_the_system(error)}" if error.filename else of_the_system(error), 2)
     except MemoryError as error:
-        _fail(f"not enough memory ({one_line(str(error)) or 'none is left'}); what was finished is kept", 2)
+        _fail(f"not enough memory ({one_line(str(error)) or 'none is left'}); rows that were evaluated are kept", 2)
     except Exception:
         if interrupts:  # in the midst of an import, for example, Ctrl-C becomes an error of another kind
             _fail(INTERRUPTED, 130)

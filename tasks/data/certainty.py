@@ -40,13 +40,14 @@ def confirm_columns(
         for column, role in zip(recording.columns, ROLES, strict=True):
             if column.how != LIKELY or column.title in found[role] or (ask is None and not certain):
                 continue
+            others = ", ".join(map(shown, recording.left_out[:MOST_OTHERS]))
             problem = f"{column.quantity.name} from {shown(column.title)} is likely, not certain"
             remedy = f"--{role}-column with a title or number"
             if ask is None:
                 raise BadInput(recording.path, problem, f"--{role}-column {shown(column.title)} to confirm it")
-            question = f"{recording.path.name}: {problem}; is it right? {FOR_ALL_ALIKE}"
+            beside = f" (not used: {others})" if others else ""
+            question = f"{recording.path.name}: {problem}{beside}; is it right? {FOR_ALL_ALIKE}"
             if ask(question, ("yes", "no")) == "no":
-                others = ", ".join(map(shown, recording.left_out[:MOST_OTHERS]))
                 problem = f"{shown(column.title)} is not its {column.quantity.name}"
                 raise BadInput(recording.path, problem, f"{remedy}{f'; there are {others}' if others else ''}")
             found[role][column.title] = None

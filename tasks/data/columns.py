@@ -24,6 +24,7 @@ from sinew.tasks.data.quantities import (
     STRETCH,
     TIME,
     Quantity,
+    ratio_of_lengths,
 )
 from sinew.tasks.data.questions import Unclear, UnknownUnit
 from sinew.tasks.data.tables import Table
@@ -356,8 +357,9 @@ def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]
     name, unit = named[place]
     fitting = [q for q in role.quantities if name in role.titles(q)]
     quantity = next((q for q in fitting if _possible(q, name, unit or role.given or "", unit)), None)
-    quantity = quantity or next(iter(fitting), None)
-    quantity = quantity or _quantity_of_unit(role.quantities, unit or role.given or "")
+    quantity = quantity or next(iter(fitting), None) or _quantity_of_unit(role.quantities, unit or role.given or "")
+    if quantity is None and STRAIN in role.quantities and units.factor(units.NUMBER, role.given or "") is not None:
+        quantity = ratio_of_lengths(table.number(row, place) for row in range(len(table.rows)))
     if quantity is None:
         raise UnknownUnit(f"{table.path}: column {shown(wanted)}", role.name, role.unit_option, role.choices)
     return _Choice(quantity, place, GIVEN)
@@ -370,9 +372,8 @@ def _place_of(table: Table, titles: Row, named: Sequence[tuple[str, str]], role:
         return alike[0]
     if not alike and wanted.isascii() and wanted.isdigit() and len(wanted) < 5 and 1 <= int(wanted) <= len(titles):
         return int(wanted) - 1
-    listed = ", ".join(shown(title) for title in titles[:12])
     problem = f"{shown(wanted)} names {len(alike)} columns" if alike else f"{shown(wanted)} is no column"
-    expected = f"a number from 1 to {len(titles)}, or one of {listed}"
+    expected = f"a number from 1 to {len(titles)}, or one of {', '.join(map(shown, titles[:12]))}"
     raise NoColumn(f"{table.path}: --{role.option}-column", problem, expected)
 
 

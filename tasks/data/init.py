@@ -23,6 +23,7 @@ from sinew.tasks.data.new_study import (
     LeftOut,
     NewSpecimen,
     ReadFile,
+    contradictions,
     describe,
     describe_left_out,
     leave_open,
@@ -110,7 +111,7 @@ def init(
     study = write_study(out, "cohort", [one.specimen for one in new], ranges)
     sizes_told = {one.specimen.name: one.told for one in new}
     write_answers(out / ANSWERS, Answers(hints, sizes_told, read.answered, confirmed))
-    lines = (*describe(new), *odd_tests(whole), *ranges.lines, *describe_left_out(read.left_out))
+    lines = (*describe(new), *contradictions(new), *odd_tests(whole), *ranges.lines, *describe_left_out(read.left_out))
     return NewStudy(study, lines, tuple(to_fill_in), tuple(one.specimen for one in new))
 
 
@@ -318,10 +319,11 @@ def _specimen(name: str, tests: Sequence[ReadFile], known: Known) -> NewSpecimen
 
 
 def refuse_unknown_sizes(specimens: Sequence[NewSpecimen]) -> None:
-    """Raises :class:`BadInput` for the first size that nobody tells."""
+    """Raises :class:`BadInput` for the first specimen with sizes that nobody tells, and names all of them."""
     for one in specimens:
-        for size in one.missing:
-            raise BadInput(one.tests[0].path, f"does not tell the {size} of {one.specimen.name}", f"--{size}-mm")
+        if one.missing:
+            problem = f"does not tell the {' and the '.join(one.missing)} of {one.specimen.name}"
+            raise BadInput(one.tests[0].path, problem, ", ".join(f"--{size}-mm" for size in one.missing))
 
 
 def _check_sizes(recording: Recording, known: Mapping[str, float | None]) -> None:

@@ -1,12 +1,14 @@
-"""A gauge length that two columns of a file tell together: the current length less the displacement."""
+"""What two columns of a file tell together of a specimen's size: a length and a displacement, a force and a stress."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from sinew.tasks.data.columns import Column, partly
+from sinew.tasks.data import units
+from sinew.tasks.data.columns import LIKELY, Column, names_and_units, partly
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, STRAIN
+from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, STRAIN, STRESS, Quantity
 from sinew.tasks.data.sizes import LONGEST_MM, SAME, Size
 from sinew.tasks.data.tables import Table
 
@@ -55,6 +57,45 @@ def contradiction(table: Table, rows: range, moved: Column, length_mm: float) ->
     if implied is None or abs(implied[0] - length_mm) <= NEAR * length_mm:
         return ""
     return f"{length_mm:g} mm in the lines above, but {implied[0]:.4g} mm by '{implied[1]}'"
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What a table says once more: the largest ``strain``, and the ``area_mm2`` that force and stress tell.
+
+    Each with the title of its column; None where there is none.
+    """
+
+    strain: tuple[str, float] | None = None
+    area_mm2: tuple[str, float] | None = None
+
+
+def beside(table: Table, rows: range, moved: Column, load: Column) -> Beside:
+    """What strains and stresses beside a displacement and a force say."""
+    strain = area = None
+    found = _column_of(table, STRAIN)
+    if moved.quantity is DISPLACEMENT and found is not None and found.place != moved.place:
+        strains = np.abs(numbers_of(table, found, rows))
+        if np.isfinite(strains).any() and np.nanmax(strains) > 0.0:
+            strain = (found.title, float(np.nanmax(strains)))
+    found = _column_of(table, STRESS)
+    if load.quantity is FORCE and load.unit and found is not None and found.place != load.place:
+        both = np.column_stack([numbers_of(table, load, rows), numbers_of(table, found, rows)])
+        both = both[np.isfinite(both).all(axis=1)]
+        if len(both) >= 3 and np.ptp(both, axis=0).all():
+            slope, correlation = np.polyfit(both[:, 1], both[:, 0], 1)[0], np.corrcoef(both.T)[0, 1]
+            area = (found.title, float(slope)) if correlation > ON_A_LINE else None
+    return Beside(strain, area)
+
+
+def _column_of(table: Table, quantity: Quantity) -> Column | None:
+    """The first column with a title and a unit of a quantity."""
+    titles, named = names_and_units(table)
+    for place, (name, unit) in enumerate(named):
+        factor = units.factor(quantity.units, unit) if unit else None
+        if name in quantity.titles and factor is not None:
+            return Column(quantity, place, titles[place], unit, factor, LIKELY)
+    return None
 
 
 def numbers_of(table: Table, column: Column, rows: range) -> Array:

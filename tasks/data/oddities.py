@@ -7,10 +7,53 @@ import numpy as np
 
 from sinew.runner.errors import one_line
 from sinew.tasks.drawing.blocks import number
-from sinew.tasks.model import Specimen
+from sinew.tasks.model import Curve, Specimen
+from sinew.tasks.simulate import Array
 
+FEWEST = 20  # points in which a break can be seen
 SMALLEST_STRAIN = 1e-4  # no test of tissue moves less
+LARGEST_START = 0.05  # of the peak force: a force at rest that is larger is an offset, or a preload
+BREAK, WITHIN = 0.25, (0.005, 0.05)  # the part of the peak force that is lost over this part of the displacement
+MOST_POINTS = 1000  # among which a break is looked for
 MOST_TIMES = 30.0  # between the peak stresses of specimens of one kind in the same test
+
+
+def _odd_forces(curve: Curve) -> Iterator[str]:
+    """A force that does not begin at 0, and one that is lost while the specimen is still pulled."""
+    force, moved = curve.force_N, curve.protocol.displacement_mm
+    there = np.isfinite(force)
+    force, moved = force[there], moved[there]
+    if force.size < FEWEST or not np.ptp(moved):
+        return
+    peak = float(np.abs(force).max())
+    if abs(force[0]) > LARGEST_START * peak and abs(moved[0]) < LARGEST_START * np.ptp(moved):
+        yield (
+            f"its force begins at {number(force[0])} N, {number(100 * abs(force[0]) / peak, 2)} % of its peak, where "
+            "that of the model is 0; if that is an offset, --zero-force first"
+        )
+    found = _break(moved, force)
+    if found is not None:
+        at, after = found
+        time_s = curve.protocol.time_s[there]
+        yield (
+            f"its force falls from {number(force[at])} to {number(force[after])} N from {number(time_s[at], 4)} to "
+            f"{number(time_s[after], 4)} s, while it is pulled on: a break, which the model does not have; leave what "
+            "follows out of the file, or parameters and noise are those of a broken specimen"
+        )
+
+
+def _break(moved: Array, force: Array) -> tuple[int, int] | None:
+    """Between which points ``BREAK`` of the peak force is lost while the displacement grows a little; None: nowhere."""
+    rows = np.arange(int(np.argmax(np.abs(force))), force.size)
+    rows = rows[:: -(-rows.size // MOST_POINTS)]
+    reach = float(np.ptp(moved))
+    for i, at in enumerate(rows):
+        grown = (moved[rows[i:]] - moved[at]) / reach
+        within = rows[i:][(grown > WITHIN[0]) & (grown < WITHIN[1])]
+        lost = (abs(force[at]) - np.abs(force[within])) / np.abs(force).max()
+        if within.size and lost.max() > BREAK:
+            return int(at), int(within[np.argmax(lost)])
+    return None
 
 
 def odd_tests(specimens: Sequence[Specimen]) -> Iterator[str]:
@@ -24,6 +67,7 @@ def odd_tests(specimens: Sequence[Specimen]) -> Iterator[str]:
                     f"look at {one.name}, {curve.name}: its displacement changes by {number(100 * strain)} % of the "
                     "length only; is it the right column, in the right unit?"
                 )
+            yield from (one_line(f"look at {one.name}, {curve.name}: {line}") for line in _odd_forces(curve))
             stress = float(np.abs(curve.force_N).max()) / (one.width_mm * one.thickness_mm)
             peaks[curve.name][one.name] = stress
     for protocol, found in peaks.items():

@@ -1,5 +1,6 @@
 """What the columns of a test hold: the quantities, their titles and their units."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from sinew.tasks.data import units, words
@@ -28,3 +29,12 @@ STRETCH = Quantity("stretch", words.STRETCH, units.FRACTION, bare=True)
 FORCE = Quantity("force", words.FORCE, units.FORCE)
 STRESS = Quantity("stress", words.STRESS, units.STRESS)
 MOTIONS, LOADS = (DISPLACEMENT, LENGTH, POSITION, STRETCH, STRAIN), (FORCE, STRESS)
+AT_REST = 0.5  # how far the first stretch may be from 1, and the first strain from 0
+
+
+def ratio_of_lengths(values: Iterable[float | None]) -> Quantity | None:
+    """Whether bare numbers begin as a stretch, at 1, or as a strain, at 0; None if as neither."""
+    first = next((value for value in values if value is not None), None)
+    if first is None:
+        return None
+    return STRETCH if abs(first - 1.0) < AT_REST else STRAIN if abs(first) < AT_REST else None

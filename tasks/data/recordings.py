@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.data.columns import LIKELY, NOWHERE, Column, NoColumn, recognise
+from sinew.tasks.data.columns import LIKELY, NOWHERE, Column, NoColumn, alike_places, recognise
 from sinew.tasks.data.further import Kept, kept
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.length_columns import contradiction, length_beside
+from sinew.tasks.data.length_columns import Beside, contradiction, length_beside
+from sinew.tasks.data.length_columns import beside as said_beside
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.questions import Doubt
 from sinew.tasks.data.several import (
@@ -51,6 +52,7 @@ class Recording:
     the test if its file holds several. ``notes``: what a person should know of how it was read. ``remedy``: what may
     help if times do not increase. ``doubts``: what may be meant otherwise. ``further``: columns that are kept beside
     the force. ``lengths``: the gauge lengths at the two zeros of a displacement that is set to zero again.
+    ``beside``: what strains and stresses in the same table say.
     """
 
     path: Path
@@ -66,6 +68,7 @@ class Recording:
     doubts: tuple[Doubt, ...] = ()
     further: Kept = field(default_factory=Kept)
     lengths: tuple[Size | None, Size | None] = (None, None)
+    beside: Beside = field(default_factory=Beside)
 
     @property
     def motion(self) -> Column:
@@ -205,7 +208,8 @@ def _recording(
         raise BadInput(table.path, f"{len(numbers)} rows of numbers{_of(block)}", f"at least {FEWEST_ROWS}")
     further = kept(table, range(block.start, block.end), hints.further, number, beside)
     places = {*further.places, *(column.place for column in columns)}
-    left_out = tuple(title for place, title in enumerate(table.titles) if place not in places and title)
+    others = {place for column in columns if beside > 1 for place in alike_places(table, column)}  # of other tests
+    left_out = tuple(title for place, title in enumerate(table.titles) if place not in places | others and title)
     notes: tuple[str, ...] = ()
     if hints.timing.given:
         numbers, notes = _timed(table, columns, numbers, hints.timing, block)
@@ -240,6 +244,7 @@ def _recording(
         "" if apart is None or not back else f", or {apart.option} {shown(apart.title)}, which changes there",
         further=further,
         lengths=lengths,
+        beside=said_beside(table, range(block.start, block.end), *columns[1:]) if beside == 1 else Beside(),
     )
 
 

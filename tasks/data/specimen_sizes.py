@@ -38,6 +38,26 @@ class Sizes:
             if value is not None and not 0 < value < LONGEST_MM:
                 raise BadInput(f"--{name.replace('_', '-')}", f"{value:g}", f"above 0 and below {LONGEST_MM:g} mm")
 
+    @classmethod
+    def of(
+        cls,
+        length_mm: float | None,
+        width_mm: float | None,
+        thickness_mm: float | None,
+        diameter_mm: float | None,
+        *,
+        override: bool,
+    ) -> "Sizes":
+        """Sizes as a person gives them: a round specimen by its diameter, as a bar with a square of equal area."""
+        if diameter_mm is None:
+            return cls(length_mm, width_mm, thickness_mm, override)
+        if width_mm is not None or thickness_mm is not None:
+            raise BadInput("--diameter-mm", "given beside a width or a thickness", "one of the two")
+        if not 0 < diameter_mm < LONGEST_MM:
+            raise BadInput("--diameter-mm", f"{diameter_mm:g}", f"above 0 and below {LONGEST_MM:g} mm")
+        side = square_side(diameter_mm)
+        return cls(length_mm, side, side, override)
+
 
 @dataclass(frozen=True)
 class Known:

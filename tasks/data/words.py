@@ -39,7 +39,8 @@ EXTENSOMETER = (
     "extensometer", "extensometer 1", "extensometer displacement", "extensometer extension", "extensometer strain",
     "axial extensometer", "video extensometer", "clip gauge", "lvdt", "feindehnung", "feindehnungsaufnehmer", "feinweg",
     "dehnungsaufnehmer", "extensomètre", "extensometre", "extensómetro", "extensometro", "extensômetro", "estensimetro",
-    "estensometro", "引伸计", "引伸計", "变形", "變形", "伸び", "伸び計", "伸び 1", "신율계", "연신계",
+    "estensometro", "déform", "déform1", "deform", "deform1", "引伸计", "引伸計", "变形", "變形", "伸び", "伸び計",
+    "伸び 1", "신율계", "연신계",
 )  # fmt: skip
 POSITION = (
     "position", "pos", "crosshead", "crosshead position", "actuator", "digital position", "crosshead absolute",

@@ -69,7 +69,7 @@ def section(found: ResultFolder) -> Section:
             f"held-out error {gap.before:.2f} without, {gap.after:.2f} with it, in units of noise "
             f"(a true model: {gap.floor:.2f})"
         )
-    bounds = [name for one in result.candidates[:1] for name in one.on_bound]
+    bounds = result.judged.on_bound if result.judged is not None else ()
     return Section(
         "discovery", title, question, blocks,
         found=f"{_answer(result)}; {sentence or result.why}",

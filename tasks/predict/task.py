@@ -18,6 +18,7 @@ from sinew.runner.evaluation.ensemble import failures
 from sinew.runner.store.table import Table
 from sinew.tasks.calibrate.result import CalibrateResult, SpecimenFit
 from sinew.tasks.data.sites import by_site, site_of
+from sinew.tasks.drawing.blocks import plural
 from sinew.tasks.infer.reading import LARGEST, draws_of, posteriors_of
 from sinew.tasks.infer.result import (
     AbcResult,
@@ -262,7 +263,7 @@ def _site(workspace: Workspace, planned: Sequence[Planned], probability: float) 
     others = {name: _points(workspace, planned, probability, name) for name in units if name != FORCE}
     shown = typical(specimens)
     stresses, no_stresses = _stresses(workspace, planned[specimens.index(shown)], probability)
-    few = f"{len(specimens)} specimens; a band for a new one needs {FEWEST} or more"
+    few = f"{plural(len(specimens), 'specimen')}; a band for a new one needs {FEWEST} or more"
     if len(specimens) >= FEWEST:
         few = "no calibration, from which a band for a new specimen is made after ABC (`sinew calibrate`)"
     beside = [each.dataset(f"{name}_point", units[name], f"{name}_") for name, each in others.items()]

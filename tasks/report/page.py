@@ -165,7 +165,7 @@ def _key(found: ResultFolder) -> Facts:
         ("specimens", _specimens(found)),
         ("evaluations", f"{sum(table['done'] for table in tables):,}"),
         ("failed", f"{failed:,}"),
-        ("core-hours", number(found.status["core_hours"]["evaluations"], 2) if found.status else "–"),
+        ("core-hours in evaluations", number(found.status["core_hours"]["evaluations"], 2) if found.status else "–"),
     ]
     return Facts(rows)
 

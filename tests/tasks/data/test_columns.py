@@ -236,6 +236,17 @@ def test_a_column_that_is_named_is_what_its_title_or_its_unit_says(titles, hints
     assert (found.quantity.name, found.unit, found.how) == (quantity, unit, "as you said")
 
 
+@pytest.mark.parametrize(
+    ("first", "quantity"), [("1.0", "stretch"), ("0.9", "stretch"), ("0", "strain"), ("-0.02", "strain")]
+)
+def test_bare_numbers_are_a_stretch_or_a_strain_by_where_they_begin(first, quantity):
+    table = table_of("t_s|str|F_N", f"0|{first}|1", f"1|{first}1|2", f"2|{first}2|3")
+    hints = Hints(displacement_column="str", displacement_unit="1")
+    assert recognise(table, hints)[1].quantity.name == quantity
+    with pytest.raises(BadInput, match="no unit of the displacement"):
+        recognise(table_of("t_s|str|F_N", "0|12|1", "1|13|2", "2|14|3"), hints)
+
+
 def test_a_title_goes_before_a_number_and_a_whole_title_before_a_name():
     found = columns("2 (s)|u_mm|F_N|2", time_column="2", force_column="F_N", time_unit="s")
     assert found[0].place == 3
@@ -269,7 +280,7 @@ def test_of_columns_alike_none_is_taken_unless_that_is_asked_for():
 @pytest.mark.parametrize(
     ("title", "quantity"),
     [("Extensometer (mm)", "displacement"), ("变形(mm)", "displacement"), ("Extensometer (%)", "strain"),
-     ("LVDT (mm/mm)", "strain")],
+     ("LVDT (mm/mm)", "strain"), ("Déform1[mm]", "displacement")],
 )  # fmt: skip
 def test_an_extensometer_goes_before_the_machine_which_may_be_meant_as_well(title, quantity):
     table = table_of(f"t_s|Crosshead (mm)|F_N|{title}|Disp (mm)", "0|0|1|0|0", "1|2|2|1|2", "2|4|3|2|4")

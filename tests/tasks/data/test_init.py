@@ -367,7 +367,8 @@ def test_a_study_that_needed_no_answers_keeps_none(tmp_path):
     [
         ("time_s,Deformation_mm,force_N", "displacement from 'Deformation_mm' is likely, not certain; expected "
          "--displacement-column 'Deformation_mm' to confirm it"),
-        ("time_s,displacement_mm,force_N", "does not tell the length of T1; expected --length-mm"),
+        ("time_s,displacement_mm,force_N", "does not tell the length and the width and the thickness of T1; expected "
+         "--length-mm, --width-mm, --thickness-mm"),
     ],
 )  # fmt: skip
 def test_for_scripts_only_what_is_certain_is_taken(tmp_path, capsys, header, words):

@@ -34,3 +34,35 @@ def test_specimens_that_differ_by_orders_of_magnitude_are_named():
     (curve,) = many[2].curves
     other = replace(many[2], curves=(replace(curve, protocol=replace(curve.protocol, name="another")),))
     assert list(odd_tests([*many[:2], other])) == [], "another test"
+
+
+def pulled(force, moved=None):
+    """One specimen of 100 points, pulled by 1 mm unless ``moved`` says otherwise."""
+    moved = np.linspace(0.0, 1.0, 100) if moved is None else moved
+    return Specimen("a", 10.0, 8.0, 4.0, (Curve(Protocol("pull", np.arange(100) / 10, moved), force),))
+
+
+RAMP = np.linspace(0.0, 100.0, 100)
+
+
+def test_a_force_that_does_not_begin_at_zero_is_named():
+    (line,) = odd_tests([pulled(RAMP + 10.0)])
+    assert line == (
+        "look at a, pull: its force begins at 10 N, 9.1 % of its peak, where that of the model is 0; if that is an "
+        "offset, --zero-force first"
+    )
+    assert list(odd_tests([pulled(RAMP + 4.0)])) == []
+    assert list(odd_tests([pulled(RAMP + 10.0, np.linspace(0.2, 1.0, 100))])) == [], "a preload with its strain"
+
+
+def test_a_break_is_named():
+    (line,) = odd_tests([pulled(np.where(np.arange(100) > 95, 60.0, RAMP))])
+    assert line.startswith("look at a, pull: its force falls from 96 to 60 N from 9.5 to 9.")
+    assert "a break, which the model does not have" in line
+    softening = np.concatenate([np.linspace(0.0, 100.0, 50), np.linspace(100.0, 50.0, 50)])
+    assert list(odd_tests([pulled(softening)])) == [], "over half of the displacement"
+    hold = np.concatenate([np.linspace(0.0, 1.0, 50), np.full(50, 1.0)])
+    relaxed = np.concatenate([np.linspace(0.0, 100.0, 50), 50.0 + 50.0 * np.exp(-np.arange(50.0))])
+    assert list(odd_tests([pulled(relaxed, hold)])) == [], "while it is held"
+    back = np.concatenate([np.linspace(0.0, 1.0, 50), np.linspace(1.0, 0.0, 50)])
+    assert list(odd_tests([pulled(100.0 * back**9, back)])) == [], "while it is unloaded"

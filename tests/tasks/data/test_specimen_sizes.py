@@ -100,3 +100,14 @@ def test_what_the_name_of_a_file_may_say_is_proposed_and_not_taken(tmp_path):
     found = ask_for_sizes({"T1": known}, ask)
     assert asked[0] == "length of T1 in mm? (empty: fill it in later; the name of the file may say 10)"
     assert found["T1"].mm["length"] is None
+
+
+def test_a_diameter_stands_for_width_and_thickness():
+    sizes = Sizes.of(10.0, None, None, 8.0, override=False)
+    assert sizes.length_mm == 10.0
+    assert sizes.width_mm == sizes.thickness_mm == pytest.approx(8.0 * np.sqrt(np.pi / 4))
+    assert Sizes.of(1.0, 2.0, 3.0, None, override=True) == Sizes(1.0, 2.0, 3.0, True)
+    with pytest.raises(BadInput, match="--diameter-mm: given beside a width or a thickness"):
+        Sizes.of(None, 1.0, None, 8.0, override=False)
+    with pytest.raises(BadInput, match="--diameter-mm: -8; expected above 0"):
+        Sizes.of(None, None, None, -8.0, override=False)
