@@ -222,8 +222,9 @@ class CalibrateResult(Result):
     def often_at_zero(self, name: str) -> bool:
         """Whether a parameter whose range begins at 0 ended there in half of the specimens or more."""
         low, high = self.bounds[self.free.index(name)]
-        near = [fit.parameters[name] - low < AT_END * (high - low) for fit in self.specimens.values()]
-        return low == 0.0 and 2 * sum(near) >= len(near)
+        fits = [fit for fit in self.specimens.values() if name in fit.determined]
+        near = [fit.parameters[name] - low < AT_END * (high - low) for fit in fits]
+        return low == 0.0 and 2 * sum(near) >= len(self.specimens)
 
 
 RESULT = CalibrateResult

@@ -56,7 +56,7 @@ def bound_advice(result: CalibrateResult) -> str:
     zero = [name for name in names if result.often_at_zero(name)]
     wider = "Widen it (model.parameters in the study file) where it is a guess; where it is certain, the model lacks "
     wider += "something."
-    none = f"{', '.join(zero)}: at 0, below which there is nothing, so these curves do not need it."
+    none = f"{', '.join(zero)}: at 0, the end of its range: the fits do without it."
     advice = " ".join(([wider] if len(zero) < len(names) else []) + ([none] if zero else []))
     return f"On an end of their range in half of the specimens or more: {', '.join(names)}. {advice}"
 

@@ -49,6 +49,6 @@ def confirm_columns(
             question = f"{recording.path.name}: {problem}{beside}; is it right? {FOR_ALL_ALIKE}"
             if ask(question, ("yes", "no")) == "no":
                 problem = f"{shown(column.title)} is not its {column.quantity.name}"
-                raise BadInput(recording.path, problem, f"{remedy}{f'; there are {others}' if others else ''}")
+                raise BadInput(recording.path, problem, f"{remedy}{f'; the file also has {others}' if others else ''}")
             found[role][column.title] = None
     return {role: tuple(titles) for role, titles in found.items() if titles}

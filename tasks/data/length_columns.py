@@ -14,6 +14,7 @@ from sinew.tasks.data.tables import Table
 
 Array = np.ndarray[Any, np.dtype[Any]]
 NEAR = 0.05  # by how much a length and the one that strains imply may differ
+LARGEST = 1e30  # of a number that is compared: what is larger stands for none
 ON_A_LINE = 0.99  # the correlation of displacements and strains of the same motion
 
 
@@ -44,7 +45,7 @@ def length_by_strain(table: Table, rows: range, moved: Column) -> tuple[float, s
     if moved.quantity is not DISPLACEMENT or not moved.unit or strains is None or not strains.unit:
         return None
     both = np.column_stack([numbers_of(table, moved, rows), numbers_of(table, strains, rows)])
-    both = both[np.isfinite(both).all(axis=1)]
+    both = both[(np.abs(both) < LARGEST).all(axis=1)]
     if len(both) < 3 or not np.ptp(both, axis=0).all():
         return None
     slope, correlation = np.polyfit(both[:, 1], both[:, 0], 1)[0], np.corrcoef(both.T)[0, 1]
@@ -61,7 +62,7 @@ def contradiction(table: Table, rows: range, moved: Column, length_mm: float) ->
 
 @dataclass(frozen=True)
 class Beside:
-    """What a table says once more: the largest ``strain``, and the ``area_mm2`` that force and stress tell.
+    """What a table says once more: how far the ``strain`` goes, and the ``area_mm2`` that force and stress tell.
 
     Each with the title of its column; None where there is none.
     """
@@ -75,13 +76,14 @@ def beside(table: Table, rows: range, moved: Column, load: Column) -> Beside:
     strain = area = None
     found = _column_of(table, STRAIN)
     if moved.quantity is DISPLACEMENT and found is not None and found.place != moved.place:
-        strains = np.abs(numbers_of(table, found, rows))
-        if np.isfinite(strains).any() and np.nanmax(strains) > 0.0:
-            strain = (found.title, float(np.nanmax(strains)))
+        strains = numbers_of(table, found, rows)
+        strains = strains[np.abs(strains) < LARGEST]
+        if strains.size and np.ptp(strains) > 0.0:
+            strain = (found.title, float(np.ptp(strains)))
     found = _column_of(table, STRESS)
     if load.quantity is FORCE and load.unit and found is not None and found.place != load.place:
         both = np.column_stack([numbers_of(table, load, rows), numbers_of(table, found, rows)])
-        both = both[np.isfinite(both).all(axis=1)]
+        both = both[(np.abs(both) < LARGEST).all(axis=1)]
         if len(both) >= 3 and np.ptp(both, axis=0).all():
             slope, correlation = np.polyfit(both[:, 1], both[:, 0], 1)[0], np.corrcoef(both.T)[0, 1]
             area = (found.title, float(slope)) if correlation > ON_A_LINE else None

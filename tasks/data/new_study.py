@@ -126,12 +126,12 @@ def contradictions(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
                 known = one.width_mm * one.thickness_mm
                 if abs(area - known) > OFF * known:
                     yield one_line(
-                        f"{where}: force over '{title}' is {number(area)} mm2, but width x thickness {number(known)}; "
-                        "which is the cross-section?"
+                        f"{where}: force over '{title}' is {number(area)} mm2, but width x thickness is "
+                        f"{number(known)} mm2; which is the cross-section?"
                     )
             if said.strain is not None and "length" not in new.missing:
                 title, strain = said.strain
-                moved = float(np.abs(curve.protocol.displacement_mm).max()) / one.length_mm
+                moved = float(np.ptp(curve.protocol.displacement_mm)) / one.length_mm
                 if not 1.0 - FAR < moved / strain < 1.0 + FAR:
                     yield one_line(
                         f"{where}: '{title}' comes to {number(100 * strain)} %, the displacement to "

@@ -103,11 +103,13 @@ def noise_of_each(groups: Sequence[Sequence[Curve]]) -> list[Noise]:
     ``GROWTH_GAIN`` for each.
     """
     pieces = [_chosen(curves) for curves in groups]
-    if any(sum(p.force.size - p.splines.shape[1] for p in each) < FEWEST_POINTS or _smooth(each) for each in pieces):
+    if any(sum(p.force.size - p.splines.shape[1] for p in each) < FEWEST_POINTS for each in pieces):
         return [noise_of_all(curves, proportional=False) for curves in groups]
-    r, growths = _correlation_and_growth(pieces, proportional=True)
-    levels = [_restricted(each, r, growth)[1] for each, growth in zip(pieces, growths, strict=True)]
-    return [Noise(sd, r, sd * growth) for sd, growth in zip(levels, growths, strict=True)]
+    rough = [each for each in pieces if not _smooth(each)]
+    r, growths = _correlation_and_growth(rough, proportional=True) if rough else (0.0, [])
+    levels = [_restricted(each, r, growth)[1] for each, growth in zip(rough, growths, strict=True)]
+    found = iter([Noise(sd, r, sd * growth) for sd, growth in zip(levels, growths, strict=True)])
+    return [Noise(0.0, 0.0) if _smooth(each) else next(found) for each in pieces]
 
 
 def _smooth(pieces: Sequence[_Piece]) -> bool:

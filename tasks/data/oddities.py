@@ -8,6 +8,7 @@ import numpy as np
 from sinew.runner.errors import one_line
 from sinew.tasks.drawing.blocks import number
 from sinew.tasks.model import Curve, Specimen
+from sinew.tasks.model.phases import phases
 from sinew.tasks.simulate import Array
 
 FEWEST = 20  # points in which a break can be seen
@@ -15,6 +16,7 @@ SMALLEST_STRAIN = 1e-4  # no test of tissue moves less
 LARGEST_START = 0.05  # of the peak force: a force at rest that is larger is an offset, or a preload
 BREAK, WITHIN = 0.25, (0.005, 0.05)  # the part of the peak force that is lost over this part of the displacement
 MOST_POINTS = 1000  # among which a break is looked for
+SPIKE = 3  # points, of which one alone is no peak
 MOST_TIMES = 30.0  # between the peak stresses of specimens of one kind in the same test
 
 
@@ -23,36 +25,45 @@ def _odd_forces(curve: Curve) -> Iterator[str]:
     force, moved = curve.force_N, curve.protocol.displacement_mm
     there = np.isfinite(force)
     force, moved = force[there], moved[there]
-    if force.size < FEWEST or not np.ptp(moved):
+    peak = float(np.abs(force).max(initial=0.0))
+    if force.size < FEWEST or not peak or not np.ptp(moved):
         return
-    peak = float(np.abs(force).max())
     if abs(force[0]) > LARGEST_START * peak and abs(moved[0]) < LARGEST_START * np.ptp(moved):
         yield (
             f"its force begins at {number(force[0])} N, {number(100 * abs(force[0]) / peak, 2)} % of its peak, where "
             "that of the model is 0; if that is an offset, --zero-force first"
         )
-    found = _break(moved, force)
+    found = _break(curve, force, there)
     if found is not None:
         at, after = found
         time_s = curve.protocol.time_s[there]
         yield (
             f"its force falls from {number(force[at])} to {number(force[after])} N from {number(time_s[at], 4)} to "
-            f"{number(time_s[after], 4)} s, while it is pulled on: a break, which the model does not have; leave what "
-            "follows out of the file, or parameters and noise are those of a broken specimen"
+            f"{number(time_s[after], 4)} s, while it is pulled on. This may be a break, which the model does not have; "
+            "if it is, leave what follows out of the file"
         )
 
 
-def _break(moved: Array, force: Array) -> tuple[int, int] | None:
-    """Between which points ``BREAK`` of the peak force is lost while the displacement grows a little; None: nowhere."""
-    rows = np.arange(int(np.argmax(np.abs(force))), force.size)
-    rows = rows[:: -(-rows.size // MOST_POINTS)]
-    reach = float(np.ptp(moved))
-    for i, at in enumerate(rows):
-        grown = (moved[rows[i:]] - moved[at]) / reach
-        within = rows[i:][(grown > WITHIN[0]) & (grown < WITHIN[1])]
-        lost = (abs(force[at]) - np.abs(force[within])) / np.abs(force).max()
-        if within.size and lost.max() > BREAK:
-            return int(at), int(within[np.argmax(lost)])
+def _break(curve: Curve, force: Array, there: Array) -> tuple[int, int] | None:
+    """Between which points ``BREAK`` of the peak force is lost while the motion goes on a little; None: nowhere.
+
+    Both lie in one loading, that of the peak, so that neither holds nor unloading count. A spike of one point is none.
+    """
+    from scipy.ndimage import median_filter  # slow to import
+
+    smooth = np.abs(median_filter(force, size=SPIKE, mode="nearest"))
+    moved, row = curve.protocol.displacement_mm[there], np.flatnonzero(there)
+    peak = int(np.argmax(smooth))
+    for phase in phases(curve.protocol):
+        if phase.kind != "load" or not phase.points.start <= row[peak] < phase.points.stop:
+            continue
+        rows = np.arange(peak, int(np.searchsorted(row, phase.points.stop)))
+        rows = rows[:: -(-rows.size // MOST_POINTS) or 1]
+        way = np.abs(moved[rows] - moved[peak]) / np.ptp(moved)
+        for i, at in enumerate(rows):
+            within = rows[i:][(way[i:] - way[i] > WITHIN[0]) & (way[i:] - way[i] < WITHIN[1])]
+            if within.size and smooth[at] - smooth[within].min() > BREAK * smooth[peak]:
+                return int(at), int(within[np.argmin(smooth[within])])
     return None
 
 

@@ -172,7 +172,8 @@ def _joined(tests: Sequence[Recording]) -> Recording:
         for name in dict.fromkeys(name for test in tests for name in test.further.values)
     }
     further = replace(next((test.further for test in tests if test.further.values), Kept()), values=values)
-    return replace(tests[0], numbers=numbers, rows=rows, notes=(*tests[0].notes, note), further=further)
+    notes = (*tests[0].notes, note)
+    return replace(tests[0], numbers=numbers, rows=rows, notes=notes, further=further, beside=Beside())
 
 
 def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Recording]:

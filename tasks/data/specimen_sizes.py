@@ -175,8 +175,12 @@ def ask_for_sizes(known: Mapping[str, Known], ask: Ask) -> dict[str, Known]:
         for size in SIZES:
             if specimen not in left[size]:
                 continue
-            answer = _answer(size, left[size], known[specimen].proposed.get(size), ask)
+            can_be_round = size == "width" and specimen in left["thickness"]
+            proposed = known[specimen].proposed.get(size)
+            answer = _answer(size, left[size], proposed, ask, can_be_round=can_be_round)
             those = list(left[size]) if answer.for_all else [specimen]
+            if answer.is_diameter:
+                those = [each for each in those if each in left["thickness"]]
             for told in (size, "thickness") if answer.is_diameter else (size,):
                 for each in (one for one in those if one in left[told]):
                     found[each][told] = answer.mm
@@ -193,11 +197,11 @@ class _Answer:
     is_diameter: bool = False
 
 
-def _answer(size: str, left: Sequence[str], proposed: float | None, ask: Ask) -> _Answer:
+def _answer(size: str, left: Sequence[str], proposed: float | None, ask: Ask, *, can_be_round: bool) -> _Answer:
     """The answer for the first of the specimens that are ``left``. Asks until it can be read."""
     more = f"; '{FOR_ALL}' behind it: for all {len(left)} that are left" if len(left) > 1 else ""
     perhaps = "" if proposed is None else f"; the name of the file may say {proposed:g}"
-    round_one = "; 'd 8': round, with a diameter of 8" if size == "width" else ""
+    round_one = "; 'd 8': round, with a diameter of 8" if can_be_round else ""
     question = f"{size} of {left[0]} in mm? (empty: fill it in later{round_one}{more}{perhaps})"
     wrong = ""
     while True:
@@ -205,9 +209,9 @@ def _answer(size: str, left: Sequence[str], proposed: float | None, ask: Ask) ->
         number, for_all = answer.removesuffix(FOR_ALL).strip(), answer.endswith(FOR_ALL)
         if not number:
             return _Answer(None, for_all)
-        is_diameter = size == "width" and number.startswith("d")
+        is_diameter = can_be_round and number[0] in "dD"
         try:
-            value = float(number.removeprefix("d" if is_diameter else "").replace(",", "."))
+            value = float(number[1 if is_diameter else 0 :].replace(",", "."))
         except ValueError:
             value = 0.0
         if 0 < value < LONGEST_MM:

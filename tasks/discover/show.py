@@ -47,7 +47,7 @@ def in_one_sentence(result: DiscoverResult) -> str:
     where = f", mostly in {listed(left.cells, 3)}" if left.cells else ""
     said += f"; {percent(max(left.share, 0.0), 1)} is left ({number(left.newtons, 2)} N{where})."
     for one in result.parts:
-        if one.doubt and one.rival and one.rival in one.doubt:
+        if one.rival and one.doubt == f"{one.rival} would do nearly as well in its place":
             either = f"{one.effect} or {one.rival}".replace("-", " ").capitalize()
             said += f" {either}, which cannot be told apart, would explain {percent(one.share)}."
     if only_describes(result):

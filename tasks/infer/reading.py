@@ -64,7 +64,8 @@ def draws_of(workspace: Workspace, inferred: Posteriors, site: str) -> xr.Datase
             raise ValueError(f"{site}: the coordinate {name} has a value twice")
     if isinstance(inferred, LikelihoodResult):
         _check(site, kept, ("mean", "spread", "specimens", "new"))
-        if not (kept["spread"] > 0.0).all():
+        spread = kept["spread"]
+        if not ((spread >= 0.0).all() and (spread.max(("chain", "draw")) > 0.0).all()):
             raise ValueError(f"{site}: a population has no spread")
         return kept
     last = kept[["parameters", "weight"]].isel(generation=-1).copy(deep=True)

@@ -12,7 +12,7 @@ evidence    Without it, and with any other in its place, twice the log evidence 
 misfit      Without it, and with any other in its place, a fit without a discrepancy leaves at least twice the misfit.
 bounds      Data do not press its parameters against a bound.
 outdone     Of the effects that are certain by all this, no other in its place leaves less misfit in a fit without a
-            discrepancy, unless its parameters end on a bound (:func:`outdone`).
+            discrepancy, beyond chance, unless its parameters end on a bound (:func:`outdone`).
 ==========  =========================================================================================================
 """
 
@@ -86,11 +86,12 @@ def outdone(effects: tuple[str, ...], scores: Scores) -> dict[str, str]:
     Rivals are tried beside all effects that were built up. Some of these may turn out not to be certain, and without
     them another effect may do better. Candidates that were not fitted do not count, nor those that end on a bound.
     """
+    chance = misfit_by_chance(scores.floor)
     least = min(one.loss for one in scores.candidates if set(one.effects) == set(effects))
     found: dict[str, str] = {}
     for one in sorted(scores.candidates, key=lambda score: score.loss):
         new, gone = set(one.effects) - set(effects), set(effects) - set(one.effects)
-        if len(new) == len(gone) == 1 and one.loss < least and not one.on_bound:
+        if len(new) == len(gone) == 1 and one.loss < least - chance and not one.on_bound:
             found.setdefault(gone.pop(), new.pop())
     return found
 

@@ -54,7 +54,7 @@ def section(folder: ResultFolder, result: AbcResult) -> Section:
 
 def _narrowed(result: AbcResult) -> str:
     ratio = _narrowing(result)
-    return "as wide as" if ratio > AS_WIDE else f"{number(ratio, 2)} times as wide as"
+    return "as wide as" if AS_WIDE < ratio < 1.0 / AS_WIDE else f"{number(ratio, 2)} times as wide as"
 
 
 def _narrowing(result: AbcResult) -> float:

@@ -11,6 +11,7 @@ from sinew.tasks.study.result import OMIT, Number, Numbers, Result
 
 Array = np.ndarray[Any, Any]
 INTERVAL = 0.95  # probability of the highest density intervals
+NEARLY = 0.9  # of the effective sample size that is asked for: it is met about, from the weights of the last generation
 FEW = 10
 """Effective sample size below which the heaviest particles decide, and their scatter is not seen in the sample."""
 ENOUGH = 100
@@ -120,7 +121,7 @@ class AbcResult(Result):
         return [
             site
             for site, one in self.sites.items()
-            if self.ess is not None and not one.has_few and one.effective_sample_size < self.ess
+            if self.ess is not None and not one.has_few and one.effective_sample_size < NEARLY * self.ess
         ]
 
     def sizes(self) -> str:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 from rich.table import Table as Grid
 
@@ -42,7 +43,10 @@ def beyond_ranges(result: AbcResult, calibration: CalibrateResult | None) -> lis
 
 
 def apart_from_fits(result: AbcResult, calibration: CalibrateResult | None) -> list[str]:
-    """A sentence for each site in which half of the calibrated values or more are far from an interval."""
+    """A sentence for each site in which the median of the calibrated values is far from an interval.
+
+    The specimens of a site differ, so single values may be far from it on either side.
+    """
     found, known = [], calibration.specimens if calibration is not None else {}
     for site, posterior in result.sites.items():
         fits = [known[one] for one in posterior.specimens if one in known]
@@ -50,12 +54,12 @@ def apart_from_fits(result: AbcResult, calibration: CalibrateResult | None) -> l
         for name, marginal in posterior.parameters.items():
             low, high = marginal.hdi
             values = [fit.parameters[name] for fit in fits if name in fit.determined and name in fit.parameters]
-            far = [max(low - value, value - high) > FAR_OUT * (high - low) for value in values]
-            if values and 2 * sum(far) >= len(far):
+            middle = float(np.median(values)) if values else (low + high) / 2.0
+            if max(low - middle, middle - high) > FAR_OUT * (high - low):
                 names.append(name)
         if names:
             found.append(
-                f"{site}: {', '.join(names)} of the calibration lie far outside the posterior's intervals; trust "
+                f"{site}: calibrated values of {', '.join(names)} lie far outside the posterior's intervals; trust "
                 "neither before you have seen which of them fits the curves"
             )
     return found
@@ -67,8 +71,7 @@ def too_short(result: AbcResult) -> str:
         return ""
     return (
         f"{', '.join(result.short)}: the particles are worth fewer of equal weight than the {result.ess:,} that "
-        "infer.ess asks for, as weights became less even in the last generation. Ends of intervals depend on the seed "
-        "a little; a larger infer.population helps."
+        "infer.ess asks for. Ends of intervals depend on the seed a little; a larger infer.population helps."
     )
 
 

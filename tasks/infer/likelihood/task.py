@@ -109,6 +109,9 @@ def _targets(workspace: Workspace, specimens: Sequence[Specimen]) -> tuple[dict[
     """The likelihood of each specimen, by its name, and the parameters that no curve depends on."""
     noise = noise_of_each([one.curves for one in specimens])
     free = workspace.model.free
+    for one, level in zip(specimens, noise, strict=True):
+        if not level.sd_N > 0:
+            raise BadInput(workspace.cohort.folder / one.name, "no noise can be seen in its curves", "measured curves")
     every = [
         Target(workspace.model, free, workspace.simulator, Measured(one, level))
         for one, level in zip(specimens, noise, strict=True)

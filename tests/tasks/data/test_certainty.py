@@ -49,8 +49,8 @@ def test_a_column_that_is_not_right_is_refused(tmp_path):
     first, *rest = path.read_text().splitlines()
     path.write_text("\n".join([first, *(f"{line},0" for line in rest), ""]))
     words = (
-        "'Deformation_mm' is not its displacement; expected --displacement-column with a title or number; there are "
-        "'Camera'"
+        "'Deformation_mm' is not its displacement; expected --displacement-column with a title or number; the file "
+        "also has 'Camera'"
     )
     with pytest.raises(BadInput, match=words):
         init([path], tmp_path / "out", ask=lambda *_: "no", sizes=BAR)

@@ -36,7 +36,7 @@ def test_sizes_that_a_file_contradicts_are_told(tmp_path):
     made = init([written(tmp_path)], tmp_path / "out", sizes=Sizes(10.0, 10.0, 2.0), hints=CHOSEN)
     looks = [line for line in made.lines if line.startswith("look at a,")]
     assert looks == [
-        "look at a, test: force over 'Tensile stress (MPa)' is 29 mm2, but width x thickness 20; which is the "
+        "look at a, test: force over 'Tensile stress (MPa)' is 29 mm2, but width x thickness is 20 mm2; which is the "
         "cross-section?",
         "look at a, test: 'Tensile strain (%)' comes to 5.8 %, the displacement to 29 % of the length; which is the "
         "strain of the specimen?",

@@ -103,6 +103,11 @@ def test_forces_of_nothing_but_zeros_have_no_noise():
     t = np.arange(500) / 100
     nothing = Curve(Protocol("pull", t, t), np.zeros(t.size))
     assert noise_of(nothing) == noise_of_each([[nothing]])[0] == Noise(0.0, 0.0)
+    rng = np.random.default_rng(1)
+    rough = [[Curve(Protocol("pull", t, t), 3 * t + rng.standard_normal(t.size))] for _ in range(2)]
+    assert noise_of_each([rough[0], [nothing], rough[1]]) == [
+        *noise_of_each(rough)[:1], Noise(0.0, 0.0), *noise_of_each(rough)[1:]
+    ]  # fmt: skip
 
 
 def test_a_long_ramp_has_no_more_splines_than_a_computer_solves():

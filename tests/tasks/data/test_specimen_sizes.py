@@ -111,3 +111,14 @@ def test_a_diameter_stands_for_width_and_thickness():
         Sizes.of(None, 1.0, None, 8.0, override=False)
     with pytest.raises(BadInput, match="--diameter-mm: -8; expected above 0"):
         Sizes.of(None, None, None, -8.0, override=False)
+
+
+def test_a_thickness_that_is_known_leaves_no_room_for_a_diameter():
+    none = dict.fromkeys(("length", "width", "thickness"))
+    known = {"A": Known({**none, "length": 1.0}), "B": Known({**none, "length": 1.0, "thickness": 3.0})}
+    ask, asked = person("D8 all", "d 8", "7")
+    found = ask_for_sizes(known, ask)
+    assert found["A"].mm["width"] == found["A"].mm["thickness"] == pytest.approx(8.0 * np.sqrt(np.pi / 4))
+    assert found["B"].mm == {"length": 1.0, "width": 7.0, "thickness": 3.0}
+    assert "diameter" not in asked[1]
+    assert asked[2].startswith("'d 8' is no number of millimetres")

@@ -113,7 +113,7 @@ def test_names_of_a_model_that_leaves_far_more_than_noise_are_of_these_curves_on
     assert standing(SOFT, partly("softening")) == "certain"
     blocks = section(Folder(far)).blocks
     (facts,) = (each for each in blocks if isinstance(each, Facts))
-    assert "other curves may change the names" in dict(facts.rows)["that means"]
+    assert "other curves may give other names" in dict(facts.rows)["that means"]
     (table,) = (each for each in blocks if getattr(each, "caption", "").startswith("Parameters of softening"))
     assert table.header[-1] == "unit"
 

@@ -71,6 +71,7 @@ def test_the_nearest_rival_is_the_one_that_leaves_least():
         ([Score(("time-lag", "creep"), 0.0, 2000.0), Score(("friction", "time-lag"), 0.0, 2500.0)],
          {"softening": "creep"}),
         ([Score(("friction", "time-lag"), 0.0, 2500.0, on_bound=("friction_of_peak",))], {}),
+        ([Score(("friction", "time-lag"), 0.0, 2900.0)], {}),  # by chance
         ([Score(("friction", "time-lag"), 0.0, 3000.0), Score(("friction",), 0.0, 100.0)], {}),
         ([Score(("friction", "creep"), 0.0, 100.0), Score(("friction", "softening", "time-lag"), 0.0, 9.0)], {}),
         ([Score(("softening", "creep"), 0.0, 2500.0), Score(("friction", "time-lag"), 0.0, 2600.0)],

@@ -44,10 +44,11 @@ def test_calibrated_values_far_outside_the_intervals_are_told():
                 for i, each in enumerate(values, 1)}  # fmt: skip
         return apart_from_fits(result, calibration_of(fits))
 
-    assert told((200.0, 5.0), (229.0, 4.3)) == []
-    (line,) = told((231.0, 5.0), (200.0, 4.2))
-    assert line.startswith("d: E_f, E_m of the calibration lie far outside the posterior's intervals")
-    assert told((231.0, 5.0), (200.0, 4.2), determined=()) == []
+    assert told((229.0, 4.3), (229.0, 4.3)) == []
+    (line,) = told((240.0, 4.2), (230.0, 4.1))
+    assert line.startswith("d: calibrated values of E_f, E_m lie far outside the posterior's intervals")
+    assert told((260.0, 9.0), (140.0, 1.0)) == [], "specimens that differ"
+    assert told((240.0, 4.2), (230.0, 4.1), determined=()) == []
     assert apart_from_fits(result, None) == []
 
 
