@@ -81,7 +81,7 @@ class PredictResult(Result):
     """
 
     TASK = "predict"
-    VERSION = 3  # whole curves
+    VERSION = 4  # 3: whole curves; 4: words
 
     probability: Number
     draws: int
