@@ -18,6 +18,7 @@ from sinew.tasks.benchmark.blind import refuse_strange, run_blind
 from sinew.tasks.benchmark.score import Case, Median, Share, class_of, coverage, medians, outcome_of, shares
 from sinew.tasks.benchmark.selectors import Selected, compare
 from sinew.tasks.discover.result import COPY, DiscoverResult
+from sinew.tasks.report.status import is_seconds
 from sinew.tasks.study.files import digest, read_json, write_json, write_text
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.settings_file import as_yaml, from_yaml
@@ -26,7 +27,6 @@ from sinew.tasks.study.workspace import check_folder
 
 STUDY = "configs/discover.yaml"
 LOGGED = "case.json"
-MOST_S = 1e9  # that a case took, by its file
 
 Say = Callable[[str], None]
 
@@ -112,8 +112,7 @@ def run_case(cohort: Path, out: Path, base: dict[str, Any], workers: int | None)
     verdict = out / COPY
     if before.get("inputs") == inputs and codes[-1:] == [method] and before.get("finished") and verdict.is_file():
         took = before.get("seconds")
-        seconds = float(took) if isinstance(took, int | float) and 0 <= took < MOST_S else None
-        return Run(seconds, None, len(codes) > 1)
+        return Run(took if is_seconds(took) else None, None, len(codes) > 1)
     out.mkdir(parents=True, exist_ok=True)
     verdict.unlink(missing_ok=True)
     fresh = not (out / "discover").exists()

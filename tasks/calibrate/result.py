@@ -14,7 +14,6 @@ from sinew.tasks.study.result import OMIT, Number, Result
 
 SEARCHES = frozenset({"bayesian", "hybrid"})
 """The methods that leave a Bayesian search in the store."""
-AT_END = 1e-3  # of a range: how near its end a value counts as there
 
 
 @dataclass(frozen=True)
@@ -222,9 +221,9 @@ class CalibrateResult(Result):
     def often_at_zero(self, name: str) -> bool:
         """Whether a parameter whose range begins at 0 ended there in half of the specimens or more."""
         low, high = self.bounds[self.free.index(name)]
-        fits = [fit for fit in self.specimens.values() if name in fit.determined]
-        near = [fit.parameters[name] - low < AT_END * (high - low) for fit in fits]
-        return low == 0.0 and 2 * sum(near) >= len(self.specimens)
+        fits = [fit for fit in self.specimens.values() if name in fit.determined and name in fit.on_bound]
+        lower = [fit.parameters[name] < (low + high) / 2 for fit in fits]
+        return low == 0.0 and 2 * sum(lower) >= len(self.specimens)
 
 
 RESULT = CalibrateResult

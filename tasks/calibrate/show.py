@@ -54,11 +54,15 @@ def bound_advice(result: CalibrateResult) -> str:
     if not names:
         return ""
     zero = [name for name in names if result.often_at_zero(name)]
-    wider = "Widen it (model.parameters in the study file) where it is a guess; where it is certain, the model lacks "
-    wider += "something."
-    none = f"{', '.join(zero)}: at 0, the end of its range: the fits do without it."
-    advice = " ".join(([wider] if len(zero) < len(names) else []) + ([none] if zero else []))
-    return f"On an end of their range in half of the specimens or more: {', '.join(names)}. {advice}"
+    sentences = [f"On an end of their range in half of the specimens or more: {', '.join(names)}."]
+    if len(zero) < len(names):
+        sentences.append(
+            "Widen it (model.parameters in the study file) where it is a guess; where it is certain, the model lacks "
+            "something."
+        )
+    if zero:
+        sentences.append(f"{', '.join(zero)}: at 0, the end of its range: the fits do without it.")
+    return " ".join(sentences)
 
 
 def searches_table(result: CalibrateResult) -> pd.DataFrame:

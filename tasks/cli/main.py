@@ -55,10 +55,8 @@ def main() -> None:
     except OSError as error:  # a path that the system refuses, of whatever kind; a solver that somebody stopped
         _fail(f"{error.filename}: {of_the_system(error)}" if error.filename else of_the_system(error), 2)
     except MemoryError as error:
-        _fail(
-            f"not enough memory{f' ({one_line(str(error))})' if str(error) else ''}; rows that were evaluated are kept",
-            2,
-        )
+        why = f" ({one_line(str(error))})" if str(error) else ""
+        _fail(f"not enough memory{why}; rows that were evaluated are kept", 2)
     except Exception:
         if interrupts:  # in the midst of an import, for example, Ctrl-C becomes an error of another kind
             _fail(INTERRUPTED, 130)

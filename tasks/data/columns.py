@@ -143,14 +143,14 @@ def partly(
 ) -> tuple[tuple[Column | None, Column | None, Column | None], tuple[str, ...]]:
     """The columns of time, motion and load that can be recognised, and a line on each that cannot.
 
-    A column whose unit only a person can tell has the unit ``""`` and the factor 1. ``only``: the motion must be this.
+    A column whose unit only a person can tell has the unit ``""`` and the factor 1. ``only``: motion or load is this.
     """
     titles = _titles(table)
     named = _named(table, titles)
     found: list[Column | None] = []
     problems = []
     for role in _roles(hints):
-        if only is not None and role.name.startswith("displacement"):
+        if only is not None and only in role.quantities:
             role = replace(role, quantities=(only,))
         try:
             choice = _choose(table, titles, named, role)

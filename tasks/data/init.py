@@ -23,13 +23,12 @@ from sinew.tasks.data.new_study import (
     LeftOut,
     NewSpecimen,
     ReadFile,
-    contradictions,
     describe,
     describe_left_out,
     leave_open,
     write_study,
 )
-from sinew.tasks.data.oddities import odd_tests
+from sinew.tasks.data.oddities import contradictions, odd_tests
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.questions import Doubt, Unclear
 from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings, remarks

@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sinew.tasks.data import units
-from sinew.tasks.data.columns import LIKELY, Column, names_and_units, partly
+from sinew.tasks.data.columns import Column, partly
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, STRAIN, STRESS, Quantity
 from sinew.tasks.data.sizes import LONGEST_MM, SAME, Size
@@ -15,7 +14,8 @@ from sinew.tasks.data.tables import Table
 Array = np.ndarray[Any, np.dtype[Any]]
 NEAR = 0.05  # by how much a length and the one that strains imply may differ
 LARGEST = 1e30  # of a number that is compared: what is larger stands for none
-ON_A_LINE = 0.99  # the correlation of displacements and strains of the same motion
+ON_A_LINE = 0.99  # the correlation of two columns that tell the same
+FEWEST = 3  # rows of a line
 
 
 def length_beside(table: Table, displacement_mm: Array, first: int = 0) -> Size | None:
@@ -23,8 +23,8 @@ def length_beside(table: Table, displacement_mm: Array, first: int = 0) -> Size 
 
     ``first``: the row of the table in which the displacement begins.
     """
-    lengths = partly(table, Hints(), only=LENGTH)[0][1]
-    if lengths is None or not lengths.unit or not displacement_mm.size:
+    lengths = _column_of(table, LENGTH)
+    if lengths is None or not displacement_mm.size:
         return None
     at_rest = numbers_of(table, lengths, range(first, first + displacement_mm.size)) - displacement_mm
     if not np.ptp(at_rest) <= SAME * abs(at_rest[0]) or at_rest[0] <= 0.0:
@@ -41,15 +41,11 @@ def length_by_strain(table: Table, rows: range, moved: Column) -> tuple[float, s
 
     Some machines write the distance of the grips above the table, and strains of another length.
     """
-    strains = partly(table, Hints(), only=STRAIN)[0][1]
-    if moved.quantity is not DISPLACEMENT or not moved.unit or strains is None or not strains.unit:
+    strains = _column_of(table, STRAIN)
+    if moved.quantity is not DISPLACEMENT or not moved.unit or strains is None:
         return None
-    both = np.column_stack([numbers_of(table, moved, rows), numbers_of(table, strains, rows)])
-    both = both[(np.abs(both) < LARGEST).all(axis=1)]
-    if len(both) < 3 or not np.ptp(both, axis=0).all():
-        return None
-    slope, correlation = np.polyfit(both[:, 1], both[:, 0], 1)[0], np.corrcoef(both.T)[0, 1]
-    return (float(slope), strains.title) if correlation > ON_A_LINE and slope < LONGEST_MM else None
+    slope = _slope(table, rows, moved, strains)
+    return (slope, strains.title) if slope is not None and slope < LONGEST_MM else None
 
 
 def contradiction(table: Table, rows: range, moved: Column, length_mm: float) -> str:
@@ -61,7 +57,7 @@ def contradiction(table: Table, rows: range, moved: Column, length_mm: float) ->
 
 
 @dataclass(frozen=True)
-class Beside:
+class Repeats:
     """What a table says once more: how far the ``strain`` goes, and the ``area_mm2`` that force and stress tell.
 
     Each with the title of its column; None where there is none.
@@ -71,33 +67,35 @@ class Beside:
     area_mm2: tuple[str, float] | None = None
 
 
-def beside(table: Table, rows: range, moved: Column, load: Column) -> Beside:
+def repeats_of(table: Table, rows: range, moved: Column, load: Column) -> Repeats:
     """What strains and stresses beside a displacement and a force say."""
     strain = area = None
-    found = _column_of(table, STRAIN)
-    if moved.quantity is DISPLACEMENT and found is not None and found.place != moved.place:
-        strains = numbers_of(table, found, rows)
-        strains = strains[np.abs(strains) < LARGEST]
-        if strains.size and np.ptp(strains) > 0.0:
-            strain = (found.title, float(np.ptp(strains)))
-    found = _column_of(table, STRESS)
-    if load.quantity is FORCE and load.unit and found is not None and found.place != load.place:
-        both = np.column_stack([numbers_of(table, load, rows), numbers_of(table, found, rows)])
-        both = both[(np.abs(both) < LARGEST).all(axis=1)]
-        if len(both) >= 3 and np.ptp(both, axis=0).all():
-            slope, correlation = np.polyfit(both[:, 1], both[:, 0], 1)[0], np.corrcoef(both.T)[0, 1]
-            area = (found.title, float(slope)) if correlation > ON_A_LINE else None
-    return Beside(strain, area)
+    strains, stresses = (_column_of(table, each) for each in (STRAIN, STRESS))
+    if moved.quantity is DISPLACEMENT and strains is not None and strains.place != moved.place:
+        numbers = numbers_of(table, strains, rows)
+        numbers = numbers[np.abs(numbers) < LARGEST]
+        if numbers.size and np.ptp(numbers) > 0.0:
+            strain = (strains.title, float(np.ptp(numbers)))
+    if load.quantity is FORCE and load.unit and stresses is not None and stresses.place != load.place:
+        slope = _slope(table, rows, load, stresses)
+        area = None if slope is None else (stresses.title, slope)
+    return Repeats(strain, area)
 
 
 def _column_of(table: Table, quantity: Quantity) -> Column | None:
-    """The first column with a title and a unit of a quantity."""
-    titles, named = names_and_units(table)
-    for place, (name, unit) in enumerate(named):
-        factor = units.factor(quantity.units, unit) if unit else None
-        if name in quantity.titles and factor is not None:
-            return Column(quantity, place, titles[place], unit, factor, LIKELY)
-    return None
+    """The column of a quantity, if it has a unit."""
+    columns, _ = partly(table, Hints(), only=quantity)
+    return next((one for one in columns if one is not None and one.quantity is quantity and one.unit), None)
+
+
+def _slope(table: Table, rows: range, column: Column, over: Column) -> float | None:
+    """By how much a column grows for each unit of another; None where the two are not on one rising line."""
+    both = np.column_stack([numbers_of(table, column, rows), numbers_of(table, over, rows)])
+    both = both[(np.abs(both) < LARGEST).all(axis=1)]
+    if len(both) < FEWEST or not np.ptp(both, axis=0).all():
+        return None
+    slope, correlation = np.polyfit(both[:, 1], both[:, 0], 1)[0], np.corrcoef(both.T)[0, 1]
+    return float(slope) if correlation > ON_A_LINE else None
 
 
 def numbers_of(table: Table, column: Column, rows: range) -> Array:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-import numpy as np
 from jinja2.sandbox import SandboxedEnvironment
 
 from sinew.runner.errors import one_line
@@ -27,7 +26,6 @@ from sinew.tasks.study.study import read_study
 LeftOut = tuple[Path, str]  # a file, and why it is not used
 IMPLAUSIBLE_STRAIN = 500.0  # %
 LISTED = 20  # files that are left out and named
-OFF, FAR = 0.05, 0.2  # how much a cross-section, and a strain, that a file tells twice may differ
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,30 +111,6 @@ def describe(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
             if test.recording.left_out:
                 yield one_line(f"    left out: {', '.join(test.recording.left_out[:20])}")
         yield from (one_line(f"    {note}") for note in new.notes)
-
-
-def contradictions(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
-    """A line for each test whose own strains or stresses do not go with the sizes of its specimen."""
-    for new in specimens:
-        one = new.specimen
-        for test, curve in zip(new.tests, one.curves, strict=True):
-            said, where = test.recording.beside, f"look at {one.name}, {curve.name}"
-            if said.area_mm2 is not None and not {"width", "thickness"} & set(new.missing):
-                title, area = said.area_mm2
-                known = one.width_mm * one.thickness_mm
-                if abs(area - known) > OFF * known:
-                    yield one_line(
-                        f"{where}: force over '{title}' is {number(area)} mm2, but width x thickness is "
-                        f"{number(known)} mm2; which is the cross-section?"
-                    )
-            if said.strain is not None and "length" not in new.missing:
-                title, strain = said.strain
-                moved = float(np.ptp(curve.protocol.displacement_mm)) / one.length_mm
-                if not 1.0 - FAR < moved / strain < 1.0 + FAR:
-                    yield one_line(
-                        f"{where}: '{title}' comes to {number(100 * strain)} %, the displacement to "
-                        f"{number(100 * moved)} % of the length; which is the strain of the specimen?"
-                    )
 
 
 def describe_left_out(files: Sequence[LeftOut]) -> Iterator[str]:

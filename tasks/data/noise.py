@@ -9,10 +9,12 @@ noise is correlated over many points or a phase has few of them.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy import sparse
 
+from sinew.runner.errors import BadInput
 from sinew.tasks.model import Curve
 from sinew.tasks.model.phases import Phase, phases
 from sinew.tasks.simulate import Array
@@ -71,6 +73,12 @@ class _Piece:
     time: Array
 
 
+def refuse_none(noise: Noise, where: Path) -> None:
+    """Raises :class:`BadInput` for curves in which no noise can be seen: misfit is told in times of it."""
+    if not noise.sd_N > 0:
+        raise BadInput(where, "no noise can be seen in its curves", "measured curves")
+
+
 def noise_of(curve: Curve, beside: Sequence[Curve] = ()) -> Noise:
     """The noise of one curve, of one level at every force.
 
@@ -105,11 +113,11 @@ def noise_of_each(groups: Sequence[Sequence[Curve]]) -> list[Noise]:
     pieces = [_chosen(curves) for curves in groups]
     if any(sum(p.force.size - p.splines.shape[1] for p in each) < FEWEST_POINTS for each in pieces):
         return [noise_of_all(curves, proportional=False) for curves in groups]
-    rough = [each for each in pieces if not _smooth(each)]
-    r, growths = _correlation_and_growth(rough, proportional=True) if rough else (0.0, [])
-    levels = [_restricted(each, r, growth)[1] for each, growth in zip(rough, growths, strict=True)]
-    found = iter([Noise(sd, r, sd * growth) for sd, growth in zip(levels, growths, strict=True)])
-    return [Noise(0.0, 0.0) if _smooth(each) else next(found) for each in pieces]
+    rough = {number: each for number, each in enumerate(pieces) if not _smooth(each)}
+    r, growths = _correlation_and_growth(list(rough.values()), proportional=True) if rough else (0.0, [])
+    levels = [_restricted(each, r, growth)[1] for each, growth in zip(rough.values(), growths, strict=True)]
+    found = {number: Noise(sd, r, sd * growth) for number, sd, growth in zip(rough, levels, growths, strict=True)}
+    return [found.get(number, Noise(0.0, 0.0)) for number in range(len(pieces))]
 
 
 def _smooth(pieces: Sequence[_Piece]) -> bool:

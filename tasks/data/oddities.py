@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from sinew.runner.errors import one_line
+from sinew.tasks.data.new_study import NewSpecimen
 from sinew.tasks.drawing.blocks import number
 from sinew.tasks.model import Curve, Specimen
 from sinew.tasks.model.phases import phases
@@ -17,6 +18,7 @@ LARGEST_START = 0.05  # of the peak force: a force at rest that is larger is an 
 BREAK, WITHIN = 0.25, (0.005, 0.05)  # the part of the peak force that is lost over this part of the displacement
 MOST_POINTS = 1000  # among which a break is looked for
 SPIKE = 3  # points, of which one alone is no peak
+OFF, FAR = 0.05, 0.2  # how much a cross-section, and a strain, that a file tells twice may differ
 MOST_TIMES = 30.0  # between the peak stresses of specimens of one kind in the same test
 
 
@@ -88,3 +90,27 @@ def odd_tests(specimens: Sequence[Specimen]) -> Iterator[str]:
                 f"look at {protocol}: a peak of {number(found[high])} MPa in {high}, but {number(found[low])} MPa in "
                 f"{low}; are the units of force and size the same?"
             )
+
+
+def contradictions(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
+    """A line for each test whose own strains or stresses do not go with the sizes of its specimen."""
+    for new in specimens:
+        one = new.specimen
+        for test, curve in zip(new.tests, one.curves, strict=True):
+            said, where = test.recording.repeats, f"look at {one.name}, {curve.name}"
+            if said.area_mm2 is not None and not {"width", "thickness"} & set(new.missing):
+                title, area = said.area_mm2
+                known = one.width_mm * one.thickness_mm
+                if abs(area - known) > OFF * known:
+                    yield one_line(
+                        f"{where}: force over '{title}' is {number(area)} mm2, but width x thickness is "
+                        f"{number(known)} mm2; which is the cross-section?"
+                    )
+            if said.strain is not None and "length" not in new.missing:
+                title, strain = said.strain
+                moved = float(np.ptp(curve.protocol.displacement_mm)) / one.length_mm
+                if not 1.0 - FAR < moved / strain < 1.0 + FAR:
+                    yield one_line(
+                        f"{where}: '{title}' comes to {number(100 * strain)} %, the displacement to "
+                        f"{number(100 * moved)} % of the length; which is the strain of the specimen?"
+                    )

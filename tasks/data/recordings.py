@@ -12,8 +12,7 @@ from sinew.tasks.data.columns import LIKELY, NOWHERE, Column, NoColumn, alike_pl
 from sinew.tasks.data.further import Kept, kept
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.length_columns import Beside, contradiction, length_beside
-from sinew.tasks.data.length_columns import beside as said_beside
+from sinew.tasks.data.length_columns import Repeats, contradiction, length_beside, repeats_of
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.questions import Doubt
 from sinew.tasks.data.several import (
@@ -52,7 +51,7 @@ class Recording:
     the test if its file holds several. ``notes``: what a person should know of how it was read. ``remedy``: what may
     help if times do not increase. ``doubts``: what may be meant otherwise. ``further``: columns that are kept beside
     the force. ``lengths``: the gauge lengths at the two zeros of a displacement that is set to zero again.
-    ``beside``: what strains and stresses in the same table say.
+    ``repeats``: what strains and stresses in the same table say.
     """
 
     path: Path
@@ -68,7 +67,7 @@ class Recording:
     doubts: tuple[Doubt, ...] = ()
     further: Kept = field(default_factory=Kept)
     lengths: tuple[Size | None, Size | None] = (None, None)
-    beside: Beside = field(default_factory=Beside)
+    repeats: Repeats = field(default_factory=Repeats)
 
     @property
     def motion(self) -> Column:
@@ -173,7 +172,7 @@ def _joined(tests: Sequence[Recording]) -> Recording:
     }
     further = replace(next((test.further for test in tests if test.further.values), Kept()), values=values)
     notes = (*tests[0].notes, note)
-    return replace(tests[0], numbers=numbers, rows=rows, notes=notes, further=further, beside=Beside())
+    return replace(tests[0], numbers=numbers, rows=rows, notes=notes, further=further, repeats=Repeats())
 
 
 def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Recording]:
@@ -245,7 +244,7 @@ def _recording(
         "" if apart is None or not back else f", or {apart.option} {shown(apart.title)}, which changes there",
         further=further,
         lengths=lengths,
-        beside=said_beside(table, range(block.start, block.end), *columns[1:]) if beside == 1 else Beside(),
+        repeats=repeats_of(table, range(block.start, block.end), *columns[1:]) if beside == 1 else Repeats(),
     )
 
 

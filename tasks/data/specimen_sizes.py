@@ -179,12 +179,12 @@ def ask_for_sizes(known: Mapping[str, Known], ask: Ask) -> dict[str, Known]:
             proposed = known[specimen].proposed.get(size)
             answer = _answer(size, left[size], proposed, ask, can_be_round=can_be_round)
             those = list(left[size]) if answer.for_all else [specimen]
-            if answer.is_diameter:
-                those = [each for each in those if each in left["thickness"]]
-            for told in (size, "thickness") if answer.is_diameter else (size,):
-                for each in (one for one in those if one in left[told]):
-                    found[each][told] = answer.mm
-                left[told] = [one for one in left[told] if one not in those]
+            told = (size, "thickness") if answer.is_diameter else (size,)
+            those = [one for one in those if all(one in left[each] for each in told)]
+            for each in told:
+                for one in those:
+                    found[one][each] = answer.mm
+                left[each] = [one for one in left[each] if one not in those]
     return {specimen: known[specimen].answered(mm) for specimen, mm in found.items()}
 
 

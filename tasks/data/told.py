@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.length_columns import Beside
+from sinew.tasks.data.length_columns import Repeats
 from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.recordings import Recording
 from sinew.tasks.data.signs import counted, doubts, new_zero
@@ -59,6 +59,6 @@ def _from_row(recording: Recording, first: int) -> Recording:
         rows=recording.rows[first:],
         notes=(*recording.notes, note),
         further=replace(recording.further, values=values),
-        beside=Beside(),
+        repeats=Repeats(),
         sizes={**recording.sizes, **length},
     )

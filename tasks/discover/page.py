@@ -13,6 +13,7 @@ from sinew.tasks.discover.judge.confidence import in_words
 from sinew.tasks.discover.result import CandidateResult, DiscoverResult, Estimate
 from sinew.tasks.discover.show import (
     UNLIKELY,
+    clipped,
     held_out,
     in_one_sentence,
     noise_words,
@@ -238,18 +239,14 @@ def _stack(result: DiscoverResult) -> Plots:
 def _parts(result: DiscoverResult) -> Table:
     """The effects that were fitted together, and why some of them are not certain."""
     rows = [
-        [one.effect, _share(one.share), " to ".join(map(_share, one.interval)), number(one.evidence),
+        [one.effect, percent(clipped(one.share), 1), " to ".join(percent(clipped(end), 1) for end in one.interval),
+         number(one.evidence),
          number(one.ratio, 2), _in_place(one), standing(one, result)]
         for one in result.parts
     ]  # fmt: skip
     caption = "Effects fitted together: the part of the misfit that would be left in addition without each"
     header = ["effect", "misfit", "90 % interval", "evidence", "without it, times", "best in its place", ""]
     return Table(caption, header, rows, words=(5, 6))
-
-
-def _share(value: float) -> str:
-    """A part of the misfit; what is less than nothing or more than all of it comes from noise."""
-    return percent(min(max(value, 0.0), 1.0), 1)
 
 
 def _in_place(part: Part) -> str:

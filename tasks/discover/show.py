@@ -39,7 +39,7 @@ def in_one_sentence(result: DiscoverResult) -> str:
         return ""
     names = [effect.replace("-", " ") for effect in result.effects]
     who = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names).capitalize()
-    low, high = (100.0 * min(max(1.0 - end, 0.0), 1.0) for end in reversed(left.interval))
+    low, high = (100.0 * clipped(1.0 - end) for end in reversed(left.interval))
     said = f"{who} {'explain' if len(names) > 1 else 'explains'} {percent(min(1.0 - left.share, 1.0))} of the misfit"
     said += f" ({low:.0f} to {high:.0f} %)"
     if not left.beyond_noise:
@@ -54,6 +54,11 @@ def in_one_sentence(result: DiscoverResult) -> str:
         times = f"{times_the_noise(result):.0f} times the noise"
         said += f" That is {times}: the names describe these curves, and others may change them."
     return said
+
+
+def clipped(share: float) -> float:
+    """A part of the misfit; what is less than nothing or more than all of it comes from noise."""
+    return min(max(share, 0.0), 1.0)
 
 
 def times_the_noise(result: DiscoverResult) -> float:
@@ -82,7 +87,7 @@ def of_the_law(result: DiscoverResult) -> str:
     if law is None:
         return ""
     what = "what the named effects leave" if law.beside else "the misfit"
-    low, high = (100.0 * min(max(end, 0.0), 1.0) for end in law.interval)
+    low, high = (100.0 * clipped(end) for end in law.interval)
     said = f"{'A law describes' if len(law.names) == 1 else 'Two laws describe'} {what}: {'; '.join(law.equations)}. "
     said += f"{'It takes' if len(law.names) == 1 else 'They take'} away {percent(min(law.share, 1.0))} of the misfit "
     said += f"({low:.0f} to {high:.0f} %)"
@@ -95,7 +100,7 @@ def of_the_law(result: DiscoverResult) -> str:
 def stack_of(result: DiscoverResult) -> pd.DataFrame:
     """The misfit as a stack: what only one of the named effects explains, what any of several do, and what is left."""
     assert result.remainder is not None
-    left = min(max(result.remainder.share, 0.0), 1.0)
+    left = clipped(result.remainder.share)
     alone = {one.effect: max(one.share, 0.0) for one in result.parts if one.effect in result.effects}
     if len(result.effects) == 1:
         alone = {result.effects[0]: 1.0 - left}

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation.adaptive import Session
+from sinew.tasks.data.noise import refuse_none
 from sinew.tasks.discover.after.added import checks, study_with
 from sinew.tasks.discover.after.curves import simulated, stored_as
 from sinew.tasks.discover.after.estimates import candidate_result
@@ -211,8 +212,7 @@ def _ready(workspace: Workspace, settings: Settings, specimens: Sequence[Specime
         expected = "effects with a FEBio partial (docs/effects.md), or simulator: uniaxial"
         raise BadInput(f"{study.path}: discover.effects", f"{', '.join(missing)}: not in FEBio", expected)
     for one in cohort:
-        if not one.measured.noise.sd_N > 0:
-            raise BadInput(workspace.cohort.folder / one.name, "no noise can be seen in its curves", "measured curves")
+        refuse_none(one.measured.noise, workspace.cohort.folder / one.name)
     return cohort
 
 

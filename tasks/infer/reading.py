@@ -8,10 +8,10 @@ import xarray as xr
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.sites import site_of
+from sinew.tasks.data.text import HUGE
 from sinew.tasks.infer.result import InferResult, LikelihoodResult, Posteriors, particles_group, read_posteriors
 from sinew.tasks.study.workspace import Workspace
 
-LARGEST = 1e100  # of a parameter: squares and their sums stay finite
 MOST_BYTES = 2**29  # of the draws of all sites together
 ROUNDING = 1e-6  # of a sum of weights
 
@@ -90,5 +90,5 @@ def draws_of_sites(workspace: Workspace, inferred: Posteriors) -> dict[str, xr.D
 def _check(site: str, kept: xr.Dataset, names: tuple[str, ...]) -> None:
     """Raises ``ValueError`` for numbers that are none, or beyond all bounds."""
     for name in names:
-        if not (np.abs(kept[name].to_numpy()) < LARGEST).all():
+        if not (np.abs(kept[name].to_numpy()) < HUGE).all():
             raise ValueError(f"{site}: {name} holds something that is no number")

@@ -4,7 +4,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from rich.table import Table as Grid
@@ -205,9 +205,13 @@ def logged_tasks(folder: Path) -> dict[str, Any]:
             tasks[task] = {"state": FAILED, "reason": brief(one_line(str(event.get("reason", ""))))}
         elif task in TASKS and message == "task finished":
             seconds = event.get("seconds")
-            usable = isinstance(seconds, int | float) and 0 <= seconds < MOST_S
-            tasks[task] = {"state": FINISHED} | ({"seconds": seconds} if usable else {})
+            tasks[task] = {"state": FINISHED} | ({"seconds": seconds} if is_seconds(seconds) else {})
     return tasks
+
+
+def is_seconds(value: Any) -> TypeGuard[float]:
+    """Whether a value from a file, which may say anything, can be what something took."""
+    return isinstance(value, int | float) and 0 <= value < MOST_S
 
 
 def print_status(found: dict[str, Any]) -> None:
@@ -251,7 +255,7 @@ def left_of_run(progress: dict[str, Any]) -> float | None:
     expected, tasks, now = (progress.get(name) for name in ("expected_s", "tasks", "task"))
     if not isinstance(expected, dict) or not isinstance(tasks, dict) or not isinstance(now, str):
         return None
-    seconds = {n: float(s) for n, s in expected.items() if isinstance(s, int | float) and 0 <= s < MOST_S}
+    seconds = {n: float(s) for n, s in expected.items() if is_seconds(s)}
     since = progress.get("task_since")
     usable = isinstance(since, int | float) and 0 <= since <= progress["time"]
     elapsed = progress["time"] - since if usable else 0.0

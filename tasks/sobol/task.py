@@ -62,10 +62,11 @@ def run(workspace: Workspace, settings: Settings, *, extend: bool = False) -> So
     """Sobol indices of the study; ``extend`` doubles the base samples of the last result."""
     if settings.method == "surrogate":
         return _by_surrogate(workspace, settings)
-    base = _base_samples(workspace, settings, extend=extend)
+    previous = _extended(workspace) if extend else None
+    base = base_of(settings, settings.count(workspace.model)) if previous is None else 2 * previous.base_samples
     if not extend and settings.points is not None:
         _say_size(workspace, settings, base)
-    scrambles = _scrambles(workspace, settings, base, extend=extend)
+    scrambles = scrambles_of(base, settings.scrambles) if previous is None else previous.scrambles
     design = saltelli(workspace.model, base, settings.second_order, workspace.seed, scrambles, settings.inputs)
     drawn = digest(design.rows)
     specimens = workspace.specimens(settings.specimens, "sobol.specimens")
@@ -156,19 +157,11 @@ def _known(
     return inputs, cached(workspace, SobolResult, inputs, ["sobol", *map(_course_name, planned)])
 
 
-def _base_samples(workspace: Workspace, settings: Settings, *, extend: bool) -> int:
-    if extend:
-        return 2 * _extended(workspace).base_samples
-    return base_of(settings, settings.count(workspace.model))
-
-
-def _scrambles(workspace: Workspace, settings: Settings, base: int, *, extend: bool) -> int:
-    """How many sequences there are; a design that is extended keeps those that it has."""
-    return _extended(workspace).scrambles if extend else scrambles_of(base, settings.scrambles)
-
-
 def _extended(workspace: Workspace) -> SobolResult:
-    """The study that is extended. Raises :class:`BadInput` for a design that this program does not draw."""
+    """The result that is extended; its sequences are kept.
+
+    Raises :class:`BadInput` for a design that this program does not draw.
+    """
     previous = SobolResult.read(workspace.out)
     assert previous is not None, "checked before the store was opened"
     if not previous.has_design:

@@ -224,7 +224,7 @@ def _rivals(search: _Search, chosen: Effects, form: Effect) -> list[Rival]:
     """
     others = _others(chosen, form)
     there = {one.slug for one in chosen}
-    before = [effects for effects in search.known if effects[:-1] == others and effects[-1:]]
+    before = [effects for effects in search.known if effects and effects[:-1] == others]
     starts = {
         effects: begins
         for effects, begins in search.promising(others, RIVALS + 2, each_slug=1).items()

@@ -10,7 +10,7 @@ from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plot, Plots, Section, Table, Words, number, percent, plural
 from sinew.tasks.infer.abc.figures import density
 from sinew.tasks.infer.abc.result import ENOUGH, AbcResult, particles_group
-from sinew.tasks.infer.abc.show import apart_from_fits, beyond_ranges, too_short
+from sinew.tasks.infer.abc.show import apart_from_fits, beyond_ranges, sizes, too_short
 from sinew.tasks.report.folder import ResultFolder, read_results
 
 NAME, TITLE = "posterior", "Posterior"
@@ -43,7 +43,7 @@ def section(folder: ResultFolder, result: AbcResult) -> Section:
         NAME, TITLE, QUESTION, blocks,
         found=f"{plural(len(sites), 'site')}; posteriors are {_narrowed(result)} the priors (median); "
         f"last thresholds: {ends}",
-        sure=f"effective sample size {result.sizes()} particles",
+        sure=f"effective sample size {sizes(result)} particles",
         failed=", ".join(
             ([f"worth few particles: {', '.join(result.few)}"] if result.few else [])
             + ([f"{plural(len(beyond), 'interval')} beyond the study's ranges"] if beyond else [])

@@ -124,12 +124,6 @@ class AbcResult(Result):
             if self.ess is not None and not one.has_few and one.effective_sample_size < NEARLY * self.ess
         ]
 
-    def sizes(self) -> str:
-        """The effective sample size of each site, and of how many particles it is."""
-        return ", ".join(
-            f"{site} {one.effective_sample_size:.0f} of {one.particles:,}" for site, one in self.sites.items()
-        )
-
     def beyond(self, free: Sequence[str], bounds: Sequence[tuple[float, float]]) -> list[str]:
         """A sentence for each posterior whose interval leaves the study's range ``bounds`` of a ``free`` parameter."""
         ranges = dict(zip(free, bounds, strict=True))

@@ -34,7 +34,13 @@ def table(result: AbcResult) -> pd.DataFrame:
 
 def headline(result: AbcResult) -> str:
     """What came out, in one line."""
-    return f"effective sample sizes: {result.sizes()} particles"
+    return f"effective sample sizes: {sizes(result)} particles"
+
+
+def sizes(result: AbcResult) -> str:
+    """The effective sample size of each site, and of how many particles it is."""
+    sites = result.sites.items()
+    return ", ".join(f"{site} {one.effective_sample_size:.0f} of {one.particles:,}" for site, one in sites)
 
 
 def beyond_ranges(result: AbcResult, calibration: CalibrateResult | None) -> list[str]:
@@ -84,9 +90,8 @@ def summary(result: AbcResult, folder: Path, console: Console) -> None:
         cells = (f"{m.mean:.4g} ± {m.sd:.3g} ({m.hdi[0]:.4g}, {m.hdi[1]:.4g})" for m in marginals)
         grid.add_row(name, *cells)
     console.print(grid)
-    for remark in beyond_ranges(result, CalibrateResult.read(folder)):
-        console.print(remark)
-    for remark in apart_from_fits(result, CalibrateResult.read(folder)):
+    calibration = CalibrateResult.read(folder)
+    for remark in (*beyond_ranges(result, calibration), *apart_from_fits(result, calibration)):
         console.print(remark)
     for site, posterior in result.sites.items():
         console.print(

@@ -14,7 +14,7 @@ from typing import Generic, TypeVar
 
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
-from sinew.tasks.data.noise import noise_of_each
+from sinew.tasks.data.noise import noise_of_each, refuse_none
 from sinew.tasks.data.sites import by_site
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.infer.likelihood import files
@@ -110,8 +110,7 @@ def _targets(workspace: Workspace, specimens: Sequence[Specimen]) -> tuple[dict[
     noise = noise_of_each([one.curves for one in specimens])
     free = workspace.model.free
     for one, level in zip(specimens, noise, strict=True):
-        if not level.sd_N > 0:
-            raise BadInput(workspace.cohort.folder / one.name, "no noise can be seen in its curves", "measured curves")
+        refuse_none(level, workspace.cohort.folder / one.name)
     every = [
         Target(workspace.model, free, workspace.simulator, Measured(one, level))
         for one, level in zip(specimens, noise, strict=True)

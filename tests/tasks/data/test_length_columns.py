@@ -18,7 +18,7 @@ def written(folder, titles=TITLES, stress=1 / 29):
 
 
 def test_strains_and_stresses_are_kept_as_what_they_say_of_sizes(tmp_path):
-    said = read_recordings(written(tmp_path), Hints())[0].beside
+    said = read_recordings(written(tmp_path), Hints())[0].repeats
     assert said.strain == ("Tensile strain (%)", pytest.approx(0.058))
     assert said.area_mm2 == ("Tensile stress (MPa)", pytest.approx(29.0, rel=1e-4))
 
@@ -28,7 +28,7 @@ NO_UNITS = TITLES.replace(" (%)", "").replace(" (MPa)", "")
 
 @pytest.mark.parametrize("titles", [NO_UNITS, "Time (s),Displacement (mm),Load (N),a,b"])
 def test_columns_without_a_unit_say_nothing(tmp_path, titles):
-    said = read_recordings(written(tmp_path, titles), Hints())[0].beside
+    said = read_recordings(written(tmp_path, titles), Hints())[0].repeats
     assert (said.strain, said.area_mm2) == (None, None)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from sinew.tasks.infer.abc.result import AbcResult, GenerationCounts, draws
-from sinew.tasks.infer.abc.show import apart_from_fits, too_short
+from sinew.tasks.infer.abc.show import apart_from_fits, sizes, too_short
 from tests.tasks.calibrations import calibration_of, fit_of
 from tests.tasks.posteriors import posterior_of
 
@@ -29,7 +29,7 @@ def test_particles_worth_less_than_was_asked_for_are_told():
     one = replace(posterior_of(["d/1"], ["E_f"], [200.0]), effective_sample_size=154.0, generations=counts)
     result = AbcResult("store", ["E_f"], ["MPa"], [""], False, "ranges", 300, 0.95, {"d": one}, "known", ess=400)
     assert too_short(result).startswith("d: the particles are worth fewer of equal weight than the 400 that infer.ess")
-    assert result.sizes() == "d 154 of 250"
+    assert sizes(result) == "d 154 of 250"
     for enough in (replace(result, ess=100), replace(result, ess=None)):
         assert too_short(enough) == ""
     assert replace(result, sites={"d": replace(one, effective_sample_size=50.0)}).few == ["d"]
