@@ -515,7 +515,7 @@ def test_links_in_cases_and_results_are_refused(tmp_path, place):
     assert not list((tmp_path / "elsewhere").iterdir())
 
 
-@pytest.mark.parametrize("seconds", ['"abc"', "[1]", "null"])
+@pytest.mark.parametrize("seconds", ['"abc"', "[1]", "null", "-1", "NaN", "1e12", f"1{'0' * 400}"])
 def test_what_another_run_noted_is_not_believed(tmp_path, seconds, monkeypatch):
     folder = case_folder(tmp_path)
     monkeypatch.setattr(discover, "run_blind", lambda *_: None)

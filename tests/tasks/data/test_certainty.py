@@ -44,6 +44,17 @@ def test_likely_columns_are_confirmed_once_and_need_no_answer_next_time(tmp_path
     assert read_answers(tmp_path / "again" / "answers.yaml").confirmed == kept.confirmed
 
 
+def test_a_likely_column_is_asked_about_with_those_that_are_not_used(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(
+        "time_s,Deformation_mm,force_N,Camera,Valve\n" + "".join(f"{i},{i / 20},{i},0,1\n" for i in range(6))
+    )
+    asked = []
+    with pytest.raises(BadInput):
+        init([path], tmp_path / "out", ask=lambda question, _: asked.append(question) or "no", sizes=BAR)
+    assert "is likely, not certain (not used: 'Camera', 'Valve'); is it right?" in asked[0]
+
+
 def test_a_column_that_is_not_right_is_refused(tmp_path):
     path = written(tmp_path / "a.csv", header="time_s,Deformation_mm,force_N,Camera")
     first, *rest = path.read_text().splitlines()

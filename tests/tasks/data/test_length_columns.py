@@ -4,8 +4,10 @@ import pytest
 
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.init import init
+from sinew.tasks.data.length_columns import Repeats
 from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.specimen_sizes import Sizes
+from sinew.tasks.data.told import as_told
 
 TITLES = "Time (s),Displacement (mm),Load (N),Tensile strain (%),Tensile stress (MPa)"
 
@@ -46,3 +48,24 @@ def test_sizes_that_a_file_contradicts_are_told(tmp_path):
 
 
 CHOSEN = Hints(displacement_column="Displacement (mm)")
+
+
+def test_what_a_table_says_of_all_rows_is_not_of_some_of_them(tmp_path):
+    """Of rows after a preload, and of tables whose times go on."""
+    path = tmp_path / "a.csv"
+    rows = [f"{i},{(i if i < 30 else i - 30) / 10},{5 * i},{i / 5},{i}\n" for i in range(60)]
+    path.write_text(f"{TITLES}\n{''.join(rows[:30])}{''.join(row for row in rows[30:])}")
+    (whole,) = read_recordings(path, Hints())
+    assert whole.repeats.strain is not None
+    assert as_told(whole, Hints(preload="leave-out")).repeats == Repeats()
+    path.write_text(f"{TITLES}\n{''.join(rows[:30])}\n{TITLES}\n{''.join(rows[30:])}")
+    (joined,) = read_recordings(path, Hints())
+    assert len(joined.rows) == 60
+    assert joined.repeats == Repeats()
+
+
+def test_columns_of_tests_beside_each_other_are_not_left_out(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Time (s),Disp (mm),Load (N),Camera,Time (s),Disp (mm),Load (N)\n"
+                    + "".join(f"{i},{i / 10},{5 * i},1,{i},{i / 5},{6 * i}\n" for i in range(9)))  # fmt: skip
+    assert [one.left_out for one in read_recordings(path, Hints())] == [("Camera",), ("Camera",)]

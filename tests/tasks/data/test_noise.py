@@ -1,9 +1,12 @@
 """Noise of known level and correlation is found again, on top of signals that move, hold and cycle."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from sinew.tasks.data.noise import MOST_SPLINES, Noise, _pieces, noise_of, noise_of_all, noise_of_each
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.noise import MOST_SPLINES, Noise, _pieces, noise_of, noise_of_all, noise_of_each, refuse_none
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Curve, Protocol
 
@@ -108,6 +111,13 @@ def test_forces_of_nothing_but_zeros_have_no_noise():
     assert noise_of_each([rough[0], [nothing], rough[1]]) == [
         *noise_of_each(rough)[:1], Noise(0.0, 0.0), *noise_of_each(rough)[1:]
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("sd_N", [0.0, np.nan])
+def test_curves_without_noise_are_refused_where_misfit_is_told_in_times_of_it(sd_N):
+    with pytest.raises(BadInput, match="a/1: no noise can be seen in its curves"):
+        refuse_none(Noise(sd_N, 0.0), Path("a/1"))
+    refuse_none(Noise(1e-9, 0.0), Path("a/1"))
 
 
 def test_a_long_ramp_has_no_more_splines_than_a_computer_solves():

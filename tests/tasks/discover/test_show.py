@@ -118,6 +118,15 @@ def test_names_of_a_model_that_leaves_far_more_than_noise_are_of_these_curves_on
     assert table.header[-1] == "unit"
 
 
+def test_the_summary_tells_the_bounds_of_the_candidate_that_the_verdict_is_about():
+    first = replace(candidate("friction", loss=1100.0), on_bound=("friction_of_peak",))
+    second = replace(candidate("softening", loss=1200.0), on_bound=("softening_rest",))
+    assert section(Folder(replace(partly("softening"), candidates=(first, second)))).failed == (
+        "on a bound: softening_rest"
+    )
+    assert section(Folder(replace(partly("softening"), candidates=(first,)))).failed == ""
+
+
 def test_the_page_begins_with_the_sentence():
     shown = section(Folder(partly("softening", "toe-slack")))
     assert shown.blocks[0].text.startswith("Softening and toe slack explain")
