@@ -76,7 +76,7 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
 @click.option("--length-mm", type=float, help="Gauge length, where files do not say.")
 @click.option("--width-mm", type=float, help="Width, where files do not say.")
 @click.option("--thickness-mm", type=float, help="Thickness, where files do not say.")
-@click.option("--diameter-mm", type=float, help="Of a round specimen, in place of width and thickness.")
+@click.option("--diameter-mm", type=float, help="Diameter of a round specimen, instead of width and thickness.")
 @click.option("--override", is_flag=True, help="Use these sizes also where files tell other ones.")
 @_column_options
 @click.option("--answers", type=PATH, help="answers.yaml of an earlier study: what was told then is not asked again.")

@@ -24,7 +24,7 @@ from sinew.tasks.cli.terminal import COMPLETION, PROGRAM
 __all__ = ["main", "sinew"]
 COMMANDS = (studies, files, results, clusters, benchmarks, trust)  # importing them adds their commands to the group
 
-INTERRUPTED = "interrupted; run the same command again, rows that were evaluated are kept"
+INTERRUPTED = "interrupted; run the same command again; rows that were evaluated are kept"
 AGAIN_S = 0.01
 READ_FROM_HERE = {"matplotlibrc": "Matplotlib", ".numba_config.yaml": "Numba", "arvizrc": "ArviZ"}
 

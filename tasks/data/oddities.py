@@ -28,12 +28,12 @@ def _odd_forces(curve: Curve) -> Iterator[str]:
     there = np.isfinite(force)
     force, moved = force[there], moved[there]
     peak = float(np.abs(force).max(initial=0.0))
-    if force.size < FEWEST or not peak or not np.ptp(moved):
+    if force.size < FEWEST or not np.ptp(moved):
         return
     if abs(force[0]) > LARGEST_START * peak and abs(moved[0]) < LARGEST_START * np.ptp(moved):
         yield (
-            f"its force begins at {number(force[0])} N, {number(100 * abs(force[0]) / peak, 2)} % of its peak, where "
-            "that of the model is 0; if that is an offset, --zero-force first"
+            f"its force begins at {number(force[0])} N ({number(100 * abs(force[0]) / peak, 2)} % of its peak), "
+            "that of the model at 0; if this is an offset, use --zero-force first"
         )
     found = _break(curve, force, there)
     if found is not None:
@@ -41,8 +41,8 @@ def _odd_forces(curve: Curve) -> Iterator[str]:
         time_s = curve.protocol.time_s[there]
         yield (
             f"its force falls from {number(force[at])} to {number(force[after])} N from {number(time_s[at], 4)} to "
-            f"{number(time_s[after], 4)} s, while it is pulled on. This may be a break, which the model does not have; "
-            "if it is, leave what follows out of the file"
+            f"{number(time_s[after], 4)} s, while it is still being loaded. This may be a break, which the model does "
+            "not describe; if it is, leave out of the file what follows"
         )
 
 
@@ -111,6 +111,6 @@ def contradictions(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
                 moved = float(np.ptp(curve.protocol.displacement_mm)) / one.length_mm
                 if not 1.0 - FAR < moved / strain < 1.0 + FAR:
                     yield one_line(
-                        f"{where}: '{title}' comes to {number(100 * strain)} %, the displacement to "
-                        f"{number(100 * moved)} % of the length; which is the strain of the specimen?"
+                        f"{where}: '{title}' changes by {number(100 * strain)} %, but displacement over length by "
+                        f"{number(100 * moved)} %; which is the strain of the specimen?"
                     )

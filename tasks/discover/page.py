@@ -40,8 +40,8 @@ MEANING = {
     "OUTSIDE": "Model and data disagree, and nothing in the library explains it.",
 }
 DESCRIBES = (
-    "The named effects describe these curves best. So much is left that the model is not that of this tissue; other "
-    "curves may give other names."
+    "The named effects describe these curves best. So much misfit is left that the model is not that of this tissue; "
+    "other curves may give other names."
 )
 #: Blue to red through white (RdBu of ColorBrewer), for colour-blind readers too; dots say what is beyond chance.
 _COLOURS = ("#2166ac", "#4393c3", "#92c5de", "#d1e5f0", "#f7f7f7", "#fddbc7", "#f4a582", "#d6604d", "#b2182b")
@@ -294,7 +294,7 @@ def _law(result: DiscoverResult) -> Iterator[Block]:
 
 def _parameters(judged: CandidateResult, *, intervals: bool) -> Table:
     if not intervals:
-        caption = f"Parameters of {judged.name}; far more than noise is left, which intervals would not include"
+        caption = f"Parameters of {judged.name}; intervals would tell the noise only, and far more than noise is left"
         return _estimates(caption, judged.parameters, intervals=False)
     caption = f"Parameters of {judged.name}, with 90 % intervals"
     if judged.on_bound:

@@ -1,4 +1,4 @@
-"""What an inference left, as other tasks read it: only what fits the study and itself is believed."""
+"""Posteriors as other tasks read them: whatever contradicts the study, or itself, is refused."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -91,4 +91,4 @@ def _check(site: str, kept: xr.Dataset, names: tuple[str, ...]) -> None:
     """Raises ``ValueError`` for numbers that are none, or beyond all bounds."""
     for name in names:
         if not (np.abs(kept[name].to_numpy()) < HUGE).all():
-            raise ValueError(f"{site}: {name} holds something that is no number")
+            raise ValueError(f"{site}: {name} holds values that are not finite numbers")

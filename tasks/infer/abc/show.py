@@ -66,7 +66,7 @@ def apart_from_fits(result: AbcResult, calibration: CalibrateResult | None) -> l
         if names:
             found.append(
                 f"{site}: calibrated values of {', '.join(names)} lie far outside the posterior's intervals; trust "
-                "neither before you have seen which of them fits the curves"
+                "neither until you have seen which of them fits the curves"
             )
     return found
 
@@ -76,8 +76,8 @@ def too_short(result: AbcResult) -> str:
     if not result.short:
         return ""
     return (
-        f"{', '.join(result.short)}: the particles are worth fewer of equal weight than the {result.ess:,} that "
-        "infer.ess asks for. Ends of intervals depend on the seed a little; a larger infer.population helps."
+        f"{', '.join(result.short)}: the effective sample size is below the {result.ess:,} that infer.ess asks for; "
+        "the ends of intervals depend a little on the seed. A larger infer.population helps."
     )
 
 

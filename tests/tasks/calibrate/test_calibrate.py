@@ -128,6 +128,8 @@ def test_a_parameter_at_zero_is_not_to_be_widened():
     found = replace(calibration_of(at_zero), bounds=[(0.0, 300.0), (0.0, 1.0)])
     assert "E_f: at 0, the end of its range: the fits do without it" in bound_advice(found)
     assert "Widen" not in bound_advice(found)
+    above = {"1": replace(at_zero["1"], parameters={"E_f": 10.0, "g_1f": 1.0})}
+    assert "Widen it" in bound_advice(replace(found, specimens=above, bounds=[(10.0, 300.0), (0.0, 1.0)]))
     both = {"1": replace(at_zero["1"], on_bound=["E_f", "g_1f"])}
     assert "E_f, g_1f. Widen it" in bound_advice(replace(found, specimens=both))
 

@@ -111,7 +111,7 @@ def test_ctrl_c_in_a_callback_that_cannot_raise_is_not_lost(slow):
     ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert ended.returncode == 130
     assert ended.stderr.splitlines() == [
-        "sinew: interrupted; run the same command again, rows that were evaluated are kept"
+        "sinew: interrupted; run the same command again; rows that were evaluated are kept"
     ]
 
 

@@ -234,7 +234,7 @@ def test_an_interrupt_from_the_terminal_is_one_line_and_nothing_is_left(tmp_path
         time.sleep(0.1)
     assert not left
     said = errors.read_text()
-    assert "sinew: interrupted; run the same command again, rows that were evaluated are kept" in said
+    assert "sinew: interrupted; run the same command again; rows that were evaluated are kept" in said
     assert "Traceback" not in said
     rows = committed(out)
     assert len(rows) < 2 * ROWS_PER_BASE_SAMPLE

@@ -40,11 +40,21 @@ def test_sizes_that_a_file_contradicts_are_told(tmp_path):
     assert looks == [
         "look at a, test: force over 'Tensile stress (MPa)' is 29 mm2, but width x thickness is 20 mm2; which is the "
         "cross-section?",
-        "look at a, test: 'Tensile strain (%)' comes to 5.8 %, the displacement to 29 % of the length; which is the "
+        "look at a, test: 'Tensile strain (%)' changes by 5.8 %, but displacement over length by 29 %; which is the "
         "strain of the specimen?",
     ]
     right = init([written(tmp_path)], tmp_path / "right", sizes=Sizes(50.0, 14.5, 2.0), hints=CHOSEN)
     assert not [line for line in right.lines if line.startswith("look at a,")]
+
+
+@pytest.mark.parametrize(
+    ("length_mm", "width_mm", "told"),
+    [(50.0 / 1.15, 14.5, 0), (50.0 / 1.25, 14.5, 1), (50.0 / 0.85, 14.5, 0), (50.0 / 0.75, 14.5, 1),
+     (50.0, 14.5 / 1.04, 0), (50.0, 14.5 / 1.06, 1), (50.0, 14.5 / 0.96, 0), (50.0, 14.5 / 0.94, 1)],
+)  # fmt: skip
+def test_small_differences_are_not_told(tmp_path, length_mm, width_mm, told):
+    made = init([written(tmp_path)], tmp_path / "out", sizes=Sizes(length_mm, width_mm, 2.0), hints=CHOSEN)
+    assert len([line for line in made.lines if line.startswith("look at a,")]) == told
 
 
 CHOSEN = Hints(displacement_column="Displacement (mm)")

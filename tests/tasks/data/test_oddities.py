@@ -48,8 +48,8 @@ RAMP = np.linspace(0.0, 100.0, 100)
 def test_a_force_that_does_not_begin_at_zero_is_named():
     (line,) = odd_tests([pulled(RAMP + 10.0)])
     assert line == (
-        "look at a, pull: its force begins at 10 N, 9.1 % of its peak, where that of the model is 0; if that is an "
-        "offset, --zero-force first"
+        "look at a, pull: its force begins at 10 N (9.1 % of its peak), that of the model at 0; if this is an offset, "
+        "use --zero-force first"
     )
     assert list(odd_tests([pulled(RAMP + 4.0)])) == []
     assert list(odd_tests([pulled(RAMP + 10.0, np.linspace(0.2, 1.0, 100))])) == [], "a preload with its strain"
@@ -58,7 +58,7 @@ def test_a_force_that_does_not_begin_at_zero_is_named():
 def test_a_break_is_named():
     (line,) = odd_tests([pulled(np.where(np.arange(100) > 90, 60.0, RAMP))])
     assert line.startswith("look at a, pull: its force falls from 89.9 to 60 N from 8.9 to 9.1 s")
-    assert "This may be a break, which the model does not have" in line
+    assert "This may be a break, which the model does not describe" in line
     softening = np.concatenate([np.linspace(0.0, 100.0, 50), np.linspace(100.0, 50.0, 50)])
     assert list(odd_tests([pulled(softening)])) == [], "over half of the displacement"
     hold = np.concatenate([np.linspace(0.0, 1.0, 50), np.full(50, 1.0)])
@@ -67,6 +67,8 @@ def test_a_break_is_named():
     back = np.concatenate([np.linspace(0.0, 1.0, 50), np.linspace(1.0, 0.0, 50)])
     assert list(odd_tests([pulled(100.0 * back**9, back)])) == [], "while it is unloaded"
     assert list(odd_tests([pulled(-100.0 * back**9, -back)])) == [], "while a compression is unloaded"
+    turned = np.concatenate([np.linspace(0.0, 1.0, 50), np.linspace(1.0, 0.0, 51)[1:]])
+    assert list(odd_tests([pulled(100.0 * turned**9, turned)])) == [], "where the peak is also the first of unloading"
     step = np.concatenate([np.linspace(0.0, 1.0, 40), np.full(30, 1.0), np.linspace(1.0, 1.03, 30)])
     low = np.concatenate([np.linspace(0.0, 100.0, 40), np.linspace(100.0, 50.0, 30), np.linspace(50.0, 55.0, 30)])
     assert list(odd_tests([pulled(low, step)])) == [], "after a hold"

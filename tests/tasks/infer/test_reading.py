@@ -13,7 +13,7 @@ from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.infer import reading
 from sinew.tasks.infer.reading import draws_of, draws_of_sites, posteriors_of
-from sinew.tasks.infer.result import particles_group
+from sinew.tasks.infer.result import LikelihoodResult, particles_group
 from sinew.tasks.study.workspace import open_workspace
 from tests.tasks.posteriors import posterior_of, write_inference
 
@@ -81,9 +81,12 @@ def weights(*last):
 @pytest.mark.parametrize(
     ("particles", "words"),
     [
-        ((np.where(np.arange(4)[:, np.newaxis] == 3, np.nan, VALUES), EQUAL), "parameters holds something that is no"),
-        ((1e200 * VALUES, EQUAL), "parameters holds something that is no number"),
-        (weights(0.5, 0.5, np.nan, 0.0), "weight holds something that is no number"),
+        (
+            (np.where(np.arange(4)[:, np.newaxis] == 3, np.nan, VALUES), EQUAL),
+            "parameters holds values that are not finite",
+        ),
+        ((1e200 * VALUES, EQUAL), "parameters holds values that are not finite numbers"),
+        (weights(0.5, 0.5, np.nan, 0.0), "weight holds values that are not finite numbers"),
         (weights(0.0, 0.0, 0.0, 0.0), "do not sum to 1"),
         (weights(-1.0, 1.0, 0.5, 0.5), "do not sum to 1"),
         (weights(1.0, 1.0, 1.0, 1.0), "do not sum to 1"),
@@ -110,3 +113,32 @@ def test_sites_together_have_a_limit(workspace, monkeypatch):
     monkeypatch.setattr(reading, "MOST_BYTES", 150)
     with pytest.raises(ValueError, match="the draws of proximal and the sites before it take more than 150 bytes"):
         draws_of_sites(workspace, found)
+
+
+def by_likelihood(spread):
+    """A result by likelihood, and what the store then holds of a site."""
+    result = LikelihoodResult("likelihood", NAMES, ["MPa"] * 2, ["", ""], [], 0.95, "normal", True, 1, {}, {}, "known")
+    dims, ones = ("chain", "draw"), np.ones((1, 3, 2))
+    arrays = dict.fromkeys(("mean", "new"), ((*dims, "parameter"), ones))
+    arrays |= {"spread": ((*dims, "parameter"), spread)}
+    arrays |= {"specimens": ((*dims, "specimen", "parameter"), np.ones((1, 3, 1, 2)))}
+    return result, xr.Dataset(arrays, {"parameter": NAMES, "specimen": ["distal/1"]})
+
+
+@pytest.mark.parametrize(
+    ("spread", "is_one"),
+    [
+        ([[1.0, 1.0], [0.0, 2.0], [1.0, 1.0]], True),
+        ([[1.0, 0.0]] * 3, False),
+        ([[1.0, 1.0], [-1.0, 2.0], [1.0, 1.0]], False),
+    ],
+)
+def test_a_population_has_a_spread(workspace, spread, is_one):
+    """Of a single draw it may be 0, where a population is pressed against an end of a range."""
+    result, dataset = by_likelihood(np.array([spread]))
+    workspace.store.write_result(particles_group("distal"), dataset)
+    if is_one:
+        assert draws_of(workspace, result, "distal").sizes["draw"] == 3
+    else:
+        with pytest.raises(ValueError, match="distal: a population has no spread"):
+            draws_of(workspace, result, "distal")

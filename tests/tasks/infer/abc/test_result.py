@@ -28,11 +28,13 @@ def test_particles_worth_less_than_was_asked_for_are_told():
     counts = [GenerationCounts(300, 100, 0, 300), GenerationCounts(900, 250, 0, 900)]
     one = replace(posterior_of(["d/1"], ["E_f"], [200.0]), effective_sample_size=154.0, generations=counts)
     result = AbcResult("store", ["E_f"], ["MPa"], [""], False, "ranges", 300, 0.95, {"d": one}, "known", ess=400)
-    assert too_short(result).startswith("d: the particles are worth fewer of equal weight than the 400 that infer.ess")
+    assert too_short(result).startswith("d: the effective sample size is below the 400 that infer.ess asks for")
     assert sizes(result) == "d 154 of 250"
     for enough in (replace(result, ess=100), replace(result, ess=None)):
         assert too_short(enough) == ""
-    assert replace(result, sites={"d": replace(one, effective_sample_size=50.0)}).few == ["d"]
+    few = replace(result, sites={"d": replace(one, effective_sample_size=50.0)})
+    assert (few.few, few.short) == (["d"], [])
+    assert replace(result, ess=170).short == [], "about as many as were asked for"
 
 
 def test_calibrated_values_far_outside_the_intervals_are_told():

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import pytest
 import sinew as sinew_package
 from sinew.runner.store.store import open_store
 from sinew.tasks import pipeline
-from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.cohort import read_cohort, write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.infer.library import arviz
 from sinew.tasks.infer.likelihood import sampling, task
@@ -181,3 +182,14 @@ def test_chains_that_do_not_converge_are_refused(study, tmp_path, monkeypatch, c
     assert ended.value.code == 2
     assert "the chains have not converged after 100 sweeps" in capsys.readouterr().err
     assert not (tmp_path / "out" / "infer.json").exists()
+
+
+def test_curves_in_which_no_noise_can_be_seen_are_refused(study, tmp_path, capsys):
+    specimens = read_cohort(study.parent / "cohort").specimens
+    still = [replace(curve, force_N=0.0 * curve.force_N) for curve in specimens[1].curves]
+    write_cohort(tmp_path / "cohort", [specimens[0], replace(specimens[1], curves=tuple(still))])
+    (tmp_path / "study.yaml").write_text(study.read_text())
+    with pytest.raises(SystemExit) as ended:
+        sinew("infer", tmp_path / "study.yaml", "--out", tmp_path / "out", "--quiet")
+    assert ended.value.code == 2
+    assert "distal/2: no noise can be seen in its curves" in capsys.readouterr().err
