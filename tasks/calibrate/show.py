@@ -57,8 +57,8 @@ def bound_advice(result: CalibrateResult) -> str:
     sentences = [f"On an end of their range in half of the specimens or more: {', '.join(names)}."]
     if len(zero) < len(names):
         sentences.append(
-            "Widen it (model.parameters in the study file) where it is a guess; where it is certain, the model lacks "
-            "something."
+            "Widen the range (model.parameters in the study file) where it is a guess; where it is certain, the "
+            "model lacks something."
         )
     if zero:
         sentences.append(f"{', '.join(zero)}: at 0, the end of its range: the fits do without it.")

@@ -119,7 +119,7 @@ def test_a_parameter_that_is_often_on_a_bound_is_named_with_advice():
     names = {"E_f": 1.0, "g_1f": 1.0, "nu_m": 0.3}
     ends = [(["E_f", "nu_m"], ["E_f"]), (["E_f", "g_1f"], ["E_f", "g_1f"]), ([], ["E_f", "g_1f"])]
     specimens = {str(i): fit_of(names, on_bound=on, determined=known) for i, (on, known) in enumerate(ends)}
-    assert "specimens or more: E_f. Widen it (model.parameters" in bound_advice(calibration_of(specimens))
+    assert "specimens or more: E_f. Widen the range (model.parameters" in bound_advice(calibration_of(specimens))
     assert bound_advice(calibration_of({"2": specimens["2"]})) == ""
 
 
@@ -129,9 +129,9 @@ def test_a_parameter_at_zero_is_not_to_be_widened():
     assert "E_f: at 0, the end of its range: the fits do without it" in bound_advice(found)
     assert "Widen" not in bound_advice(found)
     above = {"1": replace(at_zero["1"], parameters={"E_f": 10.0, "g_1f": 1.0})}
-    assert "Widen it" in bound_advice(replace(found, specimens=above, bounds=[(10.0, 300.0), (0.0, 1.0)]))
+    assert "Widen the range" in bound_advice(replace(found, specimens=above, bounds=[(10.0, 300.0), (0.0, 1.0)]))
     both = {"1": replace(at_zero["1"], on_bound=["E_f", "g_1f"])}
-    assert "E_f, g_1f. Widen it" in bound_advice(replace(found, specimens=both))
+    assert "E_f, g_1f. Widen the range" in bound_advice(replace(found, specimens=both))
 
 
 def test_the_store_does_not_depend_on_where_rows_are_evaluated(study, tmp_path, monkeypatch):
