@@ -9,7 +9,7 @@ import math
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,14 @@ import pandas as pd
 from sinew.runner.errors import BadInput, shown
 from sinew.runner.files import new_file, read_input
 from sinew.tasks.data.numeric_csv import read_header, read_numbers
+from sinew.tasks.data.sources import KEY, sources_of
 from sinew.tasks.data.text import BINARY, HUGE, MAX_TEXT_BYTES, check_text
 from sinew.tasks.model import Curve, Protocol, Specimen, file_name
 
 COLUMNS = ("time_s", "displacement_mm", "force_N")
 MOST_FURTHER = 1000  # columns behind these
 GEOMETRY = ("length_mm", "width_mm", "thickness_mm")
-NOTES = ("donor", "note", "source", "diameter_mm")
+NOTES = ("donor", "note", "source", "diameter_mm", KEY)
 MAX_JSON_BYTES = 2**20
 MAX_POINTS, MAX_NUMBERS, MAX_CURVES = 2_000_000, 100_000_000, 10_000  # of a curve; and of a cohort
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+.-]{0,99}")
@@ -199,13 +200,14 @@ def _read_specimen(folder: Path, root: Path, name: str, room: _Room) -> Specimen
     length, width, thickness = (_size(described, content, key) for key in GEOMETRY)
     for path in curves:
         _check_name(path)
-    donor = content.get("donor")
+    donor, sources = content.get("donor"), sources_of(described, content)
+    read = [room.take(read_curve(path, root, length_mm=length)) for path in curves]
     return Specimen(
         name,
         length,
         width,
         thickness,
-        curves=tuple(room.take(read_curve(path, root, length_mm=length)) for path in curves),
+        curves=tuple(replace(curve, source=sources.get(curve.name, "")) for curve in read),
         donor=None if donor is None else str(donor),
     )
 
@@ -272,6 +274,8 @@ def write_cohort(folder: Path, specimens: Sequence[Specimen], truth: Mapping[str
         content: dict[str, Any] = {key: getattr(specimen, key) for key in GEOMETRY}
         if specimen.donor is not None:
             content["donor"] = specimen.donor
+        if sources := {curve.name: curve.source for curve in specimen.curves if curve.source}:
+            content[KEY] = sources
         (target / "specimen.json").write_text(json.dumps(content, indent=1) + "\n", "utf-8")
         for curve in specimen.curves:
             columns = (curve.protocol.time_s, curve.protocol.displacement_mm, curve.force_N)

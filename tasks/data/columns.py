@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import units, words
+from sinew.tasks.data.column_titles import check_width, named_of, titles_of
 from sinew.tasks.data.factors import factor_of
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
@@ -28,8 +29,7 @@ from sinew.tasks.data.quantities import (
 )
 from sinew.tasks.data.questions import Unclear, UnknownUnit
 from sinew.tasks.data.tables import Table
-from sinew.tasks.data.text import is_number
-from sinew.tasks.data.titles import name_and_unit, without_numbers, without_suffix
+from sinew.tasks.data.titles import name_and_unit
 
 NOWHERE = -1
 SURE, LIKELY, GIVEN = "sure", "likely", "as you said"
@@ -56,6 +56,11 @@ class Column:
     factor: float
     how: str
     alike: tuple[str, ...] = ()
+
+    @property
+    def in_words(self) -> str:
+        """``force from 'Load' in kN``."""
+        return f"{self.quantity.name} from '{self.title or self.place + 1}' in {self.unit}"
 
 
 @dataclass(frozen=True)
@@ -100,12 +105,12 @@ def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tu
     Raises :class:`NoColumn` if one is missing, :class:`UnknownUnit` if a person must tell its unit, and
     :class:`BadInput` if units contradict each other or a choice is not clear.
     """
-    titles = _titles(table)
-    named = _named(table, titles)
+    titles = titles_of(table)
+    named = named_of(table, titles)
     roles = _roles(hints)
     choices = _choices(table, titles, named, roles, hints)
     if table.titles and not _by_number(hints):
-        _check_width(table)
+        check_width(table)
     for choice, role in zip(choices, roles, strict=True):
         if choice.alike and not first_of_alike:
             raise _which_of(table, titles, choice, role)
@@ -145,8 +150,8 @@ def partly(
 
     A column whose unit only a person can tell has the unit ``""`` and the factor 1. ``only``: motion or load is this.
     """
-    titles = _titles(table)
-    named = _named(table, titles)
+    titles = titles_of(table)
+    named = named_of(table, titles)
     found: list[Column | None] = []
     problems = []
     for role in _roles(hints):
@@ -171,7 +176,7 @@ def partly(
 
 def alike_places(table: Table, column: Column) -> list[int]:
     """The columns with the name of this one, and a unit of the same quantity or none, if they may be of other tests."""
-    named = _named(table, _titles(table))
+    named = named_of(table, titles_of(table))
     name = named[column.place][0]
     return [
         place
@@ -182,15 +187,9 @@ def alike_places(table: Table, column: Column) -> list[int]:
 
 def in_place(table: Table, hints: Hints, column: Column, place: int) -> Column:
     """The column of another test with the same name, in its own unit. Raises :class:`UnknownUnit`."""
-    titles = _titles(table)
+    titles = titles_of(table)
     role = next(role for role in _roles(hints) if column.quantity in role.quantities)
-    return _column(table, titles, _named(table, titles), role, _Choice(column.quantity, place, column.how))
-
-
-def names_and_units(table: Table) -> tuple[Row, list[tuple[str, str]]]:
-    """The title of each column, and its name and unit, which may be empty."""
-    titles = _titles(table)
-    return titles, _named(table, titles)
+    return _column(table, titles, named_of(table, titles), role, _Choice(column.quantity, place, column.how))
 
 
 def _roles(hints: Hints) -> tuple[_Role, _Role, _Role]:
@@ -209,50 +208,11 @@ def _by_number(hints: Hints) -> bool:
     return all((given or "").isdigit() for given in (hints.time_column, hints.displacement_column, hints.force_column))
 
 
-# ---- titles
-
-
-def _titles(table: Table) -> Row:
-    """A title for each column that has one or holds numbers."""
-    width = _width(table.rows[0][1])
-    return (*table.titles, *[""] * (width - len(table.titles)))
-
-
-def _named(table: Table, titles: Row) -> list[tuple[str, str]]:
-    """Name and unit of each column; the unit may be empty."""
-    plain = [without_suffix(title, titles) for title in titles]
-    found = [name_and_unit(title, below) for title, below in zip(plain, _below(table, len(titles)), strict=True)]
-    names = without_numbers([name for name, _ in found])
-    return [(names[place], "s" if table.has_clock(place) else unit) for place, (_, unit) in enumerate(found)]
-
-
-def _width(row: Sequence[str]) -> int:
-    """How many cells a row has, without empty ones at its end."""
-    return max((i for i, cell in enumerate(row, start=1) if cell), default=0)
-
-
-def _below(table: Table, count: int) -> list[str]:
-    cells = [cell.strip("()[] ") for cell in table.units[:count]]
-    return [*cells, *[""] * (count - len(cells))]
-
-
-def _check_width(table: Table) -> None:
-    """Refuse titles that are too few or too many to belong to the columns below them."""
-    count, row = _width(table.titles), table.rows[0][1]
-    numbers = _width([cell if is_number(cell, table.decimal) else "" for cell in row])
-    untitled = numbers > len(table.titles) or numbers >= 2 * count
-    shifted = len(row) < count and any(units.is_unit(title) for title in table.titles)
-    if untitled or shifted:
-        problem = f"{count} names above {_width(row)} columns of numbers"
-        expected = "as many; commas cannot separate columns and be decimal marks at the same time"
-        raise BadInput(f"{table.path}: row {table.first}", problem, expected)
+# ---- the choice of a column
 
 
 def _where(table: Table) -> str:
     return f"{table.path}: row {table.title_row}" if table.titles else str(table.path)
-
-
-# ---- the choice of a column
 
 
 def _choices(
@@ -260,7 +220,7 @@ def _choices(
 ) -> list[_Choice]:
     """A column for each role. Times are nowhere if no column holds them and a person has told how they run."""
     found: list[_Choice] = []
-    missing: NoColumn | None = None
+    missing: list[tuple[_Role, NoColumn]] = []
     for role in roles:
         try:
             found.append(_choose(table, titles, named, role))
@@ -268,11 +228,33 @@ def _choices(
             if role.quantities == (TIME,) and hints.timing.given:
                 found.append(_Choice(TIME, NOWHERE, GIVEN))
             else:
-                missing = missing or none
-    if missing is not None:
-        missing.alone = all(choice.place == NOWHERE for choice in found)
-        raise missing
+                missing.append((role, none))
+    if missing:
+        named_by_person = [problem for role, problem in missing if role.wanted is not None]
+        problem = (
+            named_by_person[0]
+            if named_by_person
+            else _none_of(
+                table,
+                titles,
+                [role for role, _ in missing],
+                spare=len(titles) - sum(one.place != NOWHERE for one in found),
+            )
+        )
+        problem.alone = all(choice.place == NOWHERE for choice in found)
+        raise problem
     return found
+
+
+def _none_of(table: Table, titles: Row, roles: Sequence[_Role], *, spare: int) -> NoColumn:
+    """What is said where columns of some roles are missing, all at once; ``spare`` columns are of no other role."""
+    listed = ", ".join(title or "(no name)" for title in titles[:12])
+    names = ", nor of ".join(role.name for role in roles)
+    measured = [role for role in roles if role.option != "time"]  # times may be told, these not
+    remedies = [role.remedy for role in roles if role not in measured or len(measured) <= spare]
+    if len(measured) > spare:
+        remedies.append(f"a file with {' and '.join(role.option for role in measured)}, which this one does not hold")
+    return NoColumn(_where(table), f"no column of {names} among {shown(listed, 200)}", "; ".join(remedies))
 
 
 def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role) -> _Choice:
@@ -293,8 +275,7 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
     known = [one for one in found if units.is_unit(named[one[1]][1])]
     found = [one for one in found if not known or not _in_volts(*named[one[1]])]
     if not found:
-        listed = ", ".join(title or "(no name)" for title in titles[:12])
-        raise NoColumn(_where(table), f"no column of {role.name} among {shown(listed, 200)}", role.remedy)
+        raise _none_of(table, titles, (role,), spare=len(titles))
     rank, place, quantity = min(found, key=lambda one: one[:2])
     machine = (DISPLACEMENT, POSITION) if named[place][0] in words.EXTENSOMETER else ()
     others = {other for same, other, one in found if same == rank or one in machine}

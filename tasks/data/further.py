@@ -8,7 +8,7 @@ import numpy as np
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import units
-from sinew.tasks.data.columns import names_and_units
+from sinew.tasks.data.column_titles import names_and_units
 from sinew.tasks.data.hints import Further
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import HUGE

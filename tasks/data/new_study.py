@@ -97,10 +97,7 @@ def describe(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
         sizes = " x ".join("?" if s in new.missing else f"{getattr(specimen, f'{s}_mm'):.4g}" for s in SIZES)
         yield one_line(f"specimen {specimen.name}: {sizes} mm (length x width x thickness)")
         for test, curve in zip(new.tests, specimen.curves, strict=True):
-            what = ", ".join(
-                f"{column.quantity.name} from '{column.title or column.place + 1}' in {column.unit} ({column.how})"
-                for column in test.recording.columns
-            )
+            what = ", ".join(f"{column.in_words} ({column.how})" for column in test.recording.columns)
             yield one_line(f"  {test.path}: protocol {curve.name} ({test.name.how}); {what}")
             yield f"    {_ranges(curve, None if 'length' in new.missing else specimen.length_mm)}"
             length = test.recording.sizes.get("length")

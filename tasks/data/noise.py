@@ -4,7 +4,7 @@ In each phase of a curve (a ramp or a hold), a cubic spline follows the smooth c
 function of time, in holds of the logarithm of time, because relaxation is fast at first and slow later. The remainder,
 but for spikes, is taken for first-order autoregressive noise. Its level and correlation maximise the restricted
 likelihood (Patterson and Thompson 1971, Biometrika 58), which accounts for what the splines remove. That matters where
-noise is correlated over many points or a phase has few of them.
+noise is correlated over many points or a phase has few of them. What follows a break is left out: no spline follows it.
 """
 
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ import numpy as np
 from scipy import sparse
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data.breaks import break_of
 from sinew.tasks.model import Curve
 from sinew.tasks.model.phases import Phase, phases
 from sinew.tasks.simulate import Array
@@ -249,6 +250,8 @@ def _fitted(splines: sparse.csr_array, force: Array) -> tuple[Array, float]:
 def _pieces(curve: Curve, finer: int = 1) -> list[_Piece]:
     """The phases of a curve that have enough points. ``finer``: how many times as many splines as usual."""
     there = np.isfinite(curve.force_N)  # other quantities than the force may have gaps
+    if (broken := break_of(curve)) is not None:
+        there[broken[0] + 1 :] = False
     if there.sum() < FEWEST_POINTS:
         return []
     median_step = float(np.median(np.diff(curve.protocol.time_s[there])))

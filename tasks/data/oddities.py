@@ -6,18 +6,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from sinew.runner.errors import one_line
+from sinew.tasks.data.breaks import FEWEST, break_of
 from sinew.tasks.data.new_study import NewSpecimen
 from sinew.tasks.drawing.blocks import number
 from sinew.tasks.model import Curve, Specimen
-from sinew.tasks.model.phases import phases
-from sinew.tasks.simulate import Array
 
-FEWEST = 20  # points in which a break can be seen
 SMALLEST_STRAIN = 1e-4  # no test of tissue moves less
 LARGEST_START = 0.05  # of the peak force: a force at rest that is larger is an offset, or a preload
-BREAK, WITHIN = 0.25, (0.005, 0.05)  # the part of the peak force that is lost over this part of the displacement
-MOST_POINTS = 1000  # among which a break is looked for
-SPIKE = 3  # points, of which one alone is no peak
 OFF, FAR = 0.05, 0.2  # how much a cross-section, and a strain, that a file tells twice may differ
 MOST_TIMES = 30.0  # between the peak stresses of specimens of one kind in the same test
 
@@ -35,38 +30,14 @@ def _odd_forces(curve: Curve) -> Iterator[str]:
             f"its force begins at {number(force[0])} N ({number(100 * abs(force[0]) / peak, 2)} % of its peak), "
             "that of the model at 0; if this is an offset, use --zero-force first"
         )
-    found = _break(curve, force, there)
+    found = break_of(curve)
     if found is not None:
-        at, after = found
-        time_s = curve.protocol.time_s[there]
+        time_s, force = curve.protocol.time_s[list(found)], curve.force_N[list(found)]
         yield (
-            f"its force falls from {number(force[at])} to {number(force[after])} N from {number(time_s[at], 4)} to "
-            f"{number(time_s[after], 4)} s, while it is still being loaded. This may be a break, which the model does "
+            f"its force falls from {number(force[0])} to {number(force[1])} N from {number(time_s[0], 4)} to "
+            f"{number(time_s[1], 4)} s, while it is still being loaded. This may be a break, which the model does "
             "not describe; if it is, leave out of the file what follows"
         )
-
-
-def _break(curve: Curve, force: Array, there: Array) -> tuple[int, int] | None:
-    """Between which points ``BREAK`` of the peak force is lost while the motion goes on a little; None: nowhere.
-
-    Both lie in one loading, that of the peak, so that neither holds nor unloading count. A spike of one point is none.
-    """
-    from scipy.ndimage import median_filter  # slow to import
-
-    smooth = np.abs(median_filter(force, size=SPIKE, mode="nearest"))
-    moved, row = curve.protocol.displacement_mm[there], np.flatnonzero(there)
-    peak = int(np.argmax(smooth))
-    for phase in phases(curve.protocol):
-        if phase.kind != "load" or not phase.points.start <= row[peak] < phase.points.stop:
-            continue
-        rows = np.arange(peak, int(np.searchsorted(row, phase.points.stop)))
-        rows = rows[:: -(-rows.size // MOST_POINTS) or 1]
-        way = np.abs(moved[rows] - moved[peak]) / np.ptp(moved)
-        for i, at in enumerate(rows):
-            within = rows[i:][(way[i:] - way[i] > WITHIN[0]) & (way[i:] - way[i] < WITHIN[1])]
-            if within.size and smooth[at] - smooth[within].min() > BREAK * smooth[peak]:
-                return int(at), int(within[np.argmin(smooth[within])])
-    return None
 
 
 def odd_tests(specimens: Sequence[Specimen]) -> Iterator[str]:

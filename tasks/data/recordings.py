@@ -29,6 +29,7 @@ from sinew.tasks.data.several import (
 )
 from sinew.tasks.data.signs import new_zero
 from sinew.tasks.data.sizes import Size, read_sizes
+from sinew.tasks.data.sources import source_in_words
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.text import HUGE
 from sinew.tasks.data.timing import Timing
@@ -38,6 +39,7 @@ from sinew.tasks.model import Curve, Protocol
 Array = np.ndarray[Any, np.dtype[Any]]
 FEWEST_ROWS = 3
 MOST_TURNS = 0.1  # of the rows: a motion that turns more often is noisy, and its way is longer than that of the machine
+UNPADDED = "clock times by milliseconds without leading zeros: 12:58.29 is 58.029 s, or times would go back"
 MOST_STRETCH = 10.0  # a ratio of lengths beyond it is in percent, or a length
 
 
@@ -210,9 +212,10 @@ def _recording(
     places = {*further.places, *(column.place for column in columns)}
     others = {place for column in columns if beside > 1 for place in alike_places(table, column)}  # of other tests
     left_out = tuple(title for place, title in enumerate(table.titles) if place not in places | others and title)
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = (UNPADDED,) if columns[0].place in table.unpadded else ()
     if hints.timing.given:
-        numbers, notes = _timed(table, columns, numbers, hints.timing, block)
+        numbers, timed = _timed(table, columns, numbers, hints.timing, block)
+        notes += timed
     if hints.cycle_column is not None:
         numbers[:, 0] = going_on(numbers[:, 0], _within(blocks_of_cycles(table, block.end, hints.cycle_column), block))
     back = [block.start + int(at) + 1 for at in np.flatnonzero(np.diff(numbers[:, 0]) <= 0)]
@@ -333,7 +336,10 @@ def curve_of(recording: Recording, bar: Bar, protocol: str, *, reference: float 
     displacement = _displacement(recording, bar.length_mm, reference)
     stress = recording.load.quantity is STRESS
     force = load * bar.width_mm * bar.thickness_mm if stress else load.copy()
-    return Curve(Protocol(protocol, time_s - time_s[0], displacement), force, dict(recording.further.values))
+    further = dict(recording.further.values)
+    what = (*(column.in_words for column in recording.columns), *recording.notes)
+    source = source_in_words(recording.path, recording.test, what)
+    return Curve(Protocol(protocol, time_s - time_s[0], displacement), force, further, source)
 
 
 def _displacement(recording: Recording, length_mm: float, reference: float | None) -> Array:

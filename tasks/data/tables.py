@@ -5,12 +5,24 @@ This module knows how a table looks, and nothing of what its columns mean.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.heads import Head, Row, head_of, is_label
 from sinew.tasks.data.sheets import is_sheet, read_sheets
-from sinew.tasks.data.text import SEPARATORS, cells, is_clock, is_number, number, read_lines, records, same_day
+from sinew.tasks.data.text import (
+    SEPARATORS,
+    cells,
+    is_clock,
+    is_number,
+    milliseconds_unpadded,
+    number,
+    read_lines,
+    records,
+    same_day,
+    seconds_of,
+)
 
 MOST_COLUMNS = 1000
 MOST_TABLES = 500  # of one file
@@ -62,7 +74,18 @@ class Table:
             cell, first[column] if column < len(first) else ""
         ):
             return None
+        if column in self.unpadded and is_clock(cell):
+            return seconds_of(cell, milliseconds=True)
         return number(cell, self.decimal)
+
+    @cached_property
+    def unpadded(self) -> frozenset[int]:
+        """Columns of clock times whose milliseconds have no leading zeros."""
+        clocks = (place for place in range(len(self.rows[0][1])) if self.has_clock(place))
+        cells = {place: [row[place] for _, row in self.rows if place < len(row)] for place in clocks}
+        return frozenset(
+            place for place, each in cells.items() if milliseconds_unpadded([cell for cell in each if is_clock(cell)])
+        )
 
     def has_clock(self, column: int) -> bool:
         """Whether a column holds clock times: its numbers are seconds, whatever its title says."""

@@ -4,6 +4,8 @@ import codecs
 import csv
 import os
 import re
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -200,12 +202,30 @@ def same_day(cell: str, other: str) -> bool:
     return one is not None and two is not None and one["date"] == two["date"]
 
 
-def _seconds(clock: str) -> float:
-    """The seconds of a clock time since midnight, or since the start; a date does not count."""
+def seconds_of(clock: str, *, milliseconds: bool = False) -> float:
+    """The seconds of a clock time since midnight, or since the start; a date does not count.
+
+    ``milliseconds``: the digits behind the seconds count thousandths, without leading zeros.
+    """
     found = _CLOCK.fullmatch(clock)
     assert found is not None, "the caller has asked is_clock"
     hours, minutes, seconds = (found[2], found[3], found[4]) if found[2] else ("0", found[5], found[6])
-    return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
+    whole, _, part = seconds.replace(",", ".").partition(".")
+    if milliseconds:
+        part = part.zfill(3)
+    return 3600.0 * int(hours) + 60.0 * int(minutes) + float(f"{whole}.{part}")
+
+
+def milliseconds_unpadded(clocks: Sequence[str]) -> bool:
+    """Whether clock times lack the leading zeros of their milliseconds: 12:58.29, 12:58.203 for 58.029 and 58.203 s.
+
+    So it is if times go back as they stand, and do not if these digits count thousandths.
+    """
+    digits = {len(clock.rpartition(":")[2].replace(",", ".").partition(".")[2]) for clock in clocks}
+    if not {1, 2} & digits or max(digits) != 3:
+        return False
+    plain, counted = ([seconds_of(clock, milliseconds=either) for clock in clocks] for either in (False, True))
+    return any(b < a for a, b in pairwise(plain)) and all(a <= b for a, b in pairwise(counted))
 
 
 def number(cell: str, decimal: str) -> float | None:
@@ -213,6 +233,6 @@ def number(cell: str, decimal: str) -> float | None:
     if len(cell) >= 400 or not is_number(cell, decimal):
         return None
     if is_clock(cell):
-        return _seconds(cell)
+        return seconds_of(cell)
     value = float(cell.replace("," if decimal == "." else ".", "").replace(",", "."))
     return value if abs(value) < HUGE else None

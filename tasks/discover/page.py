@@ -37,7 +37,7 @@ MEANING = {
     "NAMED": "The named effects explain the disagreement, nothing else does as well, and they predict unseen data.",
     "PARTLY": "The named effects are certainly missing. They do not explain all of the disagreement.",
     "AMBIGUOUS": "The data cannot tell a set of effects apart, or the best one fails a check.",
-    "OUTSIDE": "Model and data disagree, and nothing in the library explains it.",
+    "OUTSIDE": "Model and data disagree, and nothing in the library explains enough of it to be named.",
 }
 DESCRIBES = (
     "The named effects describe these curves best. So much misfit is left that the model is not that of this tissue; "

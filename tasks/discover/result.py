@@ -261,7 +261,7 @@ class DiscoverResult(Result):
     """
 
     TASK = "discover"
-    VERSION = 10
+    VERSION = 11
     LIBRARIES = ("scikit-learn",)
 
     verdict: Word

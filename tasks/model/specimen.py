@@ -51,11 +51,13 @@ class Curve:
     """A protocol and the force ``force_N`` ``[t]`` (N) that was measured along it; NaN where nothing was measured.
 
     ``others``: what was measured beside the force, ``[t]`` by name. Unlike the force, it may be NaN at some points.
+    ``source``: for people, the file it was read from, its columns with their units, and what was changed.
     """
 
     protocol: Protocol
     force_N: Array
     others: Mapping[str, Array] = field(default_factory=dict)
+    source: str = ""
 
     @cached_property
     def measured(self) -> bool:

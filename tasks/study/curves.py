@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from sinew.runner.errors import StoreError
+from sinew.runner.errors import StoreError, one_line
 from sinew.runner.store.damage import result_errors
 from sinew.runner.store.layout import Damaged
 from sinew.runner.store.store import Store
 from sinew.tasks.data.cohort import Cohort
+from sinew.tasks.data.sources import MOST as MOST_LETTERS
 from sinew.tasks.drawing.thinning import drawn_points
 from sinew.tasks.model import Curve, Protocol
 from sinew.tasks.simulate import Array
@@ -24,6 +25,7 @@ from sinew.tasks.study.files import digest
 GROUP = "measured"
 POINTS = 500  # of a curve, at the most: more than a plot of a page's width can show
 MOST = 2 * POINTS  # that are taken from a folder
+SOURCE = "source"  # of each curve, where any is known
 COLUMNS = {"time": "s", "displacement": "mm", "force": "N"}
 
 
@@ -41,6 +43,7 @@ class MeasuredCurve:
     """A curve at points that represent it, each array ``[p]``; ``total`` points were measured or stored.
 
     ``force_N`` is NaN where nothing was measured, but the specimen was pulled. ``others``: what is compared besides.
+    ``source``: where it comes from, for people.
     """
 
     time_s: Array
@@ -48,6 +51,7 @@ class MeasuredCurve:
     force_N: Array
     total: int
     others: Mapping[str, MeasuredQuantity] = field(default_factory=dict)
+    source: str = ""
 
 
 def represented(protocol: str, time: Array, moved: Array, force: Array) -> MeasuredCurve:
@@ -59,7 +63,8 @@ def represented(protocol: str, time: Array, moved: Array, force: Array) -> Measu
 def keep_curves(store: Store, cohort: Cohort) -> None:
     """Write the cohort's curves into the store, unless they are there, whole. Raises ``StoreError``."""
     curves = [(specimen.name, curve) for specimen in cohort.specimens for curve in specimen.curves]
-    content = digest(POINTS, [[name, curve.name, curve.digest] for name, curve in curves])
+    sources = [curve.source for _, curve in curves]
+    content = digest(POINTS, [[name, curve.name, curve.digest] for name, curve in curves], *filter(None, sources))
     if curves and _content(store) != content:
         store.write_result(GROUP, _ragged(curves).assign_attrs(content=content))
 
@@ -77,6 +82,8 @@ def _ragged(curves: Sequence[tuple[str, Curve]]) -> xr.Dataset:
         "row_size": ("curve", np.array([one.time_s.size for one in drawn]), {"sample_dimension": "point"}),
         "total": ("curve", np.array([one.total for one in drawn]), {"long_name": "points that were measured"}),
     }
+    sources = [curve.source for _, curve in curves]
+    about |= {SOURCE: ("curve", np.array(sources, dtype=object))} if any(sources) else {}
     points = {
         name: ("point", np.concatenate(column), {"units": unit})
         for (name, unit), column in zip(COLUMNS.items(), columns, strict=True)
@@ -107,6 +114,7 @@ def _cut(kept: xr.Dataset) -> dict[str, dict[str, MeasuredCurve]]:
     wanted = {"specimen": "curve", "protocol": "curve", "row_size": "curve", "total": "curve"} | dict.fromkeys(
         COLUMNS, "point"
     )
+    wanted |= {SOURCE: "curve"} if SOURCE in kept else {}
     if any(name not in kept or kept[name].dims != (dim,) for name, dim in wanted.items()):
         raise Damaged("its arrays are not those of curves")
     sizes, totals = kept["row_size"].to_numpy(), kept["total"].to_numpy()
@@ -121,7 +129,11 @@ def _cut(kept: xr.Dataset) -> dict[str, dict[str, MeasuredCurve]]:
     labels: Mapping[str, list[str]] = {
         name: [str(one) for one in kept[name].to_numpy()] for name in ("specimen", "protocol")
     }
+    sources = (
+        [one_line(str(one))[:MOST_LETTERS] for one in kept[SOURCE].to_numpy()] if SOURCE in kept else [""] * sizes.size
+    )
     for i, (specimen, protocol) in enumerate(zip(labels["specimen"], labels["protocol"], strict=True)):
         part = slice(int(ends[i] - sizes[i]), int(ends[i]))
-        found.setdefault(specimen, {})[protocol] = MeasuredCurve(time[part], moved[part], force[part], int(totals[i]))
+        columns = (time[part], moved[part], force[part])
+        found.setdefault(specimen, {})[protocol] = MeasuredCurve(*columns, int(totals[i]), source=sources[i])
     return found

@@ -71,7 +71,8 @@ def shared_estimates(effects: Effects, candidate: Candidate, fits: Sequence[Fitt
             mean = float(weights @ values / weights.sum())
             p = float(chi2.sf(float(weights @ (values - mean) ** 2), len(fits) - 1))
             half = NORMAL_90 / float(np.sqrt(weights.sum()))
-            estimates[parameter.name] = SharedEstimate(mean, parameter.unit, (mean - half, mean + half), p)
+            ends = (max(mean - half, float(low[k])), min(mean + half, float(high[k])))
+            estimates[parameter.name] = SharedEstimate(mean, parameter.unit, ends, p)
     return estimates
 
 
@@ -86,6 +87,7 @@ def estimates(
         fitted, ends = profiled.fitted, profiled.ends
     else:
         ends = fitted.at[own, np.newaxis] + NORMAL_90 * fitted.uncertainty[own, np.newaxis] * np.array([-1.0, 1.0])
+        ends = np.clip(ends, 0.0, 1.0)  # as a profile ends there: values beyond are not possible
     values = low[own] + (high - low)[own] * fitted.at[own]
     intervals = low[own, np.newaxis] + (high - low)[own, np.newaxis] * ends
     return {

@@ -166,7 +166,11 @@ def _ruled(best: Score, evidence: Evidence) -> Verdict:
     left, whole = (misfit_left(one, scores.noise) for one in (best, scores.bare))
     if left > may_leave * whole + misfit_by_chance(scores.noise):
         needed = f"{100 * (1.0 - may_leave):.0f} % is needed to name it"
-        why = f"the leading candidate ({best.name}) explains {explains} of the misfit; {needed}"
+        kind = "pair" if len(best.effects) > 1 else "single effect"
+        pairs = any(len(one.effects) > 1 for one in scores.candidates)
+        share = f"{100 * MIN_SECOND_SHARE:.0f} % of what it leaves"
+        second = f", and no second effect clearly takes away {share}" if pairs and kind != "pair" else ""
+        why = f"the best {kind} ({best.name}) explains {explains} of the misfit; {needed}{second}"
         return Verdict("OUTSIDE", explained=part, why=why)
     if close := rivals(scores, best):
         slugs = tuple(dict.fromkeys(slug for one in (best, *close) for slug in one.effects))

@@ -122,7 +122,11 @@ def curves_of(particles: xr.Dataset, result: AbcResult, site: str, name: str) ->
     low, high = (marginal.prior_mean + side * marginal.prior_sd for side in (-2, 2))
     grid = np.linspace(min(values.min(), max(low, 0.0)), max(values.max(), high), 200)
     prior = marginal.prior_density(grid)
-    return grid, prior / np.trapezoid(prior, grid), density(values, particles["weight"].values[-1], grid)
+    return (
+        grid,
+        prior / np.trapezoid(prior, grid),
+        density(values, particles["weight"].values[-1], grid, marginal.within),
+    )
 
 
 def joint(particles: xr.Dataset, names: list[str], site: str) -> Figure:
@@ -167,12 +171,19 @@ def joint(particles: xr.Dataset, names: list[str], site: str) -> Figure:
     return figure
 
 
-def density(values: Array, weight: Array, grid: Array) -> Array:
-    """Kernel density ``[g]`` of weighted ``values`` ``[n]`` on ``grid``; zeros where all values are the same."""
+def density(values: Array, weight: Array, grid: Array, within: tuple[float, float] = (-np.inf, np.inf)) -> Array:
+    """Kernel density ``[g]`` of weighted ``values`` ``[n]`` on ``grid``; zeros where all values are the same.
+
+    What would lie beyond the ends that values are ``within`` is reflected there (Silverman 1986, section 2.10).
+    """
     if np.ptp(values) == 0.0:
         return np.zeros(grid.size)
-    found: Array = gaussian_kde(values, weights=weight)(grid)
-    return found
+    kernel = gaussian_kde(values, weights=weight)
+    found: Array = kernel(grid)
+    for end in within:
+        if np.isfinite(end):
+            found += kernel(2.0 * end - grid)
+    return np.where((grid < within[0]) | (grid > within[1]), 0.0, found)
 
 
 FIGURES: Mapping[str, FigureKind[AbcResult]] = {kind: _kind(kind) for kind in ("marginals", "joint", "thresholds")}

@@ -110,10 +110,13 @@ def _columns(result: AbcResult, particles: dict[str, xr.Dataset], name: str) -> 
     grid = np.linspace(low - margin, high + margin, GRID)
     intervals: dict[str, list[Any]] = {"site": [], "mean": [], "sd": [], "low": [], "high": [], "at": []}
     columns: dict[str, Any] = {"intervals": intervals}
-    top = max(float(density(values, weight, grid).max()) for values, weight in lasts.values()) or 1.0
-    for k, (site, (values, weight)) in enumerate(lasts.items()):
-        marginal = result.sites[site].parameters[name]
-        columns[f"density-{k}"] = {"value": grid, "density": density(values, weight, grid)}
+    marginals = {site: result.sites[site].parameters[name] for site in lasts}
+    densities = {
+        site: density(values, weight, grid, marginals[site].within) for site, (values, weight) in lasts.items()
+    }
+    top = max(float(each.max()) for each in densities.values()) or 1.0
+    for k, (site, marginal) in enumerate(marginals.items()):
+        columns[f"density-{k}"] = {"value": grid, "density": densities[site]}
         columns[f"prior-{k}"] = {"value": grid, "density": marginal.prior_density(grid)}
         row = {"site": site, "mean": marginal.mean, "sd": marginal.sd, "low": marginal.hdi[0],
                "high": marginal.hdi[1], "at": -0.07 * top * (k + 1)}  # fmt: skip

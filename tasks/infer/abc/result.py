@@ -29,6 +29,12 @@ class Marginal:
     prior_sd: Number
     prior: Literal["normal", "uniform"]
 
+    @property
+    def within(self) -> tuple[float, float]:
+        """The ends of the prior; infinite where it is normal."""
+        half = float(np.sqrt(3.0)) * self.prior_sd if self.prior == "uniform" else np.inf
+        return self.prior_mean - half, self.prior_mean + half
+
     def prior_density(self, values: Array) -> Array:
         """The density of the prior, of any shape, at ``values``; where it is normal, before truncation."""
         apart = (values - self.prior_mean) / self.prior_sd

@@ -1,6 +1,6 @@
 """Data: the specimens, their curves, and what is known of both; without measured forces, how far they are pulled."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Any
 
@@ -64,6 +64,7 @@ def section(found: ResultFolder) -> Section:
         *([Words(f"Drawn are the first {MOST_LINES} of {len(protocols):,} protocols.")] if drawn != protocols else []),
         *([_beside(measured, drawn, quantities)] if quantities else []),
         _table(found, bars, quantities),
+        *_read_from(measured),
     ]
     kind = "curve" if found.forces else "protocol"
     of = f" of {plural(len(sites), 'site')}" if sites else ""
@@ -176,6 +177,19 @@ def _table(found: ResultFolder, bars: Mapping[str, dict[str, Any]], quantities: 
               "peak force (N)", "peak stress (MPa)", "peak strain (%)",
               *(with_its_unit(_words(name), unit) for name, unit in quantities.items())]  # fmt: skip
     return Table("Specimens", header, rows, words=(1,), open=len(rows) <= 6)
+
+
+def _read_from(measured: Mapping[str, Mapping[str, MeasuredCurve]]) -> Iterator[Table]:
+    """The file of each curve, which of its columns were read in which units, and what was changed."""
+    rows = [
+        [name, protocol, curve.source]
+        for name, every in measured.items()
+        for protocol, curve in every.items()
+        if curve.source
+    ]
+    if rows:
+        header = ["specimen", "protocol", "file, columns and units"]
+        yield Table("Files that the curves were read from", header, rows, words=(1, 2), open=len(rows) <= 6)
 
 
 def _farthest(values: Any) -> float:

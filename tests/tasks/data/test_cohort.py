@@ -89,6 +89,23 @@ def assert_possible(specimen: Specimen | None) -> None:
         assert all(0 < getattr(specimen, key) < 1e4 for key in GEOMETRY)
 
 
+@pytest.mark.parametrize(
+    ("sources", "problem"),
+    [
+        (["T1.csv"], "sources: ['T1.csv']; expected a text for each protocol"),
+        ({"pull": 3}, "sources: pull: 3; expected a text of at most 1,000 letters"),
+        ({"pull": "x" * 1001}, "expected a text of at most 1,000 letters"),
+    ],
+)
+def test_sources_are_texts(tmp_path, sources, problem):
+    write_cohort(tmp_path / "cohort", virtual_cohort(seed=3, per_site=1, rate_hz=2.0)[0][:1])
+    (described,) = (tmp_path / "cohort").rglob("specimen.json")
+    described.write_text(json.dumps(json.loads(described.read_text()) | {"sources": sources}))
+    with pytest.raises(BadInput) as refused:
+        read_cohort(tmp_path / "cohort")
+    assert problem in str(refused.value)
+
+
 # ---- round trip
 
 
@@ -99,6 +116,7 @@ def written_and_read(specimen: Specimen) -> Specimen:
     assert (read.name, read.donor) == (specimen.name, specimen.donor)
     assert all(getattr(read, key) == getattr(specimen, key) for key in GEOMETRY)
     assert [curve.name for curve in read.curves] == sorted(curve.name for curve in specimen.curves)
+    assert {curve.name: curve.source for curve in read.curves} == {c.name: c.source for c in specimen.curves}
     return read
 
 
@@ -119,13 +137,14 @@ def specimens(draw: st.DrawFn, values: st.SearchStrategy[float]) -> Specimen:
         times = np.cumsum(steps) / 1e4
         columns = [draw(st.lists(values, min_size=len(steps), max_size=len(steps))) for _ in COLUMNS[1:]]
         displacement, force = np.array(columns)
-        return Curve(Protocol(name, times, np.abs(displacement)), force)
+        return Curve(Protocol(name, times, np.abs(displacement)), force, source=source)
 
     name = st.from_regex(r"[A-Za-z0-9][A-Za-z0-9_+.-]{0,20}", fullmatch=True)
     folder = draw(name.filter(lambda text: Path(text).suffix.lower() not in {*BINARY, ".csv"}))
     site = draw(st.sampled_from(["", "distal/"]))
     sizes = draw(st.tuples(*[st.floats(0, 1e4, exclude_min=True, exclude_max=True)] * 3))
     protocols = draw(st.sets(st.sampled_from(["pull", "one_step", "cyclic.2", "A+b"]), min_size=1, max_size=2))
+    source = draw(st.sampled_from(["", "T1.xlsx, test 2: force from 'Kraft' in kN"]))
     donor = draw(st.none() | st.text(max_size=5))
     return Specimen(site + folder, *sizes, tuple(curve(protocol) for protocol in sorted(protocols)), donor)
 

@@ -7,6 +7,8 @@ from tests.tasks.data.test_columns import columns
 
 TIMES = "s, ms, min, us, h"
 TIMELESS = "--time-column NAME or NUMBER, --rate-hz or --speed"
+NONE = "no column of time, nor of displacement, length or strain, nor of force or stress among"
+ALL = f"{TIMELESS}; --displacement-column NAME or NUMBER; --force-column NAME or NUMBER"
 FORCES = "N, kN, mN, cN, daN, uN, lbf, kgf, gf, ozf, dyn"
 LOADS = f"{FORCES}, Pa, kPa, MPa, GPa, N/cm2, kgf/mm2, kgf/cm2, bar, mbar, psi, ksi"
 
@@ -14,8 +16,14 @@ LOADS = f"{FORCES}, Pa, kPa, MPa, GPa, N/cm2, kgf/mm2, kgf/cm2, bar, mbar, psi, 
 @pytest.mark.parametrize(
     ("titles", "hints", "words"),
     [
-        ("a|b|", {}, f": row 1: no column of time among 'a, b, (no name)'; expected {TIMELESS}"),
-        ("", {}, f": no column of time among '(no name), (no name), (no name)'; expected {TIMELESS}"),
+        ("a|b|", {}, f": row 1: {NONE} 'a, b, (no name)'; expected {ALL}"),
+        ("", {}, f": {NONE} '(no name), (no name), (no name)'; expected {ALL}"),
+        ("b|u_mm|force_N", {}, f": row 1: no column of time among 'b, u_mm, force_N'; expected {TIMELESS}"),
+        (
+            "time_s|force_N|force_kN", {"force_column": "2", "time_column": "1"},
+            ": row 1: no column of displacement, length or strain among 'time_s, force_N, force_kN'; expected "
+            "--displacement-column NAME or NUMBER",
+        ),
         (
             "time_s|b|force_N", {},
             ": row 1: no column of displacement, length or strain among 'time_s, b, force_N'; expected "
@@ -91,3 +99,15 @@ def test_titles_that_do_not_fit_are_said_with_the_usual_reason():
         "test.csv: row 2: 3 names above 6 columns of numbers; expected as many; commas cannot separate columns and be "
         "decimal marks at the same time"
     )
+
+
+def test_a_file_without_a_motion_is_not_sent_for_another_column():
+    with pytest.raises(BadInput) as refused:
+        columns("time_s|force_N")
+    assert str(refused.value).endswith(
+        ": row 1: no column of displacement, length or strain among 'time_s, force_N'; expected a file with "
+        "displacement, which this one does not hold"
+    )
+    with pytest.raises(BadInput) as refused:
+        columns("index|force_N")
+    assert str(refused.value).endswith(f"expected {TIMELESS}; --displacement-column NAME or NUMBER")

@@ -123,7 +123,7 @@ def test_curves_without_noise_are_refused_where_misfit_is_told_in_times_of_it(sd
 def test_a_long_ramp_has_no_more_splines_than_a_computer_solves():
     """Their normal equations are dense: with one more for every 400 points, 2,000,000 points would take hours."""
     t = np.arange(200_000) / 1000
-    rough = np.cumsum(np.random.default_rng(1).standard_normal(t.size))
+    rough = 50.0 * t + np.cumsum(np.random.default_rng(1).standard_normal(t.size))  # rises: it does not break
     for finer in (1, 16):
         (piece,) = _pieces(Curve(Protocol("pull", t, t), rough), finer)
         assert 300 < piece.splines.shape[1] <= MOST_SPLINES
@@ -157,6 +157,14 @@ def test_a_rupture_is_no_noise():
     signal = 100 * np.minimum(t / 40, 1) ** 1.5 * np.where(t < 40, 1, 0.05) + 8 * np.sin(t * 2) * (t < 40)
     found = [noise_of(noisy(t, signal, 0.2, 0.3, seed)) for seed in range(6)]
     assert np.mean([noise.sd_N for noise in found]) == pytest.approx(0.2, rel=0.2)
+
+
+def test_what_follows_a_break_is_no_noise():
+    """Too few points for splines that follow the break, as in the export of a machine that records slowly."""
+    t = np.arange(83.0)
+    signal = 3000 * (t / 67) ** 1.5 * np.where(t > 67, 0.55, 1.0)
+    found = [noise_of(noisy(t, signal, 2.0, 0.0, seed)).sd_N for seed in range(6)]
+    assert np.mean(found) == pytest.approx(2.0, rel=0.25)
 
 
 def test_noise_of_high_correlation_is_not_taken_for_the_course_of_the_force():

@@ -59,25 +59,7 @@ def test_a_break_is_named():
     (line,) = odd_tests([pulled(np.where(np.arange(100) > 90, 60.0, RAMP))])
     assert line.startswith("look at a, pull: its force falls from 89.9 to 60 N from 8.9 to 9.1 s")
     assert "This may be a break, which the model does not describe" in line
-    softening = np.concatenate([np.linspace(0.0, 100.0, 50), np.linspace(100.0, 50.0, 50)])
-    assert list(odd_tests([pulled(softening)])) == [], "over half of the displacement"
-    hold = np.concatenate([np.linspace(0.0, 1.0, 50), np.full(50, 1.0)])
-    relaxed = np.concatenate([np.linspace(0.0, 100.0, 50), 50.0 + 50.0 * np.exp(-np.arange(50.0))])
-    assert list(odd_tests([pulled(relaxed, hold)])) == [], "while it is held"
-    back = np.concatenate([np.linspace(0.0, 1.0, 50), np.linspace(1.0, 0.0, 50)])
-    assert list(odd_tests([pulled(100.0 * back**9, back)])) == [], "while it is unloaded"
-    assert list(odd_tests([pulled(-100.0 * back**9, -back)])) == [], "while a compression is unloaded"
-    turned = np.concatenate([np.linspace(0.0, 1.0, 50), np.linspace(1.0, 0.0, 51)[1:]])
-    assert list(odd_tests([pulled(100.0 * turned**9, turned)])) == [], "where the peak is also the first of unloading"
-    step = np.concatenate([np.linspace(0.0, 1.0, 40), np.full(30, 1.0), np.linspace(1.0, 1.03, 30)])
-    low = np.concatenate([np.linspace(0.0, 100.0, 40), np.linspace(100.0, 50.0, 30), np.linspace(50.0, 55.0, 30)])
-    assert list(odd_tests([pulled(low, step)])) == [], "after a hold"
-    spike = RAMP.copy()
-    spike[60] = 300.0
-    assert list(odd_tests([pulled(spike)])) == [], "a spike"
+    gaps = np.where(np.arange(100) > 90, 60.0, RAMP)
+    gaps[:50:2] = np.nan
+    assert list(odd_tests([pulled(gaps)])) == [line], "rows without a force are none of the curve's own"
     assert list(odd_tests([pulled(0.0 * RAMP)])) == [], "no force at all"
-
-
-def test_a_break_in_a_compression_is_named():
-    (line,) = odd_tests([pulled(-np.where(np.arange(100) > 90, 60.0, RAMP), -np.linspace(0.0, 1.0, 100))])
-    assert "This may be a break" in line

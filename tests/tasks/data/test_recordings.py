@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.questions import UnknownUnit
-from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings, remarks
+from sinew.tasks.data.recordings import UNPADDED, Bar, Recording, curve_of, read_recordings, remarks
 from sinew.tasks.data.told import as_told
 from tests.tasks.data.test_sheets import write_workbook
 
@@ -134,7 +134,7 @@ def test_the_first_table_with_all_columns_counts(tmp_path):
     found = read(tmp_path, summary + "1,Time,Displacement,Force\n,(s),(mm),(N)\n,0,0,0\n,1,0.1,5\n,2,0.2,9\n")
     assert found.numbers[:, 2].tolist() == [0, 5, 9]
     assert found.rows[0] == 10
-    with pytest.raises(BadInput, match="row 5: no column of time among 'n, Maximum"):
+    with pytest.raises(BadInput, match=r"row 5: no column of time, nor of .* among 'n, Maximum"):
         read(tmp_path, "Results\n\n\n\nn,Maximum (N),Rate\n1,9,5\n2,8,5\n3,7,5\n")
 
 
@@ -327,7 +327,7 @@ def test_what_a_recording_tells_of_its_file(tmp_path):
 
 
 def test_the_first_missing_column_is_told_of_several_tables(tmp_path):
-    with pytest.raises(BadInput, match="row 1: no column of time among 'a, b, c'"):
+    with pytest.raises(BadInput, match=r"row 1: no column of time, nor of .* among 'a, b, c'"):
         read(tmp_path, "a,b,c\n1,2,3\n2,3,4\n3,4,5\n\nt_s,b,c\n1,2,3\n2,3,4\n3,4,5\n")
 
 
@@ -596,3 +596,12 @@ def test_a_file_of_very_many_tests_is_refused(tmp_path, monkeypatch):
     (tmp_path / "a.csv").write_text(part * 4)
     with pytest.raises(BadInput, match=r"a\.csv: more than 3 tables"):
         read_recordings(tmp_path / "a.csv", Hints())
+
+
+def test_clock_times_of_milliseconds_without_leading_zeros_are_told(tmp_path):
+    rows = ["1:12:57.855", "1:12:58.29", "1:12:58.203"]
+    content = "time,disp_mm,force_N\n" + "".join(f"{clock},{i},{i}\n" for i, clock in enumerate(rows))
+    found = read(tmp_path, content)
+    assert np.diff(found.numbers[:, 0]).tolist() == pytest.approx([0.174, 0.174])
+    assert found.notes == (UNPADDED,)
+    assert read(tmp_path, content.replace("58.29", "58.029")).notes == ()

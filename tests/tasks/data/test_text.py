@@ -9,7 +9,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.text import HUGE, cells, check_text, is_blank, is_clock, is_number, number, read_lines, records
+from sinew.tasks.data.text import (
+    HUGE,
+    cells,
+    check_text,
+    is_blank,
+    is_clock,
+    is_number,
+    milliseconds_unpadded,
+    number,
+    read_lines,
+    records,
+    seconds_of,
+)
 
 
 def written(folder: Path, content: bytes, name: str = "test.csv") -> Path:
@@ -243,6 +255,30 @@ def test_clock_times_are_numbers_of_seconds_with_any_decimal_mark(cell, seconds)
 def test_what_is_not_surely_a_clock_time_is_no_number(cell):
     assert not is_clock(cell)
     assert number(cell, ".") is None
+
+
+@pytest.mark.parametrize(
+    ("clocks", "unpadded"),
+    [
+        (["1:12:57.855", "1:12:58.29", "1:12:58.203", "1:12:59.8"], True),
+        (["1:12:57,855", "1:12:58,29", "1:12:58,203"], True),
+        (["02:57.855", "02:58.29", "02:58.203"], True),
+        (["1:12:57.8", "1:12:58.2", "1:12:58.25", "1:12:58.299"], False),  # they go on as they stand
+        (["1:12:57.855", "1:12:58.029", "1:12:58.003"], False),  # they go back
+        (["1:12:58.9", "1:12:58.2"], False),  # tenths that go back
+        (["1:12:58.203", "1:12:58.29", "1:12:58.2031"], False),  # finer than milliseconds
+        (["1:12:58.203", "1:12:58.29", "1:12:57.100"], False),  # they go back in either way
+        (["1:12:57", "1:12:58"], False),
+    ],
+)
+def test_milliseconds_without_leading_zeros(clocks, unpadded):
+    assert milliseconds_unpadded(clocks) is unpadded
+
+
+def test_a_clock_by_milliseconds():
+    assert seconds_of("1:00:58.29", milliseconds=True) == pytest.approx(3658.029)
+    assert seconds_of("1:00:58", milliseconds=True) == 3658.0
+    assert seconds_of("1:00:58.29") == pytest.approx(3658.29)
 
 
 @pytest.mark.parametrize("row", ["1\n", "1\r\n", "1,,,,\n", "1\t\t\t\t\n", "1||||\n", "1  2 3 4   5\n"])

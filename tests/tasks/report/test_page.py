@@ -3,6 +3,7 @@
 import html
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -118,6 +119,20 @@ def test_measured_curves_are_those_of_the_cohort_however_few_points_are_stored(t
     for curve in specimen.curves:
         drawn = folder.read_folder(tmp_path).measured[specimen.name][curve.name]
         assert (drawn.force_N.min(), drawn.force_N.max()) == (curve.force_N.min(), curve.force_N.max())
+
+
+def test_the_page_tells_the_files_of_curves(whole_run, monkeypatch):
+    found = folder.read_folder(whole_run)
+    assert "Files that the curves were read from" not in [block.caption for block in tables_of(found)]
+    name, every = next(iter(found.measured.items()))
+    protocol, curve = next(iter(every.items()))
+    monkeypatch.setitem(every, protocol, replace(curve, source="T1.csv: force from 'Load' in kN"))
+    (table,) = (one for one in tables_of(found) if one.caption == "Files that the curves were read from")
+    assert table.rows == [[name, protocol, "T1.csv: force from 'Load' in kN"]]
+
+
+def tables_of(found):
+    return [block for block in data.section(found).blocks if block.kind == "table"]
 
 
 def test_the_largest_stress_and_strain_of_each_specimen(whole_run):

@@ -55,6 +55,22 @@ def test_a_curve_that_was_measured_again_is_kept_anew(folder):
     assert kept_curves(open_store(folder))[again.name][first.name].force_N.max() == 2.0 * first.force_N.max()
 
 
+def test_sources_are_kept_and_a_changed_one_is_kept_anew(folder):
+    def kept(source):
+        first, *others = SPECIMENS[0].curves
+        specimen = replace(SPECIMENS[0], curves=(replace(first, source=source), *others))
+        with Store.writing(folder, "study") as store:
+            keep_curves(store, Cohort(folder, (specimen, *SPECIMENS[1:])))
+        found = kept_curves(open_store(folder))
+        assert {curve.source for curve in found[SPECIMENS[1].name].values()} == {""}
+        return found[specimen.name][first.name].source
+
+    assert kept("") == ""
+    assert kept("T1.csv: force from 'Load' in N") == "T1.csv: force from 'Load' in N"
+    assert kept("T2.csv") == "T2.csv"
+    assert kept("\x1b[31m" + "x" * 5000) == "\\x1b[31m" + "x" * 992
+
+
 def test_a_protocol_without_forces_is_drawn_too(tmp_path):
     protocol = Protocol("ramp", np.linspace(0.0, 1.0, 5), np.linspace(0.0, 0.1, 5))
     pulled = Specimen("a", 10.0, 5.0, 2.0, curves=(Curve(protocol, np.full(5, np.nan)),))
@@ -95,7 +111,7 @@ def is_one_line_and_mended(folder):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("row_size", -1), ("row_size", 10**6), ("row_size", 1.5), ("force", None), ("total", 1)],
+    [("row_size", -1), ("row_size", 10**6), ("row_size", 1.5), ("force", None), ("total", 1), ("time", None)],
 )
 def test_arrays_that_are_no_curves_are_one_line_and_written_again(folder, name, value):
     damaged_arrays(folder, name, value)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sinew.tasks.discover.after.estimates import shared_estimates
+from sinew.tasks.discover.after.estimates import estimates, shared_estimates
 from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.specimen_fits import SpecimenFits
 from sinew.tasks.model import Model
@@ -31,3 +31,13 @@ def test_one_value_for_all_specimens_and_whether_there_is_one(values, one):
 
 def test_a_specimens_own_parameters_are_notshared_estimates():
     assert shared_estimates((SLACK,), SpecimenFits(None, Model(), Path()).candidate((SLACK,)), fits(0.2, 0.3)) == {}
+
+
+def test_no_interval_reaches_beyond_what_is_possible():
+    candidate = SpecimenFits(None, Model(), Path()).candidate((LAG,))
+    low, high = (float(ends[-1]) for ends in candidate.bounds())
+    for value, end in ((0.05, low), (0.95, high)):
+        one = estimates((LAG,), candidate, fits(value, error=0.2)[0], None)["force_lag"]
+        both = shared_estimates((LAG,), candidate, fits(value, value, error=0.2))["force_lag"]
+        assert end in one.interval
+        assert end in both.interval

@@ -148,8 +148,15 @@ def test_a_misfit_that_chance_may_leave_is_taken_away_in_whole():
 def test_outside_says_what_the_best_takes_and_what_a_name_would():
     found = judged(candidate("lag", 1196.0), SLIP)
     assert found.word == "OUTSIDE"
-    assert found.why == "the leading candidate (lag) explains 80 % of the misfit; 98 % is needed to name it"
+    alone = "the best single effect (lag) explains 80 % of the misfit; 98 % is needed to name it"
+    assert found.why == alone
     assert found.explained == pytest.approx(0.8)
+    weak = candidate("lag slip", 1000.0)
+    assert judged(candidate("lag", 1196.0), SLIP, weak).why == (
+        f"{alone}, and no second effect clearly takes away 80 % of what it leaves"
+    )
+    strong = judged(candidate("lag", 2000.0), SLIP, candidate("lag slip", 500.0))
+    assert strong.why == "the best pair (lag + slip) explains 94 % of the misfit; 96 % is needed to name it"
 
 
 def test_rivals_are_counted():

@@ -1,0 +1,38 @@
+"""Where a specimen breaks: the force is lost while the specimen is still being loaded."""
+
+import numpy as np
+
+from sinew.tasks.model import Curve
+from sinew.tasks.model.phases import phases
+
+FEWEST = 20  # points in which a break can be seen
+LOST, WITHIN = 0.25, (0.005, 0.05)  # the part of the peak force that is lost over this part of the displacement
+MOST_POINTS = 1000  # among which a break is looked for
+SPIKE = 3  # points, of which one alone is no peak
+
+
+def break_of(curve: Curve) -> tuple[int, int] | None:
+    """The last row of a curve before its break, and one behind it; None where the specimen does not break.
+
+    A break loses ``LOST`` of the peak force while the motion goes on a little. Both rows lie in one loading, that of
+    the peak, so that neither holds nor unloading count. A spike of one point is none.
+    """
+    from scipy.ndimage import median_filter  # slow to import
+
+    row = np.flatnonzero(np.isfinite(curve.force_N))
+    force, moved = curve.force_N[row], curve.protocol.displacement_mm[row]
+    if force.size < FEWEST or not np.ptp(moved):
+        return None
+    smooth = np.abs(median_filter(force, size=SPIKE, mode="nearest"))
+    peak = int(np.argmax(smooth))
+    for phase in phases(curve.protocol):
+        if phase.kind != "load" or not phase.points.start <= row[peak] < phase.points.stop:
+            continue
+        rows = np.arange(peak, int(np.searchsorted(row, phase.points.stop)))
+        rows = rows[:: -(-rows.size // MOST_POINTS) or 1]
+        way = np.abs(moved[rows] - moved[peak]) / np.ptp(moved)
+        for i, at in enumerate(rows):
+            within = rows[i:][(way[i:] - way[i] > WITHIN[0]) & (way[i:] - way[i] < WITHIN[1])]
+            if within.size and smooth[at] - smooth[within].min() > LOST * smooth[peak]:
+                return int(row[at]), int(row[within[np.argmin(smooth[within])]])
+    return None

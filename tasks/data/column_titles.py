@@ -1,0 +1,52 @@
+"""The titles of a table: one for each column, with the name and the unit in it."""
+
+from collections.abc import Sequence
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data import units
+from sinew.tasks.data.heads import Row
+from sinew.tasks.data.tables import Table
+from sinew.tasks.data.text import is_number
+from sinew.tasks.data.titles import name_and_unit, without_numbers, without_suffix
+
+
+def names_and_units(table: Table) -> tuple[Row, list[tuple[str, str]]]:
+    """The title of each column, and its name and unit, which may be empty."""
+    titles = titles_of(table)
+    return titles, named_of(table, titles)
+
+
+def titles_of(table: Table) -> Row:
+    """A title for each column that has one or holds numbers."""
+    width = _width(table.rows[0][1])
+    return (*table.titles, *[""] * (width - len(table.titles)))
+
+
+def named_of(table: Table, titles: Row) -> list[tuple[str, str]]:
+    """Name and unit of each column; the unit may be empty."""
+    plain = [without_suffix(title, titles) for title in titles]
+    found = [name_and_unit(title, below) for title, below in zip(plain, _below(table, len(titles)), strict=True)]
+    names = without_numbers([name for name, _ in found])
+    return [(names[place], "s" if table.has_clock(place) else unit) for place, (_, unit) in enumerate(found)]
+
+
+def _width(row: Sequence[str]) -> int:
+    """How many cells a row has, without empty ones at its end."""
+    return max((i for i, cell in enumerate(row, start=1) if cell), default=0)
+
+
+def _below(table: Table, count: int) -> list[str]:
+    cells = [cell.strip("()[] ") for cell in table.units[:count]]
+    return [*cells, *[""] * (count - len(cells))]
+
+
+def check_width(table: Table) -> None:
+    """Refuse titles that are too few or too many to belong to the columns below them."""
+    count, row = _width(table.titles), table.rows[0][1]
+    numbers = _width([cell if is_number(cell, table.decimal) else "" for cell in row])
+    untitled = numbers > len(table.titles) or numbers >= 2 * count
+    shifted = len(row) < count and any(units.is_unit(title) for title in table.titles)
+    if untitled or shifted:
+        problem = f"{count} names above {_width(row)} columns of numbers"
+        expected = "as many; commas cannot separate columns and be decimal marks at the same time"
+        raise BadInput(f"{table.path}: row {table.first}", problem, expected)
