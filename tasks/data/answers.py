@@ -8,14 +8,14 @@ from typing import Annotated, Any
 from pydantic import Field, create_model
 
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.sizes import LONGEST_MM
+from sinew.tasks.data.sizes import LONGEST_MM, SHORTEST_MM
 from sinew.tasks.study.settings_file import Section, read_settings, write_settings
 
 HEAD = """\
 # What the files did not tell, as it was answered. It is used again by
 #   sinew init FILES --out FOLDER --answers {name}
 """
-_Millimetres = Annotated[float, Field(gt=0, lt=LONGEST_MM)]
+_Millimetres = Annotated[float, Field(ge=SHORTEST_MM, lt=LONGEST_MM)]
 
 
 class _Sizes(Section):

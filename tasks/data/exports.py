@@ -20,7 +20,7 @@ from sinew.tasks.data.recordings import (
     read_recordings,
     remarks,
 )
-from sinew.tasks.data.sizes import LARGEST_MM2, LONGEST_MM, SAME, square_side
+from sinew.tasks.data.sizes import LARGEST_MM2, LEAST_MM2, LONGEST_MM, POSSIBLE_MM, SAME, SHORTEST_MM, square_side
 from sinew.tasks.data.told import as_told
 from sinew.tasks.data.units import factor, listed
 from sinew.tasks.model import Specimen
@@ -45,13 +45,14 @@ class Reading:
 
     def __post_init__(self) -> None:
         """Raises :class:`BadInput` for the first number or unit that is impossible, or contradicts another."""
-        for option, value, most, unit in (
-            ("--reference", self.reference, MOST_STRETCH, ""),
-            ("--length-mm", self.length_mm, LONGEST_MM, " mm"),
-            ("--area-mm2", self.area_mm2, LARGEST_MM2, " mm2"),
+        if self.reference is not None and not 0 < self.reference < MOST_STRETCH:
+            raise BadInput("--reference", f"{self.reference:g}", f"above 0 and below {MOST_STRETCH:g}")
+        for option, value, least, most, unit in (
+            ("--length-mm", self.length_mm, SHORTEST_MM, LONGEST_MM, "mm"),
+            ("--area-mm2", self.area_mm2, LEAST_MM2, LARGEST_MM2, "mm2"),
         ):
-            if value is not None and not 0 < value < most:
-                raise BadInput(option, f"{value:g}", f"above 0 and below {most:g}{unit}")
+            if value is not None and not least <= value < most:
+                raise BadInput(option, f"{value:g}", f"at least {least:g} and below {most:g} {unit}")
         for option, short, known, long, long_option in (
             ("--time", self.time, TIME.units, self.hints.time_unit, "--time-unit"),
             ("--stress", self.stress, STRESS.units, self.hints.force_unit, "--force-unit"),
@@ -209,7 +210,7 @@ def _size(recording: Recording, name: str, option: str) -> float:
     if size is None:
         raise BadInput(where, "missing in the lines above the table", f"a length with its unit, or {option}")
     if size.mm is None:
-        expected = f"a number above 0 and below {LONGEST_MM:g} mm and a unit such as mm, or {option}"
+        expected = f"a number {POSSIBLE_MM} and a unit such as mm, or {option}"
         raise BadInput(where, shown(size.text), expected)
     return size.mm
 

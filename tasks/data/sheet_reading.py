@@ -5,15 +5,22 @@ that reads it then ends its process. So it has one of its own, with limits. Noth
 
 Each sheet is a line with its name, and a line for each row with a list of its texts. A last line is ``null`` if all is
 there, or an object that says what is ``wrong`` and what is ``expected``.
+
+Cells that are formatted as percent hold fractions. They are written as they are shown, 9.97 for 0.0997, and the title
+above them gets the unit ``[%]`` where it has none. Files of the kinds .xls and .xlsb do not tell it here.
 """
 
 import datetime
 import io
 import json
+import posixpath
+import re
 import resource
 import sys
+import zipfile
 from collections.abc import Iterator
-from typing import Any
+from typing import IO, Any
+from xml.etree.ElementTree import Element
 
 MEMORY_BYTES = 2**31  # of the process
 SECONDS = 60  # of a processor; a spreadsheet of the largest size takes less
@@ -25,6 +32,11 @@ EXPECTED = f"at most {MAX_CELLS:,} cells and {MAX_BYTES:,} bytes of text"
 MEMORY = f"takes more than {MEMORY_BYTES / 2**30:g} GB"
 TIME = f"takes more than {SECONDS} s of a processor"
 SMALLER = "a smaller spreadsheet, or the table as CSV"
+
+
+PERCENT = re.compile(r'%(?=(?:[^"]*"[^"]*")*[^"]*$)')  # in a number format, outside of quotes
+PERCENT_FORMATS = {9, 10}  # of Excel itself
+Cells = dict[int, set[int]]  # columns by row, both from 0
 
 
 class TooMuch(Exception):
@@ -48,6 +60,7 @@ def lines_of(content: bytes) -> Iterator[str | list[str]]:
     from python_calamine import CalamineWorkbook  # in this process only
 
     cells = size = 0
+    percents = _percents(content)
     with CalamineWorkbook.from_filelike(io.BytesIO(content)) as workbook:
         if len(workbook.sheet_names) > MAX_SHEETS:
             raise TooMuch(f"{len(workbook.sheet_names):,} sheets", f"at most {MAX_SHEETS:,} sheets")
@@ -57,12 +70,153 @@ def lines_of(content: bytes) -> Iterator[str | list[str]]:
             cells += (sheet.total_height + 1) * (sheet.total_width + 1)  # of the last row and column, from 0
             if cells > MAX_CELLS:
                 raise TooMuch(f"{cells:,} cells up to the last one that is not empty")
-            for row in sheet.to_python(skip_empty_area=False):
+            for row in _as_shown(sheet.to_python(skip_empty_area=False), percents.get(str(name), {})):
                 texts = list(map(_text, row))
                 size += sum(len(text.encode("utf-8", "replace")) for text in texts)
                 if size > MAX_BYTES:
                     raise TooMuch(f"more than {MAX_BYTES:,} bytes of text")
                 yield texts
+
+
+# ---- cells that are formatted as percent
+
+
+def _as_shown(rows: list[list[Any]], percents: Cells) -> list[list[Any]]:
+    """Rows whose ``percents`` are counted in percent, with that unit in the text above the first of a column."""
+    firsts: dict[int, int] = {}
+    for number, columns in sorted(percents.items()):
+        for place in columns:
+            row = rows[number] if number < len(rows) else []
+            if place < len(row) and isinstance(row[place], int | float) and not isinstance(row[place], bool):
+                row[place] = float(f"{100.0 * row[place]:.15g}")  # without the rounding of the product
+                firsts.setdefault(place, number)
+    for place, first in firsts.items():
+        texts = (row for row in reversed(rows[:first]) if isinstance(row[place], str) and row[place].strip())
+        above = next(texts, None)
+        if above is not None and "%" not in above[place]:
+            above[place] = f"{above[place].strip()} [%]"
+    return rows
+
+
+def _percents(content: bytes) -> dict[str, Cells]:
+    """Cells that are formatted as percent, by the name of the sheet; of a file that is no archive, none."""
+    if not content.startswith(b"PK"):
+        return {}
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        members = set(archive.namelist())
+        if "content.xml" in members:
+            return _percents_of_ods(archive)
+        if {"xl/styles.xml", "xl/workbook.xml", "xl/_rels/workbook.xml.rels"} <= members:
+            return _percents_of_xlsx(archive, members)
+    return {}
+
+
+def _percents_of_xlsx(archive: zipfile.ZipFile, members: set[str]) -> dict[str, Cells]:
+    styles = _percent_styles(archive)
+    if not styles:
+        return {}
+    targets = {
+        one.get("Id"): posixpath.normpath(posixpath.join("/xl", one.get("Target", ""))).lstrip("/")
+        for one in _elements(archive, "xl/_rels/workbook.xml.rels", "Relationship")
+    }
+    found = {}
+    for sheet in _elements(archive, "xl/workbook.xml", "sheet"):
+        link = next((value for key, value in sheet.attrib.items() if _local(key) == "id"), None)
+        if (path := targets.get(link)) in members:
+            found[sheet.get("name", "")] = _percents_of_sheet(archive, str(path), styles)
+    return found
+
+
+def _percent_styles(archive: zipfile.ZipFile) -> set[str]:
+    """Numbers of the styles of cells whose format is one of percent."""
+    formats, styles, inside = set(PERCENT_FORMATS), set(), False
+    count = 0
+    with archive.open("xl/styles.xml") as file:
+        for event, element in _parsed(file):
+            name = _local(element.tag)
+            if name == "cellXfs":
+                inside = event == "start"
+            elif event == "end" and name == "numFmt" and PERCENT.search(element.get("formatCode", "")):
+                formats.add(int(element.get("numFmtId", "0")))
+            elif event == "end" and name == "xf" and inside:
+                if int(element.get("numFmtId", "0")) in formats:
+                    styles.add(str(count))
+                count += 1
+    return styles
+
+
+def _percents_of_sheet(archive: zipfile.ZipFile, path: str, styles: set[str]) -> Cells:
+    found: Cells = {}
+    row, column = -1, -1
+    with archive.open(path) as file:
+        for event, element in _parsed(file):
+            name = _local(element.tag)
+            if event == "start" and name == "row":
+                row, column = int(element.get("r", str(row + 2))) - 1, -1
+            elif event == "start" and name == "c":
+                column = _column(element.get("r", "")) if element.get("r") else column + 1
+                if element.get("s") in styles:
+                    found.setdefault(row, set()).add(column)
+            elif event == "end" and name in ("row", "c"):
+                element.clear()
+    return found
+
+
+def _column(reference: str) -> int:
+    """The column, from 0, of a cell such as ``AB12``."""
+    number = 0
+    for letter in reference.rstrip("0123456789").upper():
+        number = 26 * number + ord(letter) - 64
+    return number - 1
+
+
+def _percents_of_ods(archive: zipfile.ZipFile) -> dict[str, Cells]:
+    found: dict[str, Cells] = {}
+    cells: Cells = {}
+    row = column = 0
+    with archive.open("content.xml") as file:
+        for event, element in _parsed(file):
+            name = _local(element.tag)
+            about = {_local(key): value for key, value in element.attrib.items()}
+            if event == "start" and name == "table":
+                cells = found.setdefault(about.get("name", ""), {})
+                row = 0
+            elif event == "start" and name == "table-row":
+                column = 0
+            elif event == "end" and name in ("table-cell", "covered-table-cell"):
+                many = int(about.get("number-columns-repeated", "1"))
+                if about.get("value-type") == "percentage":
+                    if many > MAX_CELLS:
+                        raise TooMuch(f"{many:,} cells that are the same")
+                    cells.setdefault(row, set()).update(range(column, column + many))
+                column += many
+                element.clear()
+            elif event == "end" and name == "table-row":
+                many = int(about.get("number-rows-repeated", "1"))
+                if row in cells and many > 1:
+                    if many * len(cells[row]) > MAX_CELLS:
+                        raise TooMuch(f"{many:,} rows that are the same")
+                    cells.update((row + i, cells[row]) for i in range(1, many))
+                row += many
+                element.clear()
+    return found
+
+
+def _elements(archive: zipfile.ZipFile, path: str, name: str) -> list[Element]:
+    with archive.open(path) as file:
+        return [element for event, element in _parsed(file) if event == "end" and _local(element.tag) == name]
+
+
+def _parsed(file: IO[bytes]) -> Iterator[tuple[str, Element]]:
+    """The elements of a member, each where it begins and where it ends."""
+    from defusedxml.ElementTree import iterparse  # in this process only
+
+    yield from iterparse(file, ("start", "end"), forbid_dtd=True)
+
+
+def _local(name: str) -> str:
+    """A name of XML without its namespace."""
+    return name.rpartition("}")[2]
 
 
 def main() -> None:

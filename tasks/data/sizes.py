@@ -10,9 +10,11 @@ from sinew.tasks.data.heads import Row, is_row_of_units
 
 SIZES = ("length", "width", "thickness")
 SAME = 1e-3  # two statements of a size that differ by less agree: 10 mm and 10.0005 mm
-LONGEST_MM = 1e4
-LARGEST_MM2 = 1e8
+SHORTEST_MM, LONGEST_MM = 1e-6, 1e4  # of any size: a nanometre, and ten metres
+LEAST_MM2, LARGEST_MM2 = SHORTEST_MM**2, LONGEST_MM**2
+POSSIBLE_MM = f"at least {SHORTEST_MM:g} and below {LONGEST_MM:g} mm"
 SMALLEST_MM, SMALLEST_MM2 = 0.1, 0.01  # of a size without unit: a smaller one may as well be in m or cm
+LEAST = {**dict.fromkeys((*SIZES, "diameter"), SHORTEST_MM), "area": LEAST_MM2}
 LARGEST = {**dict.fromkeys((*SIZES, "diameter"), LONGEST_MM), "area": LARGEST_MM2}
 _FAR = 500  # rows from either end of those above a table, in which sizes are looked for
 _WIDEST = 200  # cells of a row that tells a size
@@ -124,8 +126,9 @@ def _size(name: str, cell: str, unit: str) -> Size:
     if number is None or factor is None:
         return Size(None, bool(unit), text)
     value = float(cell.replace(",", ".")) * factor
-    smallest = 0.0 if unit else SMALLEST_MM2 if name == "area" else SMALLEST_MM
-    return Size(value if smallest < value < LARGEST[name] else None, bool(unit), text)
+    smallest = LEAST[name] if unit else SMALLEST_MM2 if name == "area" else SMALLEST_MM
+    there = smallest <= value if unit else smallest < value
+    return Size(value if there and value < LARGEST[name] else None, bool(unit), text)
 
 
 def square_side(diameter_mm: float) -> float:

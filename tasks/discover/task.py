@@ -41,6 +41,7 @@ from sinew.tasks.discover.measure.conflict import conflict, together
 from sinew.tasks.discover.measure.shape import shape
 from sinew.tasks.discover.result import (
     COPY,
+    NAMES,
     WITH_LAWS,
     BareFit,
     CandidateResult,
@@ -181,6 +182,8 @@ def _known(workspace: Workspace, specimens: Sequence[Specimen], inputs: str) -> 
     known = cached(workspace, DiscoverResult, inputs, [stored_as(one.name) for one in specimens], [COPY])
     if known is None or (workspace.out / COPY).read_bytes() != DiscoverResult.path(workspace.out).read_bytes():
         return None
+    if known.verdict in NAMES and (known.model is None or known.judged is None):
+        return None  # it contradicts itself, and the study with the effects would be that of somebody else
     if known.model is not None and not all((workspace.out / path).is_file() for path in known.model.febio.inputs):
         return None
     # where the study was renamed or moved, the studies with the effects and with the laws change as well

@@ -10,6 +10,7 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.data.sites import site_of
 from sinew.tasks.data.text import HUGE
 from sinew.tasks.infer.result import InferResult, LikelihoodResult, Posteriors, particles_group, read_posteriors
+from sinew.tasks.model import Parameter
 from sinew.tasks.study.workspace import Workspace
 
 MOST_BYTES = 2**29  # of the draws of all sites together
@@ -44,12 +45,21 @@ def _strange(workspace: Workspace, inferred: Posteriors, path: Path) -> Iterator
             yield f"names no specimen of the site {site}"
         if not set(inferred.names) <= set(posterior.parameters):
             yield f"lacks parameters of the site {site}"
+        for parameter in workspace.model.free:
+            said = posterior.parameters.get(parameter.name)
+            if said is not None and not _possible(parameter, said.mean, *said.hdi):
+                yield f"gives {parameter.name} a value that the model cannot have, at the site {site}"
         for one in workspace.cohort.choose(posterior.specimens, str(path)):
             if site_of(one) != site:
                 yield f"has {one.name} at the site {site}"
             if one.name in seen:
                 yield f"names {one.name} twice"
             seen.add(one.name)
+
+
+def _possible(parameter: Parameter, mean: float, low: float, high: float) -> bool:
+    """Whether a model can have this mean, of an interval of finite numbers."""
+    return parameter.possible(mean) and low <= high and max(map(abs, (mean, low, high))) < HUGE
 
 
 def draws_of(workspace: Workspace, inferred: Posteriors, site: str) -> xr.Dataset:

@@ -18,7 +18,6 @@ from sinew.runner.evaluation.ensemble import failures
 from sinew.runner.store.table import Table
 from sinew.tasks.calibrate.result import CalibrateResult, SpecimenFit
 from sinew.tasks.data.sites import by_site, site_of
-from sinew.tasks.data.text import HUGE
 from sinew.tasks.drawing.blocks import plural
 from sinew.tasks.infer.reading import draws_of, posteriors_of
 from sinew.tasks.infer.result import (
@@ -201,8 +200,6 @@ def _rows(
     site = site_of(specimen)
     marginals = [inferred.sites[site].parameters[name] for name in inferred.names]
     three = np.array([[each.mean, *each.hdi] for each in marginals], dtype=float).T
-    if not (np.abs(three) < HUGE).all():
-        raise ValueError(f"{site}: a mean or an interval is no number")
     full = partial(workspace.model.full, tuple(inferred.names))
     if isinstance(inferred, LikelihoodResult):
         varied = tuple(str(name) for name in kept["parameter"].values)

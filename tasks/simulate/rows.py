@@ -11,13 +11,14 @@ from sinew.runner.errors import BadInput
 from sinew.runner.store.schema import STATUSES
 from sinew.tasks.data.numeric_csv import read_header, read_numbers
 from sinew.tasks.data.text import check_text
-from sinew.tasks.model import Curve, Model
+from sinew.tasks.model import FORCE, Curve, Model, Specimen
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study.files import write_json
 from sinew.tasks.study.workspace import Workspace
 
 MAX_PARAMETER_BYTES = 256 * 2**20
+RESERVED = {"adopted", "attempts", "discover", "figures", "infer", "journal", "lock", "solver", "store.zarr"}
 
 
 def read_parameters(path: Path, model: Model) -> Array:
@@ -53,7 +54,8 @@ def simulate_rows(workspace: Workspace, parameters: Array) -> dict[str, Any]:
     ``simulate.json`` holds.
     """
     failed: list[dict[str, Any]] = []
-    files = []
+    files: list[str] = []
+    _refuse_names(workspace)
     for specimen in workspace.cohort.specimens:
         evaluation = SpecimenEvaluation(workspace.model, specimen, workspace.simulator, "all")
         here = isinstance(workspace.cluster, Local) and workspace.simulator.capabilities.batch_multiple > 1
@@ -66,10 +68,8 @@ def simulate_rows(workspace: Workspace, parameters: Array) -> dict[str, Any]:
             failed.append(entry)
         for curve in specimen.curves:
             for field, name in evaluation.courses(curve.name).items():
-                ending = "" if name == "force" else f".{name}"
-                path = workspace.out / f"{specimen.name}.{curve.name}{ending}.csv"
-                _write_curves(path, curve, table.read(field, rows))
-                files.append(str(path.relative_to(workspace.out)))
+                files.append(_file_of(specimen, curve, name))
+                _write_curves(workspace.out / files[-1], curve, table.read(field, rows))
     result = {
         "rows": len(parameters),
         "failed": len({entry["row"] for entry in failed}),
@@ -79,6 +79,29 @@ def simulate_rows(workspace: Workspace, parameters: Array) -> dict[str, Any]:
     }
     write_json(workspace.out / "simulate.json", result)
     return result
+
+
+def _file_of(specimen: Specimen, curve: Curve, output: str) -> str:
+    ending = "" if output == FORCE else f".{output}"
+    return f"{specimen.name}.{curve.name}{ending}.csv"
+
+
+def _refuse_names(workspace: Workspace) -> None:
+    """Refuse specimens whose files would overwrite each other, or lie among those of the results."""
+    taken: dict[str, str] = {}
+    where = workspace.cohort.folder
+    for specimen in workspace.cohort.specimens:
+        site = workspace.out / (specimen.site or "")
+        if site.name.casefold() in RESERVED or (site.exists() and not site.is_dir()):
+            raise BadInput(where / str(specimen.site), "a name that result folders use", "another name of the site")
+        evaluation = SpecimenEvaluation(workspace.model, specimen, workspace.simulator, "all")
+        for curve in specimen.curves:
+            for output in evaluation.courses(curve.name).values():
+                name, ours = _file_of(specimen, curve, output), f"{specimen.name}, {curve.name}, {output}"
+                other = taken.setdefault(name.casefold(), ours)
+                if other != ours:
+                    problem = f"{ours} and {other} would both be written to {name}"
+                    raise BadInput(where, problem, "other names of specimens and protocols, without points")
 
 
 def _write_curves(path: Path, curve: Curve, courses: Array) -> None:

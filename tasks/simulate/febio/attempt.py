@@ -25,6 +25,7 @@ from sinew.tasks.model import Model
 from sinew.tasks.simulate import Array, impossible
 
 INPUT, LOG = "model.feb", "model.log"
+LARGEST_PROGRAM = 2**31  # bytes; a solver with all of its libraries has a tenth of it
 VERSION_TRIES, VERSION_S = 3, 20.0
 DEEPEST = 50  # folders in each other in an attempt that is kept
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
@@ -259,8 +260,14 @@ def _no_space(scratch: Path) -> OSError:
 
 
 def program_hash(program: Path) -> bytes:
-    """The hash of a program's content, computed anew where its file has changed. Raises ``OSError``."""
+    """The hash of a program's content, computed anew where its file has changed.
+
+    Raises :class:`BadInput` for a file larger than any solver, and ``OSError``.
+    """
     status = os.stat(program)
+    if status.st_size > LARGEST_PROGRAM:
+        expected = f"a solver program of at most {LARGEST_PROGRAM / 2**30:g} GB"
+        raise BadInput(program, f"{status.st_size / 2**30:,.1f} GB", expected)
     return _hash_of(program, status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
 
 
@@ -291,8 +298,7 @@ def solver_version(executable: Path) -> str:
         if said:
             return said.group(1)
         if finished.returncode == 0:
-            with open(executable, "rb") as file:
-                return f"unknown-{hashlib.file_digest(file, 'blake2b').hexdigest()[:16]}"
+            return f"unknown-{program_hash(executable).hex()[:16]}"
         code = finished.killed_by or f"exit code {finished.returncode}"
         reason = f"no answer in {VERSION_S:g} s" if finished.timed_out else code
     problem = f"asked {VERSION_TRIES} times for its version by `-info`, it does not answer ({reason})"

@@ -65,9 +65,9 @@ EXPORTS = {
     "no load": (EXPORT.replace("Load", "Stress"), "test.csv: row 6: no column of force or stress among 'Time, Extens"),
     "no Length": (EXPORT.replace("Length", "Lenght"), "test.csv: Length: missing in the lines above the table; "),
     "no Width": (EXPORT.replace("Width", "Breadth"), "test.csv: Width: missing in the lines above the table; "),
-    "Length of zero": (EXPORT.replace('"10.0"', '"0"'), "test.csv: Length: '0 mm'; expected a number above 0"),
+    "Length of zero": (EXPORT.replace('"10.0"', '"0"'), "test.csv: Length: '0 mm'; expected a number at least"),
     "Length is no number": (EXPORT.replace('"10.0"', "ten"), "test.csv: Length: 'ten mm'; expected a number"),
-    "Length is NaN": (EXPORT.replace('"10.0"', "nan"), "test.csv: Length: 'nan mm'; expected a number above 0"),
+    "Length is NaN": (EXPORT.replace('"10.0"', "nan"), "test.csv: Length: 'nan mm'; expected a number at least"),
     "unit of Length": (EXPORT.replace('"10.0",mm', '"10.0",fur'), "test.csv: Length: '10.0 fur'; expected a number"),
     "unit of time": (EXPORT.replace("(s)", "(d)"), "test.csv: 'Time': unit 'd' of the time is not known; expected"),
     "unit of load": (EXPORT.replace("(N)", "(MN)"), "test.csv: 'Load': unit 'MN' may stand for milli or for mega; exp"),
@@ -150,8 +150,8 @@ NORMALISED = {
     "reference in percent": (RATIOS, (*KPA, "--reference", "95"), "--reference: 95; expected above 0 and below 10"),
     "reference is NaN": (RATIOS, (*KPA, "--reference", "nan"), "--reference: nan; expected above 0 and below 10"),
     "reference of an extension": (EXPORT, ("--reference", "0.95"), "ramp.csv: holds displacements, which --refe"),
-    "length": (RATIOS, (*KPA, "--length-mm", "-1"), "--length-mm: -1; expected above 0 and below 10000 mm"),
-    "area": (RATIOS, (*KPA, "--area-mm2", "inf"), "--area-mm2: inf; expected above 0 and below 1e+08 mm2"),
+    "length": (RATIOS, (*KPA, "--length-mm", "-1"), "--length-mm: -1; expected at least 1e-06 and below 10000 mm"),
+    "area": (RATIOS, (*KPA, "--area-mm2", "inf"), "--area-mm2: inf; expected at least 1e-12 and below 1e+08 mm2"),
     "specimen": (RATIOS, (*KPA, "--specimen", "../evil"), "--specimen: '../evil'; expected letters, digits"),
 }  # fmt: skip
 

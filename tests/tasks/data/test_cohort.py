@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from sinew.runner.errors import BadInput
 from sinew.tasks.data import cohort
 from sinew.tasks.data.cohort import COLUMNS, GEOMETRY, read_cohort, write_cohort
+from sinew.tasks.data.sizes import LONGEST_MM, SHORTEST_MM
 from sinew.tasks.data.text import BINARY
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Curve, Protocol, Specimen
@@ -86,7 +87,7 @@ def test_any_values_as_specimen(values):
 
 def assert_possible(specimen: Specimen | None) -> None:
     if specimen is not None:
-        assert all(0 < getattr(specimen, key) < 1e4 for key in GEOMETRY)
+        assert all(SHORTEST_MM <= getattr(specimen, key) < LONGEST_MM for key in GEOMETRY)
 
 
 @pytest.mark.parametrize(
@@ -142,7 +143,7 @@ def specimens(draw: st.DrawFn, values: st.SearchStrategy[float]) -> Specimen:
     name = st.from_regex(r"[A-Za-z0-9][A-Za-z0-9_+.-]{0,20}", fullmatch=True)
     folder = draw(name.filter(lambda text: Path(text).suffix.lower() not in {*BINARY, ".csv"}))
     site = draw(st.sampled_from(["", "distal/"]))
-    sizes = draw(st.tuples(*[st.floats(0, 1e4, exclude_min=True, exclude_max=True)] * 3))
+    sizes = draw(st.tuples(*[st.floats(SHORTEST_MM, LONGEST_MM, exclude_max=True)] * 3))
     protocols = draw(st.sets(st.sampled_from(["pull", "one_step", "cyclic.2", "A+b"]), min_size=1, max_size=2))
     source = draw(st.sampled_from(["", "T1.xlsx, test 2: force from 'Kraft' in kN"]))
     donor = draw(st.none() | st.text(max_size=5))

@@ -32,10 +32,10 @@ NEGATIVE_OTHER = NEGATIVE.replace("-9", "-8")
         ),
         ({"reference": 0.0}, "--reference: 0; expected above 0 and below 10"),
         ({"reference": 10.0}, "--reference: 10; expected above 0 and below 10"),
-        ({"length_mm": -1.0}, "--length-mm: -1; expected above 0 and below 10000 mm"),
-        ({"length_mm": 1e4}, "--length-mm: 10000; expected above 0 and below 10000 mm"),
-        ({"area_mm2": 0.0}, "--area-mm2: 0; expected above 0 and below 1e+08 mm2"),
-        ({"area_mm2": 1e8}, "--area-mm2: 1e+08; expected above 0 and below 1e+08 mm2"),
+        ({"length_mm": -1.0}, "--length-mm: -1; expected at least 1e-06 and below 10000 mm"),
+        ({"length_mm": 1e4}, "--length-mm: 10000; expected at least 1e-06 and below 10000 mm"),
+        ({"area_mm2": 0.0}, "--area-mm2: 0; expected at least 1e-12 and below 1e+08 mm2"),
+        ({"area_mm2": 1e8}, "--area-mm2: 1e+08; expected at least 1e-12 and below 1e+08 mm2"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_read_so_is_said(given, words):
@@ -153,11 +153,13 @@ def test_files_of_one_specimen_have_its_sizes_and_remarks(tmp_path):
         ),
         (
             "Length,20,mm\nDiameter,thin,mm\n" + EXTENSIONS,
-            "Diameter: 'thin mm'; expected a number above 0 and below 10000 mm and a unit such as mm, or --area-mm2",
+            "Diameter: 'thin mm'; expected a number at least 1e-06 and below 10000 mm and a unit such as mm, or "
+            "--area-mm2",
         ),
         (
             BLOCK.replace("20", "ten") + EXTENSIONS,
-            "Length: 'ten mm'; expected a number above 0 and below 10000 mm and a unit such as mm, or --length-mm",
+            "Length: 'ten mm'; expected a number at least 1e-06 and below 10000 mm and a unit such as mm, or "
+            "--length-mm",
         ),
     ],
 )

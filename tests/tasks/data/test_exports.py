@@ -151,7 +151,10 @@ def test_sizes_of_the_bar(tmp_path, content, reading, sizes):
     [
         (EXTENSIONS, "Length: missing in the lines above the table; expected a length with its unit, or --length-mm"),
         ("Length,20,mm\n" + EXTENSIONS, "Width: missing in the lines above the table"),
-        (BLOCK.replace("20", "ten") + EXTENSIONS, "Length: 'ten mm'; expected a number above 0 and below 10000 mm"),
+        (
+            BLOCK.replace("20", "ten") + EXTENSIONS,
+            "Length: 'ten mm'; expected a number at least 1e-06 and below 10000 mm",
+        ),
         (BLOCK.replace("20,mm", "20,fur") + EXTENSIONS, "Length: '20 fur'; expected"),
         (BLOCK.replace("20", "0") + EXTENSIONS, "Length: '0 mm'; expected"),
     ],

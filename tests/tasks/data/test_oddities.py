@@ -1,10 +1,14 @@
 """Tests that were read and yet look wrong are named."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pytest
 
-from sinew.tasks.data.oddities import odd_tests
+from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.oddities import _hidden_percent, odd_tests
+from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.model import Curve, Protocol, Specimen
 
 TIME = np.arange(5.0)
@@ -63,3 +67,24 @@ def test_a_break_is_named():
     gaps[:50:2] = np.nan
     assert list(odd_tests([pulled(gaps)])) == [line], "rows without a force are none of the curve's own"
     assert list(odd_tests([pulled(0.0 * RAMP)])) == [], "no force at all"
+
+
+@pytest.mark.parametrize(
+    ("name", "title", "largest", "told"),
+    [
+        ("a.xls", "Strain [%]", 0.0997, True),
+        ("a.XLSB", "Strain [%]", 0.99, True),
+        ("a.xls", "Strain [%]", 1.01, False),
+        ("a.xlsx", "Strain [%]", 0.0997, False),  # whose formats are read
+        ("a.xls", "Strain [mm/mm]", 0.0997, False),
+        ("a.xls", "Extension [mm]", 0.0997, False),
+    ],
+)
+def test_small_strains_in_percent_of_a_file_without_formats_are_named(tmp_path, name, title, largest, told):
+    path = tmp_path / "a.csv"
+    path.write_text(f"Time [s],{title},Force [N]\n" + "".join(f"{i},{largest * i / 4},{i}\n" for i in range(5)))
+    (recording,) = read_recordings(path, Hints())
+    line = _hidden_percent(replace(recording, path=Path(name)))
+    assert bool(line) is told
+    if told:
+        assert line.startswith(f"'{title}' reaches {largest} % only. Cells of an {Path(name).suffix} file that are")

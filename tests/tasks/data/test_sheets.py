@@ -12,7 +12,9 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.data import sheet_reading, sheets
 from sinew.tasks.data.exports import read_export
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import inspect
+from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.sheets import read_sheets
 from sinew.tasks.data.tables import MOST_BEFORE, read_tables
 
@@ -21,7 +23,7 @@ OFFICE = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
 PACKAGE = "http://schemas.openxmlformats.org/package/2006"
 
 
-def write_workbook(path: Path, **tables: list[list[object]] | str) -> Path:
+def write_workbook(path: Path, styles: str = "", **tables: list[list[object]] | str) -> Path:
     """A workbook with a sheet for each of ``tables``; rows of numbers, texts and None, or the XML of all rows."""
     names = list(tables)
     sheet_list = "".join(f'<sheet name="{n}" sheetId="{i}" r:id="r{i}"/>' for i, n in enumerate(names, start=1))
@@ -42,6 +44,8 @@ def write_workbook(path: Path, **tables: list[list[object]] | str) -> Path:
         archive.writestr(
             "xl/_rels/workbook.xml.rels", f'<Relationships xmlns="{PACKAGE}/relationships">{links}</Relationships>'
         )
+        if styles:
+            archive.writestr("xl/styles.xml", styles)
         for i, name in enumerate(names, start=1):
             table = tables[name]
             rows = (
@@ -60,6 +64,85 @@ def cell(value: object) -> str:
     if isinstance(value, str):
         return f'<c t="inlineStr"><is><t>{escape(value)}</t></is></c>'
     return f"<c><v>{value!r}</v></c>"
+
+
+#: Styles 0 to 4: general, Excel's own percent, percent of its own, a percent sign in a text, and two decimals.
+STYLES = (
+    f'<styleSheet xmlns="{MAIN}"><numFmts count="2"><numFmt numFmtId="164" formatCode="0.000%"/>'
+    '<numFmt numFmtId="165" formatCode="0.0&quot; %&quot;"/></numFmts><cellStyleXfs><xf numFmtId="9"/></cellStyleXfs>'
+    '<cellXfs><xf numFmtId="0"/><xf numFmtId="10"/><xf numFmtId="164"/><xf numFmtId="165"/><xf numFmtId="2"/></cellXfs>'
+    "</styleSheet>"
+)
+
+
+def styled(title: str, style: int, *, references: bool = True) -> str:
+    """Rows of a test whose strains, 0 to 0.0997, have a style."""
+
+    def at(column: str, row: int) -> str:
+        return f' r="{column}{row}"' if references else ""
+
+    rows = [f"<row{at('', 1)}>{cell('Time [s]')}{cell(title)}{cell('Force [N]')}</row>"]
+    for i in range(5):
+        strain = f'<c{at("B", i + 2)} s="{style}"><v>{0.0997 * i / 4!r}</v></c>'
+        time, force = (f"<c{at(column, i + 2)}><v>{value}</v></c>" for column, value in (("A", i), ("C", 3 * i)))
+        rows.append(f"<row{at('', i + 2)}>{time}{strain}{force}</row>")
+    return "".join(rows)
+
+
+@pytest.mark.parametrize("references", [True, False])
+@pytest.mark.parametrize("title", ["Strain [%]", "Strain"])
+@pytest.mark.parametrize("style", [1, 2])
+def test_cells_of_percent_are_read_as_they_are_shown(tmp_path, title, style, references):
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(title, style, references=references))
+    rows = dict(read_sheets(path))["one"]
+    assert rows[0] == ("Time [s]", "Strain [%]", "Force [N]")
+    assert [row[1] for row in rows[1:]] == ["0", "2.4925", "4.985", "7.4775", "9.97"]
+    assert [row[2] for row in rows[1:]] == ["0", "3", "6", "9", "12"]
+    (recording,) = read_recordings(path, Hints())
+    assert recording.numbers[-1].tolist() == pytest.approx([4.0, 0.0997, 12.0])
+
+
+@pytest.mark.parametrize("style", [0, 3, 4])
+def test_other_formats_leave_cells_as_they_are(tmp_path, style):
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled("Strain [%]", style))
+    assert dict(read_sheets(path))["one"][-1] == ("4", "0.0997", "12")
+
+
+def test_a_unit_that_contradicts_cells_of_percent_is_asked_for(tmp_path):
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled("Strain (mm/mm)", 1))
+    with pytest.raises(BadInput, match=r"the strain has two units: 'mm/mm' and '%'"):
+        read_recordings(path, Hints())
+
+
+def test_cells_of_percent_in_an_open_document(tmp_path):
+    def row(cells, many=1):
+        return f'<table:table-row table:number-rows-repeated="{many}">{"".join(cells)}</table:table-row>'
+
+    def number(value, kind="float", many=1):
+        about = f'office:value-type="{kind}" office:value="{value}" table:number-columns-repeated="{many}"'
+        return f"<table:table-cell {about}><text:p>{value}</text:p></table:table-cell>"
+
+    def text(words):
+        return f'<table:table-cell office:value-type="string"><text:p>{words}</text:p></table:table-cell>'
+
+    names = "".join(
+        f' xmlns:{name}="urn:oasis:names:tc:opendocument:xmlns:{name}:1.0"' for name in ("office", "table", "text")
+    )
+    rows = [row([text("Time [s]"), text("Strain"), text("Stretch"), text("Force [N]")])]
+    rows.append(row([number(0), number(0.05, "percentage", many=2), number(3)]))
+    rows.append(row([number(1), number(0.0997, "percentage"), number(1.5), number(3)], many=2))
+    table = f'<table:table table:name="one">{"".join(rows)}</table:table>'
+    body = f"<office:body><office:spreadsheet>{table}</office:spreadsheet></office:body>"
+    with zipfile.ZipFile(tmp_path / "a.ods", "w") as archive:
+        archive.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
+        archive.writestr("META-INF/manifest.xml", "<manifest/>")
+        archive.writestr("content.xml", f"<office:document-content{names}>{body}</office:document-content>")
+    assert dict(read_sheets(tmp_path / "a.ods"))["one"] == [
+        ("Time [s]", "Strain [%]", "Stretch [%]", "Force [N]"),
+        ("0", "5", "5", "3"),
+        ("1", "9.97", "1.5", "3"),
+        ("1", "9.97", "1.5", "3"),
+    ]
 
 
 RESULTS = [[None, "Fmax", "a0", "b0", "L0 SW"], [None, "N", "mm", "mm", "mm"], [None, 30, 0.9, 5.9, 20]]

@@ -109,7 +109,7 @@ def test_a_diameter_stands_for_width_and_thickness():
     assert Sizes.of(1.0, 2.0, 3.0, None, override=True) == Sizes(1.0, 2.0, 3.0, True)
     with pytest.raises(BadInput, match="--diameter-mm: given beside a width or a thickness"):
         Sizes.of(None, 1.0, None, 8.0, override=False)
-    with pytest.raises(BadInput, match="--diameter-mm: -8; expected above 0"):
+    with pytest.raises(BadInput, match="--diameter-mm: -8; expected at least 1e-06"):
         Sizes.of(None, None, None, -8.0, override=False)
 
 
@@ -122,3 +122,10 @@ def test_a_thickness_that_is_known_leaves_no_room_for_a_diameter():
     assert found["B"].mm == {"length": 1.0, "width": 7.0, "thickness": 3.0}
     assert "diameter" not in asked[1]
     assert asked[2].startswith("'d 8' is no number of millimetres")
+
+
+@pytest.mark.parametrize("size", ["length_mm", "width_mm", "thickness_mm", "diameter_mm"])
+def test_a_size_below_any_is_refused(size):
+    given = {"length_mm": None, "width_mm": None, "thickness_mm": None, "diameter_mm": None} | {size: 1e-300}
+    with pytest.raises(BadInput, match=f"--{size.replace('_', '-')}: 1e-300; expected at least 1e-06 and below 10000"):
+        Sizes.of(**given, override=False)

@@ -295,6 +295,17 @@ def test_a_verdict_is_kept_with_all_that_goes_with_it(tmp_path, monkeypatch, spo
     assert task._known(work, specimens, "others") is None
 
 
+@pytest.mark.parametrize("without", [{"model": None}, {"candidates": ()}])
+@pytest.mark.parametrize("word", ["NAMED", "PARTLY"])
+def test_a_name_without_its_study_or_candidate_is_judged_again(tmp_path, monkeypatch, word, without):
+    whole = {"model": MODEL, "candidates": (candidate("toe-slack", loss=1010.0),)} | without
+    discovery(word, effects=("toe-slack",), shown=("toe-slack",), **whole).write(tmp_path)
+    (tmp_path / "one.feb").write_text("input")
+    monkeypatch.setattr(task, "cached", lambda workspace, kind, *_: kind.read(workspace.out))
+    monkeypatch.setattr(task, "study_with", lambda *_: pytest.fail("not reached"))
+    assert task._known(SimpleNamespace(out=tmp_path, retry_failed=False), [], "these") is None
+
+
 def test_where_nothing_is_hidden_nothing_is_named(study, tmp_path, here):
     path, out = study(None), tmp_path / "out"
     path.write_text(STUDY.replace("starts: 2", "starts: 2, specimens: [distal/1]"))

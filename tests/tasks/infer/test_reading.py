@@ -46,6 +46,11 @@ def site(*specimens, names=NAMES):
     return posterior_of(list(specimens), names, MEAN[: len(names)])
 
 
+def told(**changed):
+    one = site("distal/1")
+    return replace(one, parameters={**one.parameters, "E_f": replace(one.parameters["E_f"], **changed)})
+
+
 def test_posteriors_of_the_study_are_read(workspace):
     left(workspace)
     found = posteriors_of(workspace)
@@ -66,6 +71,11 @@ def test_posteriors_of_the_study_are_read(workspace):
         ({"sites": {"=cmd": site("distal/1")}}, "has distal/1 at the site =cmd"),
         ({"sites": {"distal": site("distal/1", "distal/1")}}, "names distal/1 twice"),
         ({"sites": {"distal": site("distal/1", names=["E_f"])}}, "lacks parameters of the site distal"),
+        ({"sites": {"distal": told(mean=-1.0)}}, "gives E_f a value that the model cannot have, at the site distal"),
+        ({"sites": {"distal": told(mean=np.nan)}}, "gives E_f a value that the model cannot have"),
+        ({"sites": {"distal": told(hdi=np.array([4.0, 1e200]))}}, "gives E_f a value that the model cannot have"),
+        ({"sites": {"distal": told(hdi=np.array([4.0, np.nan]))}}, "gives E_f a value that the model cannot have"),
+        ({"sites": {"distal": told(hdi=np.array([5.0, 4.0]))}}, "gives E_f a value that the model cannot have"),
     ],
 )
 def test_posteriors_of_something_else_are_refused(workspace, changed, words):

@@ -14,7 +14,7 @@ from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.infer.abc.result import AbcResult, draws
 from sinew.tasks.model import Model
-from sinew.tasks.predict import figures
+from sinew.tasks.predict import figures, task
 from sinew.tasks.predict.method import next_curve, noise_of_others
 from sinew.tasks.predict.result import Coverage, PredictResult
 from sinew.tasks.predict.settings import Settings
@@ -174,19 +174,29 @@ def test_what_cannot_be_predicted_is_refused(tmp_path):
             run(workspace, FEW_DRAWS)
 
 
-def test_posteriors_with_which_nothing_can_be_simulated_are_refused(tmp_path):
+def test_posteriors_with_which_nothing_can_be_simulated_are_refused(tmp_path, monkeypatch):
     opened, truth = open_study(tmp_path, per_site=1, sites=("distal",))
     with opened as workspace:
         inferred(workspace, {name: {**one, "parameters": dict.fromkeys(one["parameters"], -1e3)}
                              for name, one in truth.items()})  # fmt: skip
-        with pytest.raises(BadInput, match="every simulation with its parameters failed"):
+        with pytest.raises(BadInput, match="gives E_f a value that the model cannot have, at the site distal"):
             run(workspace, FEW_DRAWS)
+        inferred(workspace, truth)
+        with monkeypatch.context() as patched:
+            patched.setattr(task, "_evaluate", all_fail)
+            with pytest.raises(BadInput, match="every simulation with its parameters failed"):
+                run(workspace, FEW_DRAWS)
         assert not PredictResult.path(workspace.out).exists()
         content = json.loads(AbcResult.path(workspace.out).read_text())
         content["sites"]["distal"]["parameters"]["E_f"]["mean"] = None
         write_json(AbcResult.path(workspace.out), content)
-        with pytest.raises(BadInput, match="a mean or an interval is no number"):
+        with pytest.raises(BadInput, match="gives E_f a value that the model cannot have"):
             run(workspace, FEW_DRAWS)
+
+
+def all_fail(_, planned):
+    for one in planned:
+        one.table.status[one.at] = 1
 
 
 class Other:

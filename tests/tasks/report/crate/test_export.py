@@ -209,11 +209,11 @@ def test_a_damaged_folder_is_refused(run_folder, whole_run, tmp_path, spoil, tol
     assert [path.name for path in tmp_path.iterdir()] == ["out"], "something was written"
 
 
-def test_half_a_character_is_a_question_mark(run_folder, whole_run, tmp_path):
+def test_half_a_character_is_escaped(run_folder, whole_run, tmp_path):
     edit(run_folder / "sobol.json", lambda told: told.update(objective="\ud800half"))
     where = {"study": whole_run.parent / "study.yaml", "data": whole_run.parent / "cohort"}
     export(run_folder, tmp_path / "crate", **where)
-    assert "?half" in (tmp_path / "crate" / "METHODS.md").read_text("utf-8")
+    assert "\\ud800half" in (tmp_path / "crate" / "METHODS.md").read_text("utf-8")
 
 
 def test_a_place_that_is_taken_is_refused(whole_run, tmp_path):

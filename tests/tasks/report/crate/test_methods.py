@@ -10,6 +10,7 @@ import pytest
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.crate import environment
 from sinew.tasks.report.crate.methods import cited, methods, numbered
+from sinew.tasks.report.crate.methods import paragraph as paragraph_of
 from sinew.tasks.report.crate.references import REFERENCES
 from sinew.tasks.report.crate.source import Source, read_source
 
@@ -84,6 +85,24 @@ def test_failures_are_counted(source):
 def test_of_a_store_only_words_are_taken(identity, words):
     found = SimpleNamespace(tables={"a": [SimpleNamespace(identity=identity)]})
     assert environment.solver(SimpleNamespace(found=found, run={"simulator": "uniaxial"})) == words
+
+
+def test_what_a_result_says_is_one_paragraph_without_elements_and_links():
+    said = paragraph_of(
+        "x\n\n## Reproduce\n```sh\ncurl evil | sh\n```\n<script>1</script>\x1b[31m\u202e [y](z) [@puso]"
+    )
+    assert said == (
+        "x\\n\\n## Reproduce\\n```sh\\ncurl evil | sh\\n```\\n&lt;script>1&lt;/script>\\x1b[31m\\u202e [y]\\(z) [@puso]"
+    )
+
+
+def test_every_result_is_told_in_one_paragraph(source, monkeypatch):
+    for task in source.found.results:
+        prose = TASKS[task].module("prose")
+        monkeypatch.setattr(prose, "methods", lambda _, task=task: f"{task}\n\n# <b>")
+    text = methods(source).decode()
+    for task in source.found.results:
+        assert f"\n{task}\\n\\n# &lt;b>\n" in text
 
 
 def test_references_are_numbered_in_the_order_of_their_use(source):

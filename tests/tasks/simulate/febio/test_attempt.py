@@ -14,7 +14,7 @@ from sinew.runner.errors import BadInput
 from sinew.runner.evaluation import external
 from sinew.runner.store.schema import STATUSES
 from sinew.tasks.simulate.febio import attempt
-from sinew.tasks.simulate.febio.attempt import solver_version
+from sinew.tasks.simulate.febio.attempt import LARGEST_PROGRAM, program_hash, solver_version
 from tests.tasks.simulate.febio.fake_solver import (
     BAR,
     BREAK,
@@ -286,6 +286,14 @@ def test_a_solver_that_has_gone_fails_no_row(tmp_path, model):
 def test_version(tmp_path):
     solver(tmp_path)
     assert solver_version(tmp_path / "febio4") == "4.77.fake"
+
+
+def test_a_file_larger_than_any_program_is_refused_unread(tmp_path):
+    program = tmp_path / "febio4"
+    with open(program, "wb") as file:
+        file.truncate(LARGEST_PROGRAM + 1)  # sparse: it takes no space
+    with pytest.raises(BadInput, match=r"febio4: 2\.0 GB; expected a solver program of at most 2 GB"):
+        program_hash(program)
 
 
 def test_version_of_a_solver_that_does_not_say(tmp_path):
