@@ -34,7 +34,7 @@ from sinew.tasks.calibrate.show import (
 )
 from sinew.tasks.calibrate.task import fitted_curves
 from sinew.tasks.drawing.blocks import behind
-from sinew.tasks.drawing.figures import COLOURS, STYLE, save
+from sinew.tasks.drawing.figures import COLOURS, STYLE, headline, save
 from sinew.tasks.drawing.formats import DRAWN
 from sinew.tasks.drawing.thinning import drawn_points
 from sinew.tasks.drawing.views import FigureKind
@@ -188,7 +188,7 @@ def measured_and_fitted(specimen: Specimen, forces: Mapping[str, Array], rmse_N:
         for axis in axes[:, 0]:
             axis.set_ylabel("force (N)")
         axes[1, -1].legend()
-        figure.suptitle(specimen.name, x=0.01, ha="left", fontsize=10)
+        headline(figure, specimen.name, 10)
     return figure
 
 
@@ -207,7 +207,7 @@ def quantity_and_fitted(specimen: Specimen, courses: Mapping[str, Array], name: 
             axis.set_xlabel("time (s)")
         axes[0, 0].set_ylabel(name.replace("_", " ") + ("" if not unit else f" ({quantity.unit})"))
         axes[0, -1].legend()
-        figure.suptitle(specimen.name, x=0.01, ha="left", fontsize=10)
+        headline(figure, specimen.name, 10)
     return figure
 
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 MOST_TESTS, IN_A_ROW = 24, 3
 LONGEST_NAME = 32  # characters that fit above a plot
+NARROWEST = 3.2  # inches, in which the legend fits
 MOST_POINTS = 20_000  # drawn of a test; a figure has fewer pixels
 KINDS = ("load", "unload", "hold")
 
@@ -30,7 +31,9 @@ def draw_overview(path: Path, specimens: Sequence[Specimen]) -> int:
     down = math.ceil(len(tests) / across)
     colours = dict(zip(KINDS, COLOURS, strict=False))
     with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(down, across, figsize=(2.4 * across, 2.0 * down + 0.4), squeeze=False)
+        figure, axes = plt.subplots(
+            down, across, figsize=(max(2.4 * across, NARROWEST), 2.0 * down + 0.4), squeeze=False
+        )
         for (one, curve), place in zip(tests, axes.flat, strict=False):
             _draw(place, curve, colours)
             place.set_title(f"{_short(one.name)}\n{_short(curve.name)}".replace("$", r"\$"), fontsize=7)
@@ -39,7 +42,7 @@ def draw_overview(path: Path, specimens: Sequence[Specimen]) -> int:
         figure.supxlabel("displacement (mm)", fontsize=9)
         figure.supylabel("force (N)", fontsize=9)
         lines = [Line2D([], [], color=colours[kind], label=kind) for kind in KINDS]
-        figure.legend(handles=lines, loc="outside upper center", ncols=len(KINDS))
+        figure.legend(handles=lines, loc="outside upper center", ncols=len(KINDS), fontsize=8, handlelength=1.5)
         drawn = path.with_name(f".{path.name}.{os.getpid()}")
         figure.savefig(drawn, dpi=150, format="png", metadata={"Software": None})
         os.replace(drawn, path)

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from sinew.runner.store.store import open_store
 from sinew.tasks.discover.result import CellMisfit, DiscoverResult
 from sinew.tasks.discover.show import cells_table, curves_table, stack_of
-from sinew.tasks.drawing.figures import COLOURS, STYLE, save
+from sinew.tasks.drawing.figures import COLOURS, STYLE, headline, save
 from sinew.tasks.drawing.views import FigureKind
 from sinew.tasks.model import file_name
 from sinew.tasks.study.workspace import Workspace
@@ -82,12 +82,12 @@ def before_and_after(kept: xr.Dataset, result: DiscoverResult, specimen: str) ->
             axes[-1, column].set_xlabel("time (s)")
         axes[0, 0].set_ylabel("force (N)")
         for row, (label, _) in enumerate(models.values(), start=1):
-            axes[row, 0].set_ylabel(f"measured less\n{label} (N)")
+            axes[row, 0].set_ylabel(f"measured less\n{label} (N)", fontsize=8)
         largest = max(float(np.abs(line.get_ydata()).max()) for a in axes[1:].flat for line in a.lines[:1])
         for axis in axes[1:].flat:  # the same scale, so that the eye compares
             axis.set_ylim(-1.08 * largest, 1.08 * largest)
         axes[0, 0].legend(fontsize=8)
-        figure.suptitle(f"{specimen}: {_headline(result)}", x=0.01, ha="left")
+        headline(figure, f"{specimen}: {_headline(result)}", 10)
     return figure
 
 
@@ -125,10 +125,8 @@ def cell_map(result: DiscoverResult) -> Figure:
         axis.set_yticks(range(len(rows)), [name for name, _ in rows])
         axis.set_xticks(range(len(labels)), labels, rotation=90, fontsize=6)
         figure.colorbar(image, ax=axis, fraction=0.03, pad=0.01)
-        caption = (
-            "Misfit of each cell in units of chance: measured above (red) or below (blue) the model; dots: beyond it"
-        )
-        figure.suptitle(f"{result.headline}\n{caption}", x=0.01, ha="left", fontsize="medium")
+        caption = "Misfit by cell, in units of chance; red: measured above the model, blue: below; dots: beyond chance"
+        headline(figure, f"{result.headline}\n{caption}")
     return figure
 
 

@@ -1,6 +1,7 @@
 """The style of all figures, in the colours of Okabe and Ito (2008) that colour-blind readers tell apart."""
 
 import os
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from matplotlib.figure import Figure
 from sinew.tasks.drawing.formats import FORMATS, without_formulas
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
+WIDTH_OF_A_LETTER = 0.6  # in sizes of the font, on the average and a little more
 _LABELS = {"E": "E", "alpha": r"\alpha", "g": "g", "tau": r"\tau", "nu": r"\nu"}
 STYLE: Any = {
     "font.size": 9,
@@ -33,6 +35,15 @@ def symbol(name: str) -> str:
     if stem not in _LABELS or (line and not index.isalnum()):
         return name.replace("$", r"\$")
     return rf"${_LABELS[stem]}_{{{index}}}$" if line else f"${_LABELS[stem]}$"
+
+
+def headline(figure: Figure, text: str, size: float = 9) -> None:
+    """Write ``text`` above a figure, from its left edge, in as many lines as it needs; ``size`` is in points."""
+    letters = int(72 * figure.get_figwidth() / (WIDTH_OF_A_LETTER * size))
+    lines = [
+        part for line in text.splitlines() for part in textwrap.wrap(line, letters, break_on_hyphens=False) or [""]
+    ]
+    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=size)
 
 
 def save(figure: Figure, folder: Path, name: str, shown: pd.DataFrame) -> list[Path]:

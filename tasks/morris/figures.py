@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from sinew.tasks.drawing.figures import COLOURS, STYLE, save, symbol
+from sinew.tasks.drawing.figures import COLOURS, STYLE, headline, save, symbol
 from sinew.tasks.drawing.views import FigureKind
 from sinew.tasks.morris.result import MorrisResult
 from sinew.tasks.morris.show import table
@@ -39,10 +39,8 @@ def effects(result: MorrisResult) -> Figure:
         plane.set_xlabel(rf"mean absolute effect $\mu^*$ ({result.unit})")
         plane.set_ylabel(rf"standard deviation $\sigma$ ({result.unit})")
         percent = round(100 * result.confidence)
-        figure.suptitle(
-            f"Effects on the {result.objective}\n{result.trajectories_used:,} trajectories; bars: {percent} % interval",
-            fontsize=9, x=0.01, ha="left",
-        )  # fmt: skip
+        count = f"{result.trajectories_used:,} trajectories; bars: {percent} % interval"
+        headline(figure, f"Effects on the {result.objective}\n{count}")
     return figure
 
 

@@ -11,12 +11,13 @@ from matplotlib.figure import Figure
 
 from sinew.runner.store.store import open_store
 from sinew.tasks.drawing.blocks import with_its_unit
-from sinew.tasks.drawing.figures import COLOURS, STYLE, save
+from sinew.tasks.drawing.figures import COLOURS, STYLE, headline, save
 from sinew.tasks.drawing.views import FigureKind
 from sinew.tasks.predict.result import BANDS, PredictResult, SitePrediction, bands_group, of_quantity
 from sinew.tasks.predict.show import points_table
 from sinew.tasks.study.workspace import Workspace
 
+WIDTH_OF_AN_ENTRY = 1.9  # inches, of a legend in a row
 FACES = {"hdi": COLOURS[5], "draws": COLOURS[4], "new": "0.8", "whole": "0.9"}
 EDGES = {"hdi": COLOURS[0], "draws": COLOURS[1], "new": "0.45", "whole": "0.6"}
 
@@ -69,13 +70,10 @@ def site_bands(dataset: xr.Dataset, prediction: SitePrediction, site: str, label
             row[0].set_ylabel(f"{BANDS[band]}\n{label}")
         for axis in axes[-1]:
             axis.set_xlabel("time (s)")
-        figure.suptitle(
-            f"{site}: bands for {shown} (black), measured curves of all {len(prediction.specimens)} specimens; "
-            "percent: points in the band\nof their own specimen, all specimens of the site",
-            x=0.01,
-            ha="left",
-            fontsize=9,
-        )
+        count = len(prediction.specimens)
+        all_of = f"measured curves of all {count} specimens" if count > 1 else "the only specimen"
+        points = "points in the band of their own specimen, all specimens of the site" if count > 1 else "points inside"
+        headline(figure, f"{site}: bands for {shown} (black), {all_of}; percent: {points}")
     return figure
 
 
@@ -107,7 +105,7 @@ def each_specimen(dataset: xr.Dataset, prediction: SitePrediction, site: str) ->
         for axis in axes[-1]:
             axis.set_xlabel("time (s)")
         source = "predicted from the other specimens, or the population" if band == "new" else BANDS[band]
-        figure.suptitle(f"{site}: {source}; percent: measured points inside", x=0.01, ha="left", fontsize=9)
+        headline(figure, f"{site}: {source}; percent: measured points inside")
     return figure
 
 
@@ -130,9 +128,10 @@ def stress_bands(dataset: xr.Dataset, prediction: SitePrediction, site: str) -> 
         for axis in axes[-1]:
             axis.set_xlabel("time (s)")
         handles, labels = axes[0, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=4)
+        across = max(1, min(4, int(size[0] / WIDTH_OF_AN_ENTRY)))
+        figure.legend(handles, labels, loc="outside lower center", ncols=across)
         title = f"{site}: second Piola-Kirchhoff stresses along the displacements of {prediction.stresses_of}"
-        figure.suptitle(title, x=0.01, ha="left", fontsize=9)
+        headline(figure, title)
     return figure
 
 

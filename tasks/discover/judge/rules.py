@@ -37,6 +37,7 @@ A pair that is not NAMED gives way to the single effect where this leaves no mor
 pair takes away less than 80 % of what it leaves: the second effect may then be the form of the first.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -170,6 +171,8 @@ def _ruled(best: Score, evidence: Evidence) -> Verdict:
         pairs = any(len(one.effects) > 1 for one in scores.candidates)
         share = f"{100 * MIN_SECOND_SHARE:.0f} % of what it leaves"
         second = f", and no second effect clearly takes away {share}" if pairs and kind != "pair" else ""
+        if part is not None and needed.startswith(explains):
+            explains = f"{math.floor(1000 * part) / 10:.1f} %"  # not "98 %" where 98 % is needed
         why = f"the best {kind} ({best.name}) explains {explains} of the misfit; {needed}{second}"
         return Verdict("OUTSIDE", explained=part, why=why)
     if close := rivals(scores, best):

@@ -12,7 +12,7 @@ from scipy.stats import gaussian_kde
 
 from sinew.runner.store.store import open_store
 from sinew.tasks.drawing.blocks import with_its_unit
-from sinew.tasks.drawing.figures import COLOURS, STYLE, save, symbol
+from sinew.tasks.drawing.figures import COLOURS, STYLE, headline, save, symbol
 from sinew.tasks.drawing.views import FigureKind
 from sinew.tasks.infer.abc.result import AbcResult, Posterior, particles_group
 from sinew.tasks.simulate import Array
@@ -87,7 +87,7 @@ def thresholds(posterior: Posterior, site: str) -> Figure:
         for axis in axes:
             axis.set_xlabel("generation")
             axis.set_xticks(at)
-        figure.suptitle(site, x=0.01, ha="left", fontsize=10)
+        headline(figure, site, 10)
     return figure
 
 
@@ -111,7 +111,7 @@ def marginals(particles: xr.Dataset, result: AbcResult, site: str) -> Figure:
             axis.set_yticks([])
         axes[0, 0].legend(fontsize=7)
         percent = round(100 * result.interval)
-        figure.suptitle(f"{site}: dashed, mean; shaded, {percent} % HDI", x=0.01, ha="left", fontsize=10)
+        headline(figure, f"{site}: dashed, mean; shaded, {percent} % HDI", 10)
     return figure
 
 

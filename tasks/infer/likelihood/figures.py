@@ -8,7 +8,7 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from sinew.tasks.drawing.blocks import with_its_unit
-from sinew.tasks.drawing.figures import COLOURS, STYLE, save, symbol
+from sinew.tasks.drawing.figures import COLOURS, STYLE, headline, save, symbol
 from sinew.tasks.drawing.views import FigureKind
 from sinew.tasks.infer.likelihood.result import LikelihoodResult
 from sinew.tasks.infer.likelihood.show import table
@@ -87,7 +87,7 @@ def _panels(result: LikelihoodResult, panel: Any, title: str, height: float) -> 
             panel(axis, name)
             axis.set_title(with_its_unit(symbol(name), unit), fontsize=9)
             axis.tick_params(labelsize=7)
-        figure.suptitle(title, x=0.01, ha="left", fontsize=10)
+        headline(figure, title, 10)
     return figure
 
 

@@ -151,6 +151,8 @@ def test_outside_says_what_the_best_takes_and_what_a_name_would():
     alone = "the best single effect (lag) explains 80 % of the misfit; 98 % is needed to name it"
     assert found.why == alone
     assert found.explained == pytest.approx(0.8)
+    nearly = judged(candidate("lag", 1290.0), bare=candidate("", 50180.0))
+    assert "(lag) explains 97.8 % of the misfit; 98 % is needed" in nearly.why
     weak = candidate("lag slip", 1000.0)
     assert judged(candidate("lag", 1196.0), SLIP, weak).why == (
         f"{alone}, and no second effect clearly takes away 80 % of what it leaves"
