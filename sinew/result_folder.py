@@ -81,7 +81,8 @@ class TaskResult:
 
     def plot(self, name: str | None = None, of: str | None = None) -> Any:
         """A :class:`matplotlib.figure.Figure`: the first of ``plots``, or ``name``; ``of`` a specimen or site."""
-        return views.one_figure(self._figures, self.task, self.result, self.folder, name, of)
+        with believed(self._path):
+            return views.one_figure(self._figures, self.task, self.result, self.folder, name, of)
 
     @property
     def _path(self) -> Path:

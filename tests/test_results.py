@@ -545,6 +545,14 @@ def test_a_result_that_contradicts_itself_is_one_line_in_a_notebook(copied_run):
         repr(sinew.results(copied_run).infer)
 
 
+def test_a_result_that_cannot_be_drawn_is_one_line_in_a_notebook(copied_run):
+    edit(copied_run / "sobol.json", lambda one: one.update(ST_conf=[-1.0] * len(one["ST_conf"])))
+    with pytest.raises(BadInput, match=r"sobol\.json: contradicts itself, or the store \(ValueError: "):
+        sinew.results(copied_run).sobol.plot()
+    with pytest.raises(BadInput, match="sobol: figure"):
+        sinew.results(copied_run).sobol.plot("nothing")
+
+
 @pytest.mark.parametrize("change", [{"free": ["x"] * len(FREE)}, {"bounds": [[1.0, 0.0]] * len(FREE)}, {"bounds": []}])
 def test_a_search_of_other_parameters_is_one_line_in_a_notebook(copied_run, change):
     edit(copied_run / "calibrate.json", lambda one: one.update(change))

@@ -34,9 +34,14 @@ TIME = f"takes more than {SECONDS} s of a processor"
 SMALLER = "a smaller spreadsheet, or the table as CSV"
 
 
-PERCENT = re.compile(r'%(?=(?:[^"]*"[^"]*")*[^"]*$)')  # in a number format, outside of quotes
+NO_SIGN = re.compile(r'"[^"]*"|\\.|_.|\*.|\[[^\]]*\]')  # in a number format: shown as it is, or not at all
 PERCENT_FORMATS = {9, 10}  # of Excel itself
-Cells = dict[int, set[int]]  # columns by row, both from 0
+RUN, TITLES_WITHIN = 3, 4  # numbers that are a table's, and rows above them in which its titles stand
+LARGEST = 1e100
+IN_PERCENT = re.compile(r"[(\[]\s*%\s*[)\]]|%\s*$|^\s*%")  # a title with this unit
+PARTLY = "partly percent"  # the unit of numbers of which only some are formatted as percent
+REFERENCE = re.compile(r"([A-Z]{1,3})([0-9]{1,7})")  # of a cell
+Cells = dict[int, dict[int, bool]]  # by row and column, both from 0: formatted as percent, or in parts or otherwise
 
 
 class TooMuch(Exception):
@@ -64,6 +69,8 @@ def lines_of(content: bytes) -> Iterator[str | list[str]]:
     with CalamineWorkbook.from_filelike(io.BytesIO(content)) as workbook:
         if len(workbook.sheet_names) > MAX_SHEETS:
             raise TooMuch(f"{len(workbook.sheet_names):,} sheets", f"at most {MAX_SHEETS:,} sheets")
+        if len(set(workbook.sheet_names)) < len(workbook.sheet_names):
+            raise TooMuch("two sheets of one name", "names of their own")
         for name in workbook.sheet_names:
             yield str(name)
             sheet = workbook.get_sheet_by_name(name)
@@ -82,20 +89,66 @@ def lines_of(content: bytes) -> Iterator[str | list[str]]:
 
 
 def _as_shown(rows: list[list[Any]], percents: Cells) -> list[list[Any]]:
-    """Rows whose ``percents`` are counted in percent, with that unit in the text above the first of a column."""
-    firsts: dict[int, int] = {}
-    for number, columns in sorted(percents.items()):
-        for place in columns:
-            row = rows[number] if number < len(rows) else []
-            if place < len(row) and isinstance(row[place], int | float) and not isinstance(row[place], bool):
-                row[place] = float(f"{100.0 * row[place]:.15g}")  # without the rounding of the product
-                firsts.setdefault(place, number)
-    for place, first in firsts.items():
-        texts = (row for row in reversed(rows[:first]) if isinstance(row[place], str) and row[place].strip())
-        above = next(texts, None)
-        if above is not None and "%" not in above[place]:
-            above[place] = f"{above[place].strip()} [%]"
+    """Rows whose ``percents`` are counted in percent, with that unit in the titles above them.
+
+    A run of numbers of which only some are formatted as percent stays as it is, and its titles get a unit that nobody
+    knows, so that a person is asked for it.
+    """
+    for place in sorted({place for columns in percents.values() for place in columns}):
+        for run in _runs(rows, place):
+            formats = {percents.get(at, {}).get(place) for at in run}
+            titles = [] if len(run) < RUN else _titles(rows, run[0], place)
+            if formats == {True}:
+                for at in run:
+                    rows[at][place] = _in_percent(rows[at][place])
+                if titles and not any(IN_PERCENT.search(rows[at][place]) for at in titles):
+                    rows[titles[0]][place] = f"{rows[titles[0]][place].strip()} [%]"
+            elif formats != {None}:
+                for at in titles:
+                    rows[at][place] = rows[at][place].replace("%", PARTLY)
+                if titles and PARTLY not in rows[titles[0]][place]:
+                    rows[titles[0]][place] = f"{rows[titles[0]][place].strip()} [{PARTLY}]"
     return rows
+
+
+def _in_percent(value: float) -> float:
+    """A fraction in percent, without the rounding of the product; numbers beyond all sense stay as they are."""
+    return float(f"{100.0 * value:.15g}") if abs(value) < LARGEST else value
+
+
+def _runs(rows: list[list[Any]], place: int) -> Iterator[list[int]]:
+    """Rows of the numbers in a column, run by run; a text ends one, an empty cell does not."""
+    run: list[int] = []
+    for at, row in enumerate(rows):
+        cell = row[place] if place < len(row) else ""
+        if isinstance(cell, int | float) and not isinstance(cell, bool):
+            run.append(at)
+        elif run and str(cell).strip():
+            yield run
+            run = []
+    if run:
+        yield run
+
+
+def _titles(rows: list[list[Any]], first: int, place: int) -> list[int]:
+    """The rows of the texts right above row ``first`` of a column, from the top; an empty cell may stand between."""
+    found: list[int] = []
+    at = first - 1
+    while at >= 0 and len(found) < 2 and first - at <= TITLES_WITHIN:
+        cell = rows[at][place]
+        if isinstance(cell, str) and cell.strip():
+            found.insert(0, at)
+        elif found or str(cell).strip():
+            break
+        at -= 1
+    return found
+
+
+def _of_percent(code: str) -> bool | None:
+    """Whether a format of numbers shows all of them in percent, or (False) some, or in something else; None: none."""
+    sections = NO_SIGN.sub("", code).split(";")[:3]
+    counts = {section.count("%") for section in sections if re.search(r"[0#?]|General", section)}
+    return None if counts <= {0} else counts == {1}
 
 
 def _percents(content: bytes) -> dict[str, Cells]:
@@ -127,25 +180,26 @@ def _percents_of_xlsx(archive: zipfile.ZipFile, members: set[str]) -> dict[str, 
     return found
 
 
-def _percent_styles(archive: zipfile.ZipFile) -> set[str]:
-    """Numbers of the styles of cells whose format is one of percent."""
-    formats, styles, inside = set(PERCENT_FORMATS), set(), False
-    count = 0
+def _percent_styles(archive: zipfile.ZipFile) -> dict[str, bool]:
+    """Styles of cells, by their numbers as texts, whose format is one of percent or, False, in parts or otherwise."""
+    formats: dict[int, bool | None] = dict.fromkeys(PERCENT_FORMATS, True)
+    styles: dict[str, bool] = {}
+    inside, count = False, 0
     with archive.open("xl/styles.xml") as file:
         for event, element in _parsed(file):
             name = _local(element.tag)
             if name == "cellXfs":
                 inside = event == "start"
-            elif event == "end" and name == "numFmt" and PERCENT.search(element.get("formatCode", "")):
-                formats.add(int(element.get("numFmtId", "0")))
+            elif event == "end" and name == "numFmt":
+                formats[int(element.get("numFmtId", "0"))] = _of_percent(element.get("formatCode", ""))
             elif event == "end" and name == "xf" and inside:
-                if int(element.get("numFmtId", "0")) in formats:
-                    styles.add(str(count))
+                if (shown := formats.get(int(element.get("numFmtId", "0")))) is not None:
+                    styles[str(count)] = shown
                 count += 1
     return styles
 
 
-def _percents_of_sheet(archive: zipfile.ZipFile, path: str, styles: set[str]) -> Cells:
+def _percents_of_sheet(archive: zipfile.ZipFile, path: str, styles: dict[str, bool]) -> Cells:
     found: Cells = {}
     row, column = -1, -1
     with archive.open(path) as file:
@@ -154,33 +208,40 @@ def _percents_of_sheet(archive: zipfile.ZipFile, path: str, styles: set[str]) ->
             if event == "start" and name == "row":
                 row, column = int(element.get("r", str(row + 2))) - 1, -1
             elif event == "start" and name == "c":
-                column = _column(element.get("r", "")) if element.get("r") else column + 1
-                if element.get("s") in styles:
-                    found.setdefault(row, set()).add(column)
+                row, column = _place(element.get("r", "")) if element.get("r") else (row, column + 1)
+                if (style := element.get("s", "")) in styles:
+                    found.setdefault(row, {})[column] = styles[style]
             elif event == "end" and name in ("row", "c"):
                 element.clear()
     return found
 
 
-def _column(reference: str) -> int:
-    """The column, from 0, of a cell such as ``AB12``."""
-    number = 0
-    for letter in reference.rstrip("0123456789").upper():
-        number = 26 * number + ord(letter) - 64
-    return number - 1
+def _place(reference: str) -> tuple[int, int]:
+    """Row and column, both from 0, of a cell such as ``AB12``."""
+    found = REFERENCE.fullmatch(reference)
+    if found is None:
+        raise ValueError(f"a cell called {reference[:20]}")
+    column = 0
+    for letter in found[1]:
+        column = 26 * column + ord(letter) - 64
+    return int(found[2]) - 1, column - 1
 
 
 def _percents_of_ods(archive: zipfile.ZipFile) -> dict[str, Cells]:
     found: dict[str, Cells] = {}
     cells: Cells = {}
-    row = column = 0
+    row = column = depth = 0
     with archive.open("content.xml") as file:
         for event, element in _parsed(file):
             name = _local(element.tag)
             about = {_local(key): value for key, value in element.attrib.items()}
-            if event == "start" and name == "table":
-                cells = found.setdefault(about.get("name", ""), {})
-                row = 0
+            if name == "table":
+                depth += 1 if event == "start" else -1
+                if event == "start" and depth == 1:  # not one within a cell
+                    cells = found.setdefault(about.get("name", ""), {})
+                    row = 0
+            elif depth > 1:
+                continue
             elif event == "start" and name == "table-row":
                 column = 0
             elif event == "end" and name in ("table-cell", "covered-table-cell"):
@@ -188,7 +249,7 @@ def _percents_of_ods(archive: zipfile.ZipFile) -> dict[str, Cells]:
                 if about.get("value-type") == "percentage":
                     if many > MAX_CELLS:
                         raise TooMuch(f"{many:,} cells that are the same")
-                    cells.setdefault(row, set()).update(range(column, column + many))
+                    cells.setdefault(row, {}).update(dict.fromkeys(range(column, column + many), True))
                 column += many
                 element.clear()
             elif event == "end" and name == "table-row":

@@ -47,7 +47,7 @@ def field_course(output: FieldOutput, plot: PlotFile) -> tuple[Array, Array]:
     if output.reduce == "single" and items.size != 1:
         raise _wrong(output, f"{items.size:,} places, and no reduce: sum, mean, max or min")
     later = plot.time_s > 0
-    values = _component(output, variable, variable.values[later][:, items].astype(np.float64))
+    values = _component(output, variable, variable.values[later][:, items])
     return plot.time_s[later], reduced(output.name, output.reduce, output.scale, plot.time_s[later], values)
 
 
@@ -59,18 +59,18 @@ def _component(output: FieldOutput, variable: Variable, values: Array) -> Array:
     """One number for each place, ``[state, item]``, of ``values`` ``[state, item, component]``."""
     name = output.component
     if name is None and len(variable.components) == 1:
-        return np.asarray(values[:, :, 0])
+        return values[:, :, 0].astype(np.float64)
     if name == "magnitude" and variable.kind == "vec3f":
-        return np.asarray(np.sqrt((values**2).sum(axis=2)))
+        return np.asarray(np.sqrt((values.astype(np.float64) ** 2).sum(axis=2)))
     if name == "von_mises" and variable.kind == "mat3fs":
-        xx, yy, zz, xy, yz, xz = np.moveaxis(values, 2, 0)
+        xx, yy, zz, xy, yz, xz = np.moveaxis(values.astype(np.float64), 2, 0)
         normal = (xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2
         return np.asarray(np.sqrt(normal / 2 + 3 * (xy**2 + yz**2 + xz**2)))
     if name not in variable.components:
         others = {"vec3f": ["magnitude"], "mat3fs": ["von_mises"]}.get(variable.kind, [])
         expected = ", ".join([*variable.components, *others]) or "no component"
         raise _wrong(output, f"component {shown(name)} of {variable.name}, which has {expected}")
-    return np.asarray(values[:, :, variable.components.index(name)])
+    return values[:, :, variable.components.index(name)].astype(np.float64)
 
 
 def _items(output: FieldOutput, variable: Variable, mesh: Mesh) -> Array:

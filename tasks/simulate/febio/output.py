@@ -131,6 +131,8 @@ def read_records(path: Path, max_bytes: int) -> tuple[Array, Array, bool]:
     if content and not content.endswith(b"\n"):
         raise Failed("bad_output", f"{path.name} ends in the middle of a line")
     _check_size(path, content)
+    if _LATE_COMMENT.search(content):
+        raise Failed("bad_output", f"{path.name} holds something else than numbers ('*' behind a number)")
     # whole-text operations: a loop over the lines of a long run takes as long as some solver runs
     records = [record.count(b"\n") for record in content.split(b"*Step")[1:]]
     try:
@@ -157,4 +159,5 @@ def _check_size(path: Path, content: bytes) -> None:
 MAX_TEXT_BYTES = 2**28  # of numbers that are logged; plot files may be larger
 LONGEST_LINE, MAX_NUMBERS, MAX_STEPS = 10_000, 2**25, 10**6
 _NUMBERS = re.compile(rb"^[ \t]*+[^*\s][^\n]*+$", re.MULTILINE)  # a line that is neither blank nor a comment
+_LATE_COMMENT = re.compile(rb"^[ \t]*+[^*\s][^\n*]*+\*", re.MULTILINE)  # pandas would leave out what follows
 _STAMP = re.compile(rb"^\*Time\s*=\s*(\S+)$", re.MULTILINE)

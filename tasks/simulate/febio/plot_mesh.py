@@ -166,6 +166,8 @@ def _sets(content: memoryview, tags: tuple[int, ...], below: int | None) -> dict
         items = np.frombuffer(inside, "<i4").copy()
         if size and (items.min() < 0 or (below is not None and items.max() >= below)):
             raise damaged(f"set {shown(name)} has nodes that the mesh lacks")
+        if np.unique(items).size < items.size:  # its fields would fill the memory, and count twice
+            raise damaged(f"set {shown(name)} has an item twice")
         found.setdefault(name, items)
     return found
 

@@ -5,7 +5,7 @@ import sys
 import tracemalloc
 import zipfile
 from pathlib import Path
-from xml.sax.saxutils import escape
+from xml.sax.saxutils import escape, quoteattr
 
 import pytest
 
@@ -66,34 +66,48 @@ def cell(value: object) -> str:
     return f"<c><v>{value!r}</v></c>"
 
 
-#: Styles 0 to 4: general, Excel's own percent, percent of its own, a percent sign in a text, and two decimals.
+CODES = {164: "0.000%", 165: '0.0" %"', 166: r"0.0\%", 167: "0.00_%", 168: "[=1]0%;General", 169: "0.0%%",
+         170: "0%;-0%", 171: "[Red]0.0%;@"}  # fmt: skip
+OF_STYLE = [0, 10, *CODES, 2]  # the format of each style
 STYLES = (
-    f'<styleSheet xmlns="{MAIN}"><numFmts count="2"><numFmt numFmtId="164" formatCode="0.000%"/>'
-    '<numFmt numFmtId="165" formatCode="0.0&quot; %&quot;"/></numFmts><cellStyleXfs><xf numFmtId="9"/></cellStyleXfs>'
-    '<cellXfs><xf numFmtId="0"/><xf numFmtId="10"/><xf numFmtId="164"/><xf numFmtId="165"/><xf numFmtId="2"/></cellXfs>'
-    "</styleSheet>"
+    f'<styleSheet xmlns="{MAIN}"><numFmts>'
+    + "".join(f'<numFmt numFmtId="{at}" formatCode={quoteattr(code)}/>' for at, code in CODES.items())
+    + '</numFmts><cellStyleXfs><xf numFmtId="9"/></cellStyleXfs><cellXfs>'
+    + "".join(f'<xf numFmtId="{at}"/>' for at in OF_STYLE)
+    + "</cellXfs></styleSheet>"
 )
+ASKED = "unit 'partly percent' of the strain is not known; expected --displacement-unit"
 
 
-def styled(title: str, style: int, *, references: bool = True) -> str:
-    """Rows of a test whose strains, 0 to 0.0997, have a style."""
+def styled(*styles: int, title: str = "Strain [%]", first: int = 1, references: bool = True) -> str:
+    """Rows of a test from row ``first`` on, whose strains, from 0 to 0.0997, have these styles, the last again."""
+    styles = (*styles, *[styles[-1]] * (5 - len(styles)))
 
     def at(column: str, row: int) -> str:
-        return f' r="{column}{row}"' if references else ""
+        return f' r="{column}{row + first}"' if references else ""
 
-    rows = [f"<row{at('', 1)}>{cell('Time [s]')}{cell(title)}{cell('Force [N]')}</row>"]
-    for i in range(5):
-        strain = f'<c{at("B", i + 2)} s="{style}"><v>{0.0997 * i / 4!r}</v></c>'
-        time, force = (f"<c{at(column, i + 2)}><v>{value}</v></c>" for column, value in (("A", i), ("C", 3 * i)))
-        rows.append(f"<row{at('', i + 2)}>{time}{strain}{force}</row>")
+    rows = [f"<row{at('', 0)}>{cell('Time [s]')}{cell(title)}{cell('Force [N]')}</row>"]
+    for i, style in enumerate(styles):
+        strain = f'<c{at("B", i + 1)} s="{style}"><v>{0.0997 * i / 4!r}</v></c>'
+        time, force = (f"<c{at(column, i + 1)}><v>{value}</v></c>" for column, value in (("A", i), ("C", 3 * i)))
+        rows.append(f"<row{at('', i + 1)}>{time}{strain}{force}</row>")
     return "".join(rows)
+
+
+def of_style(code: str) -> int:
+    """The number of the style with a format."""
+    return OF_STYLE.index(next(number for number, each in CODES.items() if each == code))
+
+
+PERCENT = [1, *map(of_style, ("0.000%", "0%;-0%", "[Red]0.0%;@"))]
 
 
 @pytest.mark.parametrize("references", [True, False])
 @pytest.mark.parametrize("title", ["Strain [%]", "Strain"])
-@pytest.mark.parametrize("style", [1, 2])
+@pytest.mark.parametrize("style", PERCENT)
 def test_cells_of_percent_are_read_as_they_are_shown(tmp_path, title, style, references):
-    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(title, style, references=references))
+    rows = styled(style, title=title, references=references)
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=rows)
     rows = dict(read_sheets(path))["one"]
     assert rows[0] == ("Time [s]", "Strain [%]", "Force [N]")
     assert [row[1] for row in rows[1:]] == ["0", "2.4925", "4.985", "7.4775", "9.97"]
@@ -102,16 +116,62 @@ def test_cells_of_percent_are_read_as_they_are_shown(tmp_path, title, style, ref
     assert recording.numbers[-1].tolist() == pytest.approx([4.0, 0.0997, 12.0])
 
 
-@pytest.mark.parametrize("style", [0, 3, 4])
+@pytest.mark.parametrize("style", [0, *map(of_style, ('0.0" %"', r"0.0\%", "0.00_%")), len(OF_STYLE) - 1])
 def test_other_formats_leave_cells_as_they_are(tmp_path, style):
-    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled("Strain [%]", style))
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(style))
     assert dict(read_sheets(path))["one"][-1] == ("4", "0.0997", "12")
 
 
+@pytest.mark.parametrize("title", ["Strain [%]", "Strain"])
+@pytest.mark.parametrize(
+    "styles", [(0, 1), (1, 0), (1, 1, 1, 1, 0), (of_style("[=1]0%;General"),), (of_style("0.0%%"),), (1, 0, 1)]
+)
+def test_numbers_of_which_some_are_formatted_as_percent_are_asked_about(tmp_path, styles, title):
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(*styles, title=title))
+    assert [row[1] for row in dict(read_sheets(path))["one"][1:]] == ["0", "0.024925", "0.04985", "0.074775", "0.0997"]
+    with pytest.raises(BadInput, match=ASKED):
+        read_recordings(path, Hints())
+    (recording,) = read_recordings(path, Hints(displacement_unit="1"))
+    assert recording.numbers[-1].tolist() == pytest.approx([4.0, 0.0997, 12.0])
+
+
 def test_a_unit_that_contradicts_cells_of_percent_is_asked_for(tmp_path):
-    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled("Strain (mm/mm)", 1))
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(1, title="Strain (mm/mm)"))
     with pytest.raises(BadInput, match=r"the strain has two units: 'mm/mm' and '%'"):
         read_recordings(path, Hints())
+
+
+def test_a_number_above_the_title_is_of_another_table(tmp_path):
+    above = f'<row r="1">{cell("Humidity")}<c r="B1" s="1"><v>0.45</v></c></row>'
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=above + styled(1, title="Strain (mm/mm)", first=3))
+    assert dict(read_sheets(path))["one"][0] == ("Humidity", "45", "")
+    with pytest.raises(BadInput, match=r"the strain has two units: 'mm/mm' and '%'"):
+        read_recordings(path, Hints())
+
+
+def test_each_of_several_tables_has_its_own_title(tmp_path):
+    both = styled(1, title="Strain") + styled(1, title="Strain", first=7)
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=both)
+    rows = dict(read_sheets(path))["one"]
+    assert rows[0] == rows[6] == ("Time [s]", "Strain [%]", "Force [N]")
+    assert [row[1] for row in rows[7:]] == ["0", "2.4925", "4.985", "7.4775", "9.97"]
+
+
+def test_a_percent_sign_within_a_title_is_no_unit(tmp_path):
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(1, title="Strain of 10% test (mm/mm)"))
+    assert dict(read_sheets(path))["one"][0][1] == "Strain of 10% test (mm/mm) [%]"
+
+
+def test_cells_and_sheets_with_names_of_no_spreadsheet_are_refused(tmp_path):
+    odd = styled(1).replace('r="B3"', f'r="{"Z" * 400_000}3"')
+    with pytest.raises(BadInput, match=r"not a spreadsheet that can be read \(a cell called ZZZ"):
+        list(read_sheets(write_workbook(tmp_path / "a.xlsx", STYLES, one=odd)))
+    path = write_workbook(tmp_path / "b.xlsx", STYLES, one=styled(1), two=styled(0))
+    with zipfile.ZipFile(path) as archive, zipfile.ZipFile(tmp_path / "c.xlsx", "w") as twice:
+        for name in archive.namelist():
+            twice.writestr(name, archive.read(name).replace(b'name="two"', b'name="one"'))
+    with pytest.raises(BadInput, match="two sheets of one name; expected names of their own"):
+        list(read_sheets(tmp_path / "c.xlsx"))
 
 
 def test_cells_of_percent_in_an_open_document(tmp_path):
@@ -131,6 +191,8 @@ def test_cells_of_percent_in_an_open_document(tmp_path):
     rows = [row([text("Time [s]"), text("Strain"), text("Stretch"), text("Force [N]")])]
     rows.append(row([number(0), number(0.05, "percentage", many=2), number(3)]))
     rows.append(row([number(1), number(0.0997, "percentage"), number(1.5), number(3)], many=2))
+    within = f'<table:table table:name="two">{row([number(2)])}</table:table>'  # which is no table of the sheet
+    rows[-1] = rows[-1].replace("</text:p></table:table-cell>", f"</text:p>{within}</table:table-cell>", 1)
     table = f'<table:table table:name="one">{"".join(rows)}</table:table>'
     body = f"<office:body><office:spreadsheet>{table}</office:spreadsheet></office:body>"
     with zipfile.ZipFile(tmp_path / "a.ods", "w") as archive:
@@ -138,8 +200,8 @@ def test_cells_of_percent_in_an_open_document(tmp_path):
         archive.writestr("META-INF/manifest.xml", "<manifest/>")
         archive.writestr("content.xml", f"<office:document-content{names}>{body}</office:document-content>")
     assert dict(read_sheets(tmp_path / "a.ods"))["one"] == [
-        ("Time [s]", "Strain [%]", "Stretch [%]", "Force [N]"),
-        ("0", "5", "5", "3"),
+        ("Time [s]", "Strain [%]", "Stretch [partly percent]", "Force [N]"),
+        ("0", "5", "0.05", "3"),
         ("1", "9.97", "1.5", "3"),
         ("1", "9.97", "1.5", "3"),
     ]

@@ -18,7 +18,7 @@ _NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"  # one way to read ea
 _NUMBERS = re.compile(rf"\s*{_NUMBER}\s*(?:,\s*{_NUMBER}\s*)*")
 _AXES = ("x", "y", "z")
 _LONGEST = 1000  # bytes of a list of numbers that can vary: a tensor of fourth order has 21
-MOST_CHARACTERS = 2**25  # of the paths of all numbers
+MOST_CHARACTERS, MOST_NUMBERS = 2**25, 200_000  # of the paths of all numbers, and of the numbers
 
 
 @dataclass(frozen=True)
@@ -127,10 +127,11 @@ def _leaves(path: str, element: Element) -> Iterator[tuple[str, Element]]:
 
 def _few(source: Source, leaves: Iterator[tuple[str, Element]]) -> Iterator[tuple[str, Element]]:
     """The same leaves. Raises :class:`BadInput` where the paths of their numbers would fill the memory."""
-    left = MOST_CHARACTERS
+    left, numbers = MOST_CHARACTERS, MOST_NUMBERS
     for path, element in leaves:
-        left -= len(path) * (1 + element.text[:_LONGEST].count(","))
-        if left < 0:
+        count = 1 + element.text[:_LONGEST].count(",")
+        left, numbers = left - len(path) * count, numbers - count
+        if left < 0 or numbers < 0:
             raise BadInput(source.path, "has too many numbers beside its mesh, or names that are too long", "fewer")
         yield path, element
 

@@ -79,6 +79,7 @@ def test_garbage_is_a_failure(tmp_path_factory, garbage):
         (logged([2.0, 1.0], [1], [[1.0], [1.0]]), "times do not increase"),
         (logged([1.0], [3], [[1.0]]), "other ids"),
         (logged([1.0], [1], [[1.0]]).replace("1,1.0", "1,1.0,2.0"), "3 numbers"),
+        (logged([1.0], [1], [[1.0]]).replace("1,1.0", "1,2 *5"), r"something else than numbers \('\*' behind a number"),
         ("", "q: q.txt holds 0 steps"),
         (logged([0.5], [1], [[1.0]]), "q ends at 0.5 s, the protocol at 1 s"),
     ],

@@ -280,6 +280,13 @@ def test_any_damage_is_read_or_refused(compressed, edits, cut):
         assert sum(one.values.nbytes for one in found.variables.values()) <= MB
 
 
+def test_a_set_that_names_a_node_again_and_again_is_damage(monkeypatch):
+    named = w.named_set
+    monkeypatch.setattr(w, "named_set", lambda base, number, name, items: named(base, number, name, [*items, items[0]]))
+    with pytest.raises(Failed, match="set 'side' has an item twice"):
+        plot_file_of(w.plot_file(), MB)
+
+
 @pytest.mark.parametrize("times", [(0.0,), (0.0, 1.0)])
 def test_a_variable_that_is_twice_in_a_state_is_damage(monkeypatch, times):
     value = w.value

@@ -173,3 +173,11 @@ def test_paths_of_numbers_take_no_more_memory_than_their_limit(tmp_path, monkeyp
     monkeypatch.setattr("sinew.tasks.simulate.febio.model_file.contents.MOST_CHARACTERS", 700)
     with pytest.raises(BadInput, match="has too many numbers beside its mesh, or names that are too long"):
         contents_of(read(tmp_path, text))
+
+
+def test_numbers_with_short_paths_have_a_limit(tmp_path, monkeypatch):
+    text = CUBE.replace("<v>0.3</v>", "<v>0.3</v>" + "<n>1,2,3</n>" * 10)
+    contents_of(read(tmp_path, text))
+    monkeypatch.setattr("sinew.tasks.simulate.febio.model_file.contents.MOST_NUMBERS", 29)
+    with pytest.raises(BadInput, match="has too many numbers beside its mesh"):
+        contents_of(read(tmp_path, text))
