@@ -56,7 +56,11 @@ def _noise(result: CalibrateResult) -> str:
 
 def _bounds(result: CalibrateResult) -> str:
     names = result.often_on_bound
-    return f" On an end of their range in half of the specimens or more: {', '.join(names)}." if names else ""
+    return (
+        f" Determined by the curves and on an end of their range, in half of the specimens or more: {', '.join(names)}."
+        if names
+        else ""
+    )
 
 
 def _correlations(result: CalibrateResult) -> str:

@@ -54,14 +54,16 @@ def bound_advice(result: CalibrateResult) -> str:
     if not names:
         return ""
     zero = [name for name in names if result.often_at_zero(name)]
-    sentences = [f"On an end of their range in half of the specimens or more: {', '.join(names)}."]
+    sentences = [
+        f"Determined by the curves and on an end of their range, in half of the specimens or more: {', '.join(names)}."
+    ]
     if len(zero) < len(names):
         sentences.append(
             "Widen the range (model.parameters in the study file) where it is a guess; where it is certain, the "
             "model lacks something."
         )
     if zero:
-        sentences.append(f"{', '.join(zero)}: at 0, the end of its range: the fits do without it.")
+        sentences.append(f"{', '.join(zero)}: at 0 or next to it, the lower end of its range: the fits do without it.")
     return " ".join(sentences)
 
 

@@ -34,7 +34,9 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
         click.option("--time-column", metavar="NAME", help="Title or number (from 1) of the column of time."),
         click.option("--displacement-column", metavar="NAME", help="The same for displacement, strain or stretch."),
         click.option("--force-column", metavar="NAME", help="The same for force or stress."),
-        click.option("--test-column", metavar="NAME", help="Column whose value tells the tests of one table apart."),
+        click.option(
+            "--test-column", metavar="NAME", help="Column that tells tests of a table apart; 'none': one test."
+        ),
         click.option("--cycle-column", metavar="NAME", help="Column of cycles, if times start again with a cycle."),
         click.option(
             "--keep-column",
@@ -48,6 +50,7 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
         click.option(
             "--speed", type=float, help="Speed of the motion (mm/s; 1/s for strains), for files without times."
         ),
+        click.option("--speed-column", metavar="NAME", help="Column of speeds, for the same; 'none': there is none."),
         click.option(
             "--zero-displacement",
             type=click.Choice(["first", "none"]),

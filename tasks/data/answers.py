@@ -100,6 +100,6 @@ def with_answers(hints: Hints, answers: Hints) -> Hints:
     told = {}
     for one in fields(Hints):
         mine, theirs = getattr(hints, one.name), getattr(answers, one.name)
-        left = timed and one.name in ("time_column", "rate_hz", "speed")
+        left = timed and one.name in ("time_column", "rate_hz", "speed", "speed_column")
         told[one.name] = mine if mine is not None or left else theirs
     return Hints(**told)

@@ -32,6 +32,7 @@ from sinew.tasks.data.tables import Table
 from sinew.tasks.data.titles import name_and_unit
 
 NOWHERE = -1
+TIMED = ", --rate-hz, --speed or --speed-column"  # what tells times where no column does
 SURE, LIKELY, GIVEN = "sure", "likely", "as you said"
 
 
@@ -84,7 +85,7 @@ class _Role:
     @property
     def remedy(self) -> str:
         """What a person can do where no column is recognised."""
-        return f"--{self.option}-column NAME or NUMBER{', --rate-hz or --speed' if self.option == 'time' else ''}"
+        return f"--{self.option}-column NAME or NUMBER{TIMED if self.option == 'time' else ''}"
 
     @property
     def choices(self) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from sinew.tasks.data.timing import Timing
 Zero = Literal["first", "none"]
 Negate = Literal["none", "displacement", "force", "both"]
 Preload = Literal["leave-out", "keep"]
+NO_COLUMN = "none"
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,8 @@ class Hints:
     """What a person says of a file: titles or numbers (from 1) of columns, and units that the file does not tell.
 
     ``force_unit`` may be a unit of stress; the load is a stress then. ``test_column`` tells the tests of a table apart,
-    ``cycle_column`` its cycles, if their times start again. ``rate_hz`` and ``speed``: see :class:`Timing`.
+    ``cycle_column`` its cycles, if their times start again. ``rate_hz``, ``speed`` and ``speed_column``: see
+    :class:`Timing`. ``NO_COLUMN`` for a column of tests or speeds: that which looks like one is none.
     ``zero_displacement`` and ``zero_force``: whether each counts from its ``first`` value. ``negate``: which of
     them get the other sign. ``preload``: what becomes of the rows before a motion is set to zero again.
     ``keep_column``: columns that are kept beside the force, as for :func:`further`.
@@ -52,6 +54,7 @@ class Hints:
     cycle_column: str | None = None
     rate_hz: float | None = None
     speed: float | None = None
+    speed_column: str | None = None
     zero_displacement: Zero | None = None
     zero_force: Zero | None = None
     negate: Negate | None = None
@@ -78,7 +81,12 @@ class Hints:
 
     @property
     def timing(self) -> Timing:
-        return Timing(self.rate_hz, self.speed)
+        return Timing(self.rate_hz, self.speed, None if self.speed_column == NO_COLUMN else self.speed_column)
+
+    @property
+    def tests_by(self) -> str | None:
+        """The column that tells the tests of a table apart, if any does."""
+        return None if self.test_column == NO_COLUMN else self.test_column
 
     def of(self, option: str) -> Any:
         """What is told of an option."""

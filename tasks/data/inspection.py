@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import Column, partly
+from sinew.tasks.data.columns import TIMED, Column, partly
 from sinew.tasks.data.exports import Reading, first_length
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
@@ -149,8 +149,8 @@ def _below(
     table: Table, columns: Sequence[Column | None], time_s: np.ndarray[Any, Any], hints: Hints
 ) -> tuple[int, tuple[str, ...]]:
     """How many tests stand one under another in a table, and what must be asked of its times."""
-    if hints.test_column is not None:
-        return len(blocks_of_tests(table, time_s.size, hints.test_column)), ()
+    if hints.tests_by is not None:
+        return len(blocks_of_tests(table, time_s.size, hints.tests_by)), ()
     back = [int(at) + 1 for at in np.flatnonzero(np.diff(time_s) < 0)]
     taken = [column.place for column in columns if column is not None]
     apart = told_apart(table, time_s.size, back, taken)
@@ -165,7 +165,7 @@ def _below(
         question = f"{apart.count:,} tests in one table, one for each '{apart.title}'? {apart.option}"
         return apart.tests, (question,)
     if time_s.size > 1 and not np.ptp(time_s) and not hints.timing.given:
-        return 1, ("time: the same in all rows; --time-column, --rate-hz or --speed",)
+        return 1, (f"time: the same in all rows; --time-column{TIMED}",)
     return 1, ()
 
 

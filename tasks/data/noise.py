@@ -16,7 +16,7 @@ from scipy import sparse
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.breaks import break_of
-from sinew.tasks.model import Curve
+from sinew.tasks.model import Curve, Specimen
 from sinew.tasks.model.phases import Phase, phases
 from sinew.tasks.simulate import Array
 
@@ -77,7 +77,7 @@ class _Piece:
 def refuse_none(noise: Noise, where: Path) -> None:
     """Raises :class:`BadInput` for curves in which no noise can be seen: misfit is told in times of it."""
     if not noise.sd_N > 0:
-        raise BadInput(where, "no noise can be seen in its curves", "measured curves")
+        raise BadInput(where, "no noise can be seen in its curves, nor in those of others", "curves of more points")
 
 
 def noise_of(curve: Curve, beside: Sequence[Curve] = ()) -> Noise:
@@ -96,7 +96,7 @@ def noise_of_all(curves: Sequence[Curve], *, proportional: bool = True) -> Noise
     If holds have ``ENOUGH_IN_HOLDS`` points, ramps are left out: a sharp toe of few points has no smooth course.
     """
     pieces = _chosen(curves)
-    if sum(piece.force.size - piece.splines.shape[1] for piece in pieces) < FEWEST_POINTS:
+    if _too_few(pieces):
         return Noise(float("nan"), float("nan"))
     if _smooth(pieces):
         return Noise(0.0, 0.0)
@@ -109,16 +109,29 @@ def noise_of_each(groups: Sequence[Sequence[Curve]]) -> list[Noise]:
     """The noise of several specimens measured by one machine: one correlation, and a level for each specimen.
 
     Each specimen has its own growth with the force if growth improves the likelihood of all together by
-    ``GROWTH_GAIN`` for each.
+    ``GROWTH_GAIN`` for each. Specimens of too few points get the median of the others; NaN where no specimen has
+    enough.
     """
-    pieces = [_chosen(curves) for curves in groups]
-    if any(sum(p.force.size - p.splines.shape[1] for p in each) < FEWEST_POINTS for each in pieces):
-        return [noise_of_all(curves, proportional=False) for curves in groups]
-    rough = {number: each for number, each in enumerate(pieces) if not _smooth(each)}
+    pieces = {number: _chosen(curves) for number, curves in enumerate(groups)}
+    enough = {number: each for number, each in pieces.items() if not _too_few(each)}
+    rough = {number: each for number, each in enough.items() if not _smooth(each)}
     r, growths = _correlation_and_growth(list(rough.values()), proportional=True) if rough else (0.0, [])
     levels = [_restricted(each, r, growth)[1] for each, growth in zip(rough.values(), growths, strict=True)]
     found = {number: Noise(sd, r, sd * growth) for number, sd, growth in zip(rough, levels, growths, strict=True)}
-    return [found.get(number, Noise(0.0, 0.0)) for number in range(len(pieces))]
+    found = {number: found.get(number, Noise(0.0, 0.0)) for number in enough}
+    others = [found[number] for number in rough] or [Noise(float("nan"), float("nan"))]
+    sd, r, growth = np.median([(one.sd_N, one.ar1, one.proportional) for one in others], axis=0).tolist()
+    usual = Noise(sd, r, growth)
+    return [found.get(number, usual) for number in pieces]
+
+
+def too_few(specimens: Sequence[Specimen]) -> list[str]:
+    """The names of the specimens whose curves have too few points to tell their noise."""
+    return [one.name for one in specimens if _too_few(_used(one.curves, 1))]
+
+
+def _too_few(pieces: Sequence[_Piece]) -> bool:
+    return sum(piece.force.size - piece.splines.shape[1] for piece in pieces) < FEWEST_POINTS
 
 
 def _smooth(pieces: Sequence[_Piece]) -> bool:

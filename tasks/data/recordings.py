@@ -25,20 +25,20 @@ from sinew.tasks.data.several import (
     go_on,
     going_on,
     name_beside,
+    refuse_several,
     told_apart,
 )
 from sinew.tasks.data.signs import new_zero
-from sinew.tasks.data.sizes import Size, read_sizes
+from sinew.tasks.data.sizes import Size, read_sizes, round_in_words
 from sinew.tasks.data.sources import source_in_words
+from sinew.tasks.data.speeds import timed
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.text import HUGE
-from sinew.tasks.data.timing import Timing
 from sinew.tasks.data.titles import is_spread
 from sinew.tasks.model import Curve, Protocol
 
 Array = np.ndarray[Any, np.dtype[Any]]
 FEWEST_ROWS = 3
-MOST_TURNS = 0.1  # of the rows: a motion that turns more often is noisy, and its way is longer than that of the machine
 UNPADDED = "clock times by milliseconds without leading zeros: 12:58.29 is 58.029 s, or times would go back"
 MOST_STRETCH = 10.0  # a ratio of lengths beyond it is in percent, or a length
 
@@ -186,10 +186,10 @@ def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Rec
         rows = _filled(table, ours[1:] if count > 1 else ours)  # times may be shared with a longer test
         if count > 1 and rows < FEWEST_ROWS:
             continue  # of fewer tests than there is room for
-        if hints.test_column is None:
+        if hints.tests_by is None:
             found.append(_recording(table, ours, hints, Block(name, 0, rows), number, count))
             continue
-        for block in blocks_of_tests(table, rows, hints.test_column):
+        for block in blocks_of_tests(table, rows, hints.tests_by):
             both = replace(block, name="_".join(filter(None, (name, block.name))))
             found.append(_recording(table, ours, hints, both, number, count))
     return found
@@ -214,8 +214,10 @@ def _recording(
     left_out = tuple(title for place, title in enumerate(table.titles) if place not in places | others and title)
     notes: tuple[str, ...] = (UNPADDED,) if columns[0].place in table.unpadded else ()
     if hints.timing.given:
-        numbers, timed = _timed(table, columns, numbers, hints.timing, block)
-        notes += timed
+        if hints.test_column is None and not np.ptp(numbers[:, 0]):
+            refuse_several(table, block.end, list(places))
+        numbers, by = timed(table, columns, numbers, hints, block)
+        notes += by
     if hints.cycle_column is not None:
         numbers[:, 0] = going_on(numbers[:, 0], _within(blocks_of_cycles(table, block.end, hints.cycle_column), block))
     back = [block.start + int(at) + 1 for at in np.flatnonzero(np.diff(numbers[:, 0]) <= 0)]
@@ -275,24 +277,6 @@ def _within(cycles: Sequence[Block], block: Block) -> list[Block]:
     return [Block(c.name, max(c.start - first, 0), c.end - first) for c in cycles if c.end > first]
 
 
-def _timed(
-    table: Table, columns: Columns, numbers: Array, timing: Timing, block: Block
-) -> tuple[Array, tuple[str, ...]]:
-    """The numbers with times that a person has told, and a note if the file has times of its own, which count."""
-    if columns[0].place != NOWHERE and np.ptp(numbers[:, 0]) > 0:
-        return numbers, (f"its own times count, not {timing}",)
-    numbers[:, 0] = times = timing.times(numbers[:, 1])
-    stays = np.flatnonzero(np.diff(times) <= 0)
-    if stays.size:
-        where = f"{table.path}: row {table.rows[block.start + int(stays[0]) + 1][0]}"
-        raise BadInput(where, "the same motion as in the row before, so a speed tells no time", "--rate-hz")
-    turns = np.count_nonzero(np.diff(np.sign(np.diff(numbers[:, 1]))))
-    if timing.speed is not None and turns > MOST_TURNS * len(numbers):
-        problem = f"the motion turns {turns:,} times in {len(numbers):,} rows, so a speed tells no time"
-        raise BadInput(table.path, problem, "--rate-hz")
-    return numbers, (f"times by {timing}",)
-
-
 def _filled(table: Table, columns: Sequence[Column]) -> int:
     """The number of rows up to the last with anything in these columns: the longest of several tests is beside them."""
     rows = len(table.rows)
@@ -337,7 +321,8 @@ def curve_of(recording: Recording, bar: Bar, protocol: str, *, reference: float 
     stress = recording.load.quantity is STRESS
     force = load * bar.width_mm * bar.thickness_mm if stress else load.copy()
     further = dict(recording.further.values)
-    what = (*(column.in_words for column in recording.columns), *recording.notes)
+    told = round_in_words(recording.sizes, bar.width_mm)
+    what = (*(column.in_words for column in recording.columns), *recording.notes, *([told] if told else []))
     source = source_in_words(recording.path, recording.test, what)
     return Curve(Protocol(protocol, time_s - time_s[0], displacement), force, further, source)
 

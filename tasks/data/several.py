@@ -10,10 +10,12 @@ import numpy as np
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import words
 from sinew.tasks.data.columns import NOWHERE, Column, alike_places, in_place
-from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.hints import NO_COLUMN, Hints
+from sinew.tasks.data.questions import Unclear
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.titles import name_and_unit
 
+TEST_COLUMN = "--test-column"
 SOON = 10.0  # usual steps of time between two tables of one test
 Array = np.ndarray[Any, np.dtype[Any]]
 Columns = tuple[Column, Column, Column]
@@ -89,7 +91,7 @@ def blocks_of_tests(table: Table, rows: int, wanted: str) -> list[Block]:
 
     Raises :class:`BadInput` for no such column, and for a value that comes again after another one.
     """
-    found = _blocks(table, rows, _place(table, wanted, "--test-column"))
+    found = _blocks(table, rows, place_named(table, wanted, TEST_COLUMN))
     seen: set[str] = set()
     for block in found:
         if block.name in seen:
@@ -101,7 +103,7 @@ def blocks_of_tests(table: Table, rows: int, wanted: str) -> list[Block]:
 
 def blocks_of_cycles(table: Table, rows: int, wanted: str) -> list[Block]:
     """The same for the cycles of one test, whose numbers may come again."""
-    return _blocks(table, rows, _place(table, wanted, "--cycle-column"))
+    return _blocks(table, rows, place_named(table, wanted, "--cycle-column"))
 
 
 def _blocks(table: Table, rows: int, place: int) -> list[Block]:
@@ -115,7 +117,7 @@ def _starts(cells: Sequence[str]) -> list[int]:
     return [row for row, cell in enumerate(cells) if row == 0 or cell != cells[row - 1]]
 
 
-def _place(table: Table, wanted: str, option: str) -> int:
+def place_named(table: Table, wanted: str, option: str) -> int:
     """The column of a title or number (from 1)."""
     same = [place for place, title in enumerate(table.titles) if title == wanted.strip()]
     if len(same) == 1:
@@ -141,6 +143,23 @@ class Apart:
         return self.count if self.option == "--test-column" else 1
 
 
+def refuse_several(table: Table, rows: int, taken: Sequence[int]) -> None:
+    """Raises :class:`Unclear` where a column may tell tests apart and times, which a person tells, never go back."""
+    apart = told_apart(table, rows, [], taken)
+    if apart is None or apart.option != TEST_COLUMN:
+        return
+    column = shown(apart.title)
+    raise Unclear(
+        str(table.path),
+        f"{apart.count:,} values of {column}, one under another: tests of their own, or one test?",
+        f"{TEST_COLUMN} {column}, or {TEST_COLUMN} {NO_COLUMN} for one test",
+        what="tests",
+        which=f"one for each value of {column}, or one in all ({NO_COLUMN})?",
+        option=TEST_COLUMN,
+        choices=(apart.title, NO_COLUMN),
+    )
+
+
 def told_apart(table: Table, rows: int, back: Sequence[int], taken: Sequence[int]) -> Apart | None:
     """The column that tells tests or cycles apart; None if none does.
 
@@ -158,7 +177,7 @@ def told_apart(table: Table, rows: int, back: Sequence[int], taken: Sequence[int
         values = [cells[start] for start in _starts(cells)]
         again = len(set(values)) < len(values)
         if 1 < len(values) <= rows // 3 and (not again or name in words.CYCLES):
-            option = "--cycle-column" if name in words.CYCLES else "--test-column"
+            option = "--cycle-column" if name in words.CYCLES else TEST_COLUMN
             found.append((len(values), place, Apart(title, len(values), option)))
     return min(found)[2] if found else None
 

@@ -136,6 +136,14 @@ def square_side(diameter_mm: float) -> float:
     return round(diameter_mm * math.sqrt(math.pi) / 2, 9)
 
 
+def round_in_words(sizes: Mapping[str, Size], width_mm: float | None) -> str:
+    """What is said where a diameter of a file became this width, or nothing."""
+    diameter = sizes.get("diameter")
+    if diameter is None or diameter.mm is None or not diameter.has_unit or width_mm != square_side(diameter.mm):
+        return ""
+    return f"round, diameter {diameter.mm:g} mm: counted as a square of equal area"
+
+
 def _read(row: Row) -> tuple[str, Size] | None:
     line, start = _joined(row), _joined(row[:3])
     if len(start) >= _LONGEST_LINE:

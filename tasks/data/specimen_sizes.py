@@ -10,7 +10,7 @@ from sinew.tasks.data.cohort import GEOMETRY
 from sinew.tasks.data.columns import LIKELY
 from sinew.tasks.data.quantities import LENGTH
 from sinew.tasks.data.recordings import Recording, first_length_in_words
-from sinew.tasks.data.sizes import LONGEST_MM, POSSIBLE_MM, SAME, SHORTEST_MM, SIZES, square_side
+from sinew.tasks.data.sizes import LONGEST_MM, POSSIBLE_MM, SAME, SHORTEST_MM, SIZES, round_in_words, square_side
 from sinew.tasks.data.sizes_in_names import sizes_in_name
 
 FOR_ALL = "all"  # behind an answer: it holds for all specimens that are left
@@ -125,6 +125,7 @@ def known_sizes(
             (first, one), (second, other) = ((value, told[value]) for value in (min(told), max(told)))
             problem = f"a {size} of {second:g} mm, but {first:g} mm in {one}, of the same specimen {specimen}"
             raise BadInput(other, problem, f"files of one specimen, or --{size}-mm with --override")
+    notes += list(filter(None, (round_in_words(one.sizes, mm["width"]) for one in recordings)))[:1]
     proposed = {size: value for one in reversed(recordings) for size, value in sizes_in_name(one.path.stem).items()}
     return Known(mm, tuple(notes), only_given, proposed)
 

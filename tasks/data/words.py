@@ -98,6 +98,13 @@ TESTS = (
     "éprouvette", "eprouvette", "essai", "échantillon", "probeta", "muestra", "ensayo", "provino", "试样", "试样编号",
     "编号", "样品", "試験片", "시편",
 )  # fmt: skip
+#: Titles of columns with the speed of the motion.
+SPEEDS = (
+    "vel", "velocity", "speed", "test speed", "crosshead speed", "rate", "strain rate", "displacement rate",
+    "geschwindigkeit", "prüfgeschwindigkeit", "dehnrate", "dehngeschwindigkeit", "vitesse", "vitesse d'essai",
+    "vitesse de déformation", "velocidad", "velocidad de ensayo", "velocità", "速度", "试验速度", "应变速率",
+    "試験速度", "속도",
+)  # fmt: skip
 #: Titles of columns that tell the cycles or steps of one test apart.
 CYCLES = (
     "cycle", "cycles", "cycle no", "cycle number", "cycle count", "loop", "segment", "step", "steps", "step no", "set",

@@ -120,7 +120,7 @@ def rounded(value: float, *, up: bool) -> float:
 def words(one: Reach) -> str:
     """The measured peak of a curve as a nominal stress, and what the ranges give there."""
     measured, near, far = one.stresses_MPa
-    has = f"{one.specimen} {one.protocol} has {measured:.3g} MPa at its peak"
+    has = f"{one.specimen} {one.protocol} has {measured:.3g} MPa at its peak (median of 3 points)"
     return f"{has}, the ranges of model.parameters give {near:.3g} to {far:.3g} MPa"
 
 

@@ -10,7 +10,7 @@ from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plot, Plots, Section, Table, Words, number, percent, plural
 from sinew.tasks.infer.abc.figures import density
 from sinew.tasks.infer.abc.result import ENOUGH, AbcResult, particles_group
-from sinew.tasks.infer.abc.show import apart_from_fits, beyond_ranges, sizes, too_short
+from sinew.tasks.infer.abc.show import apart_from_fits, beyond_ranges, far_off, sizes, too_short
 from sinew.tasks.report.folder import ResultFolder, read_results
 
 NAME, TITLE = "posterior", "Posterior"
@@ -27,6 +27,8 @@ def section(folder: ResultFolder, result: AbcResult) -> Section:
         words = f"{', '.join(result.few)}: the particles are worth fewer than {ENOUGH} of equal weight, so means and "
         words += "intervals depend on the seed. Infer with a larger population, or by likelihood."
         blocks.append(Words(words, "warning"))
+    far = far_off(result)
+    blocks += [Words(f"{remark}.", "warning") for remark in far]
     if words := too_short(result):
         blocks.append(Words(words, "note"))
     if folder.store is not None:
@@ -46,6 +48,7 @@ def section(folder: ResultFolder, result: AbcResult) -> Section:
         sure=f"effective sample size {sizes(result)} particles",
         failed=", ".join(
             ([f"worth few particles: {', '.join(result.few)}"] if result.few else [])
+            + (["far from the measured curves"] if far else [])
             + ([f"{plural(len(beyond), 'interval')} beyond the study's ranges"] if beyond else [])
             + ([f"{failed:,} proposals failed"] if failed else [])
         ),

@@ -12,6 +12,8 @@ from sinew.tasks.infer.abc.result import ENOUGH, AbcResult
 
 FAR_OUT = 0.25  # of the width of an interval: values farther from it than this are far outside
 
+FAR_OFF = 0.5  # of the measured curves: simulations that miss more do not describe them
+
 
 def table(result: AbcResult) -> pd.DataFrame:
     """Mean, standard deviation and highest density interval by site and parameter."""
@@ -81,6 +83,16 @@ def too_short(result: AbcResult) -> str:
     )
 
 
+def far_off(result: AbcResult) -> list[str]:
+    """A sentence for each site whose accepted simulations miss what was measured by a large part of it."""
+    return [
+        f"{site}: accepted simulations miss the measured curves by up to {100 * one.epsilon[-1]:.0f} % of them (root "
+        "mean square), so this posterior is not of parameters that describe them; look at the calibration first"
+        for site, one in result.sites.items()
+        if not one.distance_weights and one.epsilon[-1] > FAR_OFF
+    ]
+
+
 def summary(result: AbcResult, folder: Path, console: Console) -> None:
     """Print the posterior of each site, and how its inference went."""
     percent = round(100 * result.interval)
@@ -91,7 +103,7 @@ def summary(result: AbcResult, folder: Path, console: Console) -> None:
         grid.add_row(name, *cells)
     console.print(grid)
     calibration = CalibrateResult.read(folder)
-    for remark in (*beyond_ranges(result, calibration), *apart_from_fits(result, calibration)):
+    for remark in (*far_off(result), *beyond_ranges(result, calibration), *apart_from_fits(result, calibration)):
         console.print(remark)
     for site, posterior in result.sites.items():
         console.print(

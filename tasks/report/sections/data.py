@@ -67,6 +67,7 @@ def section(found: ResultFolder) -> Section:
         *_read_from(measured),
     ]
     kind = "curve" if found.forces else "protocol"
+    evaluated = len(set(found.tables) & set(measured))
     of = f" of {plural(len(sites), 'site')}" if sites else ""
     return Section(
         "data",
@@ -75,6 +76,7 @@ def section(found: ResultFolder) -> Section:
         blocks,
         found=f"{plural(len(measured), 'specimen')}{of}, {plural(len(curves), kind)} ({', '.join(protocols)})"
         + ("" if found.forces else "; nothing was measured")
+        + (f"; {evaluated} of them evaluated" if 0 < evaluated < len(measured) else "")
         + (f"; compared beside the force: {', '.join(map(_words, quantities))}" if quantities else ""),
     )
 

@@ -6,7 +6,7 @@ from sinew.runner.errors import BadInput
 from tests.tasks.data.test_columns import columns
 
 TIMES = "s, ms, min, us, h"
-TIMELESS = "--time-column NAME or NUMBER, --rate-hz or --speed"
+TIMELESS = "--time-column NAME or NUMBER, --rate-hz, --speed or --speed-column"
 NONE = "no column of time, nor of displacement, length or strain, nor of force or stress among"
 ALL = f"{TIMELESS}; --displacement-column NAME or NUMBER; --force-column NAME or NUMBER"
 FORCES = "N, kN, mN, cN, daN, uN, lbf, kgf, gf, ozf, dyn"

@@ -147,7 +147,7 @@ def test_a_table_without_titles_is_asked_for(tmp_path):
     found = taken(tmp_path, "0,1,2\n0.1,1.1,2.1\n0.2,1.2,2.2\n")
     assert (found["rows"], found["time"], found["force"]) == (3, None, None)
     assert [one.rpartition("; ")[2] for one in found["ask"][:3]] == [
-        "--time-column NAME or NUMBER, --rate-hz or --speed",
+        "--time-column NAME or NUMBER, --rate-hz, --speed or --speed-column",
         "--displacement-column NAME or NUMBER",
         "--force-column NAME or NUMBER",
     ]
@@ -156,7 +156,7 @@ def test_a_table_without_titles_is_asked_for(tmp_path):
 def test_two_columns_without_times_are_asked_for_a_rate(tmp_path):
     found = taken(tmp_path, "Extension (mm),Load (N)\n0,0\n0.1,5\n0.3,9\n")
     assert (found["rows"], found["peak_force_N"], found["first"]) == (3, 9.0, [None, 0.0, 0.0])
-    assert found["ask"][0].endswith("--time-column NAME or NUMBER, --rate-hz or --speed")
+    assert found["ask"][0].endswith("--time-column NAME or NUMBER, --rate-hz, --speed or --speed-column")
 
 
 @pytest.mark.parametrize(("told", "title"), [({"speed": 0.1}, "--speed 0.1"), ({"rate_hz": 10.0}, "--rate-hz 10")])

@@ -6,9 +6,18 @@ import numpy as np
 import pytest
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.noise import MOST_SPLINES, Noise, _pieces, noise_of, noise_of_all, noise_of_each, refuse_none
+from sinew.tasks.data.noise import (
+    MOST_SPLINES,
+    Noise,
+    _pieces,
+    noise_of,
+    noise_of_all,
+    noise_of_each,
+    refuse_none,
+    too_few,
+)
 from sinew.tasks.data.virtual import virtual_cohort
-from sinew.tasks.model import Curve, Protocol
+from sinew.tasks.model import Curve, Protocol, Specimen
 
 
 def noisy(moved: np.ndarray, signal: np.ndarray, sd: float, ar1: float, seed: int) -> Curve:
@@ -111,6 +120,21 @@ def test_forces_of_nothing_but_zeros_have_no_noise():
     assert noise_of_each([rough[0], [nothing], rough[1]]) == [
         *noise_of_each(rough)[:1], Noise(0.0, 0.0), *noise_of_each(rough)[1:]
     ]  # fmt: skip
+
+
+def test_specimens_of_few_points_have_the_noise_of_the_others():
+    t = np.arange(600) / 10
+    rng = np.random.default_rng(1)
+    long = [[Curve(Protocol("pull", t, t), 3 * t + sd * rng.standard_normal(t.size))] for sd in (0.1, 0.2, 0.4)]
+    few = [Curve(Protocol("pull", t[:8], t[:8]), 3 * t[:8])]
+    alone = noise_of_each(long)
+    found = noise_of_each([long[0], few, *long[1:]])
+    assert [found[0], *found[2:]] == alone
+    assert found[1].sd_N == sorted(one.sd_N for one in alone)[1]
+    assert found[1].ar1 == alone[0].ar1
+    assert np.isnan(noise_of_each([few, few])[0].sd_N)
+    specimens = [Specimen(name, 10.0, 8.0, 4.0, tuple(curves)) for name, curves in (("a", long[0]), ("b", few))]
+    assert too_few(specimens) == ["b"]
 
 
 @pytest.mark.parametrize("sd_N", [0.0, np.nan])

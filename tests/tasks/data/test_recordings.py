@@ -548,7 +548,7 @@ def test_times_by_a_rate_or_a_speed(tmp_path):
     assert found.columns[0].title == "--rate-hz 10"
     found = read(tmp_path, TIMELESS, speed=0.1)
     assert found.numbers[:, 0] == pytest.approx([0.0, 1.0, 3.0])
-    with pytest.raises(BadInput, match=r"no column of time among .*--rate-hz or --speed"):
+    with pytest.raises(BadInput, match=r"no column of time among .*--rate-hz, --speed or --speed-column"):
         read(tmp_path, TIMELESS)
 
 

@@ -8,7 +8,8 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.recordings import Recording, read_recordings
+from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings
+from sinew.tasks.data.sizes import square_side
 from sinew.tasks.data.specimen_sizes import Known, Sizes, ask_for_sizes, known_sizes
 
 
@@ -129,3 +130,15 @@ def test_a_size_below_any_is_refused(size):
     given = {"length_mm": None, "width_mm": None, "thickness_mm": None, "diameter_mm": None} | {size: 1e-300}
     with pytest.raises(BadInput, match=f"--{size.replace('_', '-')}: 1e-300; expected at least 1e-06 and below 10000"):
         Sizes.of(**given, override=False)
+
+
+def test_a_round_specimen_is_told(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Diameter,5.61,mm\nTime (s),Extension (mm),Load (N)\n0,0,0\n1,0.1,5\n2,0.2,9\n")
+    (recording,) = read_recordings(path, Hints())
+    said = "round, diameter 5.61 mm: counted as a square of equal area"
+    assert said in known_sizes("a", [recording], Sizes(length_mm=10.0)).notes
+    other = known_sizes("a", [recording], Sizes(10.0, 5.0, 5.0, override=True))
+    assert said not in other.notes
+    assert curve_of(recording, Bar(10.0, square_side(5.61), square_side(5.61)), "pull").source.endswith(f"; {said}")
+    assert said not in curve_of(recording, Bar(10.0, 5.0, 5.0), "pull").source

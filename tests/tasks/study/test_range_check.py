@@ -47,7 +47,9 @@ def test_ranges_out_of_reach_are_refused_with_some_that_reach(tmp_path, factor):
     (tmp_path / "again").mkdir()
     specimens = [times(one, factor) for one in SPECIMENS]
     study, found = looked(tmp_path, specimens)
-    with pytest.raises(BadInput, match=r"has .* MPa at its peak, .*; expected ranges such as E_f: \{min: ") as refused:
+    with pytest.raises(
+        BadInput, match=r"has .* MPa at its peak \(median of 3 points\), .*; expected ranges such as E_f: \{min: "
+    ) as refused:
         found.refuse(study.path)
     assert len(str(refused.value)) <= 300 + len(str(tmp_path))
     wider = "".join(f"    {name}: {{min: {low:g}, max: {high:g}}}\n" for name, low, high in found.advice)

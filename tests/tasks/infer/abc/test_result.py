@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from sinew.tasks.infer.abc.result import AbcResult, GenerationCounts, draws
-from sinew.tasks.infer.abc.show import apart_from_fits, sizes, too_short
+from sinew.tasks.infer.abc.show import apart_from_fits, far_off, sizes, too_short
 from tests.tasks.calibrations import calibration_of, fit_of
 from tests.tasks.posteriors import posterior_of
 
@@ -35,6 +35,21 @@ def test_particles_worth_less_than_was_asked_for_are_told():
     few = replace(result, sites={"d": replace(one, effective_sample_size=50.0)})
     assert (few.few, few.short) == (["d"], [])
     assert replace(result, ess=170).short == [], "about as many as were asked for"
+
+
+def test_simulations_that_describe_nothing_are_told():
+    one = posterior_of(["d/1"], ["E_f"], [200.0])
+    result = AbcResult("store", ["E_f"], ["MPa"], [""], False, "ranges", 300, 0.95, {"d": one}, "known")
+
+    def told(epsilon, **changed):
+        site = replace(one, epsilon=np.array([9.0, epsilon]), **changed)
+        return far_off(replace(result, sites={"d": site}))
+
+    (line,) = told(6.8)
+    assert line.startswith("d: accepted simulations miss the measured curves by up to 680 % of them")
+    assert told(0.5) == []
+    assert len(told(0.51)) == 1
+    assert told(6.8, distance_weights={"force": np.ones(2)}) == [], "an adaptive distance is in other units"
 
 
 def test_calibrated_values_far_outside_the_intervals_are_told():

@@ -1,0 +1,104 @@
+"""Times of a table that has none: by a rate or a speed that a person tells, or by a column of speeds."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data import units, words
+from sinew.tasks.data.column_titles import names_and_units
+from sinew.tasks.data.columns import NOWHERE, Column
+from sinew.tasks.data.hints import NO_COLUMN, Hints
+from sinew.tasks.data.questions import Unclear
+from sinew.tasks.data.several import Block, Columns, place_named
+from sinew.tasks.data.tables import Table
+
+OPTION = "--speed-column"
+MOST_TURNS = 0.1  # of the rows: a motion that turns more often is noisy, and its way is longer than that of the machine
+SAME = 0.05  # by how much a speed that is told and one of a column may differ
+SHOWN = 4  # speeds in a message
+Array = np.ndarray[Any, np.dtype[Any]]
+
+
+def timed(table: Table, columns: Columns, numbers: Array, hints: Hints, block: Block) -> tuple[Array, tuple[str, ...]]:
+    """The numbers ``[t, 3]`` with times by ``hints``, and a note if the file has times of its own, which count.
+
+    Raises :class:`BadInput` where a speed tells no time, and :class:`Unclear` where a column tells other speeds.
+    """
+    timing = hints.timing
+    if columns[0].place != NOWHERE and np.ptp(numbers[:, 0]) > 0:
+        return numbers, (f"its own times count, not {timing}",)
+    rows = range(block.start, block.end)
+    speeds = None
+    if timing.speed_column is not None:
+        speeds = _speeds(table, rows, place_named(table, timing.speed_column, OPTION), columns[1])
+    elif timing.speed is not None and hints.speed_column != NO_COLUMN:
+        _refuse_others(table, rows, columns[1], timing.speed)
+    numbers[:, 0] = times = timing.times(numbers[:, 1], speeds)
+    stays = np.flatnonzero(np.diff(times) <= 0)
+    if stays.size:
+        where = f"{table.path}: row {table.rows[block.start + int(stays[0]) + 1][0]}"
+        raise BadInput(where, "the same motion as in the row before, so a speed tells no time", "--rate-hz")
+    turns = np.count_nonzero(np.diff(np.sign(np.diff(numbers[:, 1]))))
+    if timing.rate_hz is None and turns > MOST_TURNS * len(numbers):
+        problem = f"the motion turns {turns:,} times in {len(numbers):,} rows, so a speed tells no time"
+        raise BadInput(table.path, problem, "--rate-hz")
+    return numbers, (f"times by {timing}",)
+
+
+def speed_titles(table: Table) -> list[str]:
+    """Titles of the columns that hold speeds."""
+    return [table.titles[place] for place in _places(table)]
+
+
+def _places(table: Table) -> Iterator[int]:
+    for place, (name, _) in enumerate(names_and_units(table)[1]):
+        if name in words.SPEEDS:
+            yield place
+
+
+def _speeds(table: Table, rows: range, place: int, motion: Column) -> Array:
+    """The speeds ``[t]`` of a column, in mm/s or, for strains and stretches, in 1/s. Raises :class:`BadInput`."""
+    titles, named = names_and_units(table)
+    factor = _factor(named[place][1], motion)
+    if factor is None:
+        known = "mm/s, or 1/s for strains" if motion.quantity.bare or "%" in motion.quantity.units else "mm/s"
+        problem = f"unit {shown(named[place][1])} of {shown(titles[place])} is not known"
+        raise BadInput(table.path, problem, f"a speed in {known}")
+    found = np.abs([np.nan if (value := table.number(row, place)) is None else factor * value for row in rows])
+    wrong = np.flatnonzero(~(found > 0.0))
+    if wrong.size:
+        where = f"{table.path}: row {table.rows[rows[int(wrong[0])]][0]}, {titles[place]}"
+        raise BadInput(where, "no speed", "a number other than 0 in each row, or --rate-hz")
+    return np.asarray(found)
+
+
+def _factor(unit: str, motion: Column) -> float | None:
+    """The factor of a unit of speed to mm/s or 1/s; 1 where there is none, None where it is not known."""
+    if unit.replace(" ", "") in ("", "1/s", "s-1", "s^-1", "s⁻¹"):
+        return 1.0
+    way, _, per = unit.rpartition("/")
+    factor, time = units.factor(motion.quantity.units, way.strip() or "1"), units.factor(units.TIME, per.strip())
+    return None if factor is None or time is None else factor / time
+
+
+def _refuse_others(table: Table, rows: range, motion: Column, told: float) -> None:
+    """Raises :class:`Unclear` where a column tells another speed than a person did."""
+    titles, named = names_and_units(table)
+    for place in _places(table):
+        factor = _factor(named[place][1], motion)
+        values = {value for row in rows if (value := table.number(row, place)) is not None}
+        other = sorted({abs(value) for value in values if factor is None or abs(factor * value - told) > SAME * told})
+        if other:
+            listed = ", ".join(f"{value:g}" for value in other[:SHOWN])
+            raise Unclear(
+                str(table.path),
+                f"{shown(titles[place])} tells other speeds ({listed}{' and more' if len(other) > SHOWN else ''}) than "
+                f"--speed {told:g}",
+                f"{OPTION} {shown(titles[place])}, or {OPTION} {NO_COLUMN} to use --speed all the same",
+                what="speed",
+                which=f"by the column {shown(titles[place])}, or by --speed ({NO_COLUMN})?",
+                option=OPTION,
+                choices=(titles[place], NO_COLUMN),
+            )

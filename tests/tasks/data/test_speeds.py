@@ -1,0 +1,125 @@
+"""Times of tables without any: by a speed that is told, by a column of speeds, and tests one under another."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.init import Files, read_all
+from sinew.tasks.data.inspection import inspect
+from sinew.tasks.data.questions import Unclear
+from sinew.tasks.data.recordings import read_recordings
+
+ROWS = 11
+
+
+def written(folder: Path, *, titles: str = "id;vel;Stretch;Force (N)", speeds=(0.1, 0.01), ids=(7, 8)) -> Path:
+    """Tests one under another, each of stretches up to 1.5 at its own speed."""
+    rows = [f"{one};{v};{1 + i / 20};{i}" for one, v in zip(ids, speeds, strict=True) for i in range(ROWS)]
+    path = folder / "set.csv"
+    path.write_text("\n".join([titles, *rows]) + "\n")
+    return path
+
+
+def lasting(folder: Path, **hints: object) -> list[float]:
+    """How long each test lasts (s)."""
+    found = read_recordings(folder / "set.csv", Hints(**hints))
+    return [float(np.ptp(one.numbers[:, 0])) for one in found]
+
+
+def test_each_test_has_the_speed_of_its_column(tmp_path):
+    written(tmp_path)
+    assert lasting(tmp_path, test_column="id", speed_column="vel") == pytest.approx([5.0, 50.0])
+    assert lasting(tmp_path, test_column="id", speed_column="2") == pytest.approx([5.0, 50.0])
+    (one, _) = read_recordings(tmp_path / "set.csv", Hints(test_column="id", speed_column="vel"))
+    assert one.notes == ("times by --speed-column 'vel'",)
+
+
+@pytest.mark.parametrize(
+    ("title", "motion", "seconds"),
+    [
+        ("vel [1/s]", "Stretch", 5.0),
+        ("vel [1/min]", "Stretch", 300.0),
+        ("vel (%/s)", "Stretch", 500.0),
+        ("vel [s-1]", "Stretch", 5.0),
+        ("Crosshead speed (mm/s)", "Displacement (mm)", 5.0),
+        ("Crosshead speed (mm/min)", "Displacement (mm)", 300.0),
+        ("Crosshead speed (um/s)", "Displacement (mm)", 5000.0),
+    ],
+)
+def test_speeds_are_read_in_their_unit(tmp_path, title, motion, seconds):
+    written(tmp_path, titles=f"id;{title};{motion};Force (N)")
+    assert lasting(tmp_path, test_column="id", speed_column="2")[0] == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "titles", "words"),
+    [
+        ((0.1, 0.0), "id;vel;Stretch;Force (N)", "row 13, vel: no speed; expected a number other than 0 in each row"),
+        ((0.1, "x"), "id;vel;Stretch;Force (N)", "row 13, vel: no speed"),
+        (
+            (0.1, 0.1),
+            "id;vel [V];Stretch;Force (N)",
+            r"unit 'V' of 'vel \[V\]' is not known; expected a speed in mm",
+        ),
+        ((0.1, 0.1), "id;vel [%/s];Displacement (mm);Force (N)", r"unit '%/s' of 'vel \[%/s\]' is not known; .* mm/s$"),
+    ],
+)
+def test_what_is_no_speed_is_refused(tmp_path, speeds, titles, words):
+    written(tmp_path, speeds=speeds, titles=titles)
+    with pytest.raises(BadInput, match=words):
+        lasting(tmp_path, test_column="id", speed_column="2")
+
+
+def test_a_speed_that_a_column_contradicts_is_asked_about(tmp_path):
+    written(tmp_path)
+    with pytest.raises(Unclear) as asked:
+        lasting(tmp_path, test_column="id", speed=0.1)
+    assert str(asked.value).endswith(
+        "'vel' tells other speeds (0.01) than --speed 0.1; expected --speed-column 'vel', or --speed-column none to "
+        "use --speed all the same"
+    )
+    assert (asked.value.option, asked.value.choices) == ("--speed-column", ("vel", "none"))
+    assert lasting(tmp_path, test_column="id", speed=0.1, speed_column="none") == pytest.approx([5.0, 5.0])
+    assert lasting(tmp_path, test_column="id", speed=0.1, speed_column="vel") == pytest.approx([5.0, 50.0])
+    written(tmp_path, speeds=(0.1, 0.102))
+    assert lasting(tmp_path, test_column="id", speed=0.1) == pytest.approx([5.0, 5.0])
+    written(tmp_path, speeds=(6, 6.1), titles="id;vel [1/min];Stretch;Force (N)")
+    assert lasting(tmp_path, test_column="id", speed=0.1) == pytest.approx([5.0, 5.0])
+
+
+def test_an_answer_reads_the_file_again(tmp_path):
+    path = written(tmp_path)
+    asked = []
+
+    def ask(question, choices):
+        asked.append(choices)
+        return choices[0]
+
+    read = read_all(Files((path,), ()), Hints(speed=0.1), ask)
+    assert asked == [("id", "none"), ("vel", "none")]
+    assert [float(np.ptp(one.numbers[:, 0])) for one in read.recordings] == pytest.approx([5.0, 50.0])
+    assert (read.answered.test_column, read.answered.speed_column) == ("id", "vel")
+
+
+@pytest.mark.parametrize("timing", [{"rate_hz": 10.0}, {"speed": 0.1}, {"speed_column": "vel"}])
+def test_tests_one_under_another_without_times_are_asked_about(tmp_path, timing):
+    written(tmp_path, speeds=(0.1, 0.1))
+    with pytest.raises(Unclear, match="2 values of 'id', one under another: tests of their own, or one test"):
+        lasting(tmp_path, **timing)
+    assert len(lasting(tmp_path, test_column="id", **timing)) == 2
+    assert len(lasting(tmp_path, test_column="none", **timing)) == 1
+
+
+def test_a_rate_goes_with_no_column_of_speeds():
+    with pytest.raises(BadInput, match="--speed-column: given together with --rate-hz"):
+        _ = Hints(rate_hz=1.0, speed_column="vel").timing
+    assert Hints(rate_hz=1.0, speed_column="none").timing.given
+
+
+def test_a_dry_run_asks_for_times_and_tests(tmp_path):
+    found = inspect(written(tmp_path)).content()
+    assert found["specimens"] == 2
+    assert any(each.endswith("--rate-hz, --speed or --speed-column") for each in found["ask"])
