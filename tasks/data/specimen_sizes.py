@@ -1,6 +1,6 @@
 """Sizes of the specimens of a new study: what a person gives, what files tell, and what must be asked for."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -126,8 +126,16 @@ def known_sizes(
             problem = f"a {size} of {second:g} mm, but {first:g} mm in {one}, of the same specimen {specimen}"
             raise BadInput(other, problem, f"files of one specimen, or --{size}-mm with --override")
     notes += list(filter(None, (round_in_words(one.sizes, mm["width"]) for one in recordings)))[:1]
+    notes += dict.fromkeys(note for one in recordings for note in _without_unit(one))
     proposed = {size: value for one in reversed(recordings) for size, value in sizes_in_name(one.path.stem).items()}
     return Known(mm, tuple(notes), only_given, proposed)
+
+
+def _without_unit(recording: Recording) -> Iterator[str]:
+    """A note on each size that a file tells without a unit, which is not taken."""
+    for name, size in recording.sizes.items():
+        if not size.has_unit and size.text:
+            yield f"{recording.path.name} tells a {name} of {shown(size.text)} without a unit, which is not taken"
 
 
 def with_first_length(

@@ -5,8 +5,9 @@ from dataclasses import replace
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import Repeats
 from sinew.tasks.data.quantities import DISPLACEMENT
+from sinew.tasks.data.questions import Doubt
 from sinew.tasks.data.recordings import Recording
-from sinew.tasks.data.signs import counted, doubts, new_zero
+from sinew.tasks.data.signs import PRELOAD, counted, doubts, new_zero
 
 ZERO = 0.05  # of the displacement before it: what a machine has set to zero again is smaller
 
@@ -20,7 +21,17 @@ def as_told(recording: Recording, hints: Hints) -> Recording:
     titles = (*(column.title for column in recording.columns), *recording.left_out)
     lines = (" ".join(row) for row in recording.header)
     found = doubts(recording.columns, numbers, (*titles, *lines), hints)
-    return replace(recording, numbers=numbers, notes=(*recording.notes, *notes), doubts=tuple(found))
+    told = tuple(_with_lengths(one, recording) if one.option == PRELOAD else one for one in found)
+    return replace(recording, numbers=numbers, notes=(*recording.notes, *notes), doubts=told)
+
+
+def _with_lengths(doubt: Doubt, recording: Recording) -> Doubt:
+    """The doubt about a preload with the gauge lengths that either answer leads to, where the file tells them."""
+    before, after = (None if one is None else one.mm for one in recording.lengths)
+    if before is None or after is None:
+        return doubt
+    lengths = f"the gauge length is {after:.4g} mm without these rows, {before:.4g} mm with them"
+    return replace(doubt, text=f"{doubt.text}; {lengths}")
 
 
 def _counted_on(recording: Recording, first: int) -> Recording:

@@ -112,8 +112,8 @@ CYCLES = (
     "周期", "サイクル", "사이클",
 )  # fmt: skip
 SIZES = {
-    "length": ("length", "länge", "laenge", "messlänge", "longueur", "longitud", "anvil height", "l0", "le",
-               "einspannlänge", "lunghezza", "标距", "標距", "原始标距", "標点距離"),
+    "length": ("length", "länge", "l\ufffdnge", "laenge", "messlänge", "longueur", "longitud", "anvil height", "l0",
+               "le", "einspannlänge", "lunghezza", "标距", "標距", "原始标距", "標点距離"),
     "width": ("width", "breite", "largeur", "anchura", "ancho", "larghezza", "largura", "b0", "宽度", "寬度", "幅"),
     "thickness": ("thickness", "dicke", "épaisseur", "epaisseur", "espesor", "spessore", "espessura", "a0",
                   "厚度", "厚さ"),

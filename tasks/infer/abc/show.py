@@ -11,7 +11,6 @@ from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.infer.abc.result import ENOUGH, AbcResult
 
 FAR_OUT = 0.25  # of the width of an interval: values farther from it than this are far outside
-
 FAR_OFF = 0.5  # of the measured curves: simulations that miss more do not describe them
 
 

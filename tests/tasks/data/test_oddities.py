@@ -88,3 +88,23 @@ def test_small_strains_in_percent_of_a_file_without_formats_are_named(tmp_path, 
     assert bool(line) is told
     if told:
         assert line.startswith(f"'{title}' reaches {largest} % only. Cells of an {Path(name).suffix} file that are")
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("last", [1, 5])
+def test_a_displacement_that_jumps_at_the_end_is_named(sign, last):
+    moved = sign * np.linspace(0.0, 1.0, 100)
+    moved[-last:] = -sign * 1.4
+    (line,) = odd_tests([pulled(sign * RAMP, moved)])
+    assert line.startswith("look at a, pull: its displacement jumps from ")
+    assert f"to {-sign * 1.4:g} mm at {(100 - last) / 10:g} s, at its end" in line
+
+
+def test_usual_ends_are_not_odd():
+    back = np.concatenate([np.linspace(0.0, 1.0, 60), np.linspace(1.0, 0.0, 41)[1:]])
+    held = np.concatenate([np.linspace(0.0, 1.0, 60), np.full(40, 1.0)])
+    for moved in (np.linspace(0.0, 1.0, 100), back, held):
+        assert list(odd_tests([pulled(100.0 * moved, moved)])) == []
+    jump = np.linspace(0.0, 1.0, 100)
+    jump[50:] += 1.0
+    assert list(odd_tests([pulled(RAMP, jump)])) == [], "in the midst"

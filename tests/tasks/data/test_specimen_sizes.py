@@ -142,3 +142,12 @@ def test_a_round_specimen_is_told(tmp_path):
     assert said not in other.notes
     assert curve_of(recording, Bar(10.0, square_side(5.61), square_side(5.61)), "pull").source.endswith(f"; {said}")
     assert said not in curve_of(recording, Bar(10.0, 5.0, 5.0), "pull").source
+
+
+def test_a_size_without_a_unit_is_told_whatever_is_given(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Durchmesser : 100.1\nTime (s),Extension (mm),Load (N)\n0,0,0\n1,0.1,5\n2,0.2,9\n")
+    (recording,) = read_recordings(path, Hints())
+    said = "a.csv tells a diameter of '100.1' without a unit, which is not taken"
+    assert said in known_sizes("a", [recording], Sizes()).notes
+    assert known_sizes("a", [recording, recording], Sizes(20.0, 10.0, 10.0)).notes == (said,)

@@ -15,6 +15,8 @@ def test_after_a_preload_the_gauge_length_is_that_at_the_new_zero(tmp_path):
     path.write_text("\n".join(["Time_S,Size_mm,Displacement_mm,Force_N", *before, *after, ""]))
     (one,) = read_recordings(path, Hints())
     assert "length" not in one.sizes
+    (doubt,) = as_told(one, Hints()).doubts
+    assert doubt.text.endswith("; the gauge length is 17.5 mm without these rows, 12.5 mm with them")
     assert as_told(one, Hints(preload="leave-out")).sizes["length"].mm == pytest.approx(17.5)
 
 

@@ -49,3 +49,12 @@ def test_a_short_curve_is_drawn_whole_and_missing_values_hide_nothing():
     force[[1234, 4321]] = -1.0, 1.0
     assert {1234, 4321} <= set(drawn_points(protocol, force, count=100))
     assert drawn_points(protocol, np.full(5_000, np.nan), count=100).size <= 100
+
+
+def test_the_largest_displacement_is_kept():
+    time = np.arange(5000.0)
+    moved = np.minimum(time, 2400.0)
+    moved[2403], moved[4000] = 2411.0, -3.0
+    kept = drawn_points(Protocol("hold", time, moved), np.cos(time), count=500)
+    assert {2403, 4000} <= set(kept.tolist())
+    assert kept.size <= 500
