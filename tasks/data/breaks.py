@@ -12,10 +12,11 @@ SPIKE = 3  # points, of which one alone is no peak
 
 
 def break_of(curve: Curve) -> tuple[int, int] | None:
-    """The last row of a curve before its break, and one behind it; None where the specimen does not break.
+    """A row of a curve shortly before its break, and one behind it; None where the specimen does not break.
 
-    A break loses ``LOST`` of the peak force while the motion goes on a little. Both rows lie in one loading, that of
-    the peak, so that neither holds nor unloading count. A spike of one point is none.
+    A break loses ``LOST`` of the peak force while the motion goes on by less than ``WITHIN``, of which the first row is
+    where that begins. Both rows lie in one loading, that of the peak, so that neither holds nor unloading count. A
+    spike of one point is none.
     """
     from scipy.ndimage import median_filter  # slow to import
 

@@ -153,7 +153,7 @@ def _below(
         return len(blocks_of_tests(table, time_s.size, hints.tests_by)), ()
     back = [int(at) + 1 for at in np.flatnonzero(np.diff(time_s) < 0)]
     taken = [column.place for column in columns if column is not None]
-    apart = told_apart(table, time_s.size, back, taken)
+    apart = told_apart(table, time_s.size, back, taken) if hints.test_column is None else None
     if back and hints.cycle_column is None:
         row = table.rows[back[0]][0]
         remedy = f"one for each '{apart.title}'? {apart.option}" if apart else "one file for each"

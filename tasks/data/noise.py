@@ -77,7 +77,8 @@ class _Piece:
 def refuse_none(noise: Noise, where: Path) -> None:
     """Raises :class:`BadInput` for curves in which no noise can be seen: misfit is told in times of it."""
     if not noise.sd_N > 0:
-        raise BadInput(where, "no noise can be seen in its curves, nor in those of others", "curves of more points")
+        expected = "measured curves" if noise.sd_N == 0 else "curves of more points, of this specimen or another one"
+        raise BadInput(where, "no noise can be seen in its curves", expected)
 
 
 def noise_of(curve: Curve, beside: Sequence[Curve] = ()) -> Noise:

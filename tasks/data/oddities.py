@@ -22,7 +22,7 @@ MOST_TIMES = 30.0  # between the peak stresses of specimens of one kind in the s
 
 
 def _odd_forces(curve: Curve) -> Iterator[str]:
-    """A force that does not begin at 0, and one that is lost while the specimen is still pulled."""
+    """A force that does not begin at 0, one that is lost during a loading, and a displacement that jumps at its end."""
     force, moved = curve.force_N, curve.protocol.displacement_mm
     there = np.isfinite(force)
     force, moved = force[there], moved[there]
@@ -41,7 +41,7 @@ def _odd_forces(curve: Curve) -> Iterator[str]:
         yield (
             f"its force falls from {number(force[0])} to {number(force[1])} N from {number(time_s[0], 4)} to "
             f"{number(time_s[1], 4)} s, while it is still being loaded. This may be a break, which the model does "
-            "not describe; if it is, leave out of the file what follows"
+            "not describe; if it is, remove the rows after it"
         )
 
 
@@ -55,8 +55,8 @@ def _odd_end(curve: Curve) -> Iterator[str]:
         at = moved.size - 1 - LAST_ROWS + int(far[0])
         yield (
             f"its displacement jumps from {number(moved[at], 4)} to {number(moved[at + 1], 4)} mm at "
-            f"{number(time_s[at + 1], 4)} s, at its end; if this is no motion of the specimen, leave out of the file "
-            "what follows"
+            f"{number(time_s[at + 1], 4)} s, at its end; if this is no motion of the specimen, remove this row "
+            "and those after it"
         )
 
 
@@ -90,7 +90,7 @@ def _hidden_percent(recording: Recording) -> str:
     if recording.path.suffix.lower() not in NO_FORMATS or column.unit != "%" or largest > SMALL_PERCENT:
         return ""
     return (
-        f"'{column.title}' reaches {number(100.0 * largest)} % only. Cells of an {recording.path.suffix} file that are "
+        f"'{column.title}' reaches only {number(100.0 * largest)} %. Cells of an {recording.path.suffix} file that are "
         "formatted as percent hold fractions, which cannot be seen here; if these are, save the file as .xlsx"
     )
 

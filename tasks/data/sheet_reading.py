@@ -36,7 +36,7 @@ SMALLER = "a smaller spreadsheet, or the table as CSV"
 
 NO_SIGN = re.compile(r'"[^"]*"|\\.|_.|\*.|\[[^\]]*\]')  # in a number format: shown as it is, or not at all
 PERCENT_FORMATS = {9, 10}  # of Excel itself
-RUN, TITLES_WITHIN = 3, 4  # numbers that are a table's, and rows above them in which its titles stand
+TITLES_WITHIN = 4  # rows above numbers in which their titles stand
 LARGEST = 1e100
 IN_PERCENT = re.compile(r"[(\[]\s*%\s*[)\]]|%\s*$|^\s*%")  # a title with this unit
 PARTLY = "partly percent"  # the unit of numbers of which only some are formatted as percent
@@ -70,7 +70,7 @@ def lines_of(content: bytes) -> Iterator[str | list[str]]:
         if len(workbook.sheet_names) > MAX_SHEETS:
             raise TooMuch(f"{len(workbook.sheet_names):,} sheets", f"at most {MAX_SHEETS:,} sheets")
         if len(set(workbook.sheet_names)) < len(workbook.sheet_names):
-            raise TooMuch("two sheets of one name", "names of their own")
+            raise TooMuch("two sheets with the same name", "another name for each")
         for name in workbook.sheet_names:
             yield str(name)
             sheet = workbook.get_sheet_by_name(name)
@@ -97,7 +97,7 @@ def _as_shown(rows: list[list[Any]], percents: Cells) -> list[list[Any]]:
     for place in sorted({place for columns in percents.values() for place in columns}):
         for run in _runs(rows, place):
             formats = {percents.get(at, {}).get(place) for at in run}
-            titles = [] if len(run) < RUN else _titles(rows, run[0], place)
+            titles = _titles(rows, run[0], place)
             if formats == {True}:
                 for at in run:
                     rows[at][place] = _in_percent(rows[at][place])
@@ -105,7 +105,7 @@ def _as_shown(rows: list[list[Any]], percents: Cells) -> list[list[Any]]:
                     rows[titles[0]][place] = f"{rows[titles[0]][place].strip()} [%]"
             elif formats != {None}:
                 for at in titles:
-                    rows[at][place] = rows[at][place].replace("%", PARTLY)
+                    rows[at][place] = IN_PERCENT.sub(f" [{PARTLY}]", rows[at][place])
                 if titles and PARTLY not in rows[titles[0]][place]:
                     rows[titles[0]][place] = f"{rows[titles[0]][place].strip()} [{PARTLY}]"
     return rows

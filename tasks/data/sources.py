@@ -24,6 +24,6 @@ def sources_of(path: Path, content: dict[str, Any]) -> dict[str, str]:
     for protocol, text in found.items():
         if not isinstance(text, str) or len(text) > MOST:
             raise BadInput(
-                f"{path}: {KEY}: {shown(protocol)[1:-1]}", shown(text), f"a text of at most {MOST:,} letters"
+                f"{path}: {KEY}: {shown(protocol)[1:-1]}", shown(text), f"a text of at most {MOST:,} characters"
             )
     return {protocol: one_line(text) for protocol, text in found.items()}

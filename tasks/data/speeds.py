@@ -47,11 +47,6 @@ def timed(table: Table, columns: Columns, numbers: Array, hints: Hints, block: B
     return numbers, (f"times by {timing}",)
 
 
-def speed_titles(table: Table) -> list[str]:
-    """Titles of the columns that hold speeds."""
-    return [table.titles[place] for place in _places(table)]
-
-
 def _places(table: Table) -> Iterator[int]:
     for place, (name, _) in enumerate(names_and_units(table)[1]):
         if name in words.SPEEDS:
@@ -63,24 +58,30 @@ def _speeds(table: Table, rows: range, place: int, motion: Column) -> Array:
     titles, named = names_and_units(table)
     factor = _factor(named[place][1], motion)
     if factor is None:
-        known = "mm/s, or 1/s for strains" if motion.quantity.bare or "%" in motion.quantity.units else "mm/s"
-        problem = f"unit {shown(named[place][1])} of {shown(titles[place])} is not known"
-        raise BadInput(table.path, problem, f"a speed in {known}")
+        known = "1/s, %/s or 1/min" if "%" in motion.quantity.units else "mm/s or mm/min"
+        problem = f"unit {shown(named[place][1])} of {shown(titles[place])} is none of a {motion.quantity.name}'s speed"
+        raise BadInput(table.path, problem, f"a speed in a unit such as {known}")
     found = np.abs([np.nan if (value := table.number(row, place)) is None else factor * value for row in rows])
-    wrong = np.flatnonzero(~(found > 0.0))
+    wrong = 1 + np.flatnonzero(~(found[1:] > 0.0))  # nothing moves before the first row
     if wrong.size:
         where = f"{table.path}: row {table.rows[rows[int(wrong[0])]][0]}, {titles[place]}"
         raise BadInput(where, "no speed", "a number other than 0 in each row, or --rate-hz")
-    return np.asarray(found)
+    return np.where(found > 0.0, found, 1.0)
 
 
 def _factor(unit: str, motion: Column) -> float | None:
-    """The factor of a unit of speed to mm/s or 1/s; 1 where there is none, None where it is not known."""
-    if unit.replace(" ", "") in ("", "1/s", "s-1", "s^-1", "s⁻¹"):
+    """The factor of a unit of speed to mm/s or 1/s; 1 where there is none, None where it is not one of this motion."""
+    if not unit:
         return 1.0
-    way, _, per = unit.rpartition("/")
+    plain = "1/s" if unit.replace(" ", "") in ("s-1", "s^-1", "s⁻¹") else unit
+    way, _, per = plain.rpartition("/")
     factor, time = units.factor(motion.quantity.units, way.strip() or "1"), units.factor(units.TIME, per.strip())
     return None if factor is None or time is None else factor / time
+
+
+def _agree(value: float, factor: float | None, told: float) -> bool:
+    """Whether a speed of a column is the one that a person tells."""
+    return factor is not None and abs(abs(factor * value) - told) <= SAME * told
 
 
 def _refuse_others(table: Table, rows: range, motion: Column, told: float) -> None:
@@ -89,13 +90,13 @@ def _refuse_others(table: Table, rows: range, motion: Column, told: float) -> No
     for place in _places(table):
         factor = _factor(named[place][1], motion)
         values = {value for row in rows if (value := table.number(row, place)) is not None}
-        other = sorted({abs(value) for value in values if factor is None or abs(factor * value - told) > SAME * told})
+        other = sorted({abs(value) for value in values if value and not _agree(value, factor, told)})
         if other:
             listed = ", ".join(f"{value:g}" for value in other[:SHOWN])
             raise Unclear(
                 str(table.path),
-                f"{shown(titles[place])} tells other speeds ({listed}{' and more' if len(other) > SHOWN else ''}) than "
-                f"--speed {told:g}",
+                f"{shown(titles[place])} tells other speeds ({listed}{' and more' if len(other) > SHOWN else ''}"
+                f"{f' {named[place][1]}' if named[place][1] else ''}) than --speed {told:g}",
                 f"{OPTION} {shown(titles[place])}, or {OPTION} {NO_COLUMN} to use --speed all the same",
                 what="speed",
                 which=f"by the column {shown(titles[place])}, or by --speed ({NO_COLUMN})?",

@@ -184,7 +184,7 @@ def _known(workspace: Workspace, specimens: Sequence[Specimen], inputs: str) -> 
     if known is None or (workspace.out / COPY).read_bytes() != DiscoverResult.path(workspace.out).read_bytes():
         return None
     if known.verdict in NAMES and (known.model is None or known.judged is None):
-        return None  # it contradicts itself, and the study with the effects would be that of somebody else
+        return None  # a name comes with its study; what lies in its place may be anybody's
     if known.model is not None and not all((workspace.out / path).is_file() for path in known.model.febio.inputs):
         return None
     # where the study was renamed or moved, the studies with the effects and with the laws change as well
@@ -218,7 +218,7 @@ def _ready(workspace: Workspace, settings: Settings, specimens: Sequence[Specime
     for one in cohort:
         refuse_none(one.measured.noise, workspace.cohort.folder / one.name)
     if short := too_few(specimens):
-        workspace.say(f"discover: too few points to tell the noise of {listed(short)}: that of the others is taken")
+        workspace.say(f"discover: noise of {listed(short)}: the median of the others, as its curves are too short")
     return cohort
 
 

@@ -18,7 +18,11 @@ from sinew.tasks.study.files import write_json
 from sinew.tasks.study.workspace import Workspace
 
 MAX_PARAMETER_BYTES = 256 * 2**20
-RESERVED = {"adopted", "attempts", "discover", "figures", "infer", "journal", "lock", "solver", "store.zarr"}
+#: Names in a result folder that are not those of sites.
+RESERVED = {
+    "adopted", "attempts", "calibrate", "discover", "fields", "figures", "infer", "jobs", "journal", "lock", "solver",
+    "store.zarr",
+}  # fmt: skip
 
 
 def read_parameters(path: Path, model: Model) -> Array:
@@ -91,9 +95,12 @@ def _refuse_names(workspace: Workspace) -> None:
     taken: dict[str, str] = {}
     where = workspace.cohort.folder
     for specimen in workspace.cohort.specimens:
-        site = workspace.out / (specimen.site or "")
-        if site.name.casefold() in RESERVED or (site.exists() and not site.is_dir()):
-            raise BadInput(where / str(specimen.site), "a name that result folders use", "another name of the site")
+        site = specimen.site
+        taken_by = None if site is None else workspace.out / site
+        if taken_by is not None and (
+            taken_by.name.casefold() in RESERVED or (taken_by.exists() and not taken_by.is_dir())
+        ):
+            raise BadInput(where / str(site), "a name that result folders use", "another name of the site")
         evaluation = SpecimenEvaluation(workspace.model, specimen, workspace.simulator, "all")
         for curve in specimen.curves:
             for output in evaluation.courses(curve.name).values():

@@ -64,7 +64,8 @@ def keep_curves(store: Store, cohort: Cohort) -> None:
     """Write the cohort's curves into the store, unless they are there, whole. Raises ``StoreError``."""
     curves = [(specimen.name, curve) for specimen in cohort.specimens for curve in specimen.curves]
     sources = [curve.source for _, curve in curves]
-    content = digest(POINTS, [[name, curve.name, curve.digest] for name, curve in curves], *filter(None, sources))
+    told = [sources] if any(sources) else []
+    content = digest(POINTS, [[name, curve.name, curve.digest] for name, curve in curves], *told)
     if curves and _content(store) != content:
         store.write_result(GROUP, _ragged(curves).assign_attrs(content=content))
 

@@ -113,7 +113,7 @@ def _targets(workspace: Workspace, specimens: Sequence[Specimen]) -> tuple[dict[
     for one, level in zip(specimens, noise, strict=True):
         refuse_none(level, workspace.cohort.folder / one.name)
     if short := too_few(specimens):
-        workspace.say(f"infer: too few points to tell the noise of {listed(short)}: that of the others is taken")
+        workspace.say(f"infer: noise of {listed(short)}: the median of the others, as its curves are too short")
     every = [
         Target(workspace.model, free, workspace.simulator, Measured(one, level))
         for one, level in zip(specimens, noise, strict=True)

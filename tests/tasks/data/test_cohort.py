@@ -94,8 +94,8 @@ def assert_possible(specimen: Specimen | None) -> None:
     ("sources", "problem"),
     [
         (["T1.csv"], "sources: ['T1.csv']; expected a text for each protocol"),
-        ({"pull": 3}, "sources: pull: 3; expected a text of at most 1,000 letters"),
-        ({"pull": "x" * 1001}, "expected a text of at most 1,000 letters"),
+        ({"pull": 3}, "sources: pull: 3; expected a text of at most 1,000 characters"),
+        ({"pull": "x" * 1001}, "expected a text of at most 1,000 characters"),
     ],
 )
 def test_sources_are_texts(tmp_path, sources, problem):

@@ -137,9 +137,9 @@ def test_specimens_of_few_points_have_the_noise_of_the_others():
     assert too_few(specimens) == ["b"]
 
 
-@pytest.mark.parametrize("sd_N", [0.0, np.nan])
-def test_curves_without_noise_are_refused_where_misfit_is_told_in_times_of_it(sd_N):
-    with pytest.raises(BadInput, match="a/1: no noise can be seen in its curves"):
+@pytest.mark.parametrize(("sd_N", "expected"), [(0.0, "measured curves"), (np.nan, "curves of more points, of this")])
+def test_curves_without_noise_are_refused_where_misfit_is_told_in_times_of_it(sd_N, expected):
+    with pytest.raises(BadInput, match=f"a/1: no noise can be seen in its curves; expected {expected}"):
         refuse_none(Noise(sd_N, 0.0), Path("a/1"))
     refuse_none(Noise(1e-9, 0.0), Path("a/1"))
 

@@ -87,7 +87,7 @@ def test_small_strains_in_percent_of_a_file_without_formats_are_named(tmp_path, 
     line = _hidden_percent(replace(recording, path=Path(name)))
     assert bool(line) is told
     if told:
-        assert line.startswith(f"'{title}' reaches {largest} % only. Cells of an {Path(name).suffix} file that are")
+        assert line.startswith(f"'{title}' reaches only {largest} %. Cells of an {Path(name).suffix} file that are")
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -170,7 +170,7 @@ def test_cells_and_sheets_with_names_of_no_spreadsheet_are_refused(tmp_path):
     with zipfile.ZipFile(path) as archive, zipfile.ZipFile(tmp_path / "c.xlsx", "w") as twice:
         for name in archive.namelist():
             twice.writestr(name, archive.read(name).replace(b'name="two"', b'name="one"'))
-    with pytest.raises(BadInput, match="two sheets of one name; expected names of their own"):
+    with pytest.raises(BadInput, match="two sheets with the same name; expected another name for each"):
         list(read_sheets(tmp_path / "c.xlsx"))
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data.exports import Reading
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.init import Files, read_all
 from sinew.tasks.data.inspection import inspect
@@ -57,14 +58,20 @@ def test_speeds_are_read_in_their_unit(tmp_path, title, motion, seconds):
 @pytest.mark.parametrize(
     ("speeds", "titles", "words"),
     [
-        ((0.1, 0.0), "id;vel;Stretch;Force (N)", "row 13, vel: no speed; expected a number other than 0 in each row"),
-        ((0.1, "x"), "id;vel;Stretch;Force (N)", "row 13, vel: no speed"),
+        ((0.1, 0.0), "id;vel;Stretch;Force (N)", "row 14, vel: no speed; expected a number other than 0 in each row"),
+        ((0.1, "x"), "id;vel;Stretch;Force (N)", "row 14, vel: no speed"),
         (
             (0.1, 0.1),
             "id;vel [V];Stretch;Force (N)",
-            r"unit 'V' of 'vel \[V\]' is not known; expected a speed in mm",
+            r"unit 'V' of 'vel \[V\]' is none of a stretch's speed; exp",
         ),
-        ((0.1, 0.1), "id;vel [%/s];Displacement (mm);Force (N)", r"unit '%/s' of 'vel \[%/s\]' is not known; .* mm/s$"),
+        ((0.1, 0.1), "id;vel [%/s];Displacement (mm);Force (N)", "none of a displacement's speed; .* mm/s or mm/min$"),
+        ((0.1, 0.1), "id;vel [1/s];Displacement (mm);Force (N)", "none of a displacement's speed; .* mm/s or mm/min$"),
+        (
+            (0.1, 0.1),
+            "id;vel [mm/s];Stretch;Force (N)",
+            "none of a stretch's speed; expected a speed in a unit such",
+        ),
     ],
 )
 def test_what_is_no_speed_is_refused(tmp_path, speeds, titles, words):
@@ -84,10 +91,16 @@ def test_a_speed_that_a_column_contradicts_is_asked_about(tmp_path):
     assert (asked.value.option, asked.value.choices) == ("--speed-column", ("vel", "none"))
     assert lasting(tmp_path, test_column="id", speed=0.1, speed_column="none") == pytest.approx([5.0, 5.0])
     assert lasting(tmp_path, test_column="id", speed=0.1, speed_column="vel") == pytest.approx([5.0, 50.0])
-    written(tmp_path, speeds=(0.1, 0.102))
+    written(tmp_path, speeds=(-0.1, 0.102))
     assert lasting(tmp_path, test_column="id", speed=0.1) == pytest.approx([5.0, 5.0])
     written(tmp_path, speeds=(6, 6.1), titles="id;vel [1/min];Stretch;Force (N)")
     assert lasting(tmp_path, test_column="id", speed=0.1) == pytest.approx([5.0, 5.0])
+
+
+def test_a_machine_at_rest_in_the_first_row_has_a_speed_from_then_on(tmp_path):
+    path = written(tmp_path)
+    path.write_text(path.read_text().replace("7;0.1;1.0;0", "7;0;1.0;0", 1))
+    assert lasting(tmp_path, test_column="id", speed_column="vel") == pytest.approx([5.0, 50.0])
 
 
 def test_an_answer_reads_the_file_again(tmp_path):
@@ -122,4 +135,9 @@ def test_a_rate_goes_with_no_column_of_speeds():
 def test_a_dry_run_asks_for_times_and_tests(tmp_path):
     found = inspect(written(tmp_path)).content()
     assert found["specimens"] == 2
+    one = inspect(
+        tmp_path / "set.csv", Reading(hints=Hints(test_column="none", speed=0.1, speed_column="none"))
+    ).content()
+    assert one["specimens"] == 1
+    assert not any("--test-column" in each for each in one["ask"])
     assert any(each.endswith("--rate-hz, --speed or --speed-column") for each in found["ask"])

@@ -35,7 +35,7 @@ def test_any_bytes_as_parameters(content):
         assert all(p.possible(value) for row in values for p, value in zip(model.parameters, row, strict=True))
 
 
-def simulated(folder: Path, *names: tuple[str, str]) -> list[str]:
+def simulated(folder: Path, *names: tuple[str, str], out: str = "out") -> list[str]:
     """The files of a row along protocols of specimens."""
     for number, (specimen, protocol) in enumerate(names):
         moved = np.array([0.0, 0.1, 0.2]) * (1 + number)
@@ -43,8 +43,12 @@ def simulated(folder: Path, *names: tuple[str, str]) -> list[str]:
         write_cohort(folder / "cohort", [Specimen(specimen, 10.0, 8.0, 4.0, (curve,))])
     (folder / "study.yaml").write_text("name: rows\ncohort: cohort\n")
     study = read_study(folder / "study.yaml")
-    with open_workspace(study, out=folder / "out", cluster=Local(workers=1), quiet=True) as workspace:
+    with open_workspace(study, out=folder / out, cluster=Local(workers=1), quiet=True) as workspace:
         return list(simulate_rows(workspace, workspace.model.reference[np.newaxis])["files"])
+
+
+def test_a_result_folder_may_have_any_name(tmp_path):
+    assert simulated(tmp_path, ("A", "pull"), out="figures") == ["A.pull.csv"]
 
 
 def test_each_curve_has_a_file(tmp_path):

@@ -68,6 +68,11 @@ def test_sources_are_kept_and_a_changed_one_is_kept_anew(folder):
     assert kept("") == ""
     assert kept("T1.csv: force from 'Load' in N") == "T1.csv: force from 'Load' in N"
     assert kept("T2.csv") == "T2.csv"
+    first, second, *others = SPECIMENS[0].curves
+    moved = replace(SPECIMENS[0], curves=(first, replace(second, source="T2.csv"), *others))
+    with Store.writing(folder, "study") as store:
+        keep_curves(store, Cohort(folder, (moved, *SPECIMENS[1:])))
+    assert kept_curves(open_store(folder))[moved.name][second.name].source == "T2.csv", "of another curve"
     assert kept("\x1b[31m" + "x" * 5000) == "\\x1b[31m" + "x" * 992
 
 

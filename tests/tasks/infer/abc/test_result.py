@@ -46,7 +46,7 @@ def test_simulations_that_describe_nothing_are_told():
         return far_off(replace(result, sites={"d": site}))
 
     (line,) = told(6.8)
-    assert line.startswith("d: accepted simulations miss the measured curves by up to 680 % of them")
+    assert line.startswith("d: accepted simulations differ from the measured curves by up to 680 % (root mean square)")
     assert told(0.5) == []
     assert len(told(0.51)) == 1
     assert told(6.8, distance_weights={"force": np.ones(2)}) == [], "an adaptive distance is in other units"
