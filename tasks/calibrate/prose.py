@@ -1,6 +1,7 @@
 """What a methods section says of this task, with the numbers of a result."""
 
 from sinew.tasks.calibrate.result import CalibrateResult, Correlations
+from sinew.tasks.calibrate.show import often_on_bound
 from sinew.tasks.drawing.blocks import plural, span
 
 METHODS = {
@@ -55,12 +56,8 @@ def _noise(result: CalibrateResult) -> str:
 
 
 def _bounds(result: CalibrateResult) -> str:
-    names = result.often_on_bound
-    return (
-        f" Determined by the curves and on an end of their range, in half of the specimens or more: {', '.join(names)}."
-        if names
-        else ""
-    )
+    told = often_on_bound(result)
+    return f" {told}" if told else ""
 
 
 def _correlations(result: CalibrateResult) -> str:

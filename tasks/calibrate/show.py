@@ -48,15 +48,20 @@ def in_words(totals: Sequence[float], fits: Sequence[SpecimenFit]) -> str:
     return f"{span(totals)}{fits[0].behind}" + (f" (noise alone: {span(floors)})" if compared else "")
 
 
+def often_on_bound(result: CalibrateResult) -> str:
+    """Which parameters are often on a bound; empty where there are none."""
+    names = ", ".join(result.often_on_bound)
+    where = "Determined by the curves, and at an end of their range in half of the specimens or more"
+    return f"{where}: {names}." if names else ""
+
+
 def bound_advice(result: CalibrateResult) -> str:
     """What to do about parameters that are often on a bound; empty where there are none."""
     names = result.often_on_bound
     if not names:
         return ""
     zero = [name for name in names if result.often_at_zero(name)]
-    sentences = [
-        f"Determined by the curves and on an end of their range, in half of the specimens or more: {', '.join(names)}."
-    ]
+    sentences = [often_on_bound(result)]
     if len(zero) < len(names):
         sentences.append(
             "Widen the range (model.parameters in the study file) where it is a guess; where it is certain, the "

@@ -19,7 +19,7 @@ import pandas as pd
 from sinew.runner.errors import BadInput, shown
 from sinew.runner.files import new_file, read_input
 from sinew.tasks.data.numeric_csv import read_header, read_numbers
-from sinew.tasks.data.sizes import LONGEST_MM, POSSIBLE_MM, SHORTEST_MM
+from sinew.tasks.data.sizes import POSSIBLE_MM, is_possible
 from sinew.tasks.data.sources import KEY, sources_of
 from sinew.tasks.data.text import BINARY, HUGE, MAX_TEXT_BYTES, check_text
 from sinew.tasks.model import Curve, Protocol, Specimen, file_name
@@ -219,7 +219,7 @@ def _size(path: Path, content: dict[str, Any], key: str) -> float:
     value = content[key]
     if value is None:
         raise BadInput(f"{path}: {key}", "is not filled in", "a length in mm, such as 10.0")
-    if isinstance(value, bool) or not isinstance(value, int | float) or not SHORTEST_MM <= value < LONGEST_MM:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not is_possible(value):
         raise BadInput(f"{path}: {key}", shown(value), f"a length in mm, {POSSIBLE_MM}")
     return float(value)
 

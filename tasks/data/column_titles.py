@@ -11,23 +11,12 @@ from sinew.tasks.data.titles import name_and_unit, without_numbers, without_suff
 
 
 def names_and_units(table: Table) -> tuple[Row, list[tuple[str, str]]]:
-    """The title of each column, and its name and unit, which may be empty."""
-    titles = titles_of(table)
-    return titles, named_of(table, titles)
-
-
-def titles_of(table: Table) -> Row:
-    """A title for each column that has one or holds numbers."""
-    width = _width(table.rows[0][1])
-    return (*table.titles, *[""] * (width - len(table.titles)))
-
-
-def named_of(table: Table, titles: Row) -> list[tuple[str, str]]:
-    """Name and unit of each column; the unit may be empty."""
+    """The title of each column that has one or holds numbers, and its name and unit, which may be empty."""
+    titles = (*table.titles, *[""] * (_width(table.rows[0][1]) - len(table.titles)))
     plain = [without_suffix(title, titles) for title in titles]
     found = [name_and_unit(title, below) for title, below in zip(plain, _below(table, len(titles)), strict=True)]
     names = without_numbers([name for name, _ in found])
-    return [(names[place], "s" if table.has_clock(place) else unit) for place, (_, unit) in enumerate(found)]
+    return titles, [(names[place], "s" if table.has_clock(place) else unit) for place, (_, unit) in enumerate(found)]
 
 
 def _width(row: Sequence[str]) -> int:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import units, words
-from sinew.tasks.data.column_titles import check_width, named_of, titles_of
+from sinew.tasks.data.column_titles import check_width, names_and_units
 from sinew.tasks.data.factors import factor_of
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
@@ -106,8 +106,7 @@ def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tu
     Raises :class:`NoColumn` if one is missing, :class:`UnknownUnit` if a person must tell its unit, and
     :class:`BadInput` if units contradict each other or a choice is not clear.
     """
-    titles = titles_of(table)
-    named = named_of(table, titles)
+    titles, named = names_and_units(table)
     roles = _roles(hints)
     choices = _choices(table, titles, named, roles, hints)
     if table.titles and not _by_number(hints):
@@ -151,8 +150,7 @@ def partly(
 
     A column whose unit only a person can tell has the unit ``""`` and the factor 1. ``only``: motion or load is this.
     """
-    titles = titles_of(table)
-    named = named_of(table, titles)
+    titles, named = names_and_units(table)
     found: list[Column | None] = []
     problems = []
     for role in _roles(hints):
@@ -177,7 +175,7 @@ def partly(
 
 def alike_places(table: Table, column: Column) -> list[int]:
     """The columns with the name of this one, and a unit of the same quantity or none, if they may be of other tests."""
-    named = named_of(table, titles_of(table))
+    _, named = names_and_units(table)
     name = named[column.place][0]
     return [
         place
@@ -188,9 +186,9 @@ def alike_places(table: Table, column: Column) -> list[int]:
 
 def in_place(table: Table, hints: Hints, column: Column, place: int) -> Column:
     """The column of another test with the same name, in its own unit. Raises :class:`UnknownUnit`."""
-    titles = titles_of(table)
+    titles, named = names_and_units(table)
     role = next(role for role in _roles(hints) if column.quantity in role.quantities)
-    return _column(table, titles, named_of(table, titles), role, _Choice(column.quantity, place, column.how))
+    return _column(table, titles, named, role, _Choice(column.quantity, place, column.how))
 
 
 def _roles(hints: Hints) -> tuple[_Role, _Role, _Role]:
@@ -231,17 +229,9 @@ def _choices(
             else:
                 missing.append((role, none))
     if missing:
-        named_by_person = [problem for role, problem in missing if role.wanted is not None]
-        problem = (
-            named_by_person[0]
-            if named_by_person
-            else _none_of(
-                table,
-                titles,
-                [role for role, _ in missing],
-                spare=len(titles) - sum(one.place != NOWHERE for one in found),
-            )
-        )
+        spare = len(titles) - sum(one.place != NOWHERE for one in found)
+        of_person = [problem for role, problem in missing if role.wanted is not None]
+        problem = of_person[0] if of_person else _none_of(table, titles, [role for role, _ in missing], spare=spare)
         problem.alone = all(choice.place == NOWHERE for choice in found)
         raise problem
     return found

@@ -8,7 +8,7 @@ noise is correlated over many points or a phase has few of them. What follows a 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from scipy import sparse
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.breaks import break_of
+from sinew.tasks.drawing.blocks import listed
 from sinew.tasks.model import Curve, Specimen
 from sinew.tasks.model.phases import Phase, phases
 from sinew.tasks.simulate import Array
@@ -42,12 +43,13 @@ class Noise:
     """Standard deviation ``sd_N`` at rest (N), correlation ``ar1`` of neighbouring points, and growth with the force.
 
     ``proportional``: standard deviation per newton of force, added in quadrature. NaN where the curves have too few
-    points.
+    points. ``of_others``: it is that of other specimens for this reason.
     """
 
     sd_N: float
     ar1: float
     proportional: float = 0.0
+    of_others: bool = False
 
     @property
     def inflation(self) -> float:
@@ -87,7 +89,7 @@ def noise_of(curve: Curve, beside: Sequence[Curve] = ()) -> Noise:
     ``beside``: all curves of its specimen, itself included. If the curve has fewer than ``ENOUGH_IN_HOLDS`` points in
     holds, the noise is that of these curves together: cycles of few points have no smooth course, and look like noise.
     """
-    alone = not beside or _points_in_holds(_pieces(curve)) >= ENOUGH_IN_HOLDS
+    alone = not beside or _points_in_holds(_pieces(_until_break(curve))) >= ENOUGH_IN_HOLDS
     return noise_of_all([curve] if alone else beside, proportional=False)
 
 
@@ -122,13 +124,14 @@ def noise_of_each(groups: Sequence[Sequence[Curve]]) -> list[Noise]:
     found = {number: found.get(number, Noise(0.0, 0.0)) for number in enough}
     others = [found[number] for number in rough] or [Noise(float("nan"), float("nan"))]
     sd, r, growth = np.median([(one.sd_N, one.ar1, one.proportional) for one in others], axis=0).tolist()
-    usual = Noise(sd, r, growth)
+    usual = Noise(sd, r, growth, of_others=True)
     return [found.get(number, usual) for number in pieces]
 
 
-def too_few(specimens: Sequence[Specimen]) -> list[str]:
-    """The names of the specimens whose curves have too few points to tell their noise."""
-    return [one.name for one in specimens if _too_few(_used(one.curves, 1))]
+def remark_on_others(specimens: Sequence[Specimen], noise: Sequence[Noise]) -> str:
+    """A line on the specimens whose ``noise`` is that of others; empty where there are none."""
+    names = [one.name for one, level in zip(specimens, noise, strict=True) if level.of_others]
+    return f"too few points to estimate the noise of {listed(names)}; the median of the others is used" if names else ""
 
 
 def _too_few(pieces: Sequence[_Piece]) -> bool:
@@ -173,6 +176,7 @@ def _chosen(curves: Sequence[Curve]) -> list[_Piece]:
     A course that the splines cannot follow, such as one with a rupture, looks like large noise of a correlation near
     1. Then the splines become finer as long as Schwarz's criterion (1978) gains, on the points that both keep.
     """
+    curves = list(map(_until_break, curves))
     coarse = _used(curves, 1)
     kept = [_without_spikes(piece) for piece in coarse]
     for finer in FINER:
@@ -185,6 +189,15 @@ def _chosen(curves: Sequence[Curve]) -> list[_Piece]:
             break
         coarse, kept = fine, kept_by_fine
     return _some_points(coarse, kept)
+
+
+def _until_break(curve: Curve) -> Curve:
+    """The curve without the forces that follow a break."""
+    broken = break_of(curve)
+    if broken is None:
+        return curve
+    rows = np.arange(curve.force_N.size)
+    return replace(curve, force_N=np.where(rows > broken[0], np.nan, curve.force_N))
 
 
 def _used(curves: Sequence[Curve], finer: int) -> list[_Piece]:
@@ -264,8 +277,6 @@ def _fitted(splines: sparse.csr_array, force: Array) -> tuple[Array, float]:
 def _pieces(curve: Curve, finer: int = 1) -> list[_Piece]:
     """The phases of a curve that have enough points. ``finer``: how many times as many splines as usual."""
     there = np.isfinite(curve.force_N)  # other quantities than the force may have gaps
-    if (broken := break_of(curve)) is not None:
-        there[broken[0] + 1 :] = False
     if there.sum() < FEWEST_POINTS:
         return []
     median_step = float(np.median(np.diff(curve.protocol.time_s[there])))

@@ -39,7 +39,7 @@ from sinew.tasks.model import Curve, Protocol
 
 Array = np.ndarray[Any, np.dtype[Any]]
 FEWEST_ROWS = 3
-UNPADDED = "clock times by milliseconds without leading zeros: 12:58.29 is 58.029 s, or times would go back"
+UNPADDED = "milliseconds of clock times lack leading zeros (12:58.29 is 12 min 58.029 s); else times would go back"
 MOST_STRETCH = 10.0  # a ratio of lengths beyond it is in percent, or a length
 
 

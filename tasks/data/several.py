@@ -140,7 +140,7 @@ class Apart:
 
     @property
     def tests(self) -> int:
-        return self.count if self.option == "--test-column" else 1
+        return self.count if self.option == TEST_COLUMN else 1
 
 
 def refuse_several(table: Table, rows: int, taken: Sequence[int]) -> None:

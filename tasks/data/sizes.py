@@ -131,6 +131,11 @@ def _size(name: str, cell: str, unit: str) -> Size:
     return Size(value if there and value < LARGEST[name] else None, bool(unit), text)
 
 
+def is_possible(mm: float) -> bool:
+    """Whether a size (mm) can be that of a specimen."""
+    return SHORTEST_MM <= mm < LONGEST_MM
+
+
 def square_side(diameter_mm: float) -> float:
     """The side (mm) of a square with the area of a circle."""
     return round(diameter_mm * math.sqrt(math.pi) / 2, 9)

@@ -10,7 +10,7 @@ from sinew.tasks.data.cohort import GEOMETRY
 from sinew.tasks.data.columns import LIKELY
 from sinew.tasks.data.quantities import LENGTH
 from sinew.tasks.data.recordings import Recording, first_length_in_words
-from sinew.tasks.data.sizes import LONGEST_MM, POSSIBLE_MM, SAME, SHORTEST_MM, SIZES, round_in_words, square_side
+from sinew.tasks.data.sizes import POSSIBLE_MM, SAME, SIZES, is_possible, round_in_words, square_side
 from sinew.tasks.data.sizes_in_names import sizes_in_name
 
 FOR_ALL = "all"  # behind an answer: it holds for all specimens that are left
@@ -35,7 +35,7 @@ class Sizes:
         """Raises :class:`BadInput` for a size that is impossible."""
         for name in GEOMETRY:
             value = getattr(self, name)
-            if value is not None and not SHORTEST_MM <= value < LONGEST_MM:
+            if value is not None and not is_possible(value):
                 raise BadInput(f"--{name.replace('_', '-')}", f"{value:g}", POSSIBLE_MM)
 
     @classmethod
@@ -53,7 +53,7 @@ class Sizes:
             return cls(length_mm, width_mm, thickness_mm, override)
         if width_mm is not None or thickness_mm is not None:
             raise BadInput("--diameter-mm", "given beside a width or a thickness", "one of the two")
-        if not SHORTEST_MM <= diameter_mm < LONGEST_MM:
+        if not is_possible(diameter_mm):
             raise BadInput("--diameter-mm", f"{diameter_mm:g}", POSSIBLE_MM)
         side = square_side(diameter_mm)
         return cls(length_mm, side, side, override)
@@ -223,6 +223,6 @@ def _answer(size: str, left: Sequence[str], proposed: float | None, ask: Ask, *,
             value = float(number[1 if is_diameter else 0 :].replace(",", "."))
         except ValueError:
             value = 0.0
-        if SHORTEST_MM <= value < LONGEST_MM:
+        if is_possible(value):
             return _Answer(square_side(value) if is_diameter else value, for_all, is_diameter)
         wrong = f"{shown(answer)} is no number of millimetres. "

@@ -1,6 +1,5 @@
 """Times of a table that has none: by a rate or a speed that a person tells, or by a column of speeds."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -47,12 +46,6 @@ def timed(table: Table, columns: Columns, numbers: Array, hints: Hints, block: B
     return numbers, (f"times by {timing}",)
 
 
-def _places(table: Table) -> Iterator[int]:
-    for place, (name, _) in enumerate(names_and_units(table)[1]):
-        if name in words.SPEEDS:
-            yield place
-
-
 def _speeds(table: Table, rows: range, place: int, motion: Column) -> Array:
     """The speeds ``[t]`` of a column, in mm/s or, for strains and stretches, in 1/s. Raises :class:`BadInput`."""
     titles, named = names_and_units(table)
@@ -87,19 +80,20 @@ def _agree(value: float, factor: float | None, told: float) -> bool:
 def _refuse_others(table: Table, rows: range, motion: Column, told: float) -> None:
     """Raises :class:`Unclear` where a column tells another speed than a person did."""
     titles, named = names_and_units(table)
-    for place in _places(table):
-        factor = _factor(named[place][1], motion)
-        values = {value for row in rows if (value := table.number(row, place)) is not None}
-        other = sorted({abs(value) for value in values if value and not _agree(value, factor, told)})
+    for place, (name, unit) in enumerate(named):
+        if name not in words.SPEEDS:
+            continue
+        factor, column = _factor(unit, motion), shown(titles[place])
+        values = {value for row in rows if (value := table.number(row, place))}
+        other = sorted({abs(value) for value in values if not _agree(value, factor, told)})
         if other:
-            listed = ", ".join(f"{value:g}" for value in other[:SHOWN])
+            listed = ", ".join(f"{value:g}" for value in other[:SHOWN]) + (" and more" if len(other) > SHOWN else "")
             raise Unclear(
                 str(table.path),
-                f"{shown(titles[place])} tells other speeds ({listed}{' and more' if len(other) > SHOWN else ''}"
-                f"{f' {named[place][1]}' if named[place][1] else ''}) than --speed {told:g}",
-                f"{OPTION} {shown(titles[place])}, or {OPTION} {NO_COLUMN} to use --speed all the same",
+                f"{column} tells other speeds ({f'{listed} {unit}'.strip()}) than --speed {told:g}",
+                f"{OPTION} {column}, or {OPTION} {NO_COLUMN} to use --speed all the same",
                 what="speed",
-                which=f"by the column {shown(titles[place])}, or by --speed ({NO_COLUMN})?",
+                which=f"by the column {column}, or by --speed ({NO_COLUMN})?",
                 option=OPTION,
                 choices=(titles[place], NO_COLUMN),
             )

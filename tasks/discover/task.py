@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation.adaptive import Session
-from sinew.tasks.data.noise import refuse_none, too_few
+from sinew.tasks.data.noise import refuse_none, remark_on_others
 from sinew.tasks.discover.after.added import checks, study_with
 from sinew.tasks.discover.after.curves import simulated, stored_as
 from sinew.tasks.discover.after.estimates import candidate_result
@@ -51,7 +51,6 @@ from sinew.tasks.discover.result import (
     NoiseLevel,
 )
 from sinew.tasks.discover.settings import Settings
-from sinew.tasks.drawing.blocks import listed
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate.build import febio_of
 from sinew.tasks.study import streams
@@ -217,8 +216,8 @@ def _ready(workspace: Workspace, settings: Settings, specimens: Sequence[Specime
         raise BadInput(f"{study.path}: discover.effects", f"{', '.join(missing)}: not in FEBio", expected)
     for one in cohort:
         refuse_none(one.measured.noise, workspace.cohort.folder / one.name)
-    if short := too_few(specimens):
-        workspace.say(f"discover: noise of {listed(short)}: the median of the others, as its curves are too short")
+    if remark := remark_on_others(specimens, [one.measured.noise for one in cohort]):
+        workspace.say(f"discover: {remark}")
     return cohort
 
 

@@ -1,5 +1,6 @@
 """Run given parameter rows along each measured curve, and write the forces as CSV. Leaves ``simulate.json``."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -59,10 +60,13 @@ def simulate_rows(workspace: Workspace, parameters: Array) -> dict[str, Any]:
     """
     failed: list[dict[str, Any]] = []
     files: list[str] = []
-    _refuse_names(workspace)
-    for specimen in workspace.cohort.specimens:
-        evaluation = SpecimenEvaluation(workspace.model, specimen, workspace.simulator, "all")
-        here = isinstance(workspace.cluster, Local) and workspace.simulator.capabilities.batch_multiple > 1
+    evaluations = [
+        (one, SpecimenEvaluation(workspace.model, one, workspace.simulator, "all"))
+        for one in workspace.cohort.specimens
+    ]
+    _refuse_names(workspace, evaluations)
+    here = isinstance(workspace.cluster, Local) and workspace.simulator.capabilities.batch_multiple > 1
+    for specimen, evaluation in evaluations:
         table, rows = workspace.plan(evaluation, parameters)
         workspace.evaluate(evaluation, table, rows, f"simulate {specimen.name}", here=here)
         messages = table.read("message", rows)
@@ -90,18 +94,15 @@ def _file_of(specimen: Specimen, curve: Curve, output: str) -> str:
     return f"{specimen.name}.{curve.name}{ending}.csv"
 
 
-def _refuse_names(workspace: Workspace) -> None:
+def _refuse_names(workspace: Workspace, evaluations: Sequence[tuple[Specimen, SpecimenEvaluation]]) -> None:
     """Refuse specimens whose files would overwrite each other, or lie among those of the results."""
     taken: dict[str, str] = {}
     where = workspace.cohort.folder
-    for specimen in workspace.cohort.specimens:
-        site = specimen.site
-        taken_by = None if site is None else workspace.out / site
-        if taken_by is not None and (
-            taken_by.name.casefold() in RESERVED or (taken_by.exists() and not taken_by.is_dir())
-        ):
-            raise BadInput(where / str(site), "a name that result folders use", "another name of the site")
-        evaluation = SpecimenEvaluation(workspace.model, specimen, workspace.simulator, "all")
+    for specimen, evaluation in evaluations:
+        if (site := specimen.site) is not None:
+            folder = workspace.out / site
+            if site.casefold() in RESERVED or (folder.exists() and not folder.is_dir()):
+                raise BadInput(where / site, "a name that result folders use", "another name of the site")
         for curve in specimen.curves:
             for output in evaluation.courses(curve.name).values():
                 name, ours = _file_of(specimen, curve, output), f"{specimen.name}, {curve.name}, {output}"

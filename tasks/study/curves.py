@@ -63,9 +63,8 @@ def represented(protocol: str, time: Array, moved: Array, force: Array) -> Measu
 def keep_curves(store: Store, cohort: Cohort) -> None:
     """Write the cohort's curves into the store, unless they are there, whole. Raises ``StoreError``."""
     curves = [(specimen.name, curve) for specimen in cohort.specimens for curve in specimen.curves]
-    sources = [curve.source for _, curve in curves]
-    told = [sources] if any(sources) else []
-    content = digest(POINTS, [[name, curve.name, curve.digest] for name, curve in curves], *told)
+    parts = [[name, curve.name, curve.digest, *filter(None, [curve.source])] for name, curve in curves]
+    content = digest(POINTS, parts)
     if curves and _content(store) != content:
         store.write_result(GROUP, _ragged(curves).assign_attrs(content=content))
 
@@ -130,9 +129,8 @@ def _cut(kept: xr.Dataset) -> dict[str, dict[str, MeasuredCurve]]:
     labels: Mapping[str, list[str]] = {
         name: [str(one) for one in kept[name].to_numpy()] for name in ("specimen", "protocol")
     }
-    sources = (
-        [one_line(str(one))[:MOST_LETTERS] for one in kept[SOURCE].to_numpy()] if SOURCE in kept else [""] * sizes.size
-    )
+    told = kept[SOURCE].to_numpy() if SOURCE in kept else [""] * sizes.size
+    sources = [one_line(str(one))[:MOST_LETTERS] for one in told]
     for i, (specimen, protocol) in enumerate(zip(labels["specimen"], labels["protocol"], strict=True)):
         part = slice(int(ends[i] - sizes[i]), int(ends[i]))
         columns = (time[part], moved[part], force[part])

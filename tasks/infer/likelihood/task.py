@@ -14,9 +14,8 @@ from typing import Generic, TypeVar
 
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
-from sinew.tasks.data.noise import noise_of_each, refuse_none, too_few
+from sinew.tasks.data.noise import noise_of_each, refuse_none, remark_on_others
 from sinew.tasks.data.sites import by_site
-from sinew.tasks.drawing.blocks import listed
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.infer.likelihood import files
 from sinew.tasks.infer.likelihood.by_rows import of_each, reopen_failed, sampled_by_rows
@@ -112,8 +111,8 @@ def _targets(workspace: Workspace, specimens: Sequence[Specimen]) -> tuple[dict[
     free = workspace.model.free
     for one, level in zip(specimens, noise, strict=True):
         refuse_none(level, workspace.cohort.folder / one.name)
-    if short := too_few(specimens):
-        workspace.say(f"infer: noise of {listed(short)}: the median of the others, as its curves are too short")
+    if remark := remark_on_others(specimens, noise):
+        workspace.say(f"infer: {remark}")
     every = [
         Target(workspace.model, free, workspace.simulator, Measured(one, level))
         for one, level in zip(specimens, noise, strict=True)

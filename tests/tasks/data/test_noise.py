@@ -14,7 +14,7 @@ from sinew.tasks.data.noise import (
     noise_of_all,
     noise_of_each,
     refuse_none,
-    too_few,
+    remark_on_others,
 )
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Curve, Protocol, Specimen
@@ -134,7 +134,9 @@ def test_specimens_of_few_points_have_the_noise_of_the_others():
     assert found[1].ar1 == alone[0].ar1
     assert np.isnan(noise_of_each([few, few])[0].sd_N)
     specimens = [Specimen(name, 10.0, 8.0, 4.0, tuple(curves)) for name, curves in (("a", long[0]), ("b", few))]
-    assert too_few(specimens) == ["b"]
+    remark = remark_on_others(specimens, [found[0], found[1]])
+    assert remark == "too few points to estimate the noise of b; the median of the others is used"
+    assert remark_on_others(specimens[:1], alone[:1]) == ""
 
 
 @pytest.mark.parametrize(("sd_N", "expected"), [(0.0, "measured curves"), (np.nan, "curves of more points, of this")])
