@@ -100,6 +100,13 @@ def test_a_displacement_that_jumps_at_the_end_is_named(sign, last):
     assert f"to {-sign * 1.4:g} mm at {(100 - last) / 10:g} s, at its end" in line
 
 
+@pytest.mark.parametrize(("step", "named"), [(0.15, False), (0.25, True)])  # 20 usual steps are 0.2 mm
+def test_a_jump_at_the_end_is_of_many_usual_steps(step, named):
+    moved = np.linspace(0.0, 1.0, 100)
+    moved[-1] += step
+    assert bool(list(odd_tests([pulled(RAMP, moved)]))) is named
+
+
 def test_usual_ends_are_not_odd():
     back = np.concatenate([np.linspace(0.0, 1.0, 60), np.linspace(1.0, 0.0, 41)[1:]])
     held = np.concatenate([np.linspace(0.0, 1.0, 60), np.full(40, 1.0)])

@@ -267,6 +267,7 @@ def test_what_is_not_surely_a_clock_time_is_no_number(cell):
         (["1:12:57.855", "1:12:58.029", "1:12:58.003"], False),  # they go back
         (["1:12:58.9", "1:12:58.2"], False),  # tenths that go back
         (["1:12:58.203", "1:12:58.29", "1:12:58.2031"], False),  # finer than milliseconds
+        (["1:12:57.8551", "1:12:58.29", "1:12:58.203"], False),
         (["1:12:58.203", "1:12:58.29", "1:12:57.100"], False),  # they go back in either way
         (["1:12:57", "1:12:58"], False),
     ],
