@@ -35,7 +35,9 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
         click.option("--displacement-column", metavar="NAME", help="The same for displacement, strain or stretch."),
         click.option("--force-column", metavar="NAME", help="The same for force or stress."),
         click.option(
-            "--test-column", metavar="NAME", help="Column that tells tests of a table apart; 'none': one test."
+            "--test-column",
+            metavar="NAME",
+            help="Column that tells the tests of a table apart; 'none' if it holds one.",
         ),
         click.option("--cycle-column", metavar="NAME", help="Column of cycles, if times start again with a cycle."),
         click.option(
@@ -50,7 +52,9 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
         click.option(
             "--speed", type=float, help="Speed of the motion (mm/s; 1/s for strains), for files without times."
         ),
-        click.option("--speed-column", metavar="NAME", help="Column of speeds, for the same; 'none': there is none."),
+        click.option(
+            "--speed-column", metavar="NAME", help="Column of speeds, for files without times; 'none' if none is."
+        ),
         click.option(
             "--zero-displacement",
             type=click.Choice(["first", "none"]),

@@ -151,7 +151,7 @@ def refuse_several(table: Table, rows: int, taken: Sequence[int]) -> None:
     column = shown(apart.title)
     raise Unclear(
         str(table.path),
-        f"{apart.count:,} values of {column}, one under another: tests of their own, or one test?",
+        f"{apart.count:,} values of {column}, one under another, may each be a test of its own",
         f"{TEST_COLUMN} {column}, or {TEST_COLUMN} {NO_COLUMN} for one test",
         what="tests",
         which=f"one for each value of {column}, or one in all ({NO_COLUMN})?",

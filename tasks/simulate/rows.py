@@ -109,7 +109,7 @@ def _refuse_names(workspace: Workspace, evaluations: Sequence[tuple[Specimen, Sp
                 other = taken.setdefault(name.casefold(), ours)
                 if other != ours:
                     problem = f"{ours} and {other} would both be written to {name}"
-                    raise BadInput(where, problem, "other names of specimens and protocols, without points")
+                    raise BadInput(where, problem, "other names of specimens and protocols, without dots")
 
 
 def _write_curves(path: Path, curve: Curve, courses: Array) -> None:

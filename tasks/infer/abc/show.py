@@ -86,7 +86,7 @@ def far_off(result: AbcResult) -> list[str]:
     """A sentence for each site whose accepted simulations miss what was measured by a large part of it."""
     return [
         f"{site}: accepted simulations differ from the measured curves by up to {100 * one.epsilon[-1]:.0f} % (root "
-        "mean square), so this posterior is not of parameters that describe them; look at the calibration first"
+        "mean square), so the parameters of this posterior do not describe them; look at the calibration first"
         for site, one in result.sites.items()
         if not one.distance_weights and one.epsilon[-1] > FAR_OFF
     ]

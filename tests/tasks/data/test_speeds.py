@@ -120,7 +120,9 @@ def test_an_answer_reads_the_file_again(tmp_path):
 @pytest.mark.parametrize("timing", [{"rate_hz": 10.0}, {"speed": 0.1}, {"speed_column": "vel"}])
 def test_tests_one_under_another_without_times_are_asked_about(tmp_path, timing):
     written(tmp_path, speeds=(0.1, 0.1))
-    with pytest.raises(Unclear, match="2 values of 'id', one under another: tests of their own, or one test"):
+    with pytest.raises(
+        Unclear, match="2 values of 'id', one under another, may each be a test of its own; expected --test-column 'id'"
+    ):
         lasting(tmp_path, **timing)
     assert len(lasting(tmp_path, test_column="id", **timing)) == 2
     assert len(lasting(tmp_path, test_column="none", **timing)) == 1
