@@ -71,6 +71,11 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
             type=click.Choice(["leave-out", "keep"]),
             help="Leave out the rows before the displacement is set to zero again, or keep them and count on.",
         ),
+        click.option(
+            "--end",
+            type=click.Choice(["leave-out", "keep"]),
+            help="Leave out the rows after a break, or after a jump of the displacement at the end, or keep them.",
+        ),
     ]
     for option in reversed(options):
         function = option(function)

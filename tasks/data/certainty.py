@@ -15,10 +15,15 @@ MOST_OTHERS = 6  # titles that are told where a column is not the right one
 
 
 def refuse_doubts(recordings: Sequence[Recording]) -> None:
-    """Raises :class:`BadInput` for the first zero, sign or preload that only a person can tell, with its option."""
+    """Raises :class:`BadInput` for the first zero, sign, preload or end that only a person can tell, with its option.
+
+    The options that others need are told as well.
+    """
+    options = dict.fromkeys(doubt.option for recording in recordings for doubt in recording.doubts)
     for recording in recordings:
         for doubt in recording.doubts:
-            raise BadInput(recording.path, doubt.text, doubt.remedy)
+            others = ", ".join(option for option in options if option != doubt.option)
+            raise BadInput(recording.path, doubt.text, f"{doubt.remedy}{f'; also open: {others}' if others else ''}")
 
 
 def refuse_unsure_names(names: Mapping[Path, FileName]) -> None:

@@ -99,6 +99,9 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         one_below = 1
     below, times = _below(table, columns, numbers[:rows, 0], hints)
     recordings, refusal = ((), ()) if problems or times else _as_read(source, hints)
+    for size in SIZES if len(recordings) > 1 else ():  # a table of results may have a row for each
+        if values[size] is None and not (doubt and size == "length") and size in recordings[0].sizes:
+            values[size] = recordings[0].sizes[size].mm
     told = [as_told(one, hints) for one in recordings]
     notes = tuple(dict.fromkeys(remark for one in told for remark in (*remarks(one), *first_length(one, reading))))
     if recordings and columns[0] is None:  # a person has told how times run

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from sinew.runner.errors import one_line
-from sinew.tasks.data.breaks import FEWEST, break_of
+from sinew.tasks.data.breaks import FEWEST
 from sinew.tasks.data.new_study import NewSpecimen
 from sinew.tasks.data.recordings import Recording
 from sinew.tasks.drawing.blocks import number
@@ -16,13 +16,12 @@ NO_FORMATS = (".xls", ".xlsb")  # spreadsheets of which the formats of cells are
 SMALL_PERCENT = 0.01  # 1 %: larger strains were a hundred times as large, if they were fractions
 SMALLEST_STRAIN = 1e-4  # no test of tissue moves less
 LARGEST_START = 0.05  # of the peak force: a force at rest that is larger is an offset, or a preload
-LAST_ROWS, JUMP, STEPS = 5, 0.1, 20.0  # at its end: a step of this part of the way before, and in usual steps
 OFF, FAR = 0.05, 0.2  # how much a cross-section, and a strain, that a file tells twice may differ
 MOST_TIMES = 30.0  # between the peak stresses of specimens of one kind in the same test
 
 
 def _odd_courses(curve: Curve) -> Iterator[str]:
-    """A force that does not begin at 0, one that is lost during a loading, and a displacement that jumps at its end."""
+    """A force that does not begin at 0."""
     force, moved = curve.force_N, curve.protocol.displacement_mm
     there = np.isfinite(force)
     force, moved = force[there], moved[there]
@@ -33,30 +32,6 @@ def _odd_courses(curve: Curve) -> Iterator[str]:
         yield (
             f"its force begins at {number(force[0])} N ({number(100 * abs(force[0]) / peak, 2)} % of its peak), "
             "that of the model at 0; if this is an offset, use --zero-force first"
-        )
-    yield from _odd_end(curve)
-    found = break_of(curve)
-    if found is not None:
-        time_s, force = curve.protocol.time_s[list(found)], curve.force_N[list(found)]
-        yield (
-            f"its force falls from {number(force[0])} to {number(force[1])} N from {number(time_s[0], 4)} to "
-            f"{number(time_s[1], 4)} s, while it is still being loaded. This may be a break, which the model does "
-            "not describe; if it is, remove the rows after it"
-        )
-
-
-def _odd_end(curve: Curve) -> Iterator[str]:
-    """A displacement that jumps in the last rows, as where a machine lets go or its sensor falls off."""
-    moved, time_s = curve.protocol.displacement_mm, curve.protocol.time_s
-    steps = np.abs(np.diff(moved))
-    usual, way = float(np.median(steps[steps > 0])), float(np.ptp(moved[:-LAST_ROWS]))
-    far = np.flatnonzero(steps[-LAST_ROWS:] > max(JUMP * way, STEPS * usual))
-    if way > 0 and far.size:
-        at = moved.size - 1 - LAST_ROWS + int(far[0])
-        yield (
-            f"its displacement jumps from {number(moved[at], 4)} to {number(moved[at + 1], 4)} mm at "
-            f"{number(time_s[at + 1], 4)} s, at its end; if this is no motion of the specimen, remove this row "
-            "and those after it"
         )
 
 

@@ -1,5 +1,6 @@
 """What only a person can tell of a file: a question, and the option that answers it."""
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,11 +19,17 @@ class Unclear(BadInput):
         self, where: str, problem: str, expected: str, *, what: str, which: str, option: str, choices: Sequence[str]
     ) -> None:
         super().__init__(where, problem, expected)
+        self.where, self.expected = where, expected
         self.what, self.which, self.option, self.choices = what, which, option, tuple(choices)
 
     def question_on(self, file: str) -> str:
         """The question on one file, for a person."""
         return f"{self.what} in {file}: {self.which} {FOR_ALL_ALIKE}"
+
+    def unanswered(self, file: str) -> BadInput:
+        """The same where nobody can be asked: it says how to see all that the file leaves open."""
+        every = f"sinew import {shlex.quote(file)} --dry-run"
+        return BadInput(self.where, self.problem, f"{self.expected}; all that the file leaves open: {every}")
 
 
 class UnknownUnit(Unclear):

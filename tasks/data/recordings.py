@@ -29,7 +29,7 @@ from sinew.tasks.data.several import (
     told_apart,
 )
 from sinew.tasks.data.signs import new_zero
-from sinew.tasks.data.sizes import Size, read_sizes, round_in_words
+from sinew.tasks.data.sizes import Size, read_sizes, read_sizes_of_tests, round_in_words
 from sinew.tasks.data.sources import source_in_words
 from sinew.tasks.data.speeds import timed
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
@@ -130,9 +130,15 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
     if not found:
         assert missing is not None, "a file without tables is refused by read_tables"
         raise missing
-    first, *others = _named(found)
+    first, *others = _with_results(_named(found))
     note = (f"{short} further tables with fewer than {FEWEST_ROWS} rows are left out",) if short else ()
     return [replace(first, notes=(*first.notes, *note)), *others]
+
+
+def _with_results(tests: list[Recording]) -> list[Recording]:
+    """The tests with sizes from a table of results above the first one, where that has a row for each."""
+    each = read_sizes_of_tests(tests[0].header, len(tests))
+    return [replace(test, sizes={**sizes, **test.sizes}) for test, sizes in zip(tests, each, strict=True)]
 
 
 def _named(found: Sequence[tuple[Table, list[Recording]]]) -> list[Recording]:

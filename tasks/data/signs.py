@@ -24,7 +24,7 @@ JUMP, STEPS, STAYS = 0.2, 20.0, 0.02
 FEWEST = 3  # rows on either side of it
 ZERO, NEGATE, PRELOAD = "--zero-displacement", "--negate", "--preload"
 _TURNED = "which sign should be reversed?"
-_UNITS = {"displacement": "mm", "force": "N", "stress": "MPa"}
+BASE_UNITS = {"displacement": "mm", "force": "N", "stress": "MPa"}
 _TENSION = re.compile(rf"(?<![a-z])(?:{'|'.join(words.TENSION)})")
 
 
@@ -38,7 +38,7 @@ def counted(where: str, columns: Sequence[Column], numbers: Array, hints: Hints)
     for place, name, zero in ((1, "displacement", hints.zero_displacement), (2, "force", hints.zero_force)):
         quantity = columns[place].quantity
         if zero == "first" and quantity not in (LENGTH, STRETCH, POSITION) and found[0, place] != 0:
-            start = f"{found[0, place]:.6g} {_UNITS.get(quantity.name, '')}".strip()
+            start = f"{found[0, place]:.6g} {BASE_UNITS.get(quantity.name, '')}".strip()
             notes.append(f"{quantity.name} counted from its first value, {start}")
             found[:, place] -= found[0, place]
         if hints.negate in (name, "both"):
@@ -82,7 +82,7 @@ def new_zero(numbers: Array) -> int:
 def _preload(columns: Sequence[Column], numbers: Array) -> Iterator[Doubt]:
     """Where the motion is set to zero again, once."""
     if row := new_zero(numbers):
-        unit = _UNITS.get(columns[1].quantity.name, "")
+        unit = BASE_UNITS.get(columns[1].quantity.name, "")
         before, after = (f"{each:.4g} {unit}".strip() for each in numbers[row - 1 : row + 1, 1])
         text = (
             f"the {columns[1].quantity.name} jumps from {before} to {after} at {numbers[row, 0]:.6g} s while the "

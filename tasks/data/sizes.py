@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from sinew.tasks.data import units, words
 from sinew.tasks.data.heads import Row, is_row_of_units
@@ -104,6 +105,24 @@ def _in_columns(labels: Row, below: Row, numbers: Row, next_row: Row) -> Iterato
         other = next_row[place] if place < len(next_row) else ""
         if name is not None and cell and (other == cell or not other[:1].isdigit()):
             yield name, _size(name, cell, unit.strip("()[] "))
+
+
+def read_sizes_of_tests(header: Sequence[Row], count: int) -> list[dict[str, Size]]:
+    """The sizes of each of ``count`` tests by a table of results with a row for each; empty dicts without one."""
+    found: list[dict[str, Size]] = [{} for _ in range(count)]
+    header = [row if len(row) <= _WIDEST else () for row in header[:_FAR]]
+    for at, (labels, below) in enumerate(pairwise(header)):
+        rows = header[at + 2 : at + 2 + count]
+        if count < 2 or len(rows) < count or not is_row_of_units(below):
+            continue
+        for place, (label, unit) in enumerate(zip(labels, below, strict=False)):
+            name = _meant(label)
+            cells = [row[place] if place < len(row) else "" for row in header[at + 2 : at + 3 + count]]
+            sizes = [_size(name, cell, unit.strip("()[] ")) for cell in cells[:count]] if name else []
+            if name and all(size.mm is not None for size in sizes) and not "".join(cells[count:]):
+                for own, size in zip(found, sizes, strict=True):
+                    own.setdefault(name, size)
+    return found
 
 
 def _meant(label: str) -> str | None:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from sinew.tasks.data.ends import doubt_of_end, without_end
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import Repeats
 from sinew.tasks.data.quantities import DISPLACEMENT
@@ -17,12 +18,15 @@ def as_told(recording: Recording, hints: Hints) -> Recording:
     first = new_zero(recording.numbers) if hints.preload is not None else 0
     if first:
         recording = (_from_row if hints.preload == "leave-out" else _counted_on)(recording, first)
+    if hints.end == "leave-out":
+        recording = without_end(recording)
     numbers, notes = counted(str(recording.path), recording.columns, recording.numbers, hints)
     titles = (*(column.title for column in recording.columns), *recording.left_out)
     lines = (" ".join(row) for row in recording.header)
     found = doubts(recording.columns, numbers, (*titles, *lines), hints)
-    told = tuple(_with_lengths(one, recording) if one.option == PRELOAD else one for one in found)
-    return replace(recording, numbers=numbers, notes=(*recording.notes, *notes), doubts=told)
+    told = [_with_lengths(one, recording) if one.option == PRELOAD else one for one in found]
+    recording = replace(recording, numbers=numbers, notes=(*recording.notes, *notes))
+    return replace(recording, doubts=(*told, *(doubt_of_end(recording) if hints.end is None else ())))
 
 
 def _with_lengths(doubt: Doubt, recording: Recording) -> Doubt:

@@ -261,7 +261,7 @@ class DiscoverResult(Result):
     """
 
     TASK = "discover"
-    VERSION = 11
+    VERSION = 12
     LIBRARIES = ("scikit-learn",)
 
     verdict: Word

@@ -43,6 +43,7 @@ from dataclasses import dataclass, replace
 
 from sinew.tasks.discover.judge.scores import Score, Scores, explained, misfit_by_chance, misfit_left
 from sinew.tasks.discover.result import Word
+from sinew.tasks.drawing.blocks import listed
 
 MIN_CRITERION_GAIN = 20.0  # twice the log likelihood; 10 are called very strong (Kass and Raftery 1995)
 MAX_LEFT_PER_EFFECT = 0.02  # part of the bare model's misfit that may be left for the form of each named effect
@@ -58,6 +59,7 @@ MIN_CHANCE_RATIO = 3.0  # misfit in times of what chance leaves, beyond which it
 MIN_HELD_OUT_ERRORS = 2.0  # standard errors by which predictions of held-out data must improve,
 MIN_SPLIT_KINDS = 2  # on so many kinds of splits
 MIN_SPECIMENS = 2  # in which an effect must show, where there are so many
+MOST_NAMED = 4  # candidates that fit about as well
 MIN_PART_IN_PLACE = 0.5  # part of the improvement that must lie in cells which disagree,
 MIN_RATIO_IN_PLACE = 2.0  # or so many times their part of all cells: a small misfit shows in few cells
 
@@ -177,7 +179,8 @@ def _ruled(best: Score, evidence: Evidence) -> Verdict:
         return Verdict("OUTSIDE", explained=part, why=why)
     if close := rivals(scores, best):
         slugs = tuple(dict.fromkeys(slug for one in (best, *close) for slug in one.effects))
-        why = f"{1 + len(close)} candidates fit about as well as each other"
+        named = listed([one.name for one in (best, *close)], MOST_NAMED)
+        why = f"{named} fit about as well as each other"
         return Verdict("AMBIGUOUS", alike=slugs, explained=part, why=why)
     doubts = [*failed_checks(best)]
     if part is None and not evidence.located:

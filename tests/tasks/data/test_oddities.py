@@ -59,16 +59,6 @@ def test_a_force_that_does_not_begin_at_zero_is_named():
     assert list(odd_tests([pulled(RAMP + 10.0, np.linspace(0.2, 1.0, 100))])) == [], "a preload with its strain"
 
 
-def test_a_break_is_named():
-    (line,) = odd_tests([pulled(np.where(np.arange(100) > 90, 60.0, RAMP))])
-    assert line.startswith("look at a, pull: its force falls from 89.9 to 60 N from 8.9 to 9.1 s")
-    assert "This may be a break, which the model does not describe" in line
-    gaps = np.where(np.arange(100) > 90, 60.0, RAMP)
-    gaps[:50:2] = np.nan
-    assert list(odd_tests([pulled(gaps)])) == [line], "rows without a force are none of the curve's own"
-    assert list(odd_tests([pulled(0.0 * RAMP)])) == [], "no force at all"
-
-
 @pytest.mark.parametrize(
     ("name", "title", "largest", "told"),
     [
@@ -88,30 +78,3 @@ def test_small_strains_in_percent_of_a_file_without_formats_are_named(tmp_path, 
     assert bool(line) is told
     if told:
         assert line.startswith(f"'{title}' reaches only {largest} %. Cells of an {Path(name).suffix} file that are")
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("last", [1, 5])
-def test_a_displacement_that_jumps_at_the_end_is_named(sign, last):
-    moved = sign * np.linspace(0.0, 1.0, 100)
-    moved[-last:] = -sign * 1.4
-    (line,) = odd_tests([pulled(sign * RAMP, moved)])
-    assert line.startswith("look at a, pull: its displacement jumps from ")
-    assert f"to {-sign * 1.4:g} mm at {(100 - last) / 10:g} s, at its end" in line
-
-
-@pytest.mark.parametrize(("step", "named"), [(0.15, False), (0.25, True)])  # 20 usual steps are 0.2 mm
-def test_a_jump_at_the_end_is_of_many_usual_steps(step, named):
-    moved = np.linspace(0.0, 1.0, 100)
-    moved[-1] += step
-    assert bool(list(odd_tests([pulled(RAMP, moved)]))) is named
-
-
-def test_usual_ends_are_not_odd():
-    back = np.concatenate([np.linspace(0.0, 1.0, 60), np.linspace(1.0, 0.0, 41)[1:]])
-    held = np.concatenate([np.linspace(0.0, 1.0, 60), np.full(40, 1.0)])
-    for moved in (np.linspace(0.0, 1.0, 100), back, held):
-        assert list(odd_tests([pulled(100.0 * moved, moved)])) == []
-    jump = np.linspace(0.0, 1.0, 100)
-    jump[50:] += 1.0
-    assert list(odd_tests([pulled(RAMP, jump)])) == [], "in the midst"

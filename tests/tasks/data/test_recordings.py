@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.inspection import inspect
 from sinew.tasks.data.questions import UnknownUnit
 from sinew.tasks.data.recordings import UNPADDED, Bar, Recording, curve_of, read_recordings, remarks
 from sinew.tasks.data.told import as_told
@@ -136,6 +137,21 @@ def test_the_first_table_with_all_columns_counts(tmp_path):
     assert found.rows[0] == 10
     with pytest.raises(BadInput, match=r"row 5: no column of time, nor of .* among 'n, Maximum"):
         read(tmp_path, "Results\n\n\n\nn,Maximum (N),Rate\n1,9,5\n2,8,5\n3,7,5\n")
+
+
+def test_tests_have_the_sizes_of_their_rows_in_a_table_of_results(tmp_path):
+    path = tmp_path / "several.csv"
+    results = "Results Table 1,,,\n,Length,Width,Force\n,(mm),(mm),(N)\n1,9.5,4,9\n2,9.75,4,8\n,,,\n"
+    test = "{},Time,Displacement,Force\n,(s),(mm),(N)\n,0,0,0\n,1,0.1,5\n,2,0.2,9\n"
+    path.write_text(results + test.format(1) + "\n" + test.format(2))
+    found = read_recordings(path, Hints())
+    assert [(one.test, one.sizes["length"].mm, one.sizes["width"].mm) for one in found] == [
+        ("1", 9.5, 4),
+        ("2", 9.75, 4),
+    ]
+    assert inspect(path).sizes["length"] == 9.5
+    path.write_text("Gauge length: 7 mm\n" + results + test.format(1) + "\n" + test.format(2))
+    assert [one.sizes["length"].mm for one in read_recordings(path, Hints())] == [7, 7], "which is of all"
 
 
 def test_what_is_left_out_is_told(tmp_path):

@@ -161,9 +161,9 @@ def test_outside_says_what_the_best_takes_and_what_a_name_would():
     assert strong.why == "the best pair (lag + slip) explains 94 % of the misfit; 96 % is needed to name it"
 
 
-def test_rivals_are_counted():
+def test_rivals_are_named():
     found = judged(LAG, candidate("slip", 225.0, 240.0), candidate("drift", 228.0, 245.0))
-    assert found.why == "3 candidates fit about as well as each other"
+    assert found.why == "lag, slip and drift fit about as well as each other"
     assert found.alike == ("lag", "slip", "drift")
     assert found.explained == pytest.approx(4960 / 4980)
 

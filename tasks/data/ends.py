@@ -1,0 +1,97 @@
+"""The end of a test that tells nothing of the specimen: what follows a break, or a jump of the motion."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sinew.tasks.data.breaks import break_of
+from sinew.tasks.data.length_columns import Repeats
+from sinew.tasks.data.questions import Doubt
+from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.signs import BASE_UNITS
+from sinew.tasks.drawing.blocks import number
+from sinew.tasks.model import Curve, Protocol
+
+END = "--end"
+LAST_ROWS, JUMP, STEPS = 5, 0.1, 20.0  # at the end: a step of this part of the way before, and in usual steps
+
+
+@dataclass(frozen=True)
+class End:
+    """The last row before it, and what happens there."""
+
+    row: int
+    text: str
+
+
+def doubt_of_end(recording: Recording) -> Iterator[Doubt]:
+    """The question what becomes of the rows behind the end of a test, where there are any."""
+    if found := _end_of(recording):
+        yield Doubt(found.text, "leave out the rows from there on?", END, ("leave-out", "keep"))
+
+
+def without_end(recording: Recording) -> Recording:
+    """The recording up to its end."""
+    found = _end_of(recording)
+    if found is None:
+        return recording
+    kept = found.row + 1
+    values = {name: each[:kept] for name, each in recording.further.values.items()}
+    note = f"the last {len(recording.rows) - kept:,} rows left out, as {END} says: {found.text}"
+    return replace(
+        recording,
+        numbers=recording.numbers[:kept],
+        rows=recording.rows[:kept],
+        notes=(*recording.notes, note),
+        further=replace(recording.further, values=values),
+        repeats=Repeats(),
+    )
+
+
+def _end_of(recording: Recording) -> End | None:
+    """The first break or jump; None where there is none, and where times do not increase."""
+    if (np.diff(recording.numbers[:, 0]) <= 0).any():
+        return None
+    found = [one for one in (_break_of(recording), _jump_of(recording)) if one is not None]
+    return min(found, key=lambda one: one.row, default=None)
+
+
+def _break_of(recording: Recording) -> End | None:
+    time_s, moved, load = recording.numbers.T
+    rows = break_of(Curve(Protocol("test", time_s, moved), load))
+    if rows is None:
+        return None
+    name = recording.load.quantity.name
+    before, after = (_with_unit(name, load[row]) for row in rows)
+    begin, end = (number(time_s[row], 4) for row in rows)
+    text = (
+        f"the {name} falls from {before} to {after} from {begin} to {end} s, while the specimen is still being loaded; "
+        "this may be a break, which the model does not describe"
+    )
+    return End(rows[0], text)
+
+
+def _jump_of(recording: Recording) -> End | None:
+    """A motion that jumps in the last rows, as where a machine lets go or its sensor falls off."""
+    time_s, moved, _ = recording.numbers.T
+    steps = np.abs(np.diff(moved))
+    moving = steps[steps > 0]
+    way = float(np.ptp(moved[:-LAST_ROWS])) if moved.size > LAST_ROWS else 0.0
+    if not moving.size or not way:
+        return None
+    far = np.flatnonzero(steps[-LAST_ROWS:] > max(JUMP * way, STEPS * float(np.median(moving))))
+    if not far.size:
+        return None
+    row = moved.size - 1 - LAST_ROWS + int(far[0])
+    name = recording.motion.quantity.name
+    before, after = (_with_unit(name, moved[at]) for at in (row, row + 1))
+    text = (
+        f"the {name} jumps from {before} to {after} at {number(time_s[row + 1], 4)} s, at the end of the test; this "
+        "may be no motion of the specimen"
+    )
+    return End(row, text)
+
+
+def _with_unit(name: str, value: float) -> str:
+    return f"{number(value, 4)} {BASE_UNITS.get(name, '')}".strip()
