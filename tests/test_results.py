@@ -545,6 +545,40 @@ def test_a_result_that_contradicts_itself_is_one_line_in_a_notebook(copied_run):
         repr(sinew.results(copied_run).infer)
 
 
+IMPOSSIBLE = [
+    ("compare", lambda one: one["pairs"][0].update(auc=7.3), r"pairs\.0\.auc: 7\.3: expected 0 to 1"),
+    (
+        "compare",
+        lambda one: one["pairs"][0]["interval"].__setitem__(1, -4.0),
+        r"pairs\.0\.interval: .*: expected 0 to 1",
+    ),
+    ("compare", lambda one: one["pairs"][0].update(sites=["a", "b"]), "content: sites a, b, which are not compared"),
+    ("compare", lambda one: one["component"].update(explained_variance=42), "explained_variance: 42: expected 0 to 1"),
+    ("predict", lambda one: one["coverage"]["hdi"].update(all=4.2), "all: 4.2: expected 0 to 1"),
+    ("predict", lambda one: one["coverage"]["hdi"].update(points=-7), "points: -7: expected at least 0"),
+    ("predict", lambda one: one.update(failed=one["rows"] + 1), "content: [0-9]+ of [0-9]+ simulations failed"),
+    ("calibrate", lambda one: first_fit(one).update(r2=dict.fromkeys(first_fit(one)["r2"], 55)), "r2.*: 55: expected"),
+    ("calibrate", lambda one: first_fit(one).update(total_N=-3), "total_N: -3: expected at least 0"),
+    (
+        "calibrate",
+        lambda one: first_fit(one)["parameters"].update(E_f=-1e9),
+        "content: E_f -1e.09 of distal/1, outside",
+    ),
+    ("calibrate", lambda one: one.update(free=["x"] * 1001), "free: 1,001 entries; expected at most 1,000"),
+]
+
+
+def first_fit(one):
+    return next(iter(one["specimens"].values()))
+
+
+@pytest.mark.parametrize(("task", "change", "problem"), IMPOSSIBLE)
+def test_a_result_that_cannot_be_is_one_line(copied_run, task, change, problem):
+    edit(copied_run / f"{task}.json", change)
+    with pytest.raises(BadInput, match=rf"{task}\.json: .*{problem}"):
+        getattr(sinew.results(copied_run), task)
+
+
 def test_a_result_that_cannot_be_drawn_is_one_line_in_a_notebook(copied_run):
     edit(copied_run / "sobol.json", lambda one: one.update(ST_conf=[-1.0] * len(one["ST_conf"])))
     with pytest.raises(BadInput, match=r"sobol\.json: contradicts itself, or the store \(ValueError: "):
@@ -553,8 +587,15 @@ def test_a_result_that_cannot_be_drawn_is_one_line_in_a_notebook(copied_run):
         sinew.results(copied_run).sobol.plot("nothing")
 
 
-@pytest.mark.parametrize("change", [{"free": ["x"] * len(FREE)}, {"bounds": [[1.0, 0.0]] * len(FREE)}, {"bounds": []}])
-def test_a_search_of_other_parameters_is_one_line_in_a_notebook(copied_run, change):
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"free": ["x"] * len(FREE)}, r"contradicts itself, or the store \("),
+        ({"bounds": [[1.0, 0.0]] * len(FREE)}, "content: [A-Za-z_]+ [0-9.]+ of distal/1, outside its range 1 to 0"),
+        ({"bounds": []}, f"content: {len(FREE)} free parameters, 0 ranges"),
+    ],
+)
+def test_a_search_of_other_parameters_is_one_line_in_a_notebook(copied_run, change, problem):
     edit(copied_run / "calibrate.json", lambda one: one.update(change))
-    with pytest.raises(BadInput, match=r"calibrate\.json: contradicts itself, or the store \("):
+    with pytest.raises(BadInput, match=rf"calibrate\.json: {problem}"):
         sinew.results(copied_run).skopt_result("distal/1")

@@ -6,6 +6,8 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from sinew.runner.console import Console
+from sinew.runner.errors import one_line
+from sinew.tasks.drawing.blocks import plain_paragraph
 
 Table = tuple[str, list[str], list[list[str]]]  # title, heads of columns, rows
 
@@ -18,14 +20,18 @@ def printed(tables: Iterable[Table], lines: Iterable[str], console: Console) -> 
             grid.add_row(*(Text(cell) for cell in row))
         console.print(grid)
     for line in lines:
-        console.print(line)
+        console.print(one_line(line))
 
 
 def as_markdown(tables: Iterable[Table], lines: Sequence[str]) -> str:
-    """Lines first, then tables."""
-    parts = [f"{line}\n" for line in lines]
+    """Lines first, then tables. Texts may come from elsewhere: none of them becomes an element or a link."""
+    parts = [f"{plain_paragraph(line)}\n" for line in lines]
     for title, header, rows in tables:
         every = [header, ["---"] * len(header), *rows]
-        table = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in every)
+        table = "\n".join("| " + " | ".join(map(_cell, line)) + " |" for line in every)
         parts.append(f"**{title}**\n\n{table}\n")
     return "\n".join(parts)
+
+
+def _cell(text: str) -> str:
+    return plain_paragraph(text).replace("|", "\\|")

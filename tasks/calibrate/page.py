@@ -41,11 +41,12 @@ def section(found: ResultFolder) -> Section:
     fitted = {name: curves for name, fit in specimens.items() if (curves := _fitted(found, name, fit))}
     blocks: list[Block] = []
     if fitted:
-        protocols = list(dict.fromkeys(protocol for every in fitted.values() for protocol in every))
+        every_protocol = dict.fromkeys(protocol for every in fitted.values() for protocol in every)
+        protocols, more = plots.first(every_protocol, "protocols")
         blocks.append(
             plots.picked(
                 "calibration-curves",
-                "Measured curve and calibrated model, and below what the model leaves: measured less model.",
+                f"Measured curve and calibrated model, and below what the model leaves: measured less model.{more}",
                 "Specimen",
                 {name: _sources(every, protocols) for name, every in fitted.items()},
                 lambda sources: _draw_fit(sources, protocols, _units(result)),

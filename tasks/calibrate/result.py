@@ -10,10 +10,11 @@ import numpy as np
 
 from sinew.tasks.model import FORCE, file_name
 from sinew.tasks.simulate.series import with_unit
-from sinew.tasks.study.result import OMIT, Number, Result
+from sinew.tasks.study.result import OMIT, AtMostOne, Correlation, Count, NotNegative, Number, Result, Share
 
 SEARCHES = frozenset({"bayesian", "hybrid"})
 """The methods that leave a Bayesian search in the store."""
+NEARLY = 1e-9  # of a range, by which rounding may leave it
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class ConfoundedPair:
     """Two parameters that the curves of one specimen can hardly tell apart."""
 
     parameters: list[str]
-    correlation: Number
+    correlation: Correlation
 
 
 @dataclass(frozen=True)
@@ -32,9 +33,9 @@ class QuantityFit:
     """
 
     unit: str
-    noise: Number
-    rmse: Mapping[str, Number]
-    r2: Mapping[str, float | None]
+    noise: NotNegative
+    rmse: Mapping[str, NotNegative]
+    r2: Mapping[str, AtMostOne | None]
 
 
 @dataclass(frozen=True)
@@ -46,13 +47,13 @@ class MethodFit:
     such test. Where several quantities are compared, totals are sums of RMSEs over noise, not in newton.
     """
 
-    total_N: Number
+    total_N: NotNegative
     above_noise: float | None
-    evaluations: int
+    evaluations: Count
     converged: bool | None
-    starts: int
+    starts: Count
     above_noise_after: Mapping[str, float | None]
-    trace: list[tuple[int, Number]]
+    trace: list[tuple[Count, NotNegative]]
 
     @property
     def steps(self) -> np.ndarray[Any, Any]:
@@ -76,19 +77,19 @@ class SpecimenFit:
     site: str | None
     donor: str | None
     parameters: Mapping[str, Number]
-    rmse_N: Mapping[str, Number]
-    peak_N: Mapping[str, Number]
-    r2: Mapping[str, float | None]
-    total_N: Number
-    noise_N: float | None
+    rmse_N: Mapping[str, NotNegative]
+    peak_N: Mapping[str, NotNegative]
+    r2: Mapping[str, AtMostOne | None]
+    total_N: NotNegative
+    noise_N: NotNegative | None
     above_noise: float | None
     method: str
     on_bound: list[str]
-    sd_of_range: Mapping[str, Number]
+    sd_of_range: Mapping[str, NotNegative]
     determined: list[str]
     confounded: list[ConfoundedPair]
     methods: Mapping[str, MethodFit]
-    objective: float | None = dataclasses.field(default=None, metadata=OMIT)
+    objective: NotNegative | None = dataclasses.field(default=None, metadata=OMIT)
     quantities: Mapping[str, QuantityFit] | None = dataclasses.field(default=None, metadata=OMIT)
 
     def sums(self) -> dict[str, float]:
@@ -138,12 +139,12 @@ class PairCorrelation:
 
     parameters: list[str]
     reason: str | None = dataclasses.field(default=None, metadata=OMIT)
-    r: float | None = dataclasses.field(default=None, metadata=OMIT)
-    dof: int | None = dataclasses.field(default=None, metadata=OMIT)
-    p: float | None = dataclasses.field(default=None, metadata=OMIT)
-    interval: list[Number] | None = dataclasses.field(default=None, metadata=OMIT)
+    r: Correlation | None = dataclasses.field(default=None, metadata=OMIT)
+    dof: Count | None = dataclasses.field(default=None, metadata=OMIT)
+    p: Share | None = dataclasses.field(default=None, metadata=OMIT)
+    interval: list[Correlation] | None = dataclasses.field(default=None, metadata=OMIT)
     determined: bool
-    p_holm: float | None = dataclasses.field(default=None, metadata=OMIT)
+    p_holm: Share | None = dataclasses.field(default=None, metadata=OMIT)
 
 
 @dataclass(frozen=True)
@@ -156,10 +157,10 @@ class Correlations:
 
     sites: list[str]
     donors: list[str]
-    specimens: int
+    specimens: Count
     names: list[str]
-    determined: Mapping[str, Number]
-    tests: int
+    determined: Mapping[str, Share]
+    tests: Count
     pairs: list[PairCorrelation]
 
 
@@ -187,11 +188,23 @@ class CalibrateResult(Result):
     free: list[str]
     bounds: list[tuple[Number, Number]]
     methods: list[str]
-    evaluations: int
-    bayesian_evaluations: int
+    evaluations: Count
+    bayesian_evaluations: Count
     specimens: Mapping[str, SpecimenFit]
     inputs: str
     correlations: Correlations | NoCorrelations
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for a free parameter without a range, or outside it."""
+        if len(self.free) != len(self.bounds):
+            raise ValueError(f"{len(self.free)} free parameters, {len(self.bounds)} ranges")
+        ranges = dict(zip(self.free, self.bounds, strict=True))
+        for specimen, fit in self.specimens.items():
+            for name, value in fit.parameters.items():
+                low, high = ranges.get(name, (-np.inf, np.inf))
+                room = NEARLY * abs(high - low) if name in ranges else 0.0
+                if value < low - room or value > high + room:
+                    raise ValueError(f"{name} {value:g} of {specimen}, outside its range {low:g} to {high:g}")
 
     @property
     def has_search(self) -> bool:

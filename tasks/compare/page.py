@@ -1,13 +1,15 @@
 """Sites: whether the posteriors of two sites can be told apart."""
 
+from collections.abc import Sequence
 from typing import Any
 
-from sinew.tasks.compare.result import Area, CompareResult
+from sinew.tasks.compare.result import Area, CompareResult, Pair
 from sinew.tasks.compare.show import by_chance, interval_text, needed_text
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import Block, Plots, Section, Table, Words, number, percent
 from sinew.tasks.infer.result import FEW
 from sinew.tasks.report.folder import ResultFolder
+from sinew.tasks.simulate import Array
 
 NAME = "sites"
 MEANING = (
@@ -81,18 +83,25 @@ def _table(result: CompareResult) -> Table:
 
 
 def _plots(result: CompareResult) -> Plots:
+    pairs, more_pairs = plots.first(result.pairs, "pairs")
+    sites, more_sites = plots.first(result.densities.shown().items(), "sites")
     drawn = [
-        plots.plot("sites-roc", _roc(result), "ROC curves of each pair of sites"),
-        plots.plot("sites-densities", _densities(result), "Densities of each site along the first component"),
+        plots.plot("sites-roc", _roc(pairs), "ROC curves of each pair of sites"),
+        plots.plot(
+            "sites-densities",
+            _densities(result.densities.component, sites),
+            "Densities of each site along the first component",
+        ),
         plots.plot("sites-loadings", _loadings(result), "Loadings of the first component"),
     ]
-    return Plots("sites-separation", "ROC curves, posteriors along the first component, and its loadings.", drawn)
+    words = f"ROC curves, posteriors along the first component, and its loadings.{more_pairs}{more_sites}"
+    return Plots("sites-separation", words, drawn)
 
 
-def _roc(result: CompareResult) -> Any:
+def _roc(pairs: Sequence[Pair]) -> Any:
     roc = plots.figure("part of the first site above the threshold", "part of the second site above it", height=330)
     entries = []
-    for k, pair in enumerate(result.pairs):
+    for k, pair in enumerate(pairs):
         source = plots.source(f"roc-{k}", {"x": pair.roc.false_positive, "y": pair.roc.true_positive})
         line = roc.line("x", "y", source=source, color=plots.colour(k + 3), line_dash=plots.dash(k), line_width=2)
         rows = [("sites", pair.name), ("first", "@x{0.00}"), ("second", "@y{0.00}"), ("AUC", _area(pair))]
@@ -103,11 +112,11 @@ def _roc(result: CompareResult) -> Any:
     return roc
 
 
-def _densities(result: CompareResult) -> Any:
+def _densities(component: Array, sites: Sequence[tuple[str, Any]]) -> Any:
     along = plots.figure("first principal component", "density", height=330)
     entries = []
-    for site, (k, values) in result.densities.shown().items():
-        source = plots.source(f"density-{k}", {"x": result.densities.component, "y": values})
+    for site, (k, values) in sites:
+        source = plots.source(f"density-{k}", {"x": component, "y": values})
         colour = plots.colour(k)
         area = along.varea("x", 0, "y", source=source, color=colour, alpha=0.12)
         line = along.line("x", "y", source=source, color=colour, line_dash=plots.dash(k), line_width=2)

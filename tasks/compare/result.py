@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from sinew.tasks.study.result import Number, Numbers, Result
+from sinew.tasks.study.result import Count, NotNegative, Number, Numbers, Result, Share, Shares
 
 
 class Area(Protocol):
@@ -23,26 +23,26 @@ class Area(Protocol):
 class Loadings:
     """The first principal component by parameter: ``loadings``, and the ``mean`` and ``sd`` that standardise."""
 
-    explained_variance: Number
+    explained_variance: Share
     loadings: Mapping[str, Number]
     mean: Mapping[str, Number]
-    sd: Mapping[str, Number]
+    sd: Mapping[str, NotNegative]
 
 
 @dataclass(frozen=True)
 class SiteParticles:
     """How many particles a site has, and how many of equal weight they are worth (Kish 1965)."""
 
-    particles: int
-    effective_sample_size: Number
+    particles: Count
+    effective_sample_size: NotNegative
 
 
 @dataclass(frozen=True, eq=False)
 class Roc:
     """An ROC curve ``[k]``: the shares of the first and of the second site above each threshold."""
 
-    false_positive: Numbers
-    true_positive: Numbers
+    false_positive: Shares
+    true_positive: Shares
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,13 +52,13 @@ class Separability:
     ``without_difference`` ``[2]`` holds the areas of shuffled sites; it and ``p_value`` are None for few particles.
     """
 
-    auc: Number
-    interval: Numbers
-    without_difference: Numbers | None
-    p_value: Number | None
-    folds: int
-    repeats: int
-    permutations: int
+    auc: Share
+    interval: Shares
+    without_difference: Shares | None
+    p_value: Share | None
+    folds: Count
+    repeats: Count
+    permutations: Count
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +66,8 @@ class Pair:
     """Two sites: area under the ROC curve of the component with its interval ``[2]``, and of all parameters."""
 
     sites: list[str]
-    auc: Number
-    interval: Numbers
+    auc: Share
+    interval: Shares
     roc: Roc
     all_parameters: Separability
 
@@ -87,7 +87,12 @@ class Interval:
     mean: Number
     low: Number
     high: Number
-    direction: Number
+    direction: Share
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for an interval that ends before it begins."""
+        if self.low > self.high:
+            raise ValueError(f"an interval from {self.low:g} to {self.high:g}")
 
     def exponential(self) -> "Interval":
         """That of a ratio, from that of its logarithm."""
@@ -109,8 +114,8 @@ class Contrast:
     paired: bool
     difference: Interval
     spread_ratio: Interval
-    needed: int | None
-    detectable: Number | None
+    needed: Count | None
+    detectable: NotNegative | None
 
     @property
     def different(self) -> bool:
@@ -145,7 +150,7 @@ class CompareResult(Result):
     VERSION = 2  # contrasts of populations
 
     names: list[str]
-    confidence: Number
+    confidence: Share
     contrasts: list[Contrast]
     component: Loadings
     sites: Mapping[str, SiteParticles]
@@ -153,6 +158,12 @@ class CompareResult(Result):
     densities: Densities
     note: str
     inputs: str
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for a pair of sites that are not compared."""
+        for sites in (*(one.sites for one in self.contrasts), *(one.sites for one in self.pairs)):
+            if len(sites) != 2 or not set(sites) <= set(self.sites):
+                raise ValueError(f"sites {', '.join(sites)}, which are not compared")
 
 
 RESULT = CompareResult

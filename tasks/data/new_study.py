@@ -2,6 +2,7 @@
 
 import json
 import shlex
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -108,6 +109,12 @@ def describe(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
             if test.recording.left_out:
                 yield one_line(f"    left out: {', '.join(test.recording.left_out[:20])}")
         yield from (one_line(f"    {note}") for note in new.notes)
+    tests = Counter(test.path for new in specimens for test in new.tests if test.recording.test)
+    for path, count in tests.items():
+        yield one_line(
+            f"{path}: its {count} tests are taken for those of {count} specimens; if all are of one specimen, make a "
+            f"cohort first: sinew import {shlex.quote(str(path))} --specimen NAME --out COHORT"
+        )
 
 
 def describe_left_out(files: Sequence[LeftOut]) -> Iterator[str]:

@@ -110,7 +110,8 @@ def _curves(found: ResultFolder, result: DiscoverResult) -> Plots:
     effects = result.shown_name
     models = {"bare": "the model as it is"} | ({"having": f"with {effects}"} if effects else {})
     data: dict[str, dict[str, Any]] = {}
-    protocols = list(dict.fromkeys(cell.protocol for cells in result.cells.values() for cell in cells))
+    every = dict.fromkeys(cell.protocol for cells in result.cells.values() for cell in cells)
+    protocols, more = plots.first(every, "protocols")
     for name in result.cells:
         kept = found.store.read_result(f"discover/{file_name(name)}")
         data[name] = {}
@@ -153,7 +154,7 @@ def _curves(found: ResultFolder, result: DiscoverResult) -> Plots:
         return drawn
 
     notes = {name: f"noise {noise_words(result.noise[name])} (standard deviation)" for name in data}
-    caption = "Measured and modelled forces, and below what either model leaves."
+    caption = f"Measured and modelled forces, and below what either model leaves.{more}"
     return plots.picked("discovery-curves", caption, "Specimen", data, draw, notes)
 
 

@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from sinew.runner.errors import one_line
+
 Data = Mapping[str, Mapping[str, Sequence[Any]]]  # columns by name of the source
 
 
@@ -126,6 +128,12 @@ def percent(part: Any, digits: int = 0) -> str:
 def times(above: Any) -> str:
     """How many times a reference something is, from the part of it by which it is ``above``."""
     return "–" if above is None else f"{1.0 + above:.4g}"
+
+
+def plain_paragraph(text: str) -> str:
+    """A text as one paragraph of Markdown, without elements, links and headings: it may come from elsewhere."""
+    words = one_line(text).replace("<", "&lt;").replace("](", "]\\(")
+    return f"\\{words}" if words.startswith("#") else words
 
 
 def listed(names: Sequence[str], most: int = 4) -> str:

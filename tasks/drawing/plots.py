@@ -1,9 +1,9 @@
 """Interactive plots in one style, as JSON that a page embeds; they differ by dash and marker as well as by colour."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from bokeh.embed import json_item
@@ -20,12 +20,21 @@ DASHES = ("solid", "dashed", "dotdash", "dotted", [10, 3, 2, 3, 2, 3], [2, 5])
 MARKERS = ("circle", "square", "triangle", "diamond", "inverted_triangle", "star", "hex", "plus")
 DIGITS = 5  # significant ones of numbers in the page
 MOST_NUMBERS = 5_000_000  # of what can be picked
+MOST_LINES = 40  # of a plot, and plots beside each other
 HEIGHT = 270
 NARROW = 300  # pixels of the narrowest plot, as on a phone
 _ID = re.compile(r"p\d+")
 _TEX = re.compile(r"(\$\$|\\\(|\\\[)")
 
 Sources = Mapping[str, ColumnDataSource]
+T = TypeVar("T")
+
+
+def first(what: Iterable[T], called: str) -> tuple[list[T], str]:
+    """As many as can be drawn, and a sentence that says so where there are more; ``called``: what they are."""
+    every = list(what)
+    more = f" Drawn are the first {MOST_LINES} of {len(every):,} {called}." if len(every) > MOST_LINES else ""
+    return every[:MOST_LINES], more
 
 
 def figure(x: str, y: str, *, height: int = HEIGHT, **options: Any) -> Any:

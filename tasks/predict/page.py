@@ -75,7 +75,7 @@ def _bands(result: PredictResult, kept: Sequence[xr.Dataset], quantity: str = FO
     label_y = with_its_unit(quantity.replace("_", " "), unit)
     digits, key = ("{0.0}", "prediction") if quantity == FORCE else ("", f"prediction-{quantity}")
     bands = [band for band in COLOUR if band in given]
-    data, protocols = _columns(kept, bands)
+    data, protocols, more = _columns(kept, bands)
 
     def draw(sources: plots.Sources) -> list[Plot]:
         drawn: list[Plot] = []
@@ -109,25 +109,29 @@ def _bands(result: PredictResult, kept: Sequence[xr.Dataset], quantity: str = FO
     )
     if quantity != FORCE:
         caption = f"The same for the {quantity.replace('_', ' ')}."
-    return plots.picked(f"{key}-bands", caption, "Specimen", data, draw, words)
+    return plots.picked(f"{key}-bands", caption + more, "Specimen", data, draw, words)
 
 
 def _columns(
     kept: Sequence[xr.Dataset], bands: Sequence[str]
-) -> tuple[dict[str, dict[str, dict[str, Any]]], list[str]]:
-    """Measured curves and bands by specimen and protocol, and the names of all protocols."""
+) -> tuple[dict[str, dict[str, dict[str, Any]]], list[str], str]:
+    """Measured curves and bands by specimen and protocol, the names of all protocols, and whether there are more."""
     names = ["time", "measured", *(f"{band}_{end}" for band in bands for end in ("low", "high"))]
     curves: dict[str, dict[str, Any]] = {}
     protocols: dict[str, None] = {}
     for dataset in kept:
         specimens, kinds = (np.array([*map(str, dataset[name].to_numpy())]) for name in ("specimen", "protocol"))
-        for specimen, protocol in dict.fromkeys(zip(specimens.tolist(), kinds.tolist(), strict=True)):
-            at = np.flatnonzero((specimens == specimen) & (kinds == protocol))
-            curves.setdefault(specimen, {})[protocol] = {name: dataset[name].to_numpy()[at] for name in names}
+        columns = {name: dataset[name].to_numpy() for name in names}
+        rows: dict[tuple[str, str], list[int]] = {}
+        for i, both in enumerate(zip(specimens.tolist(), kinds.tolist(), strict=True)):
+            rows.setdefault(both, []).append(i)
+        for (specimen, protocol), at in rows.items():
+            curves.setdefault(specimen, {})[protocol] = {name: values[at] for name, values in columns.items()}
             protocols[protocol] = None
     empty = {name: np.zeros(0) for name in names}
-    data = {name: {each: every.get(each, empty) for each in protocols} for name, every in sorted(curves.items())}
-    return data, list(protocols)
+    drawn, more = plots.first(protocols, "protocols")
+    data = {name: {each: every.get(each, empty) for each in drawn} for name, every in sorted(curves.items())}
+    return data, drawn, more
 
 
 def _table(result: PredictResult) -> Table:

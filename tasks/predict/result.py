@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sinew.tasks.study.result import OMIT, Number, Result
+from sinew.tasks.study.result import OMIT, Count, Result, Share
 
 SIMULATED = ("hdi", "draws", "new")
 """What is simulated for bands."""
@@ -33,11 +33,11 @@ class Coverage:
     measured curves all of whose points are inside.
     """
 
-    all: Number | None
-    points: int
-    protocols: Mapping[str, Number | None]
-    specimens: Mapping[str, Number | None]
-    curves: Number | None
+    all: Share | None
+    points: Count
+    protocols: Mapping[str, Share | None]
+    specimens: Mapping[str, Share | None]
+    curves: Share | None
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class SitePrediction:
     """
 
     specimens: list[str]
-    failed: Mapping[str, Mapping[str, int]]
+    failed: Mapping[str, Mapping[str, Count]]
     no_new: str | None
     coverage: Mapping[str, Coverage]
     typical: str
@@ -83,15 +83,20 @@ class PredictResult(Result):
     TASK = "predict"
     VERSION = 4  # 3: whole curves; 4: words
 
-    probability: Number
-    draws: int
-    rows: int
-    failed: int
+    probability: Share
+    draws: Count
+    rows: Count
+    failed: Count
     sites: Mapping[str, SitePrediction]
     coverage: Mapping[str, Coverage]
     inputs: str
     others: Mapping[str, QuantityPrediction] | None = dataclasses.field(default=None, metadata=OMIT)
     from_population: bool = False
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for more failures than simulations."""
+        if self.failed > self.rows:
+            raise ValueError(f"{self.failed:,} of {self.rows:,} simulations failed")
 
     def shares_of_others(self) -> Iterator[dict[str, Any]]:
         """As :meth:`shares`, of the quantities that are compared beside the force; ``quantity`` names each."""

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 import xarray as xr
 
-from sinew.runner.errors import BadInput, StoreError, one_line
+from sinew.runner.errors import BadInput, SinewError, StoreError, one_line
 from sinew.runner.files import MAX_CONTAINERS, NotReadable, containers, read_regular
 from sinew.runner.store.store import Store, open_store, refuse_strange_entries
 from sinew.runner.store.table import Table
@@ -168,13 +168,15 @@ def read_folder(folder: Path) -> ResultFolder:
         else:
             if found is not None:
                 results[task] = found
-    store, status = None, None
+    store, status, unreadable = None, None, list(trouble)
     try:
         store = open_store(folder)
         status = read_status(folder)
     except StoreError as error:
         trouble.append(str(error))
     if not results and not events and store is None:
+        if unreadable:
+            raise SinewError(unreadable[0])
         raise BadInput(folder, "holds no store.zarr, log.jsonl or result", "a result folder, as given to --out")
     alive = bool(status and status["now"] and status["now"]["alive"])
     states = {name: _state(name, folder, results, events, alive=alive) for name in TASKS}

@@ -129,7 +129,7 @@ def _along_time(folder: ResultFolder, result: SobolResult, level: str) -> Block 
     names_of_results = [f"sobol_time/{table}" for table in tables]
     every = dict(zip(tables, read_results(folder.store, names_of_results, f"{leading}_"), strict=True))
     kept = {name: every[table] for name, table in result.tables.items()}
-    protocols = list(dict.fromkeys(name for each in kept.values() for name in protocols_of(each)))
+    protocols, more = plots.first(dict.fromkeys(n for each in kept.values() for n in protocols_of(each)), "protocols")
     outputs = bool(result.outputs)
     of, beside, unit = ("the picked output", "displacement", "mm") if outputs else ("the force", "measured", "N")
     digits = "0.000" if outputs else "0.0"
@@ -165,7 +165,7 @@ def _along_time(folder: ResultFolder, result: SobolResult, level: str) -> Block 
 
     caption = (
         f"{order.capitalize()} order indices of {of} along each protocol, the {len(chosen)} largest; "
-        f"bands: {level} intervals."
+        f"bands: {level} intervals.{more}"
     )
     data = {
         name: {

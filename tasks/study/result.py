@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, cast
 
 import numpy as np
-from pydantic import BeforeValidator, GetPydanticSchema, TypeAdapter, ValidationError
+from pydantic import AfterValidator, BeforeValidator, GetPydanticSchema, TypeAdapter, ValidationError
 from pydantic_core import core_schema
 
 from sinew.runner.errors import BadInput, brief, shown
@@ -23,7 +23,9 @@ from sinew.tasks.study.files import MAX_JSON_BYTES, write_json
 #: Libraries whose version changes what any task computes.
 ALWAYS = ("numpy", "scipy", "numba")
 
+ROUNDING = 1e-9  # by which a number may leave its range
 MOST_NAMES, MOST_ENTRIES = 1_000, 20_000  # parameters; specimens, protocols and the like
+NAMED = ("names", "free", "bounds", "units", "meanings", "methods")  # fields with an entry for each parameter, or few
 
 OMIT = {"omit": True}
 """Metadata of a field that is left out of the file where it is None: ``field(default=None, metadata=OMIT)``."""
@@ -41,8 +43,40 @@ Numbers = Annotated[
 ]
 """An array of float64; null in the file is NaN."""
 
-Number = Annotated[float, BeforeValidator(lambda value: np.nan if value is None else value)]
+_or_nan = BeforeValidator(lambda value: np.nan if value is None else value)
+
+Number = Annotated[float, _or_nan]
 """A float; null in the file is NaN."""
+
+
+def _within(low: float, high: float, words: str) -> AfterValidator:
+    """Refuses what is outside, rounding aside; NaN is not."""
+
+    def check(value: Any) -> Any:
+        if np.any(value < low - ROUNDING) or np.any(value > high + ROUNDING):
+            raise ValueError(f"expected {words}")
+        return value
+
+    return AfterValidator(check)
+
+
+Count = Annotated[int, _within(0, np.inf, "at least 0")]
+"""A whole number that is not negative."""
+
+NotNegative = Annotated[float, _or_nan, _within(0, np.inf, "at least 0")]
+"""A float that is not negative; null in the file is NaN."""
+
+Share = Annotated[float, _or_nan, _within(0, 1, "0 to 1")]
+"""A part or a probability, from 0 to 1; null in the file is NaN."""
+
+Shares = Annotated[Numbers, _within(0, 1, "0 to 1")]
+"""An array of them."""
+
+AtMostOne = Annotated[float, _within(-np.inf, 1, "at most 1")]
+"""The part of a variance that a model explains."""
+
+Correlation = Annotated[float, _or_nan, _within(-1, 1, "-1 to 1")]
+"""From -1 to 1; null in the file is NaN."""
 
 
 @contextmanager
@@ -98,7 +132,7 @@ class Result:
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             field = ".".join(str(part) for part in first["loc"]) or "content"
-            problem = "missing" if first["type"] == "missing" else f"{shown(first['input'])}: {first['msg'].lower()}"
+            problem = _problem(first)
             expected = f"what this version's `sinew {cls.TASK}` writes; run it again"
             raise BadInput(f"{where}: {field}", problem, expected) from None
 
@@ -114,10 +148,20 @@ class Result:
         write_json(self.path(folder), {**plain(self), "version": self.VERSION})
 
 
+def _problem(error: Any) -> str:
+    """What is wrong with a field, or with the fields together, in the words of pydantic or of a result."""
+    if error["type"] == "missing":
+        return "missing"
+    if error["type"] == "value_error":
+        words = str(error["ctx"]["error"])
+        return f"{shown(error['input'])}: {words}" if error["loc"] else words
+    return f"{shown(error['input'])}: {error['msg'].lower()}"
+
+
 def _check_size(content: Any, where: Path) -> None:
     """Refuse what no task writes: a page or a figure would have as many panels and labels. Raises :class:`BadInput`."""
     for field, value in content.items() if isinstance(content, dict) else ():
-        most = MOST_NAMES if field == "names" else MOST_ENTRIES if isinstance(value, dict) else None
+        most = MOST_NAMES if field in NAMED else MOST_ENTRIES if isinstance(value, dict) else None
         if most is not None and isinstance(value, dict | list) and len(value) > most:
             raise BadInput(f"{where}: {shown(field)[1:-1]}", f"{len(value):,} entries", f"at most {most:,}")
 

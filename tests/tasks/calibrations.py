@@ -37,12 +37,13 @@ def method_of(trace: Iterable[tuple[int, float]]) -> MethodFit:
 def calibration_of(specimens: Mapping[str, SpecimenFit], **changes: Any) -> CalibrateResult:
     """A calibration of these specimens; their parameters are those of the first of them."""
     names = list(next(iter(specimens.values())).parameters)
+    found = [[fit.parameters[name] for fit in specimens.values()] for name in names]
     result: dict[str, Any] = {
         "names": names,
         "units": ["1"] * len(names),
         "meanings": [""] * len(names),
         "free": names,
-        "bounds": [(0.0, 1.0)] * len(names),
+        "bounds": [(min(0.0, *values), max(1.0, *values)) for values in found],
         "methods": ["bayesian", "hybrid"],
         "evaluations": 60,
         "bayesian_evaluations": 20,

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from sinew.tasks.study.result import Number, Result
+from sinew.tasks.study.result import Count, NotNegative, Result, Share
 
 Level = Literal["mean", "spread", "specimen"]
 
@@ -21,7 +21,7 @@ class Ranked:
     level: Level
     of: str
     parameter: str
-    rank: float
+    rank: Share
     held: bool
     determined: bool = True
 
@@ -39,7 +39,7 @@ class LeftOut:
 
     site: str
     protocol: str
-    points: Number
+    points: Share
     whole: bool
 
 
@@ -57,10 +57,17 @@ class CohortResult(Result):
     number: int
     method: str
     ranked: list[Ranked]
-    tarp: Mapping[str, list[Number]]
-    contrasts: int
-    different: int
-    seconds: Number
+    tarp: Mapping[Level, list[Share]]
+    contrasts: Count
+    different: Count
+    seconds: NotNegative
     error: str | None
     inputs: str
     left_out: list[LeftOut] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for more differences than contrasts, and for ranks of another cohort."""
+        if self.different > self.contrasts:
+            raise ValueError(f"{self.different} of {self.contrasts} contrasts are different")
+        if any(one.cohort != self.number for one in self.ranked):
+            raise ValueError(f"ranks of another cohort than {self.number}")

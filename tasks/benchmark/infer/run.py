@@ -17,7 +17,7 @@ from sinew.tasks.benchmark.blind import refuse_others, refuse_strange, run_blind
 from sinew.tasks.benchmark.infer.compared import compared
 from sinew.tasks.benchmark.infer.drawn import Conditions, drawn
 from sinew.tasks.benchmark.infer.left_out import left_out
-from sinew.tasks.benchmark.infer.result import CohortResult, Ranked
+from sinew.tasks.benchmark.infer.result import CohortResult, Level, Ranked
 from sinew.tasks.benchmark.infer.score import summary
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.infer.result import AbcResult, LikelihoodResult
@@ -87,7 +87,7 @@ def _cohort(
         (LikelihoodResult if method == "likelihood" else AbcResult).versions(),
     )  # fmt: skip
     known = CohortResult.read(out)
-    if known is not None and known.inputs == inputs:
+    if known is not None and known.inputs == inputs and known.number == number:
         return known
     if known is not None:
         raise BadInput(CohortResult.path(out), "is of other settings or another version", "another --out, or delete it")
@@ -109,7 +109,7 @@ def _cohort(
     def scored(workspace: Workspace, results: dict[str, Any]) -> CohortResult:
         points = streams.generator(study.seed, POINTS, number)
         ranked: list[Ranked] = []
-        tarp: dict[str, list[float]] = {}
+        tarp: dict[Level, list[float]] = {}
         for one in compared(workspace, results["infer"], truth):
             ranked += one.ranked(number)
             tarp.setdefault(one.level, []).append(one.nearer(points))

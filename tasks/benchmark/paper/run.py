@@ -25,12 +25,12 @@ from sinew.tasks.benchmark.paper.published import of_sites, table_3
 from sinew.tasks.benchmark.tables import as_markdown
 from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.cluster.spec import cluster_of
-from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.cohort import read_cohort, write_cohort
 from sinew.tasks.data.virtual import published, virtual_cohort
 from sinew.tasks.infer.abc.result import AbcResult
 from sinew.tasks.infer.settings import Settings as InferSettings
 from sinew.tasks.sobol.settings import Settings as SobolSettings
-from sinew.tasks.study.files import read_json, write_text
+from sinew.tasks.study.files import write_text
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.settings_file import as_yaml, from_yaml
 from sinew.tasks.study.study import read_study
@@ -62,13 +62,17 @@ def reproduce(
     cohort, path = out / "cohort", out / "study.yaml"
     seed = int(settings.get("seed", 0))
     specimens, truth = virtual_cohort(seed=seed, per_site=per_site, rate_hz=rate_hz)
+    partial = out / ".cohort"
+    remove_folder(partial)
+    write_cohort(partial, specimens, truth)
     if not cohort.exists():
-        partial = out / ".cohort"
-        remove_folder(partial)
-        write_cohort(partial, specimens, truth)
         partial.rename(cohort)
-    elif read_json(cohort / "truth.json") != truth:
-        raise BadInput(cohort, "holds other specimens", "another --out, or the seed, --per-site and --rate of before")
+    else:
+        same = _identities(cohort) == _identities(partial)
+        remove_folder(partial)
+        if not same:
+            expected = "another --out, or the seed, --per-site and --rate of before"
+            raise BadInput(cohort, "holds other specimens", expected)
     write_text(path, as_yaml({**settings, "cohort": "cohort", "tasks": list(TASKS)}))
     read = read_study(path)
     pipeline.check(read, out / "run", TASKS)
@@ -83,6 +87,11 @@ def reproduce(
     write_text(folder / "table_3.csv", _table_3(inferred).to_csv(index=False))
     write_text(folder / "paper.md", as_markdown([comparison(results)], _lines(results)))
     return missing
+
+
+def _identities(cohort: Path) -> list[tuple[str, dict[str, Any]]]:
+    """Names and curves of all specimens: what is simulated along, and compared with."""
+    return [(one.name, one.identity()) for one in read_cohort(cohort).specimens]
 
 
 def _lines(results: dict[str, Any]) -> list[str]:

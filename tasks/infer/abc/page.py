@@ -67,7 +67,9 @@ def _narrowing(result: AbcResult) -> float:
 
 
 def _marginals(result: AbcResult, particles: dict[str, xr.Dataset]) -> Block:
-    names, sites = result.names, list(result.sites)
+    names = result.names
+    sites, more = plots.first(result.sites, "sites")
+    particles = {site: particles[site] for site in sites}
     units = dict(zip(names, result.units, strict=True))
 
     def draw(sources: plots.Sources) -> list[Plot]:
@@ -97,6 +99,7 @@ def _marginals(result: AbcResult, particles: dict[str, xr.Dataset]) -> Block:
     level = percent(result.interval)
     caption = (
         f"Densities of the last generation, pale: the prior; below: means and {level} HDI (highest density intervals)."
+        f"{more}"
     )
     labels = {name: name + ("" if units[name] == "1" else f" ({units[name]})") for name in names}
     data = {name: _columns(result, particles, name) for name in names}
@@ -146,7 +149,8 @@ def _thresholds(result: AbcResult) -> Block:
     accepted = plots.figure("generation", "proposals accepted (%)", height=260)
     lines: list[tuple[str, list[Any]]] = []
     parts: list[tuple[str, list[Any]]] = []
-    for k, (site, posterior) in enumerate(result.sites.items()):
+    sites, more = plots.first(result.sites.items(), "sites")
+    for k, (site, posterior) in enumerate(sites):
         columns = {
             "generation": np.arange(1, len(posterior.generations) + 1),
             "threshold": posterior.epsilon,
@@ -163,11 +167,11 @@ def _thresholds(result: AbcResult) -> Block:
             rows = [("site", site), ("generation", "@generation"), (key, f"@{key}{{0.000}}"), ("judged", "@judged")]
             plots.hover(drawn, dots, rows)
             entries.append((site, [line, dots]))
-    longest = max(len(posterior.generations) for posterior in result.sites.values())
+    longest = max(len(posterior.generations) for _, posterior in sites)
     for drawn in (plot, accepted):
         drawn.xaxis.ticker = list(range(1, longest + 1, 1 + longest // 12))
     plots.legend(plot, lines)
     plots.legend(accepted, parts)
     both = [plots.plot("posterior-threshold", plot, "Threshold of each generation by site"),
             plots.plot("posterior-accepted", accepted, "Accepted proposals of each generation by site")]  # fmt: skip
-    return Plots("posterior-thresholds", "How the inference went.", both)
+    return Plots("posterior-thresholds", f"How the inference went.{more}", both)

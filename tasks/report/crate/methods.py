@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from sinew.runner.errors import one_line
-from sinew.tasks.drawing.blocks import number, plural, span
+from sinew.tasks.drawing.blocks import number, plain_paragraph, plural, span
 from sinew.tasks.model import Model, Specimen
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.crate import environment
@@ -23,18 +23,13 @@ def methods(source: Source) -> bytes:
     parts = [("Measured data", _data(source)), ("Model", _model(source)), ("Computation", _computation(source))]
     results = source.found.results
     tasks = sorted(results, key=lambda name: TASKS[name].place)
-    parts += [(_title(task), paragraph(TASKS[task].module("prose").methods(results[task]))) for task in tasks]
+    parts += [(_title(task), plain_paragraph(TASKS[task].module("prose").methods(results[task]))) for task in tasks]
     parts.append(("Failed evaluations", _failures(source)))
     text = "\n".join(f"## {title}\n{words}\n" for title, words in parts if words)
     text, order = numbered(text)
     head = f"# Methods of {source.study.name}\nWritten from the study file and the results. Check and shorten it.\n\n"
     listed = [f"{i}. {REFERENCES[key].line()}" for i, key in enumerate(order, start=1)]
     return as_bytes(head + text + "\n".join(["", "## References", *listed]) + "\n")
-
-
-def paragraph(text: str) -> str:
-    """What a result tells, as one paragraph of Markdown without elements and links: it may come from elsewhere."""
-    return one_line(text).replace("<", "&lt;").replace("](", "]\\(")
 
 
 def numbered(text: str) -> tuple[str, list[str]]:

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 
 from sinew.tasks.drawing import plots
-from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, Words, behind, number, plural, span, with_its_unit
+from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, behind, number, plural, span, with_its_unit
 from sinew.tasks.report.folder import ResultFolder
 from sinew.tasks.study.curves import POINTS, MeasuredCurve, MeasuredQuantity
 
-MOST_LINES = 40  # of a plot
 MOST_QUANTITIES = 20  # that have plots of their own
 AXES = {
     "time": "time (s)",
@@ -43,7 +42,7 @@ def section(found: ResultFolder) -> Section:
     curves = [(name, protocol, curve) for name, every in measured.items() for protocol, curve in every.items()]
     sites = sorted({name.rpartition("/")[0] for name in measured} - {""})
     protocols = list(dict.fromkeys(protocol for _, protocol, _ in curves))
-    drawn = protocols[:MOST_LINES]
+    drawn, more = plots.first(protocols, "protocols")
     largest = max(curve.total for *_, curve in curves)
     bars = {name: _geometry(found, name) for name in measured}
     sized = found.forces and any(map(_sizes, bars.values()))
@@ -56,12 +55,11 @@ def section(found: ResultFolder) -> Section:
     blocks: list[Block] = [
         plots.picked(
             "data-curves",
-            f"{what}, each at up to {plural(min(largest, POINTS), 'point')} that represent it.",
+            f"{what}, each at up to {plural(min(largest, POINTS), 'point')} that represent it.{more}",
             "Specimen",
             {name: _sources(every, drawn, bars[name]) for name, every in measured.items()},
             lambda sources: _draw(sources, drawn, across),
         ),
-        *([Words(f"Drawn are the first {MOST_LINES} of {len(protocols):,} protocols.")] if drawn != protocols else []),
         *([_beside(measured, drawn, quantities)] if quantities else []),
         _table(found, bars, quantities),
         *_read_from(measured),

@@ -65,7 +65,10 @@ def read_output(path: Path, output: Logged, max_bytes: int, end_s: float) -> tup
     if found[-1] < end_s - slack(end_s):
         raise Failed("bad_output", f"{output.name} ends at {found[-1]:g} s, the protocol at {end_s:g} s")
     ids = table[:, 0].reshape(found.size, -1)
-    if not (ids == ids[0]).all() or (output.ids and set(ids[0]) != set(output.ids)):
+    once = np.unique(ids[0])
+    if once.size != ids.shape[1]:
+        raise Failed("bad_output", f"{output.name}: {ids.shape[1]} lines a step, of {once.size} ids")
+    if not (ids == ids[0]).all() or (output.ids and set(once) != set(output.ids)):
         raise Failed("bad_output", f"{output.name}: logged for other ids than asked")
     return found, _reduced(output, found, table)
 
@@ -92,8 +95,10 @@ def _reduced(output: Logged, times: Array, table: Array) -> Array:
 def reduced(name: str, how: Reduce, scale: float, times: Array, values: Array) -> Array:
     """``scale`` times the ``values`` ``[t, n]`` of the output ``name``, reduced to ``[t]``.
 
-    Raises :class:`Failed` for what is not finite.
+    Raises :class:`Failed` for what is not finite, and for several values where there is to be a single one.
     """
+    if how == "single" and values.shape[1] != 1:
+        raise Failed("bad_output", f"{name}: {values.shape[1]} values a step in place of a single one")
     with np.errstate(over="ignore", invalid="ignore"):
         total = scale * _REDUCE[how](values, axis=1)
     if not np.isfinite(total).all():
@@ -131,10 +136,11 @@ def read_records(path: Path, max_bytes: int) -> tuple[Array, Array, bool]:
     if content and not content.endswith(b"\n"):
         raise Failed("bad_output", f"{path.name} ends in the middle of a line")
     _check_size(path, content)
+    content = _BLANK.sub(b"", content) if _BLANK.search(content) else content
     if _LATE_COMMENT.search(content):
         raise Failed("bad_output", f"{path.name} holds something else than numbers ('*' behind a number)")
     # whole-text operations: a loop over the lines of a long run takes as long as some solver runs
-    records = [record.count(b"\n") for record in content.split(b"*Step")[1:]]
+    records = [record.count(b"\n") - record.count(b"\n*") - 1 for record in content.split(b"*Step")[1:]]
     try:
         found = np.array([float(stamp) for stamp in _STAMP.findall(content)])
         table = pd.read_csv(BytesIO(content), comment="*", header=None, dtype=np.float64).to_numpy()
@@ -142,7 +148,8 @@ def read_records(path: Path, max_bytes: int) -> tuple[Array, Array, bool]:
         table = np.zeros((0, 1))
     except ValueError as error:
         raise Failed("bad_output", f"{path.name} holds something else than numbers ({error})") from None
-    return found, table, len(records) == found.size and len(set(records)) == 1
+    even = len(records) == found.size and len(set(records)) == 1 and sum(records) == len(table)
+    return found, table, even
 
 
 def _check_size(path: Path, content: bytes) -> None:
@@ -160,4 +167,5 @@ MAX_TEXT_BYTES = 2**28  # of numbers that are logged; plot files may be larger
 LONGEST_LINE, MAX_NUMBERS, MAX_STEPS = 10_000, 2**25, 10**6
 _NUMBERS = re.compile(rb"^[ \t]*+[^*\s][^\n]*+$", re.MULTILINE)  # a line that is neither blank nor a comment
 _LATE_COMMENT = re.compile(rb"^[ \t]*+[^*\s][^\n*]*+\*", re.MULTILINE)  # pandas would leave out what follows
+_BLANK = re.compile(rb"^[ \t]*+\n", re.MULTILINE)
 _STAMP = re.compile(rb"^\*Time\s*=\s*(\S+)$", re.MULTILINE)

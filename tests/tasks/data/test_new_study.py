@@ -125,3 +125,22 @@ def test_what_was_guessed_is_said(tmp_path):
     lines = list(describe([unknown]))
     assert lines[0] == "specimen T1: ? x 8 x 4 mm (length x width x thickness)"
     assert "strain" not in lines[2]
+
+
+def test_several_tests_in_one_file_are_said_to_be_of_several_specimens(tmp_path):
+    path = tmp_path / "both tests.csv"
+    block = "Time (s),Displacement (mm),Load (N)\n0,0,0\n1,1,5\n2,3,9\n"
+    path.write_text(f"{block}\n{block}")
+    recordings = read_recordings(path, Hints())
+    new = [
+        NewSpecimen(
+            Specimen(f"T{i}", 10.0, 8.0, 4.0, (curve_of(one, Bar(10.0, 8.0, 4.0), "test"),)),
+            (ReadFile(one, FileName(f"T{i}", "test")),), (), (),
+        )
+        for i, one in enumerate(recordings, 1)
+    ]  # fmt: skip
+    *_, line = describe(new)
+    assert line == (
+        f"{path}: its 2 tests are taken for those of 2 specimens; if all are of one specimen, make a cohort first: "
+        f"sinew import '{path}' --specimen NAME --out COHORT"
+    )

@@ -17,3 +17,9 @@ def test_of_very_many_things_the_first_can_be_picked(monkeypatch):
 def test_a_name_is_neither_html_nor_a_column_where_it_is_shown_at_the_pointer():
     assert plots.words("<b>@x{0} $y</b> & co") == "&lt;b&gt;&#64;x&#123;0} &#36;y&lt;/b&gt; &amp; co"
     assert plots.words("E_f") == "E_f"
+
+
+def test_of_very_many_things_the_first_are_drawn():
+    assert plots.first(range(40), "pairs") == (list(range(40)), "")
+    shown, words = plots.first({f"s{i}": i for i in range(1_041)}, "sites")
+    assert (len(shown), shown[-1], words) == (40, "s39", " Drawn are the first 40 of 1,041 sites.")

@@ -36,8 +36,12 @@ def test_what_differs_is_told_with_its_size(whole_run, run_folder, tmp_path):
     def changed(told):
         fit = told["specimens"]["distal/1"]
         name = fit["determined"][0]
-        low, high = told["bounds"][told["free"].index(name)]
+        place = told["free"].index(name)
+        low, high = told["bounds"][place]
         fit["parameters"][name] += 10 * fit["sd_of_range"][name] * (high - low)
+        told["bounds"][place] = [low - 10 * (high - low), high + 10 * (high - low)]
+        for each in told["specimens"].values():
+            each["sd_of_range"][name] /= 21
         told["names"].append("slack_stretch")
         for each in told["specimens"].values():
             each["parameters"]["slack_stretch"] = 1.0
@@ -136,7 +140,7 @@ def test_specimens_without_end_are_compared_in_time(whole_run, run_folder, tmp_p
     """The parameters of both are put side by side once, not once for each specimen."""
 
     def swollen(told):
-        told["free"] = [f"p{number}" for number in range(20_000)]
+        told["free"] = [f"p{number}" for number in range(1_000)]
         told["bounds"] = [[0.0, 1.0]] * len(told["free"])
         told["names"] = []
         fit = next(iter(told["specimens"].values()))
@@ -145,7 +149,7 @@ def test_specimens_without_end_are_compared_in_time(whole_run, run_folder, tmp_p
 
     def disjoint(told):
         swollen(told)
-        told["free"] = [f"q{number}" for number in range(20_000)]
+        told["free"] = [f"q{number}" for number in range(1_000)]
 
     other = tmp_path / "other"
     shutil.copytree(run_folder, other)

