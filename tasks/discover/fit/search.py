@@ -205,9 +205,9 @@ def _bare_again(
 
 
 def note_fit(workspace: Workspace, specimen: str, effects: Effects, fitted: Fitted) -> None:
-    """Show the best fit to a specimen so far; the loss of a true model is about the number of points."""
+    """Show the best fit to a specimen so far; the loss of a true model is about the number of residuals."""
     having = " + ".join(effect.name for effect in effects) or "the model as it is"
-    words = f"loss {fitted.loss:,.0f} with {having}; {fitted.points:,} points"
+    words = f"loss {fitted.loss:,.0f} with {having}; {fitted.points:,} residuals"
     workspace.note("discover", specimen, words, value=fitted.loss, points=fitted.points)
 
 

@@ -155,7 +155,7 @@ def _step(search: _Search, chosen: Effects) -> Effects | None:
 def _look_back(search: _Search, chosen: Effects) -> Effects:
     """What is left of a set when effects that are not worth their place are dropped, the least worth first."""
     while len(chosen) > 1:
-        losses = {form: sum(_losses(search, chosen, form)) for form in chosen[:-1]}
+        losses = {form: sum(each) for form, each in _losses(search, chosen, chosen[:-1]).items()}
         least = min(losses, key=lambda form: losses[form])
         if losses[least] >= MIN_KEPT:
             break
@@ -167,13 +167,22 @@ def _others(chosen: Effects, form: Effect) -> Effects:
     return tuple(other for other in chosen if other is not form)
 
 
-def _losses(search: _Search, chosen: Effects, form: Effect) -> list[float]:
-    """Twice the log evidence that each specimen loses without one of the effects."""
-    others, fits = _others(chosen, form), search.known[chosen]
-    if others:
-        starts = [(_without(search, chosen, form, one.fitted.at), one.sizes) for one in fits]
-        search.fitted({others: starts}, "without one of the effects")
-    return [less.evidence - one.evidence for less, one in zip(search.known[others], fits, strict=True)]
+def _losses(search: _Search, chosen: Effects, forms: Effects) -> dict[Effect, list[float]]:
+    """Twice the log evidence that each specimen loses without one of the effects, for some ``forms`` of them."""
+    fits = search.known[chosen]
+    starts: dict[Effects, list[tuple[Array, Array | None]]] = {
+        others: [(_without(search, chosen, form, one.fitted.at), one.sizes) for one in fits]
+        for form in forms
+        if (others := _others(chosen, form))
+    }
+    if starts:
+        search.fitted(starts, "without one of the effects")
+    return {
+        form: [
+            less.evidence - one.evidence for less, one in zip(search.known[_others(chosen, form)], fits, strict=True)
+        ]
+        for form in forms
+    }
 
 
 def _without(search: _Search, chosen: Effects, form: Effect, at: Array) -> Array:
@@ -207,7 +216,7 @@ def _result(search: _Search, chosen: Effects) -> Stepwise:
     """The effects with what each is worth, and their fits without a discrepancy."""
     if not chosen:
         return Stepwise((), tuple(search.candidates.bare), search)
-    worth = {form: _losses(search, chosen, form) for form in chosen}
+    worth = _losses(search, chosen, chosen)
     fits = _plain(search, [chosen, *(_others(chosen, form) for form in chosen)])
     members = tuple(
         Member(form, tuple(worth[form]), tuple(fits[_others(chosen, form)]), _pressed(search, chosen, form))
