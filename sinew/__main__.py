@@ -10,6 +10,10 @@ _INTERRUPTED = signal.getsignal(signal.SIGINT)  # ignored by commands that a she
 if _INTERRUPTED is signal.default_int_handler:
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C during the imports would print a traceback
 
+from sinew.runner.one_thread import use_one_thread  # noqa: E402
+
+use_one_thread()
+
 from sinew.runner.library_logs import let_libraries_log_to  # noqa: E402 - as the imports take their time
 from sinew.tasks.cli.main import main  # noqa: E402
 

@@ -10,14 +10,19 @@ from pathlib import Path
 from typing import Any
 
 import hypothesis
-import numpy as np
 import pytest
 
-from sinew.runner.cluster.client import open_client
-from sinew.tasks.model import Curve, Model, Protocol, Specimen
-from tests.shared_folders import made_once
-from tests.small_disk import unmount_below
-from tests.warm_workers import WarmWorkers
+from sinew.runner.one_thread import use_one_thread
+
+use_one_thread()  # as the command does
+
+import numpy as np  # noqa: E402
+
+from sinew.runner.cluster.client import open_client  # noqa: E402
+from sinew.tasks.model import Curve, Model, Protocol, Specimen  # noqa: E402
+from tests.shared_folders import made_once  # noqa: E402
+from tests.small_disk import unmount_below  # noqa: E402
+from tests.warm_workers import WarmWorkers  # noqa: E402
 
 pytest_plugins = ("tests.batch.plugin",)
 

@@ -2,6 +2,7 @@
 
 from sinew.runner.errors import ClusterError
 from sinew.runner.files import temporary_folder
+from sinew.runner.one_thread import ONE_THREAD
 
 WAIT_FOR_WORKERS_S = 120.0
 _PAGES = ("scheduler.prometheus", "scheduler.info", "scheduler.json", "health", "statics")
@@ -27,7 +28,6 @@ SETTINGS = {
     # Dask's own without its proxy, by which anyone who reaches the dashboard would reach other ports
     "distributed.scheduler.http.routes": [f"distributed.http.{name}" for name in _PAGES],
 }
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 # glibc gives large arrays back to the system at once, by default, and takes new pages for the next: a third of all time
 KEEP_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(32 * 2**20), "MALLOC_TRIM_THRESHOLD_": str(256 * 2**20)}  # bytes
 # workers import nothing from the folder that they start in: it may be that of a study which somebody else wrote

@@ -63,9 +63,10 @@ def bound_advice(result: CalibrateResult) -> str:
     zero = [name for name in names if result.often_at_zero(name)]
     sentences = [often_on_bound(result)]
     if len(zero) < len(names):
+        widen = listed([name for name in names if name not in zero], len(names))
         sentences.append(
-            "Widen the range (model.parameters in the study file) where it is a guess; where it is certain, the "
-            "model lacks something."
+            f"Widen the range of {widen} (model.parameters in the study file) where it is a guess; where it is "
+            "certain, the model lacks something."
         )
     if zero:
         sentences.append(f"{', '.join(zero)}: at 0 or next to it, the lower end of its range: the fits do without it.")

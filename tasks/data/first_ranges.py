@@ -38,13 +38,15 @@ SAMPLES = 2.0  # that the smallest relaxation time lasts at least
 class FirstRanges:
     """The ``model`` of a new study, and what a person should know about its ranges, line by line.
 
-    ``scaled``: its ranges are not the published ones. ``unseen``: parameters on which no force of the tests depends.
+    ``scaled``: its ranges are not the published ones; ``only_times``: but for the relaxation times they are.
+    ``unseen``: parameters on which no force of the tests depends.
     """
 
     model: Model
     lines: tuple[str, ...]
     scaled: bool = False
     unseen: tuple[str, ...] = ()
+    only_times: bool = False
 
 
 def first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen] = ()) -> FirstRanges:
@@ -88,17 +90,20 @@ def _first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen]) -> 
     reaches = [each for one in chosen for each in reach(simulator, model, one)]
     if not reaches:
         line = "ranges: those of human tendon; once all sizes are filled in, a run checks that they reach the forces"
-        return FirstRanges(model, (line, *timed), scaled=bool(timed))
+        return FirstRanges(model, (line, *timed), scaled=bool(timed), only_times=True)
     if all(each.other_sign for each in reaches):
         line = "ranges: those of human tendon, which give forces of the other sign; tension is positive"
-        return FirstRanges(model, (f"{line}, so look at the machine's sign", *timed), scaled=bool(timed))
+        return FirstRanges(
+            model, (f"{line}, so look at the machine's sign", *timed), scaled=bool(timed), only_times=True
+        )
     squeezed = all(is_compression(curve.protocol) for one in chosen for curve in one.curves)
     strains = [one.stretch(curve.protocol) - 1.0 for one in chosen for curve in one.curves]
     strain = max(float(each.max()) for each in strains)
-    far = out_of_reach(reaches)
+    far = [one for one in reaches if not one.ratios[0] <= 1.0 <= one.ratios[1]]
     if not squeezed and strain <= EXTENSIBLE and not far:
         line = "ranges: those of human tendon (Pekedis 2025), which reach the measured forces"
-        return _without_unseen(simulator, model, chosen, [line, *timed], scaled=bool(timed))
+        found = _without_unseen(simulator, model, chosen, [line, *timed], scaled=bool(timed))
+        return replace(found, only_times=True)
     because = [f"strain {100 * min(e.min() for e in strains):.3g} to {100 * strain:.3g} %"]
     because += [words(max(far, key=lambda one: one.distance))] if far else []
     lines = [f"ranges: scaled to these tests, as those of human tendon do not fit ({'; '.join(because)})"]

@@ -135,7 +135,9 @@ def _without_unit(recording: Recording) -> Iterator[str]:
     """A note on each size that a file tells without a unit, which is not taken."""
     for name, size in recording.sizes.items():
         if not size.has_unit and size.text:
-            yield f"{recording.path.name} tells a {name} of {shown(size.text)} without a unit, which is not taken"
+            told = f"{recording.path.name} tells a {name} of {shown(size.text)} without a unit, which is not taken"
+            option = f"--{name}-mm {size.mm:g}" if size.mm is not None and name != "area" else ""
+            yield f"{told}; if it is in mm: {option}" if option else told
 
 
 def with_first_length(

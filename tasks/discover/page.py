@@ -12,6 +12,7 @@ from sinew.tasks.discover.follow_up import Part
 from sinew.tasks.discover.judge.confidence import in_words
 from sinew.tasks.discover.result import CandidateResult, DiscoverResult, Estimate
 from sinew.tasks.discover.show import (
+    FAR_BEYOND_NOISE,
     UNLIKELY,
     clipped,
     held_out,
@@ -21,10 +22,12 @@ from sinew.tasks.discover.show import (
     only_describes,
     stack_of,
     standing,
+    times_the_noise,
     unlikely,
+    wrong_one,
 )
 from sinew.tasks.drawing import plots
-from sinew.tasks.drawing.blocks import Block, Code, Facts, Plot, Plots, Section, Table, Words, number, percent
+from sinew.tasks.drawing.blocks import Block, Code, Facts, Plot, Plots, Section, Table, Words, listed, number, percent
 from sinew.tasks.drawing.figures import COLOURS
 from sinew.tasks.drawing.thinning import drawn_points
 from sinew.tasks.model import Protocol, file_name
@@ -32,8 +35,9 @@ from sinew.tasks.report.folder import ResultFolder
 
 NAME = "discovery"
 POINTS = 800  # of a curve
+SLOW = 0.99  # correlation of the noise of neighbouring points, from which on noise and shape cannot be told apart
 MEANING = {
-    "NONE": "Nothing disagrees beyond chance, and no effect improves the fit clearly.",
+    "NONE": "Nothing disagrees far beyond chance, and no effect improves the fit clearly.",
     "NAMED": "The named effects explain the disagreement, nothing else does as well, and they predict unseen data.",
     "PARTLY": "The named effects are certainly missing. They do not explain all of the disagreement.",
     "AMBIGUOUS": "The data cannot tell a set of effects apart, or the best one fails a check.",
@@ -102,6 +106,9 @@ def _verdict(result: DiscoverResult) -> Facts:
                      f"{worst.curves[1]}"))  # fmt: skip
     noise = [f"{name} {noise_words(one)}" for name, one in result.noise.items()]
     rows.append(("noise (standard deviation)", ", ".join(noise)))
+    if slow := [name for name, one in result.noise.items() if one.ar1 >= SLOW]:
+        words = f"that of {listed(slow)} changes so slowly that it may hold a part of what the model lacks"
+        rows.append(("mind the noise", words))
     return Facts(rows)
 
 
@@ -259,18 +266,18 @@ def _in_place(part: Part) -> str:
 
 def _others(result: DiscoverResult) -> list[Block]:
     """Parameters of the effects, and what goes with the verdict."""
-    given = not only_describes(result)
+    given = times_the_noise(result) <= FAR_BEYOND_NOISE
     blocks: list[Block] = [] if result.judged is None else [_parameters(result.judged, intervals=given)]
     if result.outside:
         nearest = result.outside.similar[0]
-        lines = [f"What is left looks most like {nearest.effect} (cosine {nearest.cosine:.2f}). That is a "
-                 "description, no mechanism."]  # fmt: skip
+        like = f"looks most like {nearest.effect} (cosine {nearest.cosine:.2f})"
+        lines = [f"What the model as it is leaves {like}. That is a description, no mechanism."]
         lines += [f"{one.specimen}: {one.sentence}" for one in result.outside.corrections]
         blocks += [Words(line, "note") for line in lines]
     blocks += _law(result)
     if experiment := result.next_experiment:
         words = (
-            f"What would tell: {experiment.name} ({experiment.words}). Then the wrong one is off by up to "
+            f"What would tell: {experiment.name} ({experiment.words}). Then {wrong_one(experiment)} is off by up to "
             f"{experiment.newtons:.1f} N, {experiment.at_s:.0f} s into the test."
         )
         blocks.append(Words(words, "note"))

@@ -10,13 +10,15 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from sinew.runner.console import Console
-from sinew.tasks.discover.follow_up import Part
+from sinew.tasks.discover.follow_up import NextExperiment, Part
 from sinew.tasks.discover.judge.confidence import in_words
 from sinew.tasks.discover.result import NAMES, CandidateResult, DiscoverResult, NoiseLevel
 from sinew.tasks.drawing.blocks import listed, number, percent
 
 SHOWN = 6  # candidates
-FAR = 5.0  # times the noise: cases whose names were true left at most 4.8, real skin whose names are not stable 12
+FAR_BEYOND_NOISE = (
+    5.0  # times the noise: cases whose names were true left at most 4.8, real skin whose names are not stable 12
+)
 UNLIKELY = 0.001  # p value below which a conflict of the protocols is reported
 
 
@@ -62,16 +64,16 @@ def clipped(share: float) -> float:
 
 
 def times_the_noise(result: DiscoverResult) -> float:
-    """What the named effects leave of the measured forces, root mean square in times of the noise; 0 without names."""
+    """What the candidate of the verdict leaves of the forces, root mean square in times of the noise; 0 without one."""
     judged = result.judged
-    if judged is None or result.verdict not in NAMES:
+    if judged is None:
         return 0.0
     return float(np.sqrt(judged.loss / result.null.floor))
 
 
 def only_describes(result: DiscoverResult) -> bool:
     """Whether the named effects leave so much that they describe these curves only, not the tissue."""
-    return times_the_noise(result) > FAR
+    return result.verdict in NAMES and times_the_noise(result) > FAR_BEYOND_NOISE
 
 
 def standing(part: Part, result: DiscoverResult) -> str:
@@ -138,7 +140,10 @@ def summary(result: DiscoverResult, folder: Path, console: Console) -> None:
     grid = Grid(
         "candidate", "gain", "explained", "held-out gain", "on a bound", title="Candidates, the largest gain first"
     )
-    for one in result.candidates[:SHOWN]:
+    shown = result.candidates[:SHOWN]
+    if result.judged is not None and result.judged not in shown:
+        shown = (*shown[:-1], result.judged)
+    for one in shown:
         explained = "" if one.explained is None else percent(one.explained)
         grid.add_row(one.name, _whole(one.gain), explained, held_out(one), " ".join(one.on_bound))
     console.print(grid)
@@ -187,7 +192,7 @@ def _outside_lines(result: DiscoverResult) -> Iterator[str]:
     if result.outside:
         nearest = result.outside.similar[0]
         yield (
-            f"what is left looks most like {nearest.effect} (cosine {nearest.cosine:.2f} of at most "
+            f"what the model as it is leaves looks most like {nearest.effect} (cosine {nearest.cosine:.2f} of at most "
             f"{result.outside.largest_cosine:.2f}); a description, no mechanism:"
         )
         yield from (f"  {one.specimen}: {one.sentence}" for one in result.outside.corrections)
@@ -210,11 +215,16 @@ def _next_lines(result: DiscoverResult, folder: Path) -> Iterator[str]:
     """The experiment to do next, or the study with the effects."""
     if experiment := result.next_experiment:
         yield (
-            f"what would tell: {experiment.name} ({experiment.words}); then the wrong one is off by up to "
+            f"what would tell: {experiment.name} ({experiment.words}); then {wrong_one(experiment)} is off by up to "
             f"{experiment.newtons:.1f} N, {experiment.at_s:.0f} s into the test"
         )
     if result.model:
         yield f"the study with it: {folder / result.model.path}\n{result.model.difference}"
+
+
+def wrong_one(experiment: NextExperiment) -> str:
+    """What a test that tells two candidates apart is off by, if it is wrong: either of them, or the bare model."""
+    return "the wrong one" if experiment.pair.other and experiment.pair.truth else "the model without it"
 
 
 def noise_words(level: NoiseLevel) -> str:

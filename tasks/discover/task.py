@@ -6,6 +6,9 @@ with the effect in its model. The store keeps the curves of each specimen, ``dis
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
 
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation.adaptive import Session
@@ -52,6 +55,7 @@ from sinew.tasks.discover.result import (
 )
 from sinew.tasks.discover.settings import Settings
 from sinew.tasks.model import Specimen
+from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.build import febio_of
 from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
@@ -97,7 +101,12 @@ class Findings:
             located=any(cell.beyond_chance for cell in cells),
             surely=any(cell.far_beyond_chance for cell in cells),
             trusted=all(ended),
+            cornered=_most([_most(one.pressed) for one in self.candidates.bare]),
         )
+
+
+def _most(flags: Sequence[Any] | Array) -> bool:
+    return 2 * int(np.sum(flags)) > len(flags)
 
 
 def run(workspace: Workspace, settings: Settings) -> DiscoverResult:

@@ -24,11 +24,11 @@ from sinew.tasks.fitting.discrepancy import WIDTH
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
-from sinew.tasks.model.phases import phases
+from sinew.tasks.model.phases import is_compression, phases
 from sinew.tasks.model.protocols import HOLD_S, STRAIN_RATE
 from sinew.tasks.simulate import Array
 
-COMPRESSED = 0.01  # strain below the gauge length
+COMPRESSED = 0.01  # strain below the gauge length, or above it after a compression
 OPEN = 0.9  # of the spread before anything was measured: such a parameter was not seen
 REST_S = 600.0
 CYCLES, FAST_CYCLES, STEPS = 30, 10, 5
@@ -48,7 +48,7 @@ class Rival:
 
 @dataclass(frozen=True)
 class Usual:
-    """What was done so far: largest strain, strain rate (1/s), longest hold (s), sampling interval (s)."""
+    """What was done so far: largest strain (below 0: pressed), rate (1/s), longest hold (s), sampling interval (s)."""
 
     strain: float
     rate: float
@@ -169,9 +169,10 @@ def usual(specimens: Sequence[Specimen]) -> Usual:
                 if phase.kind == "hold":
                     longest.append(lasts)
                 elif phase.kind == "load":
-                    rates.append(float(strain[phase.stop - 1] - strain[phase.start]) / lasts)
-        strains.append(max(float(curve.protocol.displacement_mm.max()) for curve in specimen.curves))
-        strains[-1] /= specimen.length_mm
+                    rates.append(abs(float(strain[phase.stop - 1] - strain[phase.start])) / lasts)
+        moved = np.concatenate([curve.protocol.displacement_mm for curve in specimen.curves])
+        squeezed = all(is_compression(curve.protocol) for curve in specimen.curves)
+        strains.append(float(moved.min() if squeezed else moved.max()) / specimen.length_mm)
         holds += [max(longest)] if longest else []
     return Usual(
         float(np.median(strains)),
@@ -182,22 +183,26 @@ def usual(specimens: Sequence[Specimen]) -> Usual:
 
 
 def menu(known: Usual) -> tuple[Test, ...]:
-    """Tests that a machine can do that did what is ``known``."""
+    """Tests that a machine can do that did what is ``known``; none where nothing moved."""
     s, r, h = known.strain, known.rate, known.hold_s
-    to, hold = f"stretch to {_percent(s)} strain at {_percent(r)} per second", f"hold for {h:.0f} s"
-    faster, slower = (f"stretch to {_percent(s)} strain at {_percent(one)} per second" for one in (10 * r, r / 10))
+    if not s or not r:
+        return ()
+    verb, squeezed = ("compress", True) if s < 0.0 else ("stretch", False)
+    to, hold = f"{verb} to {_percent(s)} strain at {_percent(r)} per second", f"hold for {h:.0f} s"
+    faster, slower = (f"{verb} to {_percent(s)} strain at {_percent(one)} per second" for one in (10 * r, r / 10))
     back = f"back to the gauge length at {_percent(r)} per second"
     up, down = Leg(s, r), Leg(0.0, r)
     steps = tuple(Leg(s * i / STEPS, r, h / STEPS) for i in range(1, STEPS + 1))
     once = (Leg(s, r, h), down)
+    beyond = COMPRESSED if squeezed else -COMPRESSED
     tests = (
         ("the usual test again", f"{to}, {hold}, {back}", once),
         ("faster ramp", f"{faster}, {hold}", (Leg(s, 10 * r, h),)),
         ("slower ramp", f"{slower}, {hold}", (Leg(s, r / 10, h),)),
         ("longer hold", f"{to}, hold for {5 * h:.0f} s", (Leg(s, r, 5 * h),)),
         (
-            "larger stretch",
-            f"stretch to {_percent(1.25 * s)} strain at {_percent(r)} per second, {hold}, {back}",
+            "larger compression" if squeezed else "larger stretch",
+            f"{verb} to {_percent(1.25 * s)} strain at {_percent(r)} per second, {hold}, {back}",
             (Leg(1.25 * s, r, h), down),
         ),
         ("many cycles", f"{CYCLES} times: {to}, {back}, without pauses", (up, down) * CYCLES),
@@ -207,17 +212,17 @@ def menu(known: Usual) -> tuple[Test, ...]:
             (Leg(s, 10 * r), Leg(0.0, 10 * r)) * FAST_CYCLES,
         ),
         (
-            "compression",
-            f"{to}, unload at the same rate beyond the gauge length to {_percent(-COMPRESSED)} strain, "
+            "tension" if squeezed else "compression",
+            f"{to}, unload at the same rate beyond the gauge length to {_percent(beyond)} strain, "
             f"hold for {h / 10:.0f} s, return to the gauge length",
-            (up, Leg(-COMPRESSED, r, h / 10), down),
+            (up, Leg(beyond, r, h / 10), down),
         ),
         (
             "rest and repetition",
             f"{to}, {hold}, {back}, rest there for {REST_S:.0f} s, then the same once more",
             (Leg(s, r, h), Leg(0.0, r, REST_S), Leg(s, r, h), down),
         ),
-        ("five steps", f"stretch in {STEPS} steps to {_percent(s)} strain at {_percent(r)} per second, hold for "
+        ("five steps", f"{verb} in {STEPS} steps to {_percent(s)} strain at {_percent(r)} per second, hold for "
          f"{h / STEPS:.0f} s after each", steps),
         (
             "recovery",

@@ -23,6 +23,8 @@ What the verdict is (:func:`verdict`), the first condition that holds:
 ====  =============================================================================================  =========
 rule  condition                                                                                      verdict
 ====  =============================================================================================  =========
+0     the criterion improves by less than 20, no cell disagrees far beyond chance, and most          AMBIGUOUS
+      parameters of the bare model are pressed against the ends of their ranges
 1     the criterion improves by less than 20, and no cell disagrees beyond chance                    NONE
 2     it improves by less than 20, and no cell disagrees far beyond chance                           NONE
 3     it improves by less than 20, and no two fits of the bare model agree                           AMBIGUOUS
@@ -69,13 +71,15 @@ class Evidence:
     """What the rules look at: the scores, and what is known of the bare model.
 
     ``located``: some cell disagrees beyond chance; ``surely``: far beyond it. ``trusted``: its fits were found from
-    more than one start; otherwise the misfit may be that of a poor fit.
+    more than one start; otherwise the misfit may be that of a poor fit. ``cornered``: the data press most of its
+    parameters against the ends of their ranges.
     """
 
     scores: Scores
     located: bool
     surely: bool
     trusted: bool = True
+    cornered: bool = False
 
 
 @dataclass(frozen=True)
@@ -192,7 +196,10 @@ def _ruled(best: Score, evidence: Evidence) -> Verdict:
 
 
 def _no_effect_helps(evidence: Evidence) -> Verdict:
-    """Rules 1 to 4."""
+    """Rules 0 to 4."""
+    if evidence.cornered and not evidence.surely:
+        why = "most parameters of the model as it is are pressed against the ends of their ranges: widen these"
+        return Verdict("AMBIGUOUS", why=why)
     if not evidence.located:
         return Verdict("NONE", why="no cell disagrees beyond chance, and no effect improves the fit clearly")
     if not evidence.surely:

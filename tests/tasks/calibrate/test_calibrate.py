@@ -119,7 +119,7 @@ def test_a_parameter_that_is_often_on_a_bound_is_named_with_advice():
     names = {"E_f": 1.0, "g_1f": 1.0, "nu_m": 0.3}
     ends = [(["E_f", "nu_m"], ["E_f"]), (["E_f", "g_1f"], ["E_f", "g_1f"]), ([], ["E_f", "g_1f"])]
     specimens = {str(i): fit_of(names, on_bound=on, determined=known) for i, (on, known) in enumerate(ends)}
-    assert "specimens or more: E_f. Widen the range (model.parameters" in bound_advice(calibration_of(specimens))
+    assert "specimens or more: E_f. Widen the range of E_f (model.parameters" in bound_advice(calibration_of(specimens))
     assert bound_advice(calibration_of({"2": specimens["2"]})) == ""
 
 

@@ -148,6 +148,6 @@ def test_a_size_without_a_unit_is_told_whatever_is_given(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("Durchmesser : 100.1\nTime (s),Extension (mm),Load (N)\n0,0,0\n1,0.1,5\n2,0.2,9\n")
     (recording,) = read_recordings(path, Hints())
-    said = "a.csv tells a diameter of '100.1' without a unit, which is not taken"
+    said = "a.csv tells a diameter of '100.1' without a unit, which is not taken; if it is in mm: --diameter-mm 100.1"
     assert said in known_sizes("a", [recording], Sizes()).notes
     assert known_sizes("a", [recording, recording], Sizes(20.0, 10.0, 10.0)).notes == (said,)

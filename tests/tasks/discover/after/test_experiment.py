@@ -1,6 +1,7 @@
 """The test that tells two models apart is found, and does what was promised when the truth is simulated."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -138,6 +139,26 @@ def test_a_test_that_no_model_can_be_pulled_through_is_left_out():
     measured, rivals = both(model, ("fiber-compression",), {"compressed_part": 0.3}, [()], [FIRST])
     burst = Test("burst", "", (Leg(1e140, 1e139),), INTERVAL_S)
     assert next_experiment(model, rivals, [measured], [burst]) is None
+
+
+def test_tests_of_a_compression_press_again():
+    """Its loading makes the specimen shorter: rates are above 0, strains below."""
+    ramp = one_step(20.0, 4.0)
+    curves = (Curve(replace(ramp, displacement_mm=-ramp.displacement_mm), np.zeros(ramp.time_s.size)),)
+    known = usual([Specimen("one", 20.0, 8.0, 4.0, curves)])
+    assert known.strain == pytest.approx(-ramp.displacement_mm.max() / 20.0)
+    assert known.rate > 0.0
+    tests = {test.name: test for test in menu(known)}
+    assert tests["larger compression"].protocol(20.0).displacement_mm.min() == pytest.approx(
+        25.0 * known.strain, rel=1e-3
+    )
+    assert tests["tension"].protocol(20.0).displacement_mm.max() == pytest.approx(0.2, rel=1e-2)
+    assert all(test.protocol(20.0).time_s.size > 3 for test in tests.values())
+    assert tests["faster ramp"].words.startswith("compress to -4 % strain at 5.9")
+
+
+def test_there_is_no_test_where_nothing_moved():
+    assert menu(Usual(0.0, 0.006, 200.0, 0.25)) == ()
 
 
 def test_tests_are_built_from_what_was_done():

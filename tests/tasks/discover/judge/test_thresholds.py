@@ -210,3 +210,12 @@ def test_a_small_misfit_that_no_cell_shows_is_doubted():
 def test_where_no_effect_helps_the_reason_is_said(about, word, why):
     found = judged(candidate("lag", 5170.0), **about)
     assert (found.word, found.why) == (word, why)
+
+
+def test_a_model_in_the_corner_of_its_ranges_is_not_said_to_be_complete():
+    weak = candidate("lag", 5170.0)
+    assert judged(weak, located=False, surely=False).word == "NONE"
+    found = judged(weak, located=False, surely=False, cornered=True)
+    assert found.word == "AMBIGUOUS" and "against the ends of their ranges: widen these" in found.why
+    assert judged(weak, located=True, surely=True, cornered=True).word == "OUTSIDE"
+    assert judged(LAG, cornered=True).word == "NAMED", "an effect may be what presses them"
