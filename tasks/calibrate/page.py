@@ -62,13 +62,14 @@ def section(found: ResultFolder) -> Section:
     if len(specimens) > 1:
         blocks.append(_parameters(result))
     blocks += [_search(result), _table(result)]
+    some = " in some specimens" if len(specimens) > 1 else ""
     above = [fit.above_noise for fit in specimens.values() if fit.above_noise is not None]
     bounds = sorted({name for fit in specimens.values() for name in fit.on_bound})
     free = [name for name in result.free if any(name not in fit.determined for fit in specimens.values())]
     middle = float(np.median([fit.total for fit in specimens.values()]))
-    ends = f"median objective {in_words([middle], list(specimens.values()))}"
+    ends = f"{'median ' if some else ''}objective {in_words([middle], list(specimens.values()))}"
     if above:
-        ends += f", {times(float(np.median(above)))} times what noise alone would leave (median)"
+        ends += f", {times(float(np.median(above)))} times what noise alone would leave{' (median)' if some else ''}"
     if len(above) < len(specimens):
         ends += f"; the curves of {plural(len(specimens) - len(above), 'specimen')} do not tell their noise"
     return Section(
@@ -77,8 +78,8 @@ def section(found: ResultFolder) -> Section:
         question,
         blocks,
         found=f"{plural(len(specimens), 'specimen')}: {ends}",
-        sure=(f"not determined in some specimens: {listed(free)}" if free else "all parameters are determined"),
-        failed=f"on a bound in some specimens: {listed(bounds)}" if bounds else "",
+        sure=(f"not determined{some}: {listed(free)}" if free else "all parameters are determined"),
+        failed=f"on a bound{some}: {listed(bounds)}" if bounds else "",
     )
 
 

@@ -51,7 +51,8 @@ def in_words(totals: Sequence[float], fits: Sequence[SpecimenFit]) -> str:
 def often_on_bound(result: CalibrateResult) -> str:
     """Which parameters are often on a bound; empty where there are none."""
     names = ", ".join(result.often_on_bound)
-    where = "Determined by the curves, and at an end of their range in half of the specimens or more"
+    often = " in half of the specimens or more" if len(result.specimens) > 1 else ""
+    where = f"Determined by the curves, and at an end of their range{often}"
     return f"{where}: {names}." if names else ""
 
 

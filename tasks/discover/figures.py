@@ -82,7 +82,8 @@ def before_and_after(kept: xr.Dataset, result: DiscoverResult, specimen: str) ->
             axes[-1, column].set_xlabel("time (s)")
         axes[0, 0].set_ylabel("force (N)")
         for row, (label, _) in enumerate(models.values(), start=1):
-            axes[row, 0].set_ylabel(f"measured less\n{label} (N)", fontsize=8)
+            axes[row, 0].set_ylabel("measured less\nmodel (N)", fontsize=8)
+            axes[row, 0].set_title(label, loc="left", fontsize=8)
         largest = max(float(np.abs(line.get_ydata()).max()) for a in axes[1:].flat for line in a.lines[:1])
         for axis in axes[1:].flat:  # the same scale, so that the eye compares
             axis.set_ylim(-1.08 * largest, 1.08 * largest)

@@ -37,7 +37,7 @@ from sinew.tasks.discover.fit.specimen_fits import (
 from sinew.tasks.discover.follow_up import AddedModel, NextExperiment, Outside, Part, Remainder
 from sinew.tasks.discover.judge.confidence import confidence
 from sinew.tasks.discover.judge.partly import partly
-from sinew.tasks.discover.judge.rules import Evidence, Verdict, rivals, verdict
+from sinew.tasks.discover.judge.rules import Evidence, Verdict, next_best, rivals, verdict
 from sinew.tasks.discover.judge.scores import Score, Scores, misfit_by_chance
 from sinew.tasks.discover.measure.cells import located_part, misfit_map
 from sinew.tasks.discover.measure.conflict import conflict, together
@@ -366,11 +366,11 @@ def _intervals(workspace: Workspace, findings: Findings, shown: Effects) -> Mapp
 
 
 def _experiment(workspace: Workspace, findings: Findings, judged: Score) -> NextExperiment | None:
-    """The experiment that separates the rivals; without rivals, the best candidate from the bare model."""
+    """The experiment that separates the rivals; without rivals, the best candidate from the next best."""
     candidates = findings.candidates
-    close = rivals(candidates.scores, judged)
-    several = [candidates.effects_of(one) for one in (judged, *close[: MAX_RIVALS - 1])]
-    models = [(effects, candidates.with_bare[effects]) for effects in (several if close else [*several, ()])]
+    close = rivals(candidates.scores, judged)[: MAX_RIVALS - 1] or [next_best(candidates.scores, judged)]
+    several = [candidates.effects_of(one) for one in (judged, *close)]
+    models = [(effects, candidates.with_bare[effects]) for effects in several]
     return telling_experiment(workspace, findings.cohort, models, "the experiment that would tell")
 
 

@@ -221,6 +221,12 @@ def rivals(scores: Scores, best: Score) -> list[Score]:
     ]
 
 
+def next_best(scores: Scores, best: Score) -> Score:
+    """The best of the other candidates with as many effects; the bare model where there is none."""
+    others = (one for one in scores.candidates if one is not best and len(one.effects) == len(best.effects))
+    return min(others, key=lambda one: one.criterion, default=scores.bare)
+
+
 def failed_checks(best: Score) -> Iterator[str]:
     """Why the best candidate is not to be named after all.
 

@@ -121,6 +121,8 @@ def test_a_parameter_that_is_often_on_a_bound_is_named_with_advice():
     specimens = {str(i): fit_of(names, on_bound=on, determined=known) for i, (on, known) in enumerate(ends)}
     assert "specimens or more: E_f. Widen the range of E_f (model.parameters" in bound_advice(calibration_of(specimens))
     assert bound_advice(calibration_of({"2": specimens["2"]})) == ""
+    one = bound_advice(calibration_of({"0": specimens["0"]}))
+    assert one.startswith("Determined by the curves, and at an end of their range: E_f. Widen the range of E_f (")
 
 
 def test_a_parameter_at_zero_is_not_to_be_widened():
@@ -131,7 +133,7 @@ def test_a_parameter_at_zero_is_not_to_be_widened():
     above = {"1": replace(at_zero["1"], parameters={"E_f": 10.0, "g_1f": 1.0})}
     assert "Widen the range" in bound_advice(replace(found, specimens=above, bounds=[(10.0, 300.0), (0.0, 1.0)]))
     both = {"1": replace(at_zero["1"], on_bound=["E_f", "g_1f"])}
-    assert "E_f, g_1f. Widen the range" in bound_advice(replace(found, specimens=both))
+    assert "E_f, g_1f. Widen the range of g_1f (" in bound_advice(replace(found, specimens=both)), "E_f is at 0"
 
 
 def test_the_store_does_not_depend_on_where_rows_are_evaluated(study, tmp_path, monkeypatch):

@@ -7,7 +7,15 @@ from dataclasses import replace
 
 import pytest
 
-from sinew.tasks.discover.judge.rules import Evidence, Verdict, leading, rivals, second_effect_possible, verdict
+from sinew.tasks.discover.judge.rules import (
+    Evidence,
+    Verdict,
+    leading,
+    next_best,
+    rivals,
+    second_effect_possible,
+    verdict,
+)
 from sinew.tasks.discover.judge.scores import Score, Scores
 from sinew.tasks.discover.result import Gain, InPlace
 
@@ -219,3 +227,9 @@ def test_a_model_in_the_corner_of_its_ranges_is_not_said_to_be_complete():
     assert found.word == "AMBIGUOUS" and "against the ends of their ranges: widen these" in found.why
     assert judged(weak, located=True, surely=True, cornered=True).word == "OUTSIDE"
     assert judged(LAG, cornered=True).word == "NAMED", "an effect may be what presses them"
+
+
+def test_the_next_best_has_as_many_effects():
+    pair = candidate("lag slip", 100.0)
+    assert next_best(Scores(BARE, (LAG, SLIP, candidate("drift", 4000.0), pair), NOISE), LAG) == SLIP
+    assert next_best(Scores(BARE, (LAG, pair), NOISE), LAG) == BARE
