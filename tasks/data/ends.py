@@ -7,8 +7,9 @@ import numpy as np
 
 from sinew.tasks.data.breaks import break_of
 from sinew.tasks.data.length_columns import Repeats
+from sinew.tasks.data.quantities import LENGTH, POSITION, STRETCH
 from sinew.tasks.data.questions import Doubt
-from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.recordings import FEWEST_ROWS, Recording
 from sinew.tasks.data.signs import BASE_UNITS
 from sinew.tasks.drawing.blocks import number
 from sinew.tasks.model import Curve, Protocol
@@ -50,15 +51,17 @@ def without_end(recording: Recording) -> Recording:
 
 
 def _end_of(recording: Recording) -> End | None:
-    """The first break or jump; None where there is none, and where times do not increase."""
+    """The first break or jump; None where there is none, where times do not increase, or next to nothing is before."""
     if (np.diff(recording.numbers[:, 0]) <= 0).any():
         return None
-    found = [one for one in (_break_of(recording), _jump_of(recording)) if one is not None]
+    found = [one for one in (_break_of(recording), _jump_of(recording)) if one and one.row + 1 >= FEWEST_ROWS]
     return min(found, key=lambda one: one.row, default=None)
 
 
 def _break_of(recording: Recording) -> End | None:
     time_s, moved, load = recording.numbers.T
+    if recording.motion.quantity in (LENGTH, POSITION, STRETCH):
+        moved = moved - moved[0]
     rows = break_of(Curve(Protocol("test", time_s, moved), load))
     if rows is None:
         return None

@@ -99,7 +99,8 @@ def _first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen]) -> 
     squeezed = all(is_compression(curve.protocol) for one in chosen for curve in one.curves)
     strains = [one.stretch(curve.protocol) - 1.0 for one in chosen for curve in one.curves]
     strain = max(float(each.max()) for each in strains)
-    far = [one for one in reaches if not one.ratios[0] <= 1.0 <= one.ratios[1]]
+    peaks = {one.specimen: one for one in sorted(reaches, key=lambda one: abs(one.measured_N))}.values()
+    far = out_of_reach(reaches) or [one for one in peaks if not one.ratios[0] <= 1.0 <= one.ratios[1]]
     if not squeezed and strain <= EXTENSIBLE and not far:
         line = "ranges: those of human tendon (Pekedis 2025), which reach the measured forces"
         found = _without_unseen(simulator, model, chosen, [line, *timed], scaled=bool(timed))

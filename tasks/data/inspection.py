@@ -99,9 +99,9 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         one_below = 1
     below, times = _below(table, columns, numbers[:rows, 0], hints)
     recordings, refusal = ((), ()) if problems or times else _as_read(source, hints)
-    for size in SIZES if len(recordings) > 1 else ():  # a table of results may have a row for each
-        if values[size] is None and not (doubt and size == "length") and size in recordings[0].sizes:
-            values[size] = recordings[0].sizes[size].mm
+    if len(recordings) > 1:  # a table of results may have a row for each
+        known = {name: size.mm for name, size in recordings[0].sizes.items() if not (doubt and name == "length")}
+        values = _with_area({name: known.get(name) if mm is None else mm for name, mm in values.items()})
     told = [as_told(one, hints) for one in recordings]
     notes = tuple(dict.fromkeys(remark for one in told for remark in (*remarks(one), *first_length(one, reading))))
     if recordings and columns[0] is None:  # a person has told how times run
@@ -209,12 +209,17 @@ def _sizes(
         first, end = (zero, None) if hints.preload == "leave-out" else (0, zero or None)
         beside_it = length_beside(table, numbers[first:end, 1], first)
         values["length"] = None if beside_it is None else beside_it.mm
+    return _with_area(values)
+
+
+def _with_area(values: dict[str, float | None]) -> dict[str, float | None]:
+    """Sizes with the cross-section that the others give, where nothing else tells it."""
     width, thickness, diameter = (values[name] for name in ("width", "thickness", "diameter"))
-    if values["area"] is None and diameter is not None:
-        values["area"] = float(np.pi / 4 * diameter**2)
-    if values["area"] is None and width is not None and thickness is not None:
-        values["area"] = width * thickness
-    return values
+    if values["area"] is not None:
+        return values
+    if diameter is not None:
+        return values | {"area": float(np.pi / 4 * diameter**2)}
+    return values | {"area": width * thickness} if width is not None and thickness is not None else values
 
 
 def _two_lengths(table: Table, displacement: np.ndarray[Any, Any], first: int) -> str:

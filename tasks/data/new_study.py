@@ -111,9 +111,11 @@ def describe(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
         yield from (one_line(f"    {note}") for note in new.notes)
     tests = Counter(test.path for new in specimens for test in new.tests if test.recording.test)
     for path, count in tests.items():
+        if count == 1:
+            continue
         yield one_line(
             f"{path}: its {count} tests are taken for those of {count} specimens; if all are of one specimen, make a "
-            f"cohort first: sinew import {shlex.quote(str(path))} --specimen NAME --out COHORT"
+            f"cohort first, with the same options: sinew import {shlex.quote(str(path))} --specimen NAME --out COHORT"
         )
 
 

@@ -138,7 +138,7 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
 def _with_results(tests: list[Recording]) -> list[Recording]:
     """The tests with sizes from a table of results above the first one, where that has a row for each."""
     each = read_sizes_of_tests(tests[0].header, len(tests))
-    return [replace(test, sizes={**sizes, **test.sizes}) for test, sizes in zip(tests, each, strict=True)]
+    return [replace(test, sizes={**test.sizes, **sizes}) for test, sizes in zip(tests, each, strict=True)]
 
 
 def _named(found: Sequence[tuple[Table, list[Recording]]]) -> list[Recording]:

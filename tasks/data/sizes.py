@@ -108,7 +108,10 @@ def _in_columns(labels: Row, below: Row, numbers: Row, next_row: Row) -> Iterato
 
 
 def read_sizes_of_tests(header: Sequence[Row], count: int) -> list[dict[str, Size]]:
-    """The sizes of each of ``count`` tests by a table of results with a row for each; empty dicts without one."""
+    """The sizes of each of ``count`` tests by a table of results with a row for each; empty dicts without one.
+
+    A cell without a number leaves the size of its test open: that of another test is none of it.
+    """
     found: list[dict[str, Size]] = [{} for _ in range(count)]
     header = [row if len(row) <= _WIDEST else () for row in header[:_FAR]]
     for at, (labels, below) in enumerate(pairwise(header)):
@@ -119,7 +122,8 @@ def read_sizes_of_tests(header: Sequence[Row], count: int) -> list[dict[str, Siz
             name = _meant(label)
             cells = [row[place] if place < len(row) else "" for row in header[at + 2 : at + 3 + count]]
             sizes = [_size(name, cell, unit.strip("()[] ")) for cell in cells[:count]] if name else []
-            if name and all(size.mm is not None for size in sizes) and not "".join(cells[count:]):
+            told = all(cells[:count]) and not "".join(cells[count:])
+            if name and told and any(size.mm is not None for size in sizes):
                 for own, size in zip(found, sizes, strict=True):
                     own.setdefault(name, size)
     return found

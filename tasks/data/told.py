@@ -18,14 +18,14 @@ def as_told(recording: Recording, hints: Hints) -> Recording:
     first = new_zero(recording.numbers) if hints.preload is not None else 0
     if first:
         recording = (_from_row if hints.preload == "leave-out" else _counted_on)(recording, first)
+    numbers, notes = counted(str(recording.path), recording.columns, recording.numbers, hints)
+    recording = replace(recording, numbers=numbers, notes=(*recording.notes, *notes))
     if hints.end == "leave-out":
         recording = without_end(recording)
-    numbers, notes = counted(str(recording.path), recording.columns, recording.numbers, hints)
     titles = (*(column.title for column in recording.columns), *recording.left_out)
     lines = (" ".join(row) for row in recording.header)
-    found = doubts(recording.columns, numbers, (*titles, *lines), hints)
+    found = doubts(recording.columns, recording.numbers, (*titles, *lines), hints)
     told = [_with_lengths(one, recording) if one.option == PRELOAD else one for one in found]
-    recording = replace(recording, numbers=numbers, notes=(*recording.notes, *notes))
     return replace(recording, doubts=(*told, *(doubt_of_end(recording) if hints.end is None else ())))
 
 

@@ -43,6 +43,7 @@ MEANING = {
     "AMBIGUOUS": "The data cannot tell a set of effects apart, or the best one fails a check.",
     "OUTSIDE": "Model and data disagree, and nothing in the library explains enough of it to be named.",
 }
+NO_FIT = "The fit of the model as it is does not allow a verdict yet."
 DESCRIBES = (
     "The named effects describe these curves best. So much misfit is left that the model is not that of this tissue; "
     "other curves may give other names."
@@ -92,7 +93,7 @@ def _verdict(result: DiscoverResult) -> Facts:
     rows = [
         ("verdict", _answer(result)),
         ("because", result.why),
-        ("that means", DESCRIBES if only_describes(result) else MEANING[result.verdict]),
+        ("that means", _meaning(result)),
         ("how far to trust it", in_words(result.confidence)),
     ]
     if gap.closed is not None:
@@ -110,6 +111,12 @@ def _verdict(result: DiscoverResult) -> Facts:
         words = f"that of {listed(slow)} changes so slowly that it may hold a part of what the model lacks"
         rows.append(("mind the noise", words))
     return Facts(rows)
+
+
+def _meaning(result: DiscoverResult) -> str:
+    if only_describes(result):
+        return DESCRIBES
+    return NO_FIT if result.verdict == "AMBIGUOUS" and not result.set else MEANING[result.verdict]
 
 
 def _curves(found: ResultFolder, result: DiscoverResult) -> Plots:

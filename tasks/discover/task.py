@@ -6,9 +6,6 @@ with the effect in its model. The store keeps the curves of each specimen, ``dis
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
-
-import numpy as np
 
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation.adaptive import Session
@@ -30,6 +27,7 @@ from sinew.tasks.discover.fit.specimen_fits import (
     Effects,
     SpecimenFits,
     agree,
+    cornered,
     each_for_all,
     fits_of_each,
     profiled_each,
@@ -55,7 +53,6 @@ from sinew.tasks.discover.result import (
 )
 from sinew.tasks.discover.settings import Settings
 from sinew.tasks.model import Specimen
-from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.build import febio_of
 from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
@@ -101,12 +98,8 @@ class Findings:
             located=any(cell.beyond_chance for cell in cells),
             surely=any(cell.far_beyond_chance for cell in cells),
             trusted=all(ended),
-            cornered=_most([_most(one.pressed) for one in self.candidates.bare]),
+            cornered=cornered(self.cohort[0].model, self.candidates.bare),
         )
-
-
-def _most(flags: Sequence[Any] | Array) -> bool:
-    return 2 * int(np.sum(flags)) > len(flags)
 
 
 def run(workspace: Workspace, settings: Settings) -> DiscoverResult:
@@ -331,7 +324,9 @@ def _result(
         cells=dict(zip(names, findings.before, strict=True)),
         shown=judged.effects,
         gap=gap(findings.held_out, shown, cohort, candidates.fits[shown] if shown else candidates.bare),
-        next_experiment=_experiment(workspace, findings, judged) if decided.word == "AMBIGUOUS" and shown else None,
+        next_experiment=_experiment(workspace, findings, judged)
+        if decided.word == "AMBIGUOUS" and decided.alike and shown
+        else None,
         outside=_outside(workspace, findings) if decided.word == "OUTSIDE" else None,
         model=_model(workspace, findings, shown) if decided.named else None,
         inputs=inputs,

@@ -71,7 +71,7 @@ def reproduce(
         same = _identities(cohort) == _identities(partial)
         remove_folder(partial)
         if not same:
-            expected = "another --out, or the seed, --per-site and --rate of before"
+            expected = "another --out, or the seed, --per-site, --rate and version of before"
             raise BadInput(cohort, "holds other specimens", expected)
     write_text(path, as_yaml({**settings, "cohort": "cohort", "tasks": list(TASKS)}))
     read = read_study(path)

@@ -174,8 +174,9 @@ def usual(specimens: Sequence[Specimen]) -> Usual:
         squeezed = all(is_compression(curve.protocol) for curve in specimen.curves)
         strains.append(float(moved.min() if squeezed else moved.max()) / specimen.length_mm)
         holds += [max(longest)] if longest else []
+    sign = np.sign(np.sum(np.sign(strains))) or 1.0  # that of most specimens
     return Usual(
-        float(np.median(strains)),
+        float(np.median([strain for strain in strains if strain * sign >= 0.0])),
         float(np.median(rates)) if rates else STRAIN_RATE,
         float(np.median(holds)) if holds else HOLD_S,
         float(np.median(intervals)),
@@ -193,8 +194,7 @@ def menu(known: Usual) -> tuple[Test, ...]:
     back = f"back to the gauge length at {_percent(r)} per second"
     up, down = Leg(s, r), Leg(0.0, r)
     steps = tuple(Leg(s * i / STEPS, r, h / STEPS) for i in range(1, STEPS + 1))
-    once = (Leg(s, r, h), down)
-    beyond = COMPRESSED if squeezed else -COMPRESSED
+    once, beyond = (Leg(s, r, h), down), COMPRESSED if squeezed else -COMPRESSED
     tests = (
         ("the usual test again", f"{to}, {hold}, {back}", once),
         ("faster ramp", f"{faster}, {hold}", (Leg(s, 10 * r, h),)),

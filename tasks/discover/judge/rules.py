@@ -71,15 +71,15 @@ class Evidence:
     """What the rules look at: the scores, and what is known of the bare model.
 
     ``located``: some cell disagrees beyond chance; ``surely``: far beyond it. ``trusted``: its fits were found from
-    more than one start; otherwise the misfit may be that of a poor fit. ``cornered``: the data press most of its
-    parameters against the ends of their ranges.
+    more than one start; otherwise the misfit may be that of a poor fit. ``cornered``: names of its
+    parameters that the data press against ends of their ranges, where these are most of them.
     """
 
     scores: Scores
     located: bool
     surely: bool
     trusted: bool = True
-    cornered: bool = False
+    cornered: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -198,7 +198,8 @@ def _ruled(best: Score, evidence: Evidence) -> Verdict:
 def _no_effect_helps(evidence: Evidence) -> Verdict:
     """Rules 0 to 4."""
     if evidence.cornered and not evidence.surely:
-        why = "most parameters of the model as it is are pressed against the ends of their ranges: widen these"
+        names = listed(evidence.cornered, len(evidence.cornered))
+        why = f"the data press {names} of the model as it is against the ends of their ranges: widen these"
         return Verdict("AMBIGUOUS", why=why)
     if not evidence.located:
         return Verdict("NONE", why="no cell disagrees beyond chance, and no effect improves the fit clearly")

@@ -100,3 +100,23 @@ def test_where_times_go_back_there_is_no_end(tmp_path):
     recording = read(tmp_path, force=BROKEN)
     recording.numbers[50, 0] = 0.0
     assert ends(as_told(recording, Hints())) == []
+
+
+def test_an_end_is_looked_for_in_what_is_counted(tmp_path):
+    """An offset of the force, and the machine's sign, change neither the question nor the answer."""
+    for told in ({"zero_force": "first"}, {"zero_force": "first", "negate": "both"}):
+        sign = -1.0 if "negate" in told else 1.0
+        force = 1000.0 + sign * BROKEN
+        assert len(ends(read(tmp_path, sign * WAY, force, **told))) == 1
+        assert len(read(tmp_path, sign * WAY, force, **told, end="leave-out").numbers) == 90
+
+
+@pytest.mark.parametrize("titles", ["Time (s),Stretch,Force (N)", "Time (s),Length (mm),Force (N)"])
+def test_a_compression_told_as_a_length_may_break(tmp_path, titles):
+    moved = 1.0 - 0.2 * WAY
+    assert len(ends(read(tmp_path, moved, -BROKEN, titles, negate="none"))) == 1
+
+
+def test_an_end_that_leaves_next_to_nothing_is_none(tmp_path):
+    moved = np.array([0.0, 0.1, 5.0, 5.1, 5.2, 5.3, 5.4])
+    assert ends(read(tmp_path, moved, 10.0 * moved)) == []

@@ -151,7 +151,13 @@ def test_tests_have_the_sizes_of_their_rows_in_a_table_of_results(tmp_path):
     ]
     assert inspect(path).sizes["length"] == 9.5
     path.write_text("Gauge length: 7 mm\n" + results + test.format(1) + "\n" + test.format(2))
-    assert [one.sizes["length"].mm for one in read_recordings(path, Hints())] == [7, 7], "which is of all"
+    assert [one.sizes["length"].mm for one in read_recordings(path, Hints())] == [9.5, 9.75], "their own go first"
+    path.write_text(results.replace("2,9.75,4,", "2,9.5,4,").replace(",4,8\n", ",4,8\n3,9.5,3,7\n") + test.format(1) +
+                    "\n" + test.format(2) + "\n" + test.format(3))  # fmt: skip
+    assert [one.sizes["width"].mm for one in read_recordings(path, Hints())] == [4, 4, 3], "the third is another"
+    assert inspect(path).sizes["area"] is None, "it has no thickness"
+    path.write_text(path.read_text().replace("Force\n,(mm),(mm),(N)", "Thickness\n,(mm),(mm),(mm)"))
+    assert inspect(path).sizes["area"] == 36
 
 
 def test_what_is_left_out_is_told(tmp_path):

@@ -187,9 +187,10 @@ def test_no_table_of_results_for_these_tests(lines, count):
     assert not any(by_test(lines, count))
 
 
-def test_a_size_that_a_test_lacks_is_not_taken():
+def test_a_size_that_a_test_lacks_is_not_that_of_another():
     lines = [line.replace("9.75", "unknown") for line in RESULTS]
-    assert by_test(lines, 3) == [{"width": 4}, {"width": 4.5}, {"width": 5}]
+    widths = [{"width": 4}, {"width": 4.5}, {"width": 5}]
+    assert [each | {"length": mm} for each, mm in zip(widths, (9.5, None, 10.1), strict=True)] == by_test(lines, 3)
 
 
 def test_a_table_of_results_is_of_several_tests():

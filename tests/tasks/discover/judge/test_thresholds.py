@@ -29,7 +29,7 @@ def candidate(effects: str, loss: float, criterion: float | None = None, **about
     return replace(Score(tuple(effects.split()), loss if criterion is None else criterion, loss), **about)
 
 
-def judged(*candidates: Score, bare: Score = BARE, located: bool = True, **about: bool) -> Verdict:
+def judged(*candidates: Score, bare: Score = BARE, located: bool = True, **about: object) -> Verdict:
     return verdict(Evidence(Scores(bare, candidates, NOISE), located, **{"surely": True, **about}))
 
 
@@ -223,10 +223,11 @@ def test_where_no_effect_helps_the_reason_is_said(about, word, why):
 def test_a_model_in_the_corner_of_its_ranges_is_not_said_to_be_complete():
     weak = candidate("lag", 5170.0)
     assert judged(weak, located=False, surely=False).word == "NONE"
-    found = judged(weak, located=False, surely=False, cornered=True)
-    assert found.word == "AMBIGUOUS" and "against the ends of their ranges: widen these" in found.why
-    assert judged(weak, located=True, surely=True, cornered=True).word == "OUTSIDE"
-    assert judged(LAG, cornered=True).word == "NAMED", "an effect may be what presses them"
+    found = judged(weak, located=False, surely=False, cornered=("E_f", "E_m"))
+    assert (found.word, found.alike) == ("AMBIGUOUS", ())
+    assert found.why == "the data press E_f and E_m of the model as it is against the ends of their ranges: widen these"
+    assert judged(weak, located=True, surely=True, cornered=("E_f",)).word == "OUTSIDE"
+    assert judged(LAG, cornered=("E_f",)).word == "NAMED", "an effect may be what presses them"
 
 
 def test_the_next_best_has_as_many_effects():
