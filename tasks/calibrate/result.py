@@ -201,8 +201,10 @@ class CalibrateResult(Result):
         ranges = dict(zip(self.free, self.bounds, strict=True))
         for specimen, fit in self.specimens.items():
             for name, value in fit.parameters.items():
-                low, high = ranges.get(name, (-np.inf, np.inf))
-                room = NEARLY * abs(high - low) if name in ranges else 0.0
+                if name not in ranges:
+                    continue
+                low, high = ranges[name]
+                room = NEARLY * abs(high - low)
                 if value < low - room or value > high + room:
                     raise ValueError(f"{name} {value:g} of {specimen}, outside its range {low:g} to {high:g}")
 

@@ -1,16 +1,14 @@
 """The end of a test that tells nothing of the specimen: what follows a break, or a jump of the motion."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from sinew.tasks.data.breaks import break_of
-from sinew.tasks.data.length_columns import Repeats
-from sinew.tasks.data.quantities import LENGTH, POSITION, STRETCH
+from sinew.tasks.data.quantities import BASE_UNITS, LENGTH, POSITION, STRETCH
 from sinew.tasks.data.questions import Doubt
 from sinew.tasks.data.recordings import FEWEST_ROWS, Recording
-from sinew.tasks.data.signs import BASE_UNITS
 from sinew.tasks.drawing.blocks import number
 from sinew.tasks.model import Curve, Protocol
 
@@ -38,16 +36,8 @@ def without_end(recording: Recording) -> Recording:
     if found is None:
         return recording
     kept = found.row + 1
-    values = {name: each[:kept] for name, each in recording.further.values.items()}
     note = f"the last {len(recording.rows) - kept:,} rows left out, as {END} says: {found.text}"
-    return replace(
-        recording,
-        numbers=recording.numbers[:kept],
-        rows=recording.rows[:kept],
-        notes=(*recording.notes, note),
-        further=replace(recording.further, values=values),
-        repeats=Repeats(),
-    )
+    return recording.part(slice(kept), note)
 
 
 def _end_of(recording: Recording) -> End | None:

@@ -20,7 +20,7 @@ OFF, FAR = 0.05, 0.2  # how much a cross-section, and a strain, that a file tell
 MOST_TIMES = 30.0  # between the peak stresses of specimens of one kind in the same test
 
 
-def _odd_courses(curve: Curve) -> Iterator[str]:
+def _odd_start(curve: Curve) -> Iterator[str]:
     """A force that does not begin at 0."""
     force, moved = curve.force_N, curve.protocol.displacement_mm
     there = np.isfinite(force)
@@ -46,7 +46,7 @@ def odd_tests(specimens: Sequence[Specimen]) -> Iterator[str]:
                     f"look at {one.name}, {curve.name}: its displacement changes by {number(100 * strain)} % of the "
                     "length only; is it the right column, in the right unit?"
                 )
-            yield from (one_line(f"look at {one.name}, {curve.name}: {line}") for line in _odd_courses(curve))
+            yield from (one_line(f"look at {one.name}, {curve.name}: {line}") for line in _odd_start(curve))
             stress = float(np.abs(curve.force_N).max()) / (one.width_mm * one.thickness_mm)
             peaks[curve.name][one.name] = stress
     for protocol, found in peaks.items():

@@ -28,6 +28,7 @@ STRAIN = Quantity("strain", words.STRAIN + words.EXTENSOMETER, units.FRACTION)
 STRETCH = Quantity("stretch", words.STRETCH, units.FRACTION, bare=True)
 FORCE = Quantity("force", words.FORCE, units.FORCE)
 STRESS = Quantity("stress", words.STRESS, units.STRESS)
+BASE_UNITS = {"displacement": "mm", "position": "mm", "length": "mm", "force": "N", "stress": "MPa"}  # of what is read
 MOTIONS, LOADS = (DISPLACEMENT, LENGTH, POSITION, STRETCH, STRAIN), (FORCE, STRESS)
 AT_REST = 0.5  # how far the first stretch may be from 1, and the first strain from 0
 

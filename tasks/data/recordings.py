@@ -79,6 +79,18 @@ class Recording:
     def load(self) -> Column:
         return self.columns[2]
 
+    def part(self, rows: slice, note: str) -> "Recording":
+        """Some rows of it only, with a note on that. What all rows told of sizes is not known of a part."""
+        values = {name: each[rows] for name, each in self.further.values.items()}
+        return replace(
+            self,
+            numbers=self.numbers[rows],
+            rows=self.rows[rows],
+            notes=(*self.notes, note),
+            further=replace(self.further, values=values),
+            repeats=Repeats(),
+        )
+
     @property
     def spreads(self) -> tuple[str, ...]:
         """Titles of columns with the spread of a mean."""

@@ -14,7 +14,7 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import words
 from sinew.tasks.data.columns import Column
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRETCH
+from sinew.tasks.data.quantities import BASE_UNITS, DISPLACEMENT, LENGTH, POSITION, STRETCH
 from sinew.tasks.data.questions import Doubt
 
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -24,7 +24,6 @@ JUMP, STEPS, STAYS = 0.2, 20.0, 0.02
 FEWEST = 3  # rows on either side of it
 ZERO, NEGATE, PRELOAD = "--zero-displacement", "--negate", "--preload"
 _TURNED = "which sign should be reversed?"
-BASE_UNITS = {"displacement": "mm", "force": "N", "stress": "MPa"}
 _TENSION = re.compile(rf"(?<![a-z])(?:{'|'.join(words.TENSION)})")
 
 

@@ -113,19 +113,22 @@ def read_sizes_of_tests(header: Sequence[Row], count: int) -> list[dict[str, Siz
     A cell without a number leaves the size of its test open: that of another test is none of it.
     """
     found: list[dict[str, Size]] = [{} for _ in range(count)]
+    if count < 2:
+        return found
     header = [row if len(row) <= _WIDEST else () for row in header[:_FAR]]
     for at, (labels, below) in enumerate(pairwise(header)):
-        rows = header[at + 2 : at + 2 + count]
-        if count < 2 or len(rows) < count or not is_row_of_units(below):
+        rows = header[at + 2 : at + 3 + count]  # and the one behind them, which tells nothing
+        if len(rows) < count or not is_row_of_units(below):
             continue
         for place, (label, unit) in enumerate(zip(labels, below, strict=False)):
             name = _meant(label)
-            cells = [row[place] if place < len(row) else "" for row in header[at + 2 : at + 3 + count]]
-            sizes = [_size(name, cell, unit.strip("()[] ")) for cell in cells[:count]] if name else []
-            told = all(cells[:count]) and not "".join(cells[count:])
-            if name and told and any(size.mm is not None for size in sizes):
+            cells = [row[place] if place < len(row) else "" for row in rows]
+            if name is None or name in found[0] or not all(cells[:count]) or any(cells[count:]):
+                continue
+            sizes = [_size(name, cell, unit.strip("()[] ")) for cell in cells[:count]]
+            if any(size.mm is not None for size in sizes):
                 for own, size in zip(found, sizes, strict=True):
-                    own.setdefault(name, size)
+                    own[name] = size
     return found
 
 

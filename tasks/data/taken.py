@@ -12,7 +12,7 @@ from sinew.tasks.data.columns import Column
 from sinew.tasks.data.exports import Reading
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import Inspection, inspect
-from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, STRAIN, STRETCH
+from sinew.tasks.data.quantities import BASE_UNITS, DISPLACEMENT, FORCE, STRAIN, STRETCH
 from sinew.tasks.data.rates import rate_words
 from sinew.tasks.data.recordings import Bar, Recording, curve_of
 from sinew.tasks.data.signs import NEGATE
@@ -22,7 +22,6 @@ from sinew.tasks.data.told import as_told
 
 TITLES = ("file", "time", "displacement", "force", "size", "offset, preload", "peak", "sign", "loaded at")
 UNKNOWN = "?"
-_BASE = {"displacement": "mm", "position": "mm", "length": "mm", "force": "N", "stress": "MPa"}
 
 
 def _row(found: Inspection, hints: Hints) -> tuple[str, ...]:
@@ -76,7 +75,7 @@ def _number(value: float | None, column: Column | None) -> str:
         return UNKNOWN
     if not column.unit and not column.quantity.bare:
         return f"{value:.4g} {UNKNOWN}"
-    return f"{value:.4g} {_BASE.get(column.quantity.name, '')}".strip()
+    return f"{value:.4g} {BASE_UNITS.get(column.quantity.name, '')}".strip()
 
 
 def _sign(test: Recording) -> str:

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 from sinew.tasks.data.ends import doubt_of_end, without_end
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.length_columns import Repeats
 from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.questions import Doubt
 from sinew.tasks.data.recordings import Recording
@@ -66,14 +65,5 @@ def _from_row(recording: Recording, first: int) -> Recording:
     """The recording without the rows before ``first``."""
     reason = f"then the {recording.motion.quantity.name} was set to zero again"
     note = f"the first {first:,} rows left out, as --preload says: {reason}"
-    values = {name: each[first:] for name, each in recording.further.values.items()}
     length = {} if recording.lengths[1] is None else {"length": recording.lengths[1]}
-    return replace(
-        recording,
-        numbers=recording.numbers[first:],
-        rows=recording.rows[first:],
-        notes=(*recording.notes, note),
-        further=replace(recording.further, values=values),
-        repeats=Repeats(),
-        sizes={**recording.sizes, **length},
-    )
+    return replace(recording.part(slice(first, None), note), sizes={**recording.sizes, **length})

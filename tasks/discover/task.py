@@ -18,6 +18,7 @@ from sinew.tasks.discover.after.solver import in_febio
 from sinew.tasks.discover.after.telling import MAX_SPECIMENS, telling_experiment
 from sinew.tasks.discover.compound import compound, remainder
 from sinew.tasks.discover.described import described
+from sinew.tasks.discover.fit.bounds import cornered
 from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.held_out import SquaredErrors, hold_out, hold_out_of
 from sinew.tasks.discover.fit.intervals import Profiled
@@ -27,7 +28,6 @@ from sinew.tasks.discover.fit.specimen_fits import (
     Effects,
     SpecimenFits,
     agree,
-    cornered,
     each_for_all,
     fits_of_each,
     profiled_each,

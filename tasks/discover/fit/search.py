@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 
 from sinew.runner.evaluation.adaptive import Session
+from sinew.tasks.discover.fit.bounds import at_limit
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, starts
 from sinew.tasks.discover.fit.sizes import library_for
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
@@ -14,7 +15,6 @@ from sinew.tasks.discover.judge.rules import second_effect_possible
 from sinew.tasks.discover.judge.scores import Score, Scores, criterion
 from sinew.tasks.discover.settings import Settings
 from sinew.tasks.model.effect import Effect
-from sinew.tasks.model.parameters import Parameter
 from sinew.tasks.simulate import Array
 from sinew.tasks.study.streams import Stream, generator
 from sinew.tasks.study.workspace import Workspace
@@ -241,12 +241,6 @@ def _promising(pairs: Sequence[Effects], promises: Sequence[float]) -> list[Effe
     return list(chosen.values())[:MAX_PAIRS]
 
 
-def at_limit(effect: Effect, parameter: Parameter, at: float) -> bool:
-    """Whether the bound that a parameter is on is its null value or a limit of the law, with nothing beyond."""
-    end = parameter.minimum if at < 0.5 else parameter.maximum
-    return end in (effect.null.get(parameter.name), parameter.floor)
-
-
 def _score(effects: Effects, fitted: Sequence[Fitted], bare_fits: Sequence[Fitted]) -> Score:
     points = [one.points for one in bare_fits]
     parameters = [(effect, parameter) for effect in effects for parameter in effect.parameters]
@@ -254,7 +248,7 @@ def _score(effects: Effects, fitted: Sequence[Fitted], bare_fits: Sequence[Fitte
     on_bound = [
         parameter.name
         for k, (effect, parameter) in enumerate(parameters, first)
-        if any(one.pressed[k] and not at_limit(effect, parameter, one.at[k]) for one in fitted)
+        if any(one.pressed[k] and not at_limit(parameter, one.at[k], effect.null) for one in fitted)
     ]
     gains = [
         alone.loss - criterion(one.loss, len(parameters), [count])

@@ -16,11 +16,11 @@ import numpy as np
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.tasks.data.noise import noise_of_each
 from sinew.tasks.discover.fit.beside import Beside, blocks_of, first_sizes, fit_beside, promise_beside
-from sinew.tasks.discover.fit.fit import BLIND, Candidate, Fitted, errors, extended, fit, look_ahead, starts
+from sinew.tasks.discover.fit.fit import Candidate, Fitted, errors, extended, fit, look_ahead, starts
 from sinew.tasks.discover.fit.intervals import Profiled, profiled
 from sinew.tasks.discover.measure.splits import SPECIMEN, splits
 from sinew.tasks.fitting.measured import Measured
-from sinew.tasks.model import Model, Parameter, Specimen, file_name
+from sinew.tasks.model import Model, Specimen, file_name
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, TakesEffects, taking_effects
 from sinew.tasks.simulate.effects import VERSION
@@ -38,25 +38,6 @@ Effects = tuple[Effect, ...]
 def agree(fits: Sequence[Fitted]) -> bool:
     """Whether the best of fits from different starts, the best first, was found twice."""
     return len(fits) > 1 and fits[1].loss - fits[0].loss < MAX_SAME_LOSS
-
-
-def cornered(model: Model, bare: Sequence[Fitted]) -> tuple[str, ...]:
-    """The parameters that data press against an end of their range in most specimens, if these are most of them.
-
-    An end with nothing beyond, such as a relaxation strength of 0, does not count.
-    """
-    varied = [parameter for parameter in model.free if parameter.name != BLIND]
-    names = tuple(
-        parameter.name
-        for k, parameter in enumerate(varied)
-        if 2 * sum(_against_an_end(one, k, parameter) for one in bare) > len(bare)
-    )
-    return names if 2 * len(names) > len(varied) else ()
-
-
-def _against_an_end(fitted: Fitted, k: int, parameter: Parameter) -> bool:
-    low = fitted.at[k] < 0.5
-    return bool(fitted.pressed[k]) and not (low and parameter.minimum in (0.0, parameter.floor))
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,9 @@ import numpy as np
 
 from sinew.runner.evaluation.adaptive import Session
 from sinew.tasks.discover.fit.beside import Beside
+from sinew.tasks.discover.fit.bounds import pressed_in_most
 from sinew.tasks.discover.fit.fit import Fitted
-from sinew.tasks.discover.fit.search import Candidates, at_limit
+from sinew.tasks.discover.fit.search import Candidates
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array
@@ -205,11 +206,7 @@ def _pressed(search: _Search, chosen: Effects, form: Effect) -> tuple[str, ...]:
     """Parameters of an effect that data press against a bound in most specimens; null values do not count."""
     begin, _ = _own(search, chosen, form)
     fits = [one.fitted for one in search.known[chosen]]
-    return tuple(
-        parameter.name
-        for k, parameter in enumerate(form.parameters, begin)
-        if 2 * sum(one.pressed[k] and not at_limit(form, parameter, one.at[k]) for one in fits) > len(fits)
-    )
+    return pressed_in_most(form.parameters, begin, fits, form.null)
 
 
 def _result(search: _Search, chosen: Effects) -> Stepwise:

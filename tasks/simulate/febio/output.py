@@ -136,7 +136,7 @@ def read_records(path: Path, max_bytes: int) -> tuple[Array, Array, bool]:
     if content and not content.endswith(b"\n"):
         raise Failed("bad_output", f"{path.name} ends in the middle of a line")
     _check_size(path, content)
-    content = _BLANK.sub(b"", content) if _BLANK.search(content) else content
+    content = _BLANK.sub(b"", content)
     if _LATE_COMMENT.search(content):
         raise Failed("bad_output", f"{path.name} holds something else than numbers ('*' behind a number)")
     # whole-text operations: a loop over the lines of a long run takes as long as some solver runs

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from sinew.tasks.discover.after.experiment import Leg, Rival, Test, Usual, believed, menu, next_experiment, usual
+from sinew.tasks.discover.after.experiment import Rival, believed, next_experiment
+from sinew.tasks.discover.after.menu import Leg, Test, Usual, menu, usual
 from sinew.tasks.discover.fit.fit import Candidate, derivatives, fit, residuals
 from sinew.tasks.model import Curve, Specimen
 from sinew.tasks.model.effects import library
