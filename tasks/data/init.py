@@ -252,7 +252,7 @@ def _read(path: Path, hints: Hints, person: _Person) -> tuple[Sequence[Recording
         except Unclear as unclear:
             answer = person.answer(path, unclear)
             if answer is None:
-                raise unclear.unanswered(str(path)) from None
+                raise unclear.unanswered() from None
             hints = hints.answered(unclear.option, answer)
 
 

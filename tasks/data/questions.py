@@ -1,6 +1,5 @@
 """What only a person can tell of a file: a question, and the option that answers it."""
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,10 +25,9 @@ class Unclear(BadInput):
         """The question on one file, for a person."""
         return f"{self.what} in {file}: {self.which} {FOR_ALL_ALIKE}"
 
-    def unanswered(self, file: str) -> BadInput:
+    def unanswered(self) -> BadInput:
         """The same where nobody can be asked: it says how to see all that the file leaves open."""
-        every = f"sinew import {shlex.quote(file)} --dry-run"
-        return BadInput(self.where, self.problem, f"{self.expected}; all that the file leaves open: {every}")
+        return BadInput(self.where, self.problem, f"{self.expected}; `sinew import --dry-run` lists all that is open")
 
 
 class UnknownUnit(Unclear):

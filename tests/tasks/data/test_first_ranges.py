@@ -58,6 +58,19 @@ def test_tissue_of_another_stiffness_gets_ranges_that_hold_its_moduli(factor):
     assert all(one.reached for one in reach(Uniaxial(), found.model, specimen))
 
 
+@pytest.mark.parametrize("beyond", [False, True])
+def test_ranges_that_end_a_little_below_the_peak_do_not_reach_it(beyond):
+    """A run allows a factor of two; a study begins with ranges that hold what was measured."""
+    specimen = tissue(0.04)
+    (seen,) = reach(Uniaxial(), Model(), specimen)
+    (curve,) = specimen.curves
+    to = (1.1 if beyond else 0.9) * seen.most_N / seen.measured_N
+    found = first_ranges([replace(specimen, curves=(replace(curve, force_N=to * curve.force_N),))])
+    assert found.scaled is beyond
+    assert ("which reach the measured forces" in found.lines[0]) is not beyond
+    assert found.only_times is not beyond
+
+
 @pytest.mark.parametrize(("factor", "said"), [(10.0, False), (300.0, True)])
 def test_specimens_that_cannot_be_of_one_tissue_are_named(factor, said):
     soft = replace(tissue(0.04), name="skin")

@@ -79,6 +79,7 @@ def test_a_unit_that_is_missing_is_refused_and_nothing_is_written(tmp_path, caps
     table(tmp_path / "T1_relax.csv", "time_s,displacement_mm,force")
     told = refused(capsys, "init", tmp_path / "T1_relax.csv", "--out", tmp_path / "out")
     assert "'force': no unit of the force can be found; expected --force-unit, one of N, kN, mN" in told
+    assert told.rstrip().endswith(", dyn; `sinew import --dry-run` lists all that is open")
     assert not (tmp_path / "out").exists()
     sinew("init", tmp_path / "T1_relax.csv", "--out", tmp_path / "out", "--force-unit", "mN", "--json")
     made = json.loads(capsys.readouterr().out)
@@ -435,6 +436,19 @@ def test_an_offset_or_a_sign_that_may_be_meant_otherwise_is_not_certain(tmp_path
     with pytest.raises(BadInput, match=words):
         init([path], tmp_path / "out", sizes=BAR, certain=True)
     init([path], tmp_path / "out", sizes=BAR, certain=True, hints=Hints(zero_displacement="none", negate="none"))
+
+
+def test_where_nobody_can_be_asked_all_options_are_told_at_once(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time_s,displacement_mm,force_N\n" + "".join(f"{i},{37 + i},{-i}\n" for i in range(6)))
+    other = tmp_path / "b.csv"
+    other.write_text("time_s,displacement_mm,force_N\n" + "".join(f"{i},{i},{i}\n" for i in range(6)) + "6,900,6\n")
+    told = "expected --zero-displacement first or none; also open: --negate, --end"
+    with pytest.raises(BadInput, match=told):
+        init([path, other], tmp_path / "out", sizes=BAR)
+    with pytest.raises(BadInput, match=r"expected --end leave-out or keep\Z"):
+        init([other], tmp_path / "out", sizes=BAR)
+    assert not (tmp_path / "out").exists()
 
 
 def test_an_answer_holds_for_no_file_that_says_it_itself(tmp_path):

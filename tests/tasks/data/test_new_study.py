@@ -78,6 +78,13 @@ def test_the_study_has_the_ranges_that_it_is_given(tmp_path, scaled):
     assert "nu_m: {fixed: 0.2" in text
 
 
+def test_the_study_says_where_only_the_relaxation_times_are_scaled(tmp_path):
+    path = write_study(tmp_path, "cohort", [specimen("x", "a")], FirstRanges(Model(), (), scaled=True, only_times=True))
+    text = path.read_text("utf-8")
+    assert "these are for human tendon, with relaxation times as long as the tests" in text
+    assert "scaled to the curves" not in text
+
+
 def test_sizes_that_nobody_knows_are_left_open(tmp_path):
     write_cohort(tmp_path, [specimen("T1", "relax")])
     described = tmp_path / "T1" / "specimen.json"

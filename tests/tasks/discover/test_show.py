@@ -1,14 +1,17 @@
 """What is said of named effects and of what is left."""
 
 from dataclasses import replace
+from io import StringIO
+from pathlib import Path
 
 import pytest
 
-from sinew.tasks.discover.follow_up import Part, Remainder
+from sinew.runner.console import Console
+from sinew.tasks.discover.follow_up import NextExperiment, Part, Remainder, RivalPair
 from sinew.tasks.discover.page import section
 from sinew.tasks.discover.prose import methods
-from sinew.tasks.discover.result import Gap, Law
-from sinew.tasks.discover.show import in_one_sentence, of_the_law, stack_of, standing
+from sinew.tasks.discover.result import Gap, Law, NoiseLevel
+from sinew.tasks.discover.show import in_one_sentence, of_the_law, stack_of, standing, summary
 from sinew.tasks.drawing.blocks import Facts
 from tests.tasks.discover.results import candidate, discovery
 
@@ -140,3 +143,57 @@ def test_the_page_begins_with_the_sentence():
     assert [row[5] for row in table.rows] == ["time-lag (evidence 30, misfit 3.5 times)", "–", "–"]
     (stack,) = (one for one in shown.blocks if getattr(one, "name", "") == "discovery-stack")
     assert len(stack.plots) == 1
+
+
+def facts_of(result):
+    (facts,) = (each for each in section(Folder(result)).blocks if isinstance(each, Facts))
+    return dict(facts.rows)
+
+
+def told(result):
+    said = StringIO()
+    summary(result, Path("out"), Console(file=said, width=200))
+    return said.getvalue()
+
+
+def test_the_candidate_of_the_verdict_is_in_the_table_of_the_console():
+    pairs = [candidate(f"a{i}", "creep", loss=1000.0 + i) for i in range(9)]
+    last = candidate("permanent-set", loss=2000.0)
+    alike = discovery("AMBIGUOUS", set=("permanent-set",), shown=("permanent-set",), candidates=(*pairs, last))
+    assert alike.judged is last
+    rows = [line for line in told(alike).splitlines() if "creep" in line or "permanent-set" in line]
+    assert "permanent-set" in told(alike)
+    assert len([line for line in rows if line.startswith("│")]) == 6, "as many as ever"
+
+
+@pytest.mark.parametrize(
+    ("other", "words"), [(("creep",), "then the wrong one is off by"), ((), "then the model without it is off by")]
+)
+def test_a_test_to_come_says_which_model_is_off(other, words):
+    test = NextExperiment("faster ramp", "stretch", 30.0, 12.0, 4.0, "a/1", RivalPair(("lag",), other), ())
+    alike = discovery("AMBIGUOUS", set=("lag",), shown=("lag",), next_experiment=test)
+    assert words in " ".join(told(alike).split())
+    notes = [each.text for each in section(Folder(alike)).blocks if getattr(each, "tone", "") == "note"]
+    assert any(words.replace("then", "Then") in each for each in notes)
+
+
+def test_noise_that_cannot_be_told_from_a_shape_is_remarked_on():
+    assert "mind the noise" not in facts_of(discovery())
+    slow = discovery(noise={"a/1": NoiseLevel(1.0, 0.995, 0.0)})
+    assert facts_of(slow)["mind the noise"].startswith("that of a/1 changes so slowly")
+
+
+def test_a_verdict_without_a_set_is_no_verdict_yet():
+    assert facts_of(discovery("AMBIGUOUS"))["that means"] == (
+        "The fit of the model as it is does not allow a verdict yet."
+    )
+    assert "cannot tell a set of effects apart" in facts_of(discovery("AMBIGUOUS", set=("lag",)))["that means"]
+
+
+@pytest.mark.parametrize(("loss", "given"), [(4_000.0, True), (144_000.0, False)])
+def test_intervals_are_given_only_where_little_but_noise_is_left(loss, given):
+    one = candidate("lag", loss=loss, lag_s=(0.1, 0.2))
+    alike = discovery("AMBIGUOUS", set=("lag",), shown=("lag",), candidates=(one,))
+    blocks = section(Folder(alike)).blocks
+    (table,) = (each for each in blocks if getattr(each, "caption", "").startswith("Parameters of lag"))
+    assert (table.header[-1] == "to") is given

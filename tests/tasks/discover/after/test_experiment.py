@@ -158,6 +158,19 @@ def test_tests_of_a_compression_press_again():
     assert tests["faster ramp"].words.startswith("compress to -4 % strain at 5.9")
 
 
+def test_tests_of_a_mixed_cohort_go_on_in_the_direction_of_most():
+    """As far as these went, not as far as the middle of all."""
+    ramp = one_step(20.0, 4.0)
+    strains = []
+    for sign, size in ((1.0, 0.5), (1.0, 0.5), (-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0)):
+        moved = replace(ramp, displacement_mm=sign * size * ramp.displacement_mm)
+        strains.append(Specimen("one", 20.0, 8.0, 4.0, (Curve(moved, np.zeros(ramp.time_s.size)),)))
+    farthest = ramp.displacement_mm.max() / 20.0
+    assert usual(strains).strain == pytest.approx(-farthest)
+    assert usual(strains[:3]).strain == pytest.approx(0.5 * farthest)
+    assert usual(strains[1:3]).strain == pytest.approx(0.5 * farthest), "as many of either: tension"
+
+
 def test_there_is_no_test_where_nothing_moved():
     assert menu(Usual(0.0, 0.006, 200.0, 0.25)) == ()
 

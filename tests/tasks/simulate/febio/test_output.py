@@ -110,6 +110,14 @@ def test_several_values_are_no_single_one(tmp_path, read):
         read(tmp_path / "q.txt", single, 10**6, np.array([1.0]) if read is read_output_at else 1.0)
 
 
+def test_what_stands_before_the_first_step_is_none_of_any(tmp_path):
+    """Two lines more, and the steps would have two lines each."""
+    (tmp_path / "q.txt").write_text("1,999\n1,998\n" + logged([1.0, 2.0], [1], [[5.0], [6.0]]))
+    one = Logged("q", "1", "max", "node_data", "uz", (), "a set", "sum")
+    with pytest.raises(Failed, match=r"q\.txt holds 2 steps and 4 lines"):
+        read_output_at(tmp_path / "q.txt", one, 10**6, np.array([1.0, 2.0]))
+
+
 def test_a_log_of_gigabytes_is_not_read(tmp_path):
     path = tmp_path / "reaction.txt"
     with path.open("wb") as file:
