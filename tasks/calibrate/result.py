@@ -10,11 +10,10 @@ import numpy as np
 
 from sinew.tasks.model import FORCE, file_name
 from sinew.tasks.simulate.series import with_unit
-from sinew.tasks.study.result import OMIT, AtMostOne, Correlation, Count, NotNegative, Number, Result, Share
+from sinew.tasks.study.result import OMIT, ROUNDING, AtMostOne, Correlation, Count, NotNegative, Number, Result, Share
 
 SEARCHES = frozenset({"bayesian", "hybrid"})
 """The methods that leave a Bayesian search in the store."""
-NEARLY = 1e-9  # of a range, by which rounding may leave it
 
 
 @dataclass(frozen=True)
@@ -204,7 +203,7 @@ class CalibrateResult(Result):
                 if name not in ranges:
                     continue
                 low, high = ranges[name]
-                room = NEARLY * abs(high - low)
+                room = ROUNDING * abs(high - low)
                 if value < low - room or value > high + room:
                     raise ValueError(f"{name} {value:g} of {specimen}, outside its range {low:g} to {high:g}")
 

@@ -318,4 +318,4 @@ def uncertainty(
         precision += (jacobian * share) @ jacobian.T / variance
     covariance = np.linalg.inv(precision)
     sd = np.sqrt(np.diag(covariance))
-    return sd, np.clip(covariance / np.outer(sd, sd), -1.0, 1.0)
+    return sd, covariance / np.outer(sd, sd)

@@ -24,6 +24,7 @@ from sinew.tasks.study.files import MAX_JSON_BYTES, write_json
 ALWAYS = ("numpy", "scipy", "numba")
 
 MOST_NAMES, MOST_ENTRIES = 1_000, 20_000  # parameters; specimens, protocols and the like
+ROUNDING = 1e-9  # by which a number may leave its range
 NAMED = ("names", "free", "bounds", "units", "meanings", "methods")  # fields with an entry for each parameter, or few
 
 OMIT = {"omit": True}
@@ -48,11 +49,11 @@ Number = Annotated[float, _or_nan]
 """A float; null in the file is NaN."""
 
 
-def _within(low: float, high: float, words: str, rounding: float = 1e-9) -> AfterValidator:
+def _within(low: float, high: float, words: str) -> AfterValidator:
     """Refuses what is outside, rounding aside; NaN is not."""
 
     def check(value: Any) -> Any:
-        if np.any(value < low - rounding) or np.any(value > high + rounding):
+        if np.any(value < low - ROUNDING) or np.any(value > high + ROUNDING):
             raise ValueError(f"expected {words}")
         return value
 
@@ -74,7 +75,7 @@ Shares = Annotated[Numbers, _within(0, 1, "0 to 1")]
 AtMostOne = Annotated[float, _within(-np.inf, 1, "at most 1")]
 """The part of a variance that a model explains."""
 
-Correlation = Annotated[float, _or_nan, _within(-1, 1, "-1 to 1", 1e-6)]
+Correlation = Annotated[float, _or_nan, _within(-1, 1, "-1 to 1")]
 """From -1 to 1; null in the file is NaN."""
 
 

@@ -181,7 +181,7 @@ def test_a_table_of_results_has_a_row_for_each_test():
         ([line.replace("(mm)", "(V)") for line in RESULTS], 3),
         ([line.replace("Length", "Rate").replace("Width", "Time") for line in RESULTS], 3),
         ([RESULTS[1], "9.5|4|10", *RESULTS[3:]], 3),  # no row of units
-        ([RESULTS[1], "", *RESULTS[3:]], 3),
+        ([RESULTS[1], "|||", *RESULTS[3:]], 3),
     ],
 )
 def test_no_table_of_results_for_these_tests(lines, count):
