@@ -75,11 +75,18 @@ class Bars:
         steps: Array = np.diff(self.time_s, prepend=self.time_s[0])
         return steps
 
-    def first(self) -> "Bars":
-        """The first of the bars, alone."""
-        material = {name: value[:1] for name, value in self.material.items()}
-        each = {name: getattr(self, name)[:1] for name in _OF_EACH}
+    def row(self, row: int) -> "Bars":
+        """One of the bars, alone."""
+        material = {name: value[row : row + 1] for name, value in self.material.items()}
+        each = {name: getattr(self, name)[row : row + 1] for name in _OF_EACH}
         return replace(self, material=material, **each)
+
+    def with_row(self, row: int, bar: "Bars") -> "Bars":
+        """These bars with what ``bar`` holds along its curve in the place of one of them."""
+        each = {name: getattr(self, name).copy() for name in _OF_EACH}
+        for name, values in each.items():
+            values[row] = getattr(bar, name)[0]
+        return replace(self, **each)
 
     @cached_property
     def strain(self) -> Array:

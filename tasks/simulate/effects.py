@@ -2,7 +2,8 @@
 
 The stages, in this order (:mod:`sinew.tasks.model.effect` says what an effect can change in each):
 displacement -> stretch -> elastic stress -> memory -> force -> reading. Where the displacement of the gauge length
-depends on the force, both are found together by Newton's method on the whole curve.
+depends on the force, both are found together by Newton's method on the whole curve; where it fails,
+:mod:`sinew.tasks.simulate.in_time` finds them from the first point to the last.
 """
 
 from dataclasses import dataclass, replace
@@ -16,10 +17,11 @@ from sinew.tasks.model import Curve, Model, Protocol, Specimen, fibre
 from sinew.tasks.model.effect import Bars, Branch, Effect, Law, Values, in_order
 from sinew.tasks.model.effects import effect_named
 from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, impossible, memory, rmse_of
+from sinew.tasks.simulate.in_time import balanced_in_time
 from sinew.tasks.simulate.lateral import OUTPUTS, laterals
 from sinew.tasks.simulate.uniaxial import without_width
 
-VERSION = 5  # of the forces that are computed here
+VERSION = 6  # of the forces that are computed here
 _DRIVERS = ("matrix", "fibre", "strain")
 BALANCE = 1e-10  # of the largest displacement: largest remaining difference of grips, machine and gauge length
 NEAR_BALANCE = 1e-6  # the same, where another step of Newton's method follows, which squares it
@@ -100,8 +102,8 @@ def simulate_with(
     The columns of ``values`` are the parameters of ``effects``, in the order given; that order changes nothing else.
     With no effect, or all at their null values, the forces are those of :mod:`sinew.tasks.simulate.uniaxial`. The first
     point is at rest; with ``sudden`` it is free of stress, and prestretch comes with the first step, as when the solver
-    starts at zero displacement. Rows with impossible parameters, or for which Newton's method finds no balance of
-    force and displacement, are NaN.
+    starts at zero displacement. Rows with impossible parameters, or for which no balance of force and displacement
+    is found, are NaN.
 
     With ``nearby``, for derivatives, all rows are small steps away from the first. Newton's method then finds the
     balance of the first, and mostly one step from there, with its tangents, finds those of the others: its error is the
@@ -213,21 +215,25 @@ class _Run:
         bars, grips = self.pulled(bars), bars
         grips = replace(grips, rigid_N=bars.force_N)
         residual = self.left(grips, bars.force_N) - bars.displacement_mm
+        can = np.isfinite(residual).all(axis=1)
         for _ in range(ITERATIONS):
             worst = np.abs(residual).max(axis=1)
             left = worst > limit  # rows that are NaN stay so
             if not left.any():
-                return bars
+                break
             # a balanced row is not changed, so it does not depend on its neighbours
-            step = self._correction(grips, bars, np.where(left[:, np.newaxis], residual, 0.0))
+            step = self.correction(grips, bars, np.where(left[:, np.newaxis], residual, 0.0))
             bars, residual = self._moved(grips, bars, step, np.where(left, worst, np.inf))
-        bars.force_N[np.abs(residual).max(axis=1) > limit] = np.nan
+        # a row that was no number at first is one of impossible parameters
+        for row in np.flatnonzero(can & ~(np.abs(residual).max(axis=1) <= limit)).tolist():
+            alone = replace(self, chosen=tuple((effect, _row(own, row)) for effect, own in self.chosen))
+            bars = bars.with_row(row, balanced_in_time(alone, grips.row(row), bars.row(row), limit))
         return bars
 
     def balanced_nearby(self, bars: Bars) -> Bars:
         """The bars as :meth:`balanced` leaves them, if they are small steps away from the first of them."""
-        alone = replace(self, chosen=tuple((effect, _first(own)) for effect, own in self.chosen))
-        first = bars.first()
+        alone = replace(self, chosen=tuple((effect, _row(own, 0)) for effect, own in self.chosen))
+        first = bars.row(0)
         begun = alone.balanced(first, NEAR_BALANCE)
         count = len(bars.displacement_mm)
         rigid = self.pulled(bars).force_N if any(effect.asks_rigid for effect, _ in self.chosen) else bars.rigid_N
@@ -236,7 +242,7 @@ class _Run:
         residual = self.left(grips, bars.force_N) - bars.displacement_mm
         enough = NEAR_ENOUGH * np.abs(residual).max(axis=1)
         for _ in range(NEAR_STEPS):
-            step = alone._correction(grip, begun, residual)
+            step = alone.correction(grip, begun, residual)
             bars = self.pulled(replace(bars, displacement_mm=bars.displacement_mm + step))
             residual = self.left(grips, bars.force_N) - bars.displacement_mm
             if not (np.abs(residual).max(axis=1) > enough).any():
@@ -320,7 +326,7 @@ class _Run:
         )
         return total
 
-    def _correction(self, grips: Bars, bars: Bars, residual: Array) -> Array:
+    def correction(self, grips: Bars, bars: Bars, residual: Array) -> Array:
         """The change of the displacement ``[n, t]`` (mm) in one step of Newton's method.
 
         The bars are as many as the rows of ``residual``, or one for all of them.
@@ -348,8 +354,8 @@ class _Run:
         return result
 
 
-def _first(values: Values) -> Values:
-    return {name: value[:1] for name, value in values.items()}
+def _row(values: Values, row: int) -> Values:
+    return {name: value[row : row + 1] for name, value in values.items()}
 
 
 def _drivers(bars: Bars) -> Array:
