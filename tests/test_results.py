@@ -590,7 +590,7 @@ def test_a_result_that_cannot_be_drawn_is_one_line_in_a_notebook(copied_run):
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        ({"free": ["x"] * len(FREE)}, r"contradicts itself, or the store \("),
+        ({"free": ["x"] * len(FREE)}, "content: free parameters that are named twice, or are no parameters"),
         ({"bounds": [[1.0, 0.0]] * len(FREE)}, "content: [A-Za-z_]+ [0-9.]+ of distal/1, outside its range 1 to 0"),
         ({"bounds": []}, f"content: {len(FREE)} free parameters, 0 ranges"),
     ],

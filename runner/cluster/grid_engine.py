@@ -99,13 +99,13 @@ def queue(jobs: Iterable[str] | None = None) -> dict[str, QueuedJob]:
         raise commands.error(finished)
     try:
         listed = ElementTree.fromstring(finished.stdout).iter("job_list")
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, ValueError) as error:  # defusedxml raises the second
         raise Away(f"qstat's answer is not XML ({error})") from None
     found = {}
     for entry in listed:
         text = {child.tag: (child.text or "").strip() for child in entry}
         job, state = text.get("JB_job_number", ""), text.get("state", "")
-        if job and (wanted is None or job in wanted):
+        if job.isascii() and job.isdigit() and (wanted is None or job in wanted):
             live = _DELETED not in state and _ERROR not in state
             node = text.get("queue_name", "").partition("@")[2]
             running = live and _RUNNING in state

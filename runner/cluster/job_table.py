@@ -47,7 +47,7 @@ class JobRecord:
             self.started, self.ended = at, None
         elif event == "ended" and self.ended is None:
             self.ended = at
-            self.spent_s += at - self.started if self.started is not None else 0.0
+            self.spent_s += max(at - self.started, 0.0) if self.started is not None else 0.0
 
     def core_hours(self, now: float) -> float:
         """The core-hours that the job has used."""

@@ -2,13 +2,16 @@
 
 import dataclasses
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sinew.tasks.model import FORCE, file_name
+from sinew.runner.errors import BadInput
+from sinew.tasks.model import FORCE, Parameter, file_name
 from sinew.tasks.simulate.series import with_unit
 from sinew.tasks.study.result import OMIT, ROUNDING, AtMostOne, Correlation, Count, NotNegative, Number, Result, Share
 
@@ -194,18 +197,31 @@ class CalibrateResult(Result):
     correlations: Correlations | NoCorrelations
 
     def __post_init__(self) -> None:
-        """Raises :class:`ValueError` for a free parameter without a range, or outside it."""
+        """Raises :class:`ValueError`: a free parameter has no range or is outside it, or another one varies."""
         if len(self.free) != len(self.bounds):
             raise ValueError(f"{len(self.free)} free parameters, {len(self.bounds)} ranges")
+        for what, listed in (("parameters", self.names), ("free parameters", self.free)):
+            if len(set(listed)) < len(listed) or not set(listed) <= set(self.names):
+                raise ValueError(f"{what} that are named twice, or are no parameters")
+        fixed: dict[str, float] = {}
         ranges = dict(zip(self.free, self.bounds, strict=True))
         for specimen, fit in self.specimens.items():
             for name, value in fit.parameters.items():
                 if name not in ranges:
+                    if fixed.setdefault(name, value) != value:
+                        raise ValueError(f"{name}, which is not free, is {fixed[name]:g} and {value:g}")
                     continue
                 low, high = ranges[name]
                 room = ROUNDING * abs(high - low)
                 if value < low - room or value > high + room:
                     raise ValueError(f"{name} {value:g} of {specimen}, outside its range {low:g} to {high:g}")
+
+    def refuse_other_ranges(self, path: Path, free: Sequence[Parameter]) -> None:
+        """Raises :class:`BadInput` where the free parameters of a study, or their ranges, are not those of ``path``."""
+        now = [(one.name, one.minimum, one.maximum) for one in free]
+        for one, then in zip_longest(now, ((name, *ends) for name, ends in zip(self.free, self.bounds, strict=True))):
+            if one != then:
+                raise BadInput(path, f"{(one or then or '?')[0]}: another range than now", "`sinew calibrate` again")
 
     @property
     def has_search(self) -> bool:

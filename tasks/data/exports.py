@@ -18,8 +18,8 @@ from sinew.tasks.data.recordings import (
     curve_of,
     first_length_in_words,
     read_recordings,
-    remarks,
 )
+from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.sizes import LARGEST_MM2, LEAST_MM2, LONGEST_MM, POSSIBLE_MM, SAME, SHORTEST_MM, square_side
 from sinew.tasks.data.told import as_told
 from sinew.tasks.data.units import factor, listed

@@ -31,7 +31,8 @@ from sinew.tasks.data.new_study import (
 from sinew.tasks.data.oddities import contradictions, odd_tests
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.questions import Doubt, Unclear
-from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings, remarks
+from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings
+from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.sheets import SUFFIXES
 from sinew.tasks.data.sizes import SIZES
 from sinew.tasks.data.specimen_sizes import Ask, Known, Sizes, ask_for_sizes, known_sizes, with_first_length

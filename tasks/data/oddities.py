@@ -8,12 +8,9 @@ import numpy as np
 from sinew.runner.errors import one_line
 from sinew.tasks.data.breaks import FEWEST
 from sinew.tasks.data.new_study import NewSpecimen
-from sinew.tasks.data.recordings import Recording
 from sinew.tasks.drawing.blocks import number
 from sinew.tasks.model import Curve, Specimen
 
-NO_FORMATS = (".xls", ".xlsb")  # spreadsheets of which the formats of cells are not read
-SMALL_PERCENT = 0.01  # 1 %: larger strains were a hundred times as large, if they were fractions
 SMALLEST_STRAIN = 1e-4  # no test of tissue moves less
 LARGEST_START = 0.05  # of the peak force: a force at rest that is larger is an offset, or a preload
 OFF, FAR = 0.05, 0.2  # how much a cross-section, and a strain, that a file tells twice may differ
@@ -58,25 +55,11 @@ def odd_tests(specimens: Sequence[Specimen]) -> Iterator[str]:
             )
 
 
-def _hidden_percent(recording: Recording) -> str:
-    """What is said of small strains in percent where the format of cells is not known, or nothing."""
-    column = recording.motion
-    largest = float(np.abs(recording.numbers[:, 1]).max())
-    if recording.path.suffix.lower() not in NO_FORMATS or column.unit != "%" or largest > SMALL_PERCENT:
-        return ""
-    return (
-        f"'{column.title}' reaches only {number(100.0 * largest)} %. Cells of an {recording.path.suffix} file that are "
-        "formatted as percent hold fractions, which cannot be seen here; if these are, save the file as .xlsx"
-    )
-
-
 def contradictions(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
     """A line for each test whose own strains or stresses do not go with the sizes of its specimen."""
     for new in specimens:
         one = new.specimen
         for test, curve in zip(new.tests, one.curves, strict=True):
-            if line := _hidden_percent(test.recording):
-                yield one_line(f"look at {one.name}, {curve.name}: {line}")
             said, where = test.recording.repeats, f"look at {one.name}, {curve.name}"
             if said.area_mm2 is not None and not {"width", "thickness"} & set(new.missing):
                 title, area = said.area_mm2

@@ -380,15 +380,3 @@ def _check_displacement(recording: Recording, displacement: Array, length_mm: fl
 def first_length_in_words(recording: Recording) -> str:
     """A remark on the length in the first row, where that serves as gauge length."""
     return f"gauge length {recording.numbers[0, 1]:g} mm, {LIKELY}: the length in the first row"
-
-
-def remarks(recording: Recording) -> list[str]:
-    """What a person should check in a recording that was understood."""
-    found = [*recording.notes, *recording.further.notes]
-    for column in recording.columns:
-        if column.alike:
-            others = ", ".join(f"'{title}'" for title in column.alike)
-            found.append(f"{column.quantity.name} from column {column.place + 1}; it may be in another: {others}")
-    if recording.motion.quantity is POSITION:
-        found.append(f"positions, {LIKELY} to count from the first one")
-    return [*found, *map(str, recording.doubts)]

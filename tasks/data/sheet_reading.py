@@ -7,7 +7,8 @@ Each sheet is a line with its name, and a line for each row with a list of its t
 there, or an object that says what is ``wrong`` and what is ``expected``.
 
 Cells that are formatted as percent hold fractions. They are written as they are shown, 9.97 for 0.0997, and the title
-above them gets the unit ``[%]`` where it has none. Files of the kinds .xls and .xlsb do not tell it here.
+above them gets the unit ``[%]`` where it has none. So are numbers that are shown in thousands. Files of the kinds .xls
+and .xlsb do not tell it here.
 """
 
 import datetime
@@ -34,14 +35,17 @@ TIME = f"takes more than {SECONDS} s of a processor"
 SMALLER = "a smaller spreadsheet, or the table as CSV"
 
 
+OF_DOCUMENTS = "{urn:oasis:names:tc:opendocument:xmlns:"  # begin of names that an open document gives a meaning
 NO_SIGN = re.compile(r'"[^"]*"|\\.|_.|\*.|\[[^\]]*\]')  # in a number format: shown as it is, or not at all
 PERCENT_FORMATS = {9, 10}  # of Excel itself
 TITLES_WITHIN = 4  # rows above numbers in which their titles stand
 LARGEST = 1e100
 IN_PERCENT = re.compile(r"[(\[]\s*%\s*[)\]]|%\s*$|^\s*%")  # a title with this unit
 PARTLY = "partly percent"  # the unit of numbers of which only some are formatted as percent
+PERCENT, UNCLEAR = 100.0, 0.0  # what numbers are multiplied by as they are shown; in some other way
+IN_THOUSANDS = re.compile(r"[0#?](,+)(?![0#?,])")  # in a number format: each comma divides by a thousand
 REFERENCE = re.compile(r"([A-Z]{1,3})([0-9]{1,7})")  # of a cell
-Cells = dict[int, dict[int, bool]]  # by row and column, both from 0: formatted as percent, or in parts or otherwise
+Cells = dict[int, dict[int, float]]  # by row and column, both from 0: what the number is multiplied by as it is shown
 
 
 class TooMuch(Exception):
@@ -65,7 +69,7 @@ def lines_of(content: bytes) -> Iterator[str | list[str]]:
     from python_calamine import CalamineWorkbook  # in this process only
 
     cells = size = 0
-    percents = _percents(content)
+    formatted = _formatted(content)
     with CalamineWorkbook.from_filelike(io.BytesIO(content)) as workbook:
         if len(workbook.sheet_names) > MAX_SHEETS:
             raise TooMuch(f"{len(workbook.sheet_names):,} sheets", f"at most {MAX_SHEETS:,} sheets")
@@ -77,7 +81,7 @@ def lines_of(content: bytes) -> Iterator[str | list[str]]:
             cells += (sheet.total_height + 1) * (sheet.total_width + 1)  # of the last row and column, from 0
             if cells > MAX_CELLS:
                 raise TooMuch(f"{cells:,} cells up to the last one that is not empty")
-            for row in _as_shown(sheet.to_python(skip_empty_area=False), percents.get(str(name), {})):
+            for row in _as_shown(sheet.to_python(skip_empty_area=False), formatted.get(str(name), {})):
                 texts = list(map(_text, row))
                 size += sum(len(text.encode("utf-8", "replace")) for text in texts)
                 if size > MAX_BYTES:
@@ -85,25 +89,26 @@ def lines_of(content: bytes) -> Iterator[str | list[str]]:
                 yield texts
 
 
-# ---- cells that are formatted as percent
+# ---- cells that are shown as other numbers than they hold
 
 
-def _as_shown(rows: list[list[Any]], percents: Cells) -> list[list[Any]]:
-    """Rows whose ``percents`` are counted in percent, with that unit in the titles above them.
+def _as_shown(rows: list[list[Any]], formatted: Cells) -> list[list[Any]]:
+    """Rows whose ``formatted`` cells hold the numbers that are shown, with the unit percent in the titles above them.
 
-    A run of numbers of which only some are formatted as percent stays as it is, and its titles get a unit that nobody
-    knows, so that a person is asked for it.
+    A run of numbers of which only some are formatted so stays as it is, and its titles get a unit that nobody knows, so
+    that a person is asked for it.
     """
-    for place in sorted({place for columns in percents.values() for place in columns}):
+    for place in sorted({place for columns in formatted.values() for place in columns}):
         for run in _runs(rows, place):
-            formats = {percents.get(at, {}).get(place) for at in run}
+            factors = {formatted.get(at, {}).get(place) for at in run}
             titles = _titles(rows, run[0], place)
-            if formats == {True}:
+            factor = factors.pop() if len(factors) == 1 else UNCLEAR
+            if factor:
                 for at in run:
-                    rows[at][place] = _in_percent(rows[at][place])
-                if titles and not any(IN_PERCENT.search(rows[at][place]) for at in titles):
+                    rows[at][place] = _times(factor, rows[at][place])
+                if factor == PERCENT and titles and not any(IN_PERCENT.search(rows[at][place]) for at in titles):
                     rows[titles[0]][place] = f"{rows[titles[0]][place].strip()} [%]"
-            elif formats != {None}:
+            elif factor is not None:
                 for at in titles:
                     rows[at][place] = IN_PERCENT.sub(f" [{PARTLY}]", rows[at][place])
                 if titles and PARTLY not in rows[titles[0]][place]:
@@ -111,9 +116,9 @@ def _as_shown(rows: list[list[Any]], percents: Cells) -> list[list[Any]]:
     return rows
 
 
-def _in_percent(value: float) -> float:
-    """A fraction in percent, without the rounding of the product; numbers beyond all sense stay as they are."""
-    return float(f"{100.0 * value:.15g}") if abs(value) < LARGEST else value
+def _times(factor: float, value: float) -> float:
+    """The product without its rounding; numbers beyond all sense stay as they are."""
+    return float(f"{factor * value:.15g}") if abs(value) < LARGEST else value
 
 
 def _runs(rows: list[list[Any]], place: int) -> Iterator[list[int]]:
@@ -144,64 +149,79 @@ def _titles(rows: list[list[Any]], first: int, place: int) -> list[int]:
     return found
 
 
-def _of_percent(code: str) -> bool | None:
-    """Whether a format of numbers shows all of them in percent, or (False) some, or in something else; None: none."""
-    sections = NO_SIGN.sub("", code).split(";")[:3]
-    counts = {section.count("%") for section in sections if re.search(r"[0#?]|General", section)}
-    return None if counts <= {0} else counts == {1}
+def _factor(code: str) -> float | None:
+    """What a format multiplies all numbers by, or ``UNCLEAR`` where it differs or is another; None: nothing."""
+    sections = [part for part in NO_SIGN.sub("", code).split(";")[:3] if re.search(r"[0#?]|General", part)]
+    scales = {(part.count("%"), sum(len(commas) for commas in IN_THOUSANDS.findall(part))) for part in sections}
+    if scales <= {(0, 0)}:
+        return None
+    percents, thousands = scales.pop() if len(scales) == 1 else (2, 0)
+    if percents > 1 or (percents and thousands):
+        return UNCLEAR
+    return PERCENT if percents else 1000.0**-thousands
 
 
-def _percents(content: bytes) -> dict[str, Cells]:
-    """Cells that are formatted as percent, by the name of the sheet; of a file that is no archive, none."""
+def _formatted(content: bytes) -> dict[str, Cells]:
+    """Cells that are shown as other numbers, by the name of the sheet; of a file that is no archive, none."""
     if not content.startswith(b"PK"):
         return {}
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        members = set(archive.namelist())
+        members = {name.lower(): name for name in archive.namelist()}  # as whoever reads the numbers finds them
+        if len(members) < len(archive.namelist()):
+            raise TooMuch("two members with the same name", "another name for each")
         if "content.xml" in members:
-            return _percents_of_ods(archive)
-        if {"xl/styles.xml", "xl/workbook.xml", "xl/_rels/workbook.xml.rels"} <= members:
-            return _percents_of_xlsx(archive, members)
+            return _formatted_of_ods(archive)
+        if "xl/workbook.xml" in members:
+            return _formatted_of_xlsx(archive, members)
     return {}
 
 
-def _percents_of_xlsx(archive: zipfile.ZipFile, members: set[str]) -> dict[str, Cells]:
-    styles = _percent_styles(archive)
+def _formatted_of_xlsx(archive: zipfile.ZipFile, members: dict[str, str]) -> dict[str, Cells]:
+    if "xl/_rels/workbook.xml.rels" not in members:
+        raise TooMuch("its sheets are not found", "a spreadsheet as Excel saves it")
+    relations = _elements(archive, members["xl/_rels/workbook.xml.rels"], "Relationship")
+    targets = {
+        one.get("Id"): posixpath.normpath(posixpath.join("/xl", one.get("Target", ""))).lstrip("/").lower()
+        for one in relations
+    }
+    of_styles = [targets[one.get("Id")] for one in relations if one.get("Type", "").endswith("/styles")]
+    style_path = next((path for path in (*of_styles, "xl/styles.xml") if path in members), None)
+    if style_path is None and of_styles:
+        raise TooMuch("the formats of its cells are not found", "a spreadsheet as Excel saves it")
+    styles = _scaling_styles(archive, members[style_path]) if style_path else {}
     if not styles:
         return {}
-    targets = {
-        one.get("Id"): posixpath.normpath(posixpath.join("/xl", one.get("Target", ""))).lstrip("/")
-        for one in _elements(archive, "xl/_rels/workbook.xml.rels", "Relationship")
-    }
     found = {}
-    for sheet in _elements(archive, "xl/workbook.xml", "sheet"):
+    for sheet in _elements(archive, members["xl/workbook.xml"], "sheet"):
         link = next((value for key, value in sheet.attrib.items() if _local(key) == "id"), None)
         if (path := targets.get(link)) in members:
-            found[sheet.get("name", "")] = _percents_of_sheet(archive, str(path), styles)
+            found[sheet.get("name", "")] = _formatted_of_sheet(archive, members[str(path)], styles)
     return found
 
 
-def _percent_styles(archive: zipfile.ZipFile) -> dict[str, bool]:
-    """Styles of cells, by their numbers as texts, whose format is one of percent or, False, in parts or otherwise."""
-    formats: dict[int, bool | None] = dict.fromkeys(PERCENT_FORMATS, True)
-    styles: dict[str, bool] = {}
+def _scaling_styles(archive: zipfile.ZipFile, path: str) -> dict[int, float]:
+    """Styles of cells, by their numbers, that show other numbers: what those are multiplied by."""
+    formats: dict[int, float | None] = dict.fromkeys(PERCENT_FORMATS, PERCENT)
+    styles: dict[int, float] = {}
     inside, count = False, 0
-    with archive.open("xl/styles.xml") as file:
+    with archive.open(path) as file:
         for event, element in _parsed(file):
             name = _local(element.tag)
             if name == "cellXfs":
                 inside = event == "start"
             elif event == "end" and name == "numFmt":
-                formats[int(element.get("numFmtId", "0"))] = _of_percent(element.get("formatCode", ""))
+                formats[int(element.get("numFmtId", "0"))] = _factor(element.get("formatCode", ""))
             elif event == "end" and name == "xf" and inside:
                 if (shown := formats.get(int(element.get("numFmtId", "0")))) is not None:
-                    styles[str(count)] = shown
+                    styles[count] = shown
                 count += 1
     return styles
 
 
-def _percents_of_sheet(archive: zipfile.ZipFile, path: str, styles: dict[str, bool]) -> Cells:
+def _formatted_of_sheet(archive: zipfile.ZipFile, path: str, styles: dict[int, float]) -> Cells:
     found: Cells = {}
     row, column = -1, -1
+    before = (-1, -1)
     with archive.open(path) as file:
         for event, element in _parsed(file):
             name = _local(element.tag)
@@ -209,7 +229,10 @@ def _percents_of_sheet(archive: zipfile.ZipFile, path: str, styles: dict[str, bo
                 row, column = int(element.get("r", str(row + 2))) - 1, -1
             elif event == "start" and name == "c":
                 row, column = _place(element.get("r", "")) if element.get("r") else (row, column + 1)
-                if (style := element.get("s", "")) in styles:
+                if (row, column) <= before:
+                    raise TooMuch(f"two cells in row {row + 1}, column {column + 1}, or one out of order", "one")
+                before = row, column
+                if (style := int(element.get("s", "-1"))) in styles:
                     found.setdefault(row, {})[column] = styles[style]
             elif event == "end" and name in ("row", "c"):
                 element.clear()
@@ -227,14 +250,16 @@ def _place(reference: str) -> tuple[int, int]:
     return int(found[2]) - 1, column - 1
 
 
-def _percents_of_ods(archive: zipfile.ZipFile) -> dict[str, Cells]:
+def _formatted_of_ods(archive: zipfile.ZipFile) -> dict[str, Cells]:
     found: dict[str, Cells] = {}
     cells: Cells = {}
     row = column = depth = 0
     with archive.open("content.xml") as file:
         for event, element in _parsed(file):
             name = _local(element.tag)
-            about = {_local(key): value for key, value in element.attrib.items()}
+            about = {_local(key): value for key, value in element.attrib.items() if key.startswith(OF_DOCUMENTS)}
+            if name == "number" and float(about.get("display-factor", "1")) != 1.0:
+                raise TooMuch("numbers that are shown divided by a factor", "numbers that are shown as they are")
             if name == "table":
                 depth += 1 if event == "start" else -1
                 if event == "start" and depth == 1:  # not one within a cell
@@ -249,7 +274,7 @@ def _percents_of_ods(archive: zipfile.ZipFile) -> dict[str, Cells]:
                 if about.get("value-type") == "percentage":
                     if many > MAX_CELLS:
                         raise TooMuch(f"{many:,} cells that are the same")
-                    cells.setdefault(row, {}).update(dict.fromkeys(range(column, column + many), True))
+                    cells.setdefault(row, {}).update(dict.fromkeys(range(column, column + many), PERCENT))
                 column += many
                 element.clear()
             elif event == "end" and name == "table-row":

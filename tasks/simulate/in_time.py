@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from scipy.optimize import brentq
 
 from sinew.tasks.model.effect import Bars
 from sinew.tasks.simulate import Array
@@ -83,6 +82,8 @@ def _within_an_interval(pulling: Pulling, grips: Bars, state: _State, point: int
         displacement = state.bars.displacement_mm[0].copy()
         displacement[point] += change
         return _at(pulling, grips, displacement)
+
+    from scipy.optimize import brentq  # slow to import
 
     end = begin = float(state.residual[point])
     for _ in range(DOUBLINGS):

@@ -92,6 +92,7 @@ def _prior(workspace: Workspace, settings: Settings, site: str, members: tuple[S
     calibration = CalibrateResult.read(workspace.out)
     if calibration is None:
         raise BadInput(path, "is not there", "`sinew calibrate` on this study first")
+    calibration.refuse_other_ranges(path, free)
     found = calibration.specimens
     if settings.priors == "others":
         names = [one.name for one in workspace.specimens("all", "infer.priors") if (one.site or "all") != site]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import zarr
 
-from sinew.runner.errors import StoreError, of_the_system
+from sinew.runner.errors import StoreError, of_the_system, shown
 from sinew.runner.files import what_is
 from sinew.runner.store.chunks import BLOSC_HEADER, blosc_fault, codecs_fault, too_large
 from sinew.runner.store.damage import words
@@ -20,7 +20,7 @@ from sinew.runner.zip_end import directory_of
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.febio.kept import ENDING, FORMAT, Entry, Run, as_zarr
 from sinew.tasks.simulate.febio.plot_file import PlotFile, Variable, fits
-from sinew.tasks.simulate.febio.plot_mesh import Mesh, Region
+from sinew.tasks.simulate.febio.plot_mesh import MAX_PART, SHAPES, Mesh, Region
 
 MAX_MEMBERS, MAX_DIRECTORY = 200_000, 2**25  # entries of a zip, and the bytes that all of them take
 MAX_ARRAY_BYTES = 2**28
@@ -51,10 +51,13 @@ def contents(path: Path) -> list[tuple[Entry, Place]]:
         runs: Any = about["runs"]
         if len(runs) > MAX_RUNS:
             raise ValueError(f"it lists {len(runs):,} runs")
-        found = []
+        found, keys = [], set[str]()
         for number, run in enumerate(runs):
             parameters = {str(name): float(value) for name, value in run["parameters"].items()}
             entry = Entry(str(run["key"]), str(run["of"]), str(run["protocol"]), parameters)
+            if entry.key in keys:  # all runs with a key are read
+                raise ValueError("it lists a run twice")
+            keys.add(entry.key)
             found.append((entry, Place(path, number, int(run["mesh"]))))
         return found
 
@@ -181,6 +184,8 @@ def _mesh(read: _Reader, group: str) -> Mesh:
     nodes, node_ids = read.array(f"{group}/nodes", "f4", 2), read.array(f"{group}/node_ids", "i4", 1)
     if nodes.shape != (node_ids.size, 3):
         raise ValueError("its nodes are not three numbers each")
+    if not np.isfinite(nodes).all():
+        raise ValueError("coordinates of nodes are not finite")
 
     def regions(kind: str) -> tuple[Region, ...]:
         found = []
@@ -190,7 +195,12 @@ def _mesh(read: _Reader, group: str) -> Mesh:
             corners = table[:, 1:]
             if corners.size and (corners.min() < -1 or corners.max() >= len(nodes)):
                 raise ValueError(f"{name} has nodes that the mesh lacks")
-            found.append(Region(str(own["region"]), str(own["shape"]), int(own["part"]), table[:, 0], corners))
+            shape, part = str(own["shape"]), int(own["part"])
+            if kind == "domain" and (dict(SHAPES).get(shape) != corners.shape[1] or (corners < 0).any()):
+                raise ValueError(f"{name} has elements of another shape than {shown(shape)}")
+            if not 0 <= part <= MAX_PART:
+                raise ValueError(f"{name} is of part {part}")
+            found.append(Region(str(own["region"]), shape, part, table[:, 0], corners))
         return tuple(found)
 
     def sets(kind: str, below: float) -> dict[str, Array]:
@@ -200,6 +210,8 @@ def _mesh(read: _Reader, group: str) -> Mesh:
             items = read.array(name, "i4", 1)
             if items.size and not (items.min() >= 0 and items.max() < below):
                 raise ValueError(f"{name} has nodes that the mesh lacks")
+            if np.unique(items).size < items.size:  # its fields would fill the memory, and count twice
+                raise ValueError(f"{name} has an item twice")
             found[str(read.about(name)["set"])] = items
         return found
 

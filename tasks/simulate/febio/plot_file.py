@@ -218,7 +218,7 @@ def _courses(
             if first.setdefault(place, len(times) - 1) + len(course.states) == len(times):
                 seen = -1
                 break
-            regions += _append(course, mesh, content)
+            regions += max(1, _append(course, mesh, content))  # one without any is looked at, too
             if regions > MAX_REGIONS:
                 raise damaged(f"its states have more than {MAX_REGIONS:,} regions")
         if seen != len(first):

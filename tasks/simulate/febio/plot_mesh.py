@@ -18,6 +18,7 @@ SHAPES = (
 )  # fmt: skip
 MAX_REGIONS = 100_000
 MAX_CORNERS = 27
+MAX_PART = 2**31 - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +111,8 @@ def _domains(content: memoryview, nodes: int) -> Iterator[Region]:
         if claimed != len(table):
             raise damaged(f"a domain has {len(table):,} elements and claims {claimed:,}")
         part = integer(header, 0x01042103, "the part of a domain")
+        if part > MAX_PART:
+            raise damaged(f"a domain of part {part}")
         _known(table[:, 1:], nodes)
         yield Region(name, shape, part, table[:, 0].copy(), table[:, 1:].copy())
 

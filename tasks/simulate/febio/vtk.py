@@ -136,7 +136,7 @@ def _by_cell(variable: Variable, domains: tuple[Region, ...], cells: int, state:
     for number, count in variable.regions:
         values = variable.values[state, start : start + count]
         elements = len(domains[number].corners)
-        if variable.per == "corner":
+        if variable.per == "corner" and elements:
             values = values.reshape(elements, -1, values.shape[1]).mean(axis=1)
         found[first[number] : first[number] + elements] = values
         start += count

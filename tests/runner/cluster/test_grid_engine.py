@@ -61,10 +61,18 @@ def test_queue_reads_what_qstat_prints(fake, tmp_path):
     assert grid_engine.queue([]) == {}
 
 
-def test_an_answer_that_is_no_xml_may_be_better_later(fake):
-    fake("qstat", "echo nonsense")
+@pytest.mark.parametrize("said", ["nonsense", '<!DOCTYPE a [<!ENTITY e "x">]><a>&e;</a>'])
+def test_an_answer_that_is_no_xml_may_be_better_later(fake, tmp_path, said):
+    (tmp_path / "answer").write_text(said)
+    fake("qstat", f"cat {tmp_path}/answer")
     with pytest.raises(Away, match="not XML"):
         grid_engine.queue()
+
+
+def test_a_job_has_a_number(fake, tmp_path):
+    (tmp_path / "answer").write_text(LISTED.replace(">7<", ">-u *<"))
+    fake("qstat", f"cat {tmp_path}/answer")
+    assert list(grid_engine.queue()) == ["8", "9", "10"]
 
 
 def test_a_master_that_is_away_is_no_refusal(fake, tmp_path):

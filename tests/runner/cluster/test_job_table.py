@@ -31,6 +31,14 @@ def test_a_requeued_job_runs_again_and_counts_from_its_first_start(tmp_path):
     assert record.core_hours(270.0) == pytest.approx((60 + 70) / 3600)
 
 
+def test_a_job_that_ended_before_it_began_has_cost_nothing(tmp_path):
+    table = JobTable(tmp_path)
+    facts = {"role": COORDINATOR, "name": "sinew-a", "cores": 1}
+    lines = [(9e10, "started"), (0, "ended")]
+    table.path.write_text("".join(json.dumps({"time": t, "job": "5", "event": e, **facts}) + "\n" for t, e in lines))
+    assert table.read()["5"].core_hours(10.0) == 0.0
+
+
 def test_the_table_names_the_batch_system_unless_it_is_slurm(tmp_path):
     table = JobTable(tmp_path)
     table.note("1", "submitted", **noted("slurm"))

@@ -1,14 +1,10 @@
 """Tests that were read and yet look wrong are named."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pytest
 
-from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.oddities import _hidden_percent, odd_tests
-from sinew.tasks.data.recordings import read_recordings
+from sinew.tasks.data.oddities import odd_tests
 from sinew.tasks.model import Curve, Protocol, Specimen
 
 TIME = np.arange(5.0)
@@ -57,24 +53,3 @@ def test_a_force_that_does_not_begin_at_zero_is_named():
     )
     assert list(odd_tests([pulled(RAMP + 4.0)])) == []
     assert list(odd_tests([pulled(RAMP + 10.0, np.linspace(0.2, 1.0, 100))])) == [], "a preload with its strain"
-
-
-@pytest.mark.parametrize(
-    ("name", "title", "largest", "told"),
-    [
-        ("a.xls", "Strain [%]", 0.0997, True),
-        ("a.XLSB", "Strain [%]", 0.99, True),
-        ("a.xls", "Strain [%]", 1.01, False),
-        ("a.xlsx", "Strain [%]", 0.0997, False),  # whose formats are read
-        ("a.xls", "Strain [mm/mm]", 0.0997, False),
-        ("a.xls", "Extension [mm]", 0.0997, False),
-    ],
-)
-def test_small_strains_in_percent_of_a_file_without_formats_are_named(tmp_path, name, title, largest, told):
-    path = tmp_path / "a.csv"
-    path.write_text(f"Time [s],{title},Force [N]\n" + "".join(f"{i},{largest * i / 4},{i}\n" for i in range(5)))
-    (recording,) = read_recordings(path, Hints())
-    line = _hidden_percent(replace(recording, path=Path(name)))
-    assert bool(line) is told
-    if told:
-        assert line.startswith(f"'{title}' reaches only {largest} %. Cells of an {Path(name).suffix} file that are")

@@ -12,7 +12,8 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import inspect
 from sinew.tasks.data.questions import UnknownUnit
-from sinew.tasks.data.recordings import UNPADDED, Bar, Recording, curve_of, read_recordings, remarks
+from sinew.tasks.data.recordings import UNPADDED, Bar, Recording, curve_of, read_recordings
+from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.told import as_told
 from tests.tasks.data.test_sheets import write_workbook
 

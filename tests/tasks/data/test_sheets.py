@@ -67,7 +67,8 @@ def cell(value: object) -> str:
 
 
 CODES = {164: "0.000%", 165: '0.0" %"', 166: r"0.0\%", 167: "0.00_%", 168: "[=1]0%;General", 169: "0.0%%",
-         170: "0%;-0%", 171: "[Red]0.0%;@"}  # fmt: skip
+         170: "0%;-0%", 171: "[Red]0.0%;@", 172: "0.000,", 173: '0.0,," M"', 174: "#,##0.0", 175: "0.0,%",
+         176: "0.0,;0.0"}  # fmt: skip
 OF_STYLE = [0, 10, *CODES, 2]  # the format of each style
 STYLES = (
     f'<styleSheet xmlns="{MAIN}"><numFmts>'
@@ -116,7 +117,7 @@ def test_cells_of_percent_are_read_as_they_are_shown(tmp_path, title, style, ref
     assert recording.numbers[-1].tolist() == pytest.approx([4.0, 0.0997, 12.0])
 
 
-@pytest.mark.parametrize("style", [0, *map(of_style, ('0.0" %"', r"0.0\%", "0.00_%")), len(OF_STYLE) - 1])
+@pytest.mark.parametrize("style", [0, *map(of_style, ('0.0" %"', r"0.0\%", "0.00_%", "#,##0.0")), len(OF_STYLE) - 1])
 def test_other_formats_leave_cells_as_they_are(tmp_path, style):
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(style))
     assert dict(read_sheets(path))["one"][-1] == ("4", "0.0997", "12")
@@ -124,8 +125,9 @@ def test_other_formats_leave_cells_as_they_are(tmp_path, style):
 
 @pytest.mark.parametrize("title", ["Strain [%]", "Strain"])
 @pytest.mark.parametrize(
-    "styles", [(0, 1), (1, 0), (1, 1, 1, 1, 0), (of_style("[=1]0%;General"),), (of_style("0.0%%"),), (1, 0, 1)]
-)
+    "styles", [(0, 1), (1, 0), (1, 1, 1, 1, 0), (of_style("[=1]0%;General"),), (of_style("0.0%%"),), (1, 0, 1),
+               (of_style("0.0,%"),), (of_style("0.0,;0.0"),), (of_style("0.000,"), 1)]
+)  # fmt: skip
 def test_numbers_of_which_some_are_formatted_as_percent_are_asked_about(tmp_path, styles, title):
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(*styles, title=title))
     assert [row[1] for row in dict(read_sheets(path))["one"][1:]] == ["0", "0.024925", "0.04985", "0.074775", "0.0997"]
@@ -133,6 +135,68 @@ def test_numbers_of_which_some_are_formatted_as_percent_are_asked_about(tmp_path
         read_recordings(path, Hints())
     (recording,) = read_recordings(path, Hints(displacement_unit="1"))
     assert recording.numbers[-1].tolist() == pytest.approx([4.0, 0.0997, 12.0])
+
+
+@pytest.mark.parametrize(("code", "last"), [("0.000,", "9.97e-05"), ('0.0,," M"', "9.97e-08")])
+def test_numbers_that_are_shown_in_thousands_are_read_as_they_are_shown(tmp_path, code, last):
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(of_style(code), title="Force [kN]"))
+    rows = dict(read_sheets(path))["one"]
+    assert rows[0] == ("Time [s]", "Force [kN]", "Force [N]")
+    assert rows[-1] == ("4", last, "12")
+
+
+def rewritten(path: Path, change) -> Path:
+    """The archive with its members' names and contents as ``change`` gives them."""
+    with zipfile.ZipFile(path) as archive:
+        members = [change(name, archive.read(name)) for name in archive.namelist()]
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members:
+            archive.writestr(name, content)
+    return path
+
+
+@pytest.mark.parametrize("name", ["xl/styles.xml", "xl/workbook.xml", "xl/_rels/workbook.xml.rels"])
+def test_members_are_found_whatever_their_case(tmp_path, name):
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(1))
+    other = name.replace("styles", "Styles").replace("workbook", "Workbook")
+    rewritten(path, lambda each, content: (other if each == name else each, content))
+    assert dict(read_sheets(path))["one"][-1] == ("4", "9.97", "12")
+
+
+def test_styles_of_another_name_are_found_by_their_relation(tmp_path):
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(1))
+    link = f'<Relationship Id="s" Type="{OFFICE}/styles" Target="looks.xml"/></Relationships>'.encode()
+
+    def moved(name, content):
+        content = content.replace(b"</Relationships>", link) if name == "xl/_rels/workbook.xml.rels" else content
+        return name.replace("xl/styles.xml", "xl/looks.xml"), content
+
+    assert dict(read_sheets(rewritten(path, moved)))["one"][-1] == ("4", "9.97", "12")
+    gone = rewritten(path, lambda name, content: (name.replace("looks", "gone"), content))
+    with pytest.raises(BadInput, match="the formats of its cells are not found; expected a spreadsheet as Excel saves"):
+        list(read_sheets(gone))
+
+
+def test_members_with_one_name_are_refused(tmp_path):
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(1))
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("xl/Styles.xml", STYLES.replace("cellXfs", "none"))
+    with pytest.raises(BadInput, match="two members with the same name; expected another name for each"):
+        list(read_sheets(path))
+
+
+def test_numbers_of_styles_are_numbers(tmp_path):
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(1).replace('s="1"', 's="01"'))
+    assert dict(read_sheets(path))["one"][-1] == ("4", "9.97", "12")
+
+
+@pytest.mark.parametrize("more", ['<c r="B3"><v>25</v></c>', '<c r="A3"><v>25</v></c>', '<c r="C2"><v>25</v></c>'])
+def test_a_cell_that_is_there_twice_is_refused(tmp_path, more):
+    rows = styled(1)
+    at = rows.index('<c r="C3"')
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=rows[:at] + more + rows[at:])
+    with pytest.raises(BadInput, match=r"two cells in row \d, column \d, or one out of order; expected one"):
+        list(read_sheets(path))
 
 
 def test_a_unit_that_contradicts_cells_of_percent_is_asked_for(tmp_path):
@@ -205,6 +269,17 @@ def test_cells_of_percent_in_an_open_document(tmp_path):
         ("1", "9.97", "1.5", "3"),
         ("1", "9.97", "1.5", "3"),
     ]
+    foreign = 'xmlns:other="urn:other" other:value-type="float" office:value-type="percentage"'
+    replaced(tmp_path / "a.ods", 'office:value-type="percentage"', foreign)
+    assert dict(read_sheets(tmp_path / "a.ods"))["one"][1] == ("0", "5", "0.05", "3")
+    style = '<style xmlns:n="urn:oasis:names:tc:opendocument:xmlns:datastyle:1.0"><n:number n:display-factor="1000"/>'
+    replaced(tmp_path / "a.ods", "<office:body>", f"{style}</style><office:body>")
+    with pytest.raises(BadInput, match="numbers that are shown divided by a factor; expected numbers that are shown"):
+        list(read_sheets(tmp_path / "a.ods"))
+
+
+def replaced(path: Path, old: str, new: str) -> None:
+    rewritten(path, lambda name, content: (name, content.replace(old.encode(), new.encode())))
 
 
 RESULTS = [[None, "Fmax", "a0", "b0", "L0 SW"], [None, "N", "mm", "mm", "mm"], [None, 30, 0.9, 5.9, 20]]

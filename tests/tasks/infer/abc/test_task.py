@@ -233,12 +233,19 @@ def test_interrupted_in_mid_generation_it_ends_with_the_same_bytes(study, tmp_pa
     assert any(table.title.startswith("site ") for table in open_store(cut).tables())
 
 
+OTHER_RANGES = (
+    "tasks: [calibrate, infer, predict, compare]",
+    "tasks: [infer]\nmodel: {parameters: {E_f: {min: 150, max: 280}}}",
+)
+
+
 @pytest.mark.parametrize(
     ("change", "out", "words"),
     [
         (("epsilon: 0.5", "epsilon: 0.0001"), "out", ["infer.epsilon", "the closest was at", "a larger epsilon"]),
         (("population: 12", "population: 12, protocols: [creep]"), "out", ["infer.protocols", "no curve of"]),
         (("[calibrate, infer, predict, compare]", "[infer]"), "new", ["calibrate.json", "`sinew calibrate`"]),
+        (OTHER_RANGES, "out", ["calibrate.json", "E_f: another range than now; expected `sinew calibrate` again"]),
         (("[calibrate, infer, predict, compare]", "[infer, calibrate]"), "new", ["calibrate first"]),
     ],
 )

@@ -215,6 +215,21 @@ def test_regions_of_all_states_are_limited(monkeypatch):
     assert plot_file_of(empty_regions(299, 100, 100), MB).time_s.size == 299
 
 
+def test_variables_without_any_region_are_counted_too(monkeypatch):
+    content = w.plot_file(()) + b"".join(w.absent(float(time)) for time in range(30))
+    assert plot_file_of(content, MB).time_s.size == 30
+    monkeypatch.setattr("sinew.tasks.simulate.febio.plot_file.MAX_REGIONS", 10 * 30 - 1)  # of ten variables
+    with pytest.raises(Failed, match="its states have more than 299 regions"):
+        plot_file_of(content, MB)
+
+
+def test_a_part_has_a_number_that_files_can_hold():
+    part = w.whole(0x01042103, 2)
+    assert w.plot_file().count(part) == 1
+    with pytest.raises(Failed, match="a domain of part 4294967295"):
+        plot_file_of(w.plot_file().replace(part, w.whole(0x01042103, -1)), MB)
+
+
 def test_the_same_material_again_and_again_is_refused():
     part = w.chunk(0x01045100, w.whole(0x01045101, 1), w.padded(0x01045102, ""))
     mesh = w.chunk(0x01040000, NODES, w.chunk(0x01045000, part * 100_001))

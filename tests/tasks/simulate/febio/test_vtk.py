@@ -103,3 +103,16 @@ def test_states_times_mesh_are_limited(tmp_path, monkeypatch):
     with pytest.raises(BadInput, match=r"its 3 states would have 2\d\d numbers each; expected at most 700 numbers"):
         write_vtk(tmp_path / "row.pvd", plot)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_domain_without_elements_has_no_cells(tmp_path):
+    """Its variables of corners have no numbers."""
+    plot = plot_file_of(w.plot_file(), 2**20)
+    block, tets = plot.mesh.domains
+    none = replace(block, ids=block.ids[:0], corners=block.corners[:0])
+    density = replace(plot.variables["density"], values=np.zeros((3, 0, 1), np.float32), regions=((0, 0),))
+    few = replace(plot, mesh=replace(plot.mesh, domains=(none, tets)), variables={"density": density})
+    write_vtk(tmp_path / "row.pvd", few)
+    found = arrays(tmp_path / "row" / "state_00001.vtu")
+    assert found["element_id"].ravel().tolist() == [3]
+    assert np.isnan(found["density"]).all()

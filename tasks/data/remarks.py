@@ -1,0 +1,35 @@
+"""What a person should check in a recording that was understood."""
+
+import numpy as np
+
+from sinew.tasks.data.columns import LIKELY
+from sinew.tasks.data.quantities import POSITION
+from sinew.tasks.data.recordings import Recording
+from sinew.tasks.drawing.blocks import number
+
+NO_FORMATS = (".xls", ".xlsb")  # spreadsheets of which the formats of cells are not read
+SMALL_PERCENT = 0.01  # 1 %: larger strains were a hundred times as large, if they were fractions
+
+
+def remarks(recording: Recording) -> list[str]:
+    """A line for each thing that a person should check."""
+    found = [*recording.notes, *recording.further.notes]
+    for column in recording.columns:
+        if column.alike:
+            others = ", ".join(f"'{title}'" for title in column.alike)
+            found.append(f"{column.quantity.name} from column {column.place + 1}; it may be in another: {others}")
+    if recording.motion.quantity is POSITION:
+        found.append(f"positions, {LIKELY} to count from the first one")
+    return [*found, *_hidden_percent(recording), *map(str, recording.doubts)]
+
+
+def _hidden_percent(recording: Recording) -> list[str]:
+    """What is said of small strains in percent where the format of cells is not known."""
+    column = recording.motion
+    largest = float(np.abs(recording.numbers[:, 1]).max())
+    if recording.path.suffix.lower() not in NO_FORMATS or column.unit != "%" or largest > SMALL_PERCENT:
+        return []
+    return [
+        f"'{column.title}' reaches only {number(100.0 * largest)} %. Cells of an {recording.path.suffix} file that are "
+        "formatted as percent hold fractions, which cannot be seen here; if these are, save the file as .xlsx"
+    ]
