@@ -53,7 +53,7 @@ def worker_processes(client: int) -> list[psutil.Process]:
         return []
 
 
-VICTIMS = ("worker", "client", "workers", "worker", "client", "workers")
+VICTIMS = ("worker", "client", "workers")
 
 
 def kill(victim: str, process: subprocess.Popen[bytes]) -> None:
@@ -71,7 +71,7 @@ def kill(victim: str, process: subprocess.Popen[bytes]) -> None:
 
 @pytest.mark.timeout(600)
 def test_kills_lose_nothing_and_change_nothing(tmp_path):
-    """Six kills, spread over the study: a worker, both workers and the client, each twice."""
+    """Three kills, spread over the study: a worker, the client and both workers. `make chaos` has a thousand."""
     base_samples = 8
     total = base_samples * ROWS_PER_BASE_SAMPLE
     for name in ("calm", "chaos"):
@@ -191,7 +191,7 @@ def killed_in(task: str, study: Path, out: Path, rows: float) -> str:
 
 @pytest.mark.timeout(600)
 def test_all_tasks_killed_at_any_moment_end_with_the_same_bytes(tmp_path, monkeypatch):
-    """The whole process group dies by SIGKILL in three of the tasks, after numbers of rows drawn from a fixed seed."""
+    """The whole process group dies by SIGKILL in two of the tasks, after numbers of rows drawn from a fixed seed."""
     specimens, _ = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
     write_cohort(tmp_path / "cohort", specimens[:2])
     study, calm, cut = tmp_path / "study.yaml", tmp_path / "calm", tmp_path / "cut"
@@ -204,9 +204,8 @@ def test_all_tasks_killed_at_any_moment_end_with_the_same_bytes(tmp_path, monkey
 
     dice = random.Random(8)
     ends = [killed_in(task, study, cut, dice.uniform(0.1, 0.6) * new[task]) for task in ("calibrate", "infer")]
-    ends.append(killed_in("predict", study, cut, 0))  # it takes less time than it takes to look
     print(ends)
-    assert ends[:2] == ["calibrate: task started", "infer: task started"]
+    assert ends == ["calibrate: task started", "infer: task started"]
     finish(start_all(study, cut), study)
     assert results(cut) == results(calm)
     assert contents(cut / "store.zarr") == contents(calm / "store.zarr")

@@ -49,7 +49,7 @@ def remembers(slurm_cluster, job):
 @pytest.mark.takes(40)
 def test_a_preempted_worker_job_is_replaced(tmp_path, slurm_cluster, bed):
     profile = profile_with(cores=2).replace("workers: {", "workers: {partition: scavenge, ")
-    out = submit(prepare(tmp_path, profile, seconds=2.0))
+    out = submit(prepare(tmp_path, profile, seconds=2.0, base_samples=4))
     before = progress(out)
     victim = working(out)[0]
     urgent = ("-p", "urgent", "-w", victim.nodes, "-c", "2", "--mem=100", "--output=/dev/null", "--wrap", "sleep 5")
@@ -60,7 +60,7 @@ def test_a_preempted_worker_job_is_replaced(tmp_path, slurm_cluster, bed):
 
 @pytest.mark.takes(40)
 def test_a_node_fails(tmp_path, slurm_cluster, bed):
-    out = submit(prepare(tmp_path, profile_with(cores=2), seconds=0.5))
+    out = submit(prepare(tmp_path, profile_with(cores=2), seconds=0.5, base_samples=4))
     before = progress(out)
     victim = working(out)[0]
     bed.fail_node(slurm_cluster, victim.nodes)
@@ -77,7 +77,7 @@ def was_replaced(out: Path, job: str, end: str) -> None:
 
 @pytest.mark.takes(45)
 def test_the_controller_is_away_for_a_while(tmp_path, slurm_cluster, bed):
-    study = prepare(tmp_path, profile_with(), seconds=0.6)
+    study = prepare(tmp_path, profile_with(), seconds=1.0, base_samples=4)
     out = submit(study)
     before = progress(out)
     remembers(slurm_cluster, leader(out))
@@ -240,7 +240,7 @@ def fill(folder: Path) -> Path:
 @may_mount
 @pytest.mark.takes(45)
 def test_a_full_disk(slurm_cluster, disk, bed):
-    study = prepare(disk.parent, profile_with(), seconds=0.3)
+    study = prepare(disk.parent, profile_with(), seconds=0.5, base_samples=4)
     out = submit(study, disk / "out")
     before = progress(out)
     filler = fill(disk)
@@ -253,7 +253,7 @@ def test_a_full_disk(slurm_cluster, disk, bed):
 @may_mount
 @pytest.mark.takes(50)
 def test_a_disk_that_becomes_read_only(slurm_cluster, disk, bed):
-    study = prepare(disk.parent, profile_with(), seconds=0.3)
+    study = prepare(disk.parent, profile_with(), seconds=0.5, base_samples=4)
     out = submit(study, disk / "out")
     before = progress(out)
     journal = out / "journal"

@@ -38,7 +38,7 @@ name: hidden
 seed: 3
 cohort: cohort
 tasks: [discover]
-discover: {effects: [force-drift, time-lag, toe-slack], starts: 2, laws: false}
+discover: {effects: [force-drift, time-lag, toe-slack], starts: 1, laws: false}
 """
 
 

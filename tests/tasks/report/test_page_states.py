@@ -204,6 +204,7 @@ def test_values_of_a_wrong_kind_are_one_line(run_folder):
     assert all("\n" not in line for line in trouble)
 
 
+@pytest.mark.usefixtures("no_plots")
 def test_lines_of_the_log_that_cannot_be_read_are_counted(run_folder):
     keep_only(run_folder)
     with (run_folder / "log.jsonl").open("a") as file:
@@ -383,6 +384,7 @@ def test_of_a_log_without_end_the_last_lines_are_read(run_folder, line, monkeypa
     assert "The log does not say who ran this" not in seen.sections["provenance"]
 
 
+@pytest.mark.usefixtures("no_plots")
 def test_an_event_of_megabytes_is_not_read(run_folder, monkeypatch):
     monkeypatch.setattr("sinew.tasks.report.folder.MAX_LINE_BYTES", 2**15)
     with (run_folder / "log.jsonl").open("ab") as log:
@@ -392,6 +394,7 @@ def test_an_event_of_megabytes_is_not_read(run_folder, monkeypatch):
     assert "lines cannot be read" in " ".join(read(run_folder).sections.values())
 
 
+@pytest.mark.usefixtures("no_plots")
 def test_of_very_many_protocols_and_curves_the_first_are_drawn(run_folder, monkeypatch):
     monkeypatch.setattr("sinew.tasks.drawing.plots.MOST_LINES", 2)
     monkeypatch.setattr("sinew.tasks.report.folder.MAX_CURVES", 5)

@@ -18,7 +18,7 @@ model:
   parameters:
 {fixed}
 tasks: [infer]
-infer: {{method: likelihood, ess: 100, rhat: 1.1}}
+infer: {{method: likelihood, discrepancy: false, ess: 100, rhat: 1.1}}
 """
 FREE = ("E_f", "E_m")
 RANKED = {"cohort": 1, "level": "mean", "of": "a", "parameter": "E_f", "rank": 0.5, "held": True, "determined": True}
@@ -36,7 +36,7 @@ def study(tmp_path):
 
 def test_two_cohorts_are_run_scored_and_not_run_again(tmp_path, study, capsys):
     out = tmp_path / "out"
-    options = ["--study", study, "--cohorts", "2", "--specimens", "2", "--protocol", "one_step", "--rate-hz", "5"]
+    options = ["--study", study, "--cohorts", "2", "--specimens", "2", "--protocol", "one_step", "--rate-hz", "2"]
     sinew("benchmark", "infer", "--out", out, *options, "--workers", "2")
     result = json.loads((out / "benchmark.json").read_text())
     assert result["refused"] == [] and result["cohorts"] == 2

@@ -273,16 +273,16 @@ def test_a_threshold_out_of_reach_ends_the_run(tmp_path):
 def test_simulation_based_calibration(tmp_path):
     """Ranks of the truth among posterior draws are uniform (Talts et al. 2018), with failures in every second run."""
     rng = np.random.default_rng(17)
-    runs, kept = 40, 19
+    runs, kept = 24, 19
     truths = rng.standard_normal(runs)
     data = truths + SD * rng.standard_normal(runs)
     with Store.writing(tmp_path, "study") as store:
         table = [NoisyMean(failing=0.1 * (i % 2), salt=i) for i in range(runs)]
         found = []
-        for start in range(0, runs, 10):
+        for start in range(0, runs, 8):
             adaptive = [
                 inference(store, [table[i]], float(data[i]), seed=i, generations=3, population=24)
-                for i in range(start, start + 10)
+                for i in range(start, start + 8)
             ]
             found += run_adaptive(lambda: None, adaptive)
     ranks, means, epsilons = [], [], []

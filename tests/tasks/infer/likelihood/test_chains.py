@@ -59,13 +59,13 @@ def ranks(seed, heavy):
     targets = [Line(course(places(one)[np.newaxis])[0] + rng.standard_normal(6)) for one in scores]
     known = [explored(target, (seed, i), ROUGH) for i, target in enumerate(targets)]
     state = begun(targets, known, (seed, 100), heavy=heavy)
-    block = swept(targets, known, state, 40, (seed, 200), heavy=heavy)
+    block = swept(targets, known, state, 25, (seed, 200), heavy=heavy)
     spread = np.sqrt(np.diagonal(truth.covariance()[0]))
     every = ((block.mean, truth.mean[0]), (block.spread, spread), (block.scores[:, :, 0], scores[0]))
-    return np.array([(draws[15:] < one).mean(axis=(0, 1)) for draws, one in every])
+    return np.array([(draws[8:] < one).mean(axis=(0, 1)) for draws, one in every])
 
 
-COHORTS = 30
+COHORTS = 24
 
 
 @pytest.mark.parametrize("heavy", [False, True])

@@ -78,6 +78,7 @@ def test_options_of_the_run_and_doublings_are_repeated(tmp_path, sinew):
     specimens, truth = virtual_cohort(seed=3, per_site=1, rate_hz=1)
     write_cohort(data, specimens[:1], truth)
     study = "# ours\nname: small\ncluster: {name: local, workers: 1}\nsobol: {base_samples: 4, resamples: 10}\n"
+    study += "importance: {trees: 10, repeats: 2}\n"
     (home / "study.yaml").write_text(study)
     for words in (["sobol"], ["importance"], ["sobol", "--extend"]):
         command, *flags = words
