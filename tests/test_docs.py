@@ -134,6 +134,7 @@ model:
 {FIXED}
 tasks: [sobol, importance, calibrate, infer, predict, compare, discover]
 sobol: {{base_samples: 4, resamples: 20}}
+store: {{points_per_curve: 16}}
 importance: {{trees: 10, repeats: 2}}
 calibrate: {{evaluations: 14, methods: [bayesian]}}
 infer: {{paper: true, population: 6, generations: 1, epsilon: 9.0}}
@@ -152,7 +153,9 @@ def by_likelihood(folder: Path) -> None:
     """The study with posteriors of populations."""
     of_abc = "infer: {paper: true, population: 6, generations: 1, epsilon: 9.0}"
     assert of_abc in STUDY
-    (folder / "study.yaml").write_text(STUDY.replace(of_abc, "infer: {method: likelihood, ess: 100}"))
+    (folder / "study.yaml").write_text(
+        STUDY.replace(of_abc, "infer: {method: likelihood, discrepancy: false, ess: 100, rhat: 1.1}")
+    )
 
 
 def one_site(folder: Path) -> None:

@@ -35,6 +35,7 @@ seed: 11
 cohort: cohort
 sobol: {base_samples: 32, resamples: 50}
 importance: {trees: 20, repeats: 3}
+store: {points_per_curve: 16}
 """
 
 
@@ -400,7 +401,8 @@ def test_a_protocol_may_not_be_called_total(study, tmp_path, capsys):
 def test_changed_bounds_in_one_folder_do_not_mix(study, tmp_path, in_this_process):
     out = tmp_path / "out"
     sinew("sobol", study, "--out", out, "--quiet")
-    study.write_text(STUDY + "model: {parameters: {nu_m: {fixed: 0.2}}}\nstore: {points_per_curve: 20}\n")
+    other = STUDY.replace("points_per_curve: 16", "points_per_curve: 20")
+    study.write_text(other + "model: {parameters: {nu_m: {fixed: 0.2}}}\n")
     sinew("run", study, "--out", out, "--quiet")
     assert len(json.loads((out / "sobol.json").read_text())["names"]) == 15
 

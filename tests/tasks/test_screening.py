@@ -27,6 +27,7 @@ tasks: [sobol, morris, pawn]
 sobol: {{base_samples: 16, resamples: 10}}
 morris: {{trajectories: 6, resamples: 20}}
 pawn: {{slides: 4, resamples: 20}}
+store: {{points_per_curve: 16}}
 model:
   parameters:
 {FIXED}"""

@@ -29,7 +29,8 @@ def study(tmp_path) -> Path:
     write_cohort(tmp_path / "study" / "cohort", specimens[:1], truth)
     path = tmp_path / "study" / "study.yaml"
     path.write_text(
-        "name: strange\ncohort: cohort\nsobol: {base_samples: 2}\ntasks: [sobol]\ncluster: {name: local, workers: 1}\n"
+        "name: strange\ncohort: cohort\nsobol: {base_samples: 2, resamples: 20}\nstore: {points_per_curve: 8}\n"
+        "tasks: [sobol]\ncluster: {name: local, workers: 1}\n"
     )
     return path
 

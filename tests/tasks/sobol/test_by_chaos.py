@@ -149,6 +149,7 @@ tasks: [sobol, importance, pawn]
 sobol: {method: surrogate, error: 0.15, runs: 400, distributions: {E_f: {mean: 205, sd: 20}}}
 importance: {trees: 10, repeats: 2}
 pawn: {slides: 4}
+store: {points_per_curve: 12}
 model:
   parameters:
 """

@@ -18,10 +18,12 @@ cohort: cohort
 tasks: [sobol, importance, pawn]
 sobol:
   base_samples: 64
+  resamples: 50
   groups: {fibre_times: [tau_1f, tau_2f, tau_3f], matrix: [E_m, g_1m, g_2m, g_3m, tau_1m, tau_2m, tau_3m, nu_m]}
   distributions: {E_f: {mean: 205, sd: 20}}
 importance: {trees: 10, repeats: 2}
 pawn: {slides: 4}
+store: {points_per_curve: 12}
 """
 
 
