@@ -53,7 +53,7 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
             "--speed", type=float, help="Speed of the motion (mm/s; 1/s for strains), for files without times."
         ),
         click.option(
-            "--speed-column", metavar="NAME", help="Column of speeds, for files without times; 'none' if none is."
+            "--speed-column", metavar="NAME[=UNIT]", help="Column of speeds, for files without times, or 'none'."
         ),
         click.option(
             "--zero-displacement",

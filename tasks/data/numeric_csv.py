@@ -18,6 +18,7 @@ from sinew.tasks.data.text import MAX_TEXT_BYTES, check_text
 
 MAX_ROWS = 4_100_000  # ends of lines, of which Windows writes two for each
 LONGEST_HEADER = 120_000  # characters: a thousand names of a hundred; below what Python's csv takes for a cell
+WORDS = b"uUsS"  # in true and false, which pandas takes for 1 and 0, and in no number
 Array = np.ndarray[Any, np.dtype[Any]]
 
 
@@ -66,7 +67,8 @@ def read_header(path: Path) -> list[str]:
 def _check_rows(path: Path, columns: int) -> bool:
     """Refuse a row that would fill the memory. Raises :class:`BadInput`.
 
-    Returns whether all rows behind the first have commas for so many columns: pandas fills up those that are shorter.
+    Returns whether pandas may read it: all rows behind the first have commas for so many columns, as it fills up those
+    that are shorter, and no words that it takes for numbers.
     """
     content = np.fromfile(path, np.uint8)
     breaks = (content == ord("\n")) | (content == ord("\r"))
@@ -78,6 +80,9 @@ def _check_rows(path: Path, columns: int) -> bool:
         row = 1 + int(np.count_nonzero(content[ends[: long[0]]] == ord("\n")))
         raise BadInput(f"{path}: row {row}", f"{lengths[long[0]]:,} characters", f"at most {LONGEST_HEADER:,}")
     starts = np.concatenate([[0], ends + 1])[lengths > 1]
+    below = content[starts[1] :] if len(starts) > 1 else content[:0]
+    if np.isin(below, np.frombuffer(WORDS, np.uint8)).any():
+        return False
     commas = np.add.reduceat((content == ord(",")).view(np.uint8), starts, dtype=np.int32)
     return bool((commas[1:] == columns - 1).all())
 

@@ -29,7 +29,8 @@ from sinew.tasks.data.several import (
     told_apart,
 )
 from sinew.tasks.data.signs import new_zero
-from sinew.tasks.data.sizes import Size, read_sizes, read_sizes_of_tests, round_in_words
+from sinew.tasks.data.sizes import Size, read_sizes, round_in_words
+from sinew.tasks.data.sizes_of_tests import sizes_beside, sizes_by_results, without_others
 from sinew.tasks.data.sources import source_in_words
 from sinew.tasks.data.speeds import timed
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
@@ -138,6 +139,7 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
         if found and len(table.rows) < FEWEST_ROWS:
             short += 1
             continue
+        table = without_others(table, [one for one, _ in found])
         found.append((replace(table, rows=table.rows[:1]), _tests(table, columns, count, hints)))
     if not found:
         assert missing is not None, "a file without tables is refused by read_tables"
@@ -149,8 +151,11 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
 
 def _with_results(tests: list[Recording]) -> list[Recording]:
     """The tests with sizes from a table of results above the first one, where that has a row for each."""
-    each = read_sizes_of_tests(tests[0].header, len(tests))
-    return [replace(test, sizes={**test.sizes, **sizes}) for test, sizes in zip(tests, each, strict=True)]
+    each, notes = sizes_by_results(tests[0].header, [test.test for test in tests])
+    return [
+        replace(test, sizes={**test.sizes, **sizes}, notes=(*test.notes, *notes))
+        for test, sizes in zip(tests, each, strict=True)
+    ]
 
 
 def _named(found: Sequence[tuple[Table, list[Recording]]]) -> list[Recording]:
@@ -198,25 +203,26 @@ def _joined(tests: Sequence[Recording]) -> Recording:
 def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Recording]:
     """The tests of one table, ``count`` beside each other, or one under another."""
     found: list[Recording] = []
-    for number in range(count):
-        ours = columns_of(table, columns, number, hints) if count > 1 else columns
+    every = [columns_of(table, columns, number, hints) for number in range(count)] if count > 1 else [columns]
+    sizes = sizes_beside(table, every) if count > 1 else [read_sizes(table.header, table.own)]
+    for number, ours in enumerate(every):
         name = name_beside(table, ours, number) if count > 1 else ""
         rows = _filled(table, ours[1:] if count > 1 else ours)  # times may be shared with a longer test
         if count > 1 and rows < FEWEST_ROWS:
             continue  # of fewer tests than there is room for
         if hints.tests_by is None:
-            found.append(_recording(table, ours, hints, Block(name, 0, rows), number, count))
+            found.append(_recording(table, ours, hints, Block(name, 0, rows), sizes[number], number, count))
             continue
         for block in blocks_of_tests(table, rows, hints.tests_by):
             both = replace(block, name="_".join(filter(None, (name, block.name))))
-            found.append(_recording(table, ours, hints, both, number, count))
+            found.append(_recording(table, ours, hints, both, sizes[number], number, count))
     return found
 
 
 def _recording(
-    table: Table, columns: Columns, hints: Hints, block: Block, number: int = 0, beside: int = 1
+    table: Table, columns: Columns, hints: Hints, block: Block, told: Mapping[str, Size], number: int, beside: int
 ) -> Recording:
-    """The test in a block of rows of a table; ``number``: which of the tests ``beside`` each other."""
+    """The test in a block of rows of a table; ``told``: its sizes, ``number``: which of the tests ``beside`` others."""
     numbers = np.array([[_number(table, row, column) for column in columns] for row in range(block.start, block.end)])
     numbers = numbers * [column.factor for column in columns]
     beyond = np.argwhere(~(np.abs(numbers) < HUGE))
@@ -242,7 +248,7 @@ def _recording(
     apart = told_apart(table, block.end, back, list(places)) if hints.test_column is None else None
     if apart is not None and not back:
         notes += (f"{apart.count} values of '{apart.title}': {apart.option}, if each is a test of its own",)
-    sizes, doubted = _own_sizes(table, range(block.start, block.end), columns[1] if beside == 1 else None)
+    sizes, doubted = _believed(told, table, range(block.start, block.end), columns[1] if beside == 1 else None)
     notes += doubted
     lengths: tuple[Size | None, Size | None] = (None, None)
     if "length" not in sizes and columns[1].quantity is DISPLACEMENT:
@@ -271,12 +277,14 @@ def _recording(
     )
 
 
-def _own_sizes(table: Table, rows: range, moved: Column | None) -> tuple[dict[str, Size], tuple[str, ...]]:
-    """The sizes in the lines above a table, without a length that its own strains contradict, and a note on that.
+def _believed(
+    sizes: Mapping[str, Size], table: Table, rows: range, moved: Column | None
+) -> tuple[dict[str, Size], tuple[str, ...]]:
+    """The ``sizes`` without a length that the table's own strains contradict, and a note on that.
 
     ``moved``: the displacements, where it is known which strains belong to them.
     """
-    sizes = dict(read_sizes(table.header, table.own))
+    sizes = dict(sizes)
     told = sizes.get("length")
     both = "" if told is None or told.mm is None or moved is None else contradiction(table, rows, moved, told.mm)
     if not both:

@@ -4,7 +4,6 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 from sinew.tasks.data import units, words
 from sinew.tasks.data.heads import Row, is_row_of_units
@@ -17,7 +16,7 @@ POSSIBLE_MM = f"at least {SHORTEST_MM:g} and below {LONGEST_MM:g} mm"
 SMALLEST_MM, SMALLEST_MM2 = 0.1, 0.01  # of a size without unit: a smaller one may as well be in m or cm
 LEAST = {**dict.fromkeys((*SIZES, "diameter"), SHORTEST_MM), "area": LEAST_MM2}
 LARGEST = {**dict.fromkeys((*SIZES, "diameter"), LONGEST_MM), "area": LARGEST_MM2}
-_FAR = 500  # rows from either end of those above a table, in which sizes are looked for
+FAR = 500  # rows from either end of those above a table, in which sizes are looked for
 _WIDEST = 200  # cells of a row that tells a size
 _LONGEST_LINE = 200  # characters of a line that tells a size
 _WORDS = {name: words.SIZES[name] for name in ("length", "width", "thickness", "diameter")}
@@ -72,9 +71,9 @@ def read_sizes(header: Sequence[Row], own: int = 0) -> Mapping[str, Size]:
     """
     if own:
         return {**read_sizes(header[:own]), **read_sizes(header[own:])}
-    if len(header) > 2 * _FAR:
-        header = [*header[:_FAR], *header[-_FAR:]]
-    header = [row if len(row) <= _WIDEST else () for row in header]
+    if len(header) > 2 * FAR:
+        header = [*header[:FAR], *header[-FAR:]]
+    header = narrow(header)
     found: dict[str, list[Size]] = {}
     for row in header:
         if read := _read(row) or _in_cells(row):
@@ -88,11 +87,22 @@ def read_sizes(header: Sequence[Row], own: int = 0) -> Mapping[str, Size]:
     }
 
 
+def narrow(header: Sequence[Row]) -> list[Row]:
+    """The rows, without those that are too wide to tell a size."""
+    return [row if len(row) <= _WIDEST else () for row in header]
+
+
+def named_in(cell: str) -> str | None:
+    """The size that a single cell names, with its number or without one; None for another one."""
+    found = _read((cell,))
+    return meant(cell) if found is None else found[0]
+
+
 def _in_cells(row: Row) -> tuple[str, Size] | None:
     """A size from the cells label, number, unit."""
-    if len(row) < 2 or (name := _meant(row[0])) is None or _OTHER_UNIT.search(row[0]):
+    if len(row) < 2 or (name := meant(row[0])) is None or _OTHER_UNIT.search(row[0]):
         return None
-    size = _size(name, row[1], row[2] if len(row) > 2 else "")
+    size = size_in(name, row[1], row[2] if len(row) > 2 else "")
     return None if size.mm is None and not row[1][:1].isdigit() else (name, size)
 
 
@@ -101,38 +111,13 @@ def _in_columns(labels: Row, below: Row, numbers: Row, next_row: Row) -> Iterato
     if not is_row_of_units(below):
         return
     for place, (label, unit, cell) in enumerate(zip(labels, below, numbers, strict=False)):
-        name = _meant(label)
+        name = meant(label)
         other = next_row[place] if place < len(next_row) else ""
         if name is not None and cell and (other == cell or not other[:1].isdigit()):
-            yield name, _size(name, cell, unit.strip("()[] "))
+            yield name, size_in(name, cell, unit.strip("()[] "))
 
 
-def read_sizes_of_tests(header: Sequence[Row], count: int) -> list[dict[str, Size]]:
-    """The sizes of each of ``count`` tests by a table of results with a row for each; empty dicts without one.
-
-    A cell without a number leaves the size of its test open: that of another test is none of it.
-    """
-    found: list[dict[str, Size]] = [{} for _ in range(count)]
-    if count < 2:
-        return found
-    header = [row if len(row) <= _WIDEST else () for row in header[:_FAR]]
-    for at, (labels, below) in enumerate(pairwise(header)):
-        rows = header[at + 2 : at + 3 + count]  # and the one behind them, which tells nothing
-        if len(rows) < count or not is_row_of_units(below):
-            continue
-        for place, (label, unit) in enumerate(zip(labels, below, strict=False)):
-            name = _meant(label)
-            cells = [row[place] if place < len(row) else "" for row in rows]
-            if name is None or name in found[0] or not all(cells[:count]) or any(cells[count:]):
-                continue
-            sizes = [_size(name, cell, unit.strip("()[] ")) for cell in cells[:count]]
-            if any(size.mm is not None for size in sizes):
-                for own, size in zip(found, sizes, strict=True):
-                    own[name] = size
-    return found
-
-
-def _meant(label: str) -> str | None:
+def meant(label: str) -> str | None:
     """The size that a label names; None for another one."""
     if len(label) >= _LONGEST_LINE:
         return None
@@ -145,7 +130,7 @@ def _meant(label: str) -> str | None:
     return None
 
 
-def _size(name: str, cell: str, unit: str) -> Size:
+def size_in(name: str, cell: str, unit: str) -> Size:
     text = f"{cell} {unit}".strip()
     number = re.fullmatch(r"[0-9]+(?:[.,][0-9]+)?(?:e[-+]?[0-9]+)?", cell, re.IGNORECASE)
     factor = units.factor(units.AREA if name == "area" else units.LENGTH, unit) if unit else 1.0
@@ -182,9 +167,9 @@ def _read(row: Row) -> tuple[str, Size] | None:
     for text in (line, start) if len(line) < _LONGEST_LINE else (start,):
         if found := _SIZE.fullmatch(text):
             name = _name(found["what"])
-            return name, _size(name, found["value"], found["unit"] or found["behind"] or "")
+            return name, size_in(name, found["value"], found["unit"] or found["behind"] or "")
         if found := _AREA.fullmatch(text):
-            return "area", _size("area", found["value"], found["unit"])
+            return "area", size_in("area", found["value"], found["unit"])
     if found := _CELL.fullmatch(_joined(row[:1])):
         return _name(found["what"]), Size(None, False, _joined(row[1:3]))
     return None

@@ -13,6 +13,7 @@ from sinew.tasks.data.recordings import Recording, first_length_in_words
 from sinew.tasks.data.sizes import POSSIBLE_MM, SAME, SIZES, is_possible, round_in_words, square_side
 from sinew.tasks.data.sizes_in_names import sizes_in_name
 
+OFF = 0.05  # how much a cross-section that is told twice may differ
 FOR_ALL = "all"  # behind an answer: it holds for all specimens that are left
 
 #: Asks a person for one answer (question, choices or none). Not given where nobody can answer.
@@ -125,10 +126,34 @@ def known_sizes(
             (first, one), (second, other) = ((value, told[value]) for value in (min(told), max(told)))
             problem = f"a {size} of {second:g} mm, but {first:g} mm in {one}, of the same specimen {specimen}"
             raise BadInput(other, problem, f"files of one specimen, or --{size}-mm with --override")
+    notes += _other_areas(mm, recordings, given, only_given)
     notes += list(filter(None, (round_in_words(one.sizes, mm["width"]) for one in recordings)))[:1]
     notes += dict.fromkeys(note for one in recordings for note in _without_unit(one))
     proposed = {size: value for one in reversed(recordings) for size, value in sizes_in_name(one.path.stem).items()}
     return Known(mm, tuple(notes), only_given, proposed)
+
+
+def _other_areas(
+    mm: Mapping[str, float | None], recordings: Sequence[Recording], given: Sizes, told: Mapping[str, float]
+) -> list[str]:
+    """A note for each file with another cross-section than width x thickness.
+
+    Raises :class:`BadInput` where a person told one of them, without ``given.override``.
+    """
+    width, thickness = mm["width"], mm["thickness"]
+    found = []
+    for recording in recordings:
+        area = recording.sizes.get("area")
+        if width is None or thickness is None or area is None or area.mm is None or not area.has_unit:
+            continue
+        both = width * thickness
+        if abs(area.mm - both) <= OFF * both:
+            continue
+        differs = f"a cross-section of {area.mm:.6g} mm2, but {width:.6g} x {thickness:.6g} mm is {both:.6g} mm2"
+        if {"width", "thickness"} & set(told) and not given.override:
+            raise BadInput(recording.path, differs, "sizes that agree, or --override to use those given all the same")
+        found.append(f"{recording.path.name} tells {differs}")
+    return found
 
 
 def _without_unit(recording: Recording) -> Iterator[str]:

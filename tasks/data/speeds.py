@@ -31,7 +31,7 @@ def timed(table: Table, columns: Columns, numbers: Array, hints: Hints, block: B
     rows = range(block.start, block.end)
     speeds = None
     if timing.speed_column is not None:
-        speeds = _speeds(table, rows, place_named(table, timing.speed_column, OPTION), columns[1])
+        speeds = _speeds(table, rows, *_named(table, timing.speed_column), columns[1])
     elif timing.speed is not None and hints.speed_column != NO_COLUMN:
         _refuse_others(table, rows, columns[1], timing.speed)
     numbers[:, 0] = times = timing.times(numbers[:, 1], speeds)
@@ -46,14 +46,38 @@ def timed(table: Table, columns: Columns, numbers: Array, hints: Hints, block: B
     return numbers, (f"times by {timing}",)
 
 
-def _speeds(table: Table, rows: range, place: int, motion: Column) -> Array:
-    """The speeds ``[t]`` of a column, in mm/s or, for strains and stretches, in 1/s. Raises :class:`BadInput`."""
+def _named(table: Table, wanted: str) -> tuple[int, str]:
+    """The place of a column of speeds, and the unit that a person tells behind its name: ``Speed=mm/min``."""
+    name, _, unit = wanted.rpartition("=")
+    told = name and wanted.strip() not in table.titles
+    return place_named(table, name.strip() if told else wanted, OPTION), unit.strip() if told else ""
+
+
+def _speeds(table: Table, rows: range, place: int, told: str, motion: Column) -> Array:
+    """The speeds ``[t]`` of a column, in mm/s or, for strains and stretches, in 1/s. Raises :class:`BadInput`.
+
+    ``told``: the unit that a person tells, for a column without one.
+    """
     titles, named = names_and_units(table)
-    factor = _factor(named[place][1], motion)
+    own = named[place][1]
+    if own and told and own != told:
+        problem = f"{shown(titles[place])} has the unit {shown(own)}, {OPTION} says {shown(told)}"
+        raise BadInput(table.path, problem, f"{OPTION} without a unit")
+    if not (own or told):
+        choices = _with_units(titles[place], motion)
+        raise Unclear(
+            str(table.path),
+            f"the unit of the speeds in {shown(titles[place])} is not known",
+            f"{OPTION}, one of {', '.join(map(shown, choices))}",
+            what="speed",
+            which="in which unit?",
+            option=OPTION,
+            choices=choices,
+        )
+    factor = _factor(own or told, motion)
     if factor is None:
-        known = "1/s, %/s or 1/min" if "%" in motion.quantity.units else "mm/s or mm/min"
-        problem = f"unit {shown(named[place][1])} of {shown(titles[place])} is none of a {motion.quantity.name}'s speed"
-        raise BadInput(table.path, problem, f"a speed in a unit such as {known}")
+        problem = f"unit {shown(own or told)} of {shown(titles[place])} is none of a {motion.quantity.name}'s speed"
+        raise BadInput(table.path, problem, f"a speed in a unit such as {' or '.join(_usual(motion))}")
     found = np.abs([np.nan if (value := table.number(row, place)) is None else factor * value for row in rows])
     wrong = 1 + np.flatnonzero(~(found[1:] > 0.0))  # nothing moves before the first row
     if wrong.size:
@@ -62,10 +86,17 @@ def _speeds(table: Table, rows: range, place: int, motion: Column) -> Array:
     return np.where(found > 0.0, found, 1.0)
 
 
+def _usual(motion: Column) -> tuple[str, ...]:
+    """Usual units of the speed of a motion."""
+    return ("1/s", "%/s", "1/min") if "%" in motion.quantity.units else ("mm/s", "mm/min")
+
+
+def _with_units(title: str, motion: Column) -> tuple[str, ...]:
+    return tuple(f"{title}={unit}" for unit in _usual(motion))
+
+
 def _factor(unit: str, motion: Column) -> float | None:
-    """The factor of a unit of speed to mm/s or 1/s; 1 where there is none, None where it is not one of this motion."""
-    if not unit:
-        return 1.0
+    """The factor of a unit of speed to mm/s or 1/s; None where it is not one of this motion."""
     plain = "1/s" if unit.replace(" ", "") in ("s-1", "s^-1", "s⁻¹") else unit
     way, _, per = plain.rpartition("/")
     factor, time = units.factor(motion.quantity.units, way.strip() or "1"), units.factor(units.TIME, per.strip())
@@ -83,17 +114,18 @@ def _refuse_others(table: Table, rows: range, motion: Column, told: float) -> No
     for place, (name, unit) in enumerate(named):
         if name not in words.SPEEDS:
             continue
-        factor, column = _factor(unit, motion), shown(titles[place])
+        factor, column = _factor(unit, motion) if unit else 1.0, shown(titles[place])
         values = {value for row in rows if (value := table.number(row, place))}
         other = sorted({abs(value) for value in values if not _agree(value, factor, told)})
         if other:
             listed = ", ".join(f"{value:g}" for value in other[:SHOWN]) + (" and more" if len(other) > SHOWN else "")
+            those = (titles[place],) if unit else _with_units(titles[place], motion)
             raise Unclear(
                 str(table.path),
                 f"{column} tells other speeds ({f'{listed} {unit}'.strip()}) than --speed {told:g}",
-                f"{OPTION} {column}, or {OPTION} {NO_COLUMN} to use --speed all the same",
+                f"{OPTION} {' or '.join(map(shown, those))}, or {OPTION} {NO_COLUMN} to use --speed all the same",
                 what="speed",
                 which=f"by the column {column}, or by --speed ({NO_COLUMN})?",
                 option=OPTION,
-                choices=(titles[place], NO_COLUMN),
+                choices=(*those, NO_COLUMN),
             )

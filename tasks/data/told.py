@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from sinew.runner.errors import BadInput
 from sinew.tasks.data.ends import doubt_of_end, without_end
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT
@@ -16,6 +17,10 @@ def as_told(recording: Recording, hints: Hints) -> Recording:
     """The recording with displacement and force counted as a person says, and what is doubtful then."""
     first = new_zero(recording.numbers) if hints.preload is not None else 0
     if first:
+        by_speed = hints.timing.given and hints.timing.rate_hz is None
+        if hints.preload == "keep" and by_speed and f"times by {hints.timing}" in recording.notes:
+            problem = f"its displacement is set to zero again after {first:,} rows, so a speed tells no time there"
+            raise BadInput(recording.path, problem, "--rate-hz, or --preload leave-out")
         recording = (_from_row if hints.preload == "leave-out" else _counted_on)(recording, first)
     numbers, notes = counted(str(recording.path), recording.columns, recording.numbers, hints)
     recording = replace(recording, numbers=numbers, notes=(*recording.notes, *notes))

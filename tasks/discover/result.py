@@ -8,7 +8,7 @@ from typing import Any, Literal
 from sinew.tasks.discover.follow_up import AddedModel, NextExperiment, Outside, Part, Remainder
 from sinew.tasks.model.effects import named
 from sinew.tasks.study.files import digest, write_json
-from sinew.tasks.study.result import OMIT, Number, Result, plain
+from sinew.tasks.study.result import OMIT, Correlation, Count, NotNegative, Number, Result, Share, plain
 
 Word = Literal["NONE", "NAMED", "PARTLY", "AMBIGUOUS", "OUTSIDE"]
 NAMES: tuple[Word, ...] = ("NAMED", "PARTLY")  # words of verdicts that name effects
@@ -27,10 +27,15 @@ class Confidence:
 
     means: str
     cases: str
-    true: int
-    of: int
-    share: float
-    interval: tuple[float, float]
+    true: Count
+    of: Count
+    share: Share
+    interval: tuple[Share, Share]
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for more true verdicts than verdicts, and for ends that are not in order."""
+        if self.true > self.of or self.interval[0] > self.interval[1]:
+            raise ValueError(f"confidence: {self.true} of {self.of}, {self.interval[0]:g} to {self.interval[1]:g}")
 
 
 @dataclass(frozen=True)
@@ -66,8 +71,8 @@ class SpecimenConflict:
     """
 
     statistic: Number
-    freedom: int
-    p: Number
+    freedom: Count
+    p: Share
     by_curve: tuple[tuple[str, Number], ...]
     apart: tuple[Apart, ...]
 
@@ -77,8 +82,8 @@ class Conflict:
     """Whether one set of parameters can be right for all protocols: all specimens together, and each of them."""
 
     statistic: Number
-    freedom: int
-    p: Number
+    freedom: Count
+    p: Share
     specimens: Mapping[str, SpecimenConflict]
 
     @property
@@ -92,9 +97,9 @@ class Conflict:
 class NoiseLevel:
     """Noise of a specimen's curves: standard deviation at rest (N), lag-one correlation, growth with the force."""
 
-    sd_N: Number
-    ar1: Number
-    proportional: Number
+    sd_N: NotNegative
+    ar1: Correlation
+    proportional: NotNegative
 
 
 @dataclass(frozen=True)
@@ -129,7 +134,7 @@ class Estimate:
 class SharedEstimate(Estimate):
     """A parameter of the test machine, as one value for all specimens; ``p``: of values so far apart by chance."""
 
-    p: Number
+    p: Share
 
 
 @dataclass(frozen=True)
@@ -147,7 +152,7 @@ class CandidateResult:
     effects: tuple[str, ...]
     forms: tuple[str, ...]
     loss: float
-    free: int
+    free: Count
     gain: float
     gains: Mapping[str, Number]
     explained: float | None
@@ -175,7 +180,7 @@ class CellMisfit:
 
     protocol: str
     phase: str
-    number: int
+    number: Count
     z: Number
     mean_N: Number
     limit: Number

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sinew.tasks.simulate.studied_quantity import panels
-from sinew.tasks.study.result import OMIT, Number, Numbers, Result
+from sinew.tasks.study.result import OMIT, R2, Count, Numbers, Result
 
 KEYS = ("impurity_percent", "impurity_sd", "permutation", "permutation_sd")
 
@@ -23,7 +23,7 @@ class Forest:
     impurity_sd: Numbers
     permutation: Numbers
     permutation_sd: Numbers
-    r2_on_unseen: Number
+    r2_on_unseen: R2
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,14 +41,14 @@ class ImportanceResult(Result):
     impurity_sd: Numbers
     permutation: Numbers
     permutation_sd: Numbers
-    r2_on_unseen: Number
+    r2_on_unseen: R2
     objective: str
     field: str
     protocols: Mapping[str, Forest]
-    rows_grown: int
-    rows_tested: int
-    failed: int
-    new_simulations: int
+    rows_grown: Count
+    rows_tested: Count
+    failed: Count
+    new_simulations: Count
     inputs: str
     outputs: Mapping[str, Forest] | None = dataclasses.field(default=None, metadata=OMIT)
 

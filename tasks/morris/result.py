@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from sinew.tasks.study.result import Number, Numbers, Result
+from sinew.tasks.study.result import Count, Numbers, Result, Share
 
 KEYS = ("mu", "mu_star", "mu_star_conf", "sigma")
 
@@ -39,12 +39,12 @@ class MorrisResult(Result):
     mu_star: Numbers
     mu_star_conf: Numbers
     sigma: Numbers
-    rows: int
-    failed: int
-    trajectories: int
-    trajectories_used: int
-    levels: int
-    confidence: Number
+    rows: Count
+    failed: Count
+    trajectories: Count
+    trajectories_used: Count
+    levels: Count
+    confidence: Share
     objective: str
     unit: str
     field: str

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sinew.tasks.simulate.studied_quantity import panels
-from sinew.tasks.study.result import OMIT, Number, Numbers, Result
+from sinew.tasks.study.result import OMIT, Count, Number, Numbers, Result, Share
 
 KEYS = ("median", "median_low", "median_high", "maximum", "mean", "CV")
 
@@ -47,10 +47,10 @@ class PawnResult(Result):
     mean: Numbers
     CV: Numbers
     no_influence: Number
-    slides: int
-    confidence: Number
-    rows: int
-    failed: int
+    slides: Count
+    confidence: Share
+    rows: Count
+    failed: Count
     objective: str
     field: str
     protocols: Mapping[str, Pawn]

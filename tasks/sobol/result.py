@@ -9,7 +9,7 @@ import numpy as np
 
 from sinew.tasks.simulate.studied_quantity import panels
 from sinew.tasks.sobol.settings import MOST_BASE_SAMPLES, MOST_RUNS, MOST_SCRAMBLES
-from sinew.tasks.study.result import OMIT, Number, Numbers, Result
+from sinew.tasks.study.result import OMIT, Count, Number, Numbers, Result, Share
 
 Array = np.ndarray[Any, Any]
 KEYS = ("S1", "S1_conf", "ST", "ST_conf")
@@ -37,9 +37,9 @@ class Analysis(Indices):
 class OfProtocol(Analysis):
     """The indices of one protocol's objective, and the size of the design."""
 
-    rows: int = 0
-    failed: int = 0
-    base_samples: int = 0
+    rows: Count = 0
+    failed: Count = 0
+    base_samples: Count = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +69,8 @@ class Failures:
     """Rows that failed, and the indices if all of them had the smallest, the mean or the largest outcome."""
 
     rule: str
-    rows: int
-    base_samples_left_out: int
+    rows: Count
+    base_samples_left_out: Count
     by_status: Mapping[str, Mapping[str, int]]
     S1_if_smallest: Numbers | None = dataclasses.field(default=None, metadata=OMIT)
     ST_if_smallest: Numbers | None = dataclasses.field(default=None, metadata=OMIT)
@@ -132,16 +132,16 @@ class SobolResult(Result):
     ST_conf: Numbers
     S2: Numbers | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
     S2_conf: Numbers | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
-    rows: int
-    failed: int
-    base_samples: int
-    scrambles: int
-    base_samples_used: int
+    rows: Count
+    failed: Count
+    base_samples: Count
+    scrambles: Count
+    base_samples_used: Count
     points_asked: int | None
-    confidence: Number
+    confidence: Share
     objective: str
     field: str
-    evaluations: int
+    evaluations: Count
     protocols: Mapping[str, OfProtocol]
     specimens: Mapping[str, OfSpecimen]
     outputs: Mapping[str, OfOutput] | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)

@@ -75,6 +75,9 @@ Shares = Annotated[Numbers, _within(0, 1, "0 to 1")]
 AtMostOne = Annotated[float, _within(-np.inf, 1, "at most 1")]
 """The part of a variance that a model explains."""
 
+R2 = Annotated[float, _or_nan, _within(-np.inf, 1, "at most 1")]
+"""The same; null in the file is NaN."""
+
 Correlation = Annotated[float, _or_nan, _within(-1, 1, "-1 to 1")]
 """From -1 to 1; null in the file is NaN."""
 

@@ -14,7 +14,9 @@ def posterior_of(
 ) -> Posterior:
     """A posterior with the given means; intervals reach ``half_width`` of the mean to both sides."""
     marginals = {
-        name: Marginal(value, 0.05 * value, np.array([1 - half_width, 1 + half_width]) * value, value, value, "normal")
+        name: Marginal(
+            value, 0.05 * abs(value), value + half_width * abs(value) * np.array([-1, 1]), value, 1.0, "normal"
+        )
         for name, value in zip(names, mean, strict=True)
     }
     return Posterior(specimens, marginals, 30.0, np.array([0.5]), Distance(0.1), {}, [])

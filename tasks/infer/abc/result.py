@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
-from sinew.tasks.study.result import OMIT, Number, Numbers, Result
+from sinew.tasks.study.result import OMIT, Count, NotNegative, Number, Numbers, Result, Share
 
 Array = np.ndarray[Any, Any]
 INTERVAL = 0.95  # probability of the highest density intervals
@@ -23,11 +23,16 @@ class Marginal:
     """Posterior mean, standard deviation and highest density interval ``[2]`` of a parameter, and its prior."""
 
     mean: Number
-    sd: Number
+    sd: NotNegative
     hdi: Numbers
     prior_mean: Number
-    prior_sd: Number
+    prior_sd: NotNegative
     prior: Literal["normal", "uniform"]
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for ends that are not two, or not in order."""
+        if self.hdi.shape != (2,) or self.hdi[0] > self.hdi[1]:
+            raise ValueError("hdi: expected two numbers, the lower one first")
 
     @property
     def within(self) -> tuple[float, float]:
@@ -47,17 +52,17 @@ class Marginal:
 class Distance:
     """Distances of the last generation's particles."""
 
-    smallest: Number
+    smallest: NotNegative
 
 
 @dataclass(frozen=True)
 class GenerationCounts:
     """Proposals of one generation: judged, of which accepted and failed, and those asked for in the meantime."""
 
-    judged: int
-    accepted: int
-    failed: int
-    asked: int
+    judged: Count
+    accepted: Count
+    failed: Count
+    asked: Count
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +74,7 @@ class Posterior:
 
     specimens: list[str]
     parameters: Mapping[str, Marginal]
-    effective_sample_size: Number
+    effective_sample_size: NotNegative
     epsilon: Numbers
     distance: Distance
     distance_weights: Mapping[str, Numbers]
@@ -110,8 +115,8 @@ class AbcResult(Result):
     meanings: list[str]
     paper: bool
     priors: Literal["calibrated", "others", "ranges"]
-    population: int
-    interval: Number
+    population: Count
+    interval: Share
     sites: Mapping[str, Posterior]
     inputs: str
     ess: int | None = field(default=None, metadata=OMIT)

@@ -139,3 +139,11 @@ def test_a_quoted_cell_makes_no_wider_table(tmp_path):
     path = written(tmp_path, 'a,b\n1, "2\n1",1,1,1\n')
     with pytest.raises(BadInput, match=r"row [23]"):
         read_numbers(path, ["a", "b"])
+
+
+@pytest.mark.parametrize("word", ["True", "FALSE", "true"])
+@pytest.mark.parametrize("rows", [1, 3])
+def test_words_that_pandas_takes_for_numbers_are_refused(tmp_path, word, rows):
+    path = written(tmp_path, "a,b\n" + f"{word},1\n" * rows)
+    with pytest.raises(BadInput, match=rf"row 2, a: '{word}'; expected a finite number such as 1\.25"):
+        read_numbers(path, None)

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from sinew.tasks.data.sizes import Size, read_sizes, read_sizes_of_tests, square_side
+from sinew.tasks.data.sizes import Size, read_sizes, square_side
 
 
 def sizes(*lines: str) -> dict[str, float | None]:
@@ -157,42 +157,3 @@ def test_of_very_many_rows_the_first_and_the_last_tell_sizes():
     found = read_sizes([("Width: 5 mm",), *others, ("Thickness: 2 mm",), *others, ("Length: 30 mm",)])
     assert {name: size.mm for name, size in found.items()} == {"width": 5.0, "length": 30.0}
     assert read_sizes([("Width: 5 mm", *["x"] * 300)]) == {}
-
-
-RESULTS = ["Results Table 1", "|Length|Width|Force", "|(mm)|(mm)|(N)", "1|9.5|4|10", "2|9.75|4.5|11", "3|10.1|5|12", ""]
-
-
-def by_test(lines: list[str], count: int) -> list[dict[str, float | None]]:
-    each = read_sizes_of_tests([tuple(line.split("|")) for line in lines], count)
-    return [{name: size.mm for name, size in one.items()} for one in each]
-
-
-def test_a_table_of_results_has_a_row_for_each_test():
-    assert by_test(RESULTS, 3) == [{"length": l_mm, "width": b_mm} for l_mm, b_mm in ((9.5, 4), (9.75, 4.5), (10.1, 5))]
-    assert by_test(RESULTS[:-1], 3) == by_test(RESULTS, 3), "where nothing stands below it"
-    assert by_test([*RESULTS, *RESULTS[1:3], "1|1|1|1", "2|1|1|1", "3|1|1|1"], 3) == by_test(RESULTS, 3), "the first"
-
-
-@pytest.mark.parametrize(
-    ("lines", "count"),
-    [
-        (RESULTS, 2),  # of other tests
-        (RESULTS, 4),
-        ([line.replace("(mm)", "(V)") for line in RESULTS], 3),
-        ([line.replace("Length", "Rate").replace("Width", "Time") for line in RESULTS], 3),
-        ([RESULTS[1], "9.5|4|10", *RESULTS[3:]], 3),  # no row of units
-        ([RESULTS[1], "|||", *RESULTS[3:]], 3),
-    ],
-)
-def test_no_table_of_results_for_these_tests(lines, count):
-    assert not any(by_test(lines, count))
-
-
-def test_a_size_that_a_test_lacks_is_not_that_of_another():
-    lines = [line.replace("9.75", "unknown") for line in RESULTS]
-    widths = [{"width": 4}, {"width": 4.5}, {"width": 5}]
-    assert [each | {"length": mm} for each, mm in zip(widths, (9.5, None, 10.1), strict=True)] == by_test(lines, 3)
-
-
-def test_a_table_of_results_is_of_several_tests():
-    assert by_test([*RESULTS[:4], ""], 1) == [{}]

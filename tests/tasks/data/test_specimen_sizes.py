@@ -151,3 +151,25 @@ def test_a_size_without_a_unit_is_told_whatever_is_given(tmp_path):
     said = "a.csv tells a diameter of '100.1' without a unit, which is not taken; if it is in mm: --diameter-mm 100.1"
     assert said in known_sizes("a", [recording], Sizes()).notes
     assert known_sizes("a", [recording, recording], Sizes(20.0, 10.0, 10.0)).notes == (said,)
+
+
+@pytest.mark.parametrize(("area", "told"), [(50.0, True), (7.5, False), (7.8, False), (7.0, True)])
+def test_a_cross_section_that_contradicts_given_sizes_is_refused(tmp_path, area, told):
+    test = recording(tmp_path, "Gauge length: 20 mm", f"Cross-sectional area: {area:g} mm²")
+    given = {"width_mm": 5.0, "thickness_mm": 1.5}
+    if not told:
+        assert known_sizes("a", [test], Sizes(**given)).mm == {"length": 20.0, "width": 5.0, "thickness": 1.5}
+        return
+    problem = f"a cross-section of {area:g} mm2, but 5 x 1.5 mm is 7.5 mm2; expected sizes that agree, or --override"
+    with pytest.raises(BadInput, match=problem):
+        known_sizes("a", [test], Sizes(**given))
+    with pytest.raises(BadInput, match=problem):
+        known_sizes("a", [test], Sizes(), {"width": 5.0, "thickness": 1.5})
+    found = known_sizes("a", [test], Sizes(**given, override=True))
+    assert any(note.startswith(f"a.csv tells a cross-section of {area:g} mm2, but") for note in found.notes)
+
+
+def test_sizes_of_a_file_that_contradict_each_other_are_told(tmp_path):
+    test = recording(tmp_path, "Width: 4 mm", "Thickness: 2 mm", "Cross-sectional area: 50 mm²")
+    found = known_sizes("a", [test], Sizes())
+    assert found.notes == ("a.csv tells a cross-section of 50 mm2, but 4 x 2 mm is 8 mm2",)

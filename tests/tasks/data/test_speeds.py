@@ -12,6 +12,7 @@ from sinew.tasks.data.init import Files, read_all
 from sinew.tasks.data.inspection import inspect
 from sinew.tasks.data.questions import Unclear
 from sinew.tasks.data.recordings import read_recordings
+from sinew.tasks.data.told import as_told
 
 ROWS = 11
 
@@ -32,10 +33,10 @@ def lasting(folder: Path, **hints: object) -> list[float]:
 
 def test_each_test_has_the_speed_of_its_column(tmp_path):
     written(tmp_path)
-    assert lasting(tmp_path, test_column="id", speed_column="vel") == pytest.approx([5.0, 50.0])
-    assert lasting(tmp_path, test_column="id", speed_column="2") == pytest.approx([5.0, 50.0])
-    (one, _) = read_recordings(tmp_path / "set.csv", Hints(test_column="id", speed_column="vel"))
-    assert one.notes == ("times by --speed-column 'vel'",)
+    assert lasting(tmp_path, test_column="id", speed_column="vel=1/s") == pytest.approx([5.0, 50.0])
+    assert lasting(tmp_path, test_column="id", speed_column="2 = 1/s") == pytest.approx([5.0, 50.0])
+    (one, _) = read_recordings(tmp_path / "set.csv", Hints(test_column="id", speed_column="vel=1/s"))
+    assert one.notes == ("times by --speed-column 'vel=1/s'",)
 
 
 @pytest.mark.parametrize(
@@ -58,8 +59,12 @@ def test_speeds_are_read_in_their_unit(tmp_path, title, motion, seconds):
 @pytest.mark.parametrize(
     ("speeds", "titles", "words"),
     [
-        ((0.1, 0.0), "id;vel;Stretch;Force (N)", "row 14, vel: no speed; expected a number other than 0 in each row"),
-        ((0.1, "x"), "id;vel;Stretch;Force (N)", "row 14, vel: no speed"),
+        (
+            (0.1, 0.0),
+            "id;vel [1/s];Stretch;Force (N)",
+            r"row 14, vel \[1/s\]: no speed; expected a number other than 0 in each row",
+        ),
+        ((0.1, "x"), "id;vel [1/s];Stretch;Force (N)", r"row 14, vel \[1/s\]: no speed"),
         (
             (0.1, 0.1),
             "id;vel [V];Stretch;Force (N)",
@@ -80,17 +85,52 @@ def test_what_is_no_speed_is_refused(tmp_path, speeds, titles, words):
         lasting(tmp_path, test_column="id", speed_column="2")
 
 
+def test_a_speed_without_a_unit_is_asked_about(tmp_path):
+    written(tmp_path)
+    with pytest.raises(Unclear, match="the unit of the speeds in 'vel' is not known; expected --speed-column, one of"):
+        lasting(tmp_path, test_column="id", speed_column="vel")
+    assert lasting(tmp_path, test_column="id", speed_column="vel=1/min")[0] == pytest.approx(300.0)
+    with pytest.raises(BadInput, match=r"unit 'mm/s' of 'vel' is none of a stretch's speed"):
+        lasting(tmp_path, test_column="id", speed_column="vel=mm/s")
+    written(tmp_path, titles="id;vel [1/min];Stretch;Force (N)")
+    assert lasting(tmp_path, test_column="id", speed_column="vel [1/min]")[0] == pytest.approx(300.0)
+    with pytest.raises(BadInput, match=r"'vel \[1/min\]' has the unit '1/min', --speed-column says '1/s'"):
+        lasting(tmp_path, test_column="id", speed_column="vel [1/min]=1/s")
+
+
+def test_a_title_may_hold_an_equals_sign(tmp_path):
+    written(tmp_path, titles="id;v=dx/dt [1/s];Stretch;Force (N)")
+    assert lasting(tmp_path, test_column="id", speed_column="v=dx/dt [1/s]")[0] == pytest.approx(5.0)
+
+
+def test_a_speed_tells_no_time_where_a_displacement_is_set_to_zero(tmp_path):
+    path = tmp_path / "a.csv"
+    moved = [0.05 * i for i in range(41)]
+    rows = [f"{u:.2f},{i}" for i, u in enumerate([*moved, *moved])]
+    path.write_text("\n".join(["Displacement [mm],Force [N]", *rows]) + "\n")
+    for preload, hints in (("keep", {"rate_hz": 1.0}), ("leave-out", {"speed": 0.05})):
+        hints = Hints(preload=preload, **hints)
+        (one,) = read_recordings(path, hints)
+        assert as_told(one, hints).numbers.shape[1] == 3
+    hints = Hints(preload="keep", speed=0.05)
+    (one,) = read_recordings(path, hints)
+    with pytest.raises(
+        BadInput, match="set to zero again after 41 rows, so a speed tells no time there; expected --ra"
+    ):
+        as_told(one, hints)
+
+
 def test_a_speed_that_a_column_contradicts_is_asked_about(tmp_path):
     written(tmp_path)
     with pytest.raises(Unclear) as asked:
         lasting(tmp_path, test_column="id", speed=0.1)
     assert str(asked.value).endswith(
-        "'vel' tells other speeds (0.01) than --speed 0.1; expected --speed-column 'vel', or --speed-column none to "
-        "use --speed all the same"
+        "'vel' tells other speeds (0.01) than --speed 0.1; expected --speed-column 'vel=1/s' or 'vel=%/s' or "
+        "'vel=1/min', or --speed-column none to use --speed all the same"
     )
-    assert (asked.value.option, asked.value.choices) == ("--speed-column", ("vel", "none"))
+    assert (asked.value.option, asked.value.choices) == ("--speed-column", ("vel=1/s", "vel=%/s", "vel=1/min", "none"))
     assert lasting(tmp_path, test_column="id", speed=0.1, speed_column="none") == pytest.approx([5.0, 5.0])
-    assert lasting(tmp_path, test_column="id", speed=0.1, speed_column="vel") == pytest.approx([5.0, 50.0])
+    assert lasting(tmp_path, test_column="id", speed=0.1, speed_column="vel=1/s") == pytest.approx([5.0, 50.0])
     written(tmp_path, speeds=(-0.1, 0.102))
     assert lasting(tmp_path, test_column="id", speed=0.1) == pytest.approx([5.0, 5.0])
     written(tmp_path, speeds=(6, 6.1), titles="id;vel [1/min];Stretch;Force (N)")
@@ -100,7 +140,7 @@ def test_a_speed_that_a_column_contradicts_is_asked_about(tmp_path):
 def test_a_machine_at_rest_in_the_first_row_has_a_speed_from_then_on(tmp_path):
     path = written(tmp_path)
     path.write_text(path.read_text().replace("7;0.1;1.0;0", "7;0;1.0;0", 1))
-    assert lasting(tmp_path, test_column="id", speed_column="vel") == pytest.approx([5.0, 50.0])
+    assert lasting(tmp_path, test_column="id", speed_column="vel=1/s") == pytest.approx([5.0, 50.0])
 
 
 def test_an_answer_reads_the_file_again(tmp_path):
@@ -112,12 +152,12 @@ def test_an_answer_reads_the_file_again(tmp_path):
         return choices[0]
 
     read = read_all(Files((path,), ()), Hints(speed=0.1), ask)
-    assert asked == [("id", "none"), ("vel", "none")]
+    assert asked == [("id", "none"), ("vel=1/s", "vel=%/s", "vel=1/min", "none")]
     assert [float(np.ptp(one.numbers[:, 0])) for one in read.recordings] == pytest.approx([5.0, 50.0])
-    assert (read.answered.test_column, read.answered.speed_column) == ("id", "vel")
+    assert (read.answered.test_column, read.answered.speed_column) == ("id", "vel=1/s")
 
 
-@pytest.mark.parametrize("timing", [{"rate_hz": 10.0}, {"speed": 0.1}, {"speed_column": "vel"}])
+@pytest.mark.parametrize("timing", [{"rate_hz": 10.0}, {"speed": 0.1}, {"speed_column": "vel=1/s"}])
 def test_tests_one_under_another_without_times_are_asked_about(tmp_path, timing):
     written(tmp_path, speeds=(0.1, 0.1))
     with pytest.raises(

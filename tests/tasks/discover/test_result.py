@@ -49,6 +49,9 @@ def test_an_error_that_is_not_known_is_read_back(tmp_path):
         (("candidates", 0, "gain"), "much", "discover.json: candidates.0.gain: 'much'"),
         (("cells",), 7, "discover.json: cells: 7"),
         (("gap",), None, "discover.json: gap: None"),
+        (("confidence", "true"), 1_000, "confidence: 1000 of "),
+        (("confidence", "share"), 1.5, "discover.json: confidence.share: 1.5: expected 0 to 1"),
+        (("confidence", "interval"), [0.9, 0.1], ", 0.9 to 0.1; expected"),
     ],
 )
 def test_a_damaged_result_is_one_clear_line(tmp_path, path, value, words):

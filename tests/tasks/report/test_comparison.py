@@ -142,14 +142,14 @@ def test_specimens_without_end_are_compared_in_time(whole_run, run_folder, tmp_p
     def swollen(told):
         told["free"] = [f"p{number}" for number in range(1_000)]
         told["bounds"] = [[0.0, 1.0]] * len(told["free"])
-        told["names"] = []
+        told["names"] = told["free"]
         fit = next(iter(told["specimens"].values()))
         small = {**fit, "parameters": {}, "sd_of_range": {}, "determined": [], "on_bound": [], "confounded": []}
         told["specimens"] = {f"s{number}": small for number in range(3000)}
 
     def disjoint(told):
         swollen(told)
-        told["free"] = [f"q{number}" for number in range(1_000)]
+        told["free"] = told["names"] = [f"q{number}" for number in range(1_000)]
 
     other = tmp_path / "other"
     shutil.copytree(run_folder, other)

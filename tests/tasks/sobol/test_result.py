@@ -1,8 +1,12 @@
 """What a Sobol result offers by name: panels, outputs, courses along time, and what failed rows could change."""
 
-import numpy as np
+import json
 
-from sinew.tasks.sobol.result import Failures, OfProtocol
+import numpy as np
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.sobol.result import Failures, OfProtocol, SobolResult
 from tests.tasks.sobol.results import ZEROS, of_output, sobol_result
 
 
@@ -51,3 +55,17 @@ def test_what_failed_rows_could_change_is_there_for_each_assumption():
     assert [values[0] for values in some.outcomes("ST")] == [0.0, 1.0, 2.0]
     assert [values[0] for values in some.outcomes("S1")] == [1.0]
     assert Failures("", 0, 0, {}).outcomes("ST") == []
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "problem"),
+    [("rows", -5, "-5: expected at least 0"), ("failed", -1, "-1: expected at least 0"),
+     ("scrambles", -1, "-1: expected at least 0"), ("confidence", 42.0, "42.0: expected 0 to 1")],
+)  # fmt: skip
+def test_numbers_that_cannot_be_are_refused(tmp_path, field, value, problem):
+    sobol_result().write(tmp_path)
+    path = tmp_path / "sobol.json"
+    assert SobolResult.read(tmp_path).rows == 16
+    path.write_text(json.dumps(json.loads(path.read_text()) | {field: value}))
+    with pytest.raises(BadInput, match=rf"sobol\.json: {field}: {problem}"):
+        SobolResult.read(tmp_path)

@@ -1,10 +1,13 @@
 """Draws from the particles that an inference leaves."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import xarray as xr
 
+from sinew.runner.errors import BadInput
 from sinew.tasks.infer.abc.result import AbcResult, GenerationCounts, draws
 from sinew.tasks.infer.abc.show import apart_from_fits, far_off, sizes, too_short
 from tests.tasks.calibrations import calibration_of, fit_of
@@ -76,3 +79,26 @@ def test_posteriors_that_leave_the_ranges_of_the_study_are_named():
     (line,) = result.beyond(["E_f", "tau"], [(160.0, 250.0), (0.0, 0.1)])
     assert line == "p: E_f 216 to 264 leaves the study's range 160 to 250 (the prior is normal, and has no ends)"
     assert len(result.beyond(["E_f", "nu_m"], [(190.0, 300.0), (0.19, 0.4)])) == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"sd": -1.0}, "sd: -1.0: expected at least 0"),
+        ({"hdi": [9.0, 1.0]}, "hdi: expected two numbers, the lower one first"),
+        ({"hdi": [9.0]}, "hdi: expected two numbers, the lower one first"),
+    ],
+)
+def test_a_marginal_that_cannot_be_is_refused(tmp_path, change, problem):
+    result = AbcResult(
+        sampler="store", names=["E_f"], units=["MPa"], meanings=[""], paper=True, priors="ranges", population=4,
+        interval=0.95, sites={"distal": posterior_of(["distal/1"], ["E_f"], [200.0])}, inputs="",
+    )  # fmt: skip
+    result.write(tmp_path)
+    path = tmp_path / "infer.json"
+    assert AbcResult.read(tmp_path).population == 4
+    content = json.loads(path.read_text())
+    content["sites"]["distal"]["parameters"]["E_f"] |= change
+    path.write_text(json.dumps(content))
+    with pytest.raises(BadInput, match=problem):
+        AbcResult.read(tmp_path)

@@ -198,7 +198,10 @@ def test_links_and_odd_files_are_refused(run_folder, whole_run, tmp_path):
         (lambda folder: (folder / "sobol.json").write_text("{"), "sobol.json: line 1: damaged"),
         (lambda folder: edit(folder / "sobol.json", lambda content: content.pop("names")), "names: missing"),
         (lambda folder: (folder / "log.jsonl").unlink(), "does not say which run made"),
-        (lambda folder: edit(folder / "calibrate.json", lambda told: told.update(names=["other"])), "contradict"),
+        (
+            lambda folder: edit(folder / "calibrate.json", lambda told: told.update(names=["other"])),
+            "are no parameters",
+        ),
     ],
     ids=["damaged", "field missing", "no log", "contradiction"],
 )

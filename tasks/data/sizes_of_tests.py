@@ -1,0 +1,96 @@
+"""Which of the sizes that a file tells belong to which of its tests."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+from sinew.tasks.data.columns import NOWHERE
+from sinew.tasks.data.heads import Row, is_row_of_units
+from sinew.tasks.data.several import Columns
+from sinew.tasks.data.sizes import FAR, Size, meant, named_in, narrow, read_sizes, size_in
+from sinew.tasks.data.tables import Table
+
+BY_ORDER = "sizes by the order of the rows in the table of results, which does not name the tests"
+
+
+def without_others(table: Table, before: Sequence[Table]) -> Table:
+    """A table without the lines above it that belong to tests ``before`` it.
+
+    Lines above a test of another sheet are of that test alone. Where the lines right above the table tell a size, it
+    takes none from those above another test of its sheet.
+    """
+    own = table.header[table.own :]
+    if any(one.sheet == table.sheet for one in before):
+        return replace(table, header=own, own=0) if read_sizes(own) else table
+    theirs = {row for one in before for row in one.header[one.own :]}
+    shared = tuple(row for row in table.header[: table.own] if row not in theirs)
+    return replace(table, header=(*shared, *own), own=len(shared))
+
+
+def sizes_beside(table: Table, tests: Sequence[Columns]) -> list[Mapping[str, Size]]:
+    """The sizes of each of several tests beside each other: those above its own columns, or else those of all.
+
+    A size that stands twice in a row is not of all.
+    """
+    each = [read_sizes(rows, table.own) for rows in _above(table, tests)]
+    if any(each[1:]):
+        return each
+    shared = read_sizes(table.header, table.own)
+    return [{name: size for name, size in shared.items() if not _stands_twice(table.header, name)} for _ in tests]
+
+
+def _above(table: Table, tests: Sequence[Columns]) -> Iterator[list[Row]]:
+    """The rows above the columns of each test; columns of all tests are those of the first."""
+    places = [{column.place for column in columns if column.place != NOWHERE} for columns in tests]
+    shared = set.intersection(*places)
+    ends = [max(one - shared, default=-1) + 1 for one in places]
+    for number, (start, end) in enumerate(zip([0, *ends], ends, strict=False)):
+        last = None if number == len(tests) - 1 else end
+        yield [tuple(row[start:last]) for row in table.header]
+
+
+def _stands_twice(header: Sequence[Row], name: str) -> bool:
+    return any(sum(named_in(cell) == name for cell in row) > 1 for row in narrow(header))
+
+
+def sizes_by_results(header: Sequence[Row], names: Sequence[str]) -> tuple[list[dict[str, Size]], tuple[str, ...]]:
+    """The sizes of each test by a table of results with a row for each; empty dicts without one. A note, if it is open.
+
+    ``names``: those of the tests. Rows that have them are found by them, others by their order. A cell without a number
+    leaves the size of its test open: that of another test is none of it.
+    """
+    count = len(names)
+    found: list[dict[str, Size]] = [{} for _ in names]
+    notes: dict[str, None] = {}
+    if count < 2:
+        return found, ()
+    header = narrow(header[:FAR])
+    for at, (labels, below) in enumerate(pairwise(header)):
+        rows = header[at + 2 : at + 3 + count]  # and the one behind them, which tells nothing
+        if len(rows) < count or not is_row_of_units(below):
+            continue
+        order = _order(rows[:count], names)
+        for place, (label, unit) in enumerate(zip(labels, below, strict=False)):
+            name = meant(label)
+            cells = [row[place] if place < len(row) else "" for row in rows]
+            if name is None or name in found[0] or not all(cells[:count]) or any(cells[count:]):
+                continue
+            sizes = [size_in(name, cell, unit.strip("()[] ")) for cell in cells[:count]]
+            if any(size.mm is not None for size in sizes):
+                notes |= {} if order else {BY_ORDER: None}
+                for own, row in zip(found, order or range(count), strict=True):
+                    own[name] = sizes[row]
+    return found, tuple(notes)
+
+
+def _order(rows: Sequence[Row], names: Sequence[str]) -> list[int] | None:
+    """The row of each test: by a cell that names it, or by numbers in their order; None where rows name no tests."""
+    wanted = [name.strip().casefold() for name in names]
+    numbers = [str(number) for number in range(1, len(rows) + 1)]
+    first: list[str] = []
+    for place in range(max(map(len, rows))):
+        cells = [row[place].strip().casefold() if place < len(row) else "" for row in rows]
+        if sorted(cells) == sorted(wanted) and len(set(cells)) == len(cells):
+            return [cells.index(name) for name in wanted]
+        first = first or (cells if any(cells) else [])
+    return list(range(len(rows))) if first == numbers or wanted == numbers else None
