@@ -22,7 +22,7 @@ demo: $(READY)
 # several hundred processes import this package: where the environment forbids compiled files, each would compile it anew
 test: export PYTHONDONTWRITEBYTECODE :=
 test: $(READY)
-	$(BIN)/python -m pytest -m "not slurm" -n 3 --dist worksteal
+	$(BIN)/python -m pytest -m "not slurm" -n 2 --dist worksteal
 	$(BIN)/python -m pytest -m slurm -n 5 --dist load --maxschedchunk 1 tests/tasks/cluster tests/runner/cluster
 
 # what CI asks of the code beside its tests

@@ -123,10 +123,12 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
     """
     missing: NoColumn | None = None
     found: list[tuple[Table, list[Recording]]] = []
+    before: list[Table] = []  # with those that are left out
     short = 0
     source = file if isinstance(file, Source) else read_source(file)
     for table in tables_of(source):
         if found and (not any(table.titles[1:]) or table.titles[1:] != found[0][0].titles[1:]):
+            before.append(replace(table, rows=table.rows[:1]))
             continue  # of another kind
         try:
             columns = recognise(table, hints, first_of_alike=True)
@@ -138,9 +140,11 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
             continue
         if found and len(table.rows) < FEWEST_ROWS:
             short += 1
+            before.append(replace(table, rows=table.rows[:1]))
             continue
-        table = without_others(table, [one for one, _ in found])
-        found.append((replace(table, rows=table.rows[:1]), _tests(table, columns, count, hints)))
+        table = without_others(table, before)
+        before.append(replace(table, rows=table.rows[:1]))
+        found.append((before[-1], _tests(table, columns, count, hints)))
     if not found:
         assert missing is not None, "a file without tables is refused by read_tables"
         raise missing

@@ -7,8 +7,8 @@ Each sheet is a line with its name, and a line for each row with a list of its t
 there, or an object that says what is ``wrong`` and what is ``expected``.
 
 Cells that are formatted as percent hold fractions. They are written as they are shown, 9.97 for 0.0997, and the title
-above them gets the unit ``[%]`` where it has none. So are numbers that are shown in thousands. Files of the kinds .xls
-and .xlsb do not tell it here.
+above them gets the unit ``[%]`` where it has none. Numbers that are shown in thousands stay as they are, and a person
+is asked for their unit. Files of the kinds .xls and .xlsb do not tell it here.
 """
 
 import datetime
@@ -37,15 +37,18 @@ SMALLER = "a smaller spreadsheet, or the table as CSV"
 
 OF_DOCUMENTS = "{urn:oasis:names:tc:opendocument:xmlns:"  # begin of names that an open document gives a meaning
 NO_SIGN = re.compile(r'"[^"]*"|\\.|_.|\*.|\[[^\]]*\]')  # in a number format: shown as it is, or not at all
+CONDITION = re.compile(r"\[[<>=]")  # of a section of a format
 PERCENT_FORMATS = {9, 10}  # of Excel itself
 TITLES_WITHIN = 4  # rows above numbers in which their titles stand
 LARGEST = 1e100
+UNIT = re.compile(r"\s*[(\[][^)\]]*[)\]]\s*$")  # of a title
 IN_PERCENT = re.compile(r"[(\[]\s*%\s*[)\]]|%\s*$|^\s*%")  # a title with this unit
 PARTLY = "partly percent"  # the unit of numbers of which only some are formatted as percent
-PERCENT, UNCLEAR = 100.0, 0.0  # what numbers are multiplied by as they are shown; in some other way
+SCALED = "shown in thousands"  # the unit of numbers that are shown divided by a thousand, or by more
+PERCENT, UNCLEAR, THOUSANDS = 100.0, 0.0, -1.0  # what numbers are multiplied by as they are shown; in some other way
 IN_THOUSANDS = re.compile(r"[0#?](,+)(?![0#?,])")  # in a number format: each comma divides by a thousand
 REFERENCE = re.compile(r"([A-Z]{1,3})([0-9]{1,7})")  # of a cell
-Cells = dict[int, dict[int, float]]  # by row and column, both from 0: what the number is multiplied by as it is shown
+Cells = dict[int, dict[int, float]]  # by row and column, both from 0: how the number is shown
 
 
 class TooMuch(Exception):
@@ -95,24 +98,24 @@ def lines_of(content: bytes) -> Iterator[str | list[str]]:
 def _as_shown(rows: list[list[Any]], formatted: Cells) -> list[list[Any]]:
     """Rows whose ``formatted`` cells hold the numbers that are shown, with the unit percent in the titles above them.
 
-    A run of numbers of which only some are formatted so stays as it is, and its titles get a unit that nobody knows, so
-    that a person is asked for it.
+    A run of numbers of which only some are formatted so, or that are shown in thousands, stays as it is, and its titles
+    get a unit that nobody knows, so that a person is asked for it.
     """
     for place in sorted({place for columns in formatted.values() for place in columns}):
         for run in _runs(rows, place):
             factors = {formatted.get(at, {}).get(place) for at in run}
             titles = _titles(rows, run[0], place)
-            factor = factors.pop() if len(factors) == 1 else UNCLEAR
-            if factor:
+            if factors == {PERCENT}:
                 for at in run:
-                    rows[at][place] = _times(factor, rows[at][place])
-                if factor == PERCENT and titles and not any(IN_PERCENT.search(rows[at][place]) for at in titles):
+                    rows[at][place] = _times(PERCENT, rows[at][place])
+                if titles and not any(IN_PERCENT.search(rows[at][place]) for at in titles):
                     rows[titles[0]][place] = f"{rows[titles[0]][place].strip()} [%]"
-            elif factor is not None:
+            elif factors != {None}:
+                unknown = SCALED if THOUSANDS in factors else PARTLY
                 for at in titles:
-                    rows[at][place] = IN_PERCENT.sub(f" [{PARTLY}]", rows[at][place])
-                if titles and PARTLY not in rows[titles[0]][place]:
-                    rows[titles[0]][place] = f"{rows[titles[0]][place].strip()} [{PARTLY}]"
+                    rows[at][place] = (UNIT if unknown == SCALED else IN_PERCENT).sub(f" [{unknown}]", rows[at][place])
+                if titles and unknown not in rows[titles[0]][place]:
+                    rows[titles[0]][place] = f"{rows[titles[0]][place].strip()} [{unknown}]"
     return rows
 
 
@@ -150,15 +153,16 @@ def _titles(rows: list[list[Any]], first: int, place: int) -> list[int]:
 
 
 def _factor(code: str) -> float | None:
-    """What a format multiplies all numbers by, or ``UNCLEAR`` where it differs or is another; None: nothing."""
-    sections = [part for part in NO_SIGN.sub("", code).split(";")[:3] if re.search(r"[0#?]|General", part)]
-    scales = {(part.count("%"), sum(len(commas) for commas in IN_THOUSANDS.findall(part))) for part in sections}
-    if scales <= {(0, 0)}:
-        return None
-    percents, thousands = scales.pop() if len(scales) == 1 else (2, 0)
-    if percents > 1 or (percents and thousands):
-        return UNCLEAR
-    return PERCENT if percents else 1000.0**-thousands
+    """How a format shows numbers: ``PERCENT``, ``THOUSANDS``, ``UNCLEAR`` where it differs or is another; None: as is.
+
+    The third of its sections is of zero, unless they have conditions.
+    """
+    sections = NO_SIGN.sub("", code).split(";")[: 3 if CONDITION.search(code) else 2]
+    sections = [part for part in sections if re.search(r"[0#?]|General", part)]
+    if any(IN_THOUSANDS.search(part) for part in sections):
+        return THOUSANDS
+    percents = {part.count("%") for part in sections}
+    return None if percents <= {0} else PERCENT if percents == {1} else UNCLEAR
 
 
 def _formatted(content: bytes) -> dict[str, Cells]:
@@ -232,7 +236,7 @@ def _formatted_of_sheet(archive: zipfile.ZipFile, path: str, styles: dict[int, f
                 if (row, column) <= before:
                     raise TooMuch(f"two cells in row {row + 1}, column {column + 1}, or one out of order", "one")
                 before = row, column
-                if (style := int(element.get("s", "-1"))) in styles:
+                if (style := int(element.get("s", "0"))) in styles:
                     found.setdefault(row, {})[column] = styles[style]
             elif event == "end" and name in ("row", "c"):
                 element.clear()

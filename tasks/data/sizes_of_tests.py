@@ -17,12 +17,13 @@ def without_others(table: Table, before: Sequence[Table]) -> Table:
     """A table without the lines above it that belong to tests ``before`` it.
 
     Lines above a test of another sheet are of that test alone. Where the lines right above the table tell a size, it
-    takes none from those above another test of its sheet.
+    takes none from those above another test of its sheet. Lines are compared by what is in them.
     """
     own = table.header[table.own :]
-    if any(one.sheet == table.sheet for one in before):
-        return replace(table, header=own, own=0) if read_sizes(own) else table
-    theirs = {row for one in before for row in one.header[one.own :]}
+    again = any(one.sheet == table.sheet for one in before)
+    if again and any(size.mm is not None and size.has_unit for size in read_sizes(own).values()):
+        return replace(table, header=own, own=0)
+    theirs = {row for one in before if one.sheet != table.sheet for row in one.header[one.own :]}
     shared = tuple(row for row in table.header[: table.own] if row not in theirs)
     return replace(table, header=(*shared, *own), own=len(shared))
 
@@ -30,7 +31,7 @@ def without_others(table: Table, before: Sequence[Table]) -> Table:
 def sizes_beside(table: Table, tests: Sequence[Columns]) -> list[Mapping[str, Size]]:
     """The sizes of each of several tests beside each other: those above its own columns, or else those of all.
 
-    A size that stands twice in a row is not of all.
+    A size is not of all where its row names it twice, or has two numbers.
     """
     each = [read_sizes(rows, table.own) for rows in _above(table, tests)]
     if any(each[1:]):
@@ -50,7 +51,11 @@ def _above(table: Table, tests: Sequence[Columns]) -> Iterator[list[Row]]:
 
 
 def _stands_twice(header: Sequence[Row], name: str) -> bool:
-    return any(sum(named_in(cell) == name for cell in row) > 1 for row in narrow(header))
+    for row in narrow(header):
+        named = sum(named_in(cell) == name for cell in row)
+        if named > 1 or (named and sum(cell[:1].isdigit() for cell in row) > 1):
+            return True
+    return False
 
 
 def sizes_by_results(header: Sequence[Row], names: Sequence[str]) -> tuple[list[dict[str, Size]], tuple[str, ...]]:

@@ -1,5 +1,6 @@
 """Sizes of the specimens of a new study: what a person gives, what files tell, and what must be asked for."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -148,6 +149,13 @@ def _other_areas(
             continue
         both = width * thickness
         if abs(area.mm - both) <= OFF * both:
+            continue
+        ellipse = both * math.pi / 4
+        if abs(area.mm - ellipse) <= OFF * ellipse:
+            told_so = (
+                f"{recording.path.name} tells {area.mm:.6g} mm2, as of an ellipse {width:.6g} x {thickness:.6g} mm"
+            )
+            found.append(f"{told_so}; the cross-section of the bar is {both:.6g} mm2")
             continue
         differs = f"a cross-section of {area.mm:.6g} mm2, but {width:.6g} x {thickness:.6g} mm is {both:.6g} mm2"
         if {"width", "thickness"} & set(told) and not given.override:

@@ -60,7 +60,7 @@ def _speeds(table: Table, rows: range, place: int, told: str, motion: Column) ->
     """
     titles, named = names_and_units(table)
     own = named[place][1]
-    if own and told and own != told:
+    if own and told and _factor(own, motion) != _factor(told, motion):
         problem = f"{shown(titles[place])} has the unit {shown(own)}, {OPTION} says {shown(told)}"
         raise BadInput(table.path, problem, f"{OPTION} without a unit")
     if not (own or told):

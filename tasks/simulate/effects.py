@@ -211,11 +211,12 @@ class _Run:
 
     def balanced(self, bars: Bars, precision: float = BALANCE) -> Bars:
         """The bars with the displacement of the gauge length that agrees with the force that it causes."""
-        limit = precision * max(float(np.abs(bars.displacement_mm).max()), np.finfo(float).tiny)
+        largest = max(float(np.abs(bars.displacement_mm).max()), np.finfo(float).tiny)
+        limit, finest = precision * largest, BALANCE * largest
         bars, grips = self.pulled(bars), bars
         grips = replace(grips, rigid_N=bars.force_N)
         residual = self.left(grips, bars.force_N) - bars.displacement_mm
-        can = np.isfinite(residual).all(axis=1)
+        can = ~np.isnan(residual).any(axis=1)
         for _ in range(ITERATIONS):
             worst = np.abs(residual).max(axis=1)
             left = worst > limit  # rows that are NaN stay so
@@ -227,7 +228,7 @@ class _Run:
         # a row that was no number at first is one of impossible parameters
         for row in np.flatnonzero(can & ~(np.abs(residual).max(axis=1) <= limit)).tolist():
             alone = replace(self, chosen=tuple((effect, _row(own, row)) for effect, own in self.chosen))
-            bars = bars.with_row(row, balanced_in_time(alone, grips.row(row), bars.row(row), limit))
+            bars = bars.with_row(row, balanced_in_time(alone, grips.row(row), bars.row(row), finest))
         return bars
 
     def balanced_nearby(self, bars: Bars) -> Bars:

@@ -13,7 +13,7 @@ import numpy as np
 from sinew.tasks.model.effect import Bars
 from sinew.tasks.simulate import Array
 
-STEPS = 1000  # of Newton's method, at most
+WORK = 2_000_000  # points of all curves that are computed for a bar, at most: a minute or less
 NEARER = 0.5  # part of the residual that a step leaves, at most
 ROUNDING = 100.0  # of the limit: residual that rounding may leave where forces are steep
 DOUBLINGS = 60  # of the interval in which the displacement of a point is looked for
@@ -38,13 +38,14 @@ def balanced_in_time(pulling: Pulling, grips: Bars, begin: Bars, limit: float) -
     Its force is NaN where it was not found. Each step changes as many points from the first that is not in balance as
     get nearer to it. Where that point alone does not, its displacement is found within an interval.
     """
-    state, reached = (_at(pulling, grips, bar.displacement_mm[0]) for bar in (grips, begin))
+    curves = _Curves(pulling, grips)
+    state, reached = (curves.at(bar.displacement_mm[0]) for bar in (grips, begin))
     if np.abs(reached.residual).max() < np.abs(state.residual).max():
         state = reached
     points = width = len(state.residual)
     limits = np.full(points, limit)
-    for _ in range(STEPS):
-        over = np.abs(state.residual) > limits
+    while curves.left > 0:
+        over = ~(np.abs(state.residual) <= limits)
         if not over.any():
             return state.bars
         first = int(over.argmax())
@@ -53,43 +54,51 @@ def balanced_in_time(pulling: Pulling, grips: Bars, begin: Bars, limit: float) -
         asked[:, window] = state.residual[window]
         displacement = state.bars.displacement_mm[0].copy()
         displacement[window] += pulling.correction(grips, state.bars, asked)[0, window]
-        moved = _at(pulling, grips, displacement)
-        nearer = np.abs(moved.residual[window]) < NEARER * np.abs(state.residual[window]).max()
+        moved = curves.at(displacement)
+        nearer = np.abs(moved.residual[window]) < NEARER * np.nanmax(np.abs(state.residual[window]), initial=0.0)
         if nearer.all():
             state, width = moved, min(2 * width, points)
         elif nearer[0]:
             width = int(nearer.argmin())
         else:
-            state, width = _within_an_interval(pulling, grips, state, first), 1
-            limits[first] = max(limit, abs(state.residual[first]))
-            if not limits[first] <= ROUNDING * limit:
+            state, width = _within_an_interval(curves, state, first), 1
+            left = abs(state.residual[first])
+            if not left <= ROUNDING * limit:
                 break
+            limits[first] = max(limit, left)
     return replace(state.bars, force_N=np.full_like(state.bars.force_N, np.nan))
 
 
-def _at(pulling: Pulling, grips: Bars, displacement_mm: Array) -> _State:
-    moved = pulling.pulled(replace(grips, displacement_mm=displacement_mm[np.newaxis]))
-    return _State(moved, (pulling.left(grips, moved.force_N) - moved.displacement_mm)[0])
+class _Curves:
+    """Computes the whole curve at given displacements; ``left``: points that may still be computed."""
+
+    def __init__(self, pulling: Pulling, grips: Bars) -> None:
+        self.pulling, self.grips, self.left = pulling, grips, WORK
+
+    def at(self, displacement_mm: Array) -> _State:
+        self.left -= displacement_mm.size
+        moved = self.pulling.pulled(replace(self.grips, displacement_mm=displacement_mm[np.newaxis]))
+        return _State(moved, (self.pulling.left(self.grips, moved.force_N) - moved.displacement_mm)[0])
 
 
-def _within_an_interval(pulling: Pulling, grips: Bars, state: _State, point: int) -> _State:
+def _within_an_interval(curves: _Curves, state: _State, point: int) -> _State:
     """The state with a residual near zero at ``point``, or as it is where none is found.
 
-    The residual falls from above zero at short gauge lengths to below zero at long ones.
+    The residual is above zero at short gauge lengths and below zero at long ones.
     """
+    from scipy.optimize import brentq  # slow to import
 
     def at(change: float) -> Any:
         displacement = state.bars.displacement_mm[0].copy()
         displacement[point] += change
-        return _at(pulling, grips, displacement)
-
-    from scipy.optimize import brentq  # slow to import
+        return curves.at(displacement)
 
     end = begin = float(state.residual[point])
     for _ in range(DOUBLINGS):
-        if at(end).residual[point] * begin < 0.0:
+        if not np.isfinite(end) or at(end).residual[point] * begin < 0.0:
             break
         end *= 2.0
-    else:
+    try:
+        return at(brentq(lambda change: at(change).residual[point], 0.0, end, xtol=1e-15, rtol=1e-14))
+    except (ValueError, RuntimeError):  # no change of sign, no number on the way, or no end of steps
         return state
-    return at(brentq(lambda change: at(change).residual[point], 0.0, end, xtol=1e-15, rtol=1e-14))

@@ -68,7 +68,7 @@ def cell(value: object) -> str:
 
 CODES = {164: "0.000%", 165: '0.0" %"', 166: r"0.0\%", 167: "0.00_%", 168: "[=1]0%;General", 169: "0.0%%",
          170: "0%;-0%", 171: "[Red]0.0%;@", 172: "0.000,", 173: '0.0,," M"', 174: "#,##0.0", 175: "0.0,%",
-         176: "0.0,;0.0"}  # fmt: skip
+         176: "0.0,;0.0", 177: "0.00%;-0.00%;0", 178: "[>1]0%;0%;0.0", 179: "0%;0%;0%%"}  # fmt: skip
 OF_STYLE = [0, 10, *CODES, 2]  # the format of each style
 STYLES = (
     f'<styleSheet xmlns="{MAIN}"><numFmts>'
@@ -100,7 +100,7 @@ def of_style(code: str) -> int:
     return OF_STYLE.index(next(number for number, each in CODES.items() if each == code))
 
 
-PERCENT = [1, *map(of_style, ("0.000%", "0%;-0%", "[Red]0.0%;@"))]
+PERCENT = [1, *map(of_style, ("0.000%", "0%;-0%", "[Red]0.0%;@", "0.00%;-0.00%;0"))]
 
 
 @pytest.mark.parametrize("references", [True, False])
@@ -125,9 +125,18 @@ def test_other_formats_leave_cells_as_they_are(tmp_path, style):
 
 @pytest.mark.parametrize("title", ["Strain [%]", "Strain"])
 @pytest.mark.parametrize(
-    "styles", [(0, 1), (1, 0), (1, 1, 1, 1, 0), (of_style("[=1]0%;General"),), (of_style("0.0%%"),), (1, 0, 1),
-               (of_style("0.0,%"),), (of_style("0.0,;0.0"),), (of_style("0.000,"), 1)]
-)  # fmt: skip
+    "styles",
+    [
+        (0, 1),
+        (1, 0),
+        (1, 0, 1),
+        (1, 1, 1, 1, 0),
+        (of_style("[=1]0%;General"),),
+        (of_style("[>1]0%;0%;0.0"),),
+        (of_style("0.0%%"),),
+        (of_style("0%;0%;0%%"), 0),
+    ],
+)
 def test_numbers_of_which_some_are_formatted_as_percent_are_asked_about(tmp_path, styles, title):
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(*styles, title=title))
     assert [row[1] for row in dict(read_sheets(path))["one"][1:]] == ["0", "0.024925", "0.04985", "0.074775", "0.0997"]
@@ -137,12 +146,19 @@ def test_numbers_of_which_some_are_formatted_as_percent_are_asked_about(tmp_path
     assert recording.numbers[-1].tolist() == pytest.approx([4.0, 0.0997, 12.0])
 
 
-@pytest.mark.parametrize(("code", "last"), [("0.000,", "9.97e-05"), ('0.0,," M"', "9.97e-08")])
-def test_numbers_that_are_shown_in_thousands_are_read_as_they_are_shown(tmp_path, code, last):
-    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(of_style(code), title="Force [kN]"))
-    rows = dict(read_sheets(path))["one"]
-    assert rows[0] == ("Time [s]", "Force [kN]", "Force [N]")
-    assert rows[-1] == ("4", last, "12")
+@pytest.mark.parametrize("title", ["Force [kN]", "Force"])
+@pytest.mark.parametrize("code", ["0.000,", '0.0,," M"', "0.0,%", "0.0,;0.0"])
+def test_numbers_that_are_shown_in_thousands_are_asked_about(tmp_path, code, title):
+    """What stands in the title may be the unit of what is shown, or of what is stored."""
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(of_style(code), title=title))
+    found = dict(read_sheets(path))["one"]
+    assert found[0] == ("Time [s]", "Force [shown in thousands]", "Force [N]")
+    assert found[-1] == ("4", "0.0997", "12"), "as it is stored"
+    path = write_workbook(tmp_path / "b.xlsx", STYLES, one=styled(of_style(code), title="Strain"))
+    with pytest.raises(
+        BadInput, match="unit 'shown in thousands' of the strain is not known; expected --displacement-u"
+    ):
+        read_recordings(path, Hints())
 
 
 def rewritten(path: Path, change) -> Path:

@@ -94,6 +94,7 @@ def beside(tmp_path, *above: str) -> list[Recording]:
         (["Length [mm]|10|||Length [mm]|20|"], [{"length": 10}, {"length": 20}]),
         (["Length|10|mm||||", "Width|5|mm||Width|8|mm"], [{"length": 10, "width": 5}, {"width": 8}]),
         (["Length|10|mm||||"], [{"length": 10}, {"length": 10}]),  # of both
+        (["Length [mm]|10|||20||", "Width|5|mm|6|mm||"], [{}, {}]),  # a value for each behind one label
         (["Length|10|mm||||", "Width: 5 mm|Width: 8 mm|||||"], [{"length": 10}, {"length": 10}]),
     ],
 )  # fmt: skip
@@ -120,6 +121,26 @@ def test_sizes_of_another_sheet_with_a_test_are_of_that_test(tmp_path):
     assert [sizes(one) for one in read_recordings(path, Hints())] == [
         {"width": 5.0, "length": 10.0}, {"width": 5.0}, {"width": 5.0, "length": 20.0},
     ]  # fmt: skip
+
+
+def test_sizes_of_a_test_that_is_left_out_are_of_no_other(tmp_path):
+    other = [["Time [s]", "Extension [mm]", "Load [N]"], *TEST[1:]]
+    short = [*LENGTH, *TEST[:3]]
+    for left_out in (short, [*LENGTH, *other]):
+        path = write_workbook(tmp_path / "a.xlsx", one=TEST, two=left_out, three=TEST)
+        assert [sizes(one) for one in read_recordings(path, Hints())] == [{}, {}]
+
+
+def test_a_second_test_of_a_sheet_takes_none_of_another_sheet(tmp_path):
+    path = write_workbook(tmp_path / "a.xlsx", one=[*LENGTH, *TEST], two=[*TEST, [None, None, None], *TEST])
+    assert [sizes(one) for one in read_recordings(path, Hints())] == [{"length": 10.0}, {}, {}]
+
+
+def test_a_label_without_a_number_leaves_that_size_open(tmp_path):
+    table = "\n".join(";".join(map(str, row)) for row in TEST) + "\n"
+    path = tmp_path / "a.csv"
+    path.write_text("Width;5;mm\nLength;10;mm\n" + table + "\nWidth;see above;\n" + table)
+    assert [sizes(one) for one in read_recordings(path, Hints())] == [{"width": 5.0, "length": 10.0}, {"length": 10.0}]
 
 
 def test_a_later_table_that_tells_sizes_takes_none_of_another(tmp_path):

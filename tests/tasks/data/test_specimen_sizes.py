@@ -169,6 +169,12 @@ def test_a_cross_section_that_contradicts_given_sizes_is_refused(tmp_path, area,
     assert any(note.startswith(f"a.csv tells a cross-section of {area:g} mm2, but") for note in found.notes)
 
 
+def test_the_cross_section_of_an_ellipse_is_told(tmp_path):
+    test = recording(tmp_path, "Gauge length: 20 mm", "Cross-sectional area: 5.9 mm²")
+    found = known_sizes("a", [test], Sizes(width_mm=5.0, thickness_mm=1.5))
+    assert "a.csv tells 5.9 mm2, as of an ellipse 5 x 1.5 mm; the cross-section of the bar is 7.5 mm2" in found.notes
+
+
 def test_sizes_of_a_file_that_contradict_each_other_are_told(tmp_path):
     test = recording(tmp_path, "Width: 4 mm", "Thickness: 2 mm", "Cross-sectional area: 50 mm²")
     found = known_sizes("a", [test], Sizes())

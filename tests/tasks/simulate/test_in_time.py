@@ -44,7 +44,7 @@ def test_a_kink_is_where_newtons_method_alone_fails(monkeypatch):
 
 
 def test_a_bar_that_is_not_balanced_is_a_failed_row_beside_others(monkeypatch):
-    monkeypatch.setattr(in_time, "STEPS", 0)
+    monkeypatch.setattr(in_time, "WORK", 0)
     names = ("grip-slip", "rupture", "toe-slack")
     chosen = tuple(BY_NAME[name] for name in names)
     null = np.concatenate([form.null_values for form in chosen])[np.newaxis]
@@ -55,3 +55,33 @@ def test_a_bar_that_is_not_balanced_is_a_failed_row_beside_others(monkeypatch):
     assert [STATUSES[status] for status in done.status] == ["diverged", "ok"]
     assert done.messages[0] == "no force was found"
     assert np.isfinite(done.force_N[1]).all()
+
+
+def test_a_bar_is_found_beside_others():
+    """Each as if it were alone: the second needs what the first does not."""
+    null = np.concatenate([form.null_values for form in TORN])[np.newaxis]
+    both, rows = np.concatenate([null, VALUES, null]), np.repeat(ROW, 3, axis=0)
+    force = simulate_with(Model(), TORN, BAR, cyclic(10.0, 2.0), rows, both)
+    for row in range(3):
+        alone = simulate_with(Model(), TORN, BAR, cyclic(10.0, 2.0), rows[row : row + 1], both[row : row + 1])
+        assert alone.tobytes() == force[row : row + 1].tobytes()
+    assert not np.array_equal(force[1], force[0])
+
+
+def test_forces_that_become_no_numbers_end_the_search(monkeypatch):
+    """A curve of NaN from some point on is not in balance, and takes little work."""
+    calls = []
+    pulled = embedded._Run.pulled
+
+    def broken(self, bars):
+        calls.append(1)
+        moved = pulled(self, bars)
+        if len(calls) > 1:
+            moved.force_N[:, 100:] = np.nan
+        return moved
+
+    monkeypatch.setattr(embedded, "ITERATIONS", 0)
+    monkeypatch.setattr(embedded._Run, "pulled", broken)
+    force = simulate_with(Model(), TORN, BAR, cyclic(10.0, 2.0), ROW, VALUES)
+    assert np.isnan(force).all()
+    assert len(calls) < 2_000
