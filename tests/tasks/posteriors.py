@@ -15,7 +15,7 @@ def posterior_of(
     """A posterior with the given means; intervals reach ``half_width`` of the mean to both sides."""
     marginals = {
         name: Marginal(
-            value, 0.05 * abs(value), value + half_width * abs(value) * np.array([-1, 1]), value, 1.0, "normal"
+            value, 0.05 * abs(value), value + half_width * abs(value) * np.array([-1, 1]), value, abs(value), "normal"
         )
         for name, value in zip(names, mean, strict=True)
     }
