@@ -45,10 +45,10 @@ UNIT = re.compile(r"\s*[(\[][^)\]]*[)\]]\s*$")  # of a title
 IN_PERCENT = re.compile(r"[(\[]\s*%\s*[)\]]|%\s*$|^\s*%")  # a title with this unit
 PARTLY = "partly percent"  # the unit of numbers of which only some are formatted as percent
 SCALED = "shown in thousands"  # the unit of numbers that are shown divided by a thousand, or by more
-PERCENT, UNCLEAR, THOUSANDS = 100.0, 0.0, -1.0  # what numbers are multiplied by as they are shown; in some other way
+PERCENT, THOUSANDS, UNCLEAR = "percent", "thousands", "unclear"  # how a format shows all numbers
 IN_THOUSANDS = re.compile(r"[0#?](,+)(?![0#?,])")  # in a number format: each comma divides by a thousand
 REFERENCE = re.compile(r"([A-Z]{1,3})([0-9]{1,7})")  # of a cell
-Cells = dict[int, dict[int, float]]  # by row and column, both from 0: how the number is shown
+Cells = dict[int, dict[int, str]]  # by row and column, both from 0: how the number is shown
 
 
 class TooMuch(Exception):
@@ -103,15 +103,15 @@ def _as_shown(rows: list[list[Any]], formatted: Cells) -> list[list[Any]]:
     """
     for place in sorted({place for columns in formatted.values() for place in columns}):
         for run in _runs(rows, place):
-            factors = {formatted.get(at, {}).get(place) for at in run}
+            ways = {formatted.get(at, {}).get(place) for at in run}
             titles = _titles(rows, run[0], place)
-            if factors == {PERCENT}:
+            if ways == {PERCENT}:
                 for at in run:
-                    rows[at][place] = _times(PERCENT, rows[at][place])
+                    rows[at][place] = _in_percent(rows[at][place])
                 if titles and not any(IN_PERCENT.search(rows[at][place]) for at in titles):
                     rows[titles[0]][place] = f"{rows[titles[0]][place].strip()} [%]"
-            elif factors != {None}:
-                unknown = SCALED if THOUSANDS in factors else PARTLY
+            elif ways != {None}:
+                unknown = SCALED if THOUSANDS in ways else PARTLY
                 for at in titles:
                     rows[at][place] = (UNIT if unknown == SCALED else IN_PERCENT).sub(f" [{unknown}]", rows[at][place])
                 if titles and unknown not in rows[titles[0]][place]:
@@ -119,9 +119,9 @@ def _as_shown(rows: list[list[Any]], formatted: Cells) -> list[list[Any]]:
     return rows
 
 
-def _times(factor: float, value: float) -> float:
-    """The product without its rounding; numbers beyond all sense stay as they are."""
-    return float(f"{factor * value:.15g}") if abs(value) < LARGEST else value
+def _in_percent(value: float) -> float:
+    """A fraction in percent, without the rounding of the product; numbers beyond all sense stay as they are."""
+    return float(f"{100.0 * value:.15g}") if abs(value) < LARGEST else value
 
 
 def _runs(rows: list[list[Any]], place: int) -> Iterator[list[int]]:
@@ -152,7 +152,7 @@ def _titles(rows: list[list[Any]], first: int, place: int) -> list[int]:
     return found
 
 
-def _factor(code: str) -> float | None:
+def _shown(code: str) -> str | None:
     """How a format shows numbers: ``PERCENT``, ``THOUSANDS``, ``UNCLEAR`` where it differs or is another; None: as is.
 
     The third of its sections is of zero, unless they have conditions.
@@ -203,10 +203,10 @@ def _formatted_of_xlsx(archive: zipfile.ZipFile, members: dict[str, str]) -> dic
     return found
 
 
-def _scaling_styles(archive: zipfile.ZipFile, path: str) -> dict[int, float]:
-    """Styles of cells, by their numbers, that show other numbers: what those are multiplied by."""
-    formats: dict[int, float | None] = dict.fromkeys(PERCENT_FORMATS, PERCENT)
-    styles: dict[int, float] = {}
+def _scaling_styles(archive: zipfile.ZipFile, path: str) -> dict[int, str]:
+    """How styles of cells, by their numbers, show numbers, where it is not as they are."""
+    formats: dict[int, str | None] = dict.fromkeys(PERCENT_FORMATS, PERCENT)
+    styles: dict[int, str] = {}
     inside, count = False, 0
     with archive.open(path) as file:
         for event, element in _parsed(file):
@@ -214,7 +214,7 @@ def _scaling_styles(archive: zipfile.ZipFile, path: str) -> dict[int, float]:
             if name == "cellXfs":
                 inside = event == "start"
             elif event == "end" and name == "numFmt":
-                formats[int(element.get("numFmtId", "0"))] = _factor(element.get("formatCode", ""))
+                formats[int(element.get("numFmtId", "0"))] = _shown(element.get("formatCode", ""))
             elif event == "end" and name == "xf" and inside:
                 if (shown := formats.get(int(element.get("numFmtId", "0")))) is not None:
                     styles[count] = shown
@@ -222,7 +222,7 @@ def _scaling_styles(archive: zipfile.ZipFile, path: str) -> dict[int, float]:
     return styles
 
 
-def _formatted_of_sheet(archive: zipfile.ZipFile, path: str, styles: dict[int, float]) -> Cells:
+def _formatted_of_sheet(archive: zipfile.ZipFile, path: str, styles: dict[int, str]) -> Cells:
     found: Cells = {}
     row, column = -1, -1
     before = (-1, -1)

@@ -13,7 +13,7 @@ import numpy as np
 from sinew.tasks.model.effect import Bars
 from sinew.tasks.simulate import Array
 
-WORK = 2_000_000  # points of all curves that are computed for a bar, at most: a minute or less
+WORK = 2_000_000  # points of all curves that are computed for a bar, at most
 NEARER = 0.5  # part of the residual that a step leaves, at most
 ROUNDING = 100.0  # of the limit: residual that rounding may leave where forces are steep
 DOUBLINGS = 60  # of the interval in which the displacement of a point is looked for
