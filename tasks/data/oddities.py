@@ -8,12 +8,13 @@ import numpy as np
 from sinew.runner.errors import one_line
 from sinew.tasks.data.breaks import FEWEST
 from sinew.tasks.data.new_study import NewSpecimen
+from sinew.tasks.data.specimen_sizes import OFF
 from sinew.tasks.drawing.blocks import number
 from sinew.tasks.model import Curve, Specimen
 
 SMALLEST_STRAIN = 1e-4  # no test of tissue moves less
 LARGEST_START = 0.05  # of the peak force: a force at rest that is larger is an offset, or a preload
-OFF, FAR = 0.05, 0.2  # how much a cross-section, and a strain, that a file tells twice may differ
+FAR = 0.2  # how much a strain that a file tells twice may differ
 MOST_TIMES = 30.0  # between the peak stresses of specimens of one kind in the same test
 
 

@@ -131,6 +131,7 @@ def meant(label: str) -> str | None:
 
 
 def size_in(name: str, cell: str, unit: str) -> Size:
+    """The size of this ``name`` that a cell tells, in this unit or without one."""
     text = f"{cell} {unit}".strip()
     number = re.fullmatch(r"[0-9]+(?:[.,][0-9]+)?(?:e[-+]?[0-9]+)?", cell, re.IGNORECASE)
     factor = units.factor(units.AREA if name == "area" else units.LENGTH, unit) if unit else 1.0

@@ -59,10 +59,10 @@ def _stands_twice(header: Sequence[Row], name: str) -> bool:
 
 
 def sizes_by_results(header: Sequence[Row], names: Sequence[str]) -> tuple[list[dict[str, Size]], tuple[str, ...]]:
-    """The sizes of each test by a table of results with a row for each; empty dicts without one. A note, if it is open.
+    """The sizes of each test by a table of results with a row for each; empty dicts without one. And a note.
 
-    ``names``: those of the tests. Rows that have them are found by them, others by their order. A cell without a number
-    leaves the size of its test open: that of another test is none of it.
+    ``names``: those of the tests. Rows are found by these names, or else taken in their order, which is noted. A cell
+    without a number leaves the size of its test open: that of another test is none of it.
     """
     count = len(names)
     found: list[dict[str, Size]] = [{} for _ in names]
