@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -24,12 +25,18 @@ class PlannedRows:
 
     def append(self, first: int, parameters: Array) -> None:
         """Add rows ``first``, ``first + 1``, ... with ``parameters`` ``[n, d]``."""
-        with store_errors(self.path):
+        with store_errors(self.path), self._opened() as file:
+            for row, values in enumerate(parameters, first):
+                record = np.int64(row).tobytes() + np.ascontiguousarray(values, dtype=np.float64).tobytes()
+                file.write(record + _checksum(record))
+
+    def _opened(self) -> BinaryIO:
+        """The file, to append to it; its folder is made where it is not there yet."""
+        try:
+            return self.path.open("ab")
+        except FileNotFoundError:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            with self.path.open("ab") as file:
-                for row, values in enumerate(parameters, first):
-                    record = np.int64(row).tobytes() + np.ascontiguousarray(values, dtype=np.float64).tobytes()
-                    file.write(record + _checksum(record))
+            return self.path.open("ab")
 
     def read(self, width: int) -> Iterator[tuple[int, Array]]:
         """The whole records: row numbers and parameters ``[width]``. Stops at the first damaged record."""

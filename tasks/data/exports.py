@@ -8,19 +8,23 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import NAME, refuse_duplicates
+from sinew.tasks.data.curves import MOST_STRETCH, Bar, curve_of, first_length_in_words
 from sinew.tasks.data.further import refuse_unknown
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH, TIME
-from sinew.tasks.data.recordings import (
-    MOST_STRETCH,
-    Bar,
-    Recording,
-    curve_of,
-    first_length_in_words,
-    read_recordings,
-)
+from sinew.tasks.data.recordings import Recording, read_recordings
 from sinew.tasks.data.remarks import remarks
-from sinew.tasks.data.sizes import LARGEST_MM2, LEAST_MM2, LONGEST_MM, POSSIBLE_MM, SAME, SHORTEST_MM, square_side
+from sinew.tasks.data.sizes import (
+    LARGEST_MM2,
+    LEAST_MM2,
+    LONGEST_MM,
+    POSSIBLE_MM,
+    SAME,
+    SHORTEST_MM,
+    area_told,
+    contradiction_of_areas,
+    square_side,
+)
 from sinew.tasks.data.told import as_told
 from sinew.tasks.data.units import factor, listed
 from sinew.tasks.model import Specimen
@@ -127,7 +131,7 @@ def read_exports(
         parts.append(part)
         where = f"{part.name}/{part.curves[0].name}"
         spreads |= {where: recording.spreads} if recording.spreads else {}
-        found = [*remarks(recording), *first_length(recording, reading), *_replaced(recording, part, reading)]
+        found = [*remarks(recording), *first_length(recording, reading), *_replaced(recording, reading)]
         noticed |= {where: tuple(found)} if found else {}
     sources = [recording.path for recording in recordings]
     if specimen is not None:
@@ -162,6 +166,8 @@ def _bar(recording: Recording, reading: Reading) -> Bar:
     length = reading.length_mm or _length(recording)
     if reading.area_mm2 is not None:
         side = round(math.sqrt(reading.area_mm2), 9)
+    elif differs := contradiction_of_areas(recording.sizes):
+        raise BadInput(recording.path, f"tells {differs}", "sizes that agree, or --area-mm2")
     elif recording.load.quantity is STRESS and not _tells_area(recording):
         side = 1.0
     elif "diameter" in recording.sizes:
@@ -179,16 +185,18 @@ def first_length(recording: Recording, reading: Reading) -> Iterator[str]:
         yield first_length_in_words(recording)
 
 
-def _replaced(recording: Recording, part: Specimen, reading: Reading) -> Iterator[str]:
+def _replaced(recording: Recording, reading: Reading) -> Iterator[str]:
     """A remark for each size of the file that an option replaces with another one."""
     if reading.length_mm is not None and "length" in recording.sizes:
         told = recording.sizes["length"].mm
         if told is not None and abs(told - reading.length_mm) > SAME * told:
             yield f"length {reading.length_mm:g} mm by --length-mm; the file tells {told:g} mm"
-    if reading.area_mm2 is not None and _tells_area(recording):
-        told = _bar(recording, replace(reading, length_mm=part.length_mm, area_mm2=None)).area_mm2
-        if abs(told - reading.area_mm2) > SAME * told:
-            yield f"cross-section {reading.area_mm2:g} mm2 by --area-mm2; the file tells {told:.4g} mm2"
+    if reading.area_mm2 is not None and (differs := contradiction_of_areas(recording.sizes)):
+        yield f"cross-section {reading.area_mm2:g} mm2 by --area-mm2; the file tells {differs}"
+    elif reading.area_mm2 is not None:
+        area = area_told(recording.sizes)
+        if area is not None and abs(area - reading.area_mm2) > SAME * area:
+            yield f"cross-section {reading.area_mm2:g} mm2 by --area-mm2; the file tells {area:.4g} mm2"
 
 
 def _tells_area(recording: Recording) -> bool:

@@ -15,6 +15,7 @@ from sinew.tasks.data.answers import Answers, with_answers, write_answers
 from sinew.tasks.data.certainty import confirm_columns, refuse_doubts, refuse_unsure_names
 from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, visible, write_cohort
 from sinew.tasks.data.columns import NoColumn
+from sinew.tasks.data.curves import Bar, curve_of
 from sinew.tasks.data.first_ranges import first_ranges
 from sinew.tasks.data.further import refuse_unknown
 from sinew.tasks.data.hints import Hints
@@ -31,7 +32,7 @@ from sinew.tasks.data.new_study import (
 from sinew.tasks.data.oddities import contradictions, odd_tests
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.questions import Doubt, Unclear
-from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings
+from sinew.tasks.data.recordings import Recording, read_recordings
 from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.sheets import SUFFIXES
 from sinew.tasks.data.sizes import SIZES

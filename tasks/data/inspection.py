@@ -10,12 +10,13 @@ import numpy as np
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.columns import TIMED, Column, partly
+from sinew.tasks.data.curves import check_times
 from sinew.tasks.data.exports import Reading, first_length
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import contradiction, length_beside, numbers_of
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
-from sinew.tasks.data.recordings import FEWEST_ROWS, Recording, check_times, read_recordings
+from sinew.tasks.data.recordings import FEWEST_ROWS, Recording, read_recordings
 from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart
 from sinew.tasks.data.signs import new_zero

@@ -8,7 +8,7 @@ import numpy as np
 from sinew.runner.errors import one_line
 from sinew.tasks.data.breaks import FEWEST
 from sinew.tasks.data.new_study import NewSpecimen
-from sinew.tasks.data.specimen_sizes import OFF
+from sinew.tasks.data.sizes import OFF
 from sinew.tasks.drawing.blocks import number
 from sinew.tasks.model import Curve, Specimen
 

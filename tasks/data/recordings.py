@@ -1,4 +1,4 @@
-"""What one test recorded: a file becomes a recording, and a recording of a bar of known size a curve."""
+"""What the tests of a file recorded: their columns of time, motion and load, and what the file tells of them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.data.columns import LIKELY, NOWHERE, Column, NoColumn, alike_places, recognise
+from sinew.tasks.data.columns import NOWHERE, Column, NoColumn, alike_places, recognise
 from sinew.tasks.data.further import Kept, kept
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import Repeats, contradiction, length_beside, repeats_of
-from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS, STRETCH
+from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.questions import Doubt
 from sinew.tasks.data.several import (
     Block,
@@ -29,19 +29,16 @@ from sinew.tasks.data.several import (
     told_apart,
 )
 from sinew.tasks.data.signs import new_zero
-from sinew.tasks.data.sizes import Size, read_sizes, round_in_words
+from sinew.tasks.data.sizes import Size, read_sizes
 from sinew.tasks.data.sizes_of_tests import sizes_beside, sizes_by_results, without_others
-from sinew.tasks.data.sources import source_in_words
 from sinew.tasks.data.speeds import timed
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
-from sinew.tasks.data.text import HUGE
+from sinew.tasks.data.text import HUGE, is_clock
 from sinew.tasks.data.titles import is_spread
-from sinew.tasks.model import Curve, Protocol
 
 Array = np.ndarray[Any, np.dtype[Any]]
 FEWEST_ROWS = 3
 UNPADDED = "milliseconds of clock times lack leading zeros (12:58.29 is 12 min 58.029 s); else times would go back"
-MOST_STRETCH = 10.0  # a ratio of lengths beyond it is in percent, or a length
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,19 +95,6 @@ class Recording:
         return tuple(title for title in self.left_out if is_spread(title))
 
 
-@dataclass(frozen=True)
-class Bar:
-    """Gauge length, width and thickness (mm). An infinite length stands for one that nobody knows."""
-
-    length_mm: float
-    width_mm: float
-    thickness_mm: float
-
-    @property
-    def area_mm2(self) -> float:
-        return self.width_mm * self.thickness_mm
-
-
 def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool = False) -> list[Recording]:
     """The tests in a file: those of the first table with columns of time, motion and load, and of all further tables
     with the same titles.
@@ -119,16 +103,20 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
     another if ``hints.test_column`` tells them apart. Of other columns with one title, the first counts if
     ``first_of_alike``, with a remark; else they are refused.
 
+    A further table with other titles is left out, with a note where it may be a test.
+
     Raises :class:`BadInput` naming file, row and column: :class:`UnknownUnit` for a unit that the file does not tell.
     """
     missing: NoColumn | None = None
     found: list[tuple[Table, list[Recording]]] = []
     before: list[Table] = []  # with those that are left out
     short = 0
+    other: list[Table] = []
     source = file if isinstance(file, Source) else read_source(file)
     for table in tables_of(source):
         if found and (not any(table.titles[1:]) or table.titles[1:] != found[0][0].titles[1:]):
             before.append(replace(table, rows=table.rows[:1]))
+            other += [before[-1]] if _may_be_test(table, hints) else []
             continue  # of another kind
         try:
             columns = recognise(table, hints, first_of_alike=True)
@@ -149,8 +137,33 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
         assert missing is not None, "a file without tables is refused by read_tables"
         raise missing
     first, *others = _with_results(_named(found))
-    note = (f"{short} further tables with fewer than {FEWEST_ROWS} rows are left out",) if short else ()
-    return [replace(first, notes=(*first.notes, *note)), *others]
+    notes = [_left_out(other)] if other else []
+    if short:
+        notes.append(f"{short} further tables with fewer than {FEWEST_ROWS} rows are left out")
+    return [replace(first, notes=(*first.notes, *notes)), *others]
+
+
+def _may_be_test(table: Table, hints: Hints) -> bool:
+    """Whether a table has columns of time, motion and load, even if a person had to tell more of them."""
+    if len(table.rows) < FEWEST_ROWS:
+        return False
+    try:
+        recognise(table, hints)
+    except NoColumn:
+        return False
+    except BadInput:
+        pass
+    return True
+
+
+def _left_out(tables: Sequence[Table]) -> str:
+    """A note on tables that may be tests, but have other titles than the first one."""
+    first = tables[0]
+    where = f"sheet '{first.sheet}', " if first.sheet else ""
+    where += f"row {first.title_row or first.first}"
+    if len(tables) == 1:
+        return f"the table in {where} has other titles and is left out: a test of its own?"
+    return f"{len(tables)} tables, the first in {where}, have other titles and are left out: tests of their own?"
 
 
 def _with_results(tests: list[Recording]) -> list[Recording]:
@@ -324,71 +337,11 @@ def _number(table: Table, row: int, column: Column) -> float:
         at, cells = table.rows[row]
         cell = cells[column.place] if column.place < len(cells) else ""
         where = f"{table.path}: row {at}, {column.title or column.quantity.name}"
+        if not cell:
+            formula = "; a formula needs the value that Excel or LibreOffice saves with it" if table.sheet else ""
+            raise BadInput(where, "an empty cell", f"a finite number, like those above{formula}")
+        if is_clock(cell) and table.has_clock(column.place):
+            raise BadInput(where, shown(cell), "a time of the same day as those above, or dates such as 2024-05-03")
         mark = "a point" if table.decimal == "." else "a comma"
         raise BadInput(where, shown(cell), f"a finite number with {mark} as decimal mark, like those above")
     return value
-
-
-def check_times(recording: Recording) -> None:
-    """Raises :class:`BadInput` for times that do not increase."""
-    time_s = recording.numbers[:, 0]
-    back = np.flatnonzero(np.diff(time_s) <= 0)
-    if back.size:
-        problem = f"{time_s[back[0] + 1]:g} s after {time_s[back[0]]:g} s"
-        where = f"{recording.path}: row {recording.rows[back[0] + 1]}, time"
-        raise BadInput(where, problem, f"increasing times{recording.remedy}")
-
-
-def curve_of(recording: Recording, bar: Bar, protocol: str, *, reference: float | None = None) -> Curve:
-    """The curve of a bar. Time starts at 0. A stress becomes a force with the cross-section.
-
-    ``reference``: the stretch at zero displacement (default: 1), for a column of stretch only. Raises
-    :class:`BadInput` for times that do not increase and for displacements that the gauge length makes impossible.
-    """
-    check_times(recording)
-    time_s, _, load = recording.numbers.T
-    displacement = _displacement(recording, bar.length_mm, reference)
-    stress = recording.load.quantity is STRESS
-    force = load * bar.width_mm * bar.thickness_mm if stress else load.copy()
-    further = dict(recording.further.values)
-    told = round_in_words(recording.sizes, bar.width_mm)
-    what = (*(column.in_words for column in recording.columns), *recording.notes, *([told] if told else []))
-    source = source_in_words(recording.path, recording.test, what)
-    return Curve(Protocol(protocol, time_s - time_s[0], displacement), force, further, source)
-
-
-def _displacement(recording: Recording, length_mm: float, reference: float | None) -> Array:
-    """Displacement ``[t]`` (mm) from the reference."""
-    motion, quantity = recording.numbers[:, 1], recording.motion.quantity
-    if reference is not None and quantity is not STRETCH:
-        raise BadInput(recording.path, f"holds {quantity.name}s, which --reference does not apply to", "a stretch")
-    displacement: Array = motion.copy()
-    if quantity is STRAIN:
-        displacement = motion * length_mm
-    elif quantity is STRETCH:
-        displacement = (motion / (reference or 1.0) - 1.0) * length_mm
-    elif quantity is LENGTH:
-        displacement = motion - length_mm
-    elif quantity is POSITION:
-        displacement = motion - motion[0]
-    _check_displacement(recording, displacement, length_mm)
-    return displacement
-
-
-def _check_displacement(recording: Recording, displacement: Array, length_mm: float) -> None:
-    motion, quantity = recording.numbers[:, 1], recording.motion.quantity
-    wrong = np.flatnonzero((motion > MOST_STRETCH) | (motion <= 0)) if quantity is STRETCH else np.empty(0, int)
-    if wrong.size:
-        where = f"{recording.path}: row {recording.rows[wrong[0]]}, {quantity.name}"
-        expected = f"a length over the reference length, above 0 and at most {MOST_STRETCH:g}"
-        raise BadInput(where, f"{motion[wrong[0]]:g}", expected)
-    crushed = np.flatnonzero(displacement <= -length_mm)
-    if crushed.size:
-        where = f"{recording.path}: row {recording.rows[crushed[0]]}, {quantity.name}"
-        problem = f"{displacement[crushed[0]]:g} mm shortens a gauge of {length_mm:g} mm to nothing"
-        raise BadInput(where, problem, "another gauge length, unit or column")
-
-
-def first_length_in_words(recording: Recording) -> str:
-    """A remark on the length in the first row, where that serves as gauge length."""
-    return f"gauge length {recording.numbers[0, 1]:g} mm, {LIKELY}: the length in the first row"

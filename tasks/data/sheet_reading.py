@@ -7,8 +7,9 @@ Each sheet is a line with its name, and a line for each row with a list of its t
 there, or an object that says what is ``wrong`` and what is ``expected``.
 
 Cells that are formatted as percent hold fractions. They are written as they are shown, 9.97 for 0.0997, and the title
-above them gets the unit ``[%]`` where it has none. Numbers that are shown in thousands stay as they are, and a person
-is asked for their unit. Files of the kinds .xls and .xlsb do not tell it here.
+above them gets the unit ``[%]`` where it has none. Numbers that are shown in thousands, or with a unit that the title
+does not have, stay as they are, and a person is asked for their unit. Files of the kinds .xls and .xlsb do not tell it
+here.
 """
 
 import datetime
@@ -32,9 +33,8 @@ EXPECTED = f"at most {MAX_CELLS:,} cells and {MAX_BYTES:,} bytes of text"
 
 MEMORY = f"takes more than {MEMORY_BYTES / 2**30:g} GB"
 TIME = f"takes more than {SECONDS} s of a processor"
+AS_SAVED = "a spreadsheet as Excel or LibreOffice saves it, without a password"
 SMALLER = "a smaller spreadsheet, or the table as CSV"
-
-
 OF_DOCUMENTS = "{urn:oasis:names:tc:opendocument:xmlns:"  # begin of names that an open document gives a meaning
 NO_SIGN = re.compile(r'"[^"]*"|\\.|_.|\*.|\[[^\]]*\]')  # in a number format: shown as it is, or not at all
 CONDITION = re.compile(r"\[[<>=]")  # of a section of a format
@@ -46,6 +46,10 @@ IN_PERCENT = re.compile(r"[(\[]\s*%\s*[)\]]|%\s*$|^\s*%")  # a title with this u
 PARTLY = "partly percent"  # the unit of numbers of which only some are formatted as percent
 SCALED = "shown in thousands"  # the unit of numbers that are shown divided by a thousand, or by more
 PERCENT, THOUSANDS, UNCLEAR = "percent", "thousands", "unclear"  # how a format shows all numbers
+WITH = "shown with "  # so it does, with the unit behind this
+SHOWN_TEXT = re.compile(r'"([^"]*)"|\\(.)|([0#?.,%]|General|_.|\*.|\[[^\]]*\])')  # parts of a number format
+COLUMN = 3  # numbers below each other that are a column
+HAS_UNIT = re.compile(r"[^\W\d_]|[%°]")  # a letter
 IN_THOUSANDS = re.compile(r"[0#?](,+)(?![0#?,])")  # in a number format: each comma divides by a thousand
 REFERENCE = re.compile(r"([A-Z]{1,3})([0-9]{1,7})")  # of a cell
 Cells = dict[int, dict[int, str]]  # by row and column, both from 0: how the number is shown
@@ -62,6 +66,10 @@ class TooMuch(Exception):
 def _text(cell: Any) -> str:
     if isinstance(cell, float):
         return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
+    if isinstance(cell, datetime.timedelta) and cell >= datetime.timedelta(0):
+        minutes, seconds = divmod(cell.seconds, 60)
+        part = f".{cell.microseconds:06d}" if cell.microseconds else ""
+        return f"{24 * cell.days + minutes // 60}:{minutes % 60:02d}:{seconds:02d}{part}"
     if isinstance(cell, datetime.date | datetime.time):
         return cell.isoformat()
     return str(cell).strip()
@@ -84,12 +92,24 @@ def lines_of(content: bytes) -> Iterator[str | list[str]]:
             cells += (sheet.total_height + 1) * (sheet.total_width + 1)  # of the last row and column, from 0
             if cells > MAX_CELLS:
                 raise TooMuch(f"{cells:,} cells up to the last one that is not empty")
-            for row in _as_shown(sheet.to_python(skip_empty_area=False), formatted.get(str(name), {})):
+            for row in _with_midnights(_as_shown(sheet.to_python(skip_empty_area=False), formatted.get(str(name), {}))):
                 texts = list(map(_text, row))
                 size += sum(len(text.encode("utf-8", "replace")) for text in texts)
                 if size > MAX_BYTES:
                     raise TooMuch(f"more than {MAX_BYTES:,} bytes of text")
                 yield texts
+
+
+def _with_midnights(rows: list[list[Any]]) -> Iterator[list[Any]]:
+    """Rows in which a date below a date with a time is one, too: at midnight, the library leaves the time out."""
+    timed: set[int] = set()
+    for row in rows:
+        for place, cell in enumerate(row):
+            if isinstance(cell, datetime.datetime):
+                timed.add(place)
+            elif place in timed and isinstance(cell, datetime.date):
+                row[place] = datetime.datetime.combine(cell, datetime.time())
+        yield row
 
 
 # ---- cells that are shown as other numbers than they hold
@@ -110,13 +130,40 @@ def _as_shown(rows: list[list[Any]], formatted: Cells) -> list[list[Any]]:
                     rows[at][place] = _in_percent(rows[at][place])
                 if titles and not any(IN_PERCENT.search(rows[at][place]) for at in titles):
                     rows[titles[0]][place] = f"{rows[titles[0]][place].strip()} [%]"
-            elif ways != {None}:
-                unknown = SCALED if THOUSANDS in ways else PARTLY
+            elif ways != {None} and not _as_titled(ways - {None}, [rows[at][place] for at in titles], len(run)):
+                unknown = _unknown(ways)
                 for at in titles:
-                    rows[at][place] = (UNIT if unknown == SCALED else IN_PERCENT).sub(f" [{unknown}]", rows[at][place])
+                    rows[at][place] = (IN_PERCENT if unknown == PARTLY else UNIT).sub(f" [{unknown}]", rows[at][place])
                 if titles and unknown not in rows[titles[0]][place]:
                     rows[titles[0]][place] = f"{rows[titles[0]][place].strip()} [{unknown}]"
     return rows
+
+
+def _as_titled(ways: set[str | None], titles: list[str], count: int) -> bool:
+    """Whether ``count`` numbers are shown with a unit that stands in the titles above them, too, and no other one does.
+
+    So it is for a few numbers, which are no column: a size without a unit is asked about anyway.
+    """
+    if not all(str(way).startswith(WITH) for way in ways):
+        return False
+    if count < COLUMN:
+        return True
+    units = {_plain(str(way).removeprefix(WITH)) for way in ways}
+    inside = {_plain(found[0]) for title in titles if (found := UNIT.search(title))}
+    alone = {_plain(title) for title in titles} & units
+    return len(units) == 1 and units == inside | alone
+
+
+def _plain(unit: str) -> str:
+    """A unit without brackets and spaces."""
+    return unit.strip(" ()[]").replace("²", "2")
+
+
+def _unknown(ways: set[str | None]) -> str:
+    """The unit, which nobody knows, of numbers that are not shown as they are."""
+    if THOUSANDS in ways:
+        return SCALED
+    return next(iter(sorted(way for way in ways if way and way.startswith(WITH))), PARTLY)
 
 
 def _in_percent(value: float) -> float:
@@ -155,6 +202,7 @@ def _titles(rows: list[list[Any]], first: int, place: int) -> list[int]:
 def _shown(code: str) -> str | None:
     """How a format shows numbers: ``PERCENT``, ``THOUSANDS``, ``UNCLEAR`` where it differs or is another; None: as is.
 
+    Where it writes a unit behind them, ``WITH`` that unit.
     The third of its sections is of zero, unless they have conditions.
     """
     sections = NO_SIGN.sub("", code).split(";")[: 3 if CONDITION.search(code) else 2]
@@ -162,7 +210,20 @@ def _shown(code: str) -> str | None:
     if any(IN_THOUSANDS.search(part) for part in sections):
         return THOUSANDS
     percents = {part.count("%") for part in sections}
-    return None if percents <= {0} else PERCENT if percents == {1} else UNCLEAR
+    if percents <= {0}:
+        written = {_with_unit(part) for part in code.split(";")[: 3 if CONDITION.search(code) else 2]}
+        return written.pop() if len(written) == 1 else UNCLEAR
+    return PERCENT if percents == {1} else UNCLEAR
+
+
+def _with_unit(section: str) -> str | None:
+    """``WITH`` the text that a section of a format writes behind numbers, if that is a unit; else None."""
+    texts, numbers = [""], False
+    for quoted, escaped, sign in SHOWN_TEXT.findall(section):
+        numbers = numbers or sign in ("0", "#", "?", "General")
+        texts.append((quoted or escaped) if numbers else "")
+    unit = "".join(texts).strip(" ()[]")
+    return f"{WITH}{unit[:20]}" if HAS_UNIT.search(unit) else None
 
 
 def _formatted(content: bytes) -> dict[str, Cells]:
@@ -325,7 +386,7 @@ def main() -> None:
         end = {"wrong": MEMORY, "expected": SMALLER}
     except BaseException as error:  # noqa: BLE001 - the library's panics are no Exception
         why = str(error) or type(error).__name__
-        end = {"wrong": f"not a spreadsheet that can be read ({why[:200]})", "expected": "a file without a password"}
+        end = {"wrong": f"not a spreadsheet that can be read ({why[:200]})", "expected": AS_SAVED}
     _write(end)
 
 

@@ -4,12 +4,15 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 from sinew.tasks.data import units, words
 from sinew.tasks.data.heads import Row, is_row_of_units
 
 SIZES = ("length", "width", "thickness")
 SAME = 1e-3  # two statements of a size that differ by less agree: 10 mm and 10.0005 mm
+ROUNDED = 0.01  # so do two in one file, which may round one of them
+OFF = 0.05  # how much a cross-section that is told twice may differ
 SHORTEST_MM, LONGEST_MM = 1e-6, 1e4  # of any size: a nanometre, and ten metres
 LEAST_MM2, LARGEST_MM2 = SHORTEST_MM**2, LONGEST_MM**2
 POSSIBLE_MM = f"at least {SHORTEST_MM:g} and below {LONGEST_MM:g} mm"
@@ -37,10 +40,12 @@ _SIZE = re.compile(
     rf"(?P<value>[0-9]+(?:[.,][0-9]+)?(?:e[-+]?[0-9]+)?)(?: ?[(\[]?(?P<behind>{_UNIT})[)\]]?)?",
     re.IGNORECASE,
 )
-#: "Cross-sectional area: 0.3 cm²", which needs a unit.
+_AREAS = "|".join(map(re.escape, units.AREA))
+#: "Cross-sectional area: 0.3 cm²", "Area (mm2) 12", which need a unit.
 _AREA = re.compile(
-    rf"(?:.*: ?)?(?:(?:specimen|sample|initial)[ _])*(?:{'|'.join(map(re.escape, words.SIZES['area']))}) ?[:=]? ?"
-    rf"(?P<value>[0-9]+(?:[.,][0-9]+)?(?:e[-+]?[0-9]+)?) ?[(\[]?(?P<unit>{'|'.join(map(re.escape, units.AREA))})[)\]]?",
+    rf"(?:.*: ?)?(?:(?:specimen|sample|initial)[ _])*(?:{'|'.join(map(re.escape, words.SIZES['area']))})"
+    rf"(?: ?[(\[](?P<unit>{_AREAS})[)\]])? ?[:=]? ?"
+    rf"(?P<value>[0-9]+(?:[.,][0-9]+)?(?:e[-+]?[0-9]+)?)(?: ?[(\[]?(?P<behind>{_AREAS})[)\]]?)?",
     re.IGNORECASE,
 )
 _CELL = re.compile(rf"{_LABEL} ?:?", re.IGNORECASE)
@@ -66,11 +71,16 @@ def read_sizes(header: Sequence[Row], own: int = 0) -> Mapping[str, Size]:
     """The sizes in the rows above a table: ``length``, ``width``, ``thickness``, ``diameter``, ``area`` (mm2).
 
     A size stands in a row of its own, or in a table of results: a row of labels, one of units, one of numbers. If
-    several rows tell one size, the first of them with number and unit counts, else the first with a number. Rows from
-    ``own`` on go before those above them. Of many thousand rows, the first and the last are looked at.
+    several rows tell one size, the first of them with number and unit counts, else the first with a number; where they
+    contradict each other, none does. Rows from ``own`` on go before those above them. Of many thousand rows, the first
+    and the last are looked at.
     """
     if own:
-        return {**read_sizes(header[:own]), **read_sizes(header[own:])}
+        shared, mine = read_sizes(header[:own]), read_sizes(header[own:])
+        both = {**shared, **mine}
+        if contradiction_of_areas(both) and not contradiction_of_areas(shared):
+            both = {**mine, **{name: size for name, size in shared.items() if name == "length" and name not in mine}}
+        return both
     if len(header) > 2 * FAR:
         header = [*header[:FAR], *header[-FAR:]]
     header = narrow(header)
@@ -81,10 +91,58 @@ def read_sizes(header: Sequence[Row], own: int = 0) -> Mapping[str, Size]:
     for labels, below, numbers, next_row in zip(header, header[1:], header[2:], (*header[3:], ()), strict=False):
         for name, size in _in_columns(labels, below, numbers, next_row):
             found.setdefault(name, []).append(size)
-    return {
-        name: min(sizes, key=lambda size: (size.mm is None, not size.has_unit))  # min keeps the first of equals
-        for name, sizes in found.items()
-    }
+    return {name: _one_of(sizes) for name, sizes in found.items()}
+
+
+def _one_of(sizes: Sequence[Size]) -> Size:
+    """The one of several statements of a size that counts; one without a number where they contradict each other."""
+    first = min(sizes, key=lambda size: (size.mm is None, not size.has_unit))  # min keeps the first of equals
+    if first.mm is None:
+        return first
+    for size in sizes:
+        if size.mm and size.has_unit == first.has_unit and abs(size.mm - first.mm) > ROUNDED * first.mm:
+            return Size(None, first.has_unit, f"{first.text} and {size.text}")
+    return first
+
+
+def contradiction_of_areas(sizes: Mapping[str, Size]) -> str:
+    """What contradicts each other in the cross-sections that a file tells with their units; nothing where all agree.
+
+    Width and thickness may be those of a rectangle or of an ellipse.
+    """
+    mm = {name: size.mm for name, size in sizes.items() if size.mm is not None and size.has_unit}
+    told: dict[str, tuple[float, ...]] = {}
+    rounded = 0.0
+    if "area" in mm:
+        told[f"a cross-section of {mm['area']:.6g} mm2"] = (mm["area"],)
+        rounded = _rounding(sizes["area"])
+    if "diameter" in mm:
+        told[f"a diameter of {mm['diameter']:.6g} mm"] = (square_side(mm["diameter"]) ** 2,)
+    if "width" in mm and "thickness" in mm:
+        both = mm["width"] * mm["thickness"]
+        told[f"{mm['width']:.6g} x {mm['thickness']:.6g} mm"] = (both, both * math.pi / 4)
+    for (one, areas), (other, others) in combinations(told.items(), 2):
+        if not any(abs(a - b) <= OFF * b + rounded for a in areas for b in others):
+            return f"{one}, but {other} is {others[0]:.6g} mm2"
+    return ""
+
+
+def area_told(sizes: Mapping[str, Size]) -> float | None:
+    """The cross-section (mm2) that a file tells, in whichever way; None without one."""
+    mm = {name: size.mm for name, size in sizes.items() if size.mm is not None}
+    if "diameter" in mm:
+        return square_side(mm["diameter"]) ** 2
+    if "width" in mm and "thickness" in mm:
+        return mm["width"] * mm["thickness"]
+    return mm.get("area")
+
+
+def _rounding(size: Size) -> float:
+    """How far a size as it is written may be from what was rounded (mm or mm2): half of its last digit."""
+    number = re.match(r"[0-9]+(?:[.,]([0-9]+))?", size.text)
+    if number is None or not size.mm or not float(number[0].replace(",", ".")):
+        return 0.0
+    return 0.5 * 10.0 ** -len(number[1] or "") * size.mm / float(number[0].replace(",", "."))
 
 
 def narrow(header: Sequence[Row]) -> list[Row]:
@@ -169,8 +227,9 @@ def _read(row: Row) -> tuple[str, Size] | None:
         if found := _SIZE.fullmatch(text):
             name = _name(found["what"])
             return name, size_in(name, found["value"], found["unit"] or found["behind"] or "")
-        if found := _AREA.fullmatch(text):
-            return "area", size_in("area", found["value"], found["unit"])
+        if (found := _AREA.fullmatch(text)) and (unit := found["unit"] or found["behind"]):
+            one = found["behind"] in (None, unit)
+            return "area", size_in("area", found["value"], unit) if one else Size(None, True, text)
     if found := _CELL.fullmatch(_joined(row[:1])):
         return _name(found["what"]), Size(None, False, _joined(row[1:3]))
     return None

@@ -9,12 +9,21 @@ from types import MappingProxyType
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import GEOMETRY
 from sinew.tasks.data.columns import LIKELY
+from sinew.tasks.data.curves import first_length_in_words
 from sinew.tasks.data.quantities import LENGTH
-from sinew.tasks.data.recordings import Recording, first_length_in_words
-from sinew.tasks.data.sizes import POSSIBLE_MM, SAME, SIZES, is_possible, round_in_words, square_side
+from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.sizes import (
+    OFF,
+    POSSIBLE_MM,
+    SAME,
+    SIZES,
+    contradiction_of_areas,
+    is_possible,
+    round_in_words,
+    square_side,
+)
 from sinew.tasks.data.sizes_in_names import sizes_in_name
 
-OFF = 0.05  # how much a cross-section that is told twice may differ
 FOR_ALL = "all"  # behind an answer: it holds for all specimens that are left
 
 #: Asks a person for one answer (question, choices or none). Not given where nobody can answer.
@@ -127,11 +136,22 @@ def known_sizes(
             (first, one), (second, other) = ((value, told[value]) for value in (min(told), max(told)))
             problem = f"a {size} of {second:g} mm, but {first:g} mm in {one}, of the same specimen {specimen}"
             raise BadInput(other, problem, f"files of one specimen, or --{size}-mm with --override")
+    _refuse_contradictions(recordings, given, answers)
     notes += _other_areas(mm, recordings, given, only_given)
     notes += list(filter(None, (round_in_words(one.sizes, mm["width"]) for one in recordings)))[:1]
     notes += dict.fromkeys(note for one in recordings for note in _without_unit(one))
     proposed = {size: value for one in reversed(recordings) for size, value in sizes_in_name(one.path.stem).items()}
     return Known(mm, tuple(notes), only_given, proposed)
+
+
+def _refuse_contradictions(recordings: Sequence[Recording], given: Sizes, answers: Mapping[str, float]) -> None:
+    """Raises :class:`BadInput` for a file that contradicts itself, unless a person tells width and thickness."""
+    if (given.width_mm or answers.get("width")) and (given.thickness_mm or answers.get("thickness")):
+        return
+    for recording in recordings:
+        if differs := contradiction_of_areas(recording.sizes):
+            remedy = "sizes that agree, or --width-mm and --thickness-mm with --override"
+            raise BadInput(recording.path, f"tells {differs}", remedy)
 
 
 def _other_areas(
@@ -165,12 +185,14 @@ def _other_areas(
 
 
 def _without_unit(recording: Recording) -> Iterator[str]:
-    """A note on each size that a file tells without a unit, which is not taken."""
+    """A note on each size that a file tells without a unit or in no way that can be read, which is not taken."""
     for name, size in recording.sizes.items():
         if not size.has_unit and size.text:
             told = f"{recording.path.name} tells a {name} of {shown(size.text)} without a unit, which is not taken"
             option = f"--{name}-mm {size.mm:g}" if size.mm is not None and name != "area" else ""
             yield f"{told}; if it is in mm: {option}" if option else told
+        elif size.mm is None and size.text:
+            yield f"{recording.path.name} tells a {name} of {shown(size.text)}, which is not taken"
 
 
 def with_first_length(

@@ -3,7 +3,7 @@
 This module knows how a table looks, and nothing of what its columns mean.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,14 +14,15 @@ from sinew.tasks.data.sheets import is_sheet, read_sheets
 from sinew.tasks.data.text import (
     SEPARATORS,
     cells,
+    days_after,
     is_clock,
     is_number,
     milliseconds_unpadded,
     number,
     read_lines,
     records,
-    same_day,
     seconds_of,
+    tells_mark,
 )
 
 MOST_COLUMNS = 1000
@@ -31,6 +32,7 @@ HEAD_LINES = 450  # where separator and decimal mark are looked for first; and a
 MOST_BEFORE = 10 * HEAD_LINES  # rows of the sheets before a table
 LOOKED_AT = 2**22  # characters in which separator and decimal mark are looked for, where the first lines have no table
 EXPECTED = "three columns or more: time, displacement (or strain) and force (or stress)"
+SECONDS_OF_A_DAY = 86_400.0
 RUN = 3  # rows that must agree for a table to begin
 
 
@@ -65,18 +67,20 @@ class Table:
         return self.rows[0][0]
 
     def number(self, row: int, column: int) -> float | None:
-        """The number in a cell; None if there is none. Clock times count in a column of clock times of one day."""
+        """The number in a cell; None if there is none. Clock times count in a column of clock times.
+
+        They count on over midnight where they have dates as in ISO 8601.
+        """
         found, first = self.rows[row][1], self.rows[0][1]
         if column >= len(found):
             return None
         cell = found[column]
-        if (is_clock(cell) or self.has_clock(column)) and not same_day(
-            cell, first[column] if column < len(first) else ""
-        ):
+        if not is_clock(cell) and not self.has_clock(column):
+            return number(cell, self.decimal)
+        days = days_after(first[column] if column < len(first) else "", cell)
+        if days is None:
             return None
-        if column in self.unpadded and is_clock(cell):
-            return seconds_of(cell, milliseconds=True)
-        return number(cell, self.decimal)
+        return SECONDS_OF_A_DAY * days + seconds_of(cell, milliseconds=column in self.unpadded)
 
     @cached_property
     def unpadded(self) -> frozenset[int]:
@@ -160,7 +164,11 @@ def tables_of(source: Source) -> Iterator[Table]:
         before: tuple[Row, ...] = ()
         found = 0
         for page in source.pages:
-            for table in _tables(source, page, fewest):
+            tables: Iterable[Table] = _tables(source, page, fewest)
+            if source.separator:
+                tables = list(tables)
+                _refuse_unclear_mark(tables)
+            for table in tables:
                 found += 1
                 if found > MOST_TABLES:
                     raise BadInput(source.path, f"more than {MOST_TABLES:,} tables", "fewer of them in one file")
@@ -172,6 +180,26 @@ def tables_of(source: Source) -> Iterator[Table]:
         if found:
             return
     raise NoTable(source.path, "no sheet has a table of numbers", EXPECTED)
+
+
+def _refuse_unclear_mark(tables: Sequence[Table]) -> None:
+    """Raises :class:`BadInput` where no number of a text tells whether its marks are decimal marks or of thousands."""
+    unclear: tuple[Table, int, int, str] | None = None
+    for table in tables:
+        for at, cells_of_row in table.rows:
+            for place, cell in enumerate(cells_of_row):
+                told = tells_mark(cell, table.decimal)
+                if told:
+                    return
+                if told is False and unclear is None:
+                    unclear = table, at, place, cell
+    if unclear is not None:
+        table, at, place, cell = unclear
+        title = table.titles[place] if place < len(table.titles) else ""
+        where = f"{table.path}: row {at}, {title or f'column {place + 1}'}"
+        one, other = cell.replace(table.decimal, ".", 1), cell.replace(table.decimal, "")
+        problem = f"'{cell}' may be {one} or {other}, and no number beside it tells which"
+        raise BadInput(where, problem, "the file saved without thousands marks, or with other than three decimals")
 
 
 def _tables(source: Source, page: _Page, fewest: int) -> Iterator[Table]:

@@ -5,6 +5,7 @@ import csv
 import os
 import re
 from collections.abc import Sequence
+from datetime import date
 from itertools import pairwise
 from pathlib import Path
 
@@ -35,9 +36,12 @@ _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?")
 #: A time of day or since the start, with a date in front or not: 00:42:18.872, 2024-05-03 10:22:33, 12:55.4.
 _CLOCK = re.compile(
     r"(?P<date>\d{4}-\d\d-\d\d[T ]|\d{1,2}[./]\d{1,2}[./]\d{4} )?"
-    r"(?:(\d{1,2}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)|(\d{1,3}):([0-5]\d[.,]\d+))"
+    r"(?:(\d{1,4}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)|(\d{1,3}):([0-5]\d[.,]\d+))"
 )
 _THOUSANDS = {".": re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+"), ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+")}
+
+#: Numbers that groups of three digits may be, with marks between them: 1.100 and 1.100.000, but not 0.500.
+_GROUPS = {mark: re.compile(rf"[-+]?[1-9]\d{{0,2}}(?:{re.escape(mark)}\d{{3}})+") for mark in ".,"}
 
 
 def check_text(path: Path, max_bytes: int, *, export: bool = False) -> None:
@@ -189,17 +193,36 @@ def is_number(cell: str, decimal: str) -> bool:
     return bool(_THOUSANDS[decimal].fullmatch(cell)) or is_clock(cell)
 
 
+def tells_mark(cell: str, decimal: str) -> bool | None:
+    """Whether a number shows that ``decimal`` is its decimal mark: ``0.5`` and ``12.25`` do, ``1.100`` may be 1100.
+
+    None for a cell without the mark, which tells nothing.
+    """
+    if decimal not in cell or is_clock(cell) or not is_number(cell, decimal):
+        return None
+    return not _GROUPS[decimal].fullmatch(cell)
+
+
 def is_clock(cell: str) -> bool:
     """Whether a cell is a clock time: hours, minutes and seconds, or minutes and seconds with decimals."""
     return ":" in cell and len(cell) < _LONGEST_CLOCK and bool(_CLOCK.fullmatch(cell))
 
 
-def same_day(cell: str, other: str) -> bool:
-    """Whether both cells are clock times, and of one date if they have dates."""
+def days_after(other: str, cell: str) -> int | None:
+    """How many days after the date of one clock time that of another one is; 0 where neither has a date.
+
+    None if one of them is no clock time, if only one has a date, and for two dates that may be read in two ways.
+    """
     if not (is_clock(cell) and is_clock(other)):
-        return False
-    one, two = _CLOCK.fullmatch(cell), _CLOCK.fullmatch(other)
-    return one is not None and two is not None and one["date"] == two["date"]
+        return None
+    one, two = _CLOCK.fullmatch(other), _CLOCK.fullmatch(cell)
+    assert one is not None and two is not None, "is_clock has said so"
+    if one["date"] == two["date"]:
+        return 0
+    try:
+        return (date.fromisoformat((two["date"] or "")[:10]) - date.fromisoformat((one["date"] or "")[:10])).days
+    except ValueError:
+        return None
 
 
 def seconds_of(clock: str, *, milliseconds: bool = False) -> float:

@@ -34,17 +34,18 @@ def posteriors_of(workspace: Workspace) -> Posteriors:
 
 def _strange(workspace: Workspace, inferred: Posteriors, path: Path) -> Iterator[str]:
     """What a result says that this study has not."""
-    free = {parameter.name for parameter in workspace.model.free}
-    if not inferred.names or len(set(inferred.names)) < len(inferred.names) or not set(inferred.names) <= free:
+    free = {parameter.name: parameter.unit for parameter in workspace.model.free}
+    if not inferred.names or not set(inferred.names) <= set(free):
         yield f"is of the parameters {', '.join(inferred.names) or '(none)'}"
+    for name, unit in zip(inferred.names, inferred.units, strict=True):
+        if free.get(name) != unit:
+            yield f"has {name} in {unit}"
     if not inferred.sites:
         yield "names no site"
     seen: set[str] = set()
     for site, posterior in inferred.sites.items():
         if not posterior.specimens:
             yield f"names no specimen of the site {site}"
-        if not set(inferred.names) <= set(posterior.parameters):
-            yield f"lacks parameters of the site {site}"
         for parameter in workspace.model.free:
             said = posterior.parameters.get(parameter.name)
             if said is not None and not _possible(parameter, said.mean, *said.hdi):

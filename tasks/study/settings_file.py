@@ -95,11 +95,12 @@ _Loader.yaml_implicit_resolvers = {
     ]
     for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
-_Loader.add_implicit_resolver(  # without the base of 60, in which 4:00:00 is a number
+_Loader.add_implicit_resolver(  # without the bases of 60 and of 8, in which 4:00:00 and 020 are other numbers
     "tag:yaml.org,2002:int",
-    re.compile(r"^[-+]?(0b[01_]{1,64}|0[0-7_]{0,32}|[1-9][0-9_]{0,32}|0x[0-9a-fA-F_]{1,16})$"),
+    re.compile(r"^[-+]?(0b[01_]{1,64}|[0-9][0-9_]{0,32}|0x[0-9a-fA-F_]{1,16})$"),
     list("-+0123456789"),
 )
+_Loader.add_constructor("tag:yaml.org,2002:int", lambda _, node: _whole_number(node.value))
 _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:float",
     re.compile(r"^[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?$|^[-+]?\.(inf|Inf|INF)$|^\.(nan|NaN|NAN)$"),
@@ -108,6 +109,12 @@ _Loader.add_implicit_resolver(
 _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:bool", re.compile(r"^(true|True|TRUE|false|False|FALSE)$"), list("tTfF")
 )
+
+
+def _whole_number(text: str) -> int:
+    """A whole number: 12, 012, 1_000, 0x1F or 0b11."""
+    plain = text.replace("_", "")
+    return int(plain, 0) if plain.lstrip("+-")[:2] in ("0x", "0b") else int(plain)
 
 
 class _Dumper(yaml.SafeDumper):
@@ -258,7 +265,7 @@ def _meant(word: object, known: Iterable[str]) -> str:
 def _expected(problem: Any, field: tuple[str, ...]) -> str:
     context = problem.get("ctx", {})
     for name, words in _UNIONS.items():
-        if name in field:
+        if name in field[-2:] and problem["type"] != "dict_type":  # the field itself, or an item of it
             return words
     if problem["type"] in ("literal_error", "union_tag_invalid"):
         return f"one of {context.get('expected') or context.get('expected_tags')}"

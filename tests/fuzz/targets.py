@@ -301,7 +301,7 @@ def _result_folder(folder: Path) -> Target:
     (made / "sobol.json").write_bytes(_result("sobol"))
     files = {path.relative_to(made).as_posix(): path.read_bytes() for path in sorted(made.rglob("*")) if path.is_file()}
     named = {f"out/{name}": content for name, content in files.items()}
-    return Target("result folder", named, lambda place, _: _look_at(place / "out"), share=2)
+    return Target("result folder", named, lambda place, _: _look_at(place / "out"))
 
 
 def _look_at(out: Path) -> None:

@@ -15,6 +15,7 @@ from sinew.tasks.model.effects import library
 from sinew.tasks.model.protocols import cyclic
 from sinew.tasks.simulate.effects import simulate_with
 from tests.hidden.planted import EFFECTS, main, planted, strength
+from tests.tasks.discover import few
 
 BAR = Specimen("bar", 10.0, 8.0, 4.0)
 AT = Model().reference[np.newaxis]
@@ -85,7 +86,7 @@ def test_a_lag_is_named_where_it_is_planted(tmp_path):
     base = tmp_path / "base.yaml"
     base.write_text(
         "name: planted\nseed: 1\ncohort: cohort\nsimulator: uniaxial\ncluster: {name: local, workers: 1}\n"
-        "tasks: [discover]\ndiscover: {effects: [time-lag, force-drift], starts: 2, laws: false}\n",
+        f"tasks: [discover]\ndiscover: {{effects: [time-lag, force-drift], starts: 1, laws: false}}\n{few.SECTION}",
         "utf-8",
     )
     arguments = [str(tmp_path / "cohort"), "--base", str(base), "--out", str(tmp_path / "out"), "--effect", "time-lag"]

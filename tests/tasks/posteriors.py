@@ -38,7 +38,8 @@ def write_inference(
             coords={"parameter": names},
         )
         workspace.store.write_result(particles_group(site), dataset)
-    texts = ["1"] * len(names), [""] * len(names)
+    units = {parameter.name: parameter.unit for parameter in workspace.model.parameters}
+    texts = [units.get(name, "1") for name in names], [""] * len(names)
     result = AbcResult(
         "store",
         names,

@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
+from sinew.tasks.infer.consistent import check_marginal, check_marginals, check_names
 from sinew.tasks.study.result import OMIT, Count, NotNegative, Number, Numbers, Result, Share
 
 Array = np.ndarray[Any, Any]
@@ -30,9 +31,10 @@ class Marginal:
     prior: Literal["normal", "uniform"]
 
     def __post_init__(self) -> None:
-        """Raises :class:`ValueError` for ends that are not two, or not in order."""
+        """Raises :class:`ValueError` for ends that are not two, or not in order, and for a mean far from them."""
         if self.hdi.shape != (2,) or self.hdi[0] > self.hdi[1]:
             raise ValueError("hdi: expected two numbers, the lower one first")
+        check_marginal(self.mean, self.sd, *self.hdi)
 
     @property
     def within(self) -> tuple[float, float]:
@@ -120,6 +122,11 @@ class AbcResult(Result):
     sites: Mapping[str, Posterior]
     inputs: str
     ess: int | None = field(default=None, metadata=OMIT)
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for names, units and marginals that do not belong together."""
+        check_names(self.names, self.units, self.meanings)
+        check_marginals(self.names, {site: one.parameters for site, one in self.sites.items()})
 
     @property
     def few(self) -> list[str]:

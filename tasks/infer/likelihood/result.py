@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
+from sinew.tasks.infer.consistent import check_marginal, check_marginals, check_names
 from sinew.tasks.simulate import Array
 from sinew.tasks.study.result import Number, Result
 
@@ -32,6 +33,12 @@ class PopulationMarginal:
     ess: Number
     rhat: Number
 
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for intervals out of order."""
+        for low, high in ((self.low, self.high), (self.spread_low, self.spread_high)):
+            if low > high:
+                raise ValueError(f"an interval from {low:g} to {high:g}")
+
 
 @dataclass(frozen=True)
 class SpecimenMarginal:
@@ -45,6 +52,10 @@ class SpecimenMarginal:
     low: Number
     high: Number
     determined: bool
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for an interval out of order, and for a mean far from it."""
+        check_marginal(self.mean, self.sd, self.low, self.high)
 
 
 @dataclass(frozen=True)
@@ -133,6 +144,11 @@ class LikelihoodResult(Result):
     sites: Mapping[str, SitePosterior]
     specimens: Mapping[str, Mapping[str, SpecimenMarginal]]
     inputs: str
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for names, units and marginals that do not belong together."""
+        check_names(self.names, self.units, self.meanings)
+        check_marginals(self.names, {name: one.population for name, one in self.sites.items()} | dict(self.specimens))
 
     @property
     def misfit(self) -> dict[str, Misfit]:

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sinew.tasks.data.curves import Bar, curve_of
 from sinew.tasks.data.ends import END
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings
+from sinew.tasks.data.recordings import Recording, read_recordings
 from sinew.tasks.data.told import as_told
 
 WAY = np.linspace(0.0, 1.0, 100)

@@ -9,11 +9,12 @@ import yaml
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.cohort import read_cohort, write_cohort
+from sinew.tasks.data.curves import Bar, curve_of
 from sinew.tasks.data.first_ranges import FirstRanges
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.names import FileName
 from sinew.tasks.data.new_study import NewSpecimen, ReadFile, describe, environment, leave_open, write_study
-from sinew.tasks.data.recordings import Bar, curve_of, read_recordings
+from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.infer.settings import OF_LIKELIHOOD
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.registry import TASKS

@@ -9,10 +9,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data.curves import Bar, curve_of
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import inspect
 from sinew.tasks.data.questions import UnknownUnit
-from sinew.tasks.data.recordings import UNPADDED, Bar, Recording, curve_of, read_recordings
+from sinew.tasks.data.recordings import UNPADDED, Recording, read_recordings
 from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.told import as_told
 from tests.tasks.data.test_sheets import write_workbook
@@ -108,11 +109,11 @@ def test_whatever_a_file_holds_it_is_understood_or_refused_in_a_line(tmp_path, c
         (PLAIN + "3,nan,9\n", "row 5, displacement_mm: 'nan'"),
         (PLAIN.replace("0,0,0", "0,NaN,0") + "3,0.3,9\n", "row 2, displacement_mm: 'NaN'; expected a finite number"),
         (PLAIN.replace("0.1", "0.1 mm") + "3,0.3,9\n4,0.3,9\n", "row 3, displacement_mm: '0.1 mm'; expected a finite"),
-        (PLAIN.replace("1,0.1", "\n1,0.1") + "3,0.3,9\n", "row 3, time_s: ''; expected a finite number"),
+        (PLAIN.replace("1,0.1", "\n1,0.1") + "3,0.3,9\n", "row 3, time_s: an empty cell; expected a finite number"),
         (PLAIN + "3,,9\n", "row 5, displacement_mm"),
         (PLAIN + "3,inf,9\n", "row 5, displacement_mm"),
         (PLAIN + "3,1e999,9\n", "row 5, displacement_mm"),
-        (PLAIN + "3,0.1\n", "row 5, force_N: ''"),
+        (PLAIN + "3,0.1\n", "row 5, force_N: an empty cell"),
         (PLAIN + "\n3,0.3,9\n", "row 5"),
         (PLAIN + "the end\n", "row 5"),
         (PLAIN.replace("2,0.2,9\n", ""), "2 rows of numbers; expected at least 3"),
@@ -274,7 +275,7 @@ def test_remarks(tmp_path):
         ),
         (
             PLAIN + "3,0.1\n",
-            "row 5, force_N: ''; expected a finite number with a point as decimal mark, like those above",
+            "row 5, force_N: an empty cell; expected a finite number, like those above",
         ),
         (
             "time_s;disp_mm;force_N\n0,5;1,5;2,5\n1,5;1,5;2,5\n2,5;1,5;2,5\n3,5;1.234;2,5\n",
@@ -628,3 +629,64 @@ def test_clock_times_of_milliseconds_without_leading_zeros_are_told(tmp_path):
     assert np.diff(found.numbers[:, 0]).tolist() == pytest.approx([0.174, 0.174])
     assert found.notes == (UNPADDED,)
     assert read(tmp_path, content.replace("58.29", "58.029")).notes == ()
+
+
+MARKS = "Zeit (s);Weg (mm);Kraft (N)\n" + "".join(f"{i};{i};{220 * i}\n" for i in range(5))
+
+
+@pytest.mark.parametrize("mark", [".", ","])
+@pytest.mark.parametrize("separator", [";", "\t"])
+@pytest.mark.parametrize("beside", [(), ("5;5;880",), ("12;1234;880",)])
+def test_numbers_that_may_have_marked_thousands_are_refused(tmp_path, mark, separator, beside):
+    rows = "\n".join(("6;6;1.100", "7;7;1.320", *beside)).replace(".", mark)
+    content = (MARKS + rows + "\n").replace(";", separator)
+    with pytest.raises(BadInput) as refused:
+        read(tmp_path, content)
+    problem = f"row 7, Kraft (N): '1{mark}100' may be 1.100 or 1100, and no number beside it tells which; expected the"
+    assert problem in str(refused.value)
+
+
+@pytest.mark.parametrize("row", ["5;0.500;880", "5;5.5;880", "5;5;1.1000", "5;5;.125", "5;-0.125;1", "5;5;1.100e0"])
+def test_one_number_tells_what_the_marks_are(tmp_path, row):
+    found = read(tmp_path, f"{MARKS}{row}\n6;6;1.100\n")
+    assert found.numbers[-1, 2] == 1.1
+
+
+def test_a_further_table_that_may_be_a_test_is_not_left_out_without_a_word(tmp_path):
+    other = [["Time (s)", "Load (N)", "Extension (mm)"], *([i, 2 * i, i] for i in range(4))]
+    test = [["Time (s)", "Displacement (mm)", "Force (N)"], *([i, i, 3 * i] for i in range(4))]
+    none = [["Point", "Load (N)", "Slope"], *([i, 2 * i, i] for i in range(4))]
+    short = other[:3]
+    path = write_workbook(tmp_path / "a.xlsx", one=test, two=other, three=none, four=short, five=other)
+    (found,) = read_recordings(path, Hints())
+    words = "the table in sheet '{}', row 1 has other titles and is left out: a test of its own?"
+    others = "2 tables, the first in sheet 'two', row 1, have other titles and are left out: tests of their own?"
+    assert remarks(found) == [others]
+    unknown = [["Time (s)", "Load (N)", "Extension (furlong)"], *([i, 2 * i, i] for i in range(4))]
+    path = write_workbook(tmp_path / "b.xlsx", one=test, two=unknown)
+    assert remarks(*read_recordings(path, Hints())) == [words.format("two")]
+
+
+def test_an_empty_cell_of_a_sheet_may_be_that_of_a_formula(tmp_path):
+    rows = [["Time (s)", "Displacement (mm)", "Force (N)"], *([i, i, 3 * i] for i in range(4)), [4, 4, None]]
+    path = write_workbook(tmp_path / "a.xlsx", one=[*rows, [5, 5, 5]])
+    with pytest.raises(
+        BadInput, match=r"row 6, Force \(N\): an empty cell; expected .*; a formula needs the value that"
+    ):
+        read_recordings(path, Hints())
+
+
+def test_one_table_tells_what_the_marks_of_another_are(tmp_path):
+    titles = "Time (s),Extension (mm),Load (N)\n"
+    rows = "0.000,0.250,1\n1.000,0.5,2\n2.000,1.5,3\n"
+    (tmp_path / "a.csv").write_text(f"{titles}{rows}{titles}8.000,2.000,9\n9.000,3.000,9\n")
+    first, *others = read_recordings(tmp_path / "a.csv", Hints())
+    assert (first.numbers[-1].tolist(), others) == ([2.0, 1.5, 3.0], [])
+
+
+def test_a_time_of_another_day_without_a_clear_date_is_said(tmp_path):
+    rows = "03.05.2024 23:59:58,0,0\n03.05.2024 23:59:59,1,1\n03.05.2024 23:59:59.5,2,2\n04.05.2024 00:00:01,3,3\n"
+    (tmp_path / "a.csv").write_text(f"Time,Extension (mm),Load (N)\n{rows}")
+    words = r"row 5, Time: '04.05.2024 00:00:01'; expected a time of the same day as those above, or dates such as"
+    with pytest.raises(BadInput, match=words):
+        read_recordings(tmp_path / "a.csv", Hints())

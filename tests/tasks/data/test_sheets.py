@@ -68,6 +68,8 @@ def cell(value: object) -> str:
 
 CODES = {164: "0.000%", 165: '0.0" %"', 166: r"0.0\%", 167: "0.00_%", 168: "[=1]0%;General", 169: "0.0%%",
          170: "0%;-0%", 171: "[Red]0.0%;@", 172: "0.000,", 173: '0.0,," M"', 174: "#,##0.0", 175: "0.0,%",
+         185: '[>0]0.0" N";0.0" kN"', 186: '0.0" mm²"',
+         180: '0.00" kN"', 181: 'General" kN"', 182: '[Red]0.0\\N;-0.0\\N', 183: '"about "0.0', 184: '0.0" €"',
          176: "0.0,;0.0", 177: "0.00%;-0.00%;0", 178: "[>1]0%;0%;0.0", 179: "0%;0%;0%%"}  # fmt: skip
 OF_STYLE = [0, 10, *CODES, 2]  # the format of each style
 STYLES = (
@@ -292,6 +294,68 @@ def test_cells_of_percent_in_an_open_document(tmp_path):
     replaced(tmp_path / "a.ods", "<office:body>", f"{style}</style><office:body>")
     with pytest.raises(BadInput, match="numbers that are shown divided by a factor; expected numbers that are shown"):
         list(read_sheets(tmp_path / "a.ods"))
+
+
+@pytest.mark.parametrize(("code", "unit"), [('0.00" kN"', "kN"), ('General" kN"', "kN"), ("[Red]0.0\\N;-0.0\\N", "N")])
+@pytest.mark.parametrize("title", ["Force [mN]", "Force", "Force, mN"])
+def test_numbers_that_are_shown_with_another_unit_are_asked_about(tmp_path, code, unit, title):
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(of_style(code), title=title))
+    found = dict(read_sheets(path))["one"]
+    name = "Force, mN" if title == "Force, mN" else "Force"
+    assert found[0] == ("Time [s]", f"{name} [shown with {unit}]", "Force [N]")
+    assert found[-1] == ("4", "0.0997", "12")
+    path = write_workbook(tmp_path / "b.xlsx", STYLES, one=styled(of_style(code), title="Strain"))
+    with pytest.raises(
+        BadInput, match=f"unit 'shown with {unit}' of the strain is not known; expected --displacement-u"
+    ):
+        read_recordings(path, Hints())
+
+
+@pytest.mark.parametrize(
+    ("code", "title"),
+    [
+        ('0.00" kN"', "Force [kN]"),
+        ('0.00" kN"', "kN"),
+        ('0.0" mm²"', "Area [mm2]"),
+        ('"about "0.0', "Force"),
+        ('0.0" €"', "Force"),
+    ],
+)
+def test_numbers_that_are_shown_with_their_own_unit_or_none_are_as_they_are(tmp_path, code, title):
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(of_style(code), title=title))
+    assert dict(read_sheets(path))["one"][0] == ("Time [s]", title, "Force [N]")
+    path = write_workbook(tmp_path / "b.xlsx", STYLES, one=styled(of_style(code), 0, title=title))
+    assert dict(read_sheets(path))["one"][0][1] == title, "only some have the format"
+
+
+@pytest.mark.parametrize(
+    ("code", "title"),
+    [('0.00" kN"', "Force [kN/mm]"), ('0.00" kN"', "kN [N]"), ('[>0]0.0" N";0.0" kN"', "Force [N]")],
+)
+def test_only_the_whole_unit_of_a_title_is_the_unit_that_is_shown(tmp_path, code, title):
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(of_style(code), title=title))
+    assert "[shown with kN]" in (found := dict(read_sheets(path))["one"][0][1]) or "[partly percent]" in found
+
+
+def test_a_number_that_is_no_column_changes_no_text(tmp_path):
+    size = f'<c s="{of_style(CODES[180])}"><v>14.33</v></c>'
+    rows = f"<row>{cell('Specimen')}{cell('A1')}</row><row>{cell('Length')}{size}</row>"
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=rows)
+    assert dict(read_sheets(path))["one"] == [("Specimen", "A1"), ("Length", "14.33")]
+
+
+def test_dates_and_durations_are_clock_times(tmp_path):
+    """Of a day at midnight, and beyond 24 hours."""
+    styles = STYLES.replace("<cellXfs>", '<cellXfs><xf numFmtId="0"/><xf numFmtId="22"/><xf numFmtId="46"/>')
+    rows = "<row>" + cell("Date") + cell("Duration") + "</row>"
+    for days, past in ((45000.5, 0.9), (45001, 1.0), (45001.25, 2.5)):
+        rows += f'<row><c s="1"><v>{days}</v></c><c s="2"><v>{past}</v></c></row>'
+    path = write_workbook(tmp_path / "a.xlsx", styles, one=rows)
+    assert dict(read_sheets(path))["one"][1:] == [
+        ("2023-03-15T12:00:00", "21:36:00"),
+        ("2023-03-16T00:00:00", "24:00:00"),
+        ("2023-03-16T06:00:00", "60:00:00"),
+    ]
 
 
 def replaced(path: Path, old: str, new: str) -> None:

@@ -1,10 +1,11 @@
 """Sizes in the lines above a table."""
 
 import time
+from dataclasses import replace
 
 import pytest
 
-from sinew.tasks.data.sizes import Size, read_sizes, square_side
+from sinew.tasks.data.sizes import Size, contradiction_of_areas, read_sizes, square_side
 
 
 def sizes(*lines: str) -> dict[str, float | None]:
@@ -78,8 +79,61 @@ def test_sizes_in_a_table_of_results():
 
 def test_a_size_without_a_unit_and_several_of_one_name():
     assert read_sizes([("Length", "12")])["length"] == Size(12.0, False, "12")
-    assert sizes("Length|12", "Length|1|cm", "Length|2|cm") == {"length": 10.0}
+    assert sizes("Length|12", "Length|1|cm", "Length|10.05|mm") == {"length": 10.0}
     assert sizes("Length|ten", "Length|12") == {"length": 12.0}
+
+
+@pytest.mark.parametrize(
+    ("rows", "text"),
+    [
+        (("Length|20|mm", "Length|20|cm"), "20 mm and 20 cm"),
+        (("Gauge length (mm)|40", "Operator: me", "Gauge length (mm)|25"), "40 mm and 25 mm"),
+        (("Length|20", "Length|21"), "20 and 21"),
+        (("Length|20|mm", "Length|20.3|mm"), "20 mm and 20.3 mm"),
+    ],
+)
+def test_rows_that_contradict_each_other_tell_no_size(rows, text):
+    found = read_sizes([tuple(row.split("|")) for row in rows])["length"]
+    assert (found.mm, found.text) == (None, text)
+
+
+@pytest.mark.parametrize(
+    ("mm", "words"),
+    [
+        ({"area": 200.0, "width": 2.0, "thickness": 1.0}, "a cross-section of 200 mm2, but 2 x 1 mm is 2 mm2"),
+        ({"diameter": 4.0, "width": 2.0, "thickness": 1.0}, "a diameter of 4 mm, but 2 x 1 mm is 2 mm2"),
+        ({"diameter": 4.0, "area": 4.0}, "a cross-section of 4 mm2, but a diameter of 4 mm is 12.5664 mm2"),
+        ({"diameter": 4.0, "area": 12.6, "length": 3.0}, ""),
+        ({"area": 2.09, "width": 2.0, "thickness": 1.0}, ""),
+        ({"area": 1.57, "width": 2.0, "thickness": 1.0}, ""),
+        ({"diameter": 4.0, "width": 4.0, "thickness": 4.0}, ""),
+        ({"area": 200.0, "width": 2.0}, ""),
+        ({"area": 0.1, "width": 0.35, "thickness": 0.4}, ""),  # rounded: it may be 0.14
+    ],
+)
+def test_cross_sections_that_contradict_each_other_are_said(mm, words):
+    told = {name: Size(value, True, f"{value} mm") for name, value in mm.items()}
+    assert contradiction_of_areas(told) == words
+    without = {name: replace(size, has_unit=False) for name, size in told.items()}
+    assert contradiction_of_areas(without) == "", "what is not taken contradicts nothing"
+
+
+@pytest.mark.parametrize("row", ["Area (mm2) 12", "Area: 12 mm2", "Cross-sectional area (mm2)|12", "Area [cm2] = 0.12"])
+def test_a_cross_section_has_its_unit_before_or_behind(row):
+    assert sizes(row) == {"area": pytest.approx(12.0)}
+    assert sizes("Area 12") == {}
+    assert sizes("Area (mm2): 12 cm2") == {"area": None}
+
+
+def test_own_cross_sections_go_before_those_of_all_tests():
+    rows = [("Area (mm2)", "12"), ("Length", "20", "mm"), ("Width", "5", "mm"), ("Thickness", "1.2", "mm")]
+    assert {name: size.mm for name, size in read_sizes(rows, own=2).items()} == {
+        "length": 20.0,
+        "width": 5.0,
+        "thickness": 1.2,
+    }
+    alike = [("Area (mm2)", "6"), *rows[1:]]
+    assert set(read_sizes(alike, own=2)) == {"area", "length", "width", "thickness"}
 
 
 def test_a_round_bar_becomes_a_square_one_of_equal_area():
@@ -118,7 +172,7 @@ def test_a_size_is_kept_as_it_is_written(row, name, size):
 
 
 def test_of_several_rows_the_first_with_number_and_unit_counts():
-    rows = [("Width", "wide"), ("Width", "1"), ("Width", "2", "mm"), ("Width", "3", "mm"), ("Length", "4")]
+    rows = [("Width", "wide"), ("Width", "1"), ("Width", "2", "mm"), ("Width", "2.01", "mm"), ("Length", "4")]
     found = read_sizes(rows)
     assert found["width"].text == "2 mm"
     assert found["length"].text == "4"

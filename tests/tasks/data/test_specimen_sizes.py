@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data.curves import Bar, curve_of
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.recordings import Bar, Recording, curve_of, read_recordings
+from sinew.tasks.data.recordings import Recording, read_recordings
 from sinew.tasks.data.sizes import square_side
 from sinew.tasks.data.specimen_sizes import Known, Sizes, ask_for_sizes, known_sizes
 
@@ -177,5 +178,22 @@ def test_the_cross_section_of_an_ellipse_is_told(tmp_path):
 
 def test_sizes_of_a_file_that_contradict_each_other_are_told(tmp_path):
     test = recording(tmp_path, "Width: 4 mm", "Thickness: 2 mm", "Cross-sectional area: 50 mm²")
-    found = known_sizes("a", [test], Sizes())
+    expected = (
+        "tells a cross-section of 50 mm2, but 4 x 2 mm is 8 mm2; expected sizes that agree, or --width-mm and --t"
+    )
+    with pytest.raises(BadInput, match=expected):
+        known_sizes("a", [test], Sizes())
+    with pytest.raises(BadInput, match=expected):
+        known_sizes("a", [test], Sizes(width_mm=4.0, override=True))
+    found = known_sizes("a", [test], Sizes(width_mm=4.0, thickness_mm=2.0, override=True))
     assert found.notes == ("a.csv tells a cross-section of 50 mm2, but 4 x 2 mm is 8 mm2",)
+    test = recording(tmp_path, "Diameter: 4 mm", "Width: 2 mm", "Thickness: 1 mm")
+    with pytest.raises(BadInput, match="a diameter of 4 mm, but 2 x 1 mm is 2 mm2"):
+        known_sizes("a", [test], Sizes())
+
+
+def test_a_size_that_is_told_in_two_ways_is_left_open_with_a_note(tmp_path):
+    test = recording(tmp_path, "Gauge length: 40 mm", "Gauge length: 25 mm")
+    found = known_sizes("a", [test], Sizes())
+    assert found.mm["length"] is None
+    assert found.notes == ("a.csv tells a length of '40 mm and 25 mm', which is not taken",)

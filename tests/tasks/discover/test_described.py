@@ -19,16 +19,17 @@ from sinew.tasks.model.protocols import cyclic, one_step
 from sinew.tasks.simulate.effects import simulate_with
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace
+from tests.tasks.discover import few
 from tests.tasks.test_pipeline import sinew
 
-STUDY = """\
+STUDY = f"""\
 name: law
 cohort: cohort
 seed: 3
-cluster: {name: local}
+cluster: {{name: local}}
 tasks: [discover]
-discover: {effects: [time-lag], starts: 2}
-"""
+discover: {{effects: [time-lag], starts: 1}}
+{few.SECTION}"""
 
 
 @pytest.fixture
@@ -38,7 +39,7 @@ def study(tmp_path):
     damaged = []
     for number, bare in enumerate(specimens[:2]):
         told = truth["specimens"][bare.name]["parameters"]
-        row = np.array([[min(told[p.name], p.maximum) for p in Model().parameters]])
+        row = few.row(told)
         rng, curves = np.random.default_rng(number), []
         for make in (one_step, cyclic):
             protocol, effect = make(bare.length_mm, 2.0), library()["softening"]
@@ -91,7 +92,7 @@ def test_damage_that_the_library_was_not_asked_for_becomes_a_law(study, tmp_path
 
 
 def test_no_law_is_looked_for_where_the_study_says_so(study, tmp_path, here):
-    study.write_text(STUDY.replace("starts: 2", "starts: 2, laws: false"))
+    study.write_text(STUDY.replace("starts: 1", "starts: 1, laws: false"))
     sinew("discover", study, "--out", tmp_path / "out", "--quiet")
     told = json.loads((tmp_path / "out" / "verdict.json").read_text())
     assert told["verdict"] == "OUTSIDE" and "law" not in told

@@ -30,30 +30,32 @@ from sinew.tasks.study.result import plain
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace, open_workspace
 from tests.conftest import SHARED
+from tests.tasks.discover import few
 from tests.tasks.discover.results import MODEL, candidate, discovery
 from tests.tasks.test_pipeline import new_simulations, sinew
 
-STUDY = """
+STUDY = f"""
 name: hidden
 seed: 3
 cohort: cohort
 tasks: [discover]
-discover: {effects: [force-drift, time-lag, toe-slack], starts: 1, laws: false}
-"""
+discover: {{effects: [force-drift, time-lag, toe-slack], starts: 1, laws: false}}
+{few.SECTION}"""
+ONE = STUDY.replace("starts: 1", "starts: 1, specimens: [distal/1]")
 
 
 def pulled(bare: Specimen, truth: dict[str, float], slack: float | None, seed: int, wrong: float = 0.0) -> Specimen:
-    """The specimen pulled anew at 4 Hz, with slack fibres if wanted, and noise.
+    """The specimen pulled anew at 2 Hz, with slack fibres if wanted, and noise.
 
     ``wrong``: newtons of an error that follows the strain and that no effect describes.
     """
     model, rng = Model(), np.random.default_rng(seed)
     effects = () if slack is None else (library()["toe-slack"],)
     values = np.zeros((1, 0)) if slack is None else np.array([[slack]])
-    parameters = np.array([[min(truth[p.name], p.maximum) for p in model.parameters]])
+    parameters = few.row(truth)
     curves = []
     for make in (one_step, cyclic):
-        protocol = make(bare.length_mm, 4.0)
+        protocol = make(bare.length_mm, 2.0)
         force = simulate_with(model, effects, bare, protocol, parameters, values)[0]
         force += wrong * np.sin(250.0 * protocol.displacement_mm / bare.length_mm)
         curves.append(Curve(protocol, force + 1.5 * autoregressive(rng, force.size, 0.3)))
@@ -116,7 +118,7 @@ def check_verdict(result):
 
 
 def check_added_model(model, out):
-    assert yaml.safe_load((out / model["path"]).read_text())["model"] == {"effects": ["toe-slack"]}
+    assert yaml.safe_load((out / model["path"]).read_text())["model"]["effects"] == ["toe-slack"]
     assert "+  - toe-slack" in model["difference"]
     checks, solver = model["checks"], model["febio"]
     assert checks["at_null_N"] == 0.0
@@ -308,7 +310,7 @@ def test_a_name_without_its_study_or_candidate_is_judged_again(tmp_path, monkeyp
 
 def test_where_nothing_is_hidden_nothing_is_named(study, tmp_path, here):
     path, out = study(None), tmp_path / "out"
-    path.write_text(STUDY.replace("starts: 2", "starts: 2, specimens: [distal/1]"))
+    path.write_text(ONE)
     sinew("discover", path, "--out", out, "--quiet")
     result = json.loads((out / "verdict.json").read_text())
     assert (result["verdict"], result["effects"], result["set"]) == ("NONE", [], [])
@@ -317,7 +319,7 @@ def test_where_nothing_is_hidden_nothing_is_named(study, tmp_path, here):
 
 def test_an_effect_is_named_beside_what_no_effect_explains(study, tmp_path, here, capsys):
     out, path = tmp_path / "out", study(0.995, wrong=12.0)
-    path.write_text(STUDY.replace("force-drift, ", ""))
+    path.write_text(ONE.replace("force-drift, ", ""))
     sinew("discover", path, "--out", out)
     result = json.loads((out / "verdict.json").read_text())
     assert (result["verdict"], result["effects"]) == ("PARTLY", ["toe-slack"])
@@ -336,7 +338,7 @@ def test_an_effect_is_named_beside_what_no_effect_explains(study, tmp_path, here
 
 def test_an_error_that_no_effect_describes_gets_no_name(study, tmp_path, here):
     path = study(None, wrong=12.0)
-    path.write_text(STUDY.replace("force-drift, ", ""))
+    path.write_text(ONE.replace("force-drift, ", ""))
     sinew("discover", path, "--out", tmp_path / "out")
     result = json.loads((tmp_path / "out" / "verdict.json").read_text())
     assert (result["verdict"], result["effects"], result["model"], result.get("remainder")) == (
@@ -353,8 +355,8 @@ def test_an_error_that_no_effect_describes_gets_no_name(study, tmp_path, here):
 def test_cohorts_that_others_made(tmp_path, here, case, effects):
     """One specimen of a development case whose truth comes from another integration."""
     path = tmp_path / "study.yaml"
-    text = STUDY.replace("cohort: cohort", f"cohort: {SHARED}/hidden/dev-1/{case}").replace("time-lag, ", "")
-    path.write_text(text.replace("starts: 2", "starts: 2, specimens: [s01]"))
+    text = ONE.replace("cohort: cohort", f"cohort: {SHARED}/hidden/dev-1/{case}").replace("time-lag, ", "")
+    path.write_text(text.replace("distal/1", "s01").replace(few.SECTION, ""))
     sinew("discover", path, "--out", tmp_path / "out", "--quiet")
     result = json.loads((tmp_path / "out" / "verdict.json").read_text())
     assert result["effects"] == effects
@@ -364,10 +366,7 @@ def test_cohorts_that_others_made(tmp_path, here, case, effects):
 @pytest.mark.febio
 def test_the_real_solver_names_a_hidden_effect(study, tmp_path):
     path, out = study(0.99), tmp_path / "out"
-    text = STUDY.replace("[force-drift, time-lag, toe-slack], starts: 2", "[softening, toe-slack], starts: 1")
-    path.write_text(
-        text.replace("tasks:", "simulator: febio\ntasks:").replace("starts: 1", "starts: 1, specimens: [distal/1]")
-    )
+    path.write_text(ONE.replace("[force-drift, time-lag,", "[softening,").replace("tasks:", "simulator: febio\ntasks:"))
     sinew("discover", path, "--out", out, "--quiet")
     result = json.loads((out / "verdict.json").read_text())
     assert (result["verdict"], result["effects"]) == ("NAMED", ["toe-slack"])
@@ -389,7 +388,7 @@ def test_effects_that_the_real_solver_does_not_have_are_one_line(study, tmp_path
 
 def test_a_model_that_has_effects_already_is_one_line(study, tmp_path, capsys):
     path = study(None)
-    path.write_text(STUDY + "model: {effects: [softening]}\n")
+    path.write_text(STUDY.replace("model:\n", "model:\n  effects: [softening]\n"))
     with pytest.raises(SystemExit) as ended:
         sinew("discover", path, "--out", tmp_path / "out")
     assert ended.value.code == 2

@@ -73,12 +73,12 @@ def test_calibrated_values_far_outside_the_intervals_are_told():
 
 
 def test_posteriors_that_leave_the_ranges_of_the_study_are_named():
-    sites = {"d": posterior_of(["d/1"], ["E_f", "nu_m"], [200.0, 0.2]), "p": posterior_of(["p/1"], ["E_f"], [240.0])}
+    sites = {name: posterior_of([f"{name}/1"], ["E_f", "nu_m"], [mean, 0.2]) for name, mean in (("d", 200), ("p", 240))}
     result = AbcResult("store", ["E_f", "nu_m"], ["MPa", "1"], ["", ""], True, "calibrated", 40, 0.95, sites, "known")
     assert result.beyond(["E_f", "nu_m"], [(160.0, 275.0), (0.0, 0.4)]) == []
     (line,) = result.beyond(["E_f", "tau"], [(160.0, 250.0), (0.0, 0.1)])
     assert line == "p: E_f 216 to 264 leaves the study's range 160 to 250 (the prior is normal, and has no ends)"
-    assert len(result.beyond(["E_f", "nu_m"], [(190.0, 300.0), (0.19, 0.4)])) == 2
+    assert len(result.beyond(["E_f", "nu_m"], [(190.0, 300.0), (0.19, 0.4)])) == 3
 
 
 @pytest.mark.parametrize(
@@ -87,6 +87,8 @@ def test_posteriors_that_leave_the_ranges_of_the_study_are_named():
         ({"sd": -1.0}, "sd: -1.0: expected at least 0"),
         ({"hdi": [9.0, 1.0]}, "hdi: expected two numbers, the lower one first"),
         ({"hdi": [9.0]}, "hdi: expected two numbers, the lower one first"),
+        ({"mean": 3e5}, r"a mean of 300000 with a standard deviation of 10 and an interval 180 to 220"),
+        ({"mean": 160.0}, r"a mean of 160 with a standard deviation of 10 and an interval 180 to 220"),
     ],
 )
 def test_a_marginal_that_cannot_be_is_refused(tmp_path, change, problem):
@@ -102,3 +104,20 @@ def test_a_marginal_that_cannot_be_is_refused(tmp_path, change, problem):
     path.write_text(json.dumps(content))
     with pytest.raises(BadInput, match=problem):
         AbcResult.read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"names": ["E_f", "E_f"], "units": ["MPa"] * 2, "meanings": [""] * 2}, "names: E_f stands twice"),
+        ({"names": ["E_m"]}, "distal: E_f is not both a parameter and a marginal"),
+        ({"names": ["E_f", "E_m"], "units": ["MPa"] * 2, "meanings": [""] * 2}, "distal: E_m is not both a parameter"),
+        ({"units": []}, "units: 0 of 1 parameters"),
+        ({"meanings": ["", ""]}, "meanings: 2 of 1 parameters"),
+    ],
+)
+def test_names_units_and_marginals_that_do_not_belong_together_are_refused(change, problem):
+    site = {"distal": posterior_of(["distal/1"], ["E_f"], [200.0])}
+    result = AbcResult("store", ["E_f"], ["MPa"], [""], True, "ranges", 4, 0.95, site, "known")
+    with pytest.raises(ValueError, match=problem):
+        replace(result, **change)

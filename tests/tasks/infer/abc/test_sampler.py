@@ -52,7 +52,8 @@ def inference(
         sampler = StoreSampler(session, (seed, 1), pending)
         priors = [prior() for _ in models]
         abc = pyabc.ABCSMC(
-            models, priors, distance, transitions=[DefensiveNormal(p) for p in priors], population_size=population,
+            models, priors, distance, model_prior=Alike(len(models)),
+            transitions=[DefensiveNormal(p) for p in priors], population_size=population,
             eps=pyabc.QuantileEpsilon(initial_epsilon=first, alpha=0.5), sampler=sampler,
         )  # fmt: skip
         history = abc.new(IN_MEMORY, {"y": observed})
@@ -90,13 +91,13 @@ def test_two_runs_at_once_have_particles_of_their_own(tmp_path, client):
 
 
 def test_pyabcs_own_sampler_is_there_to_compare_with(tmp_path, client):
-    """The posterior mean is 0.56; 60 particles know it to 0.1. It says which proposals were superfluous."""
+    """The posterior mean is 0.56; 30 particles know it to 0.13. It says which proposals were superfluous."""
 
     def run(failing):
         model = DirectModel("m", ["mean"], NoisyMean(failing=failing), identity, described)
         sampler = stock_sampler(client)
         abc = pyabc.ABCSMC(
-            model, prior(), distance, transitions=DefensiveNormal(prior()), population_size=60,
+            model, prior(), distance, model_prior=Alike(1), transitions=DefensiveNormal(prior()), population_size=30,
             eps=pyabc.ListEpsilon([1.0, 0.4]), sampler=sampler,
         )  # fmt: skip
         abc.new(f"sqlite:///{tmp_path}/stock{failing}.db", {"y": 0.7})
@@ -107,8 +108,8 @@ def test_pyabcs_own_sampler_is_there_to_compare_with(tmp_path, client):
 
     mean, generations = run(0.0)
     assert mean == pytest.approx(0.56, abs=0.4)
-    assert [one.accepted for one in generations] == [60, 60]
-    assert all(60 <= one.judged <= one.asked for one in generations)
+    assert [one.accepted for one in generations] == [30, 30]
+    assert all(30 <= one.judged <= one.asked for one in generations)
     with pytest.raises(SimulationFailed, match="diverged: it diverged"):
         run(1.0)
 
@@ -155,7 +156,7 @@ def test_a_run_that_dies_in_mid_generation_goes_on_there(tmp_path, client, monke
 def test_what_a_generation_did_not_need_is_the_first_of_the_next(tmp_path):
     """Workers have something to do between two generations; only the last one leaves what nobody needs."""
     with Store.writing(tmp_path, "study") as store:
-        (found,) = run_adaptive(lambda: None, [inference(store, [NoisyMean()], 0.7, generations=6, pending=64)])
+        (found,) = run_adaptive(lambda: None, [inference(store, [NoisyMean()], 0.7, generations=5, pending=64)])
         asked = np.cumsum([g.asked for g in found["generations"]])
         judged = np.cumsum([g.judged for g in found["generations"]])
         left = asked - judged
@@ -310,7 +311,7 @@ def test_model_selection_finds_the_probabilities(tmp_path):
     with Store.writing(tmp_path, "study") as store:
         evaluations = [NoisyMean(slope=1.0), NoisyMean(slope=0.0)]
         (found,) = run_adaptive(
-            lambda: None, [inference(store, evaluations, y, generations=4, population=200, pending=100)]
+            lambda: None, [inference(store, evaluations, y, generations=3, population=160, pending=100)]
         )
     ends = np.array([y - found["epsilon"], y + found["epsilon"]])
     within = [np.diff(stats.norm.cdf(ends, 0, np.hypot(slope, SD)))[0] for slope in (1.0, 0.0)]
