@@ -44,9 +44,10 @@ def test_each_target_is_listed(every):
 @pytest.mark.parametrize("name", NAMES)
 def test_valid_files_are_read(every, name):
     """To the end: damage to what is refused anyway would show nothing."""
-    for seed in every[name].seeds:
-        with written(every[name].files) as folder:
-            every[name].read(folder, folder / seed)
+    target = every[name]
+    for seed in target.seeds[:1] if target.whole else target.seeds:
+        with written(target.files) as folder:
+            target.read(folder, folder / seed)
 
 
 @pytest.mark.parametrize("name", NAMES)
