@@ -4,6 +4,7 @@ import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -84,9 +85,13 @@ def hostile(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             if key in attributes:
                 attributes[key] = json.loads(f'"{spoilt(attributes[key])}"')
         path.write_text(json.dumps(content))
-    edit(
-        folder / "infer.json", lambda found: found["names"].__setitem__(1, END) or found["units"].__setitem__(0, IMAGE)
-    )
+
+    def renamed(found: dict[str, Any]) -> None:
+        old, found["names"][1], found["units"][0] = found["names"][1], END, IMAGE
+        for site in found["sites"].values():
+            site["parameters"] = {END if name == old else name: one for name, one in site["parameters"].items()}
+
+    edit(folder / "infer.json", renamed)
     kept = Store.read_result
 
     def read_result(self, name):

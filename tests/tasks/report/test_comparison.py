@@ -65,6 +65,7 @@ def test_a_mean_elsewhere_is_told(whole_run, run_folder, tmp_path):
         site = next(iter(told["sites"].values()))
         marginal = next(iter(site["parameters"].values()))
         marginal["mean"] += 10 * marginal["sd"]
+        marginal["hdi"] = [end + 10 * marginal["sd"] for end in marginal["hdi"]]
 
     edit(run_folder / "infer.json", moved)
     found, _ = sections(whole_run, run_folder, tmp_path)
