@@ -535,14 +535,14 @@ def test_a_result_that_contradicts_itself_is_one_line_where_another_task_uses_it
     of, change = CONTRADICTIONS[task]
     (copied_run / f"{task}.json").unlink()
     edit(copied_run / f"{of}.json", change)
-    with pytest.raises(BadInput, match=rf"{of}\.json: .*; expected what `sinew {of}` writes; run it again"):
+    with pytest.raises(BadInput, match=rf"{of}\.json: .*; expected what .*`sinew {of}` writes; run it again"):
         sinew.run(sinew.read_study(folder.parent / "study.yaml"), task, out=str(copied_run))
 
 
 def test_a_result_that_contradicts_itself_is_one_line_in_a_notebook(copied_run):
-    edit(copied_run / "infer.json", lambda one: one.update(names=["x"]))
-    with pytest.raises(BadInput, match=r"infer\.json: contradicts itself, or the store \("):
-        repr(sinew.results(copied_run).infer)
+    edit(copied_run / "sobol.json", lambda one: one.update(ST=[]))
+    with pytest.raises(BadInput, match=r"sobol\.json: contradicts itself, or the store \("):
+        repr(sinew.results(copied_run).sobol)
 
 
 IMPOSSIBLE = [
@@ -564,6 +564,7 @@ IMPOSSIBLE = [
         lambda one: first_fit(one)["parameters"].update(E_f=-1e9),
         "content: E_f -1e.09 of distal/1, outside",
     ),
+    ("infer", lambda one: one.update(names=["x"]), "content: units: 3 of 1 parameters"),
     ("calibrate", lambda one: one.update(free=["x"] * 1001), "free: 1,001 entries; expected at most 1,000"),
 ]
 
