@@ -162,8 +162,10 @@ def _left_out(tables: Sequence[Table]) -> str:
     where = f"sheet '{first.sheet}', " if first.sheet else ""
     where += f"row {first.title_row or first.first}"
     if len(tables) == 1:
-        return f"the table in {where} has other titles and is left out: a test of its own?"
-    return f"{len(tables)} tables, the first in {where}, have other titles and are left out: tests of their own?"
+        told = f"the table in {where} has other titles and is left out"
+    else:
+        told = f"{len(tables)} tables, the first in {where}, have other titles and are left out"
+    return f"{told}; a test needs a file of its own"
 
 
 def _with_results(tests: list[Recording]) -> list[Recording]:

@@ -202,28 +202,27 @@ def _titles(rows: list[list[Any]], first: int, place: int) -> list[int]:
 def _shown(code: str) -> str | None:
     """How a format shows numbers: ``PERCENT``, ``THOUSANDS``, ``UNCLEAR`` where it differs or is another; None: as is.
 
-    Where it writes a unit behind them, ``WITH`` that unit.
-    The third of its sections is of zero, unless they have conditions.
+    Where it writes units behind them, ``WITH`` these. The third section is of zero, unless they have conditions.
     """
-    sections = NO_SIGN.sub("", code).split(";")[: 3 if CONDITION.search(code) else 2]
-    sections = [part for part in sections if re.search(r"[0#?]|General", part)]
+    count = 3 if CONDITION.search(code) else 2
+    sections = [part for part in NO_SIGN.sub("", code).split(";")[:count] if re.search(r"[0#?]|General", part)]
     if any(IN_THOUSANDS.search(part) for part in sections):
         return THOUSANDS
     percents = {part.count("%") for part in sections}
     if percents <= {0}:
-        written = {_with_unit(part) for part in code.split(";")[: 3 if CONDITION.search(code) else 2]}
-        return written.pop() if len(written) == 1 else UNCLEAR
+        units = sorted({unit for part in code.split(";")[:count] if (unit := _unit(part))})
+        return WITH + " or ".join(units) if units else None
     return PERCENT if percents == {1} else UNCLEAR
 
 
-def _with_unit(section: str) -> str | None:
-    """``WITH`` the text that a section of a format writes behind numbers, if that is a unit; else None."""
+def _unit(section: str) -> str:
+    """The unit that a section of a format writes behind numbers, or nothing."""
     texts, numbers = [""], False
     for quoted, escaped, sign in SHOWN_TEXT.findall(section):
         numbers = numbers or sign in ("0", "#", "?", "General")
         texts.append((quoted or escaped) if numbers else "")
     unit = "".join(texts).strip(" ()[]")
-    return f"{WITH}{unit[:20]}" if HAS_UNIT.search(unit) else None
+    return unit[:20] if HAS_UNIT.search(unit) else ""
 
 
 def _formatted(content: bytes) -> dict[str, Cells]:

@@ -79,7 +79,7 @@ def read_sizes(header: Sequence[Row], own: int = 0) -> Mapping[str, Size]:
         shared, mine = read_sizes(header[:own]), read_sizes(header[own:])
         both = {**shared, **mine}
         if contradiction_of_areas(both) and not contradiction_of_areas(shared):
-            both = {**mine, **{name: size for name, size in shared.items() if name == "length" and name not in mine}}
+            both = {name: size for name, size in both.items() if name in mine or name == "length"}
         return both
     if len(header) > 2 * FAR:
         header = [*header[:FAR], *header[-FAR:]]

@@ -199,7 +199,9 @@ def _refuse_unclear_mark(tables: Sequence[Table]) -> None:
         where = f"{table.path}: row {at}, {title or f'column {place + 1}'}"
         one, other = cell.replace(table.decimal, ".", 1), cell.replace(table.decimal, "")
         problem = f"'{cell}' may be {one} or {other}, and no number beside it tells which"
-        raise BadInput(where, problem, "the file saved without thousands marks, or with other than three decimals")
+        raise BadInput(
+            where, problem, "the file saved without thousands separators, or with a number of decimals other than three"
+        )
 
 
 def _tables(source: Source, page: _Page, fewest: int) -> Iterator[Table]:

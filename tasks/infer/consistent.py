@@ -20,13 +20,18 @@ def check_marginals(names: Sequence[str], found: Mapping[str, Collection[str]]) 
             raise ValueError(f"{where}: {other} is not both a parameter and a marginal")
 
 
+def check_interval(low: float, high: float) -> None:
+    """Raises :class:`ValueError` for an interval out of order."""
+    if low > high:
+        raise ValueError(f"an interval from {low:g} to {high:g}")
+
+
 def check_marginal(mean: float, sd: float, low: float, high: float) -> None:
     """Raises :class:`ValueError` for an interval out of order, and for a mean that is too far from it.
 
     An interval of more than half the probability holds a median, which is within a standard deviation of the mean.
     """
-    if low > high:
-        raise ValueError(f"an interval from {low:g} to {high:g}")
+    check_interval(low, high)
     margin = sd + 1e-6 * (abs(low) + abs(high))
     if mean < low - margin or mean > high + margin:
         raise ValueError(f"a mean of {mean:g} with a standard deviation of {sd:g} and an interval {low:g} to {high:g}")

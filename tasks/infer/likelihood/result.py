@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
-from sinew.tasks.infer.consistent import check_marginal, check_marginals, check_names
+from sinew.tasks.infer.consistent import check_interval, check_marginal, check_marginals, check_names
 from sinew.tasks.simulate import Array
 from sinew.tasks.study.result import Number, Result
 
@@ -35,9 +35,8 @@ class PopulationMarginal:
 
     def __post_init__(self) -> None:
         """Raises :class:`ValueError` for intervals out of order."""
-        for low, high in ((self.low, self.high), (self.spread_low, self.spread_high)):
-            if low > high:
-                raise ValueError(f"an interval from {low:g} to {high:g}")
+        check_interval(self.low, self.high)
+        check_interval(self.spread_low, self.spread_high)
 
 
 @dataclass(frozen=True)

@@ -277,3 +277,15 @@ def test_a_size_that_an_option_replaces_is_remarked_on(tmp_path):
         (Reading(area_mm2=3.1416), ()),
     ):
         assert [*read_exports([path], reading=reading).remarks.values()] == ([told] if told else [])
+
+
+def test_cross_sections_that_contradict_each_other_are_refused_unless_one_is_given(tmp_path):
+    path = tmp_path / "a.csv"
+    sizes = "Length,20,mm\nArea (mm2),12\nWidth,5,mm\nThickness,1,mm\n"
+    path.write_text(f"{sizes}Time (s),Displacement (mm),Force (N)\n0,0,0\n0.5,0.1,1\n1,0.2,2\n")
+    differs = "a cross-section of 12 mm2, but 5 x 1 mm is 5 mm2"
+    with pytest.raises(BadInput, match=f"a.csv: tells {differs}; expected sizes that agree, or --area-mm2"):
+        read_exports([path])
+    imported = read_exports([path], reading=Reading(area_mm2=12.0))
+    assert imported.specimens[0].area_mm2 == pytest.approx(12.0)
+    assert imported.remarks == {"a/test": (f"cross-section 12 mm2 by --area-mm2; the file tells {differs}",)}

@@ -659,8 +659,10 @@ def test_a_further_table_that_may_be_a_test_is_not_left_out_without_a_word(tmp_p
     short = other[:3]
     path = write_workbook(tmp_path / "a.xlsx", one=test, two=other, three=none, four=short, five=other)
     (found,) = read_recordings(path, Hints())
-    words = "the table in sheet '{}', row 1 has other titles and is left out: a test of its own?"
-    others = "2 tables, the first in sheet 'two', row 1, have other titles and are left out: tests of their own?"
+    words = "the table in sheet '{}', row 1 has other titles and is left out; a test needs a file of its own"
+    others = (
+        "2 tables, the first in sheet 'two', row 1, have other titles and are left out; a test needs a file of its own"
+    )
     assert remarks(found) == [others]
     unknown = [["Time (s)", "Load (N)", "Extension (furlong)"], *([i, 2 * i, i] for i in range(4))]
     path = write_workbook(tmp_path / "b.xlsx", one=test, two=unknown)
