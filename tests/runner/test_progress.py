@@ -5,13 +5,13 @@ import os
 import re
 import socket
 import threading
-import time
 
 import pytest
 
 from sinew.runner.cluster.dashboard import way_to
 from sinew.runner.errors import WalltimeReached
 from sinew.runner.progress import is_here, open_board, progress, read_progress
+from tests.effort import at_most
 
 
 def test_the_file_says_what_runs_and_how_far_it_is(tmp_path):
@@ -74,19 +74,20 @@ def test_a_process_that_began_at_no_time_is_not_judged(since):
 def test_notes_cost_next_to_nothing_and_threads_may_share_a_board(tmp_path):
     with open_board(tmp_path) as board:
         written = board._written
-        started = time.process_time()
-        threads = [
-            threading.Thread(target=lambda n=n: [board.note("t", f"s{n}-{i % 50}", "x", value=i) for i in range(5000)])
-            for n in range(4)
-        ]
-        for thread in threads:
-            thread.start()
-        for _ in range(20):
-            board.write()
-            json.loads((tmp_path / "progress.json").read_text())
-        for thread in threads:
-            thread.join()
-        assert time.process_time() - started < 3.0, "150 us for each note would be felt"
+        with at_most(3):  # 150 us for each note would be felt
+            threads = [
+                threading.Thread(
+                    target=lambda n=n: [board.note("t", f"s{n}-{i % 50}", "x", value=i) for i in range(5000)]
+                )
+                for n in range(4)
+            ]
+            for thread in threads:
+                thread.start()
+            for _ in range(20):
+                board.write()
+                json.loads((tmp_path / "progress.json").read_text())
+            for thread in threads:
+                thread.join()
         assert board._written > written
         board.write()
         told = read_progress(tmp_path)

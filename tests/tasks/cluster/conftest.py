@@ -2,7 +2,6 @@
 
 import re
 import sys
-import time
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -11,6 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from sinew.tasks.cli.main import main
+from tests.effort import at_most
 from tests.tasks.cli.bad_input import listing, write, write_specimen, write_study
 from tests.tasks.cluster.stand_in_slurm import FAKE, calls, write_profile
 
@@ -44,16 +44,14 @@ def sinew(here, monkeypatch, capfd) -> Callable[..., SimpleNamespace]:
 
     def run(*arguments: str) -> SimpleNamespace:
         monkeypatch.setattr(sys, "argv", ["sinew", *arguments])
-        started = time.process_time()
-        try:
-            main()
-            code = 0
-        except SystemExit as stopped:
-            code = stopped.code
-        seconds = time.process_time() - started
+        with at_most(5):
+            try:
+                main()
+                code = 0
+            except SystemExit as stopped:
+                code = stopped.code
         out, err = capfd.readouterr()
         assert all(line.isprintable() for line in (out + err).split("\n")), "characters that a terminal obeys"
-        assert seconds < 2, "too slow"
         return SimpleNamespace(code=code, out=out, err=err)
 
     return run

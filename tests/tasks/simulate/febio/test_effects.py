@@ -1,7 +1,6 @@
 """FEBio inputs with effects: edited text, and, where the solver is there, two checks of every edited input."""
 
 import shutil
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from sinew.tasks.simulate.febio.effects import template_with
 from sinew.tasks.simulate.febio.simulator import FEBio
 from sinew.tasks.simulate.febio.tendon import read_template
 from sinew.tasks.simulate.uniaxial import Uniaxial
+from tests.effort import at_most
 
 BAR = Specimen("bar", 10.0, 8.0, 4.0)
 BUILT_IN = read_template(Path(), None)
@@ -158,7 +158,5 @@ def test_a_branch_on_a_matrix_that_yields_deviates_as_the_docs_say(solver):
 def test_a_template_of_openings_without_an_end_is_read_once():
     """Looking for the end of each of 20,000 openings took minutes."""
     text = '<elastic type="isotropic elastic">\n<elastic type="fiber-exp-pow-linear">\n' * 20_000
-    before = time.process_time()
-    with pytest.raises(BadInput, match="has 20000 <elastic>"):
+    with at_most(5), pytest.raises(BadInput, match="has 20000 <elastic>"):
         template_with(text, (LIBRARY["softening"],))
-    assert time.process_time() - before < 5

@@ -1,7 +1,6 @@
 """Reading FEBio inputs: where each element stands, and what is refused."""
 
 import re
-import time
 import tracemalloc
 
 import pytest
@@ -11,6 +10,7 @@ from hypothesis import strategies as st
 from sinew.runner.errors import BadInput
 from sinew.tasks.simulate.febio.model_file import source as source_module
 from sinew.tasks.simulate.febio.model_file.source import read_source
+from tests.effort import at_most
 from tests.tasks.simulate.febio.model_file.cube import CUBE
 
 
@@ -103,10 +103,8 @@ def test_encodings_that_no_model_has_are_refused_unread(tmp_path, encoding):
     """Some take time with the square of the text; others give half characters, which no file can hold."""
     declared = f"<?xml version='1.0' encoding='{encoding}'?>"
     text = model("\\ud800+2AA-", declared) + "-" + "a" * 4_000_000
-    before = time.process_time()
-    with pytest.raises(BadInput, match=f"is in an unknown encoding \\({encoding}\\); expected UTF-8"):
+    with at_most(5), pytest.raises(BadInput, match=f"is in an unknown encoding \\({encoding}\\); expected UTF-8"):
         read(tmp_path, text)
-    assert time.process_time() - before < 5
 
 
 @pytest.mark.parametrize("encoding", ["GBK", "Shift_JIS", "windows-1252", "US-ASCII", "ISO-8859-15", "latin1", "UTF8"])
@@ -117,10 +115,9 @@ def test_usual_encodings_are_read(tmp_path, encoding):
 
 
 def test_a_text_between_many_elements_is_read_once(tmp_path):
-    before = time.process_time()
-    source = read(tmp_path, model("x<a/>" * 490_000))
-    assert source.section("Material").text == "x" * 490_000
-    assert time.process_time() - before < 10, "with its square, it took many minutes"
+    with at_most(60):  # with its square, it took many minutes
+        source = read(tmp_path, model("x<a/>" * 490_000))
+        assert source.section("Material").text == "x" * 490_000
 
 
 def test_a_tag_of_blanks_takes_no_memory(tmp_path):
