@@ -82,8 +82,7 @@ class Keeper:
             found = queued.get(job.job_id or "")
             if found is not None and found.running and self.noted.get(job.job_id) == "submitted":
                 self._note(job.job_id, "started", nodes=found.nodes)
-            old = time.monotonic() - job.submitted_at > LOST_AFTER_S
-            if job.refusal is not None or (found is None and old) or (found is not None and not found.live):
+            if job.refusal is not None or _has_ended(job, found):
                 gone.append(name)
                 self._count(job, found)
         wanted = self._wanted_jobs(len(jobs) - len(gone)) if self.cluster.failure is None else 0
@@ -95,8 +94,7 @@ class Keeper:
             reason = str(job.refusal)
             self.useless += isinstance(job.refusal, Refused)  # otherwise the batch system is away: try again
         else:
-            unknown = f"unknown to {self.system.queue_command}"
-            self._note(job.job_id, "ended", end=unknown if found is None else found.state)
+            self._note_end(job, found)
             if job.job_id in self.useful:
                 return
             self.useless += 1
@@ -138,9 +136,31 @@ class Keeper:
         self.noted[job] = event
         self.table.note(job, event, **facts)
 
+    def _note_end(self, job: Any, found: QueuedJob | None) -> None:
+        unknown = f"unknown to {self.system.queue_command}"
+        self._note(job.job_id, "ended", end=unknown if found is None else found.state)
+
     def ended_now(self) -> None:
-        """Note the end of all jobs: the cluster closes and ends them."""
+        """Note the end of all jobs: the cluster closes and ends them, but those that ended by themselves since the
+        last look.
+        """
         self._note_new()
-        for job, event in list(self.noted.items()):
+        left = [job for job in self.cluster.workers.values() if job.job_id and self.noted[job.job_id] != "ended"]
+        try:
+            queued = self.system.queue(job.job_id for job in left)
+        except (ClusterError, OSError) as error:
+            log.warning(self.system.title.lower(), extra={"error": str(error)})
+        else:
+            for job in left:
+                if _has_ended(job, queued.get(job.job_id)):
+                    self._note_end(job, queued.get(job.job_id))
+        for number, event in list(self.noted.items()):
             if event != "ended":
-                self._note(job, "ended", end="done")
+                self._note(number, "ended", end="done")
+
+
+def _has_ended(job: Any, found: QueuedJob | None) -> bool:
+    """Whether a job has ended, by what the queue shows of it; a job submitted just now may not be shown yet."""
+    if found is None:
+        return time.monotonic() - job.submitted_at > LOST_AFTER_S
+    return not found.live

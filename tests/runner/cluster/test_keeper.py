@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+import time
 from dataclasses import dataclass, field
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from sinew.runner.cluster.batch_system import QueuedJob
 from sinew.runner.cluster.job_table import JobTable
 from sinew.runner.cluster.keeper import Growing, Keeper
+from sinew.runner.errors import ClusterError
 
 
 @dataclass
@@ -94,3 +96,34 @@ def test_jobs_that_ended_are_not_replaced_when_nobody_is_wanted(tmp_path):
 
 def test_the_minimum_is_kept(tmp_path):
     assert looked(tmp_path, 0, set(), minimum=1).scaled == [1]
+
+
+def ends(tmp_path, system: System) -> dict[str, str]:
+    """How the jobs 1 and 2 ended by the table of jobs, when the queue is as given while their cluster closes."""
+    cluster = Cluster(0, {"one": Job("1"), "two": Job("2", submitted_at=time.monotonic())})
+    bounds = {"minimum": 0, "maximum": 4}
+    Keeper(cluster, system, JobTable(tmp_path), tmp_path.joinpath, cores=2, facts={}, **bounds).ended_now()
+    return {number: job.end for number, job in JobTable(tmp_path).read().items()}
+
+
+def test_a_job_that_ended_since_the_last_look_is_told_as_the_queue_shows_it(tmp_path):
+    assert ends(tmp_path, System({"1"})) == {"1": "done", "2": "CANCELLED"}
+
+
+def test_a_job_that_the_queue_has_forgotten_did_not_end_with_the_cluster(tmp_path):
+    """One that was submitted just now may not be in the queue yet."""
+
+    class Forgetful(System):
+        def queue(self, jobs):
+            return {}
+
+    assert ends(tmp_path, Forgetful(set())) == {"1": "unknown to squeue", "2": "done"}
+
+
+def test_a_queue_that_is_away_does_not_keep_a_cluster_from_closing(tmp_path, caplog):
+    class Away(System):
+        def queue(self, jobs):
+            raise ClusterError("squeue: no answer")
+
+    assert ends(tmp_path, Away(set())) == {"1": "done", "2": "done"}
+    assert [record.error for record in caplog.records] == ["squeue: no answer"]
