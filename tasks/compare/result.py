@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from sinew.tasks.study.result import Count, NotNegative, Number, Numbers, Result, Share, Shares
+from sinew.tasks.study.result import ROUNDING, Count, NotNegative, Number, Numbers, Result, Share, Shares
 
 
 class Area(Protocol):
@@ -17,6 +17,13 @@ class Area(Protocol):
 
     @property
     def interval(self) -> Any: ...
+
+
+def check_area(found: Area) -> None:
+    """Raises :class:`ValueError` for an area that is not within its interval ``[2]``."""
+    ends = np.asarray(found.interval)
+    if ends.shape != (2,) or ends[0] > found.auc + ROUNDING or ends[1] < found.auc - ROUNDING:
+        raise ValueError(f"an area of {found.auc:g} with the interval {ends.tolist()}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +42,11 @@ class SiteParticles:
 
     particles: Count
     effective_sample_size: NotNegative
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for particles that are worth more than they are."""
+        if self.effective_sample_size > self.particles * (1.0 + ROUNDING):
+            raise ValueError(f"{self.particles} particles worth {self.effective_sample_size:g}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +72,10 @@ class Separability:
     repeats: Count
     permutations: Count
 
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for an area that is not within its interval."""
+        check_area(self)
+
 
 @dataclass(frozen=True, eq=False)
 class Pair:
@@ -70,6 +86,10 @@ class Pair:
     interval: Shares
     roc: Roc
     all_parameters: Separability
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for an area that is not within its interval."""
+        check_area(self)
 
     @property
     def name(self) -> str:
@@ -162,8 +182,13 @@ class CompareResult(Result):
     def __post_init__(self) -> None:
         """Raises :class:`ValueError` for a pair of sites that are not compared."""
         for sites in (*(one.sites for one in self.contrasts), *(one.sites for one in self.pairs)):
-            if len(sites) != 2 or not set(sites) <= set(self.sites):
+            if len(sites) != 2 or sites[0] == sites[1] or not set(sites) <= set(self.sites):
                 raise ValueError(f"sites {', '.join(sites)}, which are not compared")
+        if others := [one.parameter for one in self.contrasts if one.parameter not in self.names]:
+            raise ValueError(f"a contrast of {others[0]}, which is no parameter")
+        for one in self.contrasts:
+            if not one.difference.low <= one.difference.mean <= one.difference.high:
+                raise ValueError(f"{one.parameter}: a mean difference outside its interval")
 
 
 RESULT = CompareResult

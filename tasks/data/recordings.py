@@ -255,7 +255,7 @@ def _recording(
     places = {*further.places, *(column.place for column in columns)}
     others = {place for column in columns if beside > 1 for place in alike_places(table, column)}  # of other tests
     left_out = tuple(title for place, title in enumerate(table.titles) if place not in places | others and title)
-    notes: tuple[str, ...] = (UNPADDED,) if columns[0].place in table.unpadded else ()
+    notes = table.unseen(range(block.start, block.end)) + ((UNPADDED,) if columns[0].place in table.unpadded else ())
     if hints.timing.given:
         if hints.test_column is None and not np.ptp(numbers[:, 0]):
             refuse_several(table, block.end, list(places))

@@ -8,9 +8,11 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import sinew
 from sinew.runner.errors import BadInput, one_line
 from sinew.runner.files import read_input
 from sinew.runner.zip_end import directory_of
@@ -20,6 +22,8 @@ SUFFIXES = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 MAX_BYTES = 64 * 2**20
 MAX_UNPACKED_BYTES = 512 * 2**20
 MAX_MEMBERS, MAX_LIST_BYTES = 20_000, 2**22  # files of an archive, and the list of them
+# the process imports nothing from the current folder; where sinew is not installed, it is found by its place, the last
+START = "import sys; sys.path.append(sys.argv[1]); from sinew.tasks.data.sheet_reading import main; main()"
 WALL_S = 600.0  # of the process that reads, whose processor time is limited as well
 
 
@@ -28,15 +32,29 @@ def is_sheet(path: Path) -> bool:
     return path.suffix.lower() in SUFFIXES
 
 
-def read_sheets(path: Path) -> Iterator[tuple[str, list[tuple[str, ...]]]]:
-    """Name and rows of each sheet. Numbers are written with a point; dates as ISO 8601; empty cells are empty texts.
+@dataclass(frozen=True)
+class Sheet:
+    """A sheet of a spreadsheet: the texts of its rows, whether it is ``hidden``, and the numbers (from 1) of its hidden
+    rows.
+
+    Rows that are hidden in an .xls or .xlsb file are not known.
+    """
+
+    name: str
+    rows: list[tuple[str, ...]] = field(default_factory=list)
+    hidden: bool = False
+    hidden_rows: frozenset[int] = frozenset()
+
+
+def read_sheets(path: Path) -> Iterator[Sheet]:
+    """The sheets. Numbers are written with a point; dates as ISO 8601; empty cells are empty texts.
 
     Another process reads them, with bounds for time and memory. Raises :class:`BadInput` for files that are too large,
     locked or broken.
     """
     content = read_input(path, MAX_BYTES, f"a spreadsheet of at most {MAX_BYTES / 2**20:,.0f} MB")
     _refuse_large_archive(path, content)
-    command = [sys.executable, "-I", str(Path(sheet_reading.__file__).resolve())]
+    command = [sys.executable, "-I", "-c", START, str(Path(sinew.__file__).resolve().parents[1])]
     with tempfile.TemporaryFile() as lines:  # on the disk, as they take as much again as the texts
         try:
             done = subprocess.run(command, input=content, stdout=lines, stderr=subprocess.DEVNULL, timeout=WALL_S,
@@ -48,18 +66,18 @@ def read_sheets(path: Path) -> Iterator[tuple[str, list[tuple[str, ...]]]]:
         yield from _sheets(path, map(json.loads, lines) if done.returncode == 0 else [{"wrong": _why(done.returncode)}])
 
 
-def _sheets(path: Path, lines: Iterable[Any]) -> list[tuple[str, list[tuple[str, ...]]]]:
-    """Name and rows of each sheet, from the lines of the process. Raises :class:`BadInput` where they do not end well.
+def _sheets(path: Path, lines: Iterable[Any]) -> list[Sheet]:
+    """The sheets, from the lines of the process. Raises :class:`BadInput` where they do not end well.
 
     A text that stands in many cells is kept once.
     """
-    sheets: list[tuple[str, list[tuple[str, ...]]]] = []
+    sheets: list[Sheet] = []
     texts: dict[str, str] = {}
     for line in lines:
-        if isinstance(line, str):
-            sheets.append((line, []))
+        if isinstance(line, dict) and "sheet" in line:
+            sheets.append(Sheet(line["sheet"], hidden=line["hidden"], hidden_rows=frozenset(line["hidden_rows"])))
         elif isinstance(line, list):
-            sheets[-1][1].append(tuple(texts.setdefault(text, text) for text in line))
+            sheets[-1].rows.append(tuple(texts.setdefault(text, text) for text in line))
         elif line is not None:
             raise BadInput(path, one_line(line["wrong"]), line.get("expected", sheet_reading.SMALLER))
     return sheets

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.heads import Head, Row, head_of, is_label
-from sinew.tasks.data.sheets import is_sheet, read_sheets
+from sinew.tasks.data.sheets import Sheet, is_sheet, read_sheets
 from sinew.tasks.data.text import (
     SEPARATORS,
     cells,
@@ -47,7 +47,8 @@ class Table:
     ``titles`` are in row ``title_row`` of the file, and ``units`` in the row below; both may be empty. ``rows`` holds
     the rows from the first one with numbers to the end of the table, each with its number in the file (from 1).
     ``header`` holds the rows above the titles, without earlier tables of the same titles; those from ``own`` on stand
-    behind the last of these. Of many rows, it holds those at both ends.
+    behind the last of these. Of many rows, it holds those at both ends. ``hidden``: its
+    sheet is not shown to who opens the file; so it is for ``hidden_rows``, which are rows of the sheet.
     """
 
     path: Path
@@ -60,6 +61,8 @@ class Table:
     title_row: int = 0
     sheet: str = ""
     own: int = 0
+    hidden: bool = False
+    hidden_rows: frozenset[int] = frozenset()
 
     @property
     def first(self) -> int:
@@ -81,6 +84,14 @@ class Table:
         if days is None:
             return None
         return SECONDS_OF_A_DAY * days + seconds_of(cell, milliseconds=column in self.unpadded)
+
+    def unseen(self, rows: range) -> tuple[str, ...]:
+        """What who opens the file does not see of these rows of the table, in words."""
+        words = (f"its sheet '{self.sheet}' is hidden",) if self.hidden else ()
+        count = sum(self.rows[row][0] in self.hidden_rows for row in rows) if self.hidden_rows else 0
+        return (
+            (*words, f"{count} of its {len(rows)} rows are hidden in the spreadsheet, and are read") if count else words
+        )
 
     @cached_property
     def unpadded(self) -> frozenset[int]:
@@ -113,6 +124,8 @@ class _Page:
     name: str
     rows: Sequence[tuple[int, Row]]
     titles: Sequence[Row]
+    hidden: bool = False
+    hidden_rows: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,14 +145,17 @@ def read_source(path: Path) -> Source:
     Of all separators and decimal marks of a text, those count that give the longest table.
     """
     if is_sheet(path):
-        pages = [(name, _without_blank_end(list(enumerate(texts, start=1)))) for name, texts in read_sheets(path)]
-        sheets = tuple(_Page(name, rows, [row for _, row in rows]) for name, rows in pages)
-        return Source(path, sheets, "", ".", FEWEST_COLUMNS)
+        return Source(path, tuple(map(_page, read_sheets(path))), "", ".", FEWEST_COLUMNS)
     lines = records(read_lines(path))
     separator, decimal, fewest = _layout(path, lines)
     rows = _without_blank_end([(at, tuple(cells(line, separator))) for at, line in lines])
     titles = [_title_cells(line, separator) for _, line in lines] if separator == " " else [row for _, row in rows]
     return Source(path, (_Page("", rows, titles),), separator, decimal, (fewest,))
+
+
+def _page(sheet: Sheet) -> _Page:
+    rows = _without_blank_end(list(enumerate(sheet.rows, start=1)))
+    return _Page(sheet.name, rows, [row for _, row in rows], sheet.hidden, sheet.hidden_rows)
 
 
 def _without_blank_end(rows: list[tuple[int, Row]]) -> list[tuple[int, Row]]:
@@ -158,7 +174,7 @@ def tables_of(source: Source) -> Iterator[Table]:
 
     A table begins where three rows (or all that are left) have numbers in the same columns, three at least; two, in
     three rows or more, where no table has three. It ends with the file or sheet, or where titles and units are
-    repeated. Above the tables of a sheet, its header also holds the sheets before it.
+    repeated. Above the tables of a sheet, its header also holds the sheets before it, unless they are hidden.
     """
     for fewest in source.fewest:
         before: tuple[Row, ...] = ()
@@ -173,8 +189,11 @@ def tables_of(source: Source) -> Iterator[Table]:
                 if found > MOST_TABLES:
                     raise BadInput(source.path, f"more than {MOST_TABLES:,} tables", "fewer of them in one file")
                 own = len(before) + table.own
-                yield replace(table, header=(*before, *table.header), sheet=page.name, own=own) if page.name else table
-            before += tuple(row for _, row in page.rows[:HEAD_LINES] if any(row))
+                header = (*before, *table.header)
+                of_sheet = replace(table, header=header, own=own, sheet=page.name, hidden=page.hidden)
+                yield replace(of_sheet, hidden_rows=page.hidden_rows) if page.name else table
+            if not page.hidden:
+                before += tuple(row for _, row in page.rows[:HEAD_LINES] if any(row))
             if len(before) > MOST_BEFORE:  # each table keeps them
                 before = before[: MOST_BEFORE // 2] + before[-MOST_BEFORE // 2 :]
         if found:

@@ -33,9 +33,11 @@ class Confidence:
     interval: tuple[Share, Share]
 
     def __post_init__(self) -> None:
-        """Raises :class:`ValueError` for more true verdicts than verdicts, and for ends that are not in order."""
-        if self.true > self.of or self.interval[0] > self.interval[1]:
-            raise ValueError(f"confidence: {self.true} of {self.of}, {self.interval[0]:g} to {self.interval[1]:g}")
+        """Raises :class:`ValueError` for another share than that of its counts, or one outside its interval."""
+        low, high = self.interval
+        wrong = abs(self.share * self.of - self.true) > 1e-6 * self.of or not low <= self.share <= high
+        if self.true > self.of or low > high or (self.of > 0 and wrong):
+            raise ValueError(f"confidence: {self.true} of {self.of}, {self.share:g} ({low:g} to {high:g})")
 
 
 @dataclass(frozen=True)
@@ -292,6 +294,18 @@ class DiscoverResult(Result):
     law: Law | None = field(default=None, metadata=OMIT)
     remainder: Remainder | None = field(default=None, metadata=OMIT)
     after: Cells | None = field(default=None, metadata=OMIT)
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for a verdict that its other fields contradict."""
+        if bool(self.effects) != (self.verdict in NAMES) or (self.set and self.verdict != "AMBIGUOUS"):
+            raise ValueError(f"a verdict {self.verdict} with effects {self.effects} and set {self.set}")
+        known = [set(one.effects) for one in self.candidates]
+        for what, effects in (("effects", self.effects), ("shown", self.shown)):
+            if effects and known and set(effects) not in known:
+                raise ValueError(f"{what}: {' + '.join(effects)}, which is no candidate")
+        misfit = self.null.loss - self.null.floor
+        if self.explained is not None and not self.explained * misfit <= self.null.loss * (1.0 + 1e-6):
+            raise ValueError(f"explained: {self.explained:g} of a misfit of {misfit:g}")
 
     @property
     def answer(self) -> str:

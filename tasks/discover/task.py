@@ -212,9 +212,9 @@ def _ready(workspace: Workspace, settings: Settings, specimens: Sequence[Specime
     if study.model.effects:
         raise BadInput(f"{study.path}: model.effects", "is not empty", "a model without effects to begin with")
     cohort = fits_of_each(workspace, specimens)
-    missing = [effect.slug for effect in asked(settings, cohort) if not effect.febio]
+    missing = [effect.slug for effect in asked(settings, cohort) if not (effect.febio or effect.around)]
     if missing and cohort[0].solver is not None:
-        expected = "effects with a FEBio partial (docs/effects.md), or simulator: uniaxial"
+        expected = "effects that FEBio has or that act around it (docs/effects.md), or simulator: uniaxial"
         raise BadInput(f"{study.path}: discover.effects", f"{', '.join(missing)}: not in FEBio", expected)
     for one in cohort:
         refuse_none(one.measured.noise, workspace.cohort.folder / one.name)

@@ -138,7 +138,9 @@ class Effect:
     :data:`PHASES`; ``confounded_with`` says why for each slug or parameter name. ``febio`` holds partials by
     :data:`PLACES`; where it is empty, ``no_febio`` says why. ``loaded_at_rest`` means that there may be force at zero
     displacement, so the solver must wait for its relaxation first; ``unrelaxed``, that this force comes with the first
-    step instead, and relaxes during the test; ``asks_rigid``, that its functions use ``rigid_N``. ``other_forms`` are
+    step instead, and relaxes during the test; ``asks_rigid``, that its functions use ``rigid_N``.
+    ``around``: it acts between machine and specimen, on displacement and force alone, so it works around any simulator.
+    ``other_forms`` are
     effects with the same slug, each with its ``form``.
     """
 
@@ -157,6 +159,7 @@ class Effect:
     loaded_at_rest: bool = False
     unrelaxed: bool = False
     asks_rigid: bool = False
+    around: bool = False
     form: str = ""
     other_forms: tuple["Effect", ...] = ()
     material: Callable[[Bars, Values], Mapping[str, Array]] | None = None
@@ -182,6 +185,16 @@ class Effect:
                 raise ValueError(f"effect {self.slug}: {what} has {sorted(unknown)}; possible are {list(possible)}")
         if not self.null or bool(self.febio) == bool(self.no_febio):
             raise ValueError(f"effect {self.slug}: needs null values, and either febio or no_febio")
+        inside = (
+            self.fibre_stretch,
+            self.fibre_law,
+            self.matrix_stress,
+            self.fibre_stress,
+            self.branches,
+            self.slowing,
+        )
+        if self.around and any(inside):
+            raise ValueError(f"effect {self.slug}: around a specimen it cannot change what is inside")
         if any(form.slug != self.slug or not form.form for form in self.other_forms):
             raise ValueError(f"effect {self.slug}: other forms of an effect have its slug, and a form of their own")
 
@@ -216,4 +229,11 @@ def in_order(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
 def model_with(model: Model, effects: tuple[Effect, ...]) -> Model:
     """The model with the effects' parameters after its own, in the order given."""
     added = tuple(parameter for effect in effects for parameter in effect.parameters)
-    return Model((*model.parameters, *added), model.beta, model.lambda_0)
+    return Model((*model.parameters, *added), model.beta, model.lambda_0, model.law)
+
+
+def model_without(model: Model, effects: tuple[Effect, ...]) -> Model:
+    """The model without the parameters of ``effects``."""
+    added = {parameter.name for effect in effects for parameter in effect.parameters}
+    own = tuple(parameter for parameter in model.parameters if parameter.name not in added)
+    return Model(own, model.beta, model.lambda_0, model.law)

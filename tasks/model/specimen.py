@@ -17,12 +17,19 @@ class Protocol:
     """A displacement history: ``time_s`` ``[t]`` (s, increasing) and ``displacement_mm`` ``[t]`` (mm).
 
     ``seen``: rows at which more than the force was measured, and which should be among those that are kept.
+    ``paced_by``: the protocol by which a solver chooses where to stop, where this one is what a machine leaves of it.
     """
 
     name: str
     time_s: Array
     displacement_mm: Array
     seen: Array | None = None
+    paced_by: "Protocol | None" = None
+
+    @property
+    def pace(self) -> "Protocol":
+        """The protocol by which a solver chooses where to stop."""
+        return self if self.paced_by is None else self.paced_by
 
     @property
     def digest(self) -> str:

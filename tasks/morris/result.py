@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from sinew.tasks.study.result import Count, Numbers, Result, Share
+from sinew.tasks.study.result import Count, NotNegatives, Numbers, Result, Share
 
 KEYS = ("mu", "mu_star", "mu_star_conf", "sigma")
 
@@ -18,7 +18,7 @@ class Effects:
 
     mu: Numbers
     mu_star: Numbers
-    mu_star_conf: Numbers
+    mu_star_conf: NotNegatives
     sigma: Numbers
 
 
@@ -37,7 +37,7 @@ class MorrisResult(Result):
     bounds: list[list[int | float]]
     mu: Numbers
     mu_star: Numbers
-    mu_star_conf: Numbers
+    mu_star_conf: NotNegatives
     sigma: Numbers
     rows: Count
     failed: Count

@@ -1,6 +1,7 @@
 """``report.html``: one page of a result folder, finished or not, that needs no network and no other file."""
 
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,6 +26,9 @@ from sinew.tasks.report.sections import adopted, data, failures, provenance
 from sinew.tasks.report.status import PAGE
 from sinew.tasks.study.files import write_text
 from sinew.tasks.study.resources import resource
+
+# characters that no page shows, and those that turn the direction of what stands behind them
+UNSEEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 
 
 @dataclass(frozen=True)
@@ -139,7 +143,7 @@ def render(
     """A page of these sections: HTML that holds all it needs, in which everything is escaped."""
     loader = FileSystemLoader(resource("templates/report.html.j2").parent)
     environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, finalize=_seen
     )
     environment.filters["json"] = _json
     style = resource("templates/report.css").read_text("utf-8")
@@ -155,6 +159,11 @@ def render(
         scripts=[_inside_script(script) for script in scripts()],
         style=Markup(style),  # noqa: S704 - a file of this package
     )
+
+
+def _seen(value: Any) -> Any:
+    """A text without characters that nobody sees; HTML of this program stays as it is."""
+    return UNSEEN.sub("\N{REPLACEMENT CHARACTER}", value) if type(value) is str else value
 
 
 def _key(found: ResultFolder) -> Facts:

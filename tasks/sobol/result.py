@@ -9,7 +9,7 @@ import numpy as np
 
 from sinew.tasks.simulate.studied_quantity import panels
 from sinew.tasks.sobol.settings import MOST_BASE_SAMPLES, MOST_RUNS, MOST_SCRAMBLES
-from sinew.tasks.study.result import OMIT, Count, Number, Numbers, Result, Share
+from sinew.tasks.study.result import OMIT, Count, NotNegatives, Number, Numbers, Result, Share
 
 Array = np.ndarray[Any, Any]
 KEYS = ("S1", "S1_conf", "ST", "ST_conf")
@@ -20,9 +20,9 @@ class Indices:
     """First and total order indices ``[d]`` with the half-widths of their intervals; NaN where nothing varies."""
 
     S1: Numbers
-    S1_conf: Numbers
+    S1_conf: NotNegatives
     ST: Numbers
-    ST_conf: Numbers
+    ST_conf: NotNegatives
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Analysis(Indices):
     """SALib's analysis of one output; second order indices ``[d, d]`` if they were asked for."""
 
     S2: Numbers | None = dataclasses.field(default=None, metadata=OMIT)
-    S2_conf: Numbers | None = dataclasses.field(default=None, metadata=OMIT)
+    S2_conf: NotNegatives | None = dataclasses.field(default=None, metadata=OMIT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +58,9 @@ class OfOutput:
     unit: str
     is_force: bool
     S1: Numbers
-    S1_conf: Numbers
+    S1_conf: NotNegatives
     ST: Numbers
-    ST_conf: Numbers
+    ST_conf: NotNegatives
     protocols: Mapping[str, Indices]
 
 
@@ -104,9 +104,9 @@ class Convergence:
 
     base_samples: list[int]
     S1: Numbers
-    S1_conf: Numbers
+    S1_conf: NotNegatives
     ST: Numbers
-    ST_conf: Numbers
+    ST_conf: NotNegatives
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,11 +127,11 @@ class SobolResult(Result):
     bounds: list[list[int | float]]
     seed: int
     S1: Numbers
-    S1_conf: Numbers
+    S1_conf: NotNegatives
     ST: Numbers
-    ST_conf: Numbers
+    ST_conf: NotNegatives
     S2: Numbers | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
-    S2_conf: Numbers | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
+    S2_conf: NotNegatives | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
     rows: Count
     failed: Count
     base_samples: Count
@@ -154,6 +154,13 @@ class SobolResult(Result):
     convergence: Convergence
     tables: Mapping[str, str]
     inputs: str
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for counts that contradict each other."""
+        if self.base_samples_used > self.base_samples:
+            raise ValueError(f"base_samples_used: {self.base_samples_used} of {self.base_samples}")
+        if self.failed > self.rows:
+            raise ValueError(f"failed: {self.failed} of {self.rows} rows")
 
     @property
     def sample(self) -> str:

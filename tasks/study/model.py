@@ -103,25 +103,37 @@ def _tissue_model(settings: ModelSettings) -> Model:
     for name in settings.parameters:
         if name not in known:
             raise FieldError(f"model.parameters.{name}", "unknown parameter", f"one of {', '.join(known)}")
-    parameters = []
-    for name, parameter in known.items():
-        try:
-            parameters.append(settings.parameters.get(name, ParameterSettings()).apply(parameter))
-        except FieldError as error:
-            raise FieldError(f"model.parameters.{name}.{error.field}", error.problem, error.expected) from None
-    model = Model(tuple(parameters), settings.beta, settings.lambda_0)
+    parameters = tuple(_applied(settings, parameter) for parameter in known.values())
+    model = Model(parameters, settings.beta, settings.lambda_0)
     if not model.free:
         raise FieldError("model.parameters", "every parameter is fixed", "at least one with min and max")
     return model
 
 
+def _applied(settings: ModelSettings, parameter: Parameter) -> Parameter:
+    """A known parameter with the study's settings of it. Raises :class:`FieldError`."""
+    try:
+        return settings.parameters.get(parameter.name, ParameterSettings()).apply(parameter)
+    except FieldError as error:
+        raise FieldError(f"model.parameters.{parameter.name}.{error.field}", error.problem, error.expected) from None
+
+
 def _template_model(settings: ModelSettings) -> Model:
-    for field in ("beta", "lambda_0", "effects"):
+    for field in ("beta", "lambda_0"):
         if field in settings.model_fields_set:
             expected = "it in the template: it is a part of sinew's own tissue"
             raise FieldError(f"model.{field}", "with a template", expected)
+    effects = effects_of(settings)
+    for effect in effects:
+        if not effect.around:
+            around = ", ".join(name for name, one in named().items() if one.around)
+            expected = f"effects of the machine, which act around any model: {around}"
+            raise FieldError("model.effects", f"{shown(effect.name)} with a template", expected)
+    of_effects = {parameter.name: parameter for effect in effects for parameter in effect.parameters}
     parameters = []
     for name, one in settings.parameters.items():
+        if name in of_effects:
+            continue
         if not IDENTIFIER.fullmatch(name) or name in TAKEN:
             problem = "is taken by the template language" if name in TAKEN else "cannot be a name"
             expected = "another name: letters, digits and '_', beginning with a letter"
@@ -130,7 +142,8 @@ def _template_model(settings: ModelSettings) -> Model:
             parameters.append(one.own(name))
         except FieldError as error:
             raise FieldError(f"model.parameters.{name}.{error.field}", error.problem, error.expected) from None
-    model = Model(tuple(parameters), law="template")
+    added = tuple(_applied(settings, parameter) for parameter in of_effects.values())
+    model = Model((*parameters, *added), law="template")
     if not model.free:
         raise FieldError("model.parameters", "no parameter with min and max", "at least one")
     return model

@@ -66,6 +66,9 @@ Count = Annotated[int, _within(0, np.inf, "at least 0")]
 NotNegative = Annotated[float, _or_nan, _within(0, np.inf, "at least 0")]
 """A float that is not negative; null in the file is NaN."""
 
+NotNegatives = Annotated[Numbers, _within(0, np.inf, "at least 0")]
+"""An array of numbers that are not negative."""
+
 Share = Annotated[float, _or_nan, _within(0, 1, "0 to 1")]
 """A part or a probability, from 0 to 1; null in the file is NaN."""
 

@@ -24,5 +24,6 @@ EFFECT = Effect(
         "E_m": "as with E_f",
     },
     febio={"thickness_mm": "specimen.thickness_mm * parameters.area_factor"},
+    around=True,
     material=_material,
 )

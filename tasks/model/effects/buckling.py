@@ -56,6 +56,7 @@ EFFECT = Effect(
     seen_by=("unload", "valley", "later cycles", "compression"),
     confounded_with=_CONFOUNDED,
     no_febio="a bar of one element has no way to bend",
+    around=True,
     other_forms=(BENT,),
     reading=_yielding,
 )

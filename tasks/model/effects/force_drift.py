@@ -43,6 +43,7 @@ SETTLING = Effect(
         "relaxation-mode": "in one hold both are an exponential; the valleys tell them apart",
     },
     no_febio=_NO_INSTRUMENT,
+    around=True,
     reading=_settling,
 )
 
@@ -60,6 +61,7 @@ EFFECT = Effect(
     seen_by=("rest", "toe", "late hold", "valley", "later cycles"),
     confounded_with=_CONFOUNDED,
     no_febio=_NO_INSTRUMENT,
+    around=True,
     other_forms=(SETTLING,),
     reading=_reading,
 )

@@ -70,6 +70,7 @@ def _form(
         },
         shared=(size.name, "sliding_distance"),
         no_febio="the template prescribes the displacement of the specimen itself; there is no machine in it",
+        around=True,
         reading=reading,
         **more,
     )

@@ -78,6 +78,7 @@ CREEP = Effect(
         "permanent-set": "after both the bar is longer",
     },
     no_febio="the template prescribes the displacement of the specimen itself; there are no grips in it",
+    around=True,
     displacement=_crept,
     giving_way=_creeping,
 )
@@ -101,6 +102,7 @@ SLIDING = Effect(
         "creep": "a specimen that creeps loses nearly the same displacement",
     },
     no_febio="the template prescribes the displacement of the specimen itself; there are no grips in it",
+    around=True,
     displacement=_slid,
     giving_way=_sliding,
 )
@@ -125,6 +127,7 @@ EFFECT = Effect(
         "tau_3f": "creep in the grips relaxes the force like a slow mode",
     },
     no_febio="the template prescribes the displacement of the specimen itself; there are no grips in it",
+    around=True,
     other_forms=(CREEP, SLIDING),
     displacement=_displacement,
     giving_way=_giving_way,

@@ -51,6 +51,7 @@ CLOSING = Effect(
     confounded_with={**_CONFOUNDED, "toe-slack": "both lengthen the toe; slack has an end"},
     shared=("compliance_at_rest", "closing_force"),
     no_febio=_NO_MACHINE,
+    around=True,
     displacement=_closing,
     giving_way=_closing_way,
 )
@@ -68,6 +69,7 @@ EFFECT = Effect(
     confounded_with=_CONFOUNDED,
     shared=("compliance",),
     no_febio=_NO_MACHINE,
+    around=True,
     other_forms=(CLOSING,),
     displacement=_displacement,
     giving_way=_giving_way,

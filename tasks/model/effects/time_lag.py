@@ -38,6 +38,7 @@ FILTER = Effect(
     confounded_with=_CONFOUNDED,
     shared=("filter_time",),
     no_febio=_NO_INSTRUMENT,
+    around=True,
     reading=_filtered,
 )
 
@@ -54,6 +55,7 @@ EFFECT = Effect(
     confounded_with=_CONFOUNDED,
     shared=("force_lag",),
     no_febio=_NO_INSTRUMENT,
+    around=True,
     other_forms=(FILTER,),
     reading=_reading,
 )

@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from sinew.runner.errors import BadInput, shown
 from sinew.runner.files import read_input
 from sinew.tasks.data.cohort import check_inside, visible
-from sinew.tasks.discover.result import ADOPTED, COPY, WITH_EFFECTS, WITH_LAWS
+from sinew.tasks.discover.result import ADOPTED, COPY, WITH_EFFECTS, WITH_LAWS, DiscoverResult
 from sinew.tasks.drawing.formats import without_formulas
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.crate.layout import Layout, changed_fields, template_name, with_fields
@@ -17,7 +17,7 @@ from sinew.tasks.report.crate.source import Source
 from sinew.tasks.report.status import PAGE
 from sinew.tasks.simulate.febio.files import read_files
 from sinew.tasks.simulate.febio.renderer import Allowance
-from sinew.tasks.study.files import as_bytes
+from sinew.tasks.study.files import as_bytes, read_json
 from sinew.tasks.study.study import read_study
 
 PLAIN = re.compile(r"[A-Za-z0-9_+. -]{1,255}")  # names that every archive, list of hashes and system can hold
@@ -67,11 +67,20 @@ def result_items(source: Source, layout: Layout, *, store: bool) -> Iterator[Ite
             expected = "letters, digits, spaces and _ + . - ; remove it or give it another name"
             raise BadInput(source.found.folder, f"holds a file called {shown(str(relative))}", expected)
         path: bytes | Path = source.found.folder / relative
+        if relative.name == COPY:
+            _check_copy(source.found.folder / relative)
         if relative in map(PurePosixPath, (WITH_EFFECTS, WITH_LAWS)) and layout.cohort is not None:
             cohort = os.path.relpath(layout.cohort, layout.results / relative.parent)
             written = read_study(source.found.folder / relative)  # refuses what is no study
             path = with_fields(written.path.read_text("utf-8"), {"cohort": cohort}).encode()
         yield Item(str(layout.results / relative), path, _words(relative))
+
+
+def _check_copy(path: Path) -> None:
+    """Raises :class:`BadInput` for a copy of a verdict that says something else than the verdict beside it."""
+    original = DiscoverResult.path(path.parent)
+    if not original.is_file() or read_json(path) != read_json(original):
+        raise BadInput(path, f"not a copy of {original.name}", "`sinew run --tasks discover` to write both, or neither")
 
 
 def table_items(source: Source) -> Iterator[Item]:

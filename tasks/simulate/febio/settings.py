@@ -9,14 +9,15 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from sinew.runner.errors import shown
-from sinew.tasks.simulate import Summary
+from sinew.runner.errors import BadInput, shown
+from sinew.tasks.model.effect import model_without
+from sinew.tasks.simulate import Simulator, Summary
 from sinew.tasks.simulate.febio.attempt import program_hash, solver_version
 from sinew.tasks.simulate.febio.field_output import FieldOutput
 from sinew.tasks.simulate.febio.files import read_files
 from sinew.tasks.simulate.febio.output import Logged, Reduce
 from sinew.tasks.simulate.febio.renderer import Allowance
-from sinew.tasks.simulate.febio.simulator import FEBio, Template
+from sinew.tasks.simulate.febio.simulator import FEBio, Template, inside
 from sinew.tasks.simulate.febio.template import OwnTemplate, check_template
 from sinew.tasks.simulate.febio.tendon import read_template
 from sinew.tasks.simulate.settings import Law, Purpose, SimulatorSettings, SolverMissing
@@ -57,7 +58,7 @@ class SolverSettings(SimulatorSettings):
     time_steps: TimeSteps = TimeSteps()
     keep_failed: Annotated[int, Field(ge=0, le=10_000)] = 20
 
-    def build(self, purpose: Purpose) -> FEBio:
+    def build(self, purpose: Purpose) -> Simulator:
         template = self.read_template(purpose)  # before the solver, which may be on another machine only
         found, confirmed = self.found(purpose, template)
         if found is None:
@@ -65,7 +66,7 @@ class SolverSettings(SimulatorSettings):
             problem = f"{shown(purpose.solver or self.executable)} was not found"
             raise SolverMissing(where, problem, "febio4 on the PATH, or the path of the solver")
         simulator = self.with_solver(template, str(found), solver_version(found), purpose.scratch, purpose.kept)
-        return replace(simulator, confirmed=confirmed)
+        return replace(simulator, confirmed=confirmed).within(purpose.effects)
 
     def read_template(self, purpose: Purpose) -> Template:
         """The template, checked. Raises :class:`BadInput`."""
@@ -135,7 +136,8 @@ class FEBioSettings(SolverSettings):
         return self.template is None
 
     def read_template(self, purpose: Purpose) -> Template:
-        return read_template(purpose.study.parent, self.template).with_effects(purpose.effects)
+        template = read_template(purpose.study.parent, self.template)
+        return template.with_effects(inside(template, purpose.effects))
 
 
 class OutputSettings(Section):
@@ -227,10 +229,12 @@ class TemplateSettings(SolverSettings):
         outputs = tuple(output.logged(name) for name, output in self.outputs.items() if output.field is None)
         fields = tuple(output.of_field(name) for name, output in self.outputs.items() if output.field is not None)
         template = OwnTemplate(files, main, outputs, self.force, self.settle_s, fields)
+        if purpose.effects:
+            self._check_around(purpose)
         check_template(
             purpose.study,
             template,
-            purpose.model,
+            model_without(purpose.model, purpose.effects),
             sized=purpose.sized,
             moved=self.gives_force,
             allowance=allowance,
@@ -245,6 +249,14 @@ class TemplateSettings(SolverSettings):
             return found
         asked = dict.fromkeys((*self.fields, *(output.field for output in self.outputs.values() if output.field)))
         return replace(found, plotted=tuple(asked), kept=kept)
+
+    def _check_around(self, purpose: Purpose) -> None:
+        """Raises :class:`BadInput` where no effect can act around the model."""
+        where = f"{purpose.study}: model.effects"
+        if not self.gives_force:
+            raise BadInput(where, "without a force", "simulator.force: the output that effects of the machine act on")
+        if self.keep == "fields":
+            raise BadInput(where, "with keep: fields", "keep: nothing, as runs along other histories cannot be kept")
 
     @model_validator(mode="after")
     def _names(self) -> Self:

@@ -17,7 +17,8 @@ import numpy as np
 from sinew.runner.errors import BadInput
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
-from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, rmse_of
+from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, Simulator, rmse_of
+from sinew.tasks.simulate.around import Around
 from sinew.tasks.simulate.febio.attempt import INPUT, Failed, attempt, row_by_row
 from sinew.tasks.simulate.febio.field_output import FieldOutput, field_course
 from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at, slack, what_of
@@ -79,6 +80,11 @@ class Template(Interface):
     def with_effects(self, effects: tuple[Effect, ...]) -> "Template": ...
 
 
+def inside(template: Template, effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """Those of the effects that must be in a template's input: the others act around it."""
+    return tuple(effect for effect in effects if not effect.around or template.can_have((effect,)))
+
+
 class _Stops(NamedTuple):
     """Where the solver stops: at ``rows`` of the protocol, which are its times (s) and displacements from ``first``."""
 
@@ -126,12 +132,23 @@ class FEBio:
         return {"name": self.name, "version": self.version} | of_template
 
     def can_have(self, effects: tuple[Effect, ...]) -> bool:
-        """Whether one input can have all of these effects."""
-        return self.template.can_have(effects)
+        """Whether one input can have all of these effects, but those that act around the specimen."""
+        return self.template.can_have(inside(self.template, effects))
 
-    def with_effects(self, effects: tuple[Effect, ...]) -> "FEBio":
-        """The solver with an input that has ``effects``. Raises :class:`BadInput` where there is no such input."""
-        return replace(self, template=self.template.with_effects(effects))
+    def with_effects(self, effects: tuple[Effect, ...]) -> Simulator:
+        """The solver with an input that has ``effects``, and around it those that are not in an input.
+
+        Raises :class:`BadInput` where there is no such input.
+        """
+        within = inside(self.template, effects)
+        solver = replace(self, template=self.template.with_effects(within))
+        return solver.within(effects)
+
+    def within(self, effects: tuple[Effect, ...]) -> Simulator:
+        """The solver, whose template has what it can have of ``effects``, and the others around it."""
+        within = inside(self.template, effects)
+        outside = tuple(effect for effect in effects if effect not in within)
+        return Around(self, outside) if outside else self
 
     def simulate(
         self, model: Model, specimen: Specimen, protocol: Protocol, parameters: Array, *, stresses: bool = False
@@ -186,7 +203,7 @@ class FEBio:
         return found, status, messages
 
     def _stops(self, model: Model, protocol: Protocol, values: Array) -> _Stops:
-        rows = solver_steps(protocol, self.ramp_s, self.hold_growth, self.still_mm)
+        rows = solver_steps(protocol.pace, self.ramp_s, self.hold_growth, self.still_mm)
         settling = self.template.settling(model, values)
         return _Stops(rows, *from_rest(protocol, rows, settling, loaded_at_rest=self.template.loaded_at_rest))
 
@@ -269,7 +286,7 @@ class FEBio:
         rows, times, _, first = stops
         if self.template.logs_itself:
             logged = read_output_at(path, output, self.max_file_bytes, times[1:])
-            return at_every_row(protocol, rows, np.append(output.at_rest, logged)[first:], self.still_mm)
+            return at_every_row(protocol.pace, rows, np.append(output.at_rest, logged)[first:], self.still_mm)
         at, logged = read_output(path, output, self.max_file_bytes, float(times[-1]))
         return self._at_rows(at, logged, output.at_rest, protocol, stops)
 
@@ -280,7 +297,7 @@ class FEBio:
             at, logged = np.append(0.0, at), np.append(at_rest, logged)
         nearest = np.clip(np.searchsorted(at, times[first:] - slack(times[-1])), 0, at.size - 1)
         if np.all(np.abs(at[nearest] - times[first:]) <= slack(times[-1])):  # the solver stopped where it was asked to
-            return at_every_row(protocol, rows, logged[nearest], self.still_mm)
+            return at_every_row(protocol.pace, rows, logged[nearest], self.still_mm)
         from scipy.interpolate import PchipInterpolator  # slow to import
 
         asked = protocol.time_s - protocol.time_s[0] + times[first]

@@ -51,6 +51,8 @@ PAIRED = (option(SLACK, loss=3000.0), option(LAG, loss=3500.0), option(SLACK, LA
 
 def judged(word, options, null=5000.0, effects=(), alike=(), closed=None):
     """A discovery with these candidates, whose gains are over the model without effects."""
+    if effects and set(effects) not in [set(one.effects) for one in options]:
+        options = (*options, option(*effects, loss=null))
     candidates = tuple(replace(one, gain=null - one.loss - 8.0 * one.free) for one in options)
     gap = Gap("protocol", 2.0, 1.0, 1.0, closed)
     return discovery(word, null, FLOOR, effects=tuple(effects), set=tuple(alike), candidates=candidates, gap=gap)

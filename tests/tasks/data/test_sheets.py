@@ -23,6 +23,11 @@ OFFICE = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
 PACKAGE = "http://schemas.openxmlformats.org/package/2006"
 
 
+def rows_of(path: Path) -> dict[str, list[tuple[str, ...]]]:
+    """The rows of each sheet, by its name."""
+    return {sheet.name: sheet.rows for sheet in read_sheets(path)}
+
+
 def write_workbook(path: Path, styles: str = "", **tables: list[list[object]] | str) -> Path:
     """A workbook with a sheet for each of ``tables``; rows of numbers, texts and None, or the XML of all rows."""
     names = list(tables)
@@ -55,6 +60,33 @@ def write_workbook(path: Path, styles: str = "", **tables: list[list[object]] | 
                 f"xl/worksheets/sheet{i}.xml",
                 f'<worksheet xmlns="{MAIN}"><sheetData>{rows}</sheetData></worksheet>',
             )
+    return path
+
+
+def ods_row(*cells: str, many: int = 1, more: str = "") -> str:
+    return f'<table:table-row table:number-rows-repeated="{many}"{more}>{"".join(cells)}</table:table-row>'
+
+
+def ods_number(value: object, kind: str = "float", many: int = 1, shown: str | None = None) -> str:
+    about = f'office:value-type="{kind}" office:value="{value}" table:number-columns-repeated="{many}"'
+    return f"<table:table-cell {about}><text:p>{value if shown is None else shown}</text:p></table:table-cell>"
+
+
+def ods_text(words: str) -> str:
+    return f'<table:table-cell office:value-type="string"><text:p>{words}</text:p></table:table-cell>'
+
+
+def write_ods(path: Path, *tables: str, styles: str = "") -> Path:
+    """An open document with ``tables``, each the XML of one."""
+    names = "".join(
+        f' xmlns:{name}="urn:oasis:names:tc:opendocument:xmlns:{name}:1.0"'
+        for name in ("office", "table", "text", "style")
+    )
+    body = f"<office:body><office:spreadsheet>{''.join(tables)}</office:spreadsheet></office:body>"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
+        archive.writestr("META-INF/manifest.xml", "<manifest/>")
+        archive.writestr("content.xml", f"<office:document-content{names}>{styles}{body}</office:document-content>")
     return path
 
 
@@ -111,7 +143,7 @@ PERCENT = [1, *map(of_style, ("0.000%", "0%;-0%", "[Red]0.0%;@", "0.00%;-0.00%;0
 def test_cells_of_percent_are_read_as_they_are_shown(tmp_path, title, style, references):
     rows = styled(style, title=title, references=references)
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=rows)
-    rows = dict(read_sheets(path))["one"]
+    rows = rows_of(path)["one"]
     assert rows[0] == ("Time [s]", "Strain [%]", "Force [N]")
     assert [row[1] for row in rows[1:]] == ["0", "2.4925", "4.985", "7.4775", "9.97"]
     assert [row[2] for row in rows[1:]] == ["0", "3", "6", "9", "12"]
@@ -122,7 +154,7 @@ def test_cells_of_percent_are_read_as_they_are_shown(tmp_path, title, style, ref
 @pytest.mark.parametrize("style", [0, *map(of_style, ('0.0" %"', r"0.0\%", "0.00_%", "#,##0.0")), len(OF_STYLE) - 1])
 def test_other_formats_leave_cells_as_they_are(tmp_path, style):
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(style))
-    assert dict(read_sheets(path))["one"][-1] == ("4", "0.0997", "12")
+    assert rows_of(path)["one"][-1] == ("4", "0.0997", "12")
 
 
 @pytest.mark.parametrize("title", ["Strain [%]", "Strain"])
@@ -141,7 +173,7 @@ def test_other_formats_leave_cells_as_they_are(tmp_path, style):
 )
 def test_numbers_of_which_some_are_formatted_as_percent_are_asked_about(tmp_path, styles, title):
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(*styles, title=title))
-    assert [row[1] for row in dict(read_sheets(path))["one"][1:]] == ["0", "0.024925", "0.04985", "0.074775", "0.0997"]
+    assert [row[1] for row in rows_of(path)["one"][1:]] == ["0", "0.024925", "0.04985", "0.074775", "0.0997"]
     with pytest.raises(BadInput, match=ASKED):
         read_recordings(path, Hints())
     (recording,) = read_recordings(path, Hints(displacement_unit="1"))
@@ -153,7 +185,7 @@ def test_numbers_of_which_some_are_formatted_as_percent_are_asked_about(tmp_path
 def test_numbers_that_are_shown_in_thousands_are_asked_about(tmp_path, code, title):
     """What stands in the title may be the unit of what is shown, or of what is stored."""
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(of_style(code), title=title))
-    found = dict(read_sheets(path))["one"]
+    found = rows_of(path)["one"]
     assert found[0] == ("Time [s]", "Force [shown in thousands]", "Force [N]")
     assert found[-1] == ("4", "0.0997", "12"), "as it is stored"
     path = write_workbook(tmp_path / "b.xlsx", STYLES, one=styled(of_style(code), title="Strain"))
@@ -178,7 +210,7 @@ def test_members_are_found_whatever_their_case(tmp_path, name):
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(1))
     other = name.replace("styles", "Styles").replace("workbook", "Workbook")
     rewritten(path, lambda each, content: (other if each == name else each, content))
-    assert dict(read_sheets(path))["one"][-1] == ("4", "9.97", "12")
+    assert rows_of(path)["one"][-1] == ("4", "9.97", "12")
 
 
 def test_styles_of_another_name_are_found_by_their_relation(tmp_path):
@@ -189,7 +221,7 @@ def test_styles_of_another_name_are_found_by_their_relation(tmp_path):
         content = content.replace(b"</Relationships>", link) if name == "xl/_rels/workbook.xml.rels" else content
         return name.replace("xl/styles.xml", "xl/looks.xml"), content
 
-    assert dict(read_sheets(rewritten(path, moved)))["one"][-1] == ("4", "9.97", "12")
+    assert rows_of(rewritten(path, moved))["one"][-1] == ("4", "9.97", "12")
     gone = rewritten(path, lambda name, content: (name.replace("looks", "gone"), content))
     with pytest.raises(BadInput, match="the formats of its cells are not found; expected a spreadsheet as Excel saves"):
         list(read_sheets(gone))
@@ -205,7 +237,7 @@ def test_members_with_one_name_are_refused(tmp_path):
 
 def test_numbers_of_styles_are_numbers(tmp_path):
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(1).replace('s="1"', 's="01"'))
-    assert dict(read_sheets(path))["one"][-1] == ("4", "9.97", "12")
+    assert rows_of(path)["one"][-1] == ("4", "9.97", "12")
 
 
 @pytest.mark.parametrize("more", ['<c r="B3"><v>25</v></c>', '<c r="A3"><v>25</v></c>', '<c r="C2"><v>25</v></c>'])
@@ -226,7 +258,7 @@ def test_a_unit_that_contradicts_cells_of_percent_is_asked_for(tmp_path):
 def test_a_number_above_the_title_is_of_another_table(tmp_path):
     above = f'<row r="1">{cell("Humidity")}<c r="B1" s="1"><v>0.45</v></c></row>'
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=above + styled(1, title="Strain (mm/mm)", first=3))
-    assert dict(read_sheets(path))["one"][0] == ("Humidity", "45", "")
+    assert rows_of(path)["one"][0] == ("Humidity", "45", "")
     with pytest.raises(BadInput, match=r"the strain has two units: 'mm/mm' and '%'"):
         read_recordings(path, Hints())
 
@@ -234,14 +266,14 @@ def test_a_number_above_the_title_is_of_another_table(tmp_path):
 def test_each_of_several_tables_has_its_own_title(tmp_path):
     both = styled(1, title="Strain") + styled(1, title="Strain", first=7)
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=both)
-    rows = dict(read_sheets(path))["one"]
+    rows = rows_of(path)["one"]
     assert rows[0] == rows[6] == ("Time [s]", "Strain [%]", "Force [N]")
     assert [row[1] for row in rows[7:]] == ["0", "2.4925", "4.985", "7.4775", "9.97"]
 
 
 def test_a_percent_sign_within_a_title_is_no_unit(tmp_path):
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(1, title="Strain of 10% test (mm/mm)"))
-    assert dict(read_sheets(path))["one"][0][1] == "Strain of 10% test (mm/mm) [%]"
+    assert rows_of(path)["one"][0][1] == "Strain of 10% test (mm/mm) [%]"
 
 
 def test_cells_and_sheets_with_names_of_no_spreadsheet_are_refused(tmp_path):
@@ -257,31 +289,13 @@ def test_cells_and_sheets_with_names_of_no_spreadsheet_are_refused(tmp_path):
 
 
 def test_cells_of_percent_in_an_open_document(tmp_path):
-    def row(cells, many=1):
-        return f'<table:table-row table:number-rows-repeated="{many}">{"".join(cells)}</table:table-row>'
-
-    def number(value, kind="float", many=1):
-        about = f'office:value-type="{kind}" office:value="{value}" table:number-columns-repeated="{many}"'
-        return f"<table:table-cell {about}><text:p>{value}</text:p></table:table-cell>"
-
-    def text(words):
-        return f'<table:table-cell office:value-type="string"><text:p>{words}</text:p></table:table-cell>'
-
-    names = "".join(
-        f' xmlns:{name}="urn:oasis:names:tc:opendocument:xmlns:{name}:1.0"' for name in ("office", "table", "text")
-    )
-    rows = [row([text("Time [s]"), text("Strain"), text("Stretch"), text("Force [N]")])]
-    rows.append(row([number(0), number(0.05, "percentage", many=2), number(3)]))
-    rows.append(row([number(1), number(0.0997, "percentage"), number(1.5), number(3)], many=2))
-    within = f'<table:table table:name="two">{row([number(2)])}</table:table>'  # which is no table of the sheet
+    rows = [ods_row(*map(ods_text, ("Time [s]", "Strain", "Stretch", "Force [N]")))]
+    rows.append(ods_row(ods_number(0), ods_number(0.05, "percentage", many=2), ods_number(3)))
+    rows.append(ods_row(ods_number(1), ods_number(0.0997, "percentage"), ods_number(1.5), ods_number(3), many=2))
+    within = f'<table:table table:name="two">{ods_row(ods_number(2))}</table:table>'  # which is no table of the sheet
     rows[-1] = rows[-1].replace("</text:p></table:table-cell>", f"</text:p>{within}</table:table-cell>", 1)
-    table = f'<table:table table:name="one">{"".join(rows)}</table:table>'
-    body = f"<office:body><office:spreadsheet>{table}</office:spreadsheet></office:body>"
-    with zipfile.ZipFile(tmp_path / "a.ods", "w") as archive:
-        archive.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
-        archive.writestr("META-INF/manifest.xml", "<manifest/>")
-        archive.writestr("content.xml", f"<office:document-content{names}>{body}</office:document-content>")
-    assert dict(read_sheets(tmp_path / "a.ods"))["one"] == [
+    write_ods(tmp_path / "a.ods", f'<table:table table:name="one">{"".join(rows)}</table:table>')
+    assert rows_of(tmp_path / "a.ods")["one"] == [
         ("Time [s]", "Strain [%]", "Stretch [partly percent]", "Force [N]"),
         ("0", "5", "0.05", "3"),
         ("1", "9.97", "1.5", "3"),
@@ -289,7 +303,7 @@ def test_cells_of_percent_in_an_open_document(tmp_path):
     ]
     foreign = 'xmlns:other="urn:other" other:value-type="float" office:value-type="percentage"'
     replaced(tmp_path / "a.ods", 'office:value-type="percentage"', foreign)
-    assert dict(read_sheets(tmp_path / "a.ods"))["one"][1] == ("0", "5", "0.05", "3")
+    assert rows_of(tmp_path / "a.ods")["one"][1] == ("0", "5", "0.05", "3")
     style = '<style xmlns:n="urn:oasis:names:tc:opendocument:xmlns:datastyle:1.0"><n:number n:display-factor="1000"/>'
     replaced(tmp_path / "a.ods", "<office:body>", f"{style}</style><office:body>")
     with pytest.raises(BadInput, match="numbers that are shown divided by a factor; expected numbers that are shown"):
@@ -300,7 +314,7 @@ def test_cells_of_percent_in_an_open_document(tmp_path):
 @pytest.mark.parametrize("title", ["Force [mN]", "Force", "Force, mN"])
 def test_numbers_that_are_shown_with_another_unit_are_asked_about(tmp_path, code, unit, title):
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(of_style(code), title=title))
-    found = dict(read_sheets(path))["one"]
+    found = rows_of(path)["one"]
     name = "Force, mN" if title == "Force, mN" else "Force"
     assert found[0] == ("Time [s]", f"{name} [shown with {unit}]", "Force [N]")
     assert found[-1] == ("4", "0.0997", "12")
@@ -323,9 +337,9 @@ def test_numbers_that_are_shown_with_another_unit_are_asked_about(tmp_path, code
 )
 def test_numbers_that_are_shown_with_their_own_unit_or_none_are_as_they_are(tmp_path, code, title):
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(of_style(code), title=title))
-    assert dict(read_sheets(path))["one"][0] == ("Time [s]", title, "Force [N]")
+    assert rows_of(path)["one"][0] == ("Time [s]", title, "Force [N]")
     path = write_workbook(tmp_path / "b.xlsx", STYLES, one=styled(of_style(code), 0, title=title))
-    assert dict(read_sheets(path))["one"][0][1] == title, "only some have the format"
+    assert rows_of(path)["one"][0][1] == title, "only some have the format"
 
 
 @pytest.mark.parametrize(
@@ -338,14 +352,14 @@ def test_numbers_that_are_shown_with_their_own_unit_or_none_are_as_they_are(tmp_
 )
 def test_only_the_whole_unit_of_a_title_is_the_unit_that_is_shown(tmp_path, code, title, asked):
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(of_style(code), title=title))
-    assert dict(read_sheets(path))["one"][0][1] == asked
+    assert rows_of(path)["one"][0][1] == asked
 
 
 def test_a_number_that_is_no_column_changes_no_text(tmp_path):
     size = f'<c s="{of_style(CODES[180])}"><v>14.33</v></c>'
     rows = f"<row>{cell('Specimen')}{cell('A1')}</row><row>{cell('Length')}{size}</row>"
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=rows)
-    assert dict(read_sheets(path))["one"] == [("Specimen", "A1"), ("Length", "14.33")]
+    assert rows_of(path)["one"] == [("Specimen", "A1"), ("Length", "14.33")]
 
 
 def test_dates_and_durations_are_clock_times(tmp_path):
@@ -355,7 +369,7 @@ def test_dates_and_durations_are_clock_times(tmp_path):
     for days, past in ((45000.5, 0.9), (45001, 1.0), (45001.25, 2.5)):
         rows += f'<row><c s="1"><v>{days}</v></c><c s="2"><v>{past}</v></c></row>'
     path = write_workbook(tmp_path / "a.xlsx", styles, one=rows)
-    assert dict(read_sheets(path))["one"][1:] == [
+    assert rows_of(path)["one"][1:] == [
         ("2023-03-15T12:00:00", "21:36:00"),
         ("2023-03-16T00:00:00", "24:00:00"),
         ("2023-03-16T06:00:00", "60:00:00"),
@@ -373,7 +387,7 @@ VALUES += [[0.5 * i, 0.01 * i, 3.25 * i] for i in range(5)]
 
 def test_cells_are_texts(tmp_path):
     path = write_workbook(tmp_path / "a.xlsx", first=[["a", 1.5, None, 2], [None, "b & c"]], second=[[1e-7]])
-    assert dict(read_sheets(path)) == {
+    assert rows_of(path) == {
         "first": [("a", "1.5", "", "2"), ("", "b & c", "", "")],
         "second": [("1e-07",)],
     }
@@ -453,9 +467,9 @@ def test_a_text_in_every_cell_has_a_limit(tmp_path, monkeypatch):
 
 def test_a_lower_limit_of_the_shell_stays(tmp_path):
     path = write_workbook(tmp_path / "a.xlsx", one=[[1.5]])
-    script = f"ulimit -v 1000000 && exec {sys.executable} -I {sheet_reading.__file__}"
+    script = f"ulimit -v 1000000 && exec {sys.executable} -I -m {sheet_reading.__name__}"
     done = subprocess.run(["bash", "-c", script], input=path.read_bytes(), capture_output=True, check=True)
-    assert done.stdout.splitlines() == [b'"one"', b'["1.5"]', b"null"]
+    assert done.stdout.splitlines() == [b'{"sheet": "one", "hidden": false, "hidden_rows": []}', b'["1.5"]', b"null"]
 
 
 def test_texts_reach_this_process_as_they_are_and_are_kept_once(tmp_path):
@@ -463,7 +477,8 @@ def test_texts_reach_this_process_as_they_are_and_are_kept_once(tmp_path):
     path = write_workbook(tmp_path / "a.xlsx", one=[[text] * 40] * 500)
     tracemalloc.start()
     try:
-        ((_, rows),) = read_sheets(path)
+        (sheet,) = read_sheets(path)
+        rows = sheet.rows
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
@@ -508,3 +523,103 @@ def test_of_very_many_sheets_a_table_keeps_the_first_and_the_last_rows(tmp_path)
     above = [row[0] for row in table.header[: table.own]]
     assert len(above) == MOST_BEFORE
     assert (above[0], above[-1]) == ("size 0", "size 13")
+
+
+TITLES = ("Time [s]", "Strain", "Force [N]")
+
+
+def ods_test(name: str, *rows: str, more: str = "") -> str:
+    """A sheet of an open document with a test of ten rows, and then ``rows``."""
+    ten = [ods_row(ods_number(i), ods_number(0.01 * i), ods_number(3 * i)) for i in range(10)]
+    titles = ods_row(*map(ods_text, TITLES))
+    return f'<table:table table:name="{name}"{more}>{titles}{"".join((*ten, *rows))}</table:table>'
+
+
+def test_numbers_of_an_open_document_whose_style_shows_them_as_percent_are_asked_about(tmp_path):
+    more = ods_row(ods_number(10), ods_number(0.1, shown="10%"), ods_number(30))
+    path = write_ods(tmp_path / "a.ods", ods_test("one", more))
+    assert rows_of(path)["one"][0] == ("Time [s]", "Strain [partly percent]", "Force [N]")
+
+
+@pytest.mark.parametrize("shown", ["#DIV/0!", "Err:502", "#VALUE!"])
+def test_an_error_of_an_open_document_is_no_force_of_zero(tmp_path, shown):
+    more = (
+        ods_row(ods_number(10), ods_number(0.1), ods_number(0, shown=shown)),
+        ods_row(*map(ods_number, (11, 0.11, 33))),
+    )
+    path = write_ods(tmp_path / "a.ods", ods_test("one", *more))
+    assert rows_of(path)["one"][-2] == ("10", "0.1", "")
+    with pytest.raises(BadInput, match=r"row 12, Force \[N\]: an empty cell"):
+        read_recordings(path, Hints(displacement_unit="1"))
+
+
+@pytest.mark.parametrize(
+    ("saved", "read"), [("PT24H00M00S", "24:00:00"), ("PT100H02M03.5S", "100:02:03.500000"), ("PT12S", "0:00:12")]
+)
+def test_durations_beyond_a_day_are_clock_times(tmp_path, saved, read):
+    cell = (
+        f'<table:table-cell office:value-type="time" office:time-value="{saved}"><text:p>x</text:p></table:table-cell>'
+    )
+    path = write_ods(tmp_path / "a.ods", f'<table:table table:name="one">{ods_row(cell, ods_text("PT"))}</table:table>')
+    assert rows_of(path)["one"] == [(read, "PT")]
+
+
+@pytest.mark.parametrize("damaged", ["backslashes", "bytes in front", "an open document in it", "no workbook"])
+def test_an_archive_whose_formats_are_not_found_is_refused_or_read_as_shown(tmp_path, damaged):
+    """The library reads all of these but the last; without formats, strains were a hundred times too small."""
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(1))
+    if damaged == "backslashes":
+        rewritten(path, lambda name, content: (name.replace("/", "\\"), content))
+        assert rows_of(path)["one"][-1] == ("4", "9.97", "12")
+        return
+    if damaged == "bytes in front":
+        path.write_bytes(b"#!" + path.read_bytes())
+    elif damaged == "no workbook":
+        rewritten(path, lambda name, content: (name.replace("workbook.xml", "book.xml"), content))
+    else:
+        with zipfile.ZipFile(path, "a") as archive:
+            archive.writestr("content.xml", "<a/>")
+    with pytest.raises(BadInput, match=r"a\.xlsx: not a spreadsheet that can be read \((it begins|an archive with)"):
+        list(read_sheets(path))
+
+
+def test_a_sheet_that_is_not_found_is_not_left_out(tmp_path):
+    path = write_workbook(tmp_path / "a.xlsx", STYLES, one=styled(1))
+    rewritten(path, lambda name, content: (name, content.replace(b"worksheets/sheet1", b"worksheets/sheet2")))
+    with pytest.raises(BadInput):
+        list(read_sheets(path))
+
+
+SIZES = f"<table:table-row>{ods_text('Length')}{ods_number(99)}{ods_text('mm')}</table:table-row>"
+STYLE_HIDDEN = (
+    '<office:automatic-styles><style:style style:name="h" style:family="table">'
+    '<style:table-properties table:display="false"/></style:style></office:automatic-styles>'
+)
+
+
+def test_a_hidden_sheet_tells_no_sizes_and_its_tests_are_named_as_hidden(tmp_path):
+    of_sizes = f'<table:table table:name="old"{{}}>{SIZES}</table:table>'
+    hidden = ' table:style-name="h"'
+    for more, tells in (("", True), (hidden, False)):
+        path = write_ods(tmp_path / "a.ods", of_sizes.format(more), ods_test("new"), styles=STYLE_HIDDEN)
+        (recording,) = read_recordings(path, Hints(displacement_unit="1"))
+        assert ("length" in recording.sizes) == tells
+        assert recording.notes == ()
+    path = write_ods(tmp_path / "a.ods", ods_test("old", more=hidden), ods_test("new"), styles=STYLE_HIDDEN)
+    assert [one.notes for one in read_recordings(path, Hints(displacement_unit="1"))] == [
+        ("its sheet 'old' is hidden",),
+        (),
+    ]
+
+
+def test_hidden_rows_are_said(tmp_path):
+    more = ods_row(*map(ods_number, (10, 0.1, 900)), more=' table:visibility="filter"')
+    (recording,) = read_recordings(write_ods(tmp_path / "a.ods", ods_test("one", more)), Hints(displacement_unit="1"))
+    assert recording.notes == ("1 of its 11 rows are hidden in the spreadsheet, and are read",)
+    rows = "".join(
+        f'<row r="{i + 2}"{" hidden=" + quoteattr("1") if i in (3, 4) else ""}>{cell(i)}{cell(0.01 * i)}{cell(i)}</row>'
+        for i in range(8)
+    )
+    head = f'<row r="1">{"".join(map(cell, TITLES))}</row>'
+    (recording,) = read_recordings(write_workbook(tmp_path / "a.xlsx", one=head + rows), Hints(displacement_unit="1"))
+    assert recording.notes == ("2 of its 8 rows are hidden in the spreadsheet, and are read",)

@@ -51,7 +51,13 @@ def test_an_error_that_is_not_known_is_read_back(tmp_path):
         (("gap",), None, "discover.json: gap: None"),
         (("confidence", "true"), 1_000, "confidence: 1000 of "),
         (("confidence", "share"), 1.5, "discover.json: confidence.share: 1.5: expected 0 to 1"),
-        (("confidence", "interval"), [0.9, 0.1], ", 0.9 to 0.1; expected"),
+        (("confidence", "interval"), [0.9, 0.1], "(0.9 to 0.1); expected"),
+        (("confidence", "share"), 0.01, ", 0.01 ("),
+        (("verdict",), "NAMED", "a verdict NAMED with effects () and set ()"),
+        (("effects",), ["toe-slack"], "a verdict NONE with effects ('toe-slack',) and set ()"),
+        (("set",), ["toe-slack"], "a verdict NONE with effects () and set ('toe-slack',)"),
+        (("shown",), ["creep"], "shown: creep, which is no candidate"),
+        (("explained",), 1.3, "explained: 1.3 of a misfit of 4000"),
     ],
 )
 def test_a_damaged_result_is_one_clear_line(tmp_path, path, value, words):

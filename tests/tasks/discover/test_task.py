@@ -380,10 +380,12 @@ def test_the_real_solver_names_a_hidden_effect(study, tmp_path):
 
 @pytest.mark.febio
 def test_effects_that_the_real_solver_does_not_have_are_one_line(study, tmp_path, capsys):
+    path = study(None)
+    path.write_text(STUDY.replace("time-lag", "rupture"))
     with pytest.raises(SystemExit) as ended:
-        sinew("discover", study(None), "--out", tmp_path / "out", "--simulator", "febio")
+        sinew("discover", path, "--out", tmp_path / "out", "--simulator", "febio")
     assert ended.value.code == 2
-    assert "discover.effects: force-drift, time-lag: not in FEBio; expected" in capsys.readouterr().err
+    assert "discover.effects: rupture: not in FEBio; expected effects that FEBio has" in capsys.readouterr().err
 
 
 def test_a_model_that_has_effects_already_is_one_line(study, tmp_path, capsys):

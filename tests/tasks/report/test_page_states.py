@@ -416,3 +416,11 @@ def test_results_that_a_section_shows_together_have_a_limit(tmp_path, monkeypatc
         with pytest.raises(StoreError, match="b and those before it take more than 1,000 bytes"):
             read_results(store, ["a", "b"])
         assert [list(each) for each in read_results(store, ["a", "b"], "y_")] == [["y_1"], ["y_1"]]
+
+
+@pytest.mark.usefixtures("no_plots")
+def test_characters_that_nobody_sees_do_not_reach_a_page(run_folder):
+    edit(run_folder / "compare.json", lambda content: content.update(note="a\x00b\x1b[31m\u202ec"))
+    assert build(run_folder).trouble == ()
+    page = (run_folder / "report.html").read_text()
+    assert "a\ufffdb\ufffd[31m\ufffdc" in page

@@ -69,3 +69,22 @@ def test_numbers_that_cannot_be_are_refused(tmp_path, field, value, problem):
     path.write_text(json.dumps(json.loads(path.read_text()) | {field: value}))
     with pytest.raises(BadInput, match=rf"sobol\.json: {field}: {problem}"):
         SobolResult.read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [({"base_samples_used": 999}, "base_samples_used: 999 of "), ({"failed": 999}, "failed: 999 of ")],
+)
+def test_counts_that_contradict_each_other_are_refused(changed, words):
+    with pytest.raises(ValueError, match=words):
+        sobol_result(**changed)
+
+
+def test_half_widths_below_zero_are_refused(tmp_path):
+    sobol_result().write(tmp_path)
+    path = SobolResult.path(tmp_path)
+    content = json.loads(path.read_text())
+    content["ST_conf"][0] = -0.5
+    path.write_text(json.dumps(content))
+    with pytest.raises(BadInput, match=r"sobol\.json: ST_conf: .*: expected at least 0"):
+        SobolResult.read(tmp_path)

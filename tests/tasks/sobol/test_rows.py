@@ -116,7 +116,7 @@ def test_a_study_that_is_not_finished_is_refused(workspace):
         {"base_samples": 2**18, "scrambles": 2**18},
         {"base_samples": 2**27},
         {"base_samples": 4, "scrambles": 3},
-        {"base_samples": 0},
+        {"base_samples": 0, "base_samples_used": 0},
     ],
 )
 def test_a_design_that_no_study_draws_is_refused_before_it_is_drawn(workspace, changed, monkeypatch):

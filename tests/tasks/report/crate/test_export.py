@@ -202,8 +202,9 @@ def test_links_and_odd_files_are_refused(run_folder, whole_run, tmp_path):
             lambda folder: edit(folder / "calibrate.json", lambda told: told.update(names=["other"])),
             "are no parameters",
         ),
+        (lambda folder: edit(folder / "verdict.json", lambda told: told.update(why="")), "not a copy of discover.json"),
     ],
-    ids=["damaged", "field missing", "no log", "contradiction"],
+    ids=["damaged", "field missing", "no log", "contradiction", "another verdict"],
 )
 def test_a_damaged_folder_is_refused(run_folder, whole_run, tmp_path, spoil, told):
     spoil(run_folder)

@@ -223,6 +223,20 @@ def test_quantities_that_a_template_does_not_give_are_refused(tmp_path, settings
     assert words in str(refused.value)
 
 
+def test_a_machine_around_a_model_of_ones_own(tmp_path, settings):
+    settings["model"]["effects"] = ["machine-compliance", "force-drift"]
+    settings["model"]["parameters"] |= {"compliance": {"min": 0, "max": 0.02}, "force_slope": {"fixed": 0.0}}
+    rows = tmp_path / "rows.csv"
+    names = [*NAMES, "compliance", "force_offset", "force_slope"]
+    truth = ",".join(map(str, TRUTH))
+    rows.write_text(f"{','.join(names)}\n{truth},0,0,0\n{truth},0.01,0,0\n{truth},0,2,0\n")
+    command("simulate", written(tmp_path, settings), "--parameters", rows, "--out", tmp_path / "out", "--quiet")
+    rigid, soft, offset = pd.read_csv(tmp_path / "out" / "dogbone.relaxation.csv").filter(like="row_").to_numpy().T
+    np.testing.assert_allclose(offset, rigid + 2.0, rtol=1e-9)
+    assert 0.02 < 1.0 - soft.max() / rigid.max() < 0.2
+    assert (soft[1:] < rigid[1:]).all()
+
+
 def test_failures_are_rows_with_reasons(tmp_path, settings):
     program = Path(settings["simulator"]["executable"])
     text = program.read_text()

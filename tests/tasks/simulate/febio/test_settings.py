@@ -12,6 +12,7 @@ from sinew.tasks import pipeline
 from sinew.tasks.simulate.build import simulator_of, solver_request
 from sinew.tasks.simulate.settings import SolverMissing
 from sinew.tasks.study.cohort import cohort_of
+from sinew.tasks.study.model import model_of
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.trust import allow
@@ -74,7 +75,10 @@ WRONG = {
     "unknown variable": ("model.parameters.nu", None, "dogbone.feb.j2: unknown variable nu; expected some of E_matrix"),
     "no parameters": ("model.parameters", {}, "no parameter with min and max"),
     "tissue's constant": ("model.beta", 3.0, "model.beta: with a template"),
-    "tissue's effect": ("model.effects", ["toe-slack"], "model.effects: with a template"),
+    "tissue's effect": ("model.effects", ["toe-slack"], "model.effects: 'toe-slack' with a template; expected ef"),
+    "law": ("model.effects", ["fibres * (1 - a)"], "model.effects: "),
+    "effect twice": ("model.effects", ["time-lag", "time-lag/filter"], "time-lag is a duplicate"),
+    "range of an effect": ("model.parameters.force_lag", {"min": 0.1, "max": 0.2}, "parameters.force_lag: not used"),
     "no size": ("specimen", None, "unknown variable specimen"),
     "protocol backwards": ("protocols.relaxation.time_s", [0, 9, 5], "times do not increase"),
     "uneven protocol": ("protocols.relaxation.time_s", [0, 9], "3 numbers beside 2 of time_s"),
@@ -132,6 +136,25 @@ def test_the_settings_reach_the_simulator(tmp_path, settings):
     assert simulator.identity()["time_steps"] == [0.5, 0.2, 0.0, 4.0]
     assert [output.name for output in simulator.capabilities.outputs] == list(settings["simulator"]["outputs"])
     assert simulator.capabilities.force == "force"
+
+
+def test_effects_of_the_machine_act_around_a_template(tmp_path, settings):
+    settings["model"]["effects"] = ["machine-compliance", "time-lag"]
+    settings["model"]["parameters"]["force_lag"] = {"min": 0, "max": 0.1, "unit": "s"}
+    simulator = checked(tmp_path, settings)
+    assert [effect.name for effect in simulator.effects] == ["machine-compliance", "time-lag"]
+    assert "compliance" not in simulator.inner.template.files[simulator.inner.template.main]
+    model = model_of(read_study(tmp_path / "study.yaml").model, "template")
+    assert model.names == ("E_matrix", "nu", "g_1", "tau_1", "compliance", "force_lag")
+    assert (model.parameters[-1].maximum, model.parameters[-1].unit) == (0.1, "s")
+    settings["simulator"] |= {"keep": "fields"}
+    with pytest.raises(BadInput, match=r"model\.effects: with keep: fields; expected keep: nothing"):
+        checked(tmp_path, settings)
+    settings["simulator"] |= {"keep": "nothing"}
+    del settings["simulator"]["force"]
+    settings["simulator"]["outputs"]["pull"] = settings["simulator"]["outputs"].pop("force")
+    with pytest.raises(BadInput, match=r"model\.effects: without a force; expected simulator\.force"):
+        checked(tmp_path, settings)
 
 
 def test_a_template_is_checked_before_the_solver_is_looked_for(tmp_path, settings):

@@ -1,0 +1,185 @@
+"""Effects around a simulator: the same forces as with the effects in sinew's own equations, and rows that fail."""
+
+import shutil
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.runner.store.schema import STATUSES
+from sinew.tasks.model import Curve, Model, Protocol, Specimen
+from sinew.tasks.model.effect import model_with, model_without
+from sinew.tasks.model.effects import named
+from sinew.tasks.model.protocols import STANDARD
+from sinew.tasks.simulate import Capabilities, Simulated
+from sinew.tasks.simulate.around import RUNS, Around
+from sinew.tasks.simulate.effects import UniaxialWith
+from sinew.tasks.simulate.uniaxial import Uniaxial
+from tests.tasks.simulate.febio.dogbone import BAR, OWN, RELAX, dogbone
+
+BONE = Specimen("bone", 10.0, 8.0, 4.0)
+AROUND = {name: effect for name, effect in named().items() if effect.around}
+SEVERAL = [
+    ("machine-compliance", "grip-slip", "time-lag"),
+    ("force-drift", "friction/pressed", "area-error", "buckling"),
+]
+
+
+@dataclass
+class Counting:
+    """A simulator that counts its runs."""
+
+    inner: Any
+    runs: int = 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.inner, name)
+
+    def simulate(self, *arguments: Any, **options: Any) -> Any:
+        self.runs += 1
+        return self.inner.simulate(*arguments, **options)
+
+
+def rows_of(model: Model, count: int) -> np.ndarray:
+    """The reference, and rows of the lower three quarters of all ranges."""
+    low = np.array([parameter.minimum for parameter in model.parameters])
+    high = np.array([parameter.maximum for parameter in model.parameters])
+    drawn = np.random.default_rng(1).uniform(0.01, 0.75, (count, low.size))
+    return np.concatenate([model.reference[np.newaxis], low + (high - low) * drawn])
+
+
+def test_effects_of_the_machine_are_those_around():
+    assert {name.partition("/")[0] for name in AROUND} == {
+        "area-error", "buckling", "force-drift", "friction", "grip-slip", "machine-compliance", "time-lag",
+    }  # fmt: skip
+    with pytest.raises(ValueError, match="softening acts inside the specimen"):
+        Around(Uniaxial(), (named()["softening"],))
+
+
+@pytest.mark.parametrize("make", STANDARD)
+@pytest.mark.parametrize("names", [*((name,) for name in AROUND), *SEVERAL], ids="+".join)
+def test_forces_are_those_of_the_equations_with_the_effects_in_them(names, make):
+    effects = tuple(AROUND[name] for name in names)
+    model, protocol = model_with(Model(), effects), make(10.0, 5.0)
+    gentle = len(names) > 1 or "grip-slip/" in names[0]  # where the specimen slides out, there may be no balance
+    rows = rows_of(model, 0 if gentle else 2)
+    counting = Counting(Uniaxial())
+    found = Around(counting, effects).simulate(model, BONE, protocol, rows)
+    expected = UniaxialWith(names).simulate(model, BONE, protocol, rows).force_N
+    assert found.messages == ("",) * len(rows)
+    assert np.abs(found.force_N - expected).max() < 1e-4 * np.abs(expected).max()
+    assert counting.runs <= (len(rows) if not any(effect.giving_way for effect in effects) else 20 * len(rows))
+
+
+@pytest.mark.parametrize("name", AROUND)
+def test_at_their_null_values_effects_change_nothing(name):
+    effect = AROUND[name]
+    model, protocol = model_with(Model(), (effect,)), STANDARD[2](10.0, 5.0)
+    row = np.concatenate([Model().reference, effect.null_values])[np.newaxis]
+    counting = Counting(Uniaxial())
+    found = Around(counting, (effect,)).simulate(model, BONE, protocol, row)
+    bare = Uniaxial().simulate(Model(), BONE, protocol, row[:, :16])
+    np.testing.assert_allclose(found.force_N, bare.force_N, rtol=1e-9, atol=1e-9)
+    assert counting.runs == 1
+
+
+def test_outputs_and_errors_are_those_along_the_displacement_that_is_left():
+    effects = (AROUND["machine-compliance"], AROUND["force-drift"])
+    model, protocol = model_with(Model(), effects), STANDARD[0](10.0, 2.0)
+    rng = np.random.default_rng(2)
+    lateral = np.where(np.arange(protocol.time_s.size) % 3, np.nan, -0.01)
+    curve = Curve(protocol, rng.normal(300.0, 9.0, protocol.time_s.size), {"lateral_strain": lateral})
+    keep, rows = np.arange(0, protocol.time_s.size, 7), rows_of(model, 1)
+    found = Around(Uniaxial(compared=("lateral_strain",)), effects).compare(model, BONE, curve, rows, keep)
+    expected = UniaxialWith(tuple(one.name for one in effects), compared=("lateral_strain",)).compare(
+        model, BONE, curve, rows, keep
+    )
+    np.testing.assert_allclose(found.force_N, expected.force_N, rtol=1e-3, atol=0.05)
+    np.testing.assert_allclose(found.rmse_N, expected.rmse_N, rtol=1e-3)
+    for name in ("outputs", "summaries", "rmse"):
+        one, other = getattr(found, name)["lateral_strain"], getattr(expected, name)["lateral_strain"]
+        np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-6)
+
+
+def test_rows_that_fail_say_why_and_leave_the_others():
+    effect = AROUND["machine-compliance"]
+    model = model_with(Model(), (effect,))
+    rows = np.tile(model.reference, (3, 1))
+    rows[0, model.names.index("E_f")] = -1.0
+    rows[1, model.names.index("compliance")] = -1.0
+    done = Around(Uniaxial(), (effect,)).simulate(model, BONE, STANDARD[0](10.0, 2.0), rows)
+    assert [STATUSES[status] for status in done.status] == ["bad_input", "bad_input", "ok"]
+    assert done.messages[0].startswith("E_f = -1; expected")
+    assert done.messages[1].startswith("compliance = -1; expected")
+    assert np.isnan(done.force_N[:2]).all()
+    assert np.isfinite(done.force_N[2]).all()
+
+
+@dataclass
+class Contrary:
+    """A simulator with another force in each run, so that no displacement agrees with it."""
+
+    name = "contrary"
+    capabilities = Capabilities()
+    runs: int = 0
+    status: int = 0
+
+    def simulate(self, model: Model, specimen: Specimen, protocol: Protocol, parameters: np.ndarray) -> Simulated:
+        self.runs += 1
+        force = np.random.default_rng(self.runs).normal(0.0, 100.0, (1, protocol.time_s.size))
+        return Simulated(force, np.array([self.status], dtype=np.int8), ("stopped" if self.status else "",))
+
+
+def test_without_a_balance_a_row_fails():
+    effect = AROUND["machine-compliance"]
+    model, contrary = model_with(Model(), (effect,)), Contrary()
+    done = Around(contrary, (effect,)).simulate(model, BONE, STANDARD[0](10.0, 1.0), model.reference[np.newaxis])
+    assert STATUSES[done.status[0]] == "diverged"
+    assert done.messages == (f"no balance of force and displacement in {RUNS} runs of the simulator",)
+    assert contrary.runs == RUNS
+    stopped = Contrary(status=STATUSES.index("timeout"))
+    done = Around(stopped, (effect,)).simulate(model, BONE, STANDARD[0](10.0, 1.0), model.reference[np.newaxis])
+    assert (STATUSES[done.status[0]], done.messages, stopped.runs) == ("timeout", ("stopped",), 1)
+
+
+def test_there_are_no_stresses_of_the_constituents():
+    effect = AROUND["time-lag"]
+    model = model_with(Model(), (effect,))
+    with pytest.raises(BadInput, match="with effects there are no stresses"):
+        Around(Uniaxial(), (effect,)).simulate(
+            model, BONE, STANDARD[0](10.0, 1.0), model.reference[None], stresses=True
+        )
+
+
+@pytest.mark.parametrize("solver", ["stand-in", pytest.param("febio4", marks=pytest.mark.febio)])
+def test_a_model_of_ones_own_is_in_balance_with_the_machine(tmp_path, solver):
+    """The solver stops where it would without the machine, although no hold is one for the specimen any more."""
+    program = None if solver == "stand-in" else Path(str(shutil.which(solver)))
+    own = replace(dogbone(tmp_path, program=program), hold_growth=0.5)
+    effect = replace(AROUND["machine-compliance"])
+    around = own.with_effects((effect,))
+    assert isinstance(around, Around)
+    model = model_with(OWN, (effect,))
+    assert model_without(model, (effect,)) == OWN
+    compliance = 2e-3
+    row = np.append(OWN.reference, compliance)[np.newaxis]
+    force = around.simulate(model, BAR, RELAX, row).force_N[0]
+    left = RELAX.displacement_mm - compliance * force
+    assert np.ptp(left[RELAX.time_s > 4.0]) > 1e-3, "the specimen moves on in the hold"
+    alone = own.simulate(OWN, BAR, replace(RELAX, displacement_mm=left, paced_by=RELAX), row[:, :-1]).force_N[0]
+    np.testing.assert_allclose(force, alone, rtol=1e-4, atol=1e-4 * force.max())
+    assert np.abs(own.simulate(OWN, BAR, RELAX, row[:, :-1]).force_N[0] - force).max() > 0.01 * force.max()
+    stops = own._stops(OWN, replace(RELAX, displacement_mm=left, paced_by=RELAX), row[0, :-1])
+    assert stops.rows.tolist() == own._stops(OWN, RELAX, row[0, :-1]).rows.tolist()
+    assert around.identity() == own.identity() | {"around": {"version": 1, "effects": ["machine-compliance"]}}
+
+
+def test_effects_inside_the_specimen_are_refused_around_a_model_of_ones_own(tmp_path):
+    own = dogbone(tmp_path)
+    assert own.can_have((AROUND["friction"], AROUND["area-error"]))
+    assert not own.can_have((named()["softening"],))
+    with pytest.raises(BadInput, match="a part of sinew's own tissue"):
+        own.with_effects((named()["softening"], AROUND["friction"]))
