@@ -99,7 +99,7 @@ def test_names_from_a_folder_are_words(whole_run, run_folder, tmp_path):
 
 
 def test_half_a_character_is_a_question_mark(whole_run, run_folder, tmp_path):
-    edit(run_folder / "discover.json", lambda told: told.update(set=["\ud800half"]))
+    edit(run_folder / "discover.json", lambda told: told.update(verdict="AMBIGUOUS", set=["\ud800half"]))
     found, trouble = sections(whole_run, run_folder, tmp_path)
     assert not trouble
     assert "?half" in found["discovery"]
