@@ -145,7 +145,8 @@ class Keeper:
         last look.
         """
         self._note_new()
-        left = [job for job in self.cluster.workers.values() if job.job_id and self.noted[job.job_id] != "ended"]
+        jobs = list(self.cluster.workers.values())
+        left = [job for job in jobs if job.job_id and self.noted.get(job.job_id, "ended") != "ended"]
         try:
             queued = self.system.queue(job.job_id for job in left)
         except (ClusterError, OSError) as error:

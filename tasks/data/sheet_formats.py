@@ -27,7 +27,8 @@ SHOWN_TEXT = re.compile(r'"([^"]*)"|\\(.)|([0#?.,%]|General|_.|\*.|\[[^\]]*\])')
 HAS_UNIT = re.compile(r"[^\W\d_]|[%°]")  # a letter
 IN_THOUSANDS = re.compile(r"[0#?](,+)(?![0#?,])")  # in a number format: each comma divides by a thousand
 REFERENCE = re.compile(r"([A-Z]{1,3})([0-9]{1,7})")  # of a cell
-ERRORS = ("#", "Err:")  # what an open document shows for an error begins with one of these
+ERROR = re.compile(r"#[A-Z]|Err:[0-9]")  # begin of what an open document shows for an error
+HIDDEN_ROW = re.compile(rb"<(?:\w+:)?row\b[^>]*\bhidden=")
 HIDDEN = ("collapse", "filter")  # rows of an open document that are not shown
 Cells = dict[int, dict[int, str]]  # by row and column, both from 0: how the number is shown
 
@@ -98,7 +99,9 @@ def _looks_of_xlsx(archive: zipfile.ZipFile, members: dict[str, str]) -> dict[st
         raise TooMuch("its sheets are not found", "a spreadsheet as Excel saves it")
     relations = _elements(archive, members["xl/_rels/workbook.xml.rels"], "Relationship")
     targets = {
-        one.get("Id"): posixpath.normpath(posixpath.join("/xl", one.get("Target", "").replace("\\", "/")))[1:].lower()
+        one.get("Id"): posixpath.normpath(posixpath.join("/xl", one.get("Target", "").replace("\\", "/")))
+        .lstrip("/")
+        .lower()
         for one in relations
     }
     of_styles = [targets[one.get("Id")] for one in relations if one.get("Type", "").endswith("/styles")]
@@ -111,7 +114,7 @@ def _looks_of_xlsx(archive: zipfile.ZipFile, members: dict[str, str]) -> dict[st
         link = next((value for key, value in sheet.attrib.items() if _local(key) == "id"), None)
         if (path := targets.get(link)) not in members:
             raise TooMuch("one of its sheets is not found", "a spreadsheet as Excel saves it")
-        if styles or b"hidden" in archive.read(members[str(path)]):
+        if styles or HIDDEN_ROW.search(archive.read(members[str(path)])):
             found[sheet.get("name", "")] = _look_of_sheet(archive, members[str(path)], styles)
     return found
 
@@ -202,7 +205,9 @@ def _looks_of_ods(archive: zipfile.ZipFile, path: str) -> dict[str, Look]:
                     if many * len(look.cells[row]) > MAX_CELLS:
                         raise TooMuch(f"{many:,} rows that are the same", f"at most {MAX_CELLS:,} cells")
                     look.cells.update((row + i, look.cells[row]) for i in range(1, many))
-                if about.get("visibility") in HIDDEN and many <= MAX_CELLS:  # more rows are those below all others
+                if (
+                    about.get("visibility") in HIDDEN and len(look.rows) + many <= MAX_CELLS
+                ):  # more rows are those below all others
                     look.rows.update(range(row + 1, row + 1 + many))
                 row += many
                 element.clear()
@@ -216,7 +221,7 @@ def _shown_in_ods(cell: Element, kind: str) -> str | None:
     if kind not in ("float", "currency"):
         return None
     text = "".join("".join(part.itertext()) for part in cell if _local(part.tag) == "p").strip()
-    if text.startswith(ERRORS):
+    if ERROR.match(text):
         return FAILED
     return UNCLEAR if text.endswith("%") else None
 

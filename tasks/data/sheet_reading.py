@@ -83,8 +83,9 @@ def lines_of(content: bytes) -> Iterator[dict[str, Any] | list[str]]:
         visible = {one.name: one.visible == SheetVisibleEnum.Visible for one in workbook.sheets_metadata}
         for name in workbook.sheet_names:
             look = looks.get(str(name), Look())
-            yield {"sheet": str(name), "hidden": not visible[name], "hidden_rows": sorted(look.rows)}
             sheet = workbook.get_sheet_by_name(name)
+            hidden_rows = sorted(row for row in look.rows if row <= sheet.total_height + 1)
+            yield {"sheet": str(name), "hidden": not visible[name], "hidden_rows": hidden_rows}
             cells += (sheet.total_height + 1) * (sheet.total_width + 1)  # of the last row and column, from 0
             if cells > MAX_CELLS:
                 raise TooMuch(f"{cells:,} cells up to the last one that is not empty", EXPECTED)

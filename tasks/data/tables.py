@@ -89,9 +89,7 @@ class Table:
         """What who opens the file does not see of these rows of the table, in words."""
         words = (f"its sheet '{self.sheet}' is hidden",) if self.hidden else ()
         count = sum(self.rows[row][0] in self.hidden_rows for row in rows) if self.hidden_rows else 0
-        return (
-            (*words, f"{count} of its {len(rows)} rows are hidden in the spreadsheet, and are read") if count else words
-        )
+        return (*words, f"hidden in the spreadsheet, but read: {count} of its {len(rows)} rows") if count else words
 
     @cached_property
     def unpadded(self) -> frozenset[int]:

@@ -161,19 +161,24 @@ class _Along:
         largest = max(float(np.abs(grips.grips_mm).max()), np.finfo(float).tiny)
         stiffness = _slopes(bars.displacement_mm[0], bars.force_N[0], MOVED * largest)
         steps, part = _Steps(), 1.0
-        best = np.inf, bars, np.empty(0)
+        best, failed = (np.inf, bars, np.empty(0)), False
         for _ in range(RUNS - 1):
             residual = self._residual(grips, bars)
             if np.abs(residual).max() <= BALANCE * largest:
                 return bars, done
-            if (size := float(np.linalg.norm(residual))) < best[0]:
+            if not failed and (size := float(np.linalg.norm(residual))) < best[0]:
                 best, part = (size, bars, residual), min(1.0, 2.0 * part)
-            else:  # behind a kink, such as a grip that begins to slip: what was learned before it misleads
+            else:  # no run, or behind a kink, such as a grip that begins to slip: what was learned before it misleads
                 steps, part = _Steps(), 0.5 * part
                 _, bars, residual = best
+            failed = False
             solve = partial(self._change, grips, bars, stiffness)
             step = part * steps.next(bars.displacement_mm[0], residual, solve)
-            moved, done = self._pulled(replace(bars, displacement_mm=bars.displacement_mm + step))
+            try:
+                moved, done = self._pulled(replace(bars, displacement_mm=bars.displacement_mm + step))
+            except _Failed:  # a step too far; the next one is half as long
+                failed = True
+                continue
             stiffness = _secants(stiffness, step, (moved.force_N - bars.force_N)[0])
             bars = moved
         words = f"no balance of force and displacement in {RUNS} runs of the simulator"

@@ -528,6 +528,11 @@ def test_of_very_many_sheets_a_table_keeps_the_first_and_the_last_rows(tmp_path)
 TITLES = ("Time [s]", "Strain", "Force [N]")
 
 
+def test_a_number_that_is_shown_behind_a_hash_is_one(tmp_path):
+    table = f'<table:table table:name="one">{ods_row(ods_number(7, shown="#7"), ods_number(8))}</table:table>'
+    assert rows_of(write_ods(tmp_path / "a.ods", table))["one"] == [("7", "8")]
+
+
 def ods_test(name: str, *rows: str, more: str = "") -> str:
     """A sheet of an open document with a test of ten rows, and then ``rows``."""
     ten = [ods_row(ods_number(i), ods_number(0.01 * i), ods_number(3 * i)) for i in range(10)]
@@ -615,11 +620,11 @@ def test_a_hidden_sheet_tells_no_sizes_and_its_tests_are_named_as_hidden(tmp_pat
 def test_hidden_rows_are_said(tmp_path):
     more = ods_row(*map(ods_number, (10, 0.1, 900)), more=' table:visibility="filter"')
     (recording,) = read_recordings(write_ods(tmp_path / "a.ods", ods_test("one", more)), Hints(displacement_unit="1"))
-    assert recording.notes == ("1 of its 11 rows are hidden in the spreadsheet, and are read",)
+    assert recording.notes == ("hidden in the spreadsheet, but read: 1 of its 11 rows",)
     rows = "".join(
         f'<row r="{i + 2}"{" hidden=" + quoteattr("1") if i in (3, 4) else ""}>{cell(i)}{cell(0.01 * i)}{cell(i)}</row>'
         for i in range(8)
     )
     head = f'<row r="1">{"".join(map(cell, TITLES))}</row>'
     (recording,) = read_recordings(write_workbook(tmp_path / "a.xlsx", one=head + rows), Hints(displacement_unit="1"))
-    assert recording.notes == ("2 of its 8 rows are hidden in the spreadsheet, and are read",)
+    assert recording.notes == ("hidden in the spreadsheet, but read: 2 of its 8 rows",)

@@ -133,6 +133,27 @@ class Contrary:
         return Simulated(force, np.array([self.status], dtype=np.int8), ("stopped" if self.status else "",))
 
 
+@dataclass
+class Brittle(Counting):
+    """A simulator of which every third run fails, the second one first."""
+
+    def simulate(self, *arguments: Any, **options: Any) -> Any:
+        done = super().simulate(*arguments, **options)
+        if self.runs % 3 == 2:
+            return replace(done, status=np.array([STATUSES.index("diverged")], dtype=np.int8), messages=("no",))
+        return done
+
+
+def test_a_run_that_fails_on_the_way_to_the_balance_is_a_step_too_far():
+    effect = AROUND["machine-compliance"]
+    model, protocol = model_with(Model(), (effect,)), STANDARD[2](10.0, 5.0)
+    row = model.reference[np.newaxis]
+    done = Around(Brittle(Uniaxial()), (effect,)).simulate(model, BONE, protocol, row)
+    expected = UniaxialWith((effect.name,)).simulate(model, BONE, protocol, row).force_N
+    assert done.messages == ("",)
+    assert np.abs(done.force_N - expected).max() < 1e-4 * np.abs(expected).max()
+
+
 def test_without_a_balance_a_row_fails():
     effect = AROUND["machine-compliance"]
     model, contrary = model_with(Model(), (effect,)), Contrary()
