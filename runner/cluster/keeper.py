@@ -141,9 +141,7 @@ class Keeper:
         self._note(job.job_id, "ended", end=unknown if found is None else found.state)
 
     def ended_now(self) -> None:
-        """Note the end of all jobs: the cluster closes and ends them, but those that ended by themselves since the
-        last look.
-        """
+        """Note the end of all jobs: some may have ended since the last look, the others end as the cluster closes."""
         self._note_new()
         jobs = list(self.cluster.workers.values())
         left = [job for job in jobs if job.job_id and self.noted.get(job.job_id, "ended") != "ended"]

@@ -25,8 +25,8 @@ from sinew.runner.temporary import temporary_folder
 from sinew.tasks.cluster.profile import AllocationSettings, Profile
 from sinew.tasks.registry import TASKS
 from sinew.tasks.simulate.build import simulator_of
-from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.renderer import WrongTemplate, job_script
+from sinew.tasks.simulate.row_by_row import Failed
 from sinew.tasks.simulate.settings import SolverMissing
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.study import Study

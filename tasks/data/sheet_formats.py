@@ -54,7 +54,7 @@ def looks_of(content: bytes) -> dict[str, Look]:
     if content.startswith(OLE):
         return {}
     if not content.startswith(ARCHIVE):
-        raise ValueError("it begins like no spreadsheet")
+        raise ValueError("its first bytes are not those of a spreadsheet")
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         # as whoever reads the numbers finds them
         members = {name.lower().replace("\\", "/"): name for name in archive.namelist()}

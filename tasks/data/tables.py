@@ -48,7 +48,7 @@ class Table:
     the rows from the first one with numbers to the end of the table, each with its number in the file (from 1).
     ``header`` holds the rows above the titles, without earlier tables of the same titles; those from ``own`` on stand
     behind the last of these. Of many rows, it holds those at both ends. ``hidden``: its
-    sheet is not shown to who opens the file; so it is for ``hidden_rows``, which are rows of the sheet.
+    sheet is hidden in the spreadsheet, as are the rows ``hidden_rows`` of the sheet.
     """
 
     path: Path
@@ -86,7 +86,7 @@ class Table:
         return SECONDS_OF_A_DAY * days + seconds_of(cell, milliseconds=column in self.unpadded)
 
     def unseen(self, rows: range) -> tuple[str, ...]:
-        """What who opens the file does not see of these rows of the table, in words."""
+        """What a person who opens the file does not see of these rows of the table, in words."""
         words = (f"its sheet '{self.sheet}' is hidden",) if self.hidden else ()
         count = sum(self.rows[row][0] in self.hidden_rows for row in rows) if self.hidden_rows else 0
         return (*words, f"hidden in the spreadsheet, but read: {count} of its {len(rows)} rows") if count else words
@@ -187,9 +187,7 @@ def tables_of(source: Source) -> Iterator[Table]:
                 if found > MOST_TABLES:
                     raise BadInput(source.path, f"more than {MOST_TABLES:,} tables", "fewer of them in one file")
                 own = len(before) + table.own
-                header = (*before, *table.header)
-                of_sheet = replace(table, header=header, own=own, sheet=page.name, hidden=page.hidden)
-                yield replace(of_sheet, hidden_rows=page.hidden_rows) if page.name else table
+                yield replace(table, header=(*before, *table.header), own=own) if page.name else table
             if not page.hidden:
                 before += tuple(row for _, row in page.rows[:HEAD_LINES] if any(row))
             if len(before) > MOST_BEFORE:  # each table keeps them
@@ -247,7 +245,10 @@ def _tables(source: Source, page: _Page, fewest: int) -> Iterator[Table]:
         header = (*above, *_ends(rows, last, top))
         own = len(above) if last < top or first < top else 0
         title_row = rows[top][0] if head.top >= 0 else 0
-        yield Table(path, header, words, head.units, rows[start:end], source.separator, decimal, title_row, own=own)
+        yield Table(
+            path, header, words, head.units, rows[start:end], source.separator, decimal, title_row, page.name, own,
+            page.hidden, page.hidden_rows,
+        )  # fmt: skip
 
 
 def _ends(rows: Sequence[tuple[int, Row]], start: int, stop: int) -> tuple[Row, ...]:

@@ -24,6 +24,7 @@ from typing import Any, Literal
 import numpy as np
 
 from sinew.tasks.model.parameters import Model, Parameter
+from sinew.tasks.model.specimen import Protocol
 
 Array = np.ndarray[Any, np.dtype[Any]]
 Values = Mapping[str, Array]
@@ -68,6 +69,25 @@ class Bars:
     fibre_MPa: Array
     force_N: Array
     rigid_N: Array
+
+    @classmethod
+    def at_grips(cls, protocol: Protocol, length_mm: float, material: Mapping[str, Array], count: int) -> "Bars":
+        """So many bars at the displacement of the grips; nothing else is known yet."""
+        displacement = np.tile(np.asarray(protocol.displacement_mm, dtype=np.float64), (count, 1))
+        nothing = np.zeros_like(displacement)
+        return cls(
+            np.asarray(protocol.time_s, dtype=np.float64),
+            length_mm,
+            material,
+            displacement,
+            displacement,
+            stretch=nothing,
+            fibre_stretch=nothing,
+            matrix_MPa=nothing,
+            fibre_MPa=nothing,
+            force_N=nothing,
+            rigid_N=nothing,
+        )
 
     @cached_property
     def steps_s(self) -> Array:
@@ -138,10 +158,9 @@ class Effect:
     :data:`PHASES`; ``confounded_with`` says why for each slug or parameter name. ``febio`` holds partials by
     :data:`PLACES`; where it is empty, ``no_febio`` says why. ``loaded_at_rest`` means that there may be force at zero
     displacement, so the solver must wait for its relaxation first; ``unrelaxed``, that this force comes with the first
-    step instead, and relaxes during the test; ``asks_rigid``, that its functions use ``rigid_N``.
-    ``around``: it acts between machine and specimen, on displacement and force alone, so it works around any simulator.
-    ``other_forms`` are
-    effects with the same slug, each with its ``form``.
+    step instead, and relaxes during the test; ``asks_rigid``, that its functions use ``rigid_N``. ``around``:
+    it acts between machine and specimen, on displacement and force alone, so it works around any simulator.
+    ``other_forms`` are effects with the same slug, each with its ``form``.
     """
 
     slug: str

@@ -27,7 +27,7 @@ from sinew.tasks.report.status import PAGE
 from sinew.tasks.study.files import write_text
 from sinew.tasks.study.resources import resource
 
-# characters that no page shows, and those that turn the direction of what stands behind them
+# characters that no page shows, and those that change the direction of the text behind them
 UNSEEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 
 

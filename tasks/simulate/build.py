@@ -40,8 +40,8 @@ def febio_of(study: Study, effects: tuple[Effect, ...], scratch: Path) -> FEBio:
     Raises :class:`BadInput` for effects that have no FEBio input.
     """
     settings = study.simulator if isinstance(study.simulator, FEBioSettings) else FEBioSettings()
-    purpose = _purpose(study, effects, scratch)
-    template = settings.read_template(purpose)
+    purpose = _purpose(study, (), scratch)
+    template = settings.read_template(purpose).with_effects(effects)  # all of them, none around it
     found, confirmed = settings.found(purpose, template)
     version = solver_version(found) if found else ""
     name = str(found or purpose.solver or settings.executable)

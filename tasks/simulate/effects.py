@@ -14,7 +14,8 @@ import numpy as np
 
 from sinew.runner.store.schema import STATUSES
 from sinew.tasks.model import Curve, Model, Protocol, Specimen, fibre
-from sinew.tasks.model.effect import Bars, Branch, Effect, Law, Values, in_order
+from sinew.tasks.model.acting import Acting, acting, displaced, gives_way, read, ways, with_constants
+from sinew.tasks.model.effect import Bars, Branch, Effect, Law, Values, model_without
 from sinew.tasks.model.effects import effect_named
 from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, impossible, memory, rmse_of
 from sinew.tasks.simulate.in_time import balanced_in_time
@@ -63,8 +64,8 @@ class UniaxialWith:
     ) -> tuple[Simulated, Array]:
         """The forces, and the Green-Lagrange strain of the gauge length ``[n, t]``."""
         effects = tuple(effect_named(name) for name in self.names)
-        own = len(model.parameters) - sum(len(effect.parameters) for effect in effects)
-        bare = Model(model.parameters[:own], model.beta, model.lambda_0)
+        bare = model_without(model, effects)
+        own = len(bare.parameters)
         bars = bars_with(bare, effects, specimen, protocol, parameters[:, :own], parameters[:, own:])
         force = bars.force_N
         status, wrong = np.zeros(len(force), dtype=np.int8), impossible(model, parameters)
@@ -124,65 +125,26 @@ def bars_with(
     nearby: bool = False,
 ) -> Bars:
     """The bars with the forces of :func:`simulate_with`, and the stretch of their gauge length."""
-    named = _by_effect(effects, values)
-    chosen = tuple((effect, named[effect.slug]) for effect in in_order(effects))
+    chosen = acting(effects, values)
     with np.errstate(all="ignore"):  # rows with impossible parameters end as NaN
         run = _Run(chosen, protocol, sudden or any(effect.unrelaxed for effect, _ in chosen))
         bars = _bars(model, specimen, protocol, parameters, chosen)
-        if not any(effect.giving_way for effect, _ in chosen):
-            bars = run.pulled(replace(bars, displacement_mm=run.left(bars, bars.force_N)))
+        if not gives_way(chosen):
+            bars = run.pulled(displaced(chosen, bars))
         else:
             bars = run.balanced_nearby(bars) if nearby else run.balanced(bars)
-        for effect, own in chosen:
-            if effect.reading:
-                bars = replace(bars, force_N=effect.reading(bars, own))
+        bars = read(chosen, bars)
     bars.force_N[~np.isfinite(bars.force_N).all(axis=1)] = np.nan
     return bars
 
 
-def _by_effect(effects: tuple[Effect, ...], values: Array) -> dict[str, Values]:
-    """The values of each effect by name, each ``[n, 1]``."""
-    named: dict[str, Values] = {}
-    first = 0
-    for effect in effects:
-        named[effect.slug] = {name: values[:, [first + i]] for i, name in enumerate(effect.names)}
-        first += len(effect.names)
-    if first != values.shape[1]:
-        raise ValueError(f"{values.shape[1]} columns of values for {first} parameters of effects")
-    return named
-
-
-def _bars(
-    model: Model,
-    specimen: Specimen,
-    protocol: Protocol,
-    parameters: Array,
-    chosen: tuple[tuple[Effect, Values], ...],
-) -> Bars:
+def _bars(model: Model, specimen: Specimen, protocol: Protocol, parameters: Array, chosen: Acting) -> Bars:
     """The bars at the displacement of the grips, with the material constants that the effects give them."""
     count = len(parameters)
     constants = {"beta": model.beta, "lambda_0": model.lambda_0, "area_mm2": specimen.area_mm2}
     material = {name: parameters[:, [column]] for column, name in enumerate(model.names)}
     material |= {name: np.full((count, 1), value) for name, value in constants.items()}
-    displacement = np.tile(np.asarray(protocol.displacement_mm, dtype=np.float64), (count, 1))
-    nothing = np.zeros_like(displacement)
-    bars = Bars(
-        np.asarray(protocol.time_s, dtype=np.float64),
-        specimen.length_mm,
-        material,
-        displacement,
-        displacement,
-        stretch=nothing,
-        fibre_stretch=nothing,
-        matrix_MPa=nothing,
-        fibre_MPa=nothing,
-        force_N=nothing,
-        rigid_N=nothing,
-    )
-    for effect, own in chosen:
-        if effect.material:
-            bars = replace(bars, material={**bars.material, **effect.material(bars, own)})
-    return bars
+    return with_constants(chosen, Bars.at_grips(protocol, specimen.length_mm, material, count))
 
 
 class _Memory(NamedTuple):
@@ -199,7 +161,7 @@ class _Memory(NamedTuple):
 class _Run:
     """What stays constant while force and displacement are brought into balance."""
 
-    chosen: tuple[tuple[Effect, Values], ...]
+    chosen: Acting
     protocol: Protocol
     sudden: bool
 
@@ -267,11 +229,7 @@ class _Run:
 
     def left(self, grips: Bars, force: Array) -> Array:
         """Displacement ``[n, t]`` (mm) of the gauge length under ``force`` ``[n, t]`` (N)."""
-        bars = replace(grips, force_N=force)
-        for effect, own in self.chosen:
-            if effect.displacement:
-                bars = replace(bars, displacement_mm=effect.displacement(bars, own))
-        return bars.displacement_mm
+        return displaced(self.chosen, replace(grips, force_N=force)).displacement_mm
 
     def _elastic(self, bars: Bars) -> Bars:
         stretch = 1.0 + bars.displacement_mm / bars.length_mm
@@ -334,8 +292,6 @@ class _Run:
         """
         nudged = self._elastic(replace(bars, displacement_mm=bars.displacement_mm + _STRETCH_STEP * bars.length_mm))
         tangents = (_drivers(nudged) - _drivers(bars)) / _STRETCH_STEP
-        state = replace(grips, force_N=bars.force_N)
-        gives = [way for effect, own in self.chosen if effect.giving_way for way in effect.giving_way(state, own)]
         branches = self._memory(bars)
         area = np.ascontiguousarray(bars.material["area_mm2"][:, 0])
         result = np.empty_like(residual)
@@ -347,8 +303,7 @@ class _Run:
             tangents,
             area,
             bars.length_mm,
-            np.array([way.compliance for way in gives]).reshape(-1, *bars.stretch.shape),
-            np.array([way.kept for way in gives]).reshape(-1, *bars.stretch.shape),
+            *ways(self.chosen, replace(grips, force_N=bars.force_N)),
             residual,
             result,
         )

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from sinew.runner.errors import LONGEST, SinewError, brief
-from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.rendering import Wrong
+from sinew.tasks.simulate.row_by_row import Failed
 from tests.fuzz.targets import Target
 
 SECONDS, BYTES = 10.0, 2**30  # of a processor: a busy machine takes longer by the clock

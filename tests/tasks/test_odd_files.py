@@ -23,12 +23,12 @@ from sinew.tasks.model import Model
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.folder import _read_log
 from sinew.tasks.report.status import logged_tasks
-from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.files import read_text
 from sinew.tasks.simulate.febio.kept_files import contents
 from sinew.tasks.simulate.febio.model_file.source import read_source
 from sinew.tasks.simulate.febio.output import read_records
 from sinew.tasks.simulate.febio.plot_file import read_plot_file
+from sinew.tasks.simulate.row_by_row import Failed
 from sinew.tasks.simulate.rows import read_parameters
 from sinew.tasks.study import range_check as ranges
 from sinew.tasks.study.checkpoint import Checkpoint

@@ -14,15 +14,11 @@ from pathlib import Path
 from typing import Protocol as Interface
 from typing import TypeVar
 
-import numpy as np
-
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation import external
 from sinew.runner.files import remove_folder, what_is
-from sinew.runner.store.schema import STATUSES
 from sinew.runner.temporary import temporary_folder
-from sinew.tasks.model import Model
-from sinew.tasks.simulate import Array, impossible
+from sinew.tasks.simulate.row_by_row import Failed
 
 INPUT, LOG = "model.feb", "model.log"
 LARGEST_PROGRAM = 2**31  # bytes; a solver with all of its libraries has a tenth of it
@@ -56,37 +52,7 @@ class Solver(Interface):
     def keep_failed(self) -> int: ...
 
 
-class Failed(Exception):
-    """A run that gave no curve: ``status`` as in :data:`sinew.runner.store.schema.STATUSES`; the solver's ``words``."""
-
-    def __init__(self, status: str, words: str) -> None:
-        super().__init__(status, words)
-        self.status = status
-        self.words = " ".join(words.split())[:500]
-
-
 T = TypeVar("T")
-
-
-def row_by_row(
-    model: Model, parameters: Array, solve: Callable[[Array], Array], found: Array
-) -> tuple[Array, tuple[str, ...]]:
-    """Write what ``solve`` makes of each parameter set ``[d]`` into ``found`` ``[n, ...]``; rows that fail stay as is.
-
-    Returns status ``[n]`` and messages.
-    """
-    status = np.zeros(len(parameters), dtype=np.int8)
-    messages = [""] * len(parameters)
-    wrong = impossible(model, parameters)
-    for row, values in enumerate(parameters):
-        try:
-            if row in wrong:
-                raise Failed("bad_input", wrong[row])
-            found[row] = solve(values)
-        except Failed as failed:
-            status[row] = STATUSES.index(failed.status)
-            messages[row] = failed.words
-    return status, tuple(messages)
 
 
 def attempt(

@@ -6,10 +6,10 @@ import numpy as np
 
 from sinew.runner.errors import shown
 from sinew.tasks.simulate import Array, Output
-from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.output import Reduce, reduced
 from sinew.tasks.simulate.febio.plot_file import PlotFile, Variable
 from sinew.tasks.simulate.febio.plot_mesh import Mesh, Region
+from sinew.tasks.simulate.row_by_row import Failed
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
 from sinew.runner.files import read_input
-from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.renderer import Allowance, WrongTemplate, included
+from sinew.tasks.simulate.row_by_row import Failed
 
 MAX_FILES = 100
 MAX_TEMPLATE_BYTES = 64 * 2**20

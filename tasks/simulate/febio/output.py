@@ -13,7 +13,7 @@ import pandas as pd
 
 from sinew.runner.files import NotReadable, read_regular
 from sinew.tasks.simulate import Array, Output
-from sinew.tasks.simulate.febio.attempt import Failed
+from sinew.tasks.simulate.row_by_row import Failed
 
 Reduce = Literal["single", "sum", "mean", "max", "min"]
 _REDUCE: dict[str, Callable[..., Array]] = {

@@ -12,7 +12,7 @@ import numpy as np
 
 from sinew.runner.errors import shown
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.febio.attempt import Failed
+from sinew.tasks.simulate.row_by_row import Failed
 
 MAGIC = b"BEF\0"
 ROOT, HEADER, DICTIONARY, MESH, STATE = 0x01000000, 0x01010000, 0x01020000, 0x01040000, 0x02000000

@@ -19,7 +19,7 @@ from typing import Any
 
 from sinew.runner.evaluation import external
 from sinew.tasks.simulate.febio import rendering
-from sinew.tasks.simulate.febio.attempt import Failed
+from sinew.tasks.simulate.row_by_row import Failed
 
 WALL_S = 300.0  # for one job; rendering.SECONDS limits the processor time
 GRACE_S = 5.0

@@ -66,7 +66,7 @@ class SolverSettings(SimulatorSettings):
             problem = f"{shown(purpose.solver or self.executable)} was not found"
             raise SolverMissing(where, problem, "febio4 on the PATH, or the path of the solver")
         simulator = self.with_solver(template, str(found), solver_version(found), purpose.scratch, purpose.kept)
-        return replace(simulator, confirmed=confirmed).within(purpose.effects)
+        return replace(simulator, confirmed=confirmed).surrounded(purpose.effects)
 
     def read_template(self, purpose: Purpose) -> Template:
         """The template, checked. Raises :class:`BadInput`."""
@@ -256,7 +256,7 @@ class TemplateSettings(SolverSettings):
         if not self.gives_force:
             raise BadInput(where, "without a force", "simulator.force: the output that effects of the machine act on")
         if self.keep == "fields":
-            raise BadInput(where, "with keep: fields", "keep: nothing, as runs along other histories cannot be kept")
+            raise BadInput(where, "with keep: fields", "keep: nothing (effects of the machine keep no fields)")
 
     @model_validator(mode="after")
     def _names(self) -> Self:

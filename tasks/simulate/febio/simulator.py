@@ -19,13 +19,14 @@ from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, Simulator, rmse_of
 from sinew.tasks.simulate.around import Around
-from sinew.tasks.simulate.febio.attempt import INPUT, Failed, attempt, row_by_row
+from sinew.tasks.simulate.febio.attempt import INPUT, attempt
 from sinew.tasks.simulate.febio.field_output import FieldOutput, field_course
 from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at, slack, what_of
 from sinew.tasks.simulate.febio.plot_file import PlotFile, read_plot_file
 from sinew.tasks.simulate.febio.plot_request import PLOT, with_plot_file
 from sinew.tasks.simulate.febio.renderer import render
 from sinew.tasks.simulate.febio.stepping import at_every_row, from_rest, solver_steps
+from sinew.tasks.simulate.row_by_row import Failed, row_by_row
 
 if TYPE_CHECKING:
     from sinew.tasks.simulate.febio.keeping import Keeper
@@ -140,12 +141,11 @@ class FEBio:
 
         Raises :class:`BadInput` where there is no such input.
         """
-        within = inside(self.template, effects)
-        solver = replace(self, template=self.template.with_effects(within))
-        return solver.within(effects)
+        within = self.template.with_effects(inside(self.template, effects))
+        return replace(self, template=within).surrounded(effects)
 
-    def within(self, effects: tuple[Effect, ...]) -> Simulator:
-        """The solver, whose template has what it can have of ``effects``, and the others around it."""
+    def surrounded(self, effects: tuple[Effect, ...]) -> Simulator:
+        """The solver with those of ``effects`` around it that are not in its input."""
         within = inside(self.template, effects)
         outside = tuple(effect for effect in effects if effect not in within)
         return Around(self, outside) if outside else self

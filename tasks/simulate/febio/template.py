@@ -12,11 +12,11 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.model import Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, Capabilities
-from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.field_output import FieldOutput
 from sinew.tasks.simulate.febio.output import Logged
 from sinew.tasks.simulate.febio.renderer import Allowance, WrongTemplate, render
 from sinew.tasks.simulate.febio.variables import history, size
+from sinew.tasks.simulate.row_by_row import Failed
 
 
 @dataclass(frozen=True)

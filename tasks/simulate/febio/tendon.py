@@ -16,12 +16,12 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.model import Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, Capabilities
-from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.effects import fit_together, template_with
 from sinew.tasks.simulate.febio.files import checked_path, read_text
 from sinew.tasks.simulate.febio.output import Logged
 from sinew.tasks.simulate.febio.renderer import WrongTemplate, render
 from sinew.tasks.simulate.febio.variables import history, size
+from sinew.tasks.simulate.row_by_row import Failed
 from sinew.tasks.study.resources import resource
 
 REACTIONS = "reaction.txt"

@@ -23,7 +23,9 @@ def test_an_interval_ends_after_it_begins():
         Interval(1.0, 2.0, 0.5, 0.9)
 
 
-def compared(sites=("a", "b"), parameter="E_f", auc=0.8, ends=(0.7, 0.9), worth=8.0) -> CompareResult:
+def compared(
+    sites=("a", "b"), parameter="E_f", auc=0.8, ends=(0.7, 0.9), of_pair=(0.7, 0.9), worth=8.0
+) -> CompareResult:
     """A comparison of two sites with these numbers."""
     none = np.empty(0)
     every = Separability(auc, np.array(ends), None, None, 5, 1, 0)
@@ -36,7 +38,7 @@ def compared(sites=("a", "b"), parameter="E_f", auc=0.8, ends=(0.7, 0.9), worth=
         contrasts=[contrast],
         component=Loadings(1.0, {"E_f": 1.0}, {"E_f": 1.0}, {"E_f": 1.0}),
         sites={"a": SiteParticles(8, worth), "b": SiteParticles(8, 8.0)},
-        pairs=[Pair(["a", "b"], 0.8, np.array([0.7, 0.9]), Roc(none, none), every)],
+        pairs=[Pair(["a", "b"], 0.8, np.array(of_pair), Roc(none, none), every)],
         densities=Densities(none, {}),
         note="",
         inputs="",
@@ -52,6 +54,7 @@ def compared(sites=("a", "b"), parameter="E_f", auc=0.8, ends=(0.7, 0.9), worth=
         ({"ends": (0.9, 0.7)}, "an area of 0.8 with the interval"),
         ({"ends": (0.9, 0.95)}, "an area of 0.8 with the interval"),
         ({"ends": (0.7,)}, "an area of 0.8 with the interval"),
+        ({"of_pair": (0.9, 0.95)}, "an area of 0.8 with the interval"),
         ({"worth": 9.0}, "8 particles worth 9"),
     ],
 )

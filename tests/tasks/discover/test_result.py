@@ -53,6 +53,7 @@ def test_an_error_that_is_not_known_is_read_back(tmp_path):
         (("confidence", "share"), 1.5, "discover.json: confidence.share: 1.5: expected 0 to 1"),
         (("confidence", "interval"), [0.9, 0.1], "(0.9 to 0.1); expected"),
         (("confidence", "share"), 0.01, ", 0.01 ("),
+        (("confidence", "share"), 0.9, "confidence: 30 of 31, 0.9 ("),
         (("verdict",), "NAMED", "a verdict NAMED with effects () and set ()"),
         (("effects",), ["toe-slack"], "a verdict NONE with effects ('toe-slack',) and set ()"),
         (("set",), ["toe-slack"], "a verdict NONE with effects () and set ('toe-slack',)"),

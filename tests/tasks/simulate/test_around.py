@@ -1,7 +1,7 @@
 """Effects around a simulator: the same forces as with the effects in sinew's own equations, and rows that fail."""
 
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,13 +34,15 @@ class Counting:
 
     inner: Any
     runs: int = 0
+    paces: list[Protocol] = field(default_factory=list)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.inner, name)
 
-    def simulate(self, *arguments: Any, **options: Any) -> Any:
+    def simulate(self, model: Model, specimen: Specimen, protocol: Protocol, *arguments: Any, **options: Any) -> Any:
         self.runs += 1
-        return self.inner.simulate(*arguments, **options)
+        self.paces.append(protocol.pace)
+        return self.inner.simulate(model, specimen, protocol, *arguments, **options)
 
 
 def rows_of(model: Model, count: int) -> np.ndarray:
@@ -70,6 +72,7 @@ def test_forces_are_those_of_the_equations_with_the_effects_in_them(names, make)
     found = Around(counting, effects).simulate(model, BONE, protocol, rows)
     expected = UniaxialWith(names).simulate(model, BONE, protocol, rows).force_N
     assert found.messages == ("",) * len(rows)
+    assert all(pace is protocol for pace in counting.paces)
     assert np.abs(found.force_N - expected).max() < 1e-4 * np.abs(expected).max()
     assert counting.runs <= (len(rows) if not any(effect.giving_way for effect in effects) else 20 * len(rows))
 

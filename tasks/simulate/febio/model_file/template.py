@@ -11,12 +11,12 @@ from xml.etree.ElementTree import Element as Rendered
 import defusedxml.ElementTree
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.model_file.choices import Measured, Varied
 from sinew.tasks.simulate.febio.model_file.contents import Moved, nodes_of_surface
 from sinew.tasks.simulate.febio.model_file.loading import controls, next_controller
 from sinew.tasks.simulate.febio.model_file.source import Element, Source
 from sinew.tasks.simulate.febio.renderer import WrongTemplate, render
+from sinew.tasks.simulate.row_by_row import Failed
 
 AS_SAVED = "as_saved"
 MESH_FILE = "mesh.xml"

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at, read_records
+from sinew.tasks.simulate.row_by_row import Failed
 from tests.tasks.simulate.febio.dogbone import FORCE
 
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.plot_file import plot_file_of, read_plot_file
+from sinew.tasks.simulate.row_by_row import Failed
 from tests.tasks.simulate.febio import plot_writer as w
 
 MB = 2**20

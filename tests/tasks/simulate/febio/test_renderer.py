@@ -12,8 +12,8 @@ import pytest
 from sinew.runner.evaluation.external import Stopped
 from sinew.runner.store.schema import STATUSES
 from sinew.tasks.simulate.febio import rendering
-from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.renderer import _Renderer, render
+from sinew.tasks.simulate.row_by_row import Failed
 from tests.tasks.simulate.febio.dogbone import BAR, OWN, RELAX, dogbone
 
 

@@ -9,7 +9,8 @@ import yaml
 
 from sinew.runner.errors import BadInput
 from sinew.tasks import pipeline
-from sinew.tasks.simulate.build import simulator_of, solver_request
+from sinew.tasks.model.effects import named
+from sinew.tasks.simulate.build import febio_of, simulator_of, solver_request
 from sinew.tasks.simulate.settings import SolverMissing
 from sinew.tasks.study.cohort import cohort_of
 from sinew.tasks.study.model import model_of
@@ -155,6 +156,15 @@ def test_effects_of_the_machine_act_around_a_template(tmp_path, settings):
     settings["simulator"]["outputs"]["pull"] = settings["simulator"]["outputs"].pop("force")
     with pytest.raises(BadInput, match=r"model\.effects: without a force; expected simulator\.force"):
         checked(tmp_path, settings)
+
+
+def test_an_input_with_effects_has_all_of_them(tmp_path):
+    (tmp_path / "study.yaml").write_text("name: a\ncohort: cohort\ntasks: [calibrate]\n")
+    study = read_study(tmp_path / "study.yaml")
+    found = febio_of(study, (named()["softening"],), tmp_path)
+    assert found.template != febio_of(study, (), tmp_path).template
+    with pytest.raises(BadInput, match="effect machine-compliance: not in FEBio: the template prescribes"):
+        febio_of(study, (named()["machine-compliance"],), tmp_path)
 
 
 def test_a_template_is_checked_before_the_solver_is_looked_for(tmp_path, settings):

@@ -10,10 +10,10 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.model import Model
 from sinew.tasks.simulate.febio import renderer, rendering
-from sinew.tasks.simulate.febio.attempt import Failed
 from sinew.tasks.simulate.febio.files import read_files
 from sinew.tasks.simulate.febio.renderer import Allowance, included
 from sinew.tasks.simulate.febio.template import check_template
+from sinew.tasks.simulate.row_by_row import Failed
 from tests.tasks.simulate.febio.dogbone import DOGBONE, OWN, dogbone
 
 
