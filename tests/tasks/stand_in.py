@@ -34,6 +34,8 @@ note({begun!r}, row)
 stiffness = float(inside("E", text)[0])
 points = [point.split(",") for point in inside("pt", text.split("solver steps")[0])]
 time.sleep({seconds})
+while os.path.exists({held!r}):
+    time.sleep(0.1)
 with open("reaction.txt", "w") as file:
     for step, (t, u) in enumerate(points[1:], 1):
         file.write("*Step  = %d\\n*Time  = %s\\n*Data  = reaction\\n5,%r\\n" % (step, t, stiffness * float(u)))
@@ -44,7 +46,7 @@ note({notes!r}, "%s %r" % (row, stiffness))
 STUDY = """
 name: survival
 seed: 7
-simulator: {name: febio, executable: SOLVER, timeout_s: 60}
+simulator: {name: febio, executable: SOLVER, timeout_s: 600}
 store: {points_per_curve: 16}
 model:
   parameters:
@@ -63,7 +65,8 @@ def named(material: str) -> str:
 def prepare(folder: Path, seconds: float = 0.02, base_samples: int = 32) -> tuple[Path, Path, Path]:
     """Write a study whose solver takes ``seconds`` for a row; returns the study, its cohort and the solver's notes.
 
-    The notes list the runs that are done, ``begun`` in the same folder those that began.
+    The notes list the runs that are done, ``begun`` in the same folder those that began. No run ends while there is a
+    file ``held`` in that folder.
     """
     specimens, _ = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
     write_cohort(folder / "cohort", specimens[:1])
@@ -71,7 +74,7 @@ def prepare(folder: Path, seconds: float = 0.02, base_samples: int = 32) -> tupl
         (folder / "cohort" / specimens[0].name / f"{name}.csv").unlink()
     notes = folder / "notes"
     solver = folder / "solver"
-    files = {"notes": str(notes), "begun": str(folder / "begun")}
+    files = {"notes": str(notes), "begun": str(folder / "begun"), "held": str(folder / "held")}
     solver.write_text(SOLVER.format(python=sys.executable, seconds=seconds, **files))
     solver.chmod(solver.stat().st_mode | stat.S_IXUSR)
     study = folder / "study.yaml"

@@ -49,13 +49,15 @@ def remembers(slurm_cluster, job):
 @pytest.mark.takes(40)
 def test_a_preempted_worker_job_is_replaced(tmp_path, slurm_cluster, bed):
     profile = profile_with(cores=2).replace("workers: {", "workers: {partition: scavenge, ")
-    out = submit(prepare(tmp_path, profile, seconds=2.0, base_samples=4))
+    out = submit(prepare(tmp_path, profile, seconds=0.5, base_samples=4))
     before = progress(out)
     victim = working(out)[0]
+    (tmp_path / "held").touch()
     urgent = ("-p", "urgent", "-w", victim.nodes, "-c", "2", "--mem=100", "--output=/dev/null", "--wrap", "sleep 5")
     slurm_cluster.run("sbatch", *urgent)
+    is_replaced(out, victim.job, "PREEMPTED")
+    (tmp_path / "held").unlink()
     finished_well(out, before)
-    was_replaced(out, victim.job, "PREEMPTED")
 
 
 @pytest.mark.takes(40)
@@ -63,16 +65,24 @@ def test_a_node_fails(tmp_path, slurm_cluster, bed):
     out = submit(prepare(tmp_path, profile_with(cores=2), seconds=0.5, base_samples=4))
     before = progress(out)
     victim = working(out)[0]
+    (tmp_path / "held").touch()
     bed.fail_node(slurm_cluster, victim.nodes)
+    is_replaced(out, victim.job, "NODE_FAIL")
+    (tmp_path / "held").unlink()
     finished_well(out, before)
-    was_replaced(out, victim.job, "NODE_FAIL")
     bed.restore_node(slurm_cluster, victim.nodes)
 
 
-def was_replaced(out: Path, job: str, end: str) -> None:
-    jobs = {record.job: record for record in worker_jobs(out)}
-    assert jobs[job].end == end
-    assert any(record.submitted > jobs[job].ended for record in jobs.values()), "it was not replaced"
+def is_replaced(out: Path, job: str, end: str) -> None:
+    """Wait until a worker job has ended in this state, and another was submitted after that."""
+
+    def replaced() -> bool:
+        jobs = {record.job: record for record in worker_jobs(out)}
+        ended = jobs[job].ended
+        return ended is not None and any(record.submitted > ended for record in jobs.values())
+
+    until(replaced, "the job in place of the one that ended")
+    assert next(record.end for record in worker_jobs(out) if record.job == job) == end
 
 
 @pytest.mark.takes(45)
