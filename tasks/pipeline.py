@@ -40,9 +40,6 @@ def check(study: Study, out: Path, tasks: Sequence[str], *, data: Path | None = 
     """
     for name in tasks:
         task = TASKS[name]
-        if task.tissue and study.simulator.law != "tendon":
-            problem = f"{name} names effects of sinew's own tissue, which a template is not"
-            raise BadInput(f"{study.path}: tasks", problem, "simulator: uniaxial or febio")
         if task.measured:
             if study.protocols is not None and data is None:
                 raise BadInput(f"{study.path}: cohort", f"missing, and {name} needs measured curves", "a cohort folder")

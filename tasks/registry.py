@@ -33,7 +33,7 @@ class Task:
     """An entry of the registry; ``name`` is the command, the folder, the section of the study and ``NAME.json``.
 
     ``summary`` is the command's help. ``needs`` names the task whose result it takes up. ``flags`` are the command's
-    own switches with their help. ``measured``: it needs measured curves. ``tissue``: it needs sinew's own tissue model.
+    own switches with their help. ``measured``: it needs measured curves.
     ``optional``: new studies leave it out, and the page shows it only once it has run. ``place`` orders the page.
     """
 
@@ -44,7 +44,6 @@ class Task:
     flags: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     examples: tuple[str, ...] = ()
     measured: bool = False
-    tissue: bool = False
     optional: bool = False
 
     def module(self, name: str) -> Any:
@@ -90,7 +89,7 @@ TASKS: Mapping[str, Task] = {
         Task("compare", "Can the sites be told apart by their parameters?", place=6, needs="infer", measured=True),
         Task(
             "discover", "Where do model and measurements disagree, and which effect is missing?", place=7,
-            tissue=True, examples=("sinew discover study.yaml --data data/tails",),
+            measured=True, examples=("sinew discover study.yaml --data data/tails",),
         ),
         Task("morris", "Elementary effects (Morris): a screening at the price of few rows.", place=2, optional=True),
         Task("pawn", "PAWN indices of whole distributions, from the rows of the Sobol study.", place=3, needs="sobol",

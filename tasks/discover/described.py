@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 from sinew.tasks.discover.after.added import study_with
 from sinew.tasks.discover.after.estimates import estimates
-from sinew.tasks.discover.after.gap import gap
 from sinew.tasks.discover.after.telling import telling_experiment
 from sinew.tasks.discover.compound import taken_away
 from sinew.tasks.discover.fit.laws import FoundLaw, find_law
 from sinew.tasks.discover.fit.search import Candidates
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, profiled_each
 from sinew.tasks.discover.follow_up import NextExperiment
+from sinew.tasks.discover.on_workers import gap_of
 from sinew.tasks.discover.result import WITH_LAWS, Law
 from sinew.tasks.study.workspace import Workspace
 
@@ -38,7 +38,7 @@ def described(
         share=share,
         interval=interval,
         parameters=parameters,
-        gap=gap(found.errors, effects, cohort, found.fits, beside),
+        gap=gap_of(workspace, cohort, found.errors, effects, found.fits, beside),
         path=path,
         difference=difference,
         other=tuple(law.name for law in found.second[0] if law not in beside) if found.second else (),

@@ -14,6 +14,7 @@ Word = Literal["NONE", "NAMED", "PARTLY", "AMBIGUOUS", "OUTSIDE"]
 NAMES: tuple[Word, ...] = ("NAMED", "PARTLY")  # words of verdicts that name effects
 COPY = "verdict.json"
 WITH_EFFECTS = Path("discover", "model.yaml")  # in the result folder: the study with the named effects
+TEMPLATE = WITH_EFFECTS.with_name("template")  # the folder of its template
 WITH_LAWS = Path("discover", "law.yaml")  # that with laws for what they leave, too
 ADOPTED = "adopted"  # folder in the result folder: the results of that study
 
@@ -262,6 +263,7 @@ class DiscoverResult(Result):
     that the verdict is about. Of the last fields, ``next_experiment`` goes with AMBIGUOUS, ``outside`` with OUTSIDE,
     ``model`` and ``remainder`` with NAMED and PARTLY. ``parts``: the effects that were fitted together where one or
     two do not explain all. ``law``, with PARTLY and OUTSIDE: what describes the rest, where something predicts it.
+    ``confidence`` is None for a model of the user's own.
 
     ``VERSION`` covers fits, rules, thresholds and the record of :mod:`sinew.tasks.discover.judge.confidence`, and the
     noise that is taken from the curves.
@@ -275,7 +277,7 @@ class DiscoverResult(Result):
     effects: tuple[str, ...]
     set: tuple[str, ...]
     why: str
-    confidence: Confidence
+    confidence: Confidence | None
     explained: float | None
     null: BareFit
     conflict: Conflict

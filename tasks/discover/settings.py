@@ -1,12 +1,16 @@
 """The section ``discover`` of a study."""
 
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, field_validator
 
-from sinew.runner.errors import shown
+from sinew.runner.errors import BadInput, shown
 from sinew.tasks.model.effects import library
 from sinew.tasks.study.fields import Specimens, TaskSettings
+
+if TYPE_CHECKING:
+    from sinew.tasks.study.study import Study
 
 
 class Settings(TaskSettings):
@@ -28,3 +32,15 @@ class Settings(TaskSettings):
         if isinstance(value, list) and (unknown := [slug for slug in value if slug not in library()]):
             raise ValueError(f"{shown(unknown[0])} is no effect; expected some of {', '.join(library())}")
         return value
+
+
+def check(study: "Study", out: Path) -> None:
+    """Refuse what cannot act around a user's own model: all else is a part of sinew's own tissue."""
+    if study.simulator.law == "tendon":
+        return
+    study.simulator.refuse_around(f"{study.path}: discover")
+    asked = study.section(Settings).effects
+    around = {slug for slug, effect in library().items() if effect.around}
+    if asked != "all" and (inside := [slug for slug in asked if slug not in around]):
+        problem = f"{', '.join(inside)}: not with a template"
+        raise BadInput(f"{study.path}: discover.effects", problem, f"some of {', '.join(sorted(around))}, or all")

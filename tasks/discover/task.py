@@ -6,14 +6,15 @@ with the effect in its model. The store keeps the curves of each specimen, ``dis
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation.adaptive import Session
 from sinew.tasks.data.noise import refuse_none, remark_on_others
 from sinew.tasks.discover.after.added import checks, study_with
-from sinew.tasks.discover.after.curves import simulated, stored_as
+from sinew.tasks.discover.after.curves import simulated, stored, stored_as
 from sinew.tasks.discover.after.estimates import candidate_result
-from sinew.tasks.discover.after.gap import gap
 from sinew.tasks.discover.after.solver import in_febio
 from sinew.tasks.discover.after.telling import MAX_SPECIMENS, telling_experiment
 from sinew.tasks.discover.compound import compound, remainder
@@ -37,9 +38,9 @@ from sinew.tasks.discover.judge.confidence import confidence
 from sinew.tasks.discover.judge.partly import partly
 from sinew.tasks.discover.judge.rules import Evidence, Verdict, next_best, rivals, verdict
 from sinew.tasks.discover.judge.scores import Score, Scores, misfit_by_chance
-from sinew.tasks.discover.measure.cells import located_part, misfit_map
-from sinew.tasks.discover.measure.conflict import conflict, together
+from sinew.tasks.discover.measure.cells import located_part
 from sinew.tasks.discover.measure.shape import shape
+from sinew.tasks.discover.on_workers import conflicts, gap_of, misfits, on_a_worker
 from sinew.tasks.discover.result import (
     COPY,
     NAMES,
@@ -53,6 +54,7 @@ from sinew.tasks.discover.result import (
 )
 from sinew.tasks.discover.settings import Settings
 from sinew.tasks.model import Specimen
+from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.build import febio_of
 from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
@@ -61,7 +63,6 @@ from sinew.tasks.study.workspace import Workspace, attempts_folder
 
 MAX_RIVALS = 4  # candidates that the next experiment has to separate
 LEFT_OVER = ("PARTLY", "OUTSIDE")  # words of verdicts after which a law is looked for
-FAR_BEYOND = 0.02  # of the probability ``chance``: that of the second, farther limit of a cell
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,13 +134,7 @@ def run(workspace: Workspace, settings: Settings) -> DiscoverResult:
     if settings.laws and cohort[0].solver is None and decided.word in LEFT_OVER:
         beside = shown if decided.named else ()
         result = replace(result, law=described(workspace, cohort, findings.candidates, beside))
-    curves = {
-        stored_as(one.name): simulated(
-            one, findings.candidates.bare[i], shown, findings.candidates.fits[shown][i] if shown else None
-        )
-        for i, one in enumerate(cohort)
-    }
-    commit(workspace, result, curves)
+    commit(workspace, result, _curves(workspace, findings, shown))
     return result
 
 
@@ -172,8 +167,9 @@ def inputs_of(workspace: Workspace, settings: Settings, specimens: Sequence[Spec
     model = workspace.model
     ranges = [[one.name, one.minimum, one.maximum, one.reference] for one in model.parameters]
     data = [[specimen.name, specimen.identity()] for specimen in specimens]
-    solver = febio_of(workspace.study, (), attempts_folder(workspace.out)).identity()
-    simulators = [workspace.simulator.identity(), solver]
+    simulators = [workspace.simulator.identity()]
+    if model.law == "tendon":
+        simulators.append(febio_of(workspace.study, (), attempts_folder(workspace.out)).identity())
     return key(DiscoverResult, settings.model_dump(), workspace.seed, model.identity(), ranges, data, simulators)
 
 
@@ -228,41 +224,23 @@ def _findings(workspace: Workspace, settings: Settings, cohort: list[SpecimenFit
     bare = _bare_fits(workspace, settings, cohort)
     candidates = search(workspace, settings, cohort, [fits[0] for fits in bare])
     held_out = hold_out(workspace, cohort, candidates)
-    conflicts = _conflicts(workspace, cohort, candidates.bare)
-    before = _misfits(workspace, settings, cohort, (), candidates.bare)
+    disagree = conflicts(workspace, cohort, candidates.bare)
+    before = misfits(workspace, settings.chance, cohort, (), candidates.bare)
     fits = candidates.fits
     judged = [effects for effects in held_out if effects in candidates.scored]  # the others are no effect's best form
-    after = {effects: _misfits(workspace, settings, cohort, effects, fits[effects]) for effects in judged}
+    after = {effects: misfits(workspace, settings.chance, cohort, effects, fits[effects]) for effects in judged}
     for effects, cells in after.items():
         candidates.scored[effects] = replace(candidates.scored[effects], in_place=located_part(before, cells))
-    return Findings(cohort, bare, candidates, held_out, conflicts, before, after)
+    return Findings(cohort, bare, candidates, held_out, disagree, before, after)
 
 
 def _with_effects(workspace: Workspace, settings: Settings, findings: Findings, effects: Effects) -> Findings:
     """The findings with predictions and misfits of one candidate more."""
     cohort, candidates = findings.cohort, findings.candidates
     held_out = hold_out_of(workspace, cohort, candidates, effects)
-    after = _misfits(workspace, settings, cohort, effects, candidates.fits[effects])
+    after = misfits(workspace, settings.chance, cohort, effects, candidates.fits[effects])
     candidates.scored[effects] = replace(candidates.scored[effects], in_place=located_part(findings.before, after))
     return replace(findings, held_out=held_out, after={**findings.after, effects: after})
-
-
-def _misfits(
-    workspace: Workspace,
-    settings: Settings,
-    cohort: Sequence[SpecimenFits],
-    effects: Effects,
-    fits: Sequence[Fitted],
-) -> list[tuple[CellMisfit, ...]]:
-    """The misfit maps of fits with ``effects``, by specimen."""
-    stream = Stream.MISFIT_AFTER if effects else Stream.MISFIT_BEFORE
-    chance = settings.chance / len(cohort)
-    return [
-        misfit_map(
-            one.measured, one.candidate(effects), fitted, chance, FAR_BEYOND, streams.key(workspace.seed, stream, i)
-        )
-        for i, (one, fitted) in enumerate(zip(cohort, fits, strict=True))
-    ]
 
 
 def _bare_fits(workspace: Workspace, settings: Settings, cohort: Sequence[SpecimenFits]) -> list[list[Fitted]]:
@@ -276,20 +254,6 @@ def _bare_fits(workspace: Workspace, settings: Settings, cohort: Sequence[Specim
 
     fits: list[list[Fitted]] = each_for_all(workspace, cohort, "the model as it is", [None], work)[0]
     return fits
-
-
-def _conflicts(workspace: Workspace, cohort: Sequence[SpecimenFits], bare_fits: Sequence[Fitted]) -> Conflict:
-    """Whether one set of parameters can be right for all protocols, by specimen and for all of them."""
-    title = "the model as it is, for each curve alone"
-    (alone,) = each_for_all(
-        workspace, cohort, title, [None], lambda i, _, session: cohort[i].alone(session, bare_fits[i])
-    )
-    return together(
-        {
-            one.name: conflict(one.candidate(), one.measured, fitted, own)
-            for one, fitted, own in zip(cohort, bare_fits, alone, strict=True)
-        }
-    )
 
 
 # ---- after the verdict
@@ -308,7 +272,7 @@ def _result(
         effects=decided.effects,
         set=decided.alike,
         why=decided.why,
-        confidence=confidence(decided.word),
+        confidence=confidence(decided.word, workspace.model.law),
         explained=decided.explained,
         null=BareFit(
             candidates.scores.bare.loss,
@@ -323,7 +287,7 @@ def _result(
         candidates=_candidates(workspace, findings, decided, shown),
         cells=dict(zip(names, findings.before, strict=True)),
         shown=judged.effects,
-        gap=gap(findings.held_out, shown, cohort, candidates.fits[shown] if shown else candidates.bare),
+        gap=gap_of(workspace, cohort, findings.held_out, shown, candidates.with_bare[shown]),
         next_experiment=_experiment(workspace, findings, judged)
         if decided.word == "AMBIGUOUS" and decided.alike and shown
         else None,
@@ -331,9 +295,23 @@ def _result(
         model=_model(workspace, findings, shown) if decided.named else None,
         inputs=inputs,
         parts=parts,
-        remainder=_remainder(findings, judged, shown) if decided.named else None,
+        remainder=_remainder(workspace, findings, judged, shown) if decided.named else None,
         after=dict(zip(names, findings.after[shown], strict=True)) if shown in findings.after else None,
     )
+
+
+def _curves(workspace: Workspace, findings: Findings, shown: Effects) -> dict[str, Any]:
+    """The curves of each specimen for the store."""
+    cohort, candidates = findings.cohort, findings.candidates
+
+    def work(i: int, _: None, session: Session) -> dict[str, Array]:
+        having = candidates.fits[shown][i] if shown else None
+        forces: dict[str, Array] = session.compute(simulated, cohort[i], candidates.bare[i], shown, having)
+        return forces
+
+    (found,) = each_for_all(workspace, cohort, "the curves", [None], work)
+    both = zip(cohort, found, strict=True)
+    return {stored_as(one.name): stored(one.measured.specimen, shown, forces) for one, forces in both}
 
 
 def _candidates(
@@ -371,20 +349,21 @@ def _experiment(workspace: Workspace, findings: Findings, judged: Score) -> Next
 
 def _outside(workspace: Workspace, findings: Findings) -> Outside:
     """A description of the misfit."""
-    measured = [one.measured for one in findings.cohort]
+    cohort = findings.cohort
+    measured = [one.measured for one in cohort]
     points = [one.at for one in findings.candidates.bare[:MAX_SPECIMENS]]
     known = library_for([one.specimen for one in measured])
-    return shape(workspace.model, measured[:MAX_SPECIMENS], points, known)
+    ask = partial(shape, cohort[0].candidate().stand_in, measured[:MAX_SPECIMENS], points, known)
+    return on_a_worker(workspace, cohort, "what the misfit looks like", ask)
 
 
-def _remainder(findings: Findings, judged: Score, shown: Effects) -> Remainder | None:
+def _remainder(workspace: Workspace, findings: Findings, judged: Score, shown: Effects) -> Remainder | None:
     """What the model with the named effects leaves; None where nothing was held against the bare model's misfit."""
     candidates = findings.candidates
     beyond = judged.loss - candidates.floor > misfit_by_chance(candidates.floor)
-    fits = candidates.fits[shown]
-    return remainder(
-        findings.cohort, candidates.bare, shown, fits, candidates.floor, beyond, findings.after.get(shown, [])
-    )
+    cohort, after = findings.cohort, findings.after.get(shown, [])
+    what = (cohort, candidates.bare, shown, candidates.fits[shown], candidates.floor, beyond, after)
+    return on_a_worker(workspace, cohort, "what is left", partial(remainder, *what))
 
 
 def _model(workspace: Workspace, findings: Findings, shown: Effects) -> AddedModel:
@@ -392,4 +371,5 @@ def _model(workspace: Workspace, findings: Findings, shown: Effects) -> AddedMod
     cohort, fits = findings.cohort, findings.candidates.fits[shown]
     path, difference = study_with(workspace, shown)
     febio = in_febio(workspace, cohort[0], shown, fits[0])
-    return AddedModel(path, difference, checks(cohort, shown, fits), febio)
+    checked = on_a_worker(workspace, cohort, "checks of the effects", partial(checks, cohort, shown, fits))
+    return AddedModel(path, difference, checked, febio)

@@ -139,11 +139,9 @@ class ResultFolder:
         return sentences.get(state.word, f"{state.why[:1].upper()}{state.why[1:]}.")
 
     def _not_run(self, task: str, command: str) -> str:
-        if self.runs and self.runs[-1].get("simulator") in of_own_models():
-            if task == "discover":
-                return "Not for a template: what this names are effects of sinew's own tissue."
-            if task in ("calibrate", "infer", "predict", "compare") and not self.forces:
-                return f"Not run: it needs measured curves ({command[:-1]} --data COHORT`)."
+        own = self.runs and self.runs[-1].get("simulator") in of_own_models()
+        if own and TASKS[task].measured and not self.forces:
+            return f"Not run: it needs measured curves ({command[:-1]} --data COHORT`)."
         if task == "compare" and len({name.rpartition("/")[0] for name in self.measured}) == 1:
             return "Not run: it needs two sites, that is specimens in folders COHORT/SITE/SPECIMEN of two sites."
         if why := self.states[task].why:

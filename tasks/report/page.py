@@ -99,7 +99,8 @@ def _marked(found: ResultFolder, part: _Part, section: Section) -> Section:
     if section.missing:
         return replace(section, folded=bool(part.task) and found.states[part.task].word == "not run")
     discovery = found.result(DiscoverResult)
-    if discovery is None or discovery.verdict not in NAMES or not part.task or not TASKS[part.task].measured:
+    of_curves = bool(part.task) and TASKS[part.task].measured and part.task != DiscoverResult.TASK
+    if discovery is None or discovery.verdict not in NAMES or not of_curves:
         return section
     calibration = found.result(CalibrateResult)
     if calibration is None or set(calibration.names) - {parameter.name for parameter in TENDON}:

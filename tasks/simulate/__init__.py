@@ -119,8 +119,11 @@ class TakesEffects(Simulator, Interface):
         """Whether it can have all of these effects at once."""
         ...
 
-    def with_effects(self, effects: tuple[Effect, ...]) -> "Simulator":
-        """The same with ``effects``, for models of :func:`sinew.tasks.model.effect.model_with`."""
+    def with_effects(self, effects: tuple[Effect, ...], near: Any = None) -> "Simulator":
+        """The same with ``effects``, for models of :func:`sinew.tasks.model.effect.model_with`.
+
+        ``near``: a :class:`sinew.tasks.simulate.around.Near`, where calls have nearly the same parameters.
+        """
         ...
 
 
@@ -131,7 +134,9 @@ def taking_effects(simulator: Simulator) -> TakesEffects | None:
     """
     if simulator.capabilities.effects == "none":
         raise BadInput(
-            "simulator", f"{simulator.name} cannot have effects of the library", "simulator: uniaxial or febio"
+            "simulator",
+            f"{simulator.name} cannot have effects of the library",
+            "simulator: uniaxial, febio or template",
         )
     return cast(TakesEffects, simulator) if simulator.capabilities.effects == "solver" else None
 

@@ -7,13 +7,14 @@ Its first guess is a specimen without memory, whose stiffness follows from the r
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
 from sinew.runner.errors import BadInput
+from sinew.runner.evaluation.batch import RETRIED
 from sinew.runner.store.schema import STATUSES
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.acting import Acting, acting, displaced, gives_way, read, ways, with_constants
@@ -22,25 +23,48 @@ from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, Simul
 from sinew.tasks.simulate.row_by_row import Failed, row_by_row
 
 VERSION = 1  # of the forces that are computed here, with the equations of the effects
-BALANCE = 1e-5  # of the largest displacement: largest remaining difference of grips, machine and specimen
+BALANCE, NEARER = 1e-5, 1e-6  # of the largest displacement: largest remaining difference of grips and specimen
 RUNS = 60  # of the simulator for one curve, at most
 STEPS, RANK = 8, 1e-8  # steps that are remembered, and how far from each other they must be
 MOVED = 1e-9  # of the largest displacement: smaller motions tell no stiffness
+NOT_SO_NEAR = ("diverged", "bad_input")  # where a start from another balance may be to blame
+SHARED = 64  # of the last runs, of which rows that differ in their effects alone may need the same
 CLEAR, TRUST = 0.01, 3.0  # of the largest step: smaller ones tell none; and the factor by which one may change it
 
-Run = Callable[[Protocol], Array]
-"""Force (N) and other outputs ``[1 + k, t]`` along a protocol. Raises :class:`Failed`."""
+Run = Callable[[bytes], Array]
+"""Force (N) and other outputs ``[1 + k, t]`` along displacements ``[t]`` (mm). Raises :class:`Failed`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """A displacement ``[1, t]`` (mm) that agrees with the force that it causes; the specimen's stiffness (N/mm)."""
+
+    displacement_mm: Array
+    stiffness: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Near:
+    """Balances of one specimen to start from, by the digest of the protocol; calls leave theirs for later calls.
+
+    Of all that is asked of a simulator with this object, the first row of each protocol is left, ``written``, and the
+    others start from it: they should be small steps away.
+    """
+
+    balances: dict[str, Balance]
+    written: set[str] = field(default_factory=set)
 
 
 @dataclass(frozen=True)
 class Around:
     """The simulator ``inner`` with ``effects`` around it; their parameters are the last of its models, in any order.
 
-    Raises :class:`ValueError` for an effect that acts inside the specimen.
+    ``near``: balances to start from. Raises :class:`ValueError` for an effect that acts inside the specimen.
     """
 
     inner: Simulator
     effects: tuple[Effect, ...]
+    near: Near | None = None
 
     def __post_init__(self) -> None:
         if inside := [effect.name for effect in self.effects if not effect.around]:
@@ -106,10 +130,33 @@ class Around:
         own = model_without(model, self.effects)
         inside = [model.names.index(name) for name in own.names]
         outside = [model.names.index(name) for effect in self.effects for name in effect.names]
+        rigid = any(effect.asks_rigid for effect in self.effects)
+
+        near, key = self.near, protocol.digest
+        accident: Failed | None = None
+
+        @lru_cache(SHARED)
+        def shared(values: bytes, displacement: bytes) -> Array:
+            moved = replace(protocol, displacement_mm=np.frombuffer(displacement).copy(), paced_by=protocol.pace)
+            return run(own, np.frombuffer(values).copy()[np.newaxis], moved)
 
         def solve(values: Array) -> Array:
+            nonlocal accident
+            if accident is not None:  # the others start from the first row, so that they wait for it
+                raise accident
             chosen = acting(self.effects, values[np.newaxis, outside])
-            return _Along(chosen, specimen, protocol, partial(run, own, values[np.newaxis, inside])).courses()
+            along = _Along(chosen, specimen, protocol, partial(shared, values[inside].tobytes()), rigid)
+            if near is None:
+                return along.courses(None)[0]
+            try:
+                courses, balance = along.courses(near.balances.get(key))
+            except Failed as failed:
+                accident = failed if failed.status in RETRIED and key not in near.written else None
+                raise
+            if balance is not None and key not in near.written:
+                near.balances[key] = balance
+            near.written.add(key)
+            return courses
 
         found = np.full((len(parameters), count, protocol.time_s.size), np.nan)
         return found, *row_by_row(model, parameters, solve, found)
@@ -124,35 +171,49 @@ def _first(done: Simulated | Compared, *courses: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Along:
-    """One specimen with effects around it, along one protocol."""
+    """One specimen with effects around it, along one protocol; ``rigid``: they ask for the force on a rigid machine."""
 
     chosen: Acting
     specimen: Specimen
     protocol: Protocol
     run: Run
+    rigid: bool
 
-    def courses(self) -> Array:
-        """The force as it is read, and the other outputs, ``[1 + k, t]``. Raises :class:`Failed`."""
+    def courses(self, near: Balance | None) -> tuple[Array, Balance | None]:
+        """The force as it is read, and the other outputs, ``[1 + k, t]``; and the balance, which may start another.
+
+        ``near``: a balance to start from. Raises :class:`Failed`.
+        """
         with np.errstate(all="ignore"):  # what is no number fails
-            bars, others = self._balanced()
+            try:
+                bars, others, balance = self._balanced(near)
+            except Failed as failed:
+                if near is None or failed.status not in NOT_SO_NEAR:
+                    raise
+                bars, others, balance = self._balanced(None)
             force = read(self.chosen, bars).force_N
         if not np.isfinite(force).all():
             raise Failed("diverged", "with its effects, the force is not a number")
-        return np.concatenate([force, others])
+        return np.concatenate([force, others]), balance
 
-    def _balanced(self) -> tuple[Bars, Array]:
+    def _balanced(self, near: Balance | None) -> tuple[Bars, Array, Balance | None]:
         """The specimen at the displacement that agrees with the force that it causes, and the other outputs there."""
         area = {"area_mm2": np.ones((1, 1))}  # times that of the simulator
         grips = with_constants(self.chosen, Bars.at_grips(self.protocol, self.specimen.length_mm, area, 1))
         if not gives_way(self.chosen):
-            return self._pulled(displaced(self.chosen, grips))
-        bars, others = self._pulled(grips)
-        grips = replace(grips, rigid_N=bars.force_N)
+            return *self._pulled(displaced(self.chosen, grips)), None
         largest = max(float(np.abs(grips.grips_mm).max()), np.finfo(float).tiny)
-        stiffness = _slopes(bars.displacement_mm[0], bars.force_N[0], MOVED * largest)
+        enough = (BALANCE if near is None else NEARER) * largest
+        if near is None or self.rigid:
+            bars, others = self._pulled(grips)
+            grips = replace(grips, rigid_N=bars.force_N)
+            stiffness = _slopes(bars.displacement_mm[0], bars.force_N[0], MOVED * largest)
+        if near is not None:
+            bars, others = self._pulled(replace(grips, displacement_mm=near.displacement_mm))
+            stiffness = near.stiffness
         residual = self._residual(grips, bars)
         steps, part, runs = _Steps(), 1.0, 1
-        while np.abs(residual).max() > BALANCE * largest:
+        while np.abs(residual).max() > enough:
             if runs == RUNS:
                 raise Failed("diverged", f"no balance of force and displacement in {RUNS} runs of the simulator")
             runs += 1
@@ -161,7 +222,9 @@ class _Along:
             try:
                 moved, given = self._pulled(replace(bars, displacement_mm=bars.displacement_mm + step))
                 left = self._residual(grips, moved)
-            except Failed:  # a step too far
+            except Failed as failed:  # a step too far
+                if failed.status in RETRIED:
+                    raise
                 nearer = False
             else:
                 stiffness = _secants(stiffness, step, (moved.force_N - bars.force_N)[0])
@@ -170,14 +233,13 @@ class _Along:
                 bars, others, residual, part = moved, given, left, min(1.0, 2.0 * part)
             else:  # perhaps behind a kink, such as a grip that begins to slip: what was learned before it misleads
                 steps, part = _Steps(), 0.5 * part
-        return bars, others
+        return bars, others, Balance(bars.displacement_mm, stiffness)
 
     def _pulled(self, bars: Bars) -> tuple[Bars, Array]:
         """The specimen with its force at its displacement, and the other outputs ``[k, t]``. Raises :class:`Failed`."""
         if not np.isfinite(bars.displacement_mm).all():
             raise Failed("diverged", "with its effects, the displacement is not a number")
-        moved = replace(self.protocol, displacement_mm=bars.displacement_mm[0], paced_by=self.protocol.pace)
-        found = self.run(moved)
+        found = self.run(bars.displacement_mm[0].tobytes())
         return replace(bars, force_N=bars.material["area_mm2"] * found[:1]), found[1:]
 
     def _residual(self, grips: Bars, bars: Bars) -> Array:

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from sinew.runner.files import remove_folder
 from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits
 from sinew.tasks.discover.follow_up import Checks
-from sinew.tasks.discover.result import WITH_EFFECTS
+from sinew.tasks.discover.result import TEMPLATE, WITH_EFFECTS
 from sinew.tasks.model.effects import effect_named
 from sinew.tasks.study.files import write_text
 from sinew.tasks.study.settings_file import as_yaml, from_yaml
@@ -18,7 +19,7 @@ from sinew.tasks.study.workspace import Workspace
 
 
 def study_with(workspace: Workspace, effects: Effects, where: Path = WITH_EFFECTS) -> tuple[str, str]:
-    """Write the study with the effects in its model, to ``where`` in the result folder.
+    """Write the study with the effects in its model, to ``where`` in the result folder, and its template beside it.
 
     Returns that path, and what changed.
     """
@@ -35,10 +36,17 @@ def study_with(workspace: Workspace, effects: Effects, where: Path = WITH_EFFECT
     }
     model |= {"parameters": (model.get("parameters") or {}) | ranges} if ranges else {}
     new = {**old, "model": {**model, "effects": [effect.name for effect in effects]}}
+    path.parent.mkdir(exist_ok=True)
+    if (own := workspace.study.simulator.own_template(workspace.study.path.parent)) is not None:
+        field, main, files = own
+        remove_folder(workspace.out / TEMPLATE)  # of another template, which this one may have replaced
+        for name, text in files.items():
+            (copy := workspace.out / TEMPLATE / name).parent.mkdir(parents=True, exist_ok=True)
+            write_text(copy, text)
+        new["simulator"] = {**new["simulator"], field: f"{TEMPLATE.name}/{main}"}
     # from the file itself, so that a study and its results may be moved together
     new["cohort"] = os.path.relpath(workspace.cohort.folder.resolve(), path.parent.resolve())
     before, after = (as_yaml(each) for each in (old, new))
-    path.parent.mkdir(exist_ok=True)
     write_text(path, after)
     difference = difflib.unified_diff(before.splitlines(), after.splitlines(), "study", "with effects", lineterm="")
     return str(path.relative_to(workspace.out)), "\n".join(difference)

@@ -23,7 +23,7 @@ from sinew.tasks.discover.fit.fit import Candidate, derivatives, residuals, spre
 from sinew.tasks.discover.follow_up import MenuEntry, NextExperiment, PairSeparation, RivalPair
 from sinew.tasks.fitting.discrepancy import WIDTH
 from sinew.tasks.fitting.measured import Measured
-from sinew.tasks.model import Curve, Model
+from sinew.tasks.model import Curve
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array
 
@@ -96,11 +96,11 @@ class Experiment:
 
 
 def next_experiment(
-    model: Model, rivals: Sequence[Rival], measured: Sequence[Measured], tests: Sequence[Test] | None = None
+    bare: Candidate, rivals: Sequence[Rival], measured: Sequence[Measured], tests: Sequence[Test] | None = None
 ) -> Experiment | None:
     """The test of a menu (that of the specimens' own usual tests) which tells the hardest pair of rivals apart best.
 
-    ``model`` is the bare one, and the bare model is a rival without effects. A truth whose effects another rival has,
+    ``bare`` is the model without effects, which may be a rival, too. A truth whose effects another rival has,
     too, can never be told from it by a misfit, so that direction of a pair is left out. None where there is no pair,
     and where no test can be simulated with every rival.
     """
@@ -113,7 +113,7 @@ def next_experiment(
     if not pairs:
         return None
     chosen = menu(usual([one.specimen for one in measured])) if tests is None else tests
-    candidates = [Candidate(model, rival.effects) for rival in rivals]
+    candidates = [bare.having(*rival.effects) for rival in rivals]
     before = [
         [_Before.of(candidate, one, believed(candidate, one, at)) for one, at in zip(measured, rival.at, strict=True)]
         for candidate, rival in zip(candidates, rivals, strict=True)

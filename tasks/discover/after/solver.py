@@ -28,6 +28,9 @@ def in_febio(workspace: Workspace, one: SpecimenFits, effects: Effects, fitted: 
     The inputs are in ``discover/febio``. Of each run: the largest deviation from the embedded force and the largest
     change by the effects, as parts of the peak, or why there is none.
     """
+    if one.model.law != "tendon":
+        why = "the effects act around the study's own model; all forces are its own"
+        return SolverCheck((), ran=False, why=why)
     missing = [f"{effect.slug}: {effect.no_febio}" for effect in effects if not effect.febio]
     if missing:
         return SolverCheck((), ran=False, why="; ".join(missing))

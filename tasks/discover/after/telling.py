@@ -24,7 +24,8 @@ def telling_experiment(
     measured = [one.measured for one in some]
 
     def work(_: int, __: None, session: Session) -> Experiment | None:
-        answer: Experiment | None = session.compute(next_experiment, workspace.model, rivals, measured)
+        bare = some[0].candidate().stand_in
+        answer: Experiment | None = session.compute(next_experiment, bare, rivals, measured)
         return answer
 
     ((experiment,),) = each_for_all(workspace, some[:1], title, [None], work)

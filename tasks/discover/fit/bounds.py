@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from sinew.tasks.discover.fit.fit import BLIND, Fitted
+from sinew.tasks.discover.fit.fit import Fitted, seen_by_force
 from sinew.tasks.model import Model, Parameter
 
 
@@ -28,6 +28,6 @@ def pressed_in_most(
 
 def cornered(model: Model, bare: Sequence[Fitted]) -> tuple[str, ...]:
     """The parameters of the bare model that are pressed in most specimens, if these are most of its parameters."""
-    varied = [parameter for parameter in model.free if parameter.name != BLIND]
+    varied = seen_by_force(model)
     names = pressed_in_most(varied, 0, bare, {})
     return names if 2 * len(names) > len(varied) else ()

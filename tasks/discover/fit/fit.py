@@ -2,24 +2,28 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 from typing import Protocol as Callback
 
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import chi2
 
+from sinew.tasks.discover.fit.few_runs import least_squares_of_few
 from sinew.tasks.fitting import starts as begins
 from sinew.tasks.fitting.discrepancy import WIDTH
 from sinew.tasks.fitting.measured import Measured
-from sinew.tasks.model import Curve, Model, Protocol, Specimen
+from sinew.tasks.model import Curve, Model, Parameter, Protocol, Specimen
 from sinew.tasks.model.effect import Effect, model_with
 from sinew.tasks.simulate import Array, TakesEffects
+from sinew.tasks.simulate.around import Near
 from sinew.tasks.simulate.effects import simulate_with
 from sinew.tasks.simulate.retrying import simulate_patiently
 from sinew.tasks.study.checkpoint import in_unit_cube
 
-BLIND = "nu_m"  # the force does not depend on it
-STEP = 1e-5
+BLIND = "nu_m"  # of the tissue: the force does not depend on it
+STEP, SOLVER_STEP = 1e-5, 3e-3  # of the unit cube, for derivatives; a solver's forces are less exact
+SEEN, SEEN_BY_SOLVER = 1e-8, 1e-3  # what is smaller, of the largest singular value of derivatives, is rounding
 FAR = 1e3  # standard deviations: where a model fails
 TOLERANCE = 1e-5
 EVALUATIONS = 60  # iterations of one fit, at most
@@ -72,31 +76,42 @@ class Fitted:
 class Candidate:
     """The model with some effects: what a fit can vary is the model's free parameters and those of the effects.
 
-    Forces are those of the embedded simulator or, where there is one, of the ``solver``. Its runs that fail by accident
-    are repeated up to ``retries`` times.
+    Forces are those of the embedded simulator or, where there is one, of the ``solver``, without which there are none
+    of a user's own model. Its runs that fail by accident are repeated up to ``retries`` times. ``near``: what runs of
+    nearly the same parameters leave for each other.
     """
 
     model: Model
     effects: tuple[Effect, ...] = ()
     solver: TakesEffects | None = None
     retries: int = 0
+    near: dict[str, Any] | None = None
 
     @property
-    def embedded(self) -> "Candidate":
-        """The same with the embedded simulator."""
-        return replace(self, solver=None)
+    def stand_in(self) -> "Candidate":
+        """The same with the embedded simulator, which is nearly the solver; of a user's own model, the same."""
+        return self if self.solver is None or self.model.law != "tendon" else replace(self, solver=None)
 
     def having(self, *effects: Effect) -> "Candidate":
         """The same with these effects instead."""
         return replace(self, effects=effects)
 
+    def possible(self, effects: tuple[Effect, ...]) -> bool:
+        """Whether its simulator can have these effects, all at once."""
+        return self.solver is None or self.solver.can_have(effects)
+
     @property
     def varied(self) -> tuple[str, ...]:
-        return tuple(p.name for p in self.model.free if p.name != BLIND)
+        return tuple(p.name for p in seen_by_force(self.model))
 
     @property
     def size(self) -> int:
         return len(self.varied) + sum(len(effect.parameters) for effect in self.effects)
+
+    @property
+    def seen(self) -> float:
+        """Of the largest singular value of derivatives: directions with smaller ones change no force."""
+        return SEEN if self.stand_in.solver is None else SEEN_BY_SOLVER
 
     @property
     def fitted_width(self) -> int:
@@ -105,8 +120,7 @@ class Candidate:
 
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds ``[k]``: the model's, then the effects'."""
-        own = [p for p in self.model.free if p.name != BLIND]
-        every = [*own, *(p for effect in self.effects for p in effect.parameters)]
+        every = [*seen_by_force(self.model), *(p for effect in self.effects for p in effect.parameters)]
         low = [p.minimum if p.possible(p.minimum) else p.minimum + 1e-6 * (p.maximum - p.minimum) for p in every]
         return np.array(low), np.array([p.maximum for p in every])
 
@@ -124,7 +138,9 @@ class Candidate:
         """
         parameters, values = self.rows(at)
         if self.solver is not None:
-            solver, model = self.solver.with_effects(self.effects), model_with(self.model, self.effects)
+            near: dict[str, Any] | None = {} if nearby and self.near is None else self.near
+            solver = self.solver.with_effects(self.effects, None if near is None else Near(near))
+            model = model_with(self.model, self.effects)
             rows = np.concatenate([parameters, values], axis=1)
             return simulate_patiently(solver, model, specimen, protocol, rows, retries=self.retries).force_N
         return simulate_with(self.model, self.effects, specimen, protocol, parameters, values, nearby=nearby)
@@ -142,6 +158,11 @@ class Candidate:
     def typical(self) -> Array:
         """The effects' typical values ``[m]`` on the unit cube."""
         return np.array([self.unit(n, v) for e in self.effects for n, v in zip(e.names, e.typical, strict=True)])
+
+
+def seen_by_force(model: Model) -> tuple[Parameter, ...]:
+    """The free parameters on which the force depends."""
+    return tuple(p for p in model.free if model.law != "tendon" or p.name != BLIND)
 
 
 def errors(
@@ -186,13 +207,15 @@ def derivatives(
 ) -> tuple[Array, Array]:
     """Residuals ``[t]`` at a point ``[k]`` of the unit cube, and their derivatives ``[t, v]`` by what is not fixed.
 
-    Derivatives are always the embedded simulator's.
+    Derivatives are the embedded simulator's wherever it has the model.
     """
-    steps = np.delete(np.where(at + STEP <= 1.0, STEP, -STEP), fixed)
+    near = candidate.stand_in
+    step = STEP if near.solver is None else SOLVER_STEP
+    steps = np.delete(np.where(at + step <= 1.0, step, -step), fixed)
     moves = np.delete(np.eye(at.size), fixed, axis=0) * steps[:, np.newaxis]
-    moved = of(candidate.embedded, measured, np.concatenate([at[np.newaxis], at + moves]), curves, nearby=True)
+    moved = of(near, measured, np.concatenate([at[np.newaxis], at + moves]), curves, nearby=True)
     slopes = ((moved[1:] - moved[0]) / steps[:, np.newaxis]).T
-    return moved[0] if candidate.solver is None else of(candidate, measured, at[np.newaxis], curves)[0], slopes
+    return moved[0] if near is candidate else of(candidate, measured, at[np.newaxis], curves)[0], slopes
 
 
 def together(both: Callable[[Array], tuple[Array, Array]]) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
@@ -221,24 +244,32 @@ def fit(
 ) -> Fitted:
     """The nearest minimum to ``start`` ``[k]`` on the unit cube, over ``curves`` (all of the specimen's).
 
-    What is ``fixed``, by number, stays where it is. A fit with a solver goes on from where that with the embedded
-    simulator ended, and takes its derivatives from there: near the minimum they need not be exact.
+    What is ``fixed``, by number, stays where it is. A fit of the tissue with a solver goes on from where that with the
+    embedded simulator ended, and takes its derivatives from there: near the minimum they need not be exact.
     """
     chosen = measured.curves if curves is None else curves
-    if candidate.solver is not None:
-        start = fit(candidate.embedded, measured, start, chosen, fixed=fixed).at
+    if candidate.stand_in is not candidate:
+        start = fit(candidate.stand_in, measured, start, chosen, fixed=fixed).at
     free = np.delete(np.arange(start.size), fixed)
+    begin = np.clip(start[free], 1e-6, 1 - 1e-6)
 
     def whole(at: Array) -> Array:
         every = start.copy()
         every[free] = at
         return every
 
-    loss, slope = together(lambda at: derivatives(candidate, measured, whole(at), chosen, fixed=fixed))
-    solution = least_squares(
-        loss, np.clip(start[free], 1e-6, 1 - 1e-6), jac=slope, bounds=(0.0, 1.0), ftol=TOLERANCE, xtol=1e-7,
-        gtol=1e-7, max_nfev=EVALUATIONS, x_scale=1.0,
-    )  # fmt: skip
+    if candidate.stand_in.solver is None:
+        loss, slope = together(lambda at: derivatives(candidate, measured, whole(at), chosen, fixed=fixed))
+        solution = least_squares(
+            loss, begin, jac=slope, bounds=(0.0, 1.0), ftol=TOLERANCE, xtol=1e-7, gtol=1e-7, max_nfev=EVALUATIONS
+        )
+    else:
+        candidate = replace(candidate, near={})
+        solution = least_squares_of_few(
+            lambda at: residuals(candidate, measured, whole(at)[np.newaxis], chosen)[0],
+            lambda at: derivatives(candidate, measured, whole(at), chosen, fixed=fixed),
+            begin,
+        )
     spread, pull = np.zeros((2, start.size))
     spread[free] = spreads(solution.jac)
     pull[free] = pulls(solution.x, solution.grad, solution.jac)
@@ -290,7 +321,7 @@ def look_ahead(
     From the fit ``at`` ``[k]`` of ``base``, with a fraction of the effect's typical size, one bounded step of linear
     least squares predicts a loss. Returns the smallest over the fractions, and the point ``[k + m]`` of that fraction.
     """
-    candidate, alone = base.embedded.having(*base.effects, effect), base.having(effect)
+    candidate, alone = base.stand_in.having(*base.effects, effect), base.having(effect)
     null, typical = alone.null(), alone.typical()
     attempts = []
     for part in PARTS:
@@ -322,5 +353,10 @@ def gentle(candidate: Candidate) -> Array:
 
 
 def starts(candidate: Candidate, rng: np.random.Generator, count: int) -> list[Array]:
-    """Starts ``[k]`` for fits of the bare model, see :func:`sinew.tasks.fitting.starts.starts`."""
+    """Starts ``[k]`` for fits of the bare model, see :func:`sinew.tasks.fitting.starts.starts`.
+
+    Of a user's own model: the middle, and points drawn at random.
+    """
+    if candidate.model.law != "tendon":
+        return [np.full(candidate.size, 0.5), *rng.random((count - 1, candidate.size))]
     return begins.starts(candidate.varied, rng, count)

@@ -74,10 +74,16 @@ class Candidates:
 
 
 def asked(settings: Settings, cohort: Sequence[SpecimenFits]) -> list[Effect]:
-    """The effects that the study asks for, with ranges for specimens of this size."""
+    """The effects that the study asks for, with ranges for specimens of this size.
+
+    All are those of the library and, of a user's own model, those that can act around it.
+    """
     slugs = settings.effects
     known = library_for([one.measured.specimen for one in cohort])
-    return [effect for slug, effect in known.items() if slugs == "all" or slug in slugs]
+    if slugs == "all":
+        model = cohort[0].candidate().stand_in
+        return [effect for effect in known.values() if model.possible((effect,))]
+    return [effect for slug, effect in known.items() if slug in slugs]
 
 
 def search(
@@ -167,8 +173,8 @@ def _add_pairs(
 
 
 def _possible(effects: Effects, cohort: Sequence[SpecimenFits]) -> bool:
-    """Whether the solver can have these effects, all at once."""
-    return cohort[0].solver is None or cohort[0].solver.can_have(effects)
+    """Whether the simulator can have these effects, all at once."""
+    return cohort[0].candidate().possible(effects)
 
 
 def _improve(

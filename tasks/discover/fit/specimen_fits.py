@@ -15,6 +15,7 @@ import numpy as np
 
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.tasks.data.noise import noise_of_each
+from sinew.tasks.discover.fit import few_runs
 from sinew.tasks.discover.fit.beside import Beside, blocks_of, first_sizes, fit_beside, promise_beside
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, errors, extended, fit, look_ahead, starts
 from sinew.tasks.discover.fit.intervals import Profiled, profiled
@@ -22,7 +23,7 @@ from sinew.tasks.discover.measure.splits import SPECIMEN, splits
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Model, Specimen, file_name
 from sinew.tasks.model.effect import Effect
-from sinew.tasks.simulate import Array, TakesEffects, taking_effects
+from sinew.tasks.simulate import Array, TakesEffects, around, taking_effects
 from sinew.tasks.simulate.effects import VERSION
 from sinew.tasks.study.checkpoint import Checkpoint, Possible, in_unit_cube
 from sinew.tasks.study.files import digest
@@ -66,6 +67,8 @@ class SpecimenFits:
         bounds = [[p.minimum, p.maximum] for p in self.model.parameters]
         solver = self.solver.identity() if self.solver else None
         how = [asdict(self.measured.noise), solver, VERSION, [each.name for each in fields(Fitted)]]
+        if self.model.law != "tendon":
+            how += [few_runs.VERSION, around.VERSION]
         inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, *how, what)
         return Checkpoint(self.folder / f"{file_name(self.name)}.{digest(what)[:12]}.jsonl", inputs, width, possible)
 
@@ -142,7 +145,7 @@ class SpecimenFits:
 
         Without sizes, those that a fit without a discrepancy left at ``start``.
         """
-        candidate, count = self.candidate(effects).embedded, blocks_of(self.measured)
+        candidate, count = self.candidate(effects).stand_in, blocks_of(self.measured)
         begins = [start] if sizes is None else [start, sizes]
         what = ("beside", _forms(effects), digest(*begins, *candidate.bounds()))
         checkpoint = self._checkpoint(
@@ -161,7 +164,7 @@ class SpecimenFits:
 
         ``known``: where a fit of them without a discrepancy ended ``[k]``; None where there is none.
         """
-        candidate, base = self.candidate(effects).embedded, self.candidate(effects[:-1]).embedded
+        candidate, base = self.candidate(effects).stand_in, self.candidate(effects[:-1]).stand_in
         count = before.sizes.size
         begins = [before.fitted.at, before.sizes, *([] if known is None else [known])]
         what = ("promise beside", _forms(effects), digest(*begins, *candidate.bounds()))
@@ -188,7 +191,7 @@ class SpecimenFits:
             fitted = self._fitted(checkpoint, i, session, fit, candidate, split.seen, start)
             for curve in self.measured.curves:
                 if curve.name in split.judged:
-                    white = errors(candidate, self.measured, fitted.at[np.newaxis], [curve])[0]
+                    white = session.compute(errors, candidate, self.measured, fitted.at[np.newaxis], [curve])[0]
                     squares.setdefault(split.kind, {})[curve.name] = white[split.judged[curve.name] :] ** 2
         return squares
 
@@ -201,7 +204,7 @@ class SpecimenFits:
         fitted = self._fitted(checkpoint, 0, session, *how)
         return {
             SPECIMEN: {
-                curve.name: errors(candidate, self.measured, fitted.at[np.newaxis], [curve])[0] ** 2
+                curve.name: session.compute(errors, candidate, self.measured, fitted.at[np.newaxis], [curve])[0] ** 2
                 for curve in self.measured.curves
             }
         }

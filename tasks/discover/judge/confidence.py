@@ -30,8 +30,10 @@ RECORD: Mapping[str, tuple[int, int]] = {
 }
 
 
-def confidence(word: str) -> Confidence:
-    """What the record says of verdicts with this word."""
+def confidence(word: str, law: str = "tendon") -> Confidence | None:
+    """What the record says of verdicts with this word; nothing of those on other models than sinew's own tissue."""
+    if law != "tendon":
+        return None
     true, of = RECORD[word]
     cases = SEVERAL if word == "PARTLY" else SINGLE
     return Confidence(MEANING[word], cases, true, of, true / of, clopper_pearson(true, of))
@@ -43,8 +45,10 @@ def clopper_pearson(count: int, of: int) -> tuple[float, float]:
     return float(interval.low), float(interval.high)
 
 
-def in_words(record: Confidence) -> str:
+def in_words(record: Confidence | None) -> str:
     """A confidence in one line."""
+    if record is None:
+        return "how often such a verdict is true of a model of one's own has not been counted"
     low, high = record.interval
     return (
         f"{record.true} of {record.of} such verdicts were true in {record.cases} "

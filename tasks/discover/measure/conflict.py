@@ -15,12 +15,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.stats import chi2
 
-from sinew.tasks.discover.fit.fit import Candidate, Fitted, derivatives, spreads
+from sinew.tasks.discover.fit.fit import SEEN, Candidate, Fitted, derivatives, spreads
 from sinew.tasks.discover.result import Apart, Conflict, SpecimenConflict
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.simulate import Array
 
-SEEN = 1e-8  # of the largest singular value: smaller ones change no force
 NOTHING = 1e-3  # of the unit cube: smaller standard errors are below the tolerance of the fits
 
 
@@ -36,7 +35,8 @@ def conflict(candidate: Candidate, measured: Measured, pooled: Fitted, own: Sequ
         (curve.name, loss - one.loss) for curve, loss, one in zip(measured.curves, losses, own, strict=True)
     )
     statistic = sum(loss for _, loss in by_curve)
-    freedom = degrees_of_freedom([slopes for _, slopes in parts], pooled.at_bound, [one.at_bound for one in own])
+    bounds = pooled.at_bound, [one.at_bound for one in own]
+    freedom = degrees_of_freedom([slopes for _, slopes in parts], *bounds, candidate.seen)
     p = float(chi2.sf(max(statistic, 0.0), freedom)) if freedom > 0 else 1.0
     return SpecimenConflict(statistic, freedom, p, by_curve, _apart(candidate, measured, parts, own))
 
@@ -49,22 +49,26 @@ def together(conflicts: Mapping[str, SpecimenConflict]) -> Conflict:
     return Conflict(statistic, freedom, p, conflicts)
 
 
-def degrees_of_freedom(slopes: Sequence[Array], pooled_bound: Array, own_bound: Sequence[Array]) -> int:
+def degrees_of_freedom(
+    slopes: Sequence[Array], pooled_bound: Array, own_bound: Sequence[Array], seen: float = SEEN
+) -> int:
     """Of T, from the derivatives ``[t, k]`` of each curve, and which parameters ``[k]`` ended on a bound in each fit.
+
+    Singular values below ``seen`` times the largest are not counted.
 
     A parameter that is on its bound in a curve's own fit follows that curve's noise half of the time at most, so it is
     left out there; this counts too few rather than too many.
     """
-    alone = sum(rank(each[:, ~bound]) for each, bound in zip(slopes, own_bound, strict=True))
-    return max(alone - rank(np.concatenate(list(slopes))[:, ~pooled_bound]), 0)
+    alone = sum(rank(each[:, ~bound], seen) for each, bound in zip(slopes, own_bound, strict=True))
+    return max(alone - rank(np.concatenate(list(slopes))[:, ~pooled_bound], seen), 0)
 
 
-def rank(slopes: Array) -> int:
+def rank(slopes: Array, seen: float = SEEN) -> int:
     """Directions of the parameters that move some force."""
     if not slopes.size:
         return 0
     sizes = np.linalg.svd(slopes, compute_uv=False)
-    return int(np.sum(sizes > SEEN * sizes[0])) if sizes[0] > 0.0 else 0
+    return int(np.sum(sizes > seen * sizes[0])) if sizes[0] > 0.0 else 0
 
 
 def _apart(

@@ -26,12 +26,10 @@ from sinew.tasks.fitting.splines import (
     spline_forces,
     splines_at,
 )
-from sinew.tasks.model import Model
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array
 
 TRACE_PART = 0.1  # of an effect's typical size, at which its trace is taken
-SEEN = 1e-8  # of the largest singular value: what is smaller moves no force
 MIN_OWN = 1e-3  # part of an effect's trace; when less is left, the bare model has taken it up
 WORDS = {"load": "loading", "unload": "unloading", "hold": "holds"}
 STRENGTHS = np.logspace(-4, 8, 37)  # of the ridge
@@ -42,12 +40,12 @@ PLACES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the range of a curve, in its table
 
 
 def shape(
-    model: Model, measured: Sequence[Measured], fitted_at: Sequence[Array], effects: Mapping[str, Effect]
+    bare: Candidate, measured: Sequence[Measured], fitted_at: Sequence[Array], effects: Mapping[str, Effect]
 ) -> Outside:
     """What is left by the bare model, fitted to each specimen at ``fitted_at`` (each ``[k]``, on the unit cube)."""
-    corrections = tuple(correction(Candidate(model), one, at) for one, at in zip(measured, fitted_at, strict=True))
+    corrections = tuple(correction(bare, one, at) for one, at in zip(measured, fitted_at, strict=True))
     what = "a description of what is left, not its mechanism"
-    return Outside(what, largest_cosine(corrections), similarities(model, measured, fitted_at, effects), corrections)
+    return Outside(what, largest_cosine(corrections), similarities(bare, measured, fitted_at, effects), corrections)
 
 
 def largest_cosine(corrections: Sequence[Correction]) -> float:
@@ -57,23 +55,25 @@ def largest_cosine(corrections: Sequence[Correction]) -> float:
 
 
 def similarities(
-    model: Model, measured: Sequence[Measured], fitted_at: Sequence[Array], effects: Mapping[str, Effect]
+    bare: Candidate, measured: Sequence[Measured], fitted_at: Sequence[Array], effects: Mapping[str, Effect]
 ) -> tuple[Similarity, ...]:
     """How much the misfit of all specimens together looks like each effect, the most similar (or opposite) first.
 
-    An effect has a trace for each of its parameters that can be null, at typical values of its others.
+    An effect has a trace for each of its parameters that can be null, at typical values of its others. Effects that
+    the simulator cannot have are left out.
     """
-    bare = Candidate(model)
     lefts, taken = [], []
     for one, at in zip(measured, fitted_at, strict=True):
         error, slopes = derivatives(bare, one, at, one.curves)
         inside = (at > 1e-3) & (at < 1.0 - 1e-3)  # a parameter on its bound does not follow
-        taken.append(_basis(slopes[:, inside]))
+        taken.append(_basis(slopes[:, inside], bare.seen))
         lefts.append(_without(-error, taken[-1]))
     left = np.concatenate(lefts)
     similar = []
     for slug, effect in effects.items():
-        candidate = Candidate(model, (effect,))
+        if not bare.possible((effect,)):
+            continue
+        candidate = bare.having(effect)
         for number, parameter in enumerate(effect.names):
             if parameter not in effect.null:
                 continue
@@ -104,10 +104,10 @@ def _trace(candidate: Candidate, measured: Measured, at: Array, number: int) -> 
     return after - before if all(np.isfinite(force).all() for force in forces) else np.zeros_like(before)
 
 
-def _basis(slopes: Array) -> Array:
-    """Orthonormal columns ``[g, r]`` that span derivatives ``[g, k]``."""
+def _basis(slopes: Array, seen: float) -> Array:
+    """Orthonormal columns ``[g, r]`` that span derivatives ``[g, k]``, but what is below ``seen`` of the largest."""
     left, sizes, _ = np.linalg.svd(slopes, full_matrices=False)
-    basis: Array = left[:, sizes > SEEN * max(float(sizes.max(initial=0.0)), np.finfo(float).tiny)]
+    basis: Array = left[:, sizes > seen * max(float(sizes.max(initial=0.0)), np.finfo(float).tiny)]
     return basis
 
 

@@ -2,13 +2,13 @@
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path, PurePosixPath
 
 from sinew.runner.errors import BadInput, shown
 from sinew.runner.files import read_input
 from sinew.tasks.data.cohort import check_inside, visible
-from sinew.tasks.discover.result import ADOPTED, COPY, WITH_EFFECTS, WITH_LAWS, DiscoverResult
+from sinew.tasks.discover.result import ADOPTED, COPY, TEMPLATE, WITH_EFFECTS, WITH_LAWS, DiscoverResult
 from sinew.tasks.drawing.formats import without_formulas
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.crate.layout import Layout, changed_fields, template_name, with_fields
@@ -60,8 +60,9 @@ def cohort_items(source: Source, layout: Layout) -> Iterator[Item]:
 
 def result_items(source: Source, layout: Layout, *, store: bool) -> Iterator[Item]:
     """Results, figures and the page; with ``store`` all rows and the log too, so that it is a result folder again."""
+    template = template_files(source.found.folder)
     for relative in result_files(source.found.folder):
-        if not kept(relative, store=store):
+        if not kept(relative, template, store=store):
             continue
         if not all(PLAIN.fullmatch(part) for part in relative.parts):
             expected = "letters, digits, spaces and _ + . - ; remove it or give it another name"
@@ -91,8 +92,16 @@ def table_items(source: Source) -> Iterator[Item]:
         yield Item(f"tables/{task}.csv", as_bytes(text), f"numbers of {task} as a table")
 
 
-def kept(relative: PurePosixPath, *, store: bool) -> bool:
-    """Whether a file of a result folder goes into a crate."""
+def template_files(folder: Path) -> frozenset[PurePosixPath]:
+    """The files in a result folder of the template beside the study with the named effects."""
+    if not (folder / TEMPLATE).is_dir() or not (folder / WITH_EFFECTS).is_file():
+        return frozenset()
+    own = read_study(folder / WITH_EFFECTS).simulator.own_template(folder / WITH_EFFECTS.parent)
+    return frozenset(PurePosixPath(TEMPLATE) / name for name in own[2]) if own is not None else frozenset()
+
+
+def kept(relative: PurePosixPath, template: Collection[PurePosixPath] = (), *, store: bool) -> bool:
+    """Whether a file of a result folder goes into a crate; ``template``: files that are there for being read."""
     first, *rest = relative.parts
     if first == ADOPTED and rest:
         return kept(PurePosixPath(*rest), store=store)
@@ -100,6 +109,8 @@ def kept(relative: PurePosixPath, *, store: bool) -> bool:
         return False
     if first in LARGE:
         return store
+    if relative in template:
+        return True
     if relative.suffix not in ENDINGS:
         return first in FILES and not rest
     if not rest:
@@ -109,7 +120,9 @@ def kept(relative: PurePosixPath, *, store: bool) -> bool:
 
 def strangers(folder: Path) -> list[str]:
     """Files in a result folder that no task wrote; they stay where they are."""
-    return [str(one) for one in result_files(folder) if not kept(one, store=True) and not one.name.startswith(".")]
+    template = template_files(folder)
+    left = [one for one in result_files(folder) if not kept(one, template, store=True)]
+    return [str(one) for one in left if not one.name.startswith(".")]
 
 
 def result_files(folder: Path) -> list[PurePosixPath]:

@@ -135,6 +135,9 @@ class FEBioSettings(SolverSettings):
     def like_embedded(self) -> bool:
         return self.template is None
 
+    def own_template(self, folder: Path) -> tuple[str, str, Mapping[str, str]] | None:
+        return None if self.template is None else ("template", *read_files(folder, self.template, Allowance()))
+
     def read_template(self, purpose: Purpose) -> Template:
         template = read_template(purpose.study.parent, self.template)
         return template.with_effects(inside(template, purpose.effects))
@@ -230,7 +233,7 @@ class TemplateSettings(SolverSettings):
         fields = tuple(output.of_field(name) for name, output in self.outputs.items() if output.field is not None)
         template = OwnTemplate(files, main, outputs, self.force, self.settle_s, fields)
         if purpose.effects:
-            self._check_around(purpose)
+            self.refuse_around(f"{purpose.study}: model.effects")
         check_template(
             purpose.study,
             template,
@@ -250,9 +253,10 @@ class TemplateSettings(SolverSettings):
         asked = dict.fromkeys((*self.fields, *(output.field for output in self.outputs.values() if output.field)))
         return replace(found, plotted=tuple(asked), kept=kept)
 
-    def _check_around(self, purpose: Purpose) -> None:
-        """Raises :class:`BadInput` where no effect can act around the model."""
-        where = f"{purpose.study}: model.effects"
+    def own_template(self, folder: Path) -> tuple[str, str, Mapping[str, str]] | None:
+        return "file", *read_files(folder, self.file, Allowance())
+
+    def refuse_around(self, where: str) -> None:
         if not self.gives_force:
             raise BadInput(where, "without a force", "simulator.force: the output that effects of the machine act on")
         if self.keep == "fields":

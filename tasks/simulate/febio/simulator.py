@@ -18,7 +18,7 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, Simulator, rmse_of
-from sinew.tasks.simulate.around import Around
+from sinew.tasks.simulate.around import Around, Near
 from sinew.tasks.simulate.febio.attempt import INPUT, attempt
 from sinew.tasks.simulate.febio.field_output import FieldOutput, field_course
 from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at, slack, what_of
@@ -126,7 +126,8 @@ class FEBio:
 
     @property
     def capabilities(self) -> Capabilities:
-        return self.template.capabilities
+        can = self.template.capabilities
+        return replace(can, effects="none") if self.plotted else can  # runs with other displacements are not kept
 
     def identity(self) -> dict[str, Any]:
         of_template = self.template.identity(self.ramp_s, self.hold_growth, self.still_mm)
@@ -136,19 +137,19 @@ class FEBio:
         """Whether one input can have all of these effects, but those that act around the specimen."""
         return self.template.can_have(inside(self.template, effects))
 
-    def with_effects(self, effects: tuple[Effect, ...]) -> Simulator:
+    def with_effects(self, effects: tuple[Effect, ...], near: Near | None = None) -> Simulator:
         """The solver with an input that has ``effects``, and around it those that are not in an input.
 
-        Raises :class:`BadInput` where there is no such input.
+        ``near``: balances with these to start from. Raises :class:`BadInput` where there is no such input.
         """
         within = self.template.with_effects(inside(self.template, effects))
-        return replace(self, template=within).surrounded(effects)
+        return replace(self, template=within).surrounded(effects, near)
 
-    def surrounded(self, effects: tuple[Effect, ...]) -> Simulator:
-        """The solver with those of ``effects`` around it that are not in its input."""
+    def surrounded(self, effects: tuple[Effect, ...], near: Near | None = None) -> Simulator:
+        """The solver with those of ``effects`` around it that are not in its input; ``near`` as there."""
         within = inside(self.template, effects)
         outside = tuple(effect for effect in effects if effect not in within)
-        return Around(self, outside) if outside else self
+        return Around(self, outside, near) if outside else self
 
     def simulate(
         self, model: Model, specimen: Specimen, protocol: Protocol, parameters: Array, *, stresses: bool = False

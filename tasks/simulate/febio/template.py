@@ -41,7 +41,8 @@ class OwnTemplate:
 
     @property
     def capabilities(self) -> Capabilities:
-        return Capabilities(outputs=(*self.outputs, *self.fields), force=self.force)
+        outputs = (*self.outputs, *self.fields)
+        return Capabilities(effects="none" if self.force is None else "solver", outputs=outputs, force=self.force)
 
     @property
     def logs(self) -> tuple[tuple[str, Logged], ...]:

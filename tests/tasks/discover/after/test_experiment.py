@@ -91,7 +91,7 @@ def test_the_right_test_is_chosen_and_does_what_it_promised(case):
     free, truth, values, other, tested, expected = CASES[case]
     model = model_with_free(*free)
     measured, rivals = both(model, truth, values, [other], [tested])
-    found = next_experiment(model, rivals, [measured])
+    found = next_experiment(Candidate(model), rivals, [measured])
     assert found.best.test.name in expected
     candidates = [Candidate(model, rival.effects) for rival in rivals]
     points = [believed(c, measured, r.at[0]) for c, r in zip(candidates, rivals, strict=True)]
@@ -114,7 +114,7 @@ def test_what_holds_are_too_short_for_longer_holds_show():
     free, truth, values, other, tested, _ = CASES["a slow mode or nothing"]
     model = model_with_free(*free)
     measured, rivals = both(model, truth, values, [other], [tested])
-    gains = {one.test.name: one.hardest.gain for one in next_experiment(model, rivals, [measured]).table}
+    gains = {one.test.name: one.hardest.gain for one in next_experiment(Candidate(model), rivals, [measured]).table}
     assert gains["longer hold"] > 3.0 * gains["the usual test again"]
 
 
@@ -124,12 +124,12 @@ def test_a_model_that_contains_the_truth_cannot_be_refuted():
     model = model_with_free(*free)
     measured, rivals = both(model, truth, values, [other], [tested])
     chosen = [test for test in menu(usual([measured.specimen])) if test.name in ("compression", "longer hold")]
-    one = next_experiment(model, rivals, [measured], chosen)
+    one = next_experiment(Candidate(model), rivals, [measured], chosen)
     assert [(each.truth, each.other) for each in one.best.separations] == [(truth, ())]
-    two = next_experiment(model, [Rival(r.effects, r.at * 2) for r in rivals], [measured, measured], chosen)
+    two = next_experiment(Candidate(model), [Rival(r.effects, r.at * 2) for r in rivals], [measured, measured], chosen)
     assert two.best.hardest.gain == pytest.approx(2.0 * one.best.hardest.gain)
     assert two.best.hardest.newtons == one.best.hardest.newtons
-    assert next_experiment(model, rivals[:1], [measured]) is None
+    assert next_experiment(Candidate(model), rivals[:1], [measured]) is None
     told = json.loads(json.dumps(plain(two.result())))
     assert told["name"] == "compression" and "-1 % strain" in told["words"]
     assert [row["name"] for row in told["menu"]] == ["compression", "longer hold"]
@@ -139,7 +139,7 @@ def test_a_test_that_no_model_can_be_pulled_through_is_left_out():
     model = model_with_free("E_f", "E_m", "g_3f")
     measured, rivals = both(model, ("fiber-compression",), {"compressed_part": 0.3}, [()], [FIRST])
     burst = Test("burst", "", (Leg(1e140, 1e139),), INTERVAL_S)
-    assert next_experiment(model, rivals, [measured], [burst]) is None
+    assert next_experiment(Candidate(model), rivals, [measured], [burst]) is None
 
 
 def test_tests_of_a_compression_press_again():

@@ -131,7 +131,7 @@ def test_the_effect_that_is_there_is_the_most_similar(slug, values, parameter, s
     chosen = {
         name: library()[name] for name in ("force-drift", "cyclic-fatigue", "time-lag", "area-error", "toe-slack")
     }
-    found = similarities(model, [measured], [null], chosen)
+    found = similarities(Candidate(model), [measured], [null], chosen)
     assert (found[0].effect, found[0].parameter) == (slug, parameter)
     errors = np.sum(residuals(Candidate(model), measured, null[np.newaxis], measured.curves) ** 2)
     assert sign * found[0].cosine > 0.8 * np.sqrt(1.0 - seen(measured).size / errors)
@@ -142,7 +142,7 @@ def test_the_effect_that_is_there_is_the_most_similar(slug, values, parameter, s
 
 def test_all_of_it_can_be_told():
     model, measured, null = pulled("force-drift", 0.0, 0.2)
-    found = shape(model, [measured, measured], [null, null], {"time-lag": library()["time-lag"]})
+    found = shape(Candidate(model), [measured, measured], [null, null], {"time-lag": library()["time-lag"]})
     told = json.loads(json.dumps(plain(found)))
     assert told["what"].endswith("not its mechanism")
     assert told["similar"][0]["effect"] == "time-lag"

@@ -13,15 +13,18 @@ def test_files_stay_in_their_folders(tmp_path):
     home = tmp_path / "study"
     (home / "sub" / "a.feb").write_text("{% include 'b.xml' %}")
     (home / "sub" / "b.xml").write_text("b")
+    (home / "sub" / "x").mkdir()
     assert read_files(home, "sub/a.feb", Allowance()) == ("a.feb", {"a.feb": "{% include 'b.xml' %}", "b.xml": "b"})
     for text, told in [
         ("{% include '../../secret' %}", "lies outside the template's folder"),
         ("{% include '/etc/hostname' %}", "lies outside the template's folder"),
+        ("{% include 'x/../b.xml' %}", "b.xml: is included as 'x/../b.xml'; expected its name, as seen from"),
+        ("{% include HERE %}", "is included as '/"),
         ("{% include x %}", "whose name is computed"),
         ("{% include 'gone' %}", "is not there"),
         ("{% if %}", "line 1"),
     ]:
-        (home / "sub" / "a.feb").write_text(text)
+        (home / "sub" / "a.feb").write_text(text.replace("HERE", repr(str(home / "sub" / "b.xml"))))
         with pytest.raises(BadInput, match=told):
             read_files(home, "sub/a.feb", Allowance())
     (home / "link.feb").symlink_to(tmp_path / "secret")

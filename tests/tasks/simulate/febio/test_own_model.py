@@ -168,7 +168,7 @@ def test_from_a_curve_to_its_parameters_and_predictions(tmp_path, settings):
     assert {"objective", "gauge_stress_relaxation", "summary_narrowing"} <= set(table.data_vars)
     built = build(tmp_path / "out")
     assert built.trouble == ()
-    assert "Not for a template" in built.path.read_text()
+    assert "Not run yet: <code>sinew discover" in built.path.read_text()
 
 
 def test_an_output_that_was_measured_is_compared_beside_the_force(tmp_path, settings, capsys):

@@ -1,6 +1,7 @@
 """What a study may say of FEBio, and that every mistake is told in one line before anything runs."""
 
 import copy
+import re
 import shutil
 from pathlib import Path
 
@@ -91,7 +92,7 @@ WRONG = {
         "simulator.outputs.relaxation",
         {"data": "node_data", "item": "uz", "ids": [1]}, "two things are called relaxation"
     ),
-    "discover": ("tasks", ["discover"], "discover names effects of sinew's own tissue"),
+    "discover": ("tasks", ["discover"], "missing, and discover needs measured curves"),
     "calibrate nothing": ("tasks", ["calibrate"], "missing, and calibrate needs measured curves"),
     "two of a name": (
         "simulator.outputs",
@@ -122,6 +123,21 @@ def test_measured_curves_need_a_force(tmp_path, settings):
     settings |= {"tasks": ["calibrate"], "cohort": "cohort"}
     del settings["protocols"], settings["specimen"]
     with pytest.raises(BadInput, match=r"simulator.force: missing, and calibrate needs it"):
+        checked(tmp_path, settings)
+
+
+@pytest.mark.parametrize(
+    ("section", "keep", "told"),
+    [
+        ({"effects": ["time-lag", "softening"]}, "nothing", "discover.effects: softening: not with a template;"),
+        ({}, "fields", "discover: with keep: fields; expected keep: nothing"),
+    ],
+)
+def test_a_discovery_is_refused_what_cannot_act_around_a_template(tmp_path, settings, section, keep, told):
+    settings |= {"tasks": ["discover"], "cohort": "cohort", "discover": section}
+    settings["simulator"]["keep"] = keep
+    del settings["protocols"], settings["specimen"]
+    with pytest.raises(BadInput, match=re.escape(told)):
         checked(tmp_path, settings)
 
 

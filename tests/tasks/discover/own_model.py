@@ -1,0 +1,70 @@
+"""A model of a user's own that is solved in this process: a stiffening bar of three parameters which relaxes."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from sinew.tasks.model import Curve, Model, Protocol, Specimen
+from sinew.tasks.model.effect import Effect, model_with
+from sinew.tasks.model.parameters import own_parameter
+from sinew.tasks.simulate import Capabilities, Simulated
+from sinew.tasks.simulate.around import Around, Near
+
+OWN = Model(
+    (
+        own_parameter("E", "MPa", 5.0, 50.0, 20.0),
+        own_parameter("nu_m", "1", 0.1, 1.0, 0.5),  # what relaxes; called like a parameter of the tissue
+        own_parameter("tau", "s", 1.0, 30.0, 8.0),
+    ),
+    law="template",
+)
+TRUTH = np.array([18.0, 0.6, 9.0])
+STIFFENS = 25.0  # per unit of strain
+BAR = Specimen("bone/1", 20.0, 4.0, 2.0)
+RELAX = Protocol("relax", np.linspace(0.0, 40.0, 401), 1.2 * np.minimum(np.linspace(0.0, 10.0, 401), 1.0))
+PULLS = Protocol("pulls", np.linspace(0.0, 24.0, 241), 0.6 * (1.0 - np.abs(np.linspace(0.0, 24.0, 241) % 8 / 4 - 1.0)))
+
+
+@dataclass(frozen=True)
+class OwnBar:
+    """The model as a simulator, which effects of the machine can be around; it counts its ``runs``."""
+
+    runs: list[int] = field(default_factory=lambda: [0])
+
+    name = "template"
+    capabilities = Capabilities(effects="solver")
+
+    def identity(self) -> dict[str, Any]:
+        return {"name": "own bar"}
+
+    def can_have(self, effects: tuple[Effect, ...]) -> bool:
+        return all(effect.around for effect in effects)
+
+    def with_effects(self, effects: tuple[Effect, ...], near: Near | None = None) -> Any:
+        return Around(self, effects, near) if effects else self
+
+    def simulate(
+        self, model: Model, specimen: Specimen, protocol: Protocol, parameters: np.ndarray, *, stresses: bool = False
+    ) -> Simulated:
+        self.runs[0] += len(parameters)
+        stiff, part, tau = parameters.T[:, :, np.newaxis]
+        strain = protocol.displacement_mm / specimen.length_mm
+        elastic = specimen.area_mm2 * stiff * np.expm1(STIFFENS * strain) / STIFFENS
+        changes, steps, over = np.diff(elastic, axis=1), np.diff(protocol.time_s), np.zeros_like(elastic)
+        kept = np.exp(-steps / tau)
+        gained = changes * (1.0 - kept) * tau / steps
+        for i in range(steps.size):
+            over[:, i + 1] = over[:, i] * kept[:, i] + gained[:, i]
+        count = len(parameters)
+        return Simulated(elastic + part * over, np.zeros(count, np.int8), ("",) * count)
+
+
+def pulled(effects: tuple[Effect, ...] = (), values: tuple[float, ...] = (), sd_N: float = 0.05) -> Specimen:
+    """A specimen of this model, pulled by a machine with ``effects``; its noise is white."""
+    model, rng, curves = model_with(OWN, effects), np.random.default_rng(5), []
+    row = np.concatenate([TRUTH, values])[np.newaxis]
+    for protocol in (RELAX, PULLS):
+        force = OwnBar().with_effects(effects).simulate(model, BAR, protocol, row).force_N[0]
+        curves.append(Curve(protocol, force + rng.normal(0.0, sd_N, force.size)))
+    return Specimen(BAR.name, BAR.length_mm, BAR.width_mm, BAR.thickness_mm, tuple(curves))
