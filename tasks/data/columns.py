@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import units, words
+from sinew.tasks.data.clocks import columns_of_clock
 from sinew.tasks.data.column_titles import check_width, names_and_units
 from sinew.tasks.data.factors import factor_of
 from sinew.tasks.data.heads import Row
@@ -234,7 +235,22 @@ def _choices(
         problem = of_person[0] if of_person else _none_of(table, titles, [role for role, _ in missing], spare=spare)
         problem.alone = all(choice.place == NOWHERE for choice in found)
         raise problem
-    return found
+    return _of_one_clock(table, titles, named, roles, found)
+
+
+def _of_one_clock(
+    table: Table, titles: Row, named: Sequence[tuple[str, str]], roles: Sequence[_Role], found: list[_Choice]
+) -> list[_Choice]:
+    """The same choices, of columns that belong to the same times, where these have all that a test needs."""
+    own = None if found[0].place == NOWHERE else columns_of_clock(named, found[0].place)
+    if own is None or all(choice.place in own for choice in found):
+        return found
+    inside = [column if place in own else ("", "") for place, column in enumerate(named)]
+    try:
+        others = [_choose(table, titles, inside, role) for role in roles[1:]]
+    except NoColumn:
+        return found  # one test of several instruments
+    return [found[0], *others]
 
 
 def _none_of(table: Table, titles: Row, roles: Sequence[_Role], *, spare: int) -> NoColumn:

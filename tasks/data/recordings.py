@@ -25,6 +25,7 @@ from sinew.tasks.data.several import (
     go_on,
     going_on,
     name_beside,
+    other_test,
     refuse_several,
     told_apart,
 )
@@ -132,7 +133,12 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
             continue
         table = without_others(table, before)
         before.append(replace(table, rows=table.rows[:1]))
-        found.append((before[-1], _tests(table, columns, count, hints)))
+        tests = _tests(table, columns, count, hints)
+        if count == 1 and (left := other_test(table, hints, columns)) is not None:
+            told = f"columns {left.start + 1} to {left.stop} may be another test and are left out"
+            note = f"{told}; it needs a file of its own"
+            tests = [replace(tests[0], notes=(*tests[0].notes, note)), *tests[1:]]
+        found.append((before[-1], tests))
     if not found:
         assert missing is not None, "a file without tables is refused by read_tables"
         raise missing

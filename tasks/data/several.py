@@ -1,7 +1,7 @@
 """Which tests a file holds: several in one table, or one whose tables go on from each other after a short pause."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -9,7 +9,9 @@ import numpy as np
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import words
-from sinew.tasks.data.columns import NOWHERE, Column, alike_places, in_place
+from sinew.tasks.data.clocks import columns_of_clock
+from sinew.tasks.data.column_titles import names_and_units
+from sinew.tasks.data.columns import NOWHERE, Column, NoColumn, alike_places, in_place, recognise
 from sinew.tasks.data.hints import NO_COLUMN, Hints
 from sinew.tasks.data.questions import Unclear
 from sinew.tasks.data.tables import Table
@@ -63,6 +65,30 @@ def _beside(table: Table, columns: Sequence[Column | None]) -> list[list[int]]:
     found = {column.place: at for column, at in zip(there, exact, strict=True)}
     places = [found.get(column.place, [NOWHERE]) if column is not None else [] for column in columns]
     return places if places[-1] else [*places[:-1], told[0]]
+
+
+def other_test(table: Table, hints: Hints, columns: Columns) -> range | None:
+    """The columns of another test beside that of ``columns``, whose times have the same title; None where all is one.
+
+    Its other columns have other titles: else :func:`beside` would count it.
+    """
+    _, named = names_and_units(table)
+    time = columns[0].place
+    own = None if time == NOWHERE else columns_of_clock(named, time)
+    if own is None or not all(column.place in own for column in columns):
+        return None
+    for place in (at for at, (name, _) in enumerate(named) if name == named[time][0] and at != time):
+        its = columns_of_clock(named, place) or range(0)
+        asked = replace(hints, time_column=str(place + 1), displacement_column=None, force_column=None)
+        try:
+            others = recognise(table, asked, first_of_alike=True)
+        except NoColumn:
+            continue
+        except BadInput:  # only a person can tell a unit of it
+            return its
+        if all(column.place in its for column in others):
+            return its
+    return None
 
 
 def name_beside(table: Table, columns: Sequence[Column], number: int) -> str:

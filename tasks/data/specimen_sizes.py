@@ -34,13 +34,15 @@ Ask = Callable[[str, Sequence[str]], str]
 class Sizes:
     """Gauge length, width and thickness (mm) of all specimens. None: each file's own, or to be filled in.
 
-    ``override``: they count where files tell other ones; else a contradiction is refused.
+    ``override``: they count where files tell other ones; else a contradiction is refused. ``diameter_mm``: that by
+    which a person gave width and thickness.
     """
 
     length_mm: float | None = None
     width_mm: float | None = None
     thickness_mm: float | None = None
     override: bool = False
+    diameter_mm: float | None = None
 
     def __post_init__(self) -> None:
         """Raises :class:`BadInput` for a size that is impossible."""
@@ -67,7 +69,13 @@ class Sizes:
         if not is_possible(diameter_mm):
             raise BadInput("--diameter-mm", f"{diameter_mm:g}", POSSIBLE_MM)
         side = square_side(diameter_mm)
-        return cls(length_mm, side, side, override)
+        return cls(length_mm, side, side, override, diameter_mm)
+
+    def option(self, size: str) -> str:
+        """The option by which a person gave a size."""
+        if self.diameter_mm is None or size == "length":
+            return f"--{size}-mm"
+        return f"--diameter-mm {self.diameter_mm:g} (a square of equal area)"
 
 
 @dataclass(frozen=True)
@@ -125,7 +133,7 @@ def known_sizes(
         asked = by_option or answers.get(size)
         mm[size] = asked or next(iter(told), None)
         if asked is not None:
-            source = f"--{size}-mm" if by_option else "an earlier answer"
+            source = given.option(size) if by_option else "an earlier answer"
             contradictions = _contradictions(size, asked, told, source, given.override)
             if contradictions or not told:
                 only_given[size] = asked

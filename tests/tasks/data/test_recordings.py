@@ -515,6 +515,29 @@ def test_units_that_contradict_each_other_are_refused_until_a_person_decides(tmp
     assert told.numbers[:, 2] == pytest.approx([1000, 5000, 9000])
 
 
+@pytest.mark.parametrize(
+    ("titles", "motion", "load", "left"),
+    [
+        (["Time (s)", "Extension (mm)", "Load (N)", "Time (s)", "Crosshead (mm)", "Force (kN)"], 1, 2, "4 to 6"),
+        (["Extension (mm)", "Load (N)", "Time (s)", "Crosshead (mm)", "Force (kN)", "Time (s)"], 0, 1, "4 to 6"),
+        (["Time (s)", "Extension (mm)", "Load (N)", "", "Time (s)", "Crosshead (mm)", "Force"], 1, 2, "5 to 7"),
+        (["Time (s)", "Load (N)", "Time (s)", "Extension (mm)"], 3, 1, None),
+        (["Time (s)", "Extension (mm)", "Load (N)", "Clock (s)", "Crosshead (mm)"], 1, 2, None),
+    ],
+)
+def test_columns_of_two_tests_with_other_titles_are_never_taken_together(tmp_path, titles, motion, load, left):
+    path = tmp_path / "two.csv"
+    rows = [",".join(f"{(place + 1) * row / 7:.5f}" if title else "" for place, title in enumerate(titles))
+            for row in range(30)]  # fmt: skip
+    path.write_text("\n".join([",".join(titles), *rows]) + "\n")
+    (test,) = read_recordings(path, Hints(), first_of_alike=True)
+    assert [column.place for column in test.columns[1:]] == [motion, load]
+    told = [note for note in test.notes if "may be another test" in note]
+    assert told == (
+        [] if left is None else [f"columns {left} may be another test and are left out; it needs a file of its own"]
+    )
+
+
 def test_tests_beside_each_other(tmp_path):
     beside = "A,,,B\nTime (s),Extension (mm),Load (N),Time (s),Extension (mm),Load (N)\n"
     beside += "0,0,0,0,0,1\n1,0.1,5,1,0.1,6\n2,0.2,9,2,0.2,7\n,,,3,0.3,8\n"

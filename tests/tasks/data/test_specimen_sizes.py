@@ -115,6 +115,14 @@ def test_a_diameter_stands_for_width_and_thickness():
         Sizes.of(None, None, None, -8.0, override=False)
 
 
+def test_a_size_that_contradicts_a_given_diameter_names_the_diameter(tmp_path):
+    measured = recording(tmp_path, "Width,8.0956,mm", "Length,1,cm")
+    given = Sizes.of(10.0, None, None, 6.0, override=False)
+    said = r"a width of 8.0956 mm, but --diameter-mm 6 \(a square of equal area\) says 5.31736; expected"
+    with pytest.raises(BadInput, match=said):
+        known_sizes("T1", [measured], given)
+
+
 def test_a_thickness_that_is_known_leaves_no_room_for_a_diameter():
     none = dict.fromkeys(("length", "width", "thickness"))
     known = {"A": Known({**none, "length": 1.0}), "B": Known({**none, "length": 1.0, "thickness": 3.0})}

@@ -174,7 +174,7 @@ def test_what_is_unchanged_is_not_inferred_again(study, inferred, monkeypatch):
 
 def test_chains_that_do_not_converge_are_refused(study, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(Workspace, "client", lambda self: None)
-    shutil.copytree(study.parent / "cohort", tmp_path / "cohort")
+    shutil.copytree(study.parent / "cohort" / "distal", tmp_path / "cohort" / "distal")
     text = study.read_text().replace("{ess: 200, sweeps: 1000}", "{ess: 100000, sweeps: 100}")
     (tmp_path / "study.yaml").write_text(text)
     with pytest.raises(SystemExit) as ended:
