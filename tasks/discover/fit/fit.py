@@ -28,6 +28,7 @@ FAR = 1e3  # standard deviations: where a model fails
 TOLERANCE = 1e-5
 EVALUATIONS = 60  # iterations of one fit, at most
 PARTS = (0.05, 0.2, 0.6, 1.0)  # of an effect's typical size, from which its fit may begin
+PARTS_BY_SOLVER = (0.2, 0.8)
 RISE = float(chi2.ppf(0.9, 1))  # of the loss, by chance alone in one case of ten
 
 
@@ -320,13 +321,20 @@ def look_ahead(
 
     From the fit ``at`` ``[k]`` of ``base``, with a fraction of the effect's typical size, one bounded step of linear
     least squares predicts a loss. Returns the smallest over the fractions, and the point ``[k + m]`` of that fraction.
+    Of a user's own model, derivatives by what ``base`` has are those without the effect: they cost fewer runs.
     """
     candidate, alone = base.stand_in.having(*base.effects, effect), base.having(effect)
     null, typical = alone.null(), alone.typical()
+    chosen = measured.curves if curves is None else curves
     attempts = []
-    for part in PARTS:
+    known: Array | None = None
+    if candidate.solver is not None:
+        known = derivatives(base, measured, np.clip(at, 1e-6, 1.0 - 1e-6), chosen)[1]
+    for part in PARTS if known is None else PARTS_BY_SOLVER:
         point = np.clip(np.concatenate([at, null + part * (typical - null)]), 1e-6, 1.0 - 1e-6)
-        seen, slopes = derivatives(candidate, measured, point, measured.curves if curves is None else curves)
+        seen, slopes = derivatives(candidate, measured, point, chosen, fixed=() if known is None else range(at.size))
+        if known is not None:
+            slopes = np.column_stack([known, slopes])
         basis, upper = np.linalg.qr(slopes)
         along = basis.T @ seen
         step = lsq_linear(upper, -along, bounds=(-point - 1e-9, 1.0 - point + 1e-9))

@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 from sinew.tasks.data.noise import Noise
 from sinew.tasks.discover.fit import few_runs
 from sinew.tasks.discover.fit.few_runs import ENOUGH, least_squares_of_few
-from sinew.tasks.discover.fit.fit import SOLVER_STEP, Candidate, derivatives, fit, residuals, starts
+from sinew.tasks.discover.fit.fit import SOLVER_STEP, Candidate, derivatives, fit, look_ahead, residuals, starts
 from sinew.tasks.discover.fit.sizes import library_for
 from sinew.tasks.fitting.measured import Measured
 from tests.tasks.discover.own_model import OWN, TRUTH, OwnBar, pulled
@@ -124,6 +124,20 @@ def test_with_effects_around_it_the_fit_is_that_of_exact_least_squares(lagging, 
 
     exact = least_squares(loss, np.clip(start, 1e-6, 1 - 1e-6), bounds=(0.0, 1.0), diff_step=1e-3)
     assert found.loss < 2.0 * exact.cost + 1.0
+
+
+@pytest.mark.parametrize(("name", "value"), [("time-lag", 0.3), ("machine-compliance", 0.004)])
+def test_what_an_effect_promises_is_what_its_fit_reaches(name, value):
+    effect = library_for([pulled()])[name]
+    measured = Measured(pulled((effect,), (value,)), Noise(0.05, 0.0))
+    solver = OwnBar()
+    bare = Candidate(OWN, solver=solver)
+    alone = fit(bare, measured, np.full(3, 0.5))
+    solver.runs[0] = 0
+    promised, start = look_ahead(bare, alone.at, effect, measured)
+    assert solver.runs[0] < 60
+    reached = fit(bare.having(effect), measured, start)
+    assert abs(promised - reached.loss) < 0.1 * (alone.loss - reached.loss)
 
 
 def test_derivatives_are_those_of_the_solver(lagging):
