@@ -133,6 +133,7 @@ class Around:
         rigid = any(effect.asks_rigid for effect in self.effects)
 
         near, key = self.near, protocol.digest
+        enough = BALANCE if near is None else NEARER  # small differences between rows must not drown
         accident: Failed | None = None
 
         @lru_cache(SHARED)
@@ -145,7 +146,7 @@ class Around:
             if accident is not None:  # the others start from the first row, so that they wait for it
                 raise accident
             chosen = acting(self.effects, values[np.newaxis, outside])
-            along = _Along(chosen, specimen, protocol, partial(shared, values[inside].tobytes()), rigid)
+            along = _Along(chosen, specimen, protocol, partial(shared, values[inside].tobytes()), rigid, enough)
             if near is None:
                 return along.courses(None)[0]
             try:
@@ -171,13 +172,17 @@ def _first(done: Simulated | Compared, *courses: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Along:
-    """One specimen with effects around it, along one protocol; ``rigid``: they ask for the force on a rigid machine."""
+    """One specimen with effects around it, along one protocol; ``rigid``: they ask for the force on a rigid machine.
+
+    ``enough``: as ``BALANCE``.
+    """
 
     chosen: Acting
     specimen: Specimen
     protocol: Protocol
     run: Run
     rigid: bool
+    enough: float
 
     def courses(self, near: Balance | None) -> tuple[Array, Balance | None]:
         """The force as it is read, and the other outputs, ``[1 + k, t]``; and the balance, which may start another.
@@ -203,7 +208,6 @@ class _Along:
         if not gives_way(self.chosen):
             return *self._pulled(displaced(self.chosen, grips)), None
         largest = max(float(np.abs(grips.grips_mm).max()), np.finfo(float).tiny)
-        enough = (BALANCE if near is None else NEARER) * largest
         if near is None or self.rigid:
             bars, others = self._pulled(grips)
             grips = replace(grips, rigid_N=bars.force_N)
@@ -213,7 +217,7 @@ class _Along:
             stiffness = near.stiffness
         residual = self._residual(grips, bars)
         steps, part, runs = _Steps(), 1.0, 1
-        while np.abs(residual).max() > enough:
+        while np.abs(residual).max() > self.enough * largest:
             if runs == RUNS:
                 raise Failed("diverged", f"no balance of force and displacement in {RUNS} runs of the simulator")
             runs += 1

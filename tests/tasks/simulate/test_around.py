@@ -175,6 +175,18 @@ def test_near_a_balance_others_are_found_in_fewer_runs(name):
     assert together.runs <= begun + 2 + effect.asks_rigid, "it begins where the first row ended"
 
 
+def test_near_a_balance_small_steps_change_the_force():
+    """A step that moves the specimen by less than what a balance may leave still tells a derivative."""
+    effect = AROUND["machine-compliance"]
+    model, protocol = model_with(Model(), (effect,)), STANDARD[0](10.0, 5.0)
+    rows = np.tile(model.reference, (2, 1))
+    exact = UniaxialWith((effect.name,)).simulate(model, BONE, protocol, rows).force_N[0]
+    rows[1, -1] += 5e-6 * protocol.displacement_mm.max() / exact.max()
+    expected = np.diff(UniaxialWith((effect.name,)).simulate(model, BONE, protocol, rows).force_N, axis=0)[0]
+    found = np.diff(Around(Uniaxial(), (effect,), Near({})).simulate(model, BONE, protocol, rows).force_N, axis=0)[0]
+    assert np.abs(found - expected).max() < 0.3 * np.abs(expected).max()
+
+
 def test_a_balance_that_is_not_near_misleads_nobody():
     effect = AROUND["machine-compliance"]
     model, protocol = model_with(Model(), (effect,)), STANDARD[0](10.0, 5.0)

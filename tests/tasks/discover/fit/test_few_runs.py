@@ -1,5 +1,7 @@
 """Least squares with derivatives that are renewed seldom ends where ordinary least squares does, in fewer runs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,9 +11,11 @@ from scipy.optimize import least_squares
 from sinew.tasks.data.noise import Noise
 from sinew.tasks.discover.fit import few_runs
 from sinew.tasks.discover.fit.few_runs import ENOUGH, least_squares_of_few
-from sinew.tasks.discover.fit.fit import SOLVER_STEP, Candidate, derivatives, fit, look_ahead, residuals, starts
+from sinew.tasks.discover.fit.fit import SOLVER_STEP, Candidate, Fitted, derivatives, fit, look_ahead, residuals, starts
 from sinew.tasks.discover.fit.sizes import library_for
+from sinew.tasks.discover.measure.conflict import conflict, rank
 from sinew.tasks.fitting.measured import Measured
+from sinew.tasks.model import Model
 from tests.tasks.discover.own_model import OWN, TRUTH, OwnBar, pulled
 
 TIME = np.linspace(0.0, 3.0, 60)
@@ -54,25 +58,43 @@ def test_it_ends_where_least_squares_does(truth, start, seed):
     assert asked.runs < 100
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.002])
-def test_small_steps_at_a_bound_spoil_no_derivatives(noise, monkeypatch):
-    """The minimum is on a bound, where steps shrink; residuals are those of a solver with a tolerance."""
-    rng, asked, slopes = np.random.default_rng(4), Asked(relaxing(np.array([0.4, 0.5, -0.03]))), []
-    original = few_runs._Followed.slopes
+def test_derivatives_follow_the_steps_that_tell_them():
+    """After a step, they give its change exactly (Broyden); a tiny one shows the tolerance of a solver only."""
+    rng, here = np.random.default_rng(4), np.array([0.4, 0.5, 0.3])
+    rough = {here.tobytes(): relaxing(here)}
 
-    def watched(self, at):
-        slopes.append(original(self, at))
-        return slopes[-1]
+    def ask(at):
+        return rough.setdefault(at.tobytes(), relaxing(at) + rng.normal(0.0, 0.002, TIME.size))
 
-    monkeypatch.setattr(few_runs._Followed, "slopes", watched)
+    first = Asked(np.zeros(TIME.size)).derivatives(here)[1]
+    followed = few_runs._Followed(ask, here, ask(here), first)
+    for step in ([1e-9, 0.0, 0.0], [0.0, -1e-5, 1e-6]):
+        assert followed.residuals(here + step) is rough[(here + step).tobytes()]
+        assert followed.slopes(here + step) is first
+    for step in ([0.02, 0.0, 0.01], [0.0, 0.03, 0.0]):
+        before, here = followed.residuals(here), here + step
+        change = followed.residuals(here) - before
+        np.testing.assert_allclose(followed.slopes(here) @ step, change, atol=1e-9)
+    assert np.abs(followed.slopes(here) - first).max() < 0.5 * np.abs(first).max()
 
-    def rough(at):
-        return asked.residuals(at) + rng.normal(0.0, noise, TIME.size)
 
-    found = least_squares_of_few(rough, asked.derivatives, np.array([0.7, 0.2, 0.6]))
-    exact = least_squares(lambda at: relaxing(at) - asked.target, found.x, bounds=(0.0, 1.0))
-    assert 2.0 * found.cost <= 2.0 * exact.cost + 3.0 * ENOUGH
-    assert max(np.abs(each).max() for each in slopes) < 400.0
+def test_directions_that_only_a_tolerance_moves_are_not_seen():
+    own, tissue = Candidate(OWN, solver=OwnBar()), Candidate(Model())
+    assert (own.seen, tissue.seen, replace(tissue, solver=OwnBar()).seen) == (1e-3, 1e-8, 1e-8)
+    slopes = np.random.default_rng(1).normal(0.0, 1.0, (50, 3)) * [300.0, 20.0, 0.01]
+    assert (rank(slopes, own.seen), rank(slopes, tissue.seen)) == (2, 3)
+
+
+def test_a_conflict_counts_what_the_solver_of_the_model_tells(lagging):
+    at = np.full(3, 0.5)
+    fitted = Fitted(at, 1.0, 1, np.ones(3), np.zeros(3))
+    counted = []
+    for seen in (0.9, 1e-3):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Candidate, "seen", seen)
+            found = conflict(Candidate(OWN, solver=OwnBar()), lagging, fitted, [fitted, fitted])
+        counted.append(found.freedom)
+    assert counted[0] < counted[1]
 
 
 def test_starts_of_a_model_of_ones_own_are_different():
