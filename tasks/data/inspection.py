@@ -199,7 +199,7 @@ def _numbers(table: Table, columns: Sequence[Column | None]) -> tuple[np.ndarray
 def _sizes(
     table: Table, columns: Sequence[Column | None], numbers: np.ndarray[Any, Any], hints: Hints
 ) -> dict[str, float | None]:
-    told = read_sizes(table.header, table.own)
+    told = read_sizes(table.header, table.own, table.decimal)
     values: dict[str, float | None] = {
         name: told[name].mm if name in told else None for name in (*SIZES, "diameter", "area")
     }

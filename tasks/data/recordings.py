@@ -142,7 +142,7 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
     if not found:
         assert missing is not None, "a file without tables is refused by read_tables"
         raise missing
-    first, *others = _with_results(_named(found))
+    first, *others = _with_results(_named(found), found[0][0].decimal)
     notes = [_left_out(other)] if other else []
     if short:
         notes.append(f"{short} further tables with fewer than {FEWEST_ROWS} rows are left out")
@@ -174,9 +174,9 @@ def _left_out(tables: Sequence[Table]) -> str:
     return f"{told}; a test needs a file of its own"
 
 
-def _with_results(tests: list[Recording]) -> list[Recording]:
+def _with_results(tests: list[Recording], decimal: str) -> list[Recording]:
     """The tests with sizes from a table of results above the first one, where that has a row for each."""
-    each, notes = sizes_by_results(tests[0].header, [test.test for test in tests])
+    each, notes = sizes_by_results(tests[0].header, [test.test for test in tests], decimal)
     return [
         replace(test, sizes={**test.sizes, **sizes}, notes=(*test.notes, *notes))
         for test, sizes in zip(tests, each, strict=True)
@@ -229,7 +229,7 @@ def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Rec
     """The tests of one table, ``count`` beside each other, or one under another."""
     found: list[Recording] = []
     every = [columns_of(table, columns, number, hints) for number in range(count)] if count > 1 else [columns]
-    sizes = sizes_beside(table, every) if count > 1 else [read_sizes(table.header, table.own)]
+    sizes = sizes_beside(table, every) if count > 1 else [read_sizes(table.header, table.own, table.decimal)]
     for number, ours in enumerate(every):
         name = name_beside(table, ours, number) if count > 1 else ""
         rows = _filled(table, ours[1:] if count > 1 else ours)  # times may be shared with a longer test

@@ -8,6 +8,7 @@ from itertools import combinations
 
 from sinew.tasks.data import units, words
 from sinew.tasks.data.heads import Row, is_row_of_units
+from sinew.tasks.data.text import tells_mark
 
 SIZES = ("length", "width", "thickness")
 SAME = 1e-3  # two statements of a size that differ by less agree: 10 mm and 10.0005 mm
@@ -67,8 +68,11 @@ class Size:
     column: bool = False
 
 
-def read_sizes(header: Sequence[Row], own: int = 0) -> Mapping[str, Size]:
+def read_sizes(header: Sequence[Row], own: int = 0, decimal: str = "") -> Mapping[str, Size]:
     """The sizes in the rows above a table: ``length``, ``width``, ``thickness``, ``diameter``, ``area`` (mm2).
+
+    ``decimal``: the decimal mark of the table, if it is known. Where the other one may mark thousands, as in
+    ``20,000 um``, there is no number.
 
     A size stands in a row of its own, or in a table of results: a row of labels, one of units, one of numbers. If
     several rows tell one size, the first of them with number and unit counts, else the first with a number; where they
@@ -76,7 +80,7 @@ def read_sizes(header: Sequence[Row], own: int = 0) -> Mapping[str, Size]:
     and the last are looked at.
     """
     if own:
-        shared, mine = read_sizes(header[:own]), read_sizes(header[own:])
+        shared, mine = read_sizes(header[:own], 0, decimal), read_sizes(header[own:], 0, decimal)
         both = {**shared, **mine}
         if contradiction_of_areas(both) and not contradiction_of_areas(shared):
             both = {name: size for name, size in both.items() if name in mine or name == "length"}
@@ -86,10 +90,10 @@ def read_sizes(header: Sequence[Row], own: int = 0) -> Mapping[str, Size]:
     header = narrow(header)
     found: dict[str, list[Size]] = {}
     for row in header:
-        if read := _read(row) or _in_cells(row):
+        if read := _read(row, decimal) or _in_cells(row, decimal):
             found.setdefault(read[0], []).append(read[1])
     for labels, below, numbers, next_row in zip(header, header[1:], header[2:], (*header[3:], ()), strict=False):
-        for name, size in _in_columns(labels, below, numbers, next_row):
+        for name, size in _in_columns(labels, below, numbers, next_row, decimal):
             found.setdefault(name, []).append(size)
     return {name: _one_of(sizes) for name, sizes in found.items()}
 
@@ -156,15 +160,15 @@ def named_in(cell: str) -> str | None:
     return meant(cell) if found is None else found[0]
 
 
-def _in_cells(row: Row) -> tuple[str, Size] | None:
+def _in_cells(row: Row, decimal: str) -> tuple[str, Size] | None:
     """A size from the cells label, number, unit."""
     if len(row) < 2 or (name := meant(row[0])) is None or _OTHER_UNIT.search(row[0]):
         return None
-    size = size_in(name, row[1], row[2] if len(row) > 2 else "")
+    size = size_in(name, row[1], row[2] if len(row) > 2 else "", decimal)
     return None if size.mm is None and not row[1][:1].isdigit() else (name, size)
 
 
-def _in_columns(labels: Row, below: Row, numbers: Row, next_row: Row) -> Iterator[tuple[str, Size]]:
+def _in_columns(labels: Row, below: Row, numbers: Row, next_row: Row, decimal: str) -> Iterator[tuple[str, Size]]:
     """Sizes from a table of results, where units stand below the labels, unless a second specimen has other ones."""
     if not is_row_of_units(below):
         return
@@ -172,7 +176,7 @@ def _in_columns(labels: Row, below: Row, numbers: Row, next_row: Row) -> Iterato
         name = meant(label)
         other = next_row[place] if place < len(next_row) else ""
         if name is not None and cell and (other == cell or not other[:1].isdigit()):
-            yield name, size_in(name, cell, unit.strip("()[] "))
+            yield name, size_in(name, cell, unit.strip("()[] "), decimal)
 
 
 def meant(label: str) -> str | None:
@@ -188,12 +192,13 @@ def meant(label: str) -> str | None:
     return None
 
 
-def size_in(name: str, cell: str, unit: str) -> Size:
-    """The size of this ``name`` that a cell tells, in this unit or without one."""
+def size_in(name: str, cell: str, unit: str, decimal: str = "") -> Size:
+    """The size of this ``name`` that a cell tells, in this unit or without one; ``decimal`` as above."""
     text = f"{cell} {unit}".strip()
     number = re.fullmatch(r"[0-9]+(?:[.,][0-9]+)?(?:e[-+]?[0-9]+)?", cell, re.IGNORECASE)
     factor = units.factor(units.AREA if name == "area" else units.LENGTH, unit) if unit else 1.0
-    if number is None or factor is None:
+    other = "" if not decimal else "," if decimal == "." else "."
+    if number is None or factor is None or (other and tells_mark(cell, other) is False):
         return Size(None, bool(unit), text)
     value = float(cell.replace(",", ".")) * factor
     smallest = LEAST[name] if unit else SMALLEST_MM2 if name == "area" else SMALLEST_MM
@@ -219,17 +224,17 @@ def round_in_words(sizes: Mapping[str, Size], width_mm: float | None) -> str:
     return f"round, diameter {diameter.mm:g} mm: counted as a square of equal area"
 
 
-def _read(row: Row) -> tuple[str, Size] | None:
+def _read(row: Row, decimal: str = "") -> tuple[str, Size] | None:
     line, start = _joined(row), _joined(row[:3])
     if len(start) >= _LONGEST_LINE:
         return None
     for text in (line, start) if len(line) < _LONGEST_LINE else (start,):
         if found := _SIZE.fullmatch(text):
             name = _name(found["what"])
-            return name, size_in(name, found["value"], found["unit"] or found["behind"] or "")
+            return name, size_in(name, found["value"], found["unit"] or found["behind"] or "", decimal)
         if (found := _AREA.fullmatch(text)) and (unit := found["unit"] or found["behind"]):
             one = found["behind"] in (None, unit)
-            return "area", size_in("area", found["value"], unit) if one else Size(None, True, text)
+            return "area", size_in("area", found["value"], unit, decimal) if one else Size(None, True, text)
     if found := _CELL.fullmatch(_joined(row[:1])):
         return _name(found["what"]), Size(None, False, _joined(row[1:3]))
     return None

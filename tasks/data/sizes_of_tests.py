@@ -21,7 +21,7 @@ def without_others(table: Table, before: Sequence[Table]) -> Table:
     """
     own = table.header[table.own :]
     again = any(one.sheet == table.sheet for one in before)
-    if again and any(size.mm is not None and size.has_unit for size in read_sizes(own).values()):
+    if again and any(size.mm is not None and size.has_unit for size in read_sizes(own, 0, table.decimal).values()):
         return replace(table, header=own, own=0)
     theirs = {row for one in before if one.sheet != table.sheet for row in one.header[one.own :]}
     shared = tuple(row for row in table.header[: table.own] if row not in theirs)
@@ -33,10 +33,10 @@ def sizes_beside(table: Table, tests: Sequence[Columns]) -> list[Mapping[str, Si
 
     A size is not of all where its row names it twice, or has two numbers.
     """
-    each = [read_sizes(rows, table.own) for rows in _above(table, tests)]
+    each = [read_sizes(rows, table.own, table.decimal) for rows in _above(table, tests)]
     if any(each[1:]):
         return each
-    shared = read_sizes(table.header, table.own)
+    shared = read_sizes(table.header, table.own, table.decimal)
     return [{name: size for name, size in shared.items() if not _stands_twice(table.header, name)} for _ in tests]
 
 
@@ -58,7 +58,9 @@ def _stands_twice(header: Sequence[Row], name: str) -> bool:
     return False
 
 
-def sizes_by_results(header: Sequence[Row], names: Sequence[str]) -> tuple[list[dict[str, Size]], tuple[str, ...]]:
+def sizes_by_results(
+    header: Sequence[Row], names: Sequence[str], decimal: str = ""
+) -> tuple[list[dict[str, Size]], tuple[str, ...]]:
     """The sizes of each test by a table of results with a row for each; empty dicts without one. And a note.
 
     ``names``: those of the tests. Rows are found by these names, or else taken in their order, which is noted. A cell
@@ -80,7 +82,7 @@ def sizes_by_results(header: Sequence[Row], names: Sequence[str]) -> tuple[list[
             cells = [row[place] if place < len(row) else "" for row in rows]
             if name is None or name in found[0] or not all(cells[:count]) or any(cells[count:]):
                 continue
-            sizes = [size_in(name, cell, unit.strip("()[] ")) for cell in cells[:count]]
+            sizes = [size_in(name, cell, unit.strip("()[] "), decimal) for cell in cells[:count]]
             if any(size.mm is not None for size in sizes):
                 notes |= {} if order else {BY_ORDER: None}
                 for own, row in zip(found, order or range(count), strict=True):

@@ -11,6 +11,13 @@ SPREADS = ("sd", "std", "se", "sem", "standard deviation", "standard error")
 _CHANNEL = re.compile(r"(?:c|ch|chan|channel|kanal|canal|voie) ?\d+ (?=\D)")  # "C_1_Force", "Ch 1 Kraft"
 _NUMBERED = re.compile(r"(.*[^\d .]) ?(\d{1,3})")
 _AGAIN = re.compile(r"\.\d{1,3}$")
+_BRACKETS = r"[(\[][^()\[\]]*[)\]]"
+#: Behind a unit, what makes another quantity of it: ``Force (N) x 1000``, ``Force (N) / width``, ``Force (N) limit``.
+_CHANGED = re.compile(
+    r"[x×*·] ?\d|\d ?[x×*·]|(?:^|\s)[/^*]|\^|"
+    r"\b(?:rate|change|per|set ?point|limit|target|command|demand|peak|valley)\b",
+    re.IGNORECASE,
+)
 _LONGEST = 300  # characters of a title with a unit
 
 
@@ -23,7 +30,11 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
         return _plain(title), below
     if brackets := [text.strip() for text in re.findall(r"[(\[]([^()\[\]]*)[)\]]", title)]:
         told = [text for text in brackets if units.is_unit(text)]
-        return _plain(re.split(r"[(\[]", title)[0]), units.agreed([*told, below]) or brackets[0]
+        name = re.split(r"[(\[]", title)[0]
+        other = " ".join([*(text for text in brackets if text not in told), re.sub(_BRACKETS, " ", title[len(name) :])])
+        if _CHANGED.search(other):
+            name = f"{name} {other}"
+        return _plain(name), units.agreed([*told, below]) or brackets[0]
     title = title.rstrip("._") or title  # "Time_s_" of MATLAB and "Time..s." of R, which have no brackets in names
     for name, unit in _parts(" ".join(title.split())):
         if units.is_unit(unit) and not _is_minimum(name, unit):
@@ -70,6 +81,9 @@ def without_numbers(names: Sequence[str]) -> list[str]:
     for one in found:
         if one is not None:
             numbers.setdefault(one[1], set()).add(one[2])
+    for name in names:  # the first may have none: time, force, time 2, force 2
+        if name in numbers:
+            numbers[name].add("")
     of_times = [each for base, each in numbers.items() if base in words.TIME and len(each) > 1]
     return [
         one[1] if one is not None and numbers[one[1]] in of_times else name

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from sinew.tasks.simulate.studied_quantity import panels
-from sinew.tasks.study.result import OMIT, R2, Count, Numbers, Result
+from sinew.tasks.study.result import OMIT, R2, Count, NotNegatives, Numbers, Result, check_lengths
 
+MOST_PERCENT = 100.1  # of all parameters together, rounding aside
 KEYS = ("impurity_percent", "impurity_sd", "permutation", "permutation_sd")
 
 
@@ -19,10 +20,10 @@ class Forest:
     with its standard deviation over the permutations.
     """
 
-    impurity_percent: Numbers
-    impurity_sd: Numbers
+    impurity_percent: NotNegatives
+    impurity_sd: NotNegatives
     permutation: Numbers
-    permutation_sd: Numbers
+    permutation_sd: NotNegatives
     r2_on_unseen: R2
 
 
@@ -37,10 +38,10 @@ class ImportanceResult(Result):
     LIBRARIES = ("scikit-learn", "SALib")
 
     names: list[str]
-    impurity_percent: Numbers
-    impurity_sd: Numbers
+    impurity_percent: NotNegatives
+    impurity_sd: NotNegatives
     permutation: Numbers
-    permutation_sd: Numbers
+    permutation_sd: NotNegatives
     r2_on_unseen: R2
     objective: str
     field: str
@@ -51,6 +52,13 @@ class ImportanceResult(Result):
     new_simulations: Count
     inputs: str
     outputs: Mapping[str, Forest] | None = dataclasses.field(default=None, metadata=OMIT)
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for numbers that contradict each other."""
+        for one in self.by_output().values():
+            check_lengths(self.names, **{key: getattr(one, key) for key in KEYS})
+            if (total := float(one.impurity_percent.sum())) > MOST_PERCENT:
+                raise ValueError(f"impurity_percent: {total:g} % in all")
 
     def by_output(self) -> dict[str, Any]:
         """Importance by name: all together (``total``), each protocol, each of a template's outputs."""

@@ -3,7 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from sinew.tasks.study.result import Count, NotNegatives, Numbers, Result, Share
+import numpy as np
+
+from sinew.tasks.study.result import ROUNDING, Count, NotNegatives, Numbers, Result, Share, check_lengths
 
 KEYS = ("mu", "mu_star", "mu_star_conf", "sigma")
 
@@ -17,9 +19,9 @@ class Effects:
     """
 
     mu: Numbers
-    mu_star: Numbers
+    mu_star: NotNegatives
     mu_star_conf: NotNegatives
-    sigma: Numbers
+    sigma: NotNegatives
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +38,9 @@ class MorrisResult(Result):
     names: list[str]
     bounds: list[list[int | float]]
     mu: Numbers
-    mu_star: Numbers
+    mu_star: NotNegatives
     mu_star_conf: NotNegatives
-    sigma: Numbers
+    sigma: NotNegatives
     rows: Count
     failed: Count
     trajectories: Count
@@ -51,6 +53,19 @@ class MorrisResult(Result):
     protocols: Mapping[str, Effects]
     specimens: Mapping[str, Effects]
     inputs: str
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for numbers that contradict each other."""
+        if self.failed > self.rows or self.trajectories_used > self.trajectories:
+            told = f"{self.trajectories_used} of {self.trajectories} trajectories are used"
+            told += f", {self.failed} of {self.rows} rows failed"
+            raise ValueError(told)
+        if len(self.bounds) != len(self.names) or any(len(one) != 2 or one[0] > one[1] for one in self.bounds):
+            raise ValueError("bounds: not two numbers in order for each name")
+        for one in (self.total, *self.protocols.values(), *self.specimens.values()):
+            check_lengths(self.names, **{key: getattr(one, key) for key in KEYS})
+            if np.any(np.abs(one.mu) > one.mu_star * (1.0 + ROUNDING) + ROUNDING * np.abs(one.mu)):
+                raise ValueError("mu: larger than mu_star, the mean of the absolute values")
 
     @property
     def total(self) -> Effects:

@@ -5,8 +5,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from sinew.tasks.simulate.studied_quantity import panels
-from sinew.tasks.study.result import OMIT, Count, Number, Numbers, Result, Share
+from sinew.tasks.study.result import OMIT, ROUNDING, Count, NotNegatives, Result, Share, Shares, check_lengths
 
 KEYS = ("median", "median_low", "median_high", "maximum", "mean", "CV")
 
@@ -19,13 +21,13 @@ class Pawn:
     ``no_influence``: a median below it cannot be told from that of a parameter without any influence.
     """
 
-    median: Numbers
-    median_low: Numbers
-    median_high: Numbers
-    maximum: Numbers
-    mean: Numbers
-    CV: Numbers
-    no_influence: Number
+    median: Shares
+    median_low: Shares
+    median_high: Shares
+    maximum: Shares
+    mean: Shares
+    CV: NotNegatives
+    no_influence: Share
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +42,13 @@ class PawnResult(Result):
     LIBRARIES = ("SALib",)
 
     names: list[str]
-    median: Numbers
-    median_low: Numbers
-    median_high: Numbers
-    maximum: Numbers
-    mean: Numbers
-    CV: Numbers
-    no_influence: Number
+    median: Shares
+    median_low: Shares
+    median_high: Shares
+    maximum: Shares
+    mean: Shares
+    CV: NotNegatives
+    no_influence: Share
     slides: Count
     confidence: Share
     rows: Count
@@ -56,6 +58,17 @@ class PawnResult(Result):
     protocols: Mapping[str, Pawn]
     inputs: str
     outputs: Mapping[str, Pawn] | None = dataclasses.field(default=None, metadata=OMIT)
+
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for numbers that contradict each other."""
+        if self.failed > self.rows:
+            raise ValueError(f"failed: {self.failed} of {self.rows} rows")
+        for one in self.by_output().values():
+            check_lengths(self.names, **{key: getattr(one, key) for key in KEYS})
+            if np.any(one.median_low > one.median_high + ROUNDING):
+                raise ValueError("median_low: above median_high")
+            if np.any(np.maximum(one.median, one.mean) > one.maximum + ROUNDING):
+                raise ValueError("maximum: below the median or the mean")
 
     @property
     def total(self) -> Pawn:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sinew.tasks.study.result import OMIT, Count, Result, Share
+from sinew.tasks.study.result import OMIT, ROUNDING, Count, Result, Share
 
 SIMULATED = ("hdi", "draws", "new")
 """What is simulated for bands."""
@@ -94,9 +94,18 @@ class PredictResult(Result):
     from_population: bool = False
 
     def __post_init__(self) -> None:
-        """Raises :class:`ValueError` for more failures than simulations."""
+        """Raises :class:`ValueError` for numbers that contradict each other."""
         if self.failed > self.rows:
             raise ValueError(f"{self.failed:,} of {self.rows:,} simulations failed")
+        for site, coverage in self.by_site.items():
+            if "hdi" not in coverage or set(coverage) - set(BANDS):
+                raise ValueError(f"coverage of {site}: of {', '.join(coverage)}, not of {', '.join(BANDS)}")
+            for band, one in coverage.items():
+                for parts in (one.protocols, one.specimens):
+                    given = [share for share in parts.values() if share is not None]
+                    if given and one.all is not None and not min(given) - ROUNDING <= one.all <= max(given) + ROUNDING:
+                        told = f"{one.all:g} of all points, but {min(given):g} to {max(given):g} of their parts"
+                        raise ValueError(f"{site}, {band}: {told}")
 
     def shares_of_others(self) -> Iterator[dict[str, Any]]:
         """As :meth:`shares`, of the quantities that are compared beside the force; ``quantity`` names each."""

@@ -1,6 +1,5 @@
 """The settings of a simulator in a study: their base class, and those of the embedded simulator."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Literal
@@ -44,6 +43,7 @@ class SimulatorSettings(Section):
     """The settings of a kind of simulator. Subclasses have a literal ``name`` and are listed in the registry."""
 
     law: ClassVar[Law] = "tendon"
+    template_field: ClassVar[str | None] = None  # that names a template beside the study
     name: str
 
     @property
@@ -65,13 +65,6 @@ class SimulatorSettings(Section):
     def gives_force(self) -> bool:
         """Whether there is a force to compare with a measured one."""
         return True
-
-    def own_template(self, folder: Path) -> tuple[str, str, Mapping[str, str]] | None:
-        """The field that names a template in the study's ``folder``, its name and the texts of its files by name.
-
-        None where the study has no template. Raises :class:`BadInput`.
-        """
-        return None
 
     def refuse_around(self, where: str) -> None:
         """Raise :class:`BadInput`, of ``where``, if no effects can act around a model of the user's own."""

@@ -6,7 +6,7 @@ become null. Reading checks types and says which field is wrong, so that whoever
 
 import dataclasses
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -58,6 +58,15 @@ def _within(low: float, high: float, words: str) -> AfterValidator:
         return value
 
     return AfterValidator(check)
+
+
+def check_lengths(names: Sequence[str], **arrays: np.ndarray[Any, Any]) -> None:
+    """Refuse names that come twice, and arrays that do not have one number for each. Raises :class:`ValueError`."""
+    if len(set(names)) < len(names):
+        raise ValueError(f"names: {', '.join(names)}, of which one comes twice")
+    for name, array in arrays.items():
+        if array.shape != (len(names),):
+            raise ValueError(f"{name}: {array.size} numbers for {len(names)} names")
 
 
 Count = Annotated[int, _within(0, np.inf, "at least 0")]

@@ -4,6 +4,7 @@ import difflib
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits
 from sinew.tasks.discover.follow_up import Checks
 from sinew.tasks.discover.result import TEMPLATE, WITH_EFFECTS
 from sinew.tasks.model.effects import effect_named
+from sinew.tasks.simulate.febio.simulator import FEBio
 from sinew.tasks.study.files import write_text
 from sinew.tasks.study.settings_file import as_yaml, from_yaml
 from sinew.tasks.study.workspace import Workspace
@@ -24,7 +26,7 @@ def study_with(workspace: Workspace, effects: Effects, where: Path = WITH_EFFECT
     Returns that path, and what changed.
     """
     path: Path = workspace.out / where
-    old = from_yaml(workspace.study.path.read_text("utf-8"))
+    old = from_yaml(workspace.study.text)  # as it was judged: the file may have changed since
     model = old.get("model") or {}
     # ranges that were scaled to the cohort's size must be in the study
     written = {parameter for effect in effects for parameter in effect_named(effect.name).parameters}
@@ -37,13 +39,14 @@ def study_with(workspace: Workspace, effects: Effects, where: Path = WITH_EFFECT
     model |= {"parameters": (model.get("parameters") or {}) | ranges} if ranges else {}
     new = {**old, "model": {**model, "effects": [effect.name for effect in effects]}}
     path.parent.mkdir(exist_ok=True)
-    if (own := workspace.study.simulator.own_template(workspace.study.path.parent)) is not None:
-        field, main, files = own
+    settings = workspace.study.simulator
+    if settings.template_field is not None and getattr(settings, settings.template_field) is not None:
+        template = cast(FEBio, workspace.simulator).template
         remove_folder(workspace.out / TEMPLATE)  # of another template, which this one may have replaced
-        for name, text in files.items():
+        for name, text in template.files.items():
             (copy := workspace.out / TEMPLATE / name).parent.mkdir(parents=True, exist_ok=True)
             write_text(copy, text)
-        new["simulator"] = {**new["simulator"], field: f"{TEMPLATE.name}/{main}"}
+        new["simulator"] = {**new["simulator"], settings.template_field: f"{TEMPLATE.name}/{template.main}"}
     # from the file itself, so that a study and its results may be moved together
     new["cohort"] = os.path.relpath(workspace.cohort.folder.resolve(), path.parent.resolve())
     before, after = (as_yaml(each) for each in (old, new))

@@ -96,8 +96,11 @@ def template_files(folder: Path) -> frozenset[PurePosixPath]:
     """The files in a result folder of the template beside the study with the named effects."""
     if not (folder / TEMPLATE).is_dir() or not (folder / WITH_EFFECTS).is_file():
         return frozenset()
-    own = read_study(folder / WITH_EFFECTS).simulator.own_template(folder / WITH_EFFECTS.parent)
-    return frozenset(PurePosixPath(TEMPLATE) / name for name in own[2]) if own is not None else frozenset()
+    name = template_name(read_study(folder / WITH_EFFECTS))
+    if name is None:
+        return frozenset()
+    _, texts = read_files(folder / WITH_EFFECTS.parent, name, Allowance())
+    return frozenset(PurePosixPath(TEMPLATE) / each for each in texts)
 
 
 def kept(relative: PurePosixPath, template: Collection[PurePosixPath] = (), *, store: bool) -> bool:

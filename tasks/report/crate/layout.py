@@ -78,7 +78,8 @@ def changed_fields(source: Source, layout: Layout) -> dict[str, Any]:
 
 def template_name(study: Study) -> str | None:
     """The template that a study brings, as the study names it."""
-    name = getattr(study.simulator, "file", None) or getattr(study.simulator, "template", None)
+    field = study.simulator.template_field
+    name = None if field is None else getattr(study.simulator, field)
     return None if name is None else str(name)
 
 

@@ -22,8 +22,11 @@ def read_files(folder: Path, name: str, allowance: Allowance) -> tuple[str, dict
     while waiting:
         each = waiting.pop()
         path = checked_path(home / each, home, "simulator.file", "the template's folder")
-        if Path(each).is_absolute() or ".." in Path(each).parts:  # a copy of the files keeps their names
-            raise BadInput(path, f"is included as {shown(each)}", "its name, as seen from the template's folder")
+        if Path(each).is_absolute() or any(part.startswith(".") for part in Path(each).parts):
+            # copies of the files keep their names, and hidden ones would stay behind
+            raise BadInput(
+                path, f"is named {shown(each)}", "a name as seen from the template's folder, no part with a dot first"
+            )
         files[each] = read_text(path)
         waiting += [
             other for other in _included(path, files[each], allowance) if other not in files and other not in waiting

@@ -128,15 +128,14 @@ def _as_bytes(files: Mapping[str, str]) -> tuple[bytes, ...]:
 class FEBioSettings(SolverSettings):
     """The tendon in FEBio: ``template`` beside the study file, by default the built-in one."""
 
+    template_field: ClassVar[str | None] = "template"
+
     name: Literal["febio"] = "febio"
     template: str | None = None
 
     @property
     def like_embedded(self) -> bool:
         return self.template is None
-
-    def own_template(self, folder: Path) -> tuple[str, str, Mapping[str, str]] | None:
-        return None if self.template is None else ("template", *read_files(folder, self.template, Allowance()))
 
     def read_template(self, purpose: Purpose) -> Template:
         template = read_template(purpose.study.parent, self.template)
@@ -204,6 +203,7 @@ class TemplateSettings(SolverSettings):
     """
 
     law: ClassVar[Law] = "template"
+    template_field: ClassVar[str | None] = "file"
 
     name: Literal["template"] = "template"
     file: Annotated[str, Field(min_length=1)]
@@ -252,9 +252,6 @@ class TemplateSettings(SolverSettings):
             return found
         asked = dict.fromkeys((*self.fields, *(output.field for output in self.outputs.values() if output.field)))
         return replace(found, plotted=tuple(asked), kept=kept)
-
-    def own_template(self, folder: Path) -> tuple[str, str, Mapping[str, str]] | None:
-        return "file", *read_files(folder, self.file, Allowance())
 
     def refuse_around(self, where: str) -> None:
         if not self.gives_force:

@@ -515,6 +515,14 @@ def test_units_that_contradict_each_other_are_refused_until_a_person_decides(tmp
     assert told.numbers[:, 2] == pytest.approx([1000, 5000, 9000])
 
 
+def test_the_second_of_two_tests_may_be_the_first_with_a_number(tmp_path):
+    titles = ["Time (s)", "Extension (mm)", "Load (N)", "Time 2 (s)", "Extension 2 (mm)", "Load 2 (N)"]
+    rows = [",".join(f"{(place + 1) * row / 7:.5f}" for place in range(6)) for row in range(30)]
+    (tmp_path / "two.csv").write_text("\n".join([",".join(titles), *rows]) + "\n")
+    found = read_recordings(tmp_path / "two.csv", Hints(), first_of_alike=True)
+    assert [[column.place for column in one.columns] for one in found] == [[0, 1, 2], [3, 4, 5]]
+
+
 @pytest.mark.parametrize(
     ("titles", "motion", "load", "left"),
     [

@@ -210,3 +210,29 @@ def test_of_very_many_rows_the_first_and_the_last_tell_sizes():
     found = read_sizes([("Width: 5 mm",), *others, ("Thickness: 2 mm",), *others, ("Length: 30 mm",)])
     assert {name: size.mm for name, size in found.items()} == {"width": 5.0, "length": 30.0}
     assert read_sizes([("Width: 5 mm", *["x"] * 300)]) == {}
+
+
+@pytest.mark.parametrize(
+    ("line", "decimal", "mm"),
+    [
+        ("Gauge length|20,000 um", ".", None),
+        ("Thickness|1,250|um", ".", None),
+        ("Area (mm2)|1,520", ".", None),
+        ("Gauge length: 1,000 mm", ".", None),
+        ("Dicke|1.250|µm", ",", None),
+        ("Gauge length|20.000|mm", ".", 20.0),
+        ("Gauge length|20,000|mm", ",", 20.0),
+        ("Gauge length|10,13|mm", ".", 10.13),
+        ("Gauge length|0,500|mm", ".", 0.5),
+        ("Gauge length|20,000 um", "", 0.02),
+    ],
+)
+def test_marks_that_may_be_of_thousands_tell_no_size(line, decimal, mm):
+    (found,) = read_sizes([tuple(line.split("|"))], 0, decimal).values()
+    assert found.mm == (None if mm is None else pytest.approx(mm))
+    assert found.text
+
+
+def test_marks_of_thousands_in_a_table_of_results_tell_no_size():
+    rows = [("", "Width", "Length"), ("", "mm", "mm"), ("1", "4.5", "1,200")]
+    assert {name: size.mm for name, size in read_sizes(rows, 0, ".").items()} == {"width": 4.5, "length": None}

@@ -151,3 +151,15 @@ def test_a_later_table_that_tells_sizes_takes_none_of_another(tmp_path):
     assert [sizes(one) for one in read_recordings(path, Hints())] == [
         {"width": 5.0, "length": 10.0}, {"length": 20.0}, {"width": 5.0, "length": 10.0},
     ]  # fmt: skip
+
+
+def test_marks_of_thousands_in_a_table_of_results_are_told_by_the_tests(tmp_path):
+    results = ["Name,Length,Width", ",mm,mm", 'A,"1,200",4.5', 'B,"1,300",4.6']
+    titles = "Time (s),Extension (mm),Load (N),Time (s),Extension (mm),Load (N)"
+    rows = [",".join(f"{(place + 1) * row / 7:.5f}" for place in range(6)) for row in range(30)]
+    path = tmp_path / "two.csv"
+    path.write_text("\n".join([*results, "", "A,,,B,,", titles, *rows]) + "\n")
+    found = read_recordings(path, Hints(), first_of_alike=True)
+    assert [one.test for one in found] == ["A", "B"]
+    told = [{name: size.mm for name, size in one.sizes.items() if size.mm is not None} for one in found]
+    assert told == [{"width": 4.5}, {"width": 4.6}]

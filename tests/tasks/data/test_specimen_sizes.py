@@ -205,3 +205,9 @@ def test_a_size_that_is_told_in_two_ways_is_left_open_with_a_note(tmp_path):
     found = known_sizes("a", [test], Sizes())
     assert found.mm["length"] is None
     assert found.notes == ("a.csv tells a length of '40 mm and 25 mm', which is not taken",)
+
+
+def test_thousands_in_a_size_are_told_and_not_taken(tmp_path):
+    found = known_sizes("a", [recording(tmp_path, 'Gauge length,"20,000 um"', "Width,5.5,mm")], Sizes())
+    assert found.mm == {"length": None, "width": 5.5, "thickness": None}
+    assert found.notes == ("a.csv tells a length of '20,000 um', which is not taken",)

@@ -55,6 +55,8 @@ def test_units_that_contradict_each_other_are_told_both(title, below, unit):
 def test_numbers_that_tell_tests_apart_are_no_part_of_names():
     names = ["time 1", "force 1", "time2", "force2"]
     assert without_numbers(names) == ["time", "force", "time", "force"]
+    assert without_numbers(["time", "force", "time 2", "force 2"]) == ["time", "force", "time", "force"]
+    assert without_numbers(["time", "load", "load 2"]) == ["time", "load", "load 2"], "two load cells"
     assert without_numbers(["time", "load 1", "load 2"]) == ["time", "load 1", "load 2"], "two load cells"
     titles = ["Force (N)", "Force (N).1", "t.2"]
     assert [without_suffix(title, titles) for title in titles] == ["Force (N)", "Force (N)", "t.2"]
@@ -78,3 +80,24 @@ def test_titles_take_time_with_their_length_alone():
         for title in (f"a{' ' * 297}b", f"a{'/a' * 140} b", f"a{' in' * 90} b c", f"a{',' * 290} b"):
             for number in range(2_000):
                 name_and_unit(f"{number}{title}"[:300])
+
+
+@pytest.mark.parametrize(
+    "title",
+    [
+        "Force (N) x 1000", "Force (N) (x1000)", "Force (x1000) (N)", "Force [N]*1e3", "Force (N) / width",
+        "Force (N)/width", "Force (N) change", "Force (N) per side", "Force (N)^2", "Force (N) limit",
+        "Force (N) setpoint", "Force (N) [10 x]",
+    ],
+)  # fmt: skip
+def test_what_stands_behind_a_unit_may_make_another_quantity_of_it(title):
+    name, unit = name_and_unit(title)
+    assert name.startswith("force ") and name != "force"
+    assert unit in ("N", "x1000")
+
+
+@pytest.mark.parametrize(
+    "title", ["Force (N)", "Force (N) A", "Force [N] (Channel 1)", "Force (N) 2", "Force (kN) Ch:1"]
+)
+def test_labels_of_tests_and_channels_behind_a_unit_are_none_of_the_name(title):
+    assert name_and_unit(title)[0] == "force"

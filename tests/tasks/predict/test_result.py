@@ -23,3 +23,22 @@ def test_each_band_that_holds_far_fewer_points_is_explained():
         "parameters only, not the noise and not what the model lacks",
         "all: the 95 % band of a new specimen holds 50 % of the points: specimens differ by more than this band knows",
     ]
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"protocols": {"ramp": 0.1, "hold": 0.2}}, "a, hdi: 0.9 of all points, but 0.1 to 0.2 of their parts"),
+        ({"specimens": {"a": 1.0}}, "a, hdi: 0.9 of all points, but 1 to 1 of their parts"),
+    ],
+)
+def test_shares_that_contradict_each_other_are_refused(change, told):
+    fields = {"all": 0.9, "points": 100, "protocols": {"ramp": 0.9}, "specimens": {"a": 0.9}, "curves": None}
+    good, wrong = Coverage(**fields), Coverage(**(fields | change))
+    for coverage in ({"hdi": good, "draws": good}, {"draws": good}, {"hdi": good, "all": good}, {"hdi": wrong}):
+        site = SitePrediction(["a"], {}, None, coverage, "a", "a", None)
+        if coverage == {"hdi": good, "draws": good}:
+            PredictResult(0.95, 40, 43, 0, {"a": site}, {"hdi": good}, "known")
+            continue
+        with pytest.raises(ValueError, match=told if coverage == {"hdi": wrong} else "coverage of a: of "):
+            PredictResult(0.95, 40, 43, 0, {"a": site}, {"hdi": good}, "known")

@@ -28,3 +28,13 @@ def test_numbers_and_texts_stay_what_they_are(tmp_path):
     assert new.model.effects == ["toe-slack"]
     changed = [line for line in difference.splitlines() if line[0] in "+-" and line[:3] not in ("+++", "---")]
     assert changed == ["-cohort: cohort", "+cohort: ../../cohort", "+model:", "+  effects:", "+  - toe-slack"]
+
+
+def test_the_study_is_that_which_was_judged(tmp_path):
+    (tmp_path / "study.yaml").write_text(STUDY)
+    study = read_study(tmp_path / "study.yaml")
+    (tmp_path / "study.yaml").write_text("seed: 9")
+    workspace = SimpleNamespace(out=tmp_path / "out", study=study, cohort=SimpleNamespace(folder=tmp_path / "cohort"))
+    (tmp_path / "out").mkdir()
+    path, _ = study_with(workspace, (named()["toe-slack"],))
+    assert read_study(tmp_path / "out" / path).seed == 3

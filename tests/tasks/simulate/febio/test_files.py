@@ -14,12 +14,14 @@ def test_files_stay_in_their_folders(tmp_path):
     (home / "sub" / "a.feb").write_text("{% include 'b.xml' %}")
     (home / "sub" / "b.xml").write_text("b")
     (home / "sub" / "x").mkdir()
+    (home / "sub" / ".hid.xml").write_text("b")
     assert read_files(home, "sub/a.feb", Allowance()) == ("a.feb", {"a.feb": "{% include 'b.xml' %}", "b.xml": "b"})
     for text, told in [
         ("{% include '../../secret' %}", "lies outside the template's folder"),
         ("{% include '/etc/hostname' %}", "lies outside the template's folder"),
-        ("{% include 'x/../b.xml' %}", "b.xml: is included as 'x/../b.xml'; expected its name, as seen from"),
-        ("{% include HERE %}", "is included as '/"),
+        ("{% include 'x/../b.xml' %}", "b.xml: is named 'x/../b.xml'; expected a name as seen from"),
+        ("{% include HERE %}", "is named '/"),
+        ("{% include '.hid.xml' %}", "is named '.hid.xml'; expected .*no part with a dot first"),
         ("{% include x %}", "whose name is computed"),
         ("{% include 'gone' %}", "is not there"),
         ("{% if %}", "line 1"),
