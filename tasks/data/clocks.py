@@ -5,17 +5,18 @@ taken together where one of them has all that a test needs.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 
-def columns_of_clock(named: Sequence[tuple[str, str]], place: int) -> range | None:
-    """The columns of the same test as the column of times at ``place``; None where no other has its name.
+def columns_by_clock(named: Sequence[tuple[str, str]], place: int) -> dict[int, range]:
+    """The columns of each test, by the place of its times, which have the name of those at ``place``.
 
-    ``named``: name and unit of each column. Times come first in each test, or last.
+    All columns where no others have that name. ``named``: name and unit of each column. Times come first in each test,
+    or last.
     """
     times = [at for at, (name, _) in enumerate(named) if name and name == named[place][0]]
     if len(times) < 2:
-        return None
-    if any(name for name, _ in named[: times[0]]) and not any(name for name, _ in named[times[-1] + 1 :]):
-        before = [at for at in times if at < place]
-        return range(before[-1] + 1 if before else 0, place + 1)
-    return range(place, next((at for at in times if at > place), len(named)))
+        return {place: range(len(named))}
+    last = any(name for name, _ in named[: times[0]]) and not any(name for name, _ in named[times[-1] + 1 :])
+    ends = [0, *(at + 1 for at in times)] if last else [*times, len(named)]
+    return {at: range(*between) for at, between in zip(times, pairwise(ends), strict=True)}

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import units, words
-from sinew.tasks.data.clocks import columns_of_clock
+from sinew.tasks.data.clocks import columns_by_clock
 from sinew.tasks.data.column_titles import check_width, names_and_units
 from sinew.tasks.data.factors import factor_of
 from sinew.tasks.data.heads import Row
@@ -242,8 +242,9 @@ def _of_one_clock(
     table: Table, titles: Row, named: Sequence[tuple[str, str]], roles: Sequence[_Role], found: list[_Choice]
 ) -> list[_Choice]:
     """The same choices, of columns that belong to the same times, where these have all that a test needs."""
-    own = None if found[0].place == NOWHERE else columns_of_clock(named, found[0].place)
-    if own is None or all(choice.place in own for choice in found):
+    time = found[0].place
+    own = range(0) if time == NOWHERE else columns_by_clock(named, time)[time]
+    if time == NOWHERE or all(choice.place in own for choice in found):
         return found
     inside = [column if place in own else ("", "") for place, column in enumerate(named)]
     try:

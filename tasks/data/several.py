@@ -9,7 +9,7 @@ import numpy as np
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import words
-from sinew.tasks.data.clocks import columns_of_clock
+from sinew.tasks.data.clocks import columns_by_clock
 from sinew.tasks.data.column_titles import names_and_units
 from sinew.tasks.data.columns import NOWHERE, Column, NoColumn, alike_places, in_place, recognise
 from sinew.tasks.data.hints import NO_COLUMN, Hints
@@ -72,13 +72,15 @@ def other_test(table: Table, hints: Hints, columns: Columns) -> range | None:
 
     Its other columns have other titles: else :func:`beside` would count it.
     """
-    _, named = names_and_units(table)
     time = columns[0].place
-    own = None if time == NOWHERE else columns_of_clock(named, time)
-    if own is None or not all(column.place in own for column in columns):
+    if time == NOWHERE:
         return None
-    for place in (at for at, (name, _) in enumerate(named) if name == named[time][0] and at != time):
-        its = columns_of_clock(named, place) or range(0)
+    clocks = columns_by_clock(names_and_units(table)[1], time)
+    if not all(column.place in clocks[time] for column in columns):
+        return None
+    for place, its in clocks.items():
+        if place == time:
+            continue
         asked = replace(hints, time_column=str(place + 1), displacement_column=None, force_column=None)
         try:
             others = recognise(table, asked, first_of_alike=True)

@@ -11,7 +11,7 @@ SPREADS = ("sd", "std", "se", "sem", "standard deviation", "standard error")
 _CHANNEL = re.compile(r"(?:c|ch|chan|channel|kanal|canal|voie) ?\d+ (?=\D)")  # "C_1_Force", "Ch 1 Kraft"
 _NUMBERED = re.compile(r"(.*[^\d .]) ?(\d{1,3})")
 _AGAIN = re.compile(r"\.\d{1,3}$")
-_BRACKETS = r"[(\[][^()\[\]]*[)\]]"
+_BRACKETS = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
 #: Behind a unit, what makes another quantity of it: ``Force (N) x 1000``, ``Force (N) / width``, ``Force (N) limit``.
 _CHANGED = re.compile(
     r"[x×*·] ?\d|\d ?[x×*·]|(?:^|\s)[/^*]|\^|"
@@ -28,10 +28,10 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
         return title.lower(), below
     if len(title) > _LONGEST:
         return _plain(title), below
-    if brackets := [text.strip() for text in re.findall(r"[(\[]([^()\[\]]*)[)\]]", title)]:
+    if brackets := [text.strip() for text in _BRACKETS.findall(title)]:
         told = [text for text in brackets if units.is_unit(text)]
         name = re.split(r"[(\[]", title)[0]
-        other = " ".join([*(text for text in brackets if text not in told), re.sub(_BRACKETS, " ", title[len(name) :])])
+        other = " ".join([*(text for text in brackets if text not in told), _BRACKETS.sub(" ", title[len(name) :])])
         if _CHANGED.search(other):
             name = f"{name} {other}"
         return _plain(name), units.agreed([*told, below]) or brackets[0]

@@ -56,7 +56,7 @@ class ImportanceResult(Result):
     def __post_init__(self) -> None:
         """Raises :class:`ValueError` for numbers that contradict each other."""
         for one in self.by_output().values():
-            check_lengths(self.names, **{key: getattr(one, key) for key in KEYS})
+            check_lengths(self.names, one, KEYS)
             if (total := float(one.impurity_percent.sum())) > MOST_PERCENT:
                 raise ValueError(f"impurity_percent: {total:g} % in all")
 

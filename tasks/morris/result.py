@@ -63,7 +63,7 @@ class MorrisResult(Result):
         if len(self.bounds) != len(self.names) or any(len(one) != 2 or one[0] > one[1] for one in self.bounds):
             raise ValueError("bounds: not two numbers in order for each name")
         for one in (self.total, *self.protocols.values(), *self.specimens.values()):
-            check_lengths(self.names, **{key: getattr(one, key) for key in KEYS})
+            check_lengths(self.names, one, KEYS)
             if np.any(np.abs(one.mu) > one.mu_star * (1.0 + ROUNDING) + ROUNDING * np.abs(one.mu)):
                 raise ValueError("mu: larger than mu_star, the mean of the absolute values")
 

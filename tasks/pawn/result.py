@@ -64,7 +64,7 @@ class PawnResult(Result):
         if self.failed > self.rows:
             raise ValueError(f"failed: {self.failed} of {self.rows} rows")
         for one in self.by_output().values():
-            check_lengths(self.names, **{key: getattr(one, key) for key in KEYS})
+            check_lengths(self.names, one, KEYS)
             if np.any(one.median_low > one.median_high + ROUNDING):
                 raise ValueError("median_low: above median_high")
             if np.any(np.maximum(one.median, one.mean) > one.maximum + ROUNDING):

@@ -130,8 +130,6 @@ class Around:
         own = model_without(model, self.effects)
         inside = [model.names.index(name) for name in own.names]
         outside = [model.names.index(name) for effect in self.effects for name in effect.names]
-        rigid = any(effect.asks_rigid for effect in self.effects)
-
         near, key = self.near, protocol.digest
         enough = BALANCE if near is None else NEARER  # small differences between rows must not drown
         accident: Failed | None = None
@@ -146,7 +144,7 @@ class Around:
             if accident is not None:  # the others start from the first row, so that they wait for it
                 raise accident
             chosen = acting(self.effects, values[np.newaxis, outside])
-            along = _Along(chosen, specimen, protocol, partial(shared, values[inside].tobytes()), rigid, enough)
+            along = _Along(chosen, specimen, protocol, partial(shared, values[inside].tobytes()), enough)
             if near is None:
                 return along.courses(None)[0]
             try:
@@ -172,16 +170,12 @@ def _first(done: Simulated | Compared, *courses: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Along:
-    """One specimen with effects around it, along one protocol; ``rigid``: they ask for the force on a rigid machine.
-
-    ``enough``: as ``BALANCE``.
-    """
+    """One specimen with effects around it, along one protocol; ``enough``: as ``BALANCE``."""
 
     chosen: Acting
     specimen: Specimen
     protocol: Protocol
     run: Run
-    rigid: bool
     enough: float
 
     def courses(self, near: Balance | None) -> tuple[Array, Balance | None]:
@@ -208,7 +202,7 @@ class _Along:
         if not gives_way(self.chosen):
             return *self._pulled(displaced(self.chosen, grips)), None
         largest = max(float(np.abs(grips.grips_mm).max()), np.finfo(float).tiny)
-        if near is None or self.rigid:
+        if near is None or any(effect.asks_rigid for effect, _ in self.chosen):
             bars, others = self._pulled(grips)
             grips = replace(grips, rigid_N=bars.force_N)
             stiffness = _slopes(bars.displacement_mm[0], bars.force_N[0], MOVED * largest)

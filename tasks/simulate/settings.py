@@ -47,6 +47,11 @@ class SimulatorSettings(Section):
     name: str
 
     @property
+    def own_template(self) -> str | None:
+        """The template that a study brings, as the study names it; None without one."""
+        return None if self.template_field is None else getattr(self, self.template_field)
+
+    @property
     def like_embedded(self) -> bool:
         """Whether the embedded simulator gives nearly the same forces."""
         return False

@@ -60,13 +60,16 @@ def _within(low: float, high: float, words: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-def check_lengths(names: Sequence[str], **arrays: np.ndarray[Any, Any]) -> None:
-    """Refuse names that come twice, and arrays that do not have one number for each. Raises :class:`ValueError`."""
+def check_lengths(names: Sequence[str], holder: object, keys: Sequence[str]) -> None:
+    """Refuse names that come twice, and arrays of ``holder`` that do not have one number for each.
+
+    Raises :class:`ValueError`.
+    """
     if len(set(names)) < len(names):
         raise ValueError(f"names: {', '.join(names)}, of which one comes twice")
-    for name, array in arrays.items():
-        if array.shape != (len(names),):
-            raise ValueError(f"{name}: {array.size} numbers for {len(names)} names")
+    for key in keys:
+        if (array := getattr(holder, key)).shape != (len(names),):
+            raise ValueError(f"{key}: {array.size} numbers for {len(names)} names")
 
 
 Count = Annotated[int, _within(0, np.inf, "at least 0")]

@@ -40,7 +40,7 @@ def study_with(workspace: Workspace, effects: Effects, where: Path = WITH_EFFECT
     new = {**old, "model": {**model, "effects": [effect.name for effect in effects]}}
     path.parent.mkdir(exist_ok=True)
     settings = workspace.study.simulator
-    if settings.template_field is not None and getattr(settings, settings.template_field) is not None:
+    if settings.own_template is not None:
         template = cast(FEBio, workspace.simulator).template
         remove_folder(workspace.out / TEMPLATE)  # of another template, which this one may have replaced
         for name, text in template.files.items():

@@ -1,12 +1,13 @@
 """The next experiment for a cohort: which test would tell candidates with their fits apart."""
 
 from collections.abc import Sequence
+from functools import partial
 
-from sinew.runner.evaluation.adaptive import Session
-from sinew.tasks.discover.after.experiment import Experiment, Rival, next_experiment
+from sinew.tasks.discover.after.experiment import Rival, next_experiment
 from sinew.tasks.discover.fit.fit import Fitted
-from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
+from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits
 from sinew.tasks.discover.follow_up import NextExperiment
+from sinew.tasks.discover.on_workers import on_a_worker
 from sinew.tasks.study.workspace import Workspace
 
 MAX_SPECIMENS = 4  # for which it is computed
@@ -23,10 +24,6 @@ def telling_experiment(
     rivals = [Rival(effects, tuple(one.at for one in fits[:MAX_SPECIMENS])) for effects, fits in models]
     measured = [one.measured for one in some]
 
-    def work(_: int, __: None, session: Session) -> Experiment | None:
-        bare = some[0].candidate().stand_in
-        answer: Experiment | None = session.compute(next_experiment, bare, rivals, measured)
-        return answer
-
-    ((experiment,),) = each_for_all(workspace, some[:1], title, [None], work)
+    ask = partial(next_experiment, some[0].candidate().stand_in, rivals, measured)
+    experiment = on_a_worker(workspace, some, title, ask)
     return experiment.result() if experiment else None

@@ -27,10 +27,14 @@ def least_squares_of_few(
     ``derivatives`` gives residuals and their derivatives ``[t, k]``. As :func:`scipy.optimize.least_squares`; the
     derivatives of the result are the last that were found anew, near its end.
     """
-    seen, slopes = derivatives(start)
-    found = OptimizeResult(x=start, fun=seen, cost=0.5 * float(seen @ seen))
+
+    def renewed(at: Array) -> tuple[OptimizeResult, Array]:
+        seen, slopes = derivatives(at)
+        return OptimizeResult(x=at, fun=seen, cost=0.5 * float(seen @ seen)), slopes
+
+    found, slopes = renewed(start)
     for _ in range(RENEWALS):
-        followed = _Followed(residuals, found.x, seen, slopes)
+        followed = _Followed(residuals, found.x, found.fun, slopes)
         tried = least_squares(
             followed.residuals, found.x, jac=followed.slopes, bounds=(0.0, 1.0), ftol=1e-5, xtol=1e-5, gtol=1e-7,
             max_nfev=STEPS,
@@ -40,8 +44,7 @@ def least_squares_of_few(
             found = tried
         if gain < max(ENOUGH, min(2.0 * PART * found.cost, AT_MOST)):
             break
-        seen, slopes = derivatives(found.x)
-        found = OptimizeResult(x=found.x, fun=seen, cost=0.5 * float(seen @ seen))
+        found, slopes = renewed(found.x)
     found.jac, found.grad = slopes, slopes.T @ found.fun
     return found
 

@@ -11,7 +11,7 @@ from sinew.tasks.data.cohort import check_inside, visible
 from sinew.tasks.discover.result import ADOPTED, COPY, TEMPLATE, WITH_EFFECTS, WITH_LAWS, DiscoverResult
 from sinew.tasks.drawing.formats import without_formulas
 from sinew.tasks.registry import TASKS
-from sinew.tasks.report.crate.layout import Layout, changed_fields, template_name, with_fields
+from sinew.tasks.report.crate.layout import Layout, changed_fields, with_fields
 from sinew.tasks.report.crate.pack import MAX_BYTES, Item
 from sinew.tasks.report.crate.source import Source
 from sinew.tasks.report.status import PAGE
@@ -36,7 +36,7 @@ def study_items(source: Source, layout: Layout) -> Iterator[Item]:
     """The study file, with paths of the crate, and the template with all that it includes."""
     text = with_fields(source.text, changed_fields(source, layout))
     yield Item(str(layout.study), text.encode(), "study file")
-    name = template_name(source.study)
+    name = source.study.simulator.own_template
     if name is not None:
         _, texts = read_files(source.study.path.parent, name, Allowance())
         place = layout.study.parent / PurePosixPath(name).parent
@@ -96,7 +96,7 @@ def template_files(folder: Path) -> frozenset[PurePosixPath]:
     """The files in a result folder of the template beside the study with the named effects."""
     if not (folder / TEMPLATE).is_dir() or not (folder / WITH_EFFECTS).is_file():
         return frozenset()
-    name = template_name(read_study(folder / WITH_EFFECTS))
+    name = read_study(folder / WITH_EFFECTS).simulator.own_template
     if name is None:
         return frozenset()
     _, texts = read_files(folder / WITH_EFFECTS.parent, name, Allowance())

@@ -18,7 +18,7 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.cluster.spec import cluster_request
 from sinew.tasks.report.crate.source import Source
 from sinew.tasks.study.settings_file import as_yaml, from_yaml
-from sinew.tasks.study.study import SlurmSettings, Study
+from sinew.tasks.study.study import SlurmSettings
 
 OWN = ("README.md", "METHODS.md", "ro-crate-metadata.json", "sha256sums.txt", "environment", "tables", "profile.yaml")
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+.-]{0,99}")
@@ -70,17 +70,10 @@ def changed_fields(source: Source, layout: Layout) -> dict[str, Any]:
         changed["simulator"] = run["simulator"]
     if isinstance(study.cluster, SlurmSettings) or cluster_request(study) is not None:
         changed["cluster"] = "local"
-    name = template_name(study)
+    name = study.simulator.own_template
     if name is not None and (Path(name).is_absolute() or ".." in Path(name).parts):
         raise BadInput(f"{study.path}: simulator", f"the template {name[:80]}", "a path below the study's folder")
     return changed
-
-
-def template_name(study: Study) -> str | None:
-    """The template that a study brings, as the study names it."""
-    field = study.simulator.template_field
-    name = None if field is None else getattr(study.simulator, field)
-    return None if name is None else str(name)
 
 
 def with_fields(text: str, fields: Mapping[str, Any]) -> str:

@@ -1,12 +1,10 @@
 """Results of random forest importance whose numbers contradict each other are refused."""
 
-import json
-
 import numpy as np
 import pytest
 
-from sinew.runner.errors import BadInput
 from sinew.tasks.importance.result import Forest, ImportanceResult
+from tests.tasks.changed_results import refused
 
 ONE = tuple(np.array(each) for each in ([60.0, 40.0], [3.0, 2.0], [0.9, -0.01], [0.1, 0.0]))
 
@@ -35,8 +33,4 @@ def test_a_result_is_read_as_it_was_written(tmp_path):
     ],
 )
 def test_numbers_that_cannot_be_are_refused(tmp_path, change, told):
-    result().write(tmp_path)
-    path = tmp_path / "importance.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | change))
-    with pytest.raises(BadInput, match=told):
-        ImportanceResult.read(tmp_path)
+    refused(tmp_path, result(), change, told)

@@ -1,12 +1,10 @@
 """Results of a screening whose numbers contradict each other are refused."""
 
-import json
-
 import numpy as np
 import pytest
 
-from sinew.runner.errors import BadInput
 from sinew.tasks.morris.result import Effects, MorrisResult
+from tests.tasks.changed_results import refused
 
 
 def result() -> MorrisResult:
@@ -39,8 +37,4 @@ def test_a_result_is_read_as_it_was_written(tmp_path):
     ],
 )
 def test_numbers_that_cannot_be_are_refused(tmp_path, change, told):
-    result().write(tmp_path)
-    path = tmp_path / "morris.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | change))
-    with pytest.raises(BadInput, match=told):
-        MorrisResult.read(tmp_path)
+    refused(tmp_path, result(), change, told)

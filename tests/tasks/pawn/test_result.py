@@ -1,12 +1,10 @@
 """Results of a PAWN analysis whose numbers contradict each other are refused."""
 
-import json
-
 import numpy as np
 import pytest
 
-from sinew.runner.errors import BadInput
 from sinew.tasks.pawn.result import Pawn, PawnResult
+from tests.tasks.changed_results import refused
 
 ONE = tuple(np.array(each) for each in ([0.4, 0.1], [0.3, 0.1], [0.5, 0.2], [0.7, 0.2], [0.45, 0.1], [0.3, 0.2]))
 
@@ -37,8 +35,4 @@ def test_a_result_is_read_as_it_was_written(tmp_path):
     ],
 )
 def test_numbers_that_cannot_be_are_refused(tmp_path, change, told):
-    result().write(tmp_path)
-    path = tmp_path / "pawn.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | change))
-    with pytest.raises(BadInput, match=told):
-        PawnResult.read(tmp_path)
+    refused(tmp_path, result(), change, told)

@@ -7,6 +7,7 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.sobol.result import Failures, OfProtocol, SobolResult
+from tests.tasks.changed_results import refused
 from tests.tasks.sobol.results import ZEROS, of_output, sobol_result
 
 
@@ -63,12 +64,8 @@ def test_what_failed_rows_could_change_is_there_for_each_assumption():
      ("scrambles", -1, "-1: expected at least 0"), ("confidence", 42.0, "42.0: expected 0 to 1")],
 )  # fmt: skip
 def test_numbers_that_cannot_be_are_refused(tmp_path, field, value, problem):
-    sobol_result().write(tmp_path)
-    path = tmp_path / "sobol.json"
-    assert SobolResult.read(tmp_path).rows == 16
-    path.write_text(json.dumps(json.loads(path.read_text()) | {field: value}))
-    with pytest.raises(BadInput, match=rf"sobol\.json: {field}: {problem}"):
-        SobolResult.read(tmp_path)
+    assert sobol_result().rows == 16
+    refused(tmp_path, sobol_result(), {field: value}, rf"sobol\.json: {field}: {problem}")
 
 
 @pytest.mark.parametrize(

@@ -16,11 +16,15 @@ measured: {force: {noise: 1e-1}, lateral_strain: {noise: 1e-3}}
 """
 
 
+def workspace_of(study, folder):
+    (folder / "out").mkdir()
+    return SimpleNamespace(out=folder / "out", study=study, cohort=SimpleNamespace(folder=folder / "cohort"))
+
+
 def test_numbers_and_texts_stay_what_they_are(tmp_path):
     (tmp_path / "study.yaml").write_text(STUDY)
     study = read_study(tmp_path / "study.yaml")
-    workspace = SimpleNamespace(out=tmp_path / "out", study=study, cohort=SimpleNamespace(folder=tmp_path / "cohort"))
-    (tmp_path / "out").mkdir()
+    workspace = workspace_of(study, tmp_path)
     path, difference = study_with(workspace, (named()["toe-slack"],))
     assert Path(path) == Path(WITH_EFFECTS)
     new = read_study(tmp_path / "out" / path)
@@ -34,7 +38,6 @@ def test_the_study_is_that_which_was_judged(tmp_path):
     (tmp_path / "study.yaml").write_text(STUDY)
     study = read_study(tmp_path / "study.yaml")
     (tmp_path / "study.yaml").write_text("seed: 9")
-    workspace = SimpleNamespace(out=tmp_path / "out", study=study, cohort=SimpleNamespace(folder=tmp_path / "cohort"))
-    (tmp_path / "out").mkdir()
+    workspace = workspace_of(study, tmp_path)
     path, _ = study_with(workspace, (named()["toe-slack"],))
     assert read_study(tmp_path / "out" / path).seed == 3
