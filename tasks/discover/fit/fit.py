@@ -15,7 +15,7 @@ from sinew.tasks.fitting.discrepancy import WIDTH
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Parameter, Protocol, Specimen
 from sinew.tasks.model.effect import Effect, model_with
-from sinew.tasks.simulate import Array, TakesEffects
+from sinew.tasks.simulate import Array, Simulated, TakesEffects
 from sinew.tasks.simulate.around import Near
 from sinew.tasks.simulate.effects import simulate_with
 from sinew.tasks.simulate.retrying import simulate_patiently
@@ -137,14 +137,27 @@ class Candidate:
 
         ``nearby``: the points are small steps away from the first.
         """
-        parameters, values = self.rows(at)
         if self.solver is not None:
-            near: dict[str, Any] | None = {} if nearby and self.near is None else self.near
-            solver = self.solver.with_effects(self.effects, None if near is None else Near(near))
-            model = model_with(self.model, self.effects)
-            rows = np.concatenate([parameters, values], axis=1)
-            return simulate_patiently(solver, model, specimen, protocol, rows, retries=self.retries).force_N
-        return simulate_with(self.model, self.effects, specimen, protocol, parameters, values, nearby=nearby)
+            return self._solved(self.solver, specimen, protocol, at, nearby=nearby).force_N
+        return simulate_with(self.model, self.effects, specimen, protocol, *self.rows(at), nearby=nearby)
+
+    def _solved(
+        self, solver: TakesEffects, specimen: Specimen, protocol: Protocol, at: Array, *, nearby: bool = False
+    ) -> Simulated:
+        near: dict[str, Any] | None = {} if nearby and self.near is None else self.near
+        having = solver.with_effects(self.effects, None if near is None else Near(near))
+        model, rows = model_with(self.model, self.effects), np.concatenate(self.rows(at), axis=1)
+        return simulate_patiently(having, model, specimen, protocol, rows, retries=self.retries)
+
+    def failures(self, measured: Measured, at: Array) -> dict[str, str]:
+        """By curve, what the solver says where it fails at a point ``[k]`` of the unit cube."""
+        if self.solver is None:
+            return {}
+        said = {
+            curve.name: self._solved(self.solver, measured.specimen, curve.protocol, at[np.newaxis]).messages[0]
+            for curve in measured.curves
+        }
+        return {name: words for name, words in said.items() if words}
 
     def unit(self, name: str, value: float) -> float:
         """Where on the unit cube a parameter of an effect has a value."""

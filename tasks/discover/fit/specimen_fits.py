@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from sinew.runner.errors import BadInput, shown
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.tasks.data.noise import noise_of_each
 from sinew.tasks.discover.fit import few_runs
 from sinew.tasks.discover.fit.beside import Beside, blocks_of, first_sizes, fit_beside, promise_beside
-from sinew.tasks.discover.fit.fit import Candidate, Fitted, errors, extended, fit, look_ahead, starts
+from sinew.tasks.discover.fit.fit import FAR, Candidate, Fitted, errors, extended, fit, look_ahead, starts
 from sinew.tasks.discover.fit.intervals import Profiled, profiled
 from sinew.tasks.discover.measure.splits import SPECIMEN, splits
 from sinew.tasks.fitting.measured import Measured
@@ -84,7 +85,10 @@ class SpecimenFits:
         return Fitted.of(checkpoint.kept[number])
 
     def bare(self, session: Session, count: int, seed: tuple[int, ...]) -> list[Fitted]:
-        """Fits of the model without effects, the best first, from ``count`` starts and, until two agree, some more."""
+        """Fits of the model without effects, the best first, from ``count`` starts and, until two agree, some more.
+
+        Raises :class:`BadInput` where the best of them cannot be simulated.
+        """
         candidate = self.candidate()
         checkpoint = self._checkpoint(candidate.fitted_width, "bare", seed)
         fits: list[Fitted] = []
@@ -93,6 +97,10 @@ class SpecimenFits:
                 break
             fits.append(self._fitted(checkpoint, i, session, fit, candidate, self.measured, at))
             fits.sort(key=lambda one: one.loss)
+        if fits[0].loss >= FAR**2:  # some run may have failed
+            for curve, words in session.compute(candidate.failures, self.measured, fits[0].at).items():
+                problem = f"the model as it is cannot be simulated along {curve} ({shown(words)})"
+                raise BadInput(self.name, problem, "a solver and ranges of parameters with which it can")
         return fits
 
     def alone(self, session: Session, pooled: Fitted) -> list[Fitted]:

@@ -3,13 +3,16 @@
 import json
 from pathlib import PurePosixPath
 
+import numpy as np
 import pytest
 import yaml
 
+from sinew.runner.store.schema import STATUSES
 from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.model.effects import library
 from sinew.tasks.report.crate.contents import strangers, template_files
+from sinew.tasks.simulate import Simulated
 from sinew.tasks.simulate.febio.simulator import FEBio
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace
@@ -103,3 +106,20 @@ def test_where_the_model_is_true_nothing_is_named(study, tmp_path):
     free = sum(len(OWN.names) for _ in result["cells"])
     assert result["null"]["loss"] / (result["null"]["floor"] + free) == pytest.approx(1.0, abs=0.3)
     assert TRUTH.size == free
+
+
+def test_a_solver_that_never_succeeds_gives_no_verdict(study, tmp_path, monkeypatch, capsys):
+    def failing(_, model, specimen, protocol, parameters, **__):
+        count = len(parameters)
+        nothing = np.full((count, protocol.time_s.size), np.nan)
+        return Simulated(nothing, np.full(count, STATUSES.index("diverged")), ("the mesh is bad",) * count)
+
+    path, out = study(), tmp_path / "out"
+    monkeypatch.setattr(FEBio, "simulate", failing)
+    with pytest.raises(SystemExit) as ended:
+        sinew("discover", path, "--out", out)
+    assert ended.value.code == 2
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("sinew: ")]
+    told = "bone/1: the model as it is cannot be simulated along "
+    assert line.startswith(f"sinew: {told}") and "'the mesh is bad'" in line
+    assert not (out / "discover.json").exists()
