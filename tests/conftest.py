@@ -7,6 +7,7 @@ import signal
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import hypothesis
@@ -73,15 +74,18 @@ def _must_run(report: pytest.TestReport) -> bool:
     return os.environ.get("CI") == "true" and not allowed
 
 
-DRAWN = {"page": "report", "figures": "_draw"}  # marks, and what in the pipeline they are about
+LEFT_OUT = {"page": "report", "figures": "_draw", "estimate": "_say_how_long"}  # marks, and what they are about
 
 
 @pytest.fixture(scope="session", autouse=True)
 def drawing() -> Iterator[dict[str, Callable[..., Any]]]:
-    """Figures and page take longer than all the rest: runs within this process have none, see :func:`_drawn`."""
+    """Figures and page take longer than all the rest: runs within this process have none, see :func:`_drawn`.
+
+    Nor do they estimate how long they will take. What is yielded draws figures and page all the same.
+    """
     from sinew.tasks import pipeline
 
-    real = {name: getattr(pipeline, name) for name in DRAWN.values()}
+    real = {name: getattr(pipeline, name) for name in LEFT_OUT.values()}
     with pytest.MonkeyPatch.context() as patch:
         for name in real:
             patch.setattr(pipeline, name, lambda *_, **__: None)
@@ -110,7 +114,7 @@ def _drawn(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, drawing: dict[str, Callable[..., Any]]
 ) -> None:
     """Where a figure or the page is what a test is about, its runs draw them."""
-    for mark, name in DRAWN.items():
+    for mark, name in LEFT_OUT.items():
         if request.node.get_closest_marker(mark):
             monkeypatch.setattr(f"sinew.tasks.pipeline.{name}", drawing[name])
 
@@ -127,6 +131,18 @@ def golden_run(tmp_path_factory: pytest.TempPathFactory, drawing: object) -> Pat
 def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a command in this process sets for its own processes does not reach those of the next test."""
     monkeypatch.setenv("PYTHONSAFEPATH", "")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _zarr_without_threads() -> Iterator[None]:
+    """Zarr reads each file in a thread of its own; the same calls in the thread of its loop take a quarter less."""
+
+    async def here(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
+        return function(*arguments, **named)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("zarr.storage._local.asyncio", SimpleNamespace(to_thread=here))
+        yield
 
 
 @pytest.fixture(autouse=True)

@@ -218,7 +218,8 @@ def dogbone(folder: Path) -> None:
                         ("evaluations: 120", "evaluations: 10")):  # fmt: skip
         assert said in text
         text = text.replace(said, small)
-    (folder / "configs" / "dogbone.yaml").write_text(text)
+    assert "importance:" not in text
+    (folder / "configs" / "dogbone.yaml").write_text(text + "importance: {trees: 10, repeats: 2}\n")
     program = (ROOT / "configs" / "dogbone" / "analytic_bar.py").read_text()
     (folder / "bin" / "febio4").write_text(program.replace("/usr/bin/env python3", f"{sys.executable} -I", 1))
     (folder / "bin" / "febio4").chmod(0o755)

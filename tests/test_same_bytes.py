@@ -8,6 +8,7 @@ import pytest
 
 from sinew.tasks.report.page import build
 from tests.golden.study import make
+from tests.shared_folders import made_once
 
 DOCS = Path(__file__).parents[1] / "docs" / "running.md"
 
@@ -36,14 +37,16 @@ def listed(name: str) -> bool:
 
 @pytest.fixture(scope="module")
 def twice(golden_run: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """The result folders of two runs, each with a page."""
-    folder = tmp_path_factory.mktemp("run")
-    deeper = folder / "another" / "deeper"
-    deeper.mkdir(parents=True)
-    found = Path(shutil.copytree(golden_run, folder / "one" / "out")), make(deeper)
-    for out in found:
-        build(out)
-    return found
+    """The result folders of two runs, each with a page, to be read only."""
+
+    def made(folder: Path) -> None:
+        deeper = folder / "another" / "deeper"
+        deeper.mkdir(parents=True)
+        for out in (Path(shutil.copytree(golden_run, folder / "one" / "out")), make(deeper)):
+            build(out)
+
+    folder = made_once(tmp_path_factory, "golden twice", made)
+    return folder / "one" / "out", folder / "another" / "deeper" / "out"
 
 
 def test_only_listed_files_differ(twice):

@@ -1,10 +1,8 @@
 """Whatever stands in a file, the command reads it or refuses it in one line: 2,000 damaged files of all kinds."""
 
 import threading
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from random import Random
-from typing import Any
 
 import pytest
 
@@ -18,18 +16,6 @@ CORPUS = Path(__file__).parent / "corpus"
 NAMES = ("study", "profile", "cohort", "export", "parameters", "template", "output", "plot file", "kept runs",
          "checkpoint", "results", "model", "ranges", "answers", "hidden effects", "workbook",
          "result folder")  # fmt: skip
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _without_threads() -> Iterator[None]:
-    """Zarr reads each file in a thread of its own; the same calls in the thread of its loop take a quarter less."""
-
-    async def here(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
-        return function(*arguments, **named)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("asyncio.to_thread", here)
-        yield
 
 
 @pytest.fixture(scope="module")

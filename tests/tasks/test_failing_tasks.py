@@ -37,7 +37,6 @@ class Run:
         monkeypatch.setattr(pipeline, "_run_one", one)
         monkeypatch.setattr(pipeline, "report", lambda *_, **__: self.built.append("page"))
         monkeypatch.setattr(provenance, "facts", lambda _: {})
-        monkeypatch.setattr(pipeline, "_say_how_long", lambda *_: None)
 
     def __call__(self, *tasks):
         return pipeline.run(self.workspace, tasks)

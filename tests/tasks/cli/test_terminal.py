@@ -129,6 +129,7 @@ def test_quiet_is_the_last_line_only(here, study):
     assert here("sobol", study, "--out", out, "--quiet") == (0, f"next: sinew report {out}\n", "")
 
 
+@pytest.mark.estimate
 def test_json_is_objects_only(here, study):
     out = study.parent / "out"
     code, said, err = here("sobol", study, "--out", out, "--json")

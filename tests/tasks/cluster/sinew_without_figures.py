@@ -9,8 +9,8 @@ if __name__ == "__main__":  # worker processes import this file, too, and need n
 
     sys.modules["distributed.dashboard.scheduler"] = None  # its address is there, its pages are not: no bokeh
 
+    from sinew.__main__ import command
     from sinew.tasks import pipeline
-    from sinew.tasks.cli.main import main
     from sinew.tasks.study.workspace import Workspace
 
     if "SINEW_TESTS_ONE_PROCESS" in os.environ:
@@ -18,4 +18,4 @@ if __name__ == "__main__":  # worker processes import this file, too, and need n
     build = pipeline.report
     pipeline._draw = lambda *_: None
     pipeline.report = lambda folder, console, silent=False: build(folder, console, silent=True) if silent else None
-    main()
+    command()

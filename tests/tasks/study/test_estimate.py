@@ -154,6 +154,7 @@ def test_what_is_left_is_said_where_it_is_known():
     assert about_left(300.0) == ", about 5.0 min left of the run"
 
 
+@pytest.mark.estimate
 def test_a_run_tells_what_it_expects(cohort, tmp_path, capsys, monkeypatch):
     def run_sinew(*words):
         monkeypatch.setattr(sys, "argv", ["sinew", *map(str, words)])

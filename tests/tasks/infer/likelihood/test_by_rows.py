@@ -28,7 +28,7 @@ cohort: cohort
 tasks: [infer]
 model:
   parameters: {json.dumps({p.name: {"fixed": p.reference} for p in MODEL.parameters if p.name not in VARIED})}
-infer: {{method: likelihood, discrepancy: false, ess: 1000}}
+infer: {{method: likelihood, discrepancy: false, ess: 400}}
 """
 
 

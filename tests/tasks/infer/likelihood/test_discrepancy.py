@@ -14,19 +14,19 @@ from tests.tasks.infer.likelihood.specimens import apart, target
 
 def test_where_the_model_is_right_there_is_next_to_no_error():
     wider = []
-    for number in range(3):
+    for number in range(2):
         bare, truth = target(number)
         found = model_error(bare, (1,))
         assert found.misfit == pytest.approx(1.0, abs=0.1)
         assert found.size < 0.6
         wider.append(apart(replace(bare, whitening=found.white), truth)[1] / apart(bare, truth)[1])
-    assert np.median(wider) < 1.3
+    assert np.mean(wider) < 1.3
 
 
 @pytest.mark.parametrize(("effect", "screw"), [("", 0.01), ("friction", 0.0)])
 def test_where_the_model_is_wrong_posteriors_are_wider(effect, screw):
     without, beside, left = [], [], []
-    for number in range(3):
+    for number in range(2):
         bare, truth = target(number, effect, screw)
         found = model_error(bare, (1,))
         assert found.misfit > 1.5
@@ -37,7 +37,7 @@ def test_where_the_model_is_wrong_posteriors_are_wider(effect, screw):
         left.append(best_fit(white, np.random.default_rng(1)).squares / bare.points)
     assert np.sqrt(np.mean(np.square(without))) > 5.0
     assert np.sqrt(np.mean(np.square(beside))) < 3.5
-    assert np.sqrt(left) == pytest.approx(np.ones(3), abs=0.1)
+    assert np.sqrt(left) == pytest.approx(np.ones(2), abs=0.1)
 
 
 def test_white_errors_are_those_of_the_whole_covariance():

@@ -35,7 +35,7 @@ cohort: cohort
 tasks: [infer, predict, compare]
 model:
   parameters: {json.dumps({name: {"fixed": value} for name, value in VALUES.items()})}
-infer: {{ess: 200, sweeps: 1000}}
+infer: {{ess: 100, sweeps: 1000}}
 predict: {{draws: 5}}
 """
 
@@ -85,7 +85,7 @@ def test_true_values_are_in_the_intervals(inferred):
             assert marginal.determined
             assert abs(marginal.mean - value) < 4 * marginal.sd
     for site in found.sites.values():
-        assert site.smallest_ess >= 200
+        assert site.smallest_ess >= 100
         assert site.largest_rhat <= 1.05
         assert all(0.8 < one.bare < 1.2 and 0.8 < one.left < 1.2 for one in site.misfit.values())
         for name in ("E_f", "alpha_f", "E_m"):
@@ -175,7 +175,7 @@ def test_what_is_unchanged_is_not_inferred_again(study, inferred, monkeypatch):
 def test_chains_that_do_not_converge_are_refused(study, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(Workspace, "client", lambda self: None)
     shutil.copytree(study.parent / "cohort" / "distal", tmp_path / "cohort" / "distal")
-    text = study.read_text().replace("{ess: 200, sweeps: 1000}", "{ess: 100000, sweeps: 100}")
+    text = study.read_text().replace("{ess: 100, sweeps: 1000}", "{ess: 100000, sweeps: 100}")
     (tmp_path / "study.yaml").write_text(text)
     with pytest.raises(SystemExit) as ended:
         sinew("infer", tmp_path / "study.yaml", "--out", tmp_path / "out", "--quiet")
