@@ -13,6 +13,7 @@ from sinew.tasks.drawing.blocks import number
 from sinew.tasks.model import Curve, Protocol
 
 END = "--end"
+FEWEST_ZEROS = 2  # rows
 LAST_ROWS, JUMP, STEPS = 5, 0.1, 20.0  # at the end: a step of this part of the way before, and in usual steps
 
 
@@ -44,7 +45,8 @@ def _end_of(recording: Recording) -> End | None:
     """The first break or jump; None where there is none, where times do not increase, or next to nothing is before."""
     if (np.diff(recording.numbers[:, 0]) <= 0).any():
         return None
-    found = [one for one in (_break_of(recording), _jump_of(recording)) if one and one.row + 1 >= FEWEST_ROWS]
+    every = (_break_of(recording), _jump_of(recording), _zeros_of(recording))
+    found = [one for one in every if one and one.row + 1 >= FEWEST_ROWS]
     return min(found, key=lambda one: one.row, default=None)
 
 
@@ -84,6 +86,19 @@ def _jump_of(recording: Recording) -> End | None:
         "may be no motion of the specimen"
     )
     return End(row, text)
+
+
+def _zeros_of(recording: Recording) -> End | None:
+    """Rows of zeros at the end, as of a memory that was not filled, where motion or load was far from zero before."""
+    _, moved, load = recording.numbers.T
+    filled = np.flatnonzero((moved != 0) | (load != 0))
+    row = int(filled[-1]) if filled.size else 0
+    zeros = moved.size - 1 - row
+    far = max(abs(each[row]) / (float(np.ptp(each)) or np.inf) for each in (moved, load))
+    if zeros < FEWEST_ZEROS or far < JUMP:
+        return None
+    names = " and ".join(column.quantity.name for column in recording.columns[1:])
+    return End(row, f"{names} are exactly 0 in the last {zeros:,} rows; they may not have been recorded")
 
 
 def _with_unit(name: str, value: float) -> str:

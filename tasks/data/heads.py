@@ -3,7 +3,9 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
+from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.quantities import LOADS, MOTIONS, TIME
 from sinew.tasks.data.text import is_number
 from sinew.tasks.data.titles import name_and_unit
@@ -14,6 +16,8 @@ NAMED = 2  # of time, motion and load, that a row of titles names where other ro
 Row = tuple[str, ...]
 #: "d", "°C" or "mm/min", among units that are known.
 _UNKNOWN_UNIT = re.compile(r"[A-Za-z°µ%/²³]{1,3}|[A-Za-z°µ%]{1,3}/[A-Za-z]{1,3}")
+#: What a column must be multiplied by, in a row between units and numbers: "x1000", "*0.001", "10^3".
+_FACTOR = re.compile(r"[x×*·] ?[-+]?\d[\d.,]*(?:e[-+]?\d+)?|\d[\d.,]* ?[x×*]|10\^[-+]?\d+", re.IGNORECASE)
 _SIGNAL = re.compile(r"Sig\d{1,3}\Z")
 _SIGNAL_LINES = 450  # at the top of a file, where signals are listed
 #: What stands in front of a row of titles and of a row of units, as LabChart and DIAdem write it.
@@ -82,6 +86,21 @@ def _listed(rows: Sequence[Row], at: int) -> Head | None:
     if not found:
         return None
     return Head(tuple(title for _, title in found.values()), (), min(place for place, _ in found.values()))
+
+
+def _are_factors(row: Row) -> bool:
+    """Whether most cells of a row are factors, such as ``x1000``."""
+    filled = [cell for cell in row if cell]
+    factors = sum(bool(_FACTOR.fullmatch(cell)) for cell in filled)
+    return factors >= NAMED and 2 * factors > len(filled)
+
+
+def refuse_factors(path: Path, rows: Sequence[tuple[int, Row]]) -> None:
+    """Raises :class:`BadInput` where a row between titles and numbers holds factors of the columns."""
+    for at, row in rows:
+        if _are_factors(row):
+            problem = f"{shown(', '.join(filter(None, row)), 80)} above the numbers may be factors of the columns"
+            raise BadInput(f"{path}: row {at}", problem, "numbers in the units above them, without this row")
 
 
 def is_label(row: Row) -> bool:

@@ -13,6 +13,7 @@ from sinew.tasks.data.further import Kept, kept
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import Repeats, contradiction, length_beside, repeats_of
+from sinew.tasks.data.odd_numbers import cut_off, refuse_marks
 from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.questions import Doubt
 from sinew.tasks.data.several import (
@@ -233,14 +234,18 @@ def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Rec
     for number, ours in enumerate(every):
         name = name_beside(table, ours, number) if count > 1 else ""
         rows = _filled(table, ours[1:] if count > 1 else ours)  # times may be shared with a longer test
+        cut = cut_off(table, ours, rows)
+        rows -= cut
         if count > 1 and rows < FEWEST_ROWS:
             continue  # of fewer tests than there is room for
-        if hints.tests_by is None:
-            found.append(_recording(table, ours, hints, Block(name, 0, rows), sizes[number], number, count))
-            continue
-        for block in blocks_of_tests(table, rows, hints.tests_by):
+        blocks = [Block("", 0, rows)] if hints.tests_by is None else blocks_of_tests(table, rows, hints.tests_by)
+        for block in blocks:
             both = replace(block, name="_".join(filter(None, (name, block.name))))
             found.append(_recording(table, ours, hints, both, sizes[number], number, count))
+        if cut:
+            at, row = table.rows[rows]
+            note = f"row {at} ends within a number, {shown(row[-1])}, and is left out"
+            found[-1] = replace(found[-1], notes=(*found[-1].notes, note))
     return found
 
 
@@ -249,6 +254,7 @@ def _recording(
 ) -> Recording:
     """The test in a block of rows of a table; ``told``: its sizes, ``number``: which of the tests ``beside`` others."""
     numbers = np.array([[_number(table, row, column) for column in columns] for row in range(block.start, block.end)])
+    refuse_marks(table, columns, numbers, block.start)
     numbers = numbers * [column.factor for column in columns]
     beyond = np.argwhere(~(np.abs(numbers) < HUGE))
     if beyond.size:

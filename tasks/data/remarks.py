@@ -3,6 +3,7 @@
 import numpy as np
 
 from sinew.tasks.data.columns import LIKELY
+from sinew.tasks.data.odd_numbers import odd_numbers, told_factors
 from sinew.tasks.data.quantities import POSITION
 from sinew.tasks.data.recordings import Recording
 from sinew.tasks.drawing.blocks import number
@@ -20,6 +21,7 @@ def remarks(recording: Recording) -> list[str]:
             found.append(f"{column.quantity.name} from column {column.place + 1}; it may be in another: {others}")
     if recording.motion.quantity is POSITION:
         found.append(f"positions, {LIKELY} to count from the first one")
+    found += [*told_factors(recording.header), *odd_numbers(recording.columns, recording.numbers)]
     return [*found, *_hidden_percent(recording), *map(str, recording.doubts)]
 
 

@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.heads import Head, Row, head_of, is_label
+from sinew.tasks.data.heads import Head, Row, head_of, is_label, refuse_factors
 from sinew.tasks.data.sheets import Sheet, is_sheet, read_sheets
 from sinew.tasks.data.text import (
     SEPARATORS,
@@ -245,6 +245,7 @@ def _tables(source: Source, page: _Page, fewest: int) -> Iterator[Table]:
         header = (*above, *_ends(rows, last, top))
         own = len(above) if last < top or first < top else 0
         title_row = rows[top][0] if head.top >= 0 else 0
+        refuse_factors(path, rows[top:start])
         yield Table(
             path, header, words, head.units, rows[start:end], source.separator, decimal, title_row, page.name, own,
             page.hidden, page.hidden_rows,

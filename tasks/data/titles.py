@@ -15,9 +15,10 @@ _BRACKETS = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
 #: Behind a unit, what makes another quantity of it: ``Force (N) x 1000``, ``Force (N) / width``, ``Force (N) limit``.
 _CHANGED = re.compile(
     r"[x×*·] ?\d|\d ?[x×*·]|(?:^|\s)[/^*]|\^|"
-    r"\b(?:rate|change|per|set ?point|limit|target|command|demand|peak|valley)\b",
+    r"\b(?:true|cauchy|kirchhoff|rate|change|per|set ?point|limit|target|command|demand|peak|valley)\b",
     re.IGNORECASE,
 )
+_MINUS = re.compile(r"[-\u2212] ?(?=[^\W\d])")  # "-Force", which has another sign
 _LONGEST = 300  # characters of a title with a unit
 
 
@@ -103,6 +104,8 @@ def is_spread(title: str) -> bool:
 
 
 def _plain(text: str) -> str:
+    if _MINUS.match(text):
+        return f"-{text[1:].strip().lower()}"
     text = re.sub(r"(?<=[a-zäöü])(?=[A-Z])", " ", text)
     text = re.sub(r"[\s_.:-]+", " ", text).strip().lower().removesuffix(" in").strip()
     return _CHANNEL.sub("", text)

@@ -121,3 +121,13 @@ def test_a_compression_told_as_a_length_may_break(tmp_path, titles):
 def test_an_end_that_leaves_next_to_nothing_is_none(tmp_path):
     moved = np.array([0.0, 0.1, 5.0, 5.1, 5.2, 5.3, 5.4])
     assert ends(read(tmp_path, moved, 10.0 * moved)) == []
+
+
+def test_zeros_at_the_end_are_doubtful_until_told(tmp_path):
+    moved, force = WAY.copy(), RAMP.copy()
+    moved[80:] = force[80:] = 0.0
+    found = read(tmp_path, moved, force)
+    assert ends(found) == ["displacement and force are exactly 0 in the last 20 rows; they may not have been recorded"]
+    assert len(read(tmp_path, moved, force, end="leave-out").numbers) == 80
+    back = np.concatenate([WAY[:50], WAY[49::-1]])
+    assert ends(read(tmp_path, back, 100 * back)) == [], "it goes back to where it began"
