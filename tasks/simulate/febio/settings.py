@@ -25,7 +25,8 @@ from sinew.tasks.study.fields import Finite
 from sinew.tasks.study.settings_file import FieldError, Section
 from sinew.tasks.study.trust import Request, require
 
-Seconds = Annotated[float, Field(gt=0, le=86_400 * 30, allow_inf_nan=False)]
+LONGEST_S = 86_400 * 30
+Seconds = Annotated[float, Field(gt=0, le=LONGEST_S, allow_inf_nan=False)]
 Executable = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f-][^\x00-\x1f]*$")]
 Unit = Annotated[str, Field(min_length=1, max_length=24, pattern=r"^[^\x00-\x1f]*$")]
 PlotVariable = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9][A-Za-z0-9_ .()*/+=;:'-]*$")]
@@ -44,9 +45,9 @@ class TimeSteps(Section):
     from a constant for a stretch of time to count as a hold.
     """
 
-    ramp_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    ramp_s: Annotated[float, Field(ge=0, le=LONGEST_S, allow_inf_nan=False)] = 0.0
     hold_growth: Annotated[float, Field(ge=0, le=0.5, allow_inf_nan=False)] = 0.02
-    still_mm: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    still_mm: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.0
 
 
 class SolverSettings(SimulatorSettings):
@@ -165,6 +166,8 @@ class OutputSettings(Section):
     @model_validator(mode="after")
     def _one_choice(self) -> Self:
         self._check_source()
+        if not self.scale:
+            raise FieldError("scale", "0", "a factor other than 0")
         if self.field is not None and self.set is None and self.ids is None:
             return self  # all places
         if (self.set is None) == (self.ids is None):
@@ -210,7 +213,7 @@ class TemplateSettings(SolverSettings):
     outputs: Annotated[dict[str, OutputSettings], Field(min_length=1, max_length=100)]
     force: str | None = None
     max_file_mb: Annotated[int, Field(gt=0, le=1_000_000)] = 1024
-    settle_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    settle_s: Annotated[float, Field(ge=0, le=LONGEST_S, allow_inf_nan=False)] = 0.0
     keep: Literal["nothing", "fields"] = "nothing"
     fields: Annotated[list[PlotVariable], Field(min_length=1, max_length=50)] = Field(default_factory=lambda: [*FIELDS])
 

@@ -78,6 +78,12 @@ FIELDS = [  # the field that is set, its value, what the line says of this field
     ("simulator", "abaqus", "abaqus'}; expected one of 'uniaxial', 'febio'"),
     ("simulator", None, ": None; expected a name or settings"),
     ("simulator", {"timeout_s": 5.0}, "simulator.name: missing; expected which kind"),
+    (
+        "simulator",
+        FEBIO | {"time_steps": {"ramp_s": 1e9}},
+        "simulator.time_steps.ramp_s: 1000000000.0; expected at most",
+    ),
+    ("simulator", FEBIO | {"time_steps": {"still_mm": 2}}, "simulator.time_steps.still_mm: 2; expected at most 1"),
     ("simulator", FEBIO | {"timeout_s": 0}, "simulator.timeout_s: 0; expected above 0"),
     ("simulator", FEBIO | {"timeout_s": -5.0}, "simulator.timeout_s: -5.0; expected above 0"),
     ("simulator", FEBIO | {"timeout_s": float("inf")}, "simulator.timeout_s: inf; expected "),

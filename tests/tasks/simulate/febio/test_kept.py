@@ -395,6 +395,7 @@ def test_other_noise_and_another_measured_output_of_a_finished_study(tmp_path, s
         ({"data": "node_data", "item": "ux", "ids": [1], "component": "x"}, "without field"),
         ({"data": "node_data", "ids": [1]}, "data and item, or field"),
         ({"field": "stress", "item": "ux"}, "beside data or item"),
+        ({"data": "node_data", "item": "ux", "ids": [1], "scale": 0}, "a factor other than 0"),
         ({"field": "stress", "set": "a", "ids": [1]}, "either ids or the name of a set"),
     ],
 )
