@@ -18,13 +18,22 @@ from tests.runner.stores import fill, some
 ROWS = 40
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store with a table of 40 rows in chunks of 16."""
+    folder = tmp_path_factory.mktemp("whole")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sinew.runner.store.schema.CHUNK_ROWS", 16)
+        with Store.writing(folder, "study") as store:
+            fill(store.table(table_spec()), some(ROWS))
+    return folder
+
+
+@pytest.fixture
+def folder(whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of it: a test may damage what it likes."""
     monkeypatch.setattr("sinew.runner.store.schema.CHUNK_ROWS", 16)
-    with Store.writing(tmp_path, "study") as store:
-        fill(store.table(table_spec()), some(ROWS))
-    return tmp_path
+    return Path(shutil.copytree(whole, tmp_path, dirs_exist_ok=True))
 
 
 def table_folder(folder: Path) -> Path:
