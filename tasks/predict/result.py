@@ -67,6 +67,13 @@ class SitePrediction:
     no_stresses: str | None
     others: Mapping[str, QuantityPrediction] | None = dataclasses.field(default=None, metadata=OMIT)
 
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for specimens that are not of this site."""
+        told = {self.typical, *filter(None, (self.stresses_of,)), *self.failed}
+        told.update(*(one.specimens for one in self.coverage.values()))
+        if foreign := sorted(told - set(self.specimens)):
+            raise ValueError(f"{', '.join(foreign)}: not among its specimens {', '.join(self.specimens)}")
+
     @property
     def gaps(self) -> list[str]:
         """Why something is missing, a sentence for each."""

@@ -1,5 +1,7 @@
 """What a prediction says of its bands."""
 
+from dataclasses import replace
+
 import pytest
 
 from sinew.tasks.predict.result import Coverage, PredictResult, SitePrediction
@@ -23,6 +25,16 @@ def test_each_band_that_holds_far_fewer_points_is_explained():
         "parameters only, not the noise and not what the model lacks",
         "all: the 95 % band of a new specimen holds 50 % of the points: specimens differ by more than this band knows",
     ]
+
+
+@pytest.mark.parametrize(
+    "change", [{"typical": "nobody"}, {"stresses_of": "nobody"}, {"failed": {"nobody": {"crashed": 1}}}]
+)
+def test_specimens_of_no_site_are_refused(change):
+    (site,) = prediction(hdi=0.9).sites.values()
+    assert replace(site, failed={"a": {"crashed": 1}}).typical == "a"
+    with pytest.raises(ValueError, match="nobody: not among its specimens a"):
+        replace(site, **change)
 
 
 @pytest.mark.parametrize(
