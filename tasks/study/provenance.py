@@ -27,7 +27,6 @@ LOG_BYTES = 2**22  # of the end of a log
 def facts(workspace: Workspace) -> dict[str, Any]:
     """Versions, machine, seed, study and data of a run, as plain values for the log."""
     study = workspace.study
-    text = study.path.read_text("utf-8")
     specimens = identities(workspace.cohort.specimens)
     cluster = workspace.cluster
     workers = f", {cluster.workers} workers" if isinstance(cluster, Local) else ""
@@ -48,8 +47,8 @@ def facts(workspace: Workspace) -> dict[str, Any]:
         "seed": workspace.seed,
         "study_file": str(study.path),
         "out": str(workspace.out),
-        "study_hash": digest(text),
-        "study_text": text,
+        "study_hash": digest(study.text),
+        "study_text": study.text,
         "cohort": "" if workspace.cohort.folder == study.path else str(workspace.cohort.folder),
         "cohort_hash": digest(specimens),
         "specimens": specimens,

@@ -47,6 +47,10 @@ def study_with(workspace: Workspace, effects: Effects, where: Path = WITH_EFFECT
             (copy := workspace.out / TEMPLATE / name).parent.mkdir(parents=True, exist_ok=True)
             write_text(copy, text)
         new["simulator"] = {**new["simulator"], settings.template_field: f"{TEMPLATE.name}/{template.main}"}
+    elif workspace.simulator.name != settings.name:  # options of the command replaced these two
+        new["simulator"] = workspace.simulator.name
+    if workspace.study.seed != old.get("seed", type(workspace.study).model_fields["seed"].default):
+        new["seed"] = workspace.study.seed
     # from the file itself, so that a study and its results may be moved together
     new["cohort"] = os.path.relpath(workspace.cohort.folder.resolve(), path.parent.resolve())
     before, after = (as_yaml(each) for each in (old, new))

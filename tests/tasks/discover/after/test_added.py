@@ -16,9 +16,10 @@ measured: {force: {noise: 1e-1}, lateral_strain: {noise: 1e-3}}
 """
 
 
-def workspace_of(study, folder):
+def workspace_of(study, folder, simulator="uniaxial"):
     (folder / "out").mkdir()
-    return SimpleNamespace(out=folder / "out", study=study, cohort=SimpleNamespace(folder=folder / "cohort"))
+    cohort, simulator = SimpleNamespace(folder=folder / "cohort"), SimpleNamespace(name=simulator)
+    return SimpleNamespace(out=folder / "out", study=study, cohort=cohort, simulator=simulator)
 
 
 def test_numbers_and_texts_stay_what_they_are(tmp_path):
@@ -41,3 +42,12 @@ def test_the_study_is_that_which_was_judged(tmp_path):
     workspace = workspace_of(study, tmp_path)
     path, _ = study_with(workspace, (named()["toe-slack"],))
     assert read_study(tmp_path / "out" / path).seed == 3
+
+
+def test_what_options_of_the_command_replaced_is_in_the_study(tmp_path):
+    (tmp_path / "study.yaml").write_text("name: no\nseed: 3\ncohort: cohort\ntasks: [discover]\n")
+    workspace = workspace_of(read_study(tmp_path / "study.yaml", seed=9), tmp_path, simulator="febio")
+    path, difference = study_with(workspace, (named()["toe-slack"],))
+    new = read_study(tmp_path / "out" / path)
+    assert (new.seed, new.simulator.name) == (9, "febio")
+    assert "+seed: 9" in difference and "+simulator: febio" in difference
