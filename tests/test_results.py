@@ -509,7 +509,7 @@ def test_a_database_whose_schema_fills_the_memory_is_refused(copied_run):
     path = copied_run / "infer" / "distal.db"
     with closing(sqlite3.connect(path)) as database:
         database.execute("PRAGMA writable_schema=ON")
-        rows = ((f"t{i:x}", f"t{i:x}", f"CREATE TABLE t{i:x}(a)") for i in range(100_000))
+        rows = ((f"t{i:x}", f"t{i:x}", f"CREATE TABLE t{i:x}(a)") for i in range(40_000))
         database.executemany("INSERT INTO sqlite_master VALUES('table', ?, ?, 2, ?)", rows)
         database.commit()
     with pytest.raises(BadInput, match=r"distal\.db: (holds [0-9,]+ tables|takes too long|damaged)"):
