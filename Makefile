@@ -23,7 +23,7 @@ demo: $(READY)
 test: export PYTHONDONTWRITEBYTECODE :=
 test: $(READY)
 	$(BIN)/python -m pytest -m "not slurm" -n 2 --dist worksteal
-	$(BIN)/python -m pytest -m slurm -n 5 --dist load --maxschedchunk 1 tests/tasks/cluster tests/runner/cluster
+	$(BIN)/python -m pytest -m slurm -n 7 --dist load --maxschedchunk 1 tests/tasks/cluster tests/runner/cluster
 
 # what CI asks of the code beside its tests
 check: $(READY)

@@ -1,5 +1,7 @@
 """Where a specimen breaks: the force is lost while the specimen is still being loaded."""
 
+from typing import Any
+
 import numpy as np
 
 from sinew.tasks.model import Curve
@@ -9,6 +11,8 @@ FEWEST = 20  # points in which a break can be seen
 LOST, WITHIN = 0.25, (0.005, 0.05)  # the part of the peak force that is lost over this part of the displacement
 MOST_POINTS = 1000  # among which a break is looked for
 SPIKE = 3  # points, of which one alone is no peak
+STEPS = 3.0  # how much farther a force may rise from one row to the next than in the rows before
+Array = np.ndarray[Any, np.dtype[Any]]
 
 
 def break_of(curve: Curve) -> tuple[int, int] | None:
@@ -35,5 +39,13 @@ def break_of(curve: Curve) -> tuple[int, int] | None:
         for i, at in enumerate(rows):
             within = rows[i:][(way[i:] - way[i] > WITHIN[0]) & (way[i:] - way[i] < WITHIN[1])]
             if within.size and smooth[at] - smooth[within].min() > LOST * smooth[peak]:
-                return int(row[at]), int(row[within[np.argmin(smooth[within])]])
+                return int(row[_last_before(np.abs(force), int(at))]), int(row[within[np.argmin(smooth[within])]])
     return None
+
+
+def _last_before(force: Array, row: int) -> int:
+    """The last row from ``row`` on up to which the force rises by steps as before: its filter saw one row too few."""
+    usual = STEPS * float(np.abs(np.diff(force[max(row - SPIKE, 0) : row + 1])).max(initial=0.0))
+    while row + 1 < force.size and 0.0 <= force[row + 1] - force[row] <= usual:
+        row += 1
+    return row

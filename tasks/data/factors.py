@@ -28,7 +28,8 @@ def factor_of(where: str, quantity: Quantity, unit: str, given: str | None, opti
         choices = [one for one in told if units.factor(quantity.units, one) is not None]
         raise UnknownUnit(where, quantity.name, option, choices or units.listed(quantity.units), problem)
     if unit and not units.is_unit(unit) and expected is None:
-        problem = f"unit {shown(unit)} of the {quantity.name} is not known"
+        weight = f" ({unit}f, if it is a weight)" if f"{unit}f" in quantity.units else ""
+        problem = f"unit {shown(unit)} of the {quantity.name} is not known{weight}"
         raise UnknownUnit(where, quantity.name, option, units.listed(quantity.units), problem)
     if units.is_unit(unit):
         factor = units.factor(quantity.units, unit)

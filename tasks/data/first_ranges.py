@@ -56,7 +56,7 @@ def first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen] = ())
     if not specimens or not others:
         return found
     names = listed([one.name for one in others])
-    line = f"ranges: not compared with {names}; once all sizes are filled in, a run checks that they reach the forces"
+    line = f"ranges: not compared with {names}; once all sizes are filled in, `sinew init` on the cohort fits them"
     return replace(found, lines=(*found.lines, line))
 
 
@@ -89,7 +89,7 @@ def _first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen]) -> 
     model, timed = _with_times(Model(), [*chosen, *others])
     reaches = [each for one in chosen for each in reach(simulator, model, one)]
     if not reaches:
-        line = "ranges: those of human tendon; once all sizes are filled in, a run checks that they reach the forces"
+        line = "ranges: those of human tendon; once all sizes are filled in, `sinew init` on the cohort fits them"
         return FirstRanges(model, (line, *timed), scaled=bool(timed), only_times=True)
     if all(each.other_sign for each in reaches):
         line = "ranges: those of human tendon, which give forces of the other sign; tension is positive"

@@ -163,6 +163,13 @@ def is_row_of_units(row: Row) -> bool:
     return known > len(unknown) and all(_UNKNOWN_UNIT.fullmatch(cell) for cell in unknown)
 
 
+def told_units(row: Row) -> Row:
+    """A row of units without the word in front that says that it is one; empty for another row."""
+    labelled = row[1:] if row and row[0].rstrip("=: ").casefold() in _UNIT_LABELS else None
+    plain = row if labelled is None else ("", *labelled)
+    return plain if is_row_of_units(plain) else ()
+
+
 def is_bracketed(text: str) -> bool:
     """Whether a text stands in brackets, as units often do."""
     return len(text) > 1 and text[0] in "([" and text[-1] in ")]"

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from sinew.tasks.data.heads import Row
 from sinew.tasks.data.quantities import BASE_UNITS
 from sinew.tasks.data.sizes import narrow
 from sinew.tasks.data.tables import Table
+from sinew.tasks.data.text import is_number
 from sinew.tasks.drawing.blocks import number
 
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -46,13 +48,30 @@ def refuse_marks(table: Table, columns: Sequence[Column], numbers: Array, start:
             raise BadInput(where, problem, "a file without such rows")
 
 
+def without_words(table: Table) -> tuple[Table, tuple[str, ...]]:
+    """A table without its rows of words, such as events and what stands below the numbers, and a remark on them."""
+    rows, left = list[tuple[int, Row]](), list[tuple[int, Row]]()
+    for each in table.rows:
+        words = any(each[1]) and not any(is_number(cell, table.decimal) for cell in each[1])
+        (left if words else rows).append(each)
+    if not left:
+        return table, ()
+    while not any(rows[-1][1]):  # blank lines above words at the end
+        rows.pop()
+    at, row = left[0]
+    said = shown(" ".join(filter(None, row)), 60)
+    count = len(left)
+    told = f"row {at} holds no number" if count == 1 else f"{count:,} rows hold no number, the first is row {at}"
+    return replace(table, rows=rows), (f"{told}: {said}; left out",)
+
+
 def cut_off(table: Table, columns: Sequence[Column], rows: int) -> bool:
     """Whether the last of so many ``rows`` ends within a number: it has fewer decimals than all those above it."""
     if rows <= FEWEST_ROWS or rows != len(table.rows):
         return False
     last = table.rows[rows - 1][1]
     place = len(last) - 1
-    if not last or place not in {column.place for column in columns}:
+    if not last or not is_number(last[-1], table.decimal) or place not in {column.place for column in columns}:
         return False
     above = {_decimals(row[place], table.decimal) for _, row in table.rows[: rows - 1] if place < len(row)}
     ours = _decimals(last[place], table.decimal)

@@ -13,7 +13,7 @@ from sinew.tasks.data.further import Kept, kept
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import Repeats, contradiction, length_beside, repeats_of
-from sinew.tasks.data.odd_numbers import cut_off, refuse_marks
+from sinew.tasks.data.odd_numbers import cut_off, refuse_marks, without_words
 from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.questions import Doubt
 from sinew.tasks.data.several import (
@@ -132,9 +132,10 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
             short += 1
             before.append(replace(table, rows=table.rows[:1]))
             continue
-        table = without_others(table, before)
+        table, words = without_words(without_others(table, before))
         before.append(replace(table, rows=table.rows[:1]))
         tests = _tests(table, columns, count, hints)
+        tests[:1] = [replace(tests[0], notes=(*tests[0].notes, *words))] if words else tests[:1]
         if count == 1 and (left := other_test(table, hints, columns)) is not None:
             told = f"columns {left.start + 1} to {left.stop} may be another test and are left out"
             note = f"{told}; it needs a file of its own"

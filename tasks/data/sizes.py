@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from sinew.tasks.data import units, words
-from sinew.tasks.data.heads import Row, is_row_of_units
+from sinew.tasks.data.heads import Row, told_units
 from sinew.tasks.data.text import tells_mark
 
 SIZES = ("length", "width", "thickness")
@@ -170,8 +170,7 @@ def _in_cells(row: Row, decimal: str) -> tuple[str, Size] | None:
 
 def _in_columns(labels: Row, below: Row, numbers: Row, next_row: Row, decimal: str) -> Iterator[tuple[str, Size]]:
     """Sizes from a table of results, where units stand below the labels, unless a second specimen has other ones."""
-    if not is_row_of_units(below):
-        return
+    below = told_units(below)
     for place, (label, unit, cell) in enumerate(zip(labels, below, numbers, strict=False)):
         name = meant(label)
         other = next_row[place] if place < len(next_row) else ""
@@ -183,7 +182,7 @@ def meant(label: str) -> str | None:
     """The size that a label names; None for another one."""
     if len(label) >= _LONGEST_LINE:
         return None
-    text = re.sub(r"[(\[].*", "", label.rpartition(" : ")[2]).casefold().strip(" :")
+    text = re.sub(r"[(\[].*", "", label.rpartition(" : ")[2].replace("_", " ")).casefold().strip(" :")
     text = " ".join(_BESIDE.sub(" ", text).split())
     for one in (text, " ".join(_SYMBOLS.sub(" ", text).split())):
         for name, known in words.SIZES.items():

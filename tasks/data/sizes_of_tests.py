@@ -5,10 +5,11 @@ from dataclasses import replace
 from itertools import pairwise
 
 from sinew.tasks.data.columns import NOWHERE
-from sinew.tasks.data.heads import Row, is_row_of_units
+from sinew.tasks.data.heads import Row, told_units
 from sinew.tasks.data.several import Columns
 from sinew.tasks.data.sizes import FAR, Size, meant, named_in, narrow, read_sizes, size_in
 from sinew.tasks.data.tables import Table
+from sinew.tasks.data.text import is_number
 
 BY_ORDER = "sizes by the order of the rows in the table of results, which does not name the tests"
 
@@ -74,13 +75,14 @@ def sizes_by_results(
     header = narrow(header[:FAR])
     for at, (labels, below) in enumerate(pairwise(header)):
         rows = header[at + 2 : at + 3 + count]  # and the one behind them, which tells nothing
-        if len(rows) < count or not is_row_of_units(below):
+        if len(rows) < count or not (below := told_units(below)):
             continue
         order = _order(rows[:count], names)
         for place, (label, unit) in enumerate(zip(labels, below, strict=False)):
             name = meant(label)
             cells = [row[place] if place < len(row) else "" for row in rows]
-            if name is None or name in found[0] or not all(cells[:count]) or any(cells[count:]):
+            one_more = any(is_number(cell, mark) for cell in cells[count:] for mark in ".,")
+            if name is None or name in found[0] or not all(cells[:count]) or one_more:
                 continue
             sizes = [size_in(name, cell, unit.strip("()[] "), decimal) for cell in cells[:count]]
             if any(size.mm is not None for size in sizes):

@@ -113,7 +113,7 @@ CYCLES = (
 )  # fmt: skip
 SIZES = {
     "length": ("length", "länge", "l\ufffdnge", "laenge", "messlänge", "longueur", "longitud", "anvil height", "l0",
-               "le", "einspannlänge", "lunghezza", "标距", "標距", "原始标距", "標点距離"),
+               "le", "einspannlänge", "lunghezza", "标距", "標距", "原始标距", "標点距離", "標点間距離"),
     "width": ("width", "breite", "largeur", "anchura", "ancho", "larghezza", "largura", "b0", "宽度", "寬度", "幅"),
     "thickness": ("thickness", "dicke", "épaisseur", "epaisseur", "espesor", "spessore", "espessura", "a0",
                   "厚度", "厚さ"),

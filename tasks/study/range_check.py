@@ -53,9 +53,12 @@ class Ranges(BaseModel):
 
     def remarks(self) -> Iterator[str]:
         """What a person should know before the work begins, in a line each."""
+        count = len({one.specimen for one in self.reach})
         if far := self.out_of_reach:
-            count = len({one.specimen for one in self.reach})
             yield brief(f"ranges: {len(far)} of {count} specimens are out of reach, such as {words(far[0])}")
+        elif near := farthest_of_each([one for one in self.reach if not one.ratios[0] <= 1.0 <= one.ratios[1]]):
+            said = f"ranges: the peaks of {len(near)} of {count} specimens are beyond them, such as {words(near[0])}"
+            yield brief(f"{said}; fits will press on their ends (`sinew init` on the cohort chooses others)")
         if self.unseen:
             values = "a fixed value" if len(self.unseen) == 1 else "fixed values"
             names = ", ".join(self.unseen)
@@ -92,9 +95,14 @@ def advised(simulator: Simulator, model: Model, specimens: Sequence[Specimen], f
 
 def out_of_reach(reaches: Sequence[Reach]) -> list[Reach]:
     """One curve of each specimen that has any out of reach, the farthest one."""
+    return farthest_of_each([one for one in reaches if not one.reached])
+
+
+def farthest_of_each(reaches: Sequence[Reach]) -> list[Reach]:
+    """The farthest curve of each specimen."""
     worst: dict[str, Reach] = {}
     for one in reaches:
-        if not one.reached and (one.specimen not in worst or one.distance > worst[one.specimen].distance):
+        if one.specimen not in worst or one.distance > worst[one.specimen].distance:
             worst[one.specimen] = one
     return list(worst.values())
 

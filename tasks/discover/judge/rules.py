@@ -44,7 +44,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from sinew.tasks.discover.judge.scores import Score, Scores, explained, misfit_by_chance, misfit_left
-from sinew.tasks.discover.result import Word
+from sinew.tasks.discover.measure.splits import LATER, PROTOCOL, SPECIMEN
+from sinew.tasks.discover.result import Gain, Word
 from sinew.tasks.drawing.blocks import listed
 
 MIN_CRITERION_GAIN = 20.0  # twice the log likelihood; 10 are called very strong (Kass and Raftery 1995)
@@ -58,6 +59,7 @@ MIN_OTHER_SECONDS = 3  # and at least so many others were fitted
 MAX_FORM_PART = 0.005  # part of the misfit that an effect may leave because nature's form of it is another
 MIN_CHANCE_RATIO = 3.0  # misfit in times of what chance leaves, beyond which it is not chance
 
+HELD_OUT = {PROTOCOL: "other tests", LATER: "later cycles", SPECIMEN: "another specimen"}
 MIN_HELD_OUT_ERRORS = 2.0  # standard errors by which predictions of held-out data must improve,
 MIN_SPLIT_KINDS = 2  # on so many kinds of splits
 MIN_SPECIMENS = 2  # in which an effect must show, where there are so many
@@ -228,6 +230,11 @@ def next_best(scores: Scores, best: Score) -> Score:
     return min(others, key=lambda one: one.criterion, default=scores.bare)
 
 
+def _in_errors(one: Gain) -> str:
+    """A gain in its standard errors."""
+    return f"{one.gain / one.error:.1f}" if one.error > 0 else "0"
+
+
 def failed_checks(best: Score) -> Iterator[str]:
     """Why the best candidate is not to be named after all.
 
@@ -243,9 +250,11 @@ def failed_checks(best: Score) -> Iterator[str]:
     =====================  ====================================================================================
     """
     for what, held in (("the model as it is", best.held), ("one of them alone", best.beyond)):
-        better = sum(one.gain > MIN_HELD_OUT_ERRORS * one.error for one in held.values())
-        if better < min(MIN_SPLIT_KINDS, len(held)):
-            yield f"does not predict what it has not seen better than {what}"
+        weak = {kind: one for kind, one in held.items() if not one.gain > MIN_HELD_OUT_ERRORS * one.error}
+        if len(held) - len(weak) < min(MIN_SPLIT_KINDS, len(held)):
+            told = "; ".join(f"{HELD_OUT[kind]}: {_in_errors(one)}" for kind, one in weak.items())
+            needed = f"{MIN_HELD_OUT_ERRORS:g} standard errors"
+            yield f"it does not predict what it has not seen better than {what} by {needed} ({told})"
     if best.on_bound:
         yield f"{', '.join(best.on_bound)} ended on a bound: the effect is not what the library has"
     improved = sum(gain > 0 for gain in best.gains)

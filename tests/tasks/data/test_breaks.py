@@ -21,13 +21,19 @@ def pulled(force: np.ndarray, moved: np.ndarray = WAY) -> Curve:
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_break_in_tension_and_in_compression(sign):
-    assert break_of(pulled(sign * BROKEN, sign * WAY)) == (89, 91)
+    assert break_of(pulled(sign * BROKEN, sign * WAY)) == (90, 91)
+
+
+def test_a_spike_where_it_breaks_is_left_out():
+    force = BROKEN.copy()
+    force[90] = 300.0
+    assert break_of(pulled(force)) == (89, 91)
 
 
 def test_rows_without_a_force_are_passed_over():
     force = BROKEN.copy()
     force[:50:2] = np.nan
-    assert break_of(pulled(force)) == (89, 91)
+    assert break_of(pulled(force)) == (90, 91)
     assert break_of(pulled(np.full(100, np.nan))) is None
 
 

@@ -184,6 +184,11 @@ def test_columns_by_number_title_or_name():
         ("time_s|u_mm|F_N|F_N", {"force_column": "F_N"}, "'F_N' names 2 columns"),
         ("time_s|u_mm|force_N", {"force_column": "u_mm"}, "no unit of the force or stress"),
         ("time_s|u_mm|c (N)", {"force_column": "3", "time_column": "3"}, "no unit of the time"),
+        (
+            "time (s)|u (mm)|force (g)",
+            {},
+            "unit 'g' of the force is not known (gf, if it is a weight); expected --force-u",
+        ),
         ("time (h:m)|u (mm)|force (N)", {}, "unit 'h:m' of the time is not known; expected --time-unit, one of s"),
     ],
 )

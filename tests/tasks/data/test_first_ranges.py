@@ -146,7 +146,7 @@ def test_tests_of_specimens_without_sizes_count_for_the_times_and_are_named():
     alone, both = first_ranges([short]), first_ranges([short], [long])
     assert "the longest test lasts 16 s" in "".join(alone.lines)
     assert "lasts 16 s" not in "".join(both.lines)
-    assert both.lines[-1].startswith("ranges: not compared with long; once all sizes are filled in, a run checks")
+    assert both.lines[-1].startswith("ranges: not compared with long; once all sizes are filled in, `sinew init`")
 
 
 @pytest.mark.parametrize("sign", [0.0, -1.0])

@@ -140,3 +140,20 @@ def test_a_title_with_a_minus_is_none_of_a_force(tmp_path, title):
 def test_a_true_stress_is_no_engineering_stress(tmp_path):
     with pytest.raises(BadInput, match="no column of force or stress"):
         read(tmp_path, titles="Time (s),Extension (mm),Stress (MPa) true")
+
+
+def test_rows_of_words_are_left_out_with_a_remark(tmp_path):
+    path = tmp_path / "test.csv"
+    rows = [f"{t:.3f},{u:.4f},{f:.2f}" for t, u, f in zip(TIME, WAY, FORCE, strict=True)]
+    lines = [TITLES, *rows[:20], "# Event: target reached, hold", *rows[20:]]
+    path.write_text("\n".join(lines))
+    (found,) = read_recordings(path, Hints())
+    assert len(found.numbers) == 40
+    assert found.notes == ("row 22 holds no number: '# Event: target reached hold'; left out",)
+    path.write_text("\n".join([*lines, "", "Stop,Operator,"]))
+    (found,) = read_recordings(path, Hints())
+    assert len(found.numbers) == 40
+    assert found.notes == ("2 rows hold no number, the first is row 22: '# Event: target reached hold'; left out",)
+    path.write_text("\n".join([*lines[:20], "2.000,,", *lines[20:]]))
+    with pytest.raises(BadInput, match=r"row 21, Extension .*an empty cell"):
+        read_recordings(path, Hints())

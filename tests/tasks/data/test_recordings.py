@@ -115,7 +115,6 @@ def test_whatever_a_file_holds_it_is_understood_or_refused_in_a_line(tmp_path, c
         (PLAIN + "3,1e999,9\n", "row 5, displacement_mm"),
         (PLAIN + "3,0.1\n", "row 5, force_N: an empty cell"),
         (PLAIN + "\n3,0.3,9\n", "row 5"),
-        (PLAIN + "the end\n", "row 5"),
         (PLAIN.replace("2,0.2,9\n", ""), "2 rows of numbers; expected at least 3"),
         (PLAIN.replace("_N", "_kN").replace("9", "9e98"), "row 4, force_kN: 9e+101; expected a number below 1e100"),
         ("time_s;disp_mm;force_N\n0,5;1,5;2,5\n1,5;1,5;2,5\n2,5;1,5;2,5\n3,5;1.234;2,5\n", "row 5"),

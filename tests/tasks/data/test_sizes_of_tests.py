@@ -163,3 +163,31 @@ def test_marks_of_thousands_in_a_table_of_results_are_told_by_the_tests(tmp_path
     assert [one.test for one in found] == ["A", "B"]
     told = [{name: size.mm for name, size in one.sizes.items() if size.mm is not None} for one in found]
     assert told == [{"width": 4.5}, {"width": 4.6}]
+
+
+@pytest.mark.parametrize("units", ["", "Units", "単位"])
+@pytest.mark.parametrize("length", ["Gauge Length", "Gauge_Length", "標点間距離"])
+def test_a_table_of_results_right_above_tests_beside_each_other(tmp_path, units, length):
+    """The names of the tests stand right below it, above their first columns."""
+    path = tmp_path / "tests.csv"
+    rows = "".join(f"{i / 10},{0.01 * i},{0.5 * i},{i / 10},{0.02 * i},{0.7 * i}\n" for i in range(20))
+    path.write_text(
+        f"Name,Thickness,Width,{length}\n{units},mm,mm,mm\nT1,1.9,5.1,24.6\nT2,2.0,5.2,24.7\nT1,,,T2,,\n"
+        f"Time,Stroke,Force,Time,Stroke,Force\nsec,mm,N,sec,mm,N\n{rows}",
+        "utf-8",
+    )
+    found = read_recordings(path, Hints())
+    assert [{name: size.mm for name, size in one.sizes.items()} for one in found] == [
+        {"thickness": 1.9, "width": 5.1, "length": 24.6},
+        {"thickness": 2.0, "width": 5.2, "length": 24.7},
+    ]
+
+
+def test_a_further_row_of_numbers_in_a_table_of_results_tells_nothing(tmp_path):
+    path = tmp_path / "tests.csv"
+    rows = "".join(f"{i / 10},{0.01 * i},{0.5 * i},{i / 10},{0.02 * i},{0.7 * i}\n" for i in range(20))
+    path.write_text(
+        "Name,Width\n,mm\nT1,5.1\nT2,5.2\nMean,5.15\nT1,,,T2,,\nTime,Stroke,Force,Time,Stroke,Force\n"
+        f"sec,mm,N,sec,mm,N\n{rows}"
+    )
+    assert [dict(one.sizes) for one in read_recordings(path, Hints())] == [{}, {}]

@@ -70,6 +70,21 @@ def test_one_odd_specimen_of_many_is_remarked_on(tmp_path):
     assert next(found.remarks()).startswith(f"ranges: 1 of 3 specimens are out of reach, such as {SPECIMENS[2].name} ")
 
 
+def test_peaks_just_beyond_the_ranges_are_remarked_on(tmp_path):
+    most = dict[str, float]()
+    for one in looked(tmp_path, SPECIMENS)[1].reach:
+        most[one.specimen] = min(one.ratios[1], most.get(one.specimen, np.inf))
+    (tmp_path / "again").mkdir()
+    study, found = looked(tmp_path / "again", [times(one, 1.5 * most[one.name]) for one in SPECIMENS])
+    found.refuse(study.path)
+    assert found.out_of_reach == []
+    (line, *_) = found.remarks()
+    assert line.startswith(
+        f"ranges: the peaks of {len(SPECIMENS)} of {len(SPECIMENS)} specimens are beyond them, such as "
+    )
+    assert line.endswith("fits will press on their ends (`sinew init` on the cohort chooses others)")
+
+
 def test_an_earlier_look_counts_until_something_changes(tmp_path, monkeypatch):
     study, found = looked(tmp_path, SPECIMENS)
     out = tmp_path / "out"

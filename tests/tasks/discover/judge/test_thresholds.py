@@ -181,11 +181,13 @@ def test_rivals_are_named():
     [
         (
             {"held": {"protocol": Gain(0.0, 10.0)}},
-            "does not predict what it has not seen better than the model as it is",
+            "it does not predict what it has not seen better than the model as it is by 2 standard errors "
+            "(other tests: 0.0)",
         ),
         (
-            {"beyond": {"protocol": Gain(0.0, 1.0)}},
-            "does not predict what it has not seen better than one of them alone",
+            {"beyond": {"protocol": Gain(9.0, 1.0), "later cycles": Gain(3.0, 2.0), "specimen": Gain(0.0, 0.0)}},
+            "it does not predict what it has not seen better than one of them alone by 2 standard errors "
+            "(later cycles: 1.5; another specimen: 0)",
         ),
         (
             {"on_bound": ("lag_s", "slip_mm")},
