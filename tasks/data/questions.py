@@ -27,7 +27,7 @@ class Unclear(BadInput):
 
     def unanswered(self) -> BadInput:
         """The same where nobody can be asked: it says how to see all that the file leaves open."""
-        return BadInput(self.where, self.problem, f"{self.expected}; `sinew import --dry-run` lists all that is open")
+        return BadInput(self.where, self.problem, f"{self.expected}; `sinew import --dry-run` lists what is open")
 
 
 class UnknownUnit(Unclear):

@@ -79,7 +79,7 @@ def test_a_unit_that_is_missing_is_refused_and_nothing_is_written(tmp_path, caps
     table(tmp_path / "T1_relax.csv", "time_s,displacement_mm,force")
     told = refused(capsys, "init", tmp_path / "T1_relax.csv", "--out", tmp_path / "out")
     assert "'force': no unit of the force can be found; expected --force-unit, one of N, kN, mN" in told
-    assert told.rstrip().endswith(", dyn; `sinew import --dry-run` lists all that is open")
+    assert told.rstrip().endswith(", dyn; `sinew import --dry-run` lists what is open")
     assert not (tmp_path / "out").exists()
     sinew("init", tmp_path / "T1_relax.csv", "--out", tmp_path / "out", "--force-unit", "mN", "--json")
     made = json.loads(capsys.readouterr().out)
