@@ -52,5 +52,5 @@ def in_words(record: Confidence | None) -> str:
     low, high = record.interval
     return (
         f"{record.true} of {record.of} such verdicts were true in {record.cases} "
-        f"(95 %: {100 * low:.0f} to {100 * high:.0f} %): {record.means}"
+        f"(95 %: {100 * low:.0f} to {100 * high:.0f} %); true means: {record.means}"
     )

@@ -28,15 +28,15 @@ def test_a_confidence_is_what_the_record_says_of_the_word(word):
     [
         (
             "AMBIGUOUS",
-            f"5 of 6 {TRUE} (95 %: 36 to 100 %): ",
+            f"5 of 6 {TRUE} (95 %: 36 to 100 %); true means: ",
         ),
         (
             "OUTSIDE",
-            f"6 of 9 {TRUE} (95 %: 30 to 93 %): ",
+            f"6 of 9 {TRUE} (95 %: 30 to 93 %); true means: ",
         ),
         (
             "NONE",
-            f"30 of 31 {TRUE} (95 %: 83 to 100 %): ",
+            f"30 of 31 {TRUE} (95 %: 83 to 100 %); true means: ",
         ),
     ],
 )
