@@ -1,20 +1,14 @@
 """The titles of a table: one for each column, with the name and the unit in it."""
 
-import re
 from collections.abc import Sequence
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data import units
 from sinew.tasks.data.heads import Row
-from sinew.tasks.data.sizes import narrow
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 from sinew.tasks.data.titles import name_and_unit, without_numbers, without_suffix
-
-_UNIT_LINE = re.compile(
-    r"(?P<name>\D+?)[ _-]*(?:units?|einheit|unité|unidad|unità) ?[:=]? ?[(\[]?(?P<unit>[^()\[\]]+)[)\]]?", re.IGNORECASE
-)
-_LONGEST_LINE = 100  # characters of a line that tells a unit
+from sinew.tasks.data.told_lines import role_of, units_above
 
 
 def names_and_units(table: Table) -> tuple[Row, list[tuple[str, str]]]:
@@ -23,19 +17,9 @@ def names_and_units(table: Table) -> tuple[Row, list[tuple[str, str]]]:
     plain = [without_suffix(title, titles) for title in titles]
     found = [name_and_unit(title, below) for title, below in zip(plain, _below(table, len(titles)), strict=True)]
     names = without_numbers([name for name, _ in found])
-    above = _units_above(table.header)
-    told = [units.agreed([unit, *above.get(name, ())]) for name, (_, unit) in zip(names, found, strict=True)]
+    above = units_above(table.header)
+    told = [units.agreed([unit, *above.get(role_of(name), ())]) for name, (_, unit) in zip(names, found, strict=True)]
     return titles, [(names[place], "s" if table.has_clock(place) else unit) for place, unit in enumerate(told)]
-
-
-def _units_above(header: Sequence[Row]) -> dict[str, list[str]]:
-    """The units that lines above a table tell, by the names of columns: ``Force unit: kN``."""
-    found: dict[str, list[str]] = {}
-    for row in narrow(header):
-        line = _UNIT_LINE.fullmatch(" ".join(cell for cell in row if cell)[:_LONGEST_LINE])
-        if line is not None and units.is_unit(line["unit"]):
-            found.setdefault(name_and_unit(line["name"])[0], []).append(line["unit"])
-    return found
 
 
 def _width(row: Sequence[str]) -> int:

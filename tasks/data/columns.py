@@ -344,6 +344,9 @@ def _possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:
 def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role, wanted: str) -> _Choice:
     place = _place_of(table, titles, named, role, wanted)
     name, unit = named[place]
+    if wanted.isdigit() and (other := _of_another_role(name, role)):
+        problem = f"column {wanted} is {shown(titles[place])}, a {other}"
+        raise BadInput(f"{table.path}: --{role.option}-column", problem, "its title, if it is meant")
     fitting = [q for q in role.quantities if name in role.titles(q)]
     quantity = next((q for q in fitting if _possible(q, name, unit or role.given or "", unit)), None)
     quantity = quantity or next(iter(fitting), None) or _quantity_of_unit(role.quantities, unit or role.given or "")
@@ -352,6 +355,14 @@ def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]
     if quantity is None:
         raise UnknownUnit(f"{table.path}: column {shown(wanted)}", role.name, role.unit_option, role.choices)
     return _Choice(quantity, place, GIVEN)
+
+
+def _of_another_role(name: str, role: _Role) -> str:
+    """The quantity of another role that this name is surely of; empty for none."""
+    others = [one for each in _roles(Hints()) if each.name != role.name for one in each.quantities]
+    if name in words.DOUBTFUL or any(name in role.titles(one) for one in role.quantities):
+        return ""
+    return next((one.name for one in others if name in one.titles), "")
 
 
 def _place_of(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role, wanted: str) -> int:

@@ -10,6 +10,7 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import units
 from sinew.tasks.data.column_titles import names_and_units
 from sinew.tasks.data.hints import Further
+from sinew.tasks.data.marks import refuse_marks
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import HUGE
 from sinew.tasks.data.titles import name_and_unit, without_number
@@ -53,7 +54,9 @@ def kept(table: Table, rows: range, further: Sequence[Further], number: int = 0,
         place = found[number if len(found) > 1 else 0]
         where = f"{table.path}: {shown(titles[place] or f'column {place + 1}')}"
         factor, unit = _factor(where, one, named[place][1])
-        column = factor * np.array([_number(table, row, place, where) for row in rows])
+        column = np.array([_number(table, row, place, where) for row in rows])
+        refuse_marks(where, [table.rows[row][0] for row in rows], column)
+        column = factor * column
         if np.isnan(column).all():
             notes.append(f"{shown(one.column)} is empty: not kept")
             continue

@@ -1,94 +1,19 @@
-"""Numbers that no test of tissue has: marks of what was not measured, limits of a sensor, gaps, a row cut off."""
+"""Numbers that a test of tissue hardly has: limits of a sensor, a converter that overflows, gaps in time."""
 
-import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from sinew.runner.errors import BadInput, shown
-from sinew.tasks.data import words
 from sinew.tasks.data.columns import NOWHERE, Column
-from sinew.tasks.data.heads import Row
 from sinew.tasks.data.quantities import BASE_UNITS
-from sinew.tasks.data.sizes import narrow
-from sinew.tasks.data.tables import Table
-from sinew.tasks.data.text import is_number
 from sinew.tasks.drawing.blocks import number
 
 Array = np.ndarray[Any, np.dtype[Any]]
-_MARK = re.compile(r"-?9{3,7}(?:[.,]9*0*)?")  # -999, 9999.0, 999.9
-_FACTOR_LINE = re.compile(
-    rf"(?:{'|'.join(map(re.escape, (*words.DISPLACEMENT[:9], *words.FORCE[:9], *words.TIME[:6])))})\b[\w ]{{0,30}}"
-    r"(?:scale|scaling|multipl|factor|faktor|facteur)[\w ]{0,20}[:=]? ?(?P<value>[-+]?\d+(?:[.,]\d+)?(?:e[-+]?\d+)?)",
-    re.IGNORECASE,
-)
-_LONGEST_LINE = 100  # characters of a line that tells a factor
-BEYOND = 10.0  # times the largest other number: a mark of what was not measured
-FEWEST_ROWS = 10  # in which the same decimals tell that a last number is cut off
+FEWEST_ROWS = 10  # in which a gap can be seen
 AT_LIMIT, MOVED = 5, 0.02  # rows with the largest force, and the part of the way of the motion meanwhile
 TURNED = 0.4  # of the range of the force, on either side of zero: a converter that overflows
 GAP, USUAL = 50.0, 10.0  # times the steps beside a gap, and the usual step
-
-
-def refuse_marks(table: Table, columns: Sequence[Column], numbers: Array, start: int) -> None:
-    """Refuse numbers ``[t, 3]``, as the file has them, that mark what was not measured, such as -999.
-
-    They begin in row ``start`` of the table. Raises :class:`BadInput`.
-    """
-    for values, column in list(zip(numbers.T, columns, strict=True))[1:]:
-        largest = np.abs(values).max(initial=0.0)
-        at = int(np.argmax(np.abs(values)))
-        others = np.abs(values[np.abs(values) < largest]).max(initial=0.0)
-        cell = table.rows[start + at][1][column.place]
-        if largest > BEYOND * others > 0 and _MARK.fullmatch(cell):
-            where = f"{table.path}: row {table.rows[start + at][0]}, {column.title or column.quantity.name}"
-            problem = f"{shown(cell)}, where no other number is above {number(others)}: a usual mark of no measurement"
-            raise BadInput(where, problem, "a file without such rows")
-
-
-def without_words(table: Table) -> tuple[Table, tuple[str, ...]]:
-    """A table without its rows of words, such as events and what stands below the numbers, and a remark on them."""
-    rows, left = list[tuple[int, Row]](), list[tuple[int, Row]]()
-    for each in table.rows:
-        words = any(each[1]) and not any(is_number(cell, table.decimal) for cell in each[1])
-        (left if words else rows).append(each)
-    if not left:
-        return table, ()
-    while not any(rows[-1][1]):  # blank lines above words at the end
-        rows.pop()
-    at, row = left[0]
-    said = shown(" ".join(filter(None, row)), 60)
-    count = len(left)
-    told = f"row {at} holds no number" if count == 1 else f"{count:,} rows hold no number, the first is row {at}"
-    return replace(table, rows=rows), (f"{told}: {said}; left out",)
-
-
-def cut_off(table: Table, columns: Sequence[Column], rows: int) -> bool:
-    """Whether the last of so many ``rows`` ends within a number: it has fewer decimals than all those above it."""
-    if rows <= FEWEST_ROWS or rows != len(table.rows):
-        return False
-    last = table.rows[rows - 1][1]
-    place = len(last) - 1
-    if not last or not is_number(last[-1], table.decimal) or place not in {column.place for column in columns}:
-        return False
-    above = {_decimals(row[place], table.decimal) for _, row in table.rows[: rows - 1] if place < len(row)}
-    ours = _decimals(last[place], table.decimal)
-    return len(above) == 1 and len(ours) < len(next(iter(above)))
-
-
-def _decimals(cell: str, mark: str) -> str:
-    """What stands behind the decimal mark, with a 0 for each digit: ``000e-00``."""
-    return re.sub(r"\d", "0", cell.partition(mark)[2])
-
-
-def told_factors(header: Sequence[Row]) -> Iterator[str]:
-    """A line for each factor of a column that a line above the table tells and that is not 1: ``Load scale factor``."""
-    for row in narrow(header):
-        found = _FACTOR_LINE.match(" ".join(cell for cell in row if cell)[:_LONGEST_LINE])
-        if found is not None and float(found["value"].replace(",", ".")) not in (0.0, 1.0):
-            yield f"the file tells {shown(found[0])}; numbers are read as they stand, without it"
 
 
 def odd_numbers(columns: Sequence[Column], numbers: Array) -> Iterator[str]:

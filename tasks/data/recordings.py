@@ -13,9 +13,10 @@ from sinew.tasks.data.further import Kept, kept
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import Repeats, contradiction, length_beside, repeats_of
-from sinew.tasks.data.odd_numbers import cut_off, refuse_marks, without_words
+from sinew.tasks.data.marks import refuse_marks
 from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.questions import Doubt
+from sinew.tasks.data.rows_of_words import cut_off, without_words
 from sinew.tasks.data.several import (
     Block,
     Columns,
@@ -35,7 +36,7 @@ from sinew.tasks.data.sizes import Size, read_sizes
 from sinew.tasks.data.sizes_of_tests import sizes_beside, sizes_by_results, without_others
 from sinew.tasks.data.speeds import timed
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
-from sinew.tasks.data.text import HUGE, is_clock
+from sinew.tasks.data.text import HUGE, is_clock, is_number
 from sinew.tasks.data.titles import is_spread
 
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -112,13 +113,14 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
     missing: NoColumn | None = None
     found: list[tuple[Table, list[Recording]]] = []
     before: list[Table] = []  # with those that are left out
-    short = 0
+    short, end = 0, ("", 0)
     other: list[Table] = []
     source = file if isinstance(file, Source) else read_source(file)
     for table in tables_of(source):
         if found and (not any(table.titles[1:]) or table.titles[1:] != found[0][0].titles[1:]):
             before.append(replace(table, rows=table.rows[:1]))
-            other += [before[-1]] if _may_be_test(table, hints) else []
+            inside = table.sheet == end[0] and table.first <= end[1]  # behind words within the first one
+            other += [before[-1]] if not inside and _may_be_test(table, hints, found[0][0]) else []
             continue  # of another kind
         try:
             columns = recognise(table, hints, first_of_alike=True)
@@ -132,8 +134,9 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
             short += 1
             before.append(replace(table, rows=table.rows[:1]))
             continue
-        table, words = without_words(without_others(table, before))
+        table, words = without_words(without_others(table, before), columns, hints)
         before.append(replace(table, rows=table.rows[:1]))
+        end = table.sheet, table.rows[-1][0]
         tests = _tests(table, columns, count, hints)
         tests[:1] = [replace(tests[0], notes=(*tests[0].notes, *words))] if words else tests[:1]
         if count == 1 and (left := other_test(table, hints, columns)) is not None:
@@ -151,14 +154,18 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
     return [replace(first, notes=(*first.notes, *notes)), *others]
 
 
-def _may_be_test(table: Table, hints: Hints) -> bool:
-    """Whether a table has columns of time, motion and load, even if a person had to tell more of them."""
+def _may_be_test(table: Table, hints: Hints, first: Table) -> bool:
+    """Whether a table has columns of time, motion and load, even if a person had to tell more of them.
+
+    Or numbers in the same columns as the ``first`` table of its sheet.
+    """
     if len(table.rows) < FEWEST_ROWS:
         return False
     try:
         recognise(table, hints)
     except NoColumn:
-        return False
+        here, there = ([is_number(cell, one.decimal) for cell in one.rows[0][1]] for one in (table, first))
+        return table.sheet == first.sheet and here == there
     except BadInput:
         pass
     return True
@@ -255,13 +262,15 @@ def _recording(
 ) -> Recording:
     """The test in a block of rows of a table; ``told``: its sizes, ``number``: which of the tests ``beside`` others."""
     numbers = np.array([[_number(table, row, column) for column in columns] for row in range(block.start, block.end)])
-    refuse_marks(table, columns, numbers, block.start)
-    numbers = numbers * [column.factor for column in columns]
+    raw, numbers = numbers, numbers * [column.factor for column in columns]
     beyond = np.argwhere(~(np.abs(numbers) < HUGE))
     if beyond.size:
         row, column = beyond[0]
         where = f"{table.path}: row {table.rows[block.start + row][0]}, {columns[column].title}"
         raise BadInput(where, f"{numbers[row, column]:g}", "a number below 1e100")
+    for values, column in list(zip(raw.T, columns, strict=True))[1:]:
+        at = [row for row, _ in table.rows[block.start : block.end]]
+        refuse_marks(f"{table.path}: {shown(column.title or column.quantity.name)}", at, values)
     if len(numbers) < FEWEST_ROWS:
         raise BadInput(table.path, f"{len(numbers)} rows of numbers{_of(block)}", f"at least {FEWEST_ROWS}")
     further = kept(table, range(block.start, block.end), hints.further, number, beside)

@@ -3,9 +3,10 @@
 import numpy as np
 
 from sinew.tasks.data.columns import LIKELY
-from sinew.tasks.data.odd_numbers import odd_numbers, told_factors
+from sinew.tasks.data.odd_numbers import odd_numbers
 from sinew.tasks.data.quantities import POSITION
 from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.told_lines import told_factors
 from sinew.tasks.drawing.blocks import number
 
 NO_FORMATS = (".xls", ".xlsb")  # spreadsheets of which the formats of cells are not read

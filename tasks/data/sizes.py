@@ -8,7 +8,7 @@ from itertools import combinations
 
 from sinew.tasks.data import units, words
 from sinew.tasks.data.heads import Row, told_units
-from sinew.tasks.data.text import tells_mark
+from sinew.tasks.data.text import is_number, tells_mark
 
 SIZES = ("length", "width", "thickness")
 SAME = 1e-3  # two statements of a size that differ by less agree: 10 mm and 10.0005 mm
@@ -31,8 +31,14 @@ _BESIDE = re.compile(
 )
 _SYMBOLS = re.compile(r"\b(?:l0|a0|b0|d0|s0)\b")
 _UNIT = "|".join(re.escape(unit) for unit in sorted([*units.LENGTH, "μm"], key=len, reverse=True))
+#: What may stand in front of a colon: with any other word, a line tells the size of something else.
+_BEFORE = (
+    r"(?:specimen|sample|test ?piece|test|properties|property|geometry|dimensions?|sizes?|parameters?|inputs?|general|"
+    r"initial|original|proben?|abmessungen|éprouvette|name|nr|no|\d+)"
+)
+_OF_SPECIMEN = rf"(?:(?:{_BEFORE}[ _]+)*{_BEFORE} ?: ?)?"
 _LABEL = (
-    r"(?:.*: ?)?(?:(?:gauge|gage|specimen|sample|initial)[ _])*"
+    rf"{_OF_SPECIMEN}(?:(?:gauge|gage|specimen|sample|initial)[ _])*"
     rf"(?P<what>{'|'.join(word for words in _WORDS.values() for word in words)})"
 )
 #: "Specimen properties : Length 14.33 mm", "Gauge length (mm) 10,13", "width_mm: 8.3", with single spaces.
@@ -44,7 +50,7 @@ _SIZE = re.compile(
 _AREAS = "|".join(map(re.escape, units.AREA))
 #: "Cross-sectional area: 0.3 cm²", "Area (mm2) 12", which need a unit.
 _AREA = re.compile(
-    rf"(?:.*: ?)?(?:(?:specimen|sample|initial)[ _])*(?:{'|'.join(map(re.escape, words.SIZES['area']))})"
+    rf"{_OF_SPECIMEN}(?:(?:specimen|sample|initial)[ _])*(?:{'|'.join(map(re.escape, words.SIZES['area']))})"
     rf"(?: ?[(\[](?P<unit>{_AREAS})[)\]])? ?[:=]? ?"
     rf"(?P<value>[0-9]+(?:[.,][0-9]+)?(?:e[-+]?[0-9]+)?)(?: ?[(\[]?(?P<behind>{_AREAS})[)\]]?)?",
     re.IGNORECASE,
@@ -230,7 +236,10 @@ def _read(row: Row, decimal: str = "") -> tuple[str, Size] | None:
     for text in (line, start) if len(line) < _LONGEST_LINE else (start,):
         if found := _SIZE.fullmatch(text):
             name = _name(found["what"])
-            return name, size_in(name, found["value"], found["unit"] or found["behind"] or "", decimal)
+            unit = found["unit"] or found["behind"] or ""
+            if text is not line and any(is_number(cell, mark) for cell in row[3:4] for mark in ".,"):
+                return name, Size(None, bool(unit), " ".join(_joined(row).split()[:6]))  # two numbers of one size
+            return name, size_in(name, found["value"], unit, decimal)
         if (found := _AREA.fullmatch(text)) and (unit := found["unit"] or found["behind"]):
             one = found["behind"] in (None, unit)
             return "area", size_in("area", found["value"], unit, decimal) if one else Size(None, True, text)

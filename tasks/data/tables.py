@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.heads import Head, Row, head_of, is_label, refuse_factors
+from sinew.tasks.data.heads import Head, Row, head_of, is_label, is_row_of_units, refuse_factors
 from sinew.tasks.data.sheets import Sheet, is_sheet, read_sheets
 from sinew.tasks.data.text import (
     SEPARATORS,
@@ -228,7 +228,8 @@ def _tables(source: Source, page: _Page, fewest: int) -> Iterator[Table]:
         if fewest < FEWEST_COLUMNS[0] and run.end - run.start < RUN:
             continue  # two numbers in a line of text
         start, titles_at = _top(rows, run, decimal, end)
-        if start >= end:  # else it belongs to the table above, behind a broken row
+        units_again = end > 0 and titles_at == end and is_row_of_units(rows[end][1])
+        if start >= end and not units_again:  # else it belongs to the table above, behind a broken row
             places.append((start, titles_at))
         end = run.end
         if len(places) > MOST_TABLES:

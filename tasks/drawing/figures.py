@@ -14,6 +14,7 @@ if "inline" not in os.environ.get("MPLBACKEND", ""):  # a notebook shows figures
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
+from sinew.runner.files import new_file
 from sinew.tasks.drawing.formats import FORMATS, without_formulas
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
@@ -53,9 +54,12 @@ def save(figure: Figure, folder: Path, name: str, shown: pd.DataFrame) -> list[P
     """
     folder.mkdir(parents=True, exist_ok=True)
     png, pdf, csv = (folder / f"{name}.{kind}" for kind in FORMATS)
-    figure.savefig(png, dpi=150, metadata={"Software": None})
+    with new_file(png) as file:
+        figure.savefig(file, format="png", dpi=150, metadata={"Software": None})
     figure.set_layout_engine("none")
-    figure.savefig(pdf, metadata={"CreationDate": None, "Producer": None})
+    with new_file(pdf) as file:
+        figure.savefig(file, format="pdf", metadata={"CreationDate": None, "Producer": None})
     plt.close(figure)
-    without_formulas(shown).to_csv(csv, index=False, lineterminator="\n", float_format="%.8g")
+    with new_file(csv) as file:
+        without_formulas(shown).to_csv(file, index=False, lineterminator="\n", float_format="%.8g")
     return [png, pdf, csv]

@@ -9,6 +9,7 @@ import pandas as pd
 
 from sinew.runner.cluster.local import Local
 from sinew.runner.errors import BadInput
+from sinew.runner.files import new_file
 from sinew.runner.store.schema import STATUSES
 from sinew.tasks.data.numeric_csv import read_header, read_numbers
 from sinew.tasks.data.text import check_text
@@ -117,5 +118,6 @@ def _write_curves(path: Path, curve: Curve, courses: Array) -> None:
     columns |= {f"row_{row}": course for row, course in enumerate(courses)}
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.partial")
-    pd.DataFrame(columns).to_csv(partial, index=False, float_format="%.17g")
+    with new_file(partial) as file:
+        pd.DataFrame(columns).to_csv(file, index=False, float_format="%.17g")
     partial.replace(path)

@@ -394,3 +394,12 @@ def test_what_is_asked_is_told_apart():
     with pytest.raises(UnknownUnit) as asked:
         columns("time|u_mm|F_N")
     assert (asked.value.quantity, asked.value.choices[:2]) == ("time", ("s", "ms"))
+
+
+def test_a_number_of_a_column_with_another_title_is_refused():
+    by_number = {"time_column": "1", "displacement_column": "2", "force_column": "3"}
+    assert columns("time_s|u_mm|force_N", **by_number)
+    with pytest.raises(BadInput, match="--displacement-column: column 2 is 'Load', a force; expected its title"):
+        columns("time_s|Load|Ext", displacement_unit="mm", force_unit="N", **by_number)
+    by_title = {"time_column": "1", "displacement_column": "Load", "force_column": "Ext"}
+    assert columns("time_s|Load|Ext", displacement_unit="mm", force_unit="N", **by_title)

@@ -2,7 +2,10 @@
 
 import pytest
 
+from sinew.runner.errors import BadInput
 from sinew.tasks.data.heads import Head, head_of, is_bracketed
+from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.recordings import read_recordings
 
 TITLES, UNITS = ("Time", "Disp", "Force"), ("s", "mm", "N")
 
@@ -91,3 +94,12 @@ def test_text_in_brackets():
     assert not is_bracketed("X)")
     assert not is_bracketed("N)")
     assert not is_bracketed("")
+
+
+@pytest.mark.parametrize("row", ["x1,x1,x1000", "*1,*1,*0.001", "x 1,x 1,x 1e3", "10^0,10^0,10^3"])
+def test_a_row_of_factors_is_refused(tmp_path, row):
+    path = tmp_path / "test.csv"
+    numbers = "".join(f"{i},{i},{i}\n" for i in range(20))
+    path.write_text(f"Time,Extension,Force\ns,mm,N\n{row}\n{numbers}")
+    with pytest.raises(BadInput, match=r"row 3: '.*' above the numbers may be factors of the columns"):
+        read_recordings(path, Hints())

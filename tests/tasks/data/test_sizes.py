@@ -180,9 +180,9 @@ def test_of_several_rows_the_first_with_number_and_unit_counts():
 
 
 def test_a_line_of_200_characters_tells_no_size():
-    note = "x" * 185
+    note = "sample " * 26 + "nr "
     assert sizes(f"{note}: Length 12 mm") == {"length": 12.0}
-    assert sizes(f"{note}x: Length 12 mm") == {}
+    assert sizes(f"{note}sample: Length 12 mm") == {}
     assert sizes(f"Length|12|mm|{'x' * 200}") == {"length": 12.0}, "what stands behind does not count"
 
 
@@ -236,3 +236,29 @@ def test_marks_that_may_be_of_thousands_tell_no_size(line, decimal, mm):
 def test_marks_of_thousands_in_a_table_of_results_tell_no_size():
     rows = [("", "Width", "Length"), ("", "mm", "mm"), ("1", "4.5", "1,200")]
     assert {name: size.mm for name, size in read_sizes(rows, 0, ".").items()} == {"width": 4.5, "length": None}
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["Punch: diameter 10 mm", "Grips: width 50 mm", "Tolerance : Width : 0.1 mm", "Load cell: diameter 20 mm",
+     "After test: Length 25 mm", "Extensometer: gauge length 25 mm", "Previous specimen: width 8 mm"],
+)  # fmt: skip
+def test_sizes_of_other_things_are_none_of_the_specimen(line):
+    assert read_sizes([(line,)]) == {}
+
+
+@pytest.mark.parametrize(
+    "line", ["Specimen properties : Length 14.33 mm", "Dimensions: Length 14.33 mm", "Length 14.33 mm"]
+)
+def test_sizes_of_the_specimen_may_say_so(line):
+    assert read_sizes([(line,)])["length"].mm == 14.33
+
+
+def test_two_numbers_in_a_row_tell_no_size():
+    assert read_sizes([("Width", "5", "mm", "6", "mm")])["width"].mm is None
+    assert read_sizes([("Width", "5", "mm")])["width"].mm == 5.0
+
+
+def test_a_long_line_of_digits_takes_no_time():
+    with at_most(5):
+        read_sizes([("1" * 190,), ("1 " * 95,), ("test " * 38,)])

@@ -2,8 +2,10 @@
 
 import pytest
 
+from sinew.runner.errors import BadInput
 from sinew.tasks.data.titles import is_spread, name_and_unit, without_numbers, without_suffix
 from tests.effort import at_most
+from tests.tasks.data.small_test import read
 
 
 @pytest.mark.parametrize(
@@ -101,3 +103,14 @@ def test_what_stands_behind_a_unit_may_make_another_quantity_of_it(title):
 )
 def test_labels_of_tests_and_channels_behind_a_unit_are_none_of_the_name(title):
     assert name_and_unit(title)[0] == "force"
+
+
+@pytest.mark.parametrize("title", ["-Force (N)", "- Force (N)", "\u2212Force (N)"])
+def test_a_title_with_a_minus_is_none_of_a_force(tmp_path, title):
+    with pytest.raises(BadInput, match="no column of force or stress"):
+        read(tmp_path, titles=f"Time (s),Extension (mm),{title}")
+
+
+def test_a_true_stress_is_no_engineering_stress(tmp_path):
+    with pytest.raises(BadInput, match="no column of force or stress"):
+        read(tmp_path, titles="Time (s),Extension (mm),Stress (MPa) true")

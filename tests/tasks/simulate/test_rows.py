@@ -11,7 +11,7 @@ from sinew.runner.cluster.local import Local
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.model import TENDON, Curve, Model, Protocol, Specimen
-from sinew.tasks.simulate.rows import read_parameters, simulate_rows
+from sinew.tasks.simulate.rows import _write_curves, read_parameters, simulate_rows
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import open_workspace
 from tests.tasks.cli.bad_input import PARAMETERS
@@ -68,3 +68,15 @@ def test_a_site_is_no_part_of_the_result_folder(tmp_path, site):
     (tmp_path / "out" / "log.jsonl").touch()
     with pytest.raises(BadInput, match=f"cohort/{site}: a name that result folders use; expected another name"):
         simulated(tmp_path, (f"{site}/x", "pull"))
+
+
+def test_a_link_that_appears_is_not_followed(tmp_path):
+    """Somebody makes it after the folder was looked at."""
+    time = np.arange(4.0)
+    curve = Curve(Protocol("pull", time, 0.1 * time), time)
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / ".a.pull.csv.partial").symlink_to(tmp_path / "mine")
+    _write_curves(tmp_path / "out" / "a.pull.csv", curve, np.array([time]))
+    assert (tmp_path / "mine").read_text() == "mine"
+    assert (tmp_path / "out" / "a.pull.csv").read_text().startswith("time_s,displacement_mm,row_0\n0,")

@@ -2,7 +2,6 @@
 
 import csv
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,9 +28,9 @@ compare: {permutations: 20}
 """
 
 
-def _named_only(figure, path, **_):
+def _named_only(figure, file, **_):
     """Leave a file in place of a drawing, which takes most of the time."""
-    Path(path).write_bytes(b"")
+    file.write(b"")
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,34 @@
+"""Numbers that stand for what was not measured, such as -999: they are refused, and never taken for measurements."""
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.drawing.blocks import number
+
+Array = np.ndarray[Any, np.dtype[Any]]
+#: 999, 9999.99, 99.9, and the largest numbers of converters with 16, 24 and 32 bits.
+_MARK = re.compile(r"9{3,10}(\.9+)?|99\.9+|999\.25|32767|32768|65535|838860[78]|214748364[78]|4294967295")
+OVERLOAD = 1e30  # 9.9E+37 and 9.91E+37 of instruments: no force in any unit
+BEYOND = 10.0  # times the largest other number
+
+
+def refuse_marks(where: str, rows: Sequence[int], values: Array) -> None:
+    """Refuse a column ``values`` ``[t]``, as the file has it, of these rows of it, that holds such marks.
+
+    They are numbers by which programs mark what was not measured, if they are far beyond all other numbers, or the
+    only ones below zero. NaN counts as nothing. Raises :class:`BadInput`.
+    """
+    size = np.abs(np.nan_to_num(values))
+    for candidate in np.unique(size)[::-1][:2]:
+        at = int(np.flatnonzero(size == candidate)[0])
+        others = np.nan_to_num(values[size != candidate])
+        largest = float(np.abs(others).max(initial=0.0))
+        alone = values[at] < 0 and others.size > 0 and others.min() >= 0 and largest > 0
+        mark = bool(_MARK.fullmatch(f"{candidate:.10g}")) and (candidate > BEYOND * largest > 0 or alone)
+        if mark or candidate >= OVERLOAD:
+            problem = f"{values[at]:.10g}, a usual mark of no measurement, where others reach {number(largest)}"
+            raise BadInput(f"{where}: row {rows[at]}", problem, "a file without such rows")

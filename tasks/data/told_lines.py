@@ -1,0 +1,69 @@
+"""What lines beside a table tell of its columns: ``Force unit: kN``, ``Load scale factor: 1000``."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+from sinew.runner.errors import shown
+from sinew.tasks.data import units, words
+from sinew.tasks.data.heads import Row
+from sinew.tasks.data.sizes import narrow
+from sinew.tasks.data.titles import name_and_unit
+
+_LONGEST_LINE = 100  # characters
+_UNITS = r"(?:units?|einheit|unité|unidad|unità)"
+_UNIT_LINE = re.compile(
+    rf"(?:(?P<name>\D+?)[ _-]*{_UNITS}|{_UNITS} of (?P<of>\D+?))[:= (\[]+(?P<unit>[^\s()\[\]:=]+)[)\]]?(?: ?\(.*\))?",
+    re.IGNORECASE,
+)
+ROLES: Mapping[str, tuple[str, ...]] = {
+    "time": words.TIME,
+    "motion": (*words.DISPLACEMENT, *words.POSITION),
+    "load": words.FORCE,
+}
+_QUANTITY = "|".join(re.escape(name) for names in ROLES.values() for name in names[:20] if len(name) > 2)
+_FACTOR = r"(?:scale|scaling|multipl|factor|faktor|facteur|gain)"
+_FACTOR_LINE = re.compile(
+    rf"(?=.*\b(?:{_QUANTITY}|calibration)\b)(?=.*{_FACTOR}).*?"
+    rf"(?P<value>[-+]?\d[\d.,]*(?: \d{{3}}[\d.,]*)*(?:e[-+]?\d+)?)|"
+    rf"(?:{_QUANTITY}) ?\(? ?[x×*] ?(?P<times>\d[\d.,]*)",
+    re.IGNORECASE,
+)
+_ONE = re.compile(r"\+?1(?:[.,]0+)?(?:e[-+]?0+)?", re.IGNORECASE)
+
+
+def role_of(name: str) -> str:
+    """Which of time, motion and load a name of a column is of, else the name itself: ``load`` of ``force``."""
+    return next((role for role, names in ROLES.items() if name in names), name)
+
+
+def units_above(header: Sequence[Row]) -> dict[str, list[str]]:
+    """The units that lines above a table tell, by the role of a column or its name: ``Force unit: kN``."""
+    found: dict[str, list[str]] = {}
+    for row in narrow(header):
+        line = _UNIT_LINE.fullmatch(_text(row))
+        if line is not None and units.is_unit(unit := line["unit"].strip()):
+            found.setdefault(role_of(name_and_unit(line["name"] or line["of"])[0]), []).append(unit)
+    return found
+
+
+def told_factors(header: Sequence[Row]) -> Iterator[str]:
+    """A line for each factor of a column that a line above the table tells and that is not 1: ``Load scale factor``."""
+    for row in narrow(header):
+        if tells_factor(text := _text(row)):
+            yield f"the file tells {shown(text, 60)}; numbers are read as they stand, without it"
+
+
+def tells_factor(text: str) -> bool:
+    """Whether a line tells a factor of a column other than 1."""
+    found = _FACTOR_LINE.match(text)
+    return found is not None and not _ONE.fullmatch(found["value"] or found["times"])
+
+
+def tells_unit(text: str) -> bool:
+    """Whether a line tells the unit of a column."""
+    line = _UNIT_LINE.fullmatch(text[:_LONGEST_LINE])
+    return line is not None and units.is_unit(line["unit"].strip())
+
+
+def _text(row: Row) -> str:
+    return " ".join(cell for cell in row if cell)[:_LONGEST_LINE]
