@@ -61,7 +61,8 @@ def _refuse(table: Table, at: int, numbers: Sequence[int]) -> None:
     if behind and _TEST.search(text):
         raise BadInput(where, f"{shown(text, 60)} may begin another test", "a file for each test, or titles above each")
     if 0 < behind < RUN:
-        problem = f"{shown(text, 60)}, and {behind} more rows of numbers, which may be results"
+        numbered = "row" if behind == 1 else "rows"
+        problem = f"{shown(text, 60)}, and behind it {behind} {numbered} of numbers, which may be results"
         raise BadInput(where, problem, "a table that ends with the last measured row")
 
 

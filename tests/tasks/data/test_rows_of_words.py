@@ -70,7 +70,7 @@ def test_words_that_change_what_numbers_mean_are_refused(tmp_path, rows, problem
 
 @pytest.mark.parametrize("words", ["Maximum", "Average,,"])
 def test_few_numbers_behind_words_are_no_measurements(tmp_path, words):
-    with pytest.raises(BadInput, match="and 1 more rows of numbers, which may be results"):
+    with pytest.raises(BadInput, match="and behind it 1 row of numbers, which may be results"):
         with_rows(tmp_path, 41, words, "3.95,0.975,30.0")
 
 

@@ -3,6 +3,7 @@
 import pandas as pd
 import pytest
 from matplotlib import pyplot as plt
+from matplotlib.layout_engine import PlaceHolderLayoutEngine
 
 from sinew.tasks.drawing.figures import STYLE, headline, save
 
@@ -49,4 +50,4 @@ def test_both_drawings_have_one_layout(tmp_path):
         before = axes.get_position().bounds
         save(figure, tmp_path, "a", pd.DataFrame())
         assert axes.get_position().bounds != before, "there is room for the label"
-        assert figure.get_layout_engine() is None
+        assert isinstance(figure.get_layout_engine(), PlaceHolderLayoutEngine), "it is not looked for again"
