@@ -37,6 +37,7 @@ _BEFORE = (
     r"initial|original|proben?|abmessungen|éprouvette|name|nr|no|\d+)"
 )
 _OF_SPECIMEN = rf"(?:(?:{_BEFORE}[ _]+)*{_BEFORE} ?: ?)?"
+_ALLOWED = re.compile(rf"(?:{_BEFORE}[ _]+)*{_BEFORE} ?", re.IGNORECASE)
 _LABEL = (
     rf"{_OF_SPECIMEN}(?:(?:gauge|gage|specimen|sample|initial)[ _])*"
     rf"(?P<what>{'|'.join(word for words in _WORDS.values() for word in words)})"
@@ -188,7 +189,10 @@ def meant(label: str) -> str | None:
     """The size that a label names; None for another one."""
     if len(label) >= _LONGEST_LINE:
         return None
-    text = re.sub(r"[(\[].*", "", label.rpartition(" : ")[2].replace("_", " ")).casefold().strip(" :")
+    before, _, label = label.rpartition(" : ")
+    if before and not _ALLOWED.fullmatch(before):
+        return None
+    text = re.sub(r"[(\[].*", "", label.replace("_", " ")).casefold().strip(" :")
     text = " ".join(_BESIDE.sub(" ", text).split())
     for one in (text, " ".join(_SYMBOLS.sub(" ", text).split())):
         for name, known in words.SIZES.items():

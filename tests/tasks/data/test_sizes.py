@@ -1,5 +1,6 @@
 """Sizes in the lines above a table."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -245,6 +246,8 @@ def test_marks_of_thousands_in_a_table_of_results_tell_no_size():
 )  # fmt: skip
 def test_sizes_of_other_things_are_none_of_the_specimen(line):
     assert read_sizes([(line,)]) == {}
+    label, number, unit = re.fullmatch(r"(.*?):? ([\d.]+) (mm)", line).groups()
+    assert read_sizes([(label.replace(": ", " : "), number, unit)]) == {}
 
 
 @pytest.mark.parametrize(
