@@ -14,6 +14,7 @@ Array = np.ndarray[Any, np.dtype[Any]]
 _MARK = re.compile(r"9{3,10}(\.9+)?|99\.9+|999\.25|32767|32768|65535|838860[78]|214748364[78]|4294967295")
 OVERLOAD = 1e30  # 9.9E+37 and 9.91E+37 of instruments: no force in any unit
 BEYOND = 10.0  # times the largest other number
+FEW = 5  # numbers of a column, the largest ones, that may be marks
 
 
 def refuse_marks(where: str, rows: Sequence[int], values: Array) -> None:
@@ -23,12 +24,13 @@ def refuse_marks(where: str, rows: Sequence[int], values: Array) -> None:
     only ones below zero. NaN counts as nothing. Raises :class:`BadInput`.
     """
     size = np.abs(np.nan_to_num(values))
-    for candidate in np.unique(size)[::-1][:2]:
-        at = int(np.flatnonzero(size == candidate)[0])
-        others = np.nan_to_num(values[size != candidate])
-        largest = float(np.abs(others).max(initial=0.0))
-        alone = values[at] < 0 and others.size > 0 and others.min() >= 0 and largest > 0
-        mark = bool(_MARK.fullmatch(f"{candidate:.10g}")) and (candidate > BEYOND * largest > 0 or alone)
-        if mark or candidate >= OVERLOAD:
+    largest_first = np.unique(size)[::-1][:FEW]
+    marks = [one for one in largest_first if one >= OVERLOAD or _MARK.fullmatch(f"{one:.10g}")]
+    others = np.nan_to_num(values[~np.isin(size, marks)])
+    largest = float(np.abs(others).max(initial=0.0))
+    for mark in marks:
+        at = int(np.flatnonzero(size == mark)[0])
+        alone = values[at] < 0 and largest > 0 and others.min() >= 0
+        if mark >= OVERLOAD or alone or mark > BEYOND * largest > 0:
             problem = f"{values[at]:.10g}, a usual mark of no measurement, where others reach {number(largest)}"
             raise BadInput(f"{where}: row {rows[at]}", problem, "a file without such rows")

@@ -37,8 +37,9 @@ def test_the_only_number_below_zero_need_not_be_far_beyond_the_others(tmp_path, 
 
 
 def test_two_marks_in_a_column_are_seen(tmp_path):
-    with pytest.raises(BadInput, match=r"row [78]: "):
-        read(tmp_path, force=changed(changed(FORCE, [5], -999.0), [6], -9999.0))
+    for first, second in ((-999.0, -9999.0), (32767.0, 65535.0), (999.0, 9999.0)):
+        with pytest.raises(BadInput, match=r"row [78]: .* where others reach 50"):
+            read(tmp_path, force=changed(changed(FORCE, [5], first), [6], second))
 
 
 def test_a_column_that_is_kept_may_hold_none(tmp_path):
