@@ -65,7 +65,7 @@ def ranks(seed, heavy):
     return np.array([(draws[8:] < one).mean(axis=(0, 1)) for draws, one in every])
 
 
-COHORTS = 16
+COHORTS = 24
 
 
 @pytest.mark.parametrize("heavy", [False, True])
