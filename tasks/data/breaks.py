@@ -44,7 +44,7 @@ def break_of(curve: Curve) -> tuple[int, int] | None:
 
 
 def _last_before(force: Array, row: int) -> int:
-    """The last row from ``row`` on up to which the force rises by steps as before: its filter saw one row too few."""
+    """The last row from ``row`` on up to which the force rises by its usual steps: the median filter ends one early."""
     usual = STEPS * float(np.abs(np.diff(force[max(row - SPIKE, 0) : row + 1])).max(initial=0.0))
     while row + 1 < force.size and 0.0 <= force[row + 1] - force[row] <= usual:
         row += 1

@@ -1,6 +1,7 @@
 """The titles of a table: one for each column, with the name and the unit in it."""
 
 from collections.abc import Sequence
+from weakref import WeakKeyDictionary
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data import units
@@ -10,9 +11,18 @@ from sinew.tasks.data.text import is_number
 from sinew.tasks.data.titles import name_and_unit, without_numbers, without_suffix
 from sinew.tasks.data.told_lines import role_of, units_above
 
+#: Of tables in use: a table of many tests is asked many times.
+_KNOWN: WeakKeyDictionary[Table, tuple[Row, list[tuple[str, str]]]] = WeakKeyDictionary()
+
 
 def names_and_units(table: Table) -> tuple[Row, list[tuple[str, str]]]:
     """The title of each column that has one or holds numbers, and its name and unit, which may be empty."""
+    if table not in _KNOWN:
+        _KNOWN[table] = _read(table)
+    return _KNOWN[table]
+
+
+def _read(table: Table) -> tuple[Row, list[tuple[str, str]]]:
     titles = (*table.titles, *[""] * (_width(table.rows[0][1]) - len(table.titles)))
     plain = [without_suffix(title, titles) for title in titles]
     found = [name_and_unit(title, below) for title, below in zip(plain, _below(table, len(titles)), strict=True)]

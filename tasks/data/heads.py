@@ -103,6 +103,11 @@ def refuse_factors(path: Path, rows: Sequence[tuple[int, Row]]) -> None:
             raise BadInput(f"{path}: row {at}", problem, "numbers in the units above them, without this row")
 
 
+def joined(row: Row) -> str:
+    """The cells of a row that hold something as one line, with single spaces."""
+    return " ".join(" ".join(row).split())
+
+
 def is_label(row: Row) -> bool:
     """Whether the first cell of a row says what the others are: ``Range=``, ``Sample:``."""
     return bool(row) and row[0].endswith(("=", ":"))

@@ -32,5 +32,5 @@ def refuse_marks(where: str, rows: Sequence[int], values: Array) -> None:
         at = int(np.flatnonzero(size == mark)[0])
         alone = values[at] < 0 and largest > 0 and others.min() >= 0
         if mark >= OVERLOAD or alone or mark > BEYOND * largest > 0:
-            problem = f"{values[at]:.10g}, a usual mark of no measurement, where others reach {number(largest)}"
+            problem = f"{values[at]:.10g}, a usual marker of missing data, where other numbers reach {number(largest)}"
             raise BadInput(f"{where}: row {rows[at]}", problem, "a file without such rows")

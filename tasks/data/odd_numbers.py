@@ -32,7 +32,7 @@ def odd_numbers(columns: Sequence[Column], numbers: Array) -> Iterator[str]:
         before, after = (number(load[at], 6) for at in (over[0], over[0] + 1))
         yield (
             f"the {name} turns from {before} to {after} {unit} from one row to the next, at "
-            f"{number(time[over[0] + 1], 6)} s; a converter may have overflown"
+            f"{number(time[over[0] + 1], 6)} s; a converter may have overflowed"
         )
     if columns[0].place != NOWHERE:
         yield from _gaps(time)
@@ -60,6 +60,6 @@ def _gaps(time: Array) -> Iterator[str]:
     if far.any():
         row = 1 + int(np.argmax(np.where(far, steps[1:-1], 0.0)))
         yield (
-            f"times go on from {number(time[row], 6)} to {number(time[row + 1], 6)} s from one row to the next; nothing"
-            " may have been recorded in between"
+            f"times go on from {number(time[row], 6)} to {number(time[row + 1], 6)} s from one row to the next; rows"
+            " may be missing in between"
         )

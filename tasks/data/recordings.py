@@ -268,8 +268,8 @@ def _recording(
         row, column = beyond[0]
         where = f"{table.path}: row {table.rows[block.start + row][0]}, {columns[column].title}"
         raise BadInput(where, f"{numbers[row, column]:g}", "a number below 1e100")
-    for values, column in list(zip(raw.T, columns, strict=True))[1:]:
-        at = [row for row, _ in table.rows[block.start : block.end]]
+    at = tuple(row for row, _ in table.rows[block.start : block.end])
+    for values, column in zip(raw.T[1:], columns[1:], strict=True):
         refuse_marks(f"{table.path}: {shown(column.title or column.quantity.name)}", at, values)
     if len(numbers) < FEWEST_ROWS:
         raise BadInput(table.path, f"{len(numbers)} rows of numbers{_of(block)}", f"at least {FEWEST_ROWS}")
@@ -305,7 +305,7 @@ def _recording(
         table.path,
         numbers,
         columns,
-        tuple(at for at, _ in table.rows[block.start : block.end]),
+        at,
         table.header,
         sizes,
         tuple(title for title in left_out if title not in used),

@@ -7,7 +7,7 @@ from dataclasses import replace
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import words
 from sinew.tasks.data.columns import NOWHERE, Column
-from sinew.tasks.data.heads import Row, is_row_of_units
+from sinew.tasks.data.heads import Row, is_row_of_units, joined
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.sizes import named_in
 from sinew.tasks.data.tables import RUN, Table
@@ -40,21 +40,21 @@ def without_words(table: Table, columns: Sequence[Column], hints: Hints) -> tupl
     at, row = table.rows[min(left)]
     count = len(left)
     told = f"row {at} holds no number" if count == 1 else f"{count:,} rows hold no number, the first is row {at}"
-    return replace(table, rows=rows), (f"{told}: {shown(_text(row), 60)}; left out",)
+    return replace(table, rows=rows), (f"{told}: {shown(joined(row), 60)}; left out",)
 
 
 def _is_words(row: Row, places: Sequence[int], decimal: str) -> bool:
     if not any(row) or any(is_number(cell, decimal) for cell in row):
         return False
     filled = sum(place < len(row) and bool(row[place]) for place in places)
-    return filled < len(places) or bool(_COMMENT.match(_text(row)))
+    return filled < len(places) or bool(_COMMENT.match(joined(row)))
 
 
 def _refuse(table: Table, at: int, numbers: Sequence[int]) -> None:
     """Raises :class:`BadInput` for a row of words that tells something of the numbers, or begins something else."""
     number, row = table.rows[at]
     row = (row[0].lstrip("#%/; "), *row[1:])
-    text, where = _text(row), f"{table.path}: row {number}"
+    text, where = joined(row), f"{table.path}: row {number}"
     behind = sum(other > at for other in numbers)
     if tells_unit(text) or tells_factor(text) or is_row_of_units(row) or named_in(text):
         raise BadInput(where, f"{shown(text, 60)} below numbers", "units, factors and sizes above the table")
@@ -71,7 +71,7 @@ def cut_off(table: Table, columns: Sequence[Column], rows: int) -> bool:
 
     So it may only be where a text ends without the end of its last line.
     """
-    if rows <= FEWEST_ROWS or rows != len(table.rows) or table.sheet or _ends_a_line(table):
+    if rows <= FEWEST_ROWS or rows != len(table.rows) or table.sheet:
         return False
     last = table.rows[rows - 1][1]
     place = len(last) - 1
@@ -79,7 +79,7 @@ def cut_off(table: Table, columns: Sequence[Column], rows: int) -> bool:
         return False
     above = {_decimals(row[place], table.decimal) for _, row in table.rows[: rows - 1] if place < len(row)}
     ours = _decimals(last[place], table.decimal)
-    return len(above) == 1 and len(ours) < len(next(iter(above)))
+    return len(above) == 1 and len(ours) < len(next(iter(above))) and not _ends_a_line(table)
 
 
 def _ends_a_line(table: Table) -> bool:
@@ -91,7 +91,3 @@ def _ends_a_line(table: Table) -> bool:
 def _decimals(cell: str, mark: str) -> str:
     """What stands behind the decimal mark, with a 0 for each digit: ``000e-00``."""
     return re.sub(r"\d", "0", cell.partition(mark)[2])
-
-
-def _text(row: Row) -> str:
-    return " ".join(cell for cell in row if cell)

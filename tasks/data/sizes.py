@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from sinew.tasks.data import units, words
-from sinew.tasks.data.heads import Row, told_units
+from sinew.tasks.data.heads import Row, joined, told_units
 from sinew.tasks.data.text import is_number, tells_mark
 
 SIZES = ("length", "width", "thickness")
@@ -234,7 +234,7 @@ def round_in_words(sizes: Mapping[str, Size], width_mm: float | None) -> str:
 
 
 def _read(row: Row, decimal: str = "") -> tuple[str, Size] | None:
-    line, start = _joined(row), _joined(row[:3])
+    line, start = joined(row), joined(row[:3])
     if len(start) >= _LONGEST_LINE:
         return None
     for text in (line, start) if len(line) < _LONGEST_LINE else (start,):
@@ -242,18 +242,14 @@ def _read(row: Row, decimal: str = "") -> tuple[str, Size] | None:
             name = _name(found["what"])
             unit = found["unit"] or found["behind"] or ""
             if text is not line and any(is_number(cell, mark) for cell in row[3:4] for mark in ".,"):
-                return name, Size(None, bool(unit), " ".join(_joined(row).split()[:6]))  # two numbers of one size
+                return name, Size(None, bool(unit), joined(row[:6]))  # two numbers of one size
             return name, size_in(name, found["value"], unit, decimal)
         if (found := _AREA.fullmatch(text)) and (unit := found["unit"] or found["behind"]):
             one = found["behind"] in (None, unit)
             return "area", size_in("area", found["value"], unit, decimal) if one else Size(None, True, text)
-    if found := _CELL.fullmatch(_joined(row[:1])):
-        return _name(found["what"]), Size(None, False, _joined(row[1:3]))
+    if found := _CELL.fullmatch(joined(row[:1])):
+        return _name(found["what"]), Size(None, False, joined(row[1:3]))
     return None
-
-
-def _joined(row: Row) -> str:
-    return " ".join(" ".join(row).split())
 
 
 def _name(word: str) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from sinew.runner.errors import shown
 from sinew.tasks.data import units, words
-from sinew.tasks.data.heads import Row
+from sinew.tasks.data.heads import Row, joined
 from sinew.tasks.data.sizes import narrow
 from sinew.tasks.data.titles import name_and_unit
 
@@ -40,16 +40,16 @@ def units_above(header: Sequence[Row]) -> dict[str, list[str]]:
     """The units that lines above a table tell, by the role of a column or its name: ``Force unit: kN``."""
     found: dict[str, list[str]] = {}
     for row in narrow(header):
-        line = _UNIT_LINE.fullmatch(_text(row))
-        if line is not None and units.is_unit(unit := line["unit"].strip()):
-            found.setdefault(role_of(name_and_unit(line["name"] or line["of"])[0]), []).append(unit)
+        if (told := _unit_in(joined(row))) is not None:
+            name, unit = told
+            found.setdefault(role_of(name_and_unit(name)[0]), []).append(unit)
     return found
 
 
 def told_factors(header: Sequence[Row]) -> Iterator[str]:
     """A line for each factor of a column that a line above the table tells and that is not 1: ``Load scale factor``."""
     for row in narrow(header):
-        if tells_factor(text := _text(row)):
+        if tells_factor(text := joined(row)[:_LONGEST_LINE]):
             yield f"the file tells {shown(text, 60)}; numbers are read as they stand, without it"
 
 
@@ -61,9 +61,12 @@ def tells_factor(text: str) -> bool:
 
 def tells_unit(text: str) -> bool:
     """Whether a line tells the unit of a column."""
+    return _unit_in(text) is not None
+
+
+def _unit_in(text: str) -> tuple[str, str] | None:
+    """The name of a column and the unit that a line tells of it; None for another line."""
     line = _UNIT_LINE.fullmatch(text[:_LONGEST_LINE])
-    return line is not None and units.is_unit(line["unit"].strip())
-
-
-def _text(row: Row) -> str:
-    return " ".join(cell for cell in row if cell)[:_LONGEST_LINE]
+    if line is None or not units.is_unit(line["unit"]):
+        return None
+    return line["name"] or line["of"], line["unit"]

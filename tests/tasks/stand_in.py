@@ -17,6 +17,9 @@ from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from tests.trusting import trusted
 
+#: The command without figures and page.
+WITHOUT_FIGURES = Path(__file__).parent / "cluster" / "sinew_without_figures.py"
+
 # Plays febio4 with a linear spring. Writes a line when a run begins and another when it is done; both name the row by
 # a checksum of its material. It imports only what Python loads quickly: each row starts it anew.
 SOLVER = """#!{python} -IS

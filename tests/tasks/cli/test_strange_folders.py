@@ -11,9 +11,9 @@ import pytest
 from sinew.tasks.cli.main import main
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
+from tests.tasks.stand_in import WITHOUT_FIGURES
 
 COMMAND = Path(sys.executable).with_name("sinew")
-WITHOUT_FIGURES = Path(__file__).parents[1] / "cluster" / "sinew_without_figures.py"
 MODULES = ("multiprocessing", "signal", "psutil", "bokeh", "matplotlib", "numba", "pandas", "SALib", "skopt")
 
 

@@ -25,11 +25,9 @@ from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.study.workspace import Workspace
 from tests.runner.stores import contents
-from tests.tasks.stand_in import ROWS_PER_BASE_SAMPLE, committed, leftovers, prepare
+from tests.tasks.stand_in import ROWS_PER_BASE_SAMPLE, WITHOUT_FIGURES, committed, leftovers, prepare
 from tests.tasks.test_pipeline import sinew
 from tests.trusting import trusted
-
-WITHOUT_FIGURES = Path(__file__).parents[1] / "cluster" / "sinew_without_figures.py"
 
 
 def start(study: Path, cohort: Path, out: Path, workers: int) -> subprocess.Popen[bytes]:

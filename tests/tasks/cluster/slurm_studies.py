@@ -31,11 +31,10 @@ from sinew.tasks.study.resources import resource
 from sinew.tasks.study.study import read_study
 from tests.batch import places
 from tests.tasks import stand_in
-from tests.tasks.stand_in import committed
+from tests.tasks.stand_in import WITHOUT_FIGURES, committed
 from tests.trusting import trusted
 
 T = TypeVar("T")
-WITHOUT_FIGURES = Path(__file__).with_name("sinew_without_figures.py")
 JOB_SCRIPT = "job_script: job.sh.j2\n"  # in a profile: the leading job draws no figures
 PROFILE = """
 name: testbed

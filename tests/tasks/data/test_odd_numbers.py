@@ -3,7 +3,7 @@
 import numpy as np
 
 from sinew.tasks.data.remarks import remarks
-from tests.tasks.data.small_test import TIME, changed, read
+from tests.tasks.data.one_test_file import TIME, changed, read
 
 
 def test_a_usual_test_is_not_odd(tmp_path):
@@ -27,7 +27,7 @@ def test_a_converter_that_overflows_is_told(tmp_path):
     force = np.where(moved > 0.8, -32.8 + 20 * (moved - 0.8), 40.0 * moved)
     found = [line for line in remarks(read(tmp_path, moved=moved, force=force)) if "converter" in line]
     assert found == ["the force turns from 31.79 to -32.39 N from one row to the next, at 3.2 s; "
-                     "a converter may have overflown"]  # fmt: skip
+                     "a converter may have overflowed"]  # fmt: skip
     cyclic = 30.0 * np.sin(np.arange(40) / 3)
     assert not [line for line in remarks(read(tmp_path, force=cyclic)) if "converter" in line]
 
@@ -35,9 +35,7 @@ def test_a_converter_that_overflows_is_told(tmp_path):
 def test_a_gap_in_time_is_told(tmp_path):
     time = TIME + np.where(np.arange(40) > 25, 3600.0, 0.0)
     (line,) = remarks(read(tmp_path, time=time))
-    assert line == (
-        "times go on from 2.5 to 3602.6 s from one row to the next; nothing may have been recorded in between"
-    )
+    assert line == ("times go on from 2.5 to 3602.6 s from one row to the next; rows may be missing in between")
     assert remarks(read(tmp_path, time=np.geomspace(1.0, 4000.0, 40))) == [], "ever longer steps"
     assert remarks(read(tmp_path, time=np.concatenate([TIME[:20], TIME[19] + np.arange(1, 21) * 10.0]))) == [], (
         "another rate"

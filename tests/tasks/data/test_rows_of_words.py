@@ -5,7 +5,7 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.recordings import read_recordings
-from tests.tasks.data.small_test import FORCE, TIME, TITLES, WAY, read
+from tests.tasks.data.one_test_file import FORCE, TIME, TITLES, WAY, read
 
 
 def test_rows_of_words_are_left_out_with_a_remark(tmp_path):
@@ -76,7 +76,7 @@ def test_few_numbers_behind_words_are_no_measurements(tmp_path, words):
 
 def test_names_of_tests_in_a_column_are_no_words(tmp_path):
     lines = ["Specimen," + TITLES, *(f",{line}" for line in LINES[1:])]
-    with pytest.raises(BadInput):
+    with pytest.raises(BadInput, match=r"row 23, Specimen: '' again, after another value"):
         with_rows(tmp_path, 21, "B,,,", lines=lines, hints=Hints(test_column="Specimen"))
 
 

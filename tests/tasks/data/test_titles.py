@@ -5,7 +5,7 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.titles import is_spread, name_and_unit, without_numbers, without_suffix
 from tests.effort import at_most
-from tests.tasks.data.small_test import read
+from tests.tasks.data.one_test_file import read
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.remarks import remarks
-from tests.tasks.data.small_test import read
+from tests.tasks.data.one_test_file import read
 
 
 @pytest.mark.parametrize(
