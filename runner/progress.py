@@ -222,8 +222,8 @@ def read_progress(folder: Path) -> dict[str, Any] | None:
 
 def _usable(facts: dict[str, Any]) -> bool:
     """Whether the facts are those of a :class:`Board`: a title, and numbers that can be shown."""
-    numbers = [facts.get(name) for name in ("done", "total", "time")]
-    numbers += [facts.get(name, 0) for name in ("failed", "running", "rows_per_s")]
+    counts = [facts.get("done"), facts.get("total"), facts.get("failed", 0), facts.get("running", 0)]
+    numbers = [*counts, facts.get("time"), facts.get("rows_per_s", 0)]
     numbers += [] if facts.get("eta_s") is None else [facts["eta_s"]]
-    usable = all(isinstance(n, int | float) and -1e15 < n < 1e15 for n in numbers)
+    usable = all(isinstance(n, int | float) and -1e15 < n < 1e15 for n in numbers) and all(n >= 0 for n in counts)
     return usable and isinstance(facts.get("title"), str)

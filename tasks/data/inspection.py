@@ -19,7 +19,7 @@ from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, 
 from sinew.tasks.data.recordings import FEWEST_ROWS, Recording, read_recordings
 from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart
-from sinew.tasks.data.signs import new_zero
+from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import SIZES, read_sizes
 from sinew.tasks.data.sizes_in_names import sizes_in_name
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
@@ -207,8 +207,9 @@ def _sizes(
     if values["length"] is None and motion is not None and motion.quantity is LENGTH and len(numbers):
         values["length"] = float(numbers[0, 1])
     if values["length"] is None and motion is not None and motion.quantity is DISPLACEMENT:
-        zero = new_zero(numbers) if hints.preload is not None else 0
-        first, end = (zero, None) if hints.preload == "leave-out" else (0, zero or None)
+        zeros = new_zeros(numbers) if hints.preload is not None else ()
+        first = zeros[-1] if zeros and hints.preload == "leave-out" else 0
+        end = zeros[0] if zeros and hints.preload == "keep" else None
         beside_it = length_beside(table, numbers[first:end, 1], first)
         values["length"] = None if beside_it is None else beside_it.mm
     return _with_area(values)
@@ -224,11 +225,13 @@ def _with_area(values: dict[str, float | None]) -> dict[str, float | None]:
     return values | {"area": width * thickness} if width is not None and thickness is not None else values
 
 
-def _two_lengths(table: Table, displacement: np.ndarray[Any, Any], first: int) -> str:
+def _two_lengths(table: Table, numbers: np.ndarray[Any, Any]) -> str:
     """The question for a gauge length that is another one after a preload, or nothing."""
-    if not first:
+    zeros, displacement = new_zeros(numbers), numbers[:, 1]
+    if not zeros:
         return ""
-    before, after = length_beside(table, displacement[:first]), length_beside(table, displacement[first:], first)
+    first, last = zeros[0], zeros[-1]
+    before, after = length_beside(table, displacement[:first]), length_beside(table, displacement[last:], last)
     if before is None or after is None:
         return ""
     both = f"{before.mm:g} mm by '{before.text}', and {after.mm:g} mm where it is set to zero again"
@@ -243,7 +246,7 @@ def _doubt(
     if motion is None or motion.quantity in (POSITION, LENGTH):
         return ""
     if length_mm is None:
-        return "" if motion.quantity is STRAIN else _two_lengths(table, numbers[:, 1], new_zero(numbers))
+        return "" if motion.quantity is STRAIN else _two_lengths(table, numbers)
     both = contradiction(table, range(len(table.rows)), motion, length_mm)
     return f"length: {both}; --length-mm" if both else ""
 

@@ -31,7 +31,7 @@ from sinew.tasks.data.several import (
     refuse_several,
     told_apart,
 )
-from sinew.tasks.data.signs import new_zero
+from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import Size, read_sizes
 from sinew.tasks.data.sizes_of_tests import sizes_beside, sizes_by_results, without_others
 from sinew.tasks.data.speeds import timed
@@ -284,7 +284,8 @@ def _recording(
         numbers, by = timed(table, columns, numbers, hints, block)
         notes += by
     if hints.cycle_column is not None:
-        numbers[:, 0] = going_on(numbers[:, 0], _within(blocks_of_cycles(table, block.end, hints.cycle_column), block))
+        numbers[:, 0], by = _over_cycles(table, columns, numbers[:, 0], hints.cycle_column, block)
+        notes += by
     back = [block.start + int(at) + 1 for at in np.flatnonzero(np.diff(numbers[:, 0]) <= 0)]
     apart = told_apart(table, block.end, back, list(places)) if hints.test_column is None else None
     if apart is not None and not back:
@@ -295,10 +296,10 @@ def _recording(
     if "length" not in sizes and columns[1].quantity is DISPLACEMENT:
         length = length_beside(table, numbers[:, 1], block.start)
         sizes |= {} if length is None else {"length": length}
-        if first := new_zero(numbers):
+        if zeros := new_zeros(numbers):
             lengths = (
-                length_beside(table, numbers[:first, 1], block.start),
-                length_beside(table, numbers[first:, 1], block.start + first),
+                length_beside(table, numbers[: zeros[0], 1], block.start),
+                length_beside(table, numbers[zeros[-1] :, 1], block.start + zeros[-1]),
             )
     used = {size.text for size in (sizes.get("length"), lengths[1]) if size is not None and size.column}
     return Recording(
@@ -316,6 +317,18 @@ def _recording(
         lengths=lengths,
         repeats=repeats_of(table, range(block.start, block.end), *columns[1:]) if beside == 1 else Repeats(),
     )
+
+
+def _over_cycles(
+    table: Table, columns: Columns, time_s: Array, cycle_column: str, block: Block
+) -> tuple[Array, tuple[str, ...]]:
+    """Times ``[t]`` (s) of a block of rows that go on over its cycles, and a note where this changes them."""
+    taken = [column.place for column in columns]
+    cycles = _within(blocks_of_cycles(table, block.end, cycle_column, taken), block)
+    going = going_on(time_s, cycles)
+    if np.array_equal(going, time_s):
+        return going, ()
+    return going, (f"times go on over {len(cycles)} cycles, which {shown(cycle_column)} tells apart",)
 
 
 def _believed(

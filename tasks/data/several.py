@@ -17,7 +17,8 @@ from sinew.tasks.data.questions import Unclear
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.titles import name_and_unit
 
-TEST_COLUMN = "--test-column"
+TEST_COLUMN, CYCLE_COLUMN = "--test-column", "--cycle-column"
+FEWEST_ROWS_OF_A_CYCLE = 3
 SOON = 10.0  # usual steps of time between two tables of one test
 Array = np.ndarray[Any, np.dtype[Any]]
 Columns = tuple[Column, Column, Column]
@@ -129,9 +130,21 @@ def blocks_of_tests(table: Table, rows: int, wanted: str) -> list[Block]:
     return found
 
 
-def blocks_of_cycles(table: Table, rows: int, wanted: str) -> list[Block]:
-    """The same for the cycles of one test, whose numbers may come again."""
-    return _blocks(table, rows, place_named(table, wanted, "--cycle-column"))
+def blocks_of_cycles(table: Table, rows: int, wanted: str, taken: Sequence[int]) -> list[Block]:
+    """The same for the cycles of one test, whose numbers may come again.
+
+    Raises :class:`BadInput` for one of the ``taken`` columns, and for a column that changes too often to tell cycles.
+    """
+    place = place_named(table, wanted, CYCLE_COLUMN)
+    where = f"{table.path}: {CYCLE_COLUMN} {shown(wanted)}"
+    if place in taken:
+        raise BadInput(where, "the column of time, displacement or force", "another column, which tells the cycle")
+    found = _blocks(table, rows, place)
+    if len(found) > max(rows // FEWEST_ROWS_OF_A_CYCLE, 1):
+        problem = f"changes {len(found) - 1:,} times in {rows:,} rows"
+        expected = f"a column with one value for each cycle, which has {FEWEST_ROWS_OF_A_CYCLE} rows or more"
+        raise BadInput(where, problem, expected)
+    return found
 
 
 def _blocks(table: Table, rows: int, place: int) -> list[Block]:
@@ -204,8 +217,8 @@ def told_apart(table: Table, rows: int, back: Sequence[int], taken: Sequence[int
         cells = _cells(table, rows, place)
         values = [cells[start] for start in _starts(cells)]
         again = len(set(values)) < len(values)
-        if 1 < len(values) <= rows // 3 and (not again or name in words.CYCLES):
-            option = "--cycle-column" if name in words.CYCLES else TEST_COLUMN
+        if 1 < len(values) <= rows // FEWEST_ROWS_OF_A_CYCLE and (not again or name in words.CYCLES):
+            option = CYCLE_COLUMN if name in words.CYCLES else TEST_COLUMN
             found.append((len(values), place, Apart(title, len(values), option)))
     return min(found)[2] if found else None
 

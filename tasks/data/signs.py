@@ -19,8 +19,9 @@ from sinew.tasks.data.questions import Doubt
 
 Array = np.ndarray[Any, np.dtype[Any]]
 #: Where a motion is set to zero again, it moves by this part of its range, and by so many times its usual step, from
-#: one row to the next; the force by no more than the last part of its own range.
-JUMP, STEPS, STAYS = 0.2, 20.0, 0.02
+#: one row to the next (fewer suffice where it ends at zero); the force by no more than this part of its own range.
+JUMP, STEPS, STEPS_TO_ZERO, STAYS = 0.2, 20.0, 5.0, 0.02
+AT_ZERO = 0.05  # of the motion before it: what a machine has set to zero again is smaller
 FEWEST = 3  # rows on either side of it
 ZERO, NEGATE, PRELOAD = "--zero-displacement", "--negate", "--preload"
 _TURNED = "which sign should be reversed?"
@@ -65,26 +66,36 @@ def doubts(columns: Sequence[Column], numbers: Array, texts: Iterable[str], hint
         yield from _sign(columns, numbers, texts)
 
 
-def new_zero(numbers: Array) -> int:
-    """The row of numbers ``[t, 3]`` from which on a motion counts from another zero: it jumps, and the force stays.
+def new_zeros(numbers: Array) -> tuple[int, ...]:
+    """The rows of numbers ``[t, 3]`` from which on a motion counts from another zero: it jumps, and the force stays.
 
-    Machines set the displacement to zero again after a preload. 0 where there is no such row, or more than one.
+    Machines set the displacement to zero again after a preload, and again after a preconditioning. Of several jumps,
+    those to zero count; a single one may lead anywhere.
     """
-    steps, loads = np.abs(np.diff(numbers[:, 1])), np.abs(np.diff(numbers[:, 2]))
+    motion, loads = numbers[:, 1], np.abs(np.diff(numbers[:, 2]))
+    steps = np.abs(np.diff(motion))
     moving = steps[steps > 0.0]
     usual = float(np.median(moving)) if moving.size else np.inf
-    far = (steps > JUMP * np.ptp(numbers[:, 1])) & (steps > STEPS * usual)
-    rows = np.flatnonzero(far & (loads < STAYS * np.ptp(numbers[:, 2]))) + 1
-    return int(rows[0]) if len(rows) == 1 and FEWEST <= rows[0] < len(numbers) - FEWEST else 0
+    to_zero = at_zero(motion[:-1], motion[1:])
+    far = (steps > JUMP * np.ptp(motion)) & (steps > np.where(to_zero, STEPS_TO_ZERO, STEPS) * usual)
+    jumps = np.flatnonzero(far & (loads < STAYS * np.ptp(numbers[:, 2])))
+    rows = jumps + 1 if len(jumps) == 1 else jumps[to_zero[jumps]] + 1
+    return tuple(int(row) for row in rows if FEWEST <= row < len(numbers) - FEWEST)
+
+
+def at_zero(before: Array, after: Array) -> Array:
+    """Whether each motion ``[n]`` (any unit) is next to zero after a jump from another one ``before`` it."""
+    return np.abs(after) <= AT_ZERO * np.abs(before)
 
 
 def _preload(columns: Sequence[Column], numbers: Array) -> Iterator[Doubt]:
-    """Where the motion is set to zero again, once."""
-    if row := new_zero(numbers):
-        unit = BASE_UNITS.get(columns[1].quantity.name, "")
+    """Where the motion is set to zero again."""
+    if rows := new_zeros(numbers):
+        row, unit = rows[-1], BASE_UNITS.get(columns[1].quantity.name, "")
         before, after = (f"{each:.4g} {unit}".strip() for each in numbers[row - 1 : row + 1, 1])
+        jumps = "jumps" if len(rows) == 1 else f"jumps {len(rows)} times, the last time"
         text = (
-            f"the {columns[1].quantity.name} jumps from {before} to {after} at {numbers[row, 0]:.6g} s while the "
+            f"the {columns[1].quantity.name} {jumps} from {before} to {after} at {numbers[row, 0]:.6g} s while the "
             f"force stays: likely set to zero again after a preload of {row:,} rows"
         )
         yield Doubt(text, "leave out these rows?", PRELOAD, ("leave-out", "keep"))

@@ -8,20 +8,13 @@ from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.questions import Doubt
 from sinew.tasks.data.recordings import Recording
-from sinew.tasks.data.signs import PRELOAD, counted, doubts, new_zero
-
-ZERO = 0.05  # of the displacement before it: what a machine has set to zero again is smaller
+from sinew.tasks.data.signs import PRELOAD, at_zero, counted, doubts, new_zeros
 
 
 def as_told(recording: Recording, hints: Hints) -> Recording:
     """The recording with displacement and force counted as a person says, and what is doubtful then."""
-    first = new_zero(recording.numbers) if hints.preload is not None else 0
-    if first:
-        by_speed = hints.timing.given and hints.timing.rate_hz is None
-        if hints.preload == "keep" and by_speed and f"times by {hints.timing}" in recording.notes:
-            problem = f"its displacement is set to zero again after {first:,} rows, so a speed tells no time there"
-            raise BadInput(recording.path, problem, "--rate-hz, or --preload leave-out")
-        recording = (_from_row if hints.preload == "leave-out" else _counted_on)(recording, first)
+    if hints.preload is not None:
+        recording = _without_preload(recording, hints)
     numbers, notes = counted(str(recording.path), recording.columns, recording.numbers, hints)
     recording = replace(recording, numbers=numbers, notes=(*recording.notes, *notes))
     if hints.end == "leave-out":
@@ -33,6 +26,23 @@ def as_told(recording: Recording, hints: Hints) -> Recording:
     return replace(recording, doubts=(*told, *(doubt_of_end(recording) if hints.end is None else ())))
 
 
+def _without_preload(recording: Recording, hints: Hints) -> Recording:
+    """The recording from its last zero on, or counted on from the first one, as a person says."""
+    rows = new_zeros(recording.numbers)
+    if not rows:
+        note = f"nothing changed by {PRELOAD}: the {recording.motion.quantity.name} is nowhere set to zero again"
+        return replace(recording, notes=(*recording.notes, note))
+    if hints.preload == "leave-out":
+        return _from_row(recording, rows[-1])
+    by_speed = hints.timing.given and hints.timing.rate_hz is None
+    if by_speed and f"times by {hints.timing}" in recording.notes:
+        problem = f"its displacement is set to zero again after {rows[0]:,} rows, so a speed tells no time there"
+        raise BadInput(recording.path, problem, "--rate-hz, or --preload leave-out")
+    for row in rows:
+        recording = _counted_on(recording, row, once=len(rows) == 1)
+    return recording
+
+
 def _with_lengths(doubt: Doubt, recording: Recording) -> Doubt:
     """The doubt about a preload with the gauge lengths that either answer leads to, where the file tells them."""
     before, after = (None if one is None else one.mm for one in recording.lengths)
@@ -42,20 +52,20 @@ def _with_lengths(doubt: Doubt, recording: Recording) -> Doubt:
     return replace(doubt, text=f"{doubt.text}; {lengths}")
 
 
-def _counted_on(recording: Recording, first: int) -> Recording:
+def _counted_on(recording: Recording, first: int, *, once: bool) -> Recording:
     """The recording whose displacement goes on where it is set to zero again, in row ``first``.
 
-    It goes on by what the gauge lengths at both zeros tell, or else from the row before. Without such lengths, a jump
-    to anywhere but zero may be a motion of the machine, and nothing is changed.
+    It goes on by what the gauge lengths at both zeros tell, if this happens ``once``, or else from the row before.
+    Without such lengths, a jump to anywhere but zero may be a motion of the machine, and nothing is changed.
     """
     name, numbers = recording.motion.quantity.name, recording.numbers.copy()
     if recording.motion.quantity is not DISPLACEMENT:  # a strain may count from a new length
         note = f"the {name} is set to zero again after {first:,} rows, and stays as it is"
         return replace(recording, notes=(*recording.notes, note))
     before, after = recording.lengths
-    if before is not None and after is not None and before.mm is not None and after.mm is not None:
+    if once and before is not None and after is not None and before.mm is not None and after.mm is not None:
         further = after.mm - before.mm
-    elif abs(numbers[first, 1]) > ZERO * abs(numbers[first - 1, 1]):
+    elif once and not at_zero(numbers[first - 1, 1], numbers[first, 1]):
         note = f"the {name} jumps after {first:,} rows, but not to zero, and stays as it is"
         return replace(recording, notes=(*recording.notes, note))
     else:

@@ -60,6 +60,10 @@ class MorrisResult(Result):
             told = f"{self.trajectories_used} of {self.trajectories} trajectories are used"
             told += f", {self.failed} of {self.rows} rows failed"
             raise ValueError(told)
+        if self.rows != self.trajectories * (len(self.names) + 1):
+            raise ValueError(f"rows: {self.rows:,} of {self.trajectories:,} trajectories of {len(self.names) + 1} each")
+        if self.levels < 2 or self.levels % 2 or not 0 < self.confidence < 1:
+            raise ValueError(f"{self.levels:,} levels, confidence {self.confidence:g}")
         if len(self.bounds) != len(self.names) or any(len(one) != 2 or one[0] > one[1] for one in self.bounds):
             raise ValueError("bounds: not two numbers in order for each name")
         for one in (self.total, *self.protocols.values(), *self.specimens.values()):

@@ -65,8 +65,8 @@ class PawnResult(Result):
             raise ValueError(f"failed: {self.failed} of {self.rows} rows")
         for one in self.by_output().values():
             check_lengths(self.names, one, KEYS)
-            if np.any(one.median_low > one.median_high + ROUNDING):
-                raise ValueError("median_low: above median_high")
+            if np.any(one.median_low > one.median + ROUNDING) or np.any(one.median > one.median_high + ROUNDING):
+                raise ValueError("median: outside median_low to median_high")
             if np.any(np.maximum(one.median, one.mean) > one.maximum + ROUNDING):
                 raise ValueError("maximum: below the median or the mean")
 

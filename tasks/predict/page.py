@@ -1,7 +1,6 @@
 """Prediction: bands around the curves, and how many of the measured points they hold."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -43,16 +42,16 @@ def section(folder: ResultFolder) -> Section:
     blocks: list[Block] = [_table(result)]
     if folder.store is not None:
         kept = read_results(folder.store, [bands_group(site) for site in result.sites])
-        blocks.insert(0, _bands(result, kept))
-        for quantity, other in (result.others or {}).items():
-            own = replace(result, coverage=other.coverage)
-            blocks.append(_bands(own, [of_quantity(each, quantity) for each in kept], quantity, other.unit))
+        blocks.insert(0, _bands(result, _given(result.coverage), kept))
+        for name, other in (result.others or {}).items():
+            its = [of_quantity(each, name) for each in kept]
+            blocks.append(_bands(result, _given(other.coverage), its, name, other.unit))
     if result.others:
         blocks.append(_table_of_others(result))
     for site, prediction in result.sites.items():
         blocks += [Words(f"{site}: {why}", "note") for why in prediction.gaps]
     blocks += [Words(f"{remark}.", "warning") for remark in result.remarks]
-    shares = [f"{percent(one.all)} in the band of {BANDS[band]}" for band, one in _given(result).items()]
+    shares = [f"{percent(one.all)} in the band of {BANDS[band]}" for band, one in _given(result.coverage).items()]
     points = plural(max(one.points for one in result.coverage.values()), "point")
     return Section(
         "prediction", title, question, blocks,
@@ -65,13 +64,19 @@ def section(folder: ResultFolder) -> Section:
     )  # fmt: skip
 
 
-def _given(result: PredictResult) -> dict[str, Coverage]:
+def _given(coverage: Mapping[str, Coverage]) -> dict[str, Coverage]:
     """Coverage by band, of the bands that are given anywhere."""
-    return {band: result.coverage[band] for band in BANDS if result.coverage[band].all is not None}
+    return {band: coverage[band] for band in BANDS if coverage[band].all is not None}
 
 
-def _bands(result: PredictResult, kept: Sequence[xr.Dataset], quantity: str = FORCE, unit: str = "N") -> Block:
-    given = _given(result)
+def _bands(
+    result: PredictResult,
+    given: Mapping[str, Coverage],
+    kept: Sequence[xr.Dataset],
+    quantity: str = FORCE,
+    unit: str = "N",
+) -> Block:
+    """The bands of a quantity that are ``given``, with the measured curves that each of ``kept``, a site, holds."""
     label_y = with_its_unit(quantity.replace("_", " "), unit)
     digits, key = ("{0.0}", "prediction") if quantity == FORCE else ("", f"prediction-{quantity}")
     bands = [band for band in COLOUR if band in given]

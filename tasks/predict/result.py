@@ -39,6 +39,19 @@ class Coverage:
     specimens: Mapping[str, Share | None]
     curves: Share | None
 
+    def __post_init__(self) -> None:
+        """Raises :class:`ValueError` for shares that contradict each other."""
+        if len({self.all is None, self.curves is None, self.points == 0}) > 1:
+            raise ValueError(f"{self.all} of {self.points:,} points and {self.curves} of the curves")
+        if self.all is None or self.curves is None:
+            return
+        for parts in (self.protocols, self.specimens):
+            given = [share for share in parts.values() if share is not None]
+            if given and not min(given) - ROUNDING <= self.all <= max(given) + ROUNDING:
+                raise ValueError(f"{self.all:g} of all points, but {min(given):g} to {max(given):g} of their parts")
+        if (self.all > 1.0 - ROUNDING) != (self.curves > 1.0 - ROUNDING):
+            raise ValueError(f"{self.all:g} of all points, but {self.curves:g} of the curves with all of theirs")
+
 
 @dataclass(frozen=True)
 class QuantityPrediction:
@@ -104,15 +117,16 @@ class PredictResult(Result):
         """Raises :class:`ValueError` for numbers that contradict each other."""
         if self.failed > self.rows:
             raise ValueError(f"{self.failed:,} of {self.rows:,} simulations failed")
+        each = [sum(statuses.values()) for site in self.sites.values() for statuses in site.failed.values()]
+        if sum(each) != self.failed:
+            raise ValueError(f"failed: {self.failed:,} simulations, but {sum(each):,} of the specimens")
         for site, coverage in self.by_site.items():
             if "hdi" not in coverage or set(coverage) - set(BANDS):
                 raise ValueError(f"coverage of {site}: of {', '.join(coverage)}, not of {', '.join(BANDS)}")
-            for band, one in coverage.items():
-                for parts in (one.protocols, one.specimens):
-                    given = [share for share in parts.values() if share is not None]
-                    if given and one.all is not None and not min(given) - ROUNDING <= one.all <= max(given) + ROUNDING:
-                        told = f"{one.all:g} of all points, but {min(given):g} to {max(given):g} of their parts"
-                        raise ValueError(f"{site}, {band}: {told}")
+        for band, one in self.coverage.items():
+            points = sum(site.coverage[band].points for site in self.sites.values() if band in site.coverage)
+            if one.points != points:
+                raise ValueError(f"coverage of all, {band}: {one.points:,} points, but {points:,} of the sites")
 
     def shares_of_others(self) -> Iterator[dict[str, Any]]:
         """As :meth:`shares`, of the quantities that are compared beside the force; ``quantity`` names each."""

@@ -18,6 +18,7 @@ from sinew.runner.cluster.batch_systems import current_job
 from sinew.runner.cluster.local import Local
 from sinew.tasks.model import Specimen
 from sinew.tasks.study.files import digest, last_events
+from sinew.tasks.study.own_template import template_hash
 from sinew.tasks.study.resources import DISTRIBUTION
 from sinew.tasks.study.workspace import Workspace
 
@@ -49,6 +50,7 @@ def facts(workspace: Workspace) -> dict[str, Any]:
         "out": str(workspace.out),
         "study_hash": digest(study.text),
         "study_text": study.text,
+        "template_hash": template_hash(study),
         "cohort": "" if workspace.cohort.folder == study.path else str(workspace.cohort.folder),
         "cohort_hash": digest(specimens),
         "specimens": specimens,

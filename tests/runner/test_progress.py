@@ -124,6 +124,15 @@ def test_the_way_to_a_dashboard():
     assert way_to(None) is way_to({"host": "a; rm -rf", "port": 1}) is way_to({"host": "a"}) is None
 
 
+@pytest.mark.parametrize("change", [{"done": -5}, {"running": -1}, {"total": 1e16}, {"failed": "no"}, {"time": None}])
+def test_counts_that_cannot_be_are_no_progress(tmp_path, change):
+    facts = {"title": "s01", "done": 3, "total": 9, "time": 1e9}
+    (tmp_path / "progress.json").write_text(json.dumps(facts))
+    assert read_progress(tmp_path) == facts
+    (tmp_path / "progress.json").write_text(json.dumps(facts | change))
+    assert read_progress(tmp_path) is None
+
+
 def test_what_is_no_name_of_a_task_is_left_out(tmp_path):
     facts = {"title": "s01", "done": 3, "total": 9, "time": 1e9, "task": ["l"], "notes": {"a": {}}}
     (tmp_path / "progress.json").write_text(json.dumps(facts))

@@ -15,9 +15,8 @@ from sinew.tasks.report.crate.layout import Layout, changed_fields, with_fields
 from sinew.tasks.report.crate.pack import MAX_BYTES, Item
 from sinew.tasks.report.crate.source import Source
 from sinew.tasks.report.status import PAGE
-from sinew.tasks.simulate.febio.files import read_files
-from sinew.tasks.simulate.febio.renderer import Allowance
 from sinew.tasks.study.files import as_bytes, read_json
+from sinew.tasks.study.own_template import template_texts
 from sinew.tasks.study.study import read_study
 
 PLAIN = re.compile(r"[A-Za-z0-9_+. -]{1,255}")  # names that every archive, list of hashes and system can hold
@@ -36,12 +35,9 @@ def study_items(source: Source, layout: Layout) -> Iterator[Item]:
     """The study file, with paths of the crate, and the template with all that it includes."""
     text = with_fields(source.text, changed_fields(source, layout))
     yield Item(str(layout.study), text.encode(), "study file")
-    name = source.study.simulator.own_template
-    if name is not None:
-        _, texts = read_files(source.study.path.parent, name, Allowance())
-        place = layout.study.parent / PurePosixPath(name).parent
-        for each, content in texts.items():
-            yield Item(str(place / each), content.encode(), "FEBio template")
+    place = layout.study.parent / PurePosixPath(source.study.simulator.own_template or "").parent
+    for each, content in template_texts(source.study).items():
+        yield Item(str(place / each), content.encode(), "FEBio template")
 
 
 def cohort_items(source: Source, layout: Layout) -> Iterator[Item]:
@@ -96,11 +92,7 @@ def template_files(folder: Path) -> frozenset[PurePosixPath]:
     """The files in a result folder of the template beside the study with the named effects."""
     if not (folder / TEMPLATE).is_dir() or not (folder / WITH_EFFECTS).is_file():
         return frozenset()
-    name = read_study(folder / WITH_EFFECTS).simulator.own_template
-    if name is None:
-        return frozenset()
-    _, texts = read_files(folder / WITH_EFFECTS.parent, name, Allowance())
-    return frozenset(PurePosixPath(TEMPLATE) / each for each in texts)
+    return frozenset(PurePosixPath(TEMPLATE) / each for each in template_texts(read_study(folder / WITH_EFFECTS)))
 
 
 def kept(relative: PurePosixPath, template: Collection[PurePosixPath] = (), *, store: bool) -> bool:

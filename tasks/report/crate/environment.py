@@ -12,7 +12,18 @@ from sinew.tasks.study.resources import DISTRIBUTION
 
 VERSION = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+!_-]*")
 SOLVER = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,99}")
-FACTS = ("version", "code", "python", "system", "seed", "simulator", "study_hash", "cohort_hash", "asctime")
+FACTS = (
+    "version",
+    "code",
+    "python",
+    "system",
+    "seed",
+    "simulator",
+    "study_hash",
+    "template_hash",
+    "cohort_hash",
+    "asctime",
+)
 
 
 def environment(source: Source) -> dict[str, Any]:

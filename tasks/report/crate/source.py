@@ -11,10 +11,12 @@ from sinew.tasks.report.folder import ResultFolder, read_folder
 from sinew.tasks.simulate.registry import kinds
 from sinew.tasks.study.cohort import cohort_of
 from sinew.tasks.study.files import digest
+from sinew.tasks.study.own_template import template_hash
 from sinew.tasks.study.provenance import identities
 from sinew.tasks.study.study import Study, read_study
 
-SAME = ("study_hash", "cohort_hash", "seed", "simulator")  # of a run: what its numbers depend on, beside versions
+#: of a run: what its numbers depend on, beside versions
+SAME = ("study_hash", "template_hash", "cohort_hash", "seed", "simulator")
 
 
 @dataclass(frozen=True)
@@ -37,8 +39,8 @@ def read_source(folder: Path, study: Path | None = None, data: Path | None = Non
     """Read all of it, and check that it belongs together.
 
     ``study`` and ``data`` are where the study file and the cohort lie now, by default where the log says. Raises
-    :class:`BadInput` for a folder whose results are of several studies, and for a study or a cohort that is not the one
-    of the results; ``SinewError`` for a damaged folder.
+    :class:`BadInput` for a folder whose results are of several studies, and for a study, a template or a cohort that is
+    not the one of the results; ``SinewError`` for a damaged folder.
     """
     found = read_folder(folder)
     if found.trouble:
@@ -53,6 +55,10 @@ def read_source(folder: Path, study: Path | None = None, data: Path | None = Non
     text = path.read_text("utf-8")
     if digest(text) != run.get("study_hash"):
         raise BadInput(path, "is not the study file of these results", "the same bytes (--study), or a new `sinew run`")
+    own = read.simulator.own_template
+    if own is not None and template_hash(read) != run.get("template_hash"):
+        problem = "is not the template of these results, or a file that it includes is not"
+        raise BadInput(path.parent / own, problem, "the same bytes, or a new `sinew run`")
     cohort = cohort_of(read, data or _cohort(run))
     if digest(identities(cohort.specimens)) != run.get("cohort_hash"):
         raise BadInput(cohort.folder, "is not the cohort of these results", "the same curves (--data), or a new run")

@@ -18,7 +18,7 @@ from sinew.runner.store.chunks import BLOSC_HEADER, blosc_fault, codecs_fault, t
 from sinew.runner.store.damage import words
 from sinew.runner.zip_end import directory_of
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.febio.kept import ENDING, FORMAT, Entry, Run, as_zarr
+from sinew.tasks.simulate.febio.kept import ENDING, FORMAT, Entry, Run, as_zarr, key_of
 from sinew.tasks.simulate.febio.plot_file import PlotFile, Variable, fits
 from sinew.tasks.simulate.febio.plot_mesh import MAX_PART, SHAPES, Mesh, Region
 
@@ -57,6 +57,8 @@ def contents(path: Path) -> list[tuple[Entry, Place]]:
             entry = Entry(str(run["key"]), str(run["of"]), str(run["protocol"]), parameters)
             if entry.key in keys:  # all runs with a key are read
                 raise ValueError("it lists a run twice")
+            if entry.key != key_of(entry.of, tuple(parameters), np.array(list(parameters.values()))):
+                raise ValueError("it lists a run with parameters that are not those of its key")
             keys.add(entry.key)
             found.append((entry, Place(path, number, int(run["mesh"]))))
         return found

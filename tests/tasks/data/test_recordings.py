@@ -586,8 +586,9 @@ def test_cycles_whose_times_start_again_are_one_test(tmp_path):
     cycles = BELOW.replace("id,", "Cycle,")
     with pytest.raises(BadInput, match="or --cycle-column 'Cycle', which changes there"):
         curve_of(read(tmp_path, cycles), BAR, "pull")
-    found = read(tmp_path, cycles, cycle_column="Cycle")
-    assert found.numbers[:, 0].tolist() == list(range(8))
+    found = read(tmp_path, cycles + "b,4,0.4,24\n", cycle_column="Cycle")
+    assert found.numbers[:, 0].tolist() == list(range(9))
+    assert remarks(found)[-1] == "times go on over 2 cycles, which 'Cycle' tells apart"
 
 
 # ---- times that a person tells

@@ -93,7 +93,22 @@ def test_a_test_in_two_places_is_refused_and_a_cycle_is_not():
     table = table_of("id|t_s|F_N", *BLOCKS, "a|2|2")
     with pytest.raises(BadInput, match="row 7, id: 'a' again, after another value"):
         blocks_of_tests(table, 6, "id")
-    assert [block.name for block in blocks_of_cycles(table, 6, "id")] == ["a", "b", "a"]
+    table = table_of("id|t_s|F_N", *(f"{name}|{i}|{i}" for i, name in enumerate("aaabbbaaa")))
+    assert [block.name for block in blocks_of_cycles(table, 9, "id", [1, 2])] == ["a", "b", "a"]
+
+
+@pytest.mark.parametrize(
+    ("wanted", "problem"),
+    [
+        ("3", "'3': the column of time, displacement or force; expected another column"),
+        ("T", "'T': changes 5 times in 6 rows; expected a column with one value for each cycle"),
+    ],
+)
+def test_a_column_that_cannot_tell_cycles_is_refused(wanted, problem):
+    table = table_of("id|t_s|F_N|T", *(f"a|{i % 3}|{i}|2{i}" for i in range(6)))
+    with pytest.raises(BadInput) as refused:
+        blocks_of_cycles(table, 6, wanted, [1, 2])
+    assert str(refused.value).startswith(f"test.csv: --cycle-column {problem}")
 
 
 @pytest.mark.parametrize(

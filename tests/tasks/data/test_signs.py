@@ -152,12 +152,46 @@ def test_a_displacement_that_is_set_to_zero_again_after_a_preload_is_doubtful_un
         (np.where(LATER, AFTER, PULL), np.where(LATER, AFTER, PULL)),  # the specimen was let go
         (PULL - AFTER, PULL - AFTER),
         (0.0 * PULL, PULL),
-        (np.where(LATER, AFTER, PULL) + 5.0 * (SAMPLES_S > 7.0), SAMPLES_S),  # two jumps
+        (PULL + 3.0 * (SAMPLES_S > 5.0) + 5.0 * (SAMPLES_S > 7.0), SAMPLES_S),  # two jumps to elsewhere
     ],
 )
 def test_other_courses_are_not_taken_for_a_preload(tmp_path, motion, force):
     assert not [one for one in sampled(tmp_path, motion, force).doubts if one.option == "--preload"]
     assert len(sampled(tmp_path, motion, force, preload="leave-out").numbers) == 401
+
+
+def test_a_displacement_that_is_set_to_zero_twice_counts_from_the_last_zero_or_goes_on_at_both(tmp_path):
+    """After a preload, and again after a preconditioning; a later jump to elsewhere is none of them."""
+    motion = np.where(SAMPLES_S < 3.0, PULL, np.where(LATER, AFTER, PULL - 3.0))
+    (doubt,) = sampled(tmp_path, motion, SAMPLES_S).doubts
+    assert doubt.text == (
+        "the displacement jumps 2 times, the last time from 2.98 mm to 0 mm at 6 s while the force stays: likely set "
+        "to zero again after a preload of 300 rows"
+    )
+    cut = sampled(tmp_path, motion, SAMPLES_S, preload="leave-out")
+    assert (len(cut.numbers), cut.numbers[0].tolist(), cut.doubts) == (101, [6.0, 0.0, 6.0], ())
+    kept = sampled(tmp_path, motion, SAMPLES_S, preload="keep")
+    assert kept.numbers[[149, 150, 299, 300, 400], 1] == pytest.approx([2.98, 2.98, 5.96, 5.96, 7.96])
+    assert kept.notes == (
+        "displacement counted on by 2.98 mm after the first 150 rows, where it was set to zero again",
+        "displacement counted on by 2.98 mm after the first 300 rows, where it was set to zero again",
+    )
+    (doubt,) = sampled(tmp_path, np.where(LATER, AFTER, PULL) + 5.0 * (SAMPLES_S > 7.0), SAMPLES_S).doubts
+    assert "jumps from 5.98 mm to 0 mm at 6 s" in doubt.text
+
+
+def test_few_rows_before_a_new_zero_are_enough_and_an_option_that_finds_none_says_so(tmp_path):
+    """A step of 19 usual ones, in a file of 60 rows."""
+    rows = [(0.1 * i, 0.05 * i, 0.1 * i) for i in range(20)] + [
+        (2 + 0.1 * i, 0.05 * i, 1.9 + 0.5 * i) for i in range(40)
+    ]
+    path = tmp_path / "coarse.csv"
+    path.write_text(f"{TITLES}\n" + "".join(f"{t:g},{u:g},{f:g}\n" for t, u, f in rows))
+    (recording,) = read_recordings(path, Hints())
+    assert [doubt.option for doubt in as_told(recording, Hints()).doubts] == ["--preload"]
+    assert len(as_told(recording, Hints(preload="leave-out")).numbers) == 40
+    nowhere = "nothing changed by --preload: the displacement is nowhere set to zero again"
+    assert sampled(tmp_path, PULL, PULL, preload="keep").notes == (nowhere,)
 
 
 def test_what_is_kept_beside_the_force_goes_with_the_rows(tmp_path):

@@ -34,6 +34,9 @@ def test_a_result_is_read_as_it_was_written(tmp_path):
         ({"bounds": [[0, 1]]}, "bounds: not two numbers in order"),
         ({"failed": 99}, "9 of 10 trajectories are used, 99 of 30 rows failed"),
         ({"trajectories_used": 11}, "11 of 10 trajectories"),
+        ({"trajectories": 10**15}, "rows: 30 of 1,000,000,000,000,000 trajectories of 3 each"),
+        ({"levels": 3}, "3 levels, confidence 0.95"),
+        ({"confidence": 0.0}, "4 levels, confidence 0"),
     ],
 )
 def test_numbers_that_cannot_be_are_refused(tmp_path, change, told):

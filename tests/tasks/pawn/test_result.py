@@ -27,7 +27,7 @@ def test_a_result_is_read_as_it_was_written(tmp_path):
     [
         ({"median": [7.0, 0.1]}, "median: .*expected 0 to 1"),
         ({"CV": [-3.0, 0.1]}, "CV: .*expected at least 0"),
-        ({"median_low": [0.9, 0.1]}, "median_low: above median_high"),
+        ({"median_low": [0.9, 0.1]}, "median: outside median_low to median_high"),
         ({"maximum": [0.42, 0.2]}, "maximum: below the median or the mean"),
         ({"no_influence": -5.0}, "no_influence: -5.0: expected 0 to 1"),
         ({"failed": 1000}, "failed: 1000 of 100 rows"),

@@ -9,7 +9,10 @@ from sinew.tasks.predict.result import Coverage, PredictResult, SitePrediction
 
 def prediction(**shares: float | None) -> PredictResult:
     """One site, 100 points, and these shares inside its bands."""
-    coverage = {band: Coverage(share, 100, {"ramp": share}, {"a": share}, share) for band, share in shares.items()}
+    coverage = {
+        band: Coverage(share, 0 if share is None else 100, {"ramp": share}, {"a": share}, share)
+        for band, share in shares.items()
+    }
     site = SitePrediction(["a"], {}, None, coverage, "a", "a", None)
     return PredictResult(0.95, 40, 43, 0, {"all": site}, coverage, "known")
 
@@ -37,20 +40,38 @@ def test_specimens_of_no_site_are_refused(change):
         replace(site, **change)
 
 
+GOOD = Coverage(0.9, 100, {"ramp": 0.9}, {"a": 0.9}, 0.5)
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"protocols": {"ramp": 0.1, "hold": 0.2}}, "a, hdi: 0.9 of all points, but 0.1 to 0.2 of their parts"),
-        ({"specimens": {"a": 1.0}}, "a, hdi: 0.9 of all points, but 1 to 1 of their parts"),
+        ({"protocols": {"ramp": 0.1, "hold": 0.2}}, "0.9 of all points, but 0.1 to 0.2 of their parts"),
+        ({"specimens": {"a": 1.0}}, "0.9 of all points, but 1 to 1 of their parts"),
+        ({"points": 0}, "0.9 of 0 points and 0.5 of the curves"),
+        ({"all": None}, "None of 100 points and 0.5 of the curves"),
+        ({"curves": None}, "0.9 of 100 points and None of the curves"),
+        ({"curves": 1.0}, "0.9 of all points, but 1 of the curves with all of theirs"),
     ],
 )
 def test_shares_that_contradict_each_other_are_refused(change, told):
-    fields = {"all": 0.9, "points": 100, "protocols": {"ramp": 0.9}, "specimens": {"a": 0.9}, "curves": None}
-    good, wrong = Coverage(**fields), Coverage(**(fields | change))
-    for coverage in ({"hdi": good, "draws": good}, {"draws": good}, {"hdi": good, "all": good}, {"hdi": wrong}):
-        site = SitePrediction(["a"], {}, None, coverage, "a", "a", None)
-        if coverage == {"hdi": good, "draws": good}:
-            PredictResult(0.95, 40, 43, 0, {"a": site}, {"hdi": good}, "known")
-            continue
-        with pytest.raises(ValueError, match=told if coverage == {"hdi": wrong} else "coverage of a: of "):
-            PredictResult(0.95, 40, 43, 0, {"a": site}, {"hdi": good}, "known")
+    with pytest.raises(ValueError, match=told):
+        replace(GOOD, **change)
+
+
+@pytest.mark.parametrize(
+    ("bands", "failed", "points", "told"),
+    [
+        (("draws",), 2, 100, "coverage of a: of draws, not of hdi"),
+        (("hdi", "all"), 2, 100, "coverage of a: of hdi, all, not of hdi"),
+        (("hdi",), 7, 100, "failed: 7 simulations, but 2 of the specimens"),
+        (("hdi",), 2, 30, "coverage of all, hdi: 30 points, but 100 of the sites"),
+    ],
+)
+def test_a_site_that_contradicts_the_whole_is_refused(bands, failed, points, told):
+    def site(bands: tuple[str, ...]) -> SitePrediction:
+        return SitePrediction(["a"], {"a": {"crashed": 2}}, None, dict.fromkeys(bands, GOOD), "a", "a", None)
+
+    PredictResult(0.95, 40, 43, 2, {"a": site(("hdi", "draws"))}, {"hdi": GOOD}, "known")
+    with pytest.raises(ValueError, match=told):
+        PredictResult(0.95, 40, 43, failed, {"a": site(bands)}, {"hdi": replace(GOOD, points=points)}, "known")

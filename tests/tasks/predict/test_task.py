@@ -154,10 +154,10 @@ def test_an_unchanged_prediction_is_read_back_while_its_arrays_are_there(tmp_pat
         inferred(workspace, truth)
         path = PredictResult.path(workspace.out)
         run(workspace, FEW_DRAWS)
-        path.write_text(json.dumps(json.loads(path.read_text()) | {"failed": 7}))
-        assert run(workspace, FEW_DRAWS).failed == 7
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"draws": 7}))
+        assert run(workspace, FEW_DRAWS).draws == 7
         del workspace.store.root["predict/distal"]
-        assert run(workspace, FEW_DRAWS).failed == 0, "its bands are gone"
+        assert run(workspace, FEW_DRAWS).draws == FEW_DRAWS.draws, "its bands are gone"
         assert "predict/distal" in workspace.store.root
 
 

@@ -11,10 +11,12 @@ from pathlib import Path
 
 import pytest
 
+from sinew.runner.errors import BadInput
 from sinew.tasks import pipeline
 from sinew.tasks.cli.main import main
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.report.crate.source import read_source
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace
 from tests.test_docs import ROOT, dogbone
@@ -62,6 +64,10 @@ def test_a_model_of_ones_own_comes_with_its_template(tmp_path, sinew):
     shutil.copy(home / "bin" / "febio4", tmp_path / "bin" / "febio4")
     sinew(home, "run", "configs/dogbone.yaml", "--quiet")
     sinew(home, "export", "results/dogbone", "--ro-crate", "--out", tmp_path / "dogbone.zip")
+    own = home / "configs" / "dogbone" / "dogbone.feb.j2"
+    own.write_text(own.read_text().replace("E_matrix", "2 * E_matrix", 1))
+    with pytest.raises(BadInput, match=r"dogbone\.feb\.j2: is not the template of these results, or a file"):
+        read_source(home / "results" / "dogbone", home / "configs" / "dogbone.yaml")
     shutil.rmtree(home)
     done = repeated(tmp_path / "dogbone.zip", tmp_path / "there", sinew)
     assert done == ["sinew run configs/dogbone.yaml --out results/dogbone-again"]

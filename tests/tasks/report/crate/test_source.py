@@ -49,7 +49,8 @@ def test_other_curves_are_refused(whole_run, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("field", "value"), [("seed", 4), ("simulator", "febio"), ("study_hash", "0" * 32), ("cohort_hash", "0" * 32)]
+    ("field", "value"),
+    [("seed", 4), ("simulator", "febio"), *((f"{each}_hash", "0" * 32) for each in ("study", "template", "cohort"))],
 )
 def test_results_of_two_studies_are_refused(run_folder, field, value):
     again(run_folder, "sobol", **{field: value})

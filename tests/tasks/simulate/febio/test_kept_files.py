@@ -53,6 +53,15 @@ def test_a_mesh_that_cannot_be_is_refused(tmp_path, changes, problem):
         read_run(place)
 
 
+def test_a_run_is_listed_with_the_parameters_of_its_key(tmp_path):
+    entry = entry_of("of", "pull", ("a", "b"), np.array([1.0, -0.0]))
+    ((found, _),) = contents(write_runs(tmp_path / "right", [(entry, Run({}, PLOT))]))
+    assert vars(found) == vars(entry)
+    wrong = replace(entry, parameters={"a": 7.0, "b": 0.0})
+    with pytest.raises(StoreError, match="it lists a run with parameters that are not those of its key"):
+        contents(write_runs(tmp_path / "wrong", [(wrong, Run({}, PLOT))]))
+
+
 def test_a_run_is_listed_once(tmp_path):
     assert len(contents(write(tmp_path, 1.0, 2.0))) == 2
     with pytest.raises(StoreError, match="it lists a run twice"):
