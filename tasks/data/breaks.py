@@ -11,6 +11,8 @@ FEWEST = 20  # points in which a break can be seen
 LOST, WITHIN = 0.25, (0.005, 0.05)  # the part of the peak force that is lost over this part of the displacement
 MOST_POINTS = 1000  # among which a break is looked for
 SPIKE = 3  # points, of which one alone is no peak
+FALLEN = 0.05  # of what is lost: a force that is nearer to the end of a break is behind it
+ROUGH = 5.0  # usual steps from one row to the next: a smaller fall is noise
 STEPS = 3.0  # how much farther a force may rise from one row to the next than in the rows before
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -19,8 +21,8 @@ def break_of(curve: Curve) -> tuple[int, int] | None:
     """A row of a curve shortly before its break, and one behind it; None where the specimen does not break.
 
     A break loses ``LOST`` of the peak force while the motion goes on by less than ``WITHIN``, of which the first row is
-    where that begins. Both rows lie in one loading, that of the peak, so that neither holds nor unloading count. A
-    spike of one point is none.
+    where that begins, and the second one where nearly all of it is lost. Both lie in one loading, that of the peak, so
+    that neither holds nor unloading count. A spike of one point is none, nor is the noise of a specimen without load.
     """
     from scipy.ndimage import median_filter  # slow to import
 
@@ -30,6 +32,7 @@ def break_of(curve: Curve) -> tuple[int, int] | None:
         return None
     smooth = np.abs(median_filter(force, size=SPIKE, mode="nearest"))
     peak = int(np.argmax(smooth))
+    rough = ROUGH * float(np.median(np.abs(np.diff(force))))
     for phase in phases(curve.protocol):
         if phase.kind != "load" or not phase.points.start <= row[peak] < phase.points.stop:
             continue
@@ -38,8 +41,12 @@ def break_of(curve: Curve) -> tuple[int, int] | None:
         way = np.abs(moved[rows] - moved[peak]) / np.ptp(moved)
         for i, at in enumerate(rows):
             within = rows[i:][(way[i:] - way[i] > WITHIN[0]) & (way[i:] - way[i] < WITHIN[1])]
-            if within.size and smooth[at] - smooth[within].min() > LOST * smooth[peak]:
-                return int(row[_last_before(np.abs(force), int(at))]), int(row[within[np.argmin(smooth[within])]])
+            if not within.size:
+                continue
+            end = float(smooth[within].min())
+            if smooth[at] - end > max(LOST * smooth[peak], rough):
+                behind = within[np.argmax(smooth[within] <= end + FALLEN * (smooth[at] - end))]
+                return int(row[_last_before(np.abs(force), int(at))]), int(row[behind])
     return None
 
 

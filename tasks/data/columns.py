@@ -294,7 +294,7 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
         others |= {other for _, other, _ in found if named[other][0] in words.EXTENSOMETER and not named[other][1]}
     doubtful = title.startswith("(") or title in words.DOUBTFUL or quantity not in (TIME, DISPLACEMENT, FORCE)
     same = [STRESS] if quantity is FORCE else [LENGTH] if quantity is DISPLACEMENT else []  # they say it once more
-    rivals = [one for *_, one in found if one not in same]
+    rivals = {(one.name, named[at]) for _, at, one in found if one not in same}  # one for tests beside each other
     sure = len(rivals) == 1 and not doubtful
     return _Choice(quantity, place, SURE if sure else LIKELY, tuple(sorted(others - {place})))
 

@@ -1,9 +1,9 @@
 """The ranges that a new study starts with: the published ones of human tendon, or ones scaled to the measured curves.
 
-Tissue that is much softer, stiffer or more extensible than tendon gets ranges of its own. For many values of the toe
-and of the relaxation, both moduli are fitted to the curves, on which the force depends linearly; the moduli of the best
-fits, and a factor of three on both sides, are the ranges. Relaxation times are scaled where the tests last for seconds
-or hours.
+Tissue that is much softer, stiffer or more extensible than tendon, or stiffens up to larger strains, gets ranges of its
+own. For many values of the toe and of the relaxation, both moduli are fitted to the curves, on which the force depends
+linearly; the moduli of the best fits, and a factor of three on both sides, are the ranges. Relaxation times are scaled
+where the tests last for seconds or hours.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from sinew.tasks.drawing.blocks import listed
-from sinew.tasks.model import Model, Parameter, Specimen
+from sinew.tasks.model import Curve, Model, Parameter, Protocol, Specimen
 from sinew.tasks.model.parameters import LARGEST_LAMBDA_0
 from sinew.tasks.model.phases import is_compression
 from sinew.tasks.simulate import Array
@@ -23,6 +23,8 @@ from sinew.tasks.study.range_check import out_of_reach, rounded, words
 
 EXTENSIBLE = 0.1  # strain from which on a toe that ends at 1 % is no toe
 TOE_ENDS = (0.25, 0.5, 0.75, 1.0)  # parts of the largest strain at which the toe may end
+LATER = 0.5  # less extensible tissue has such a toe where it leaves less than this part of the misfit of first loadings
+LOADED = 0.98  # of the largest displacement: the end of the first loading
 STRONGEST = 5.0  # relaxation strength of tissue of which nothing is known
 ROWS = 64  # values of toe and relaxation that are tried
 BEST = 6  # of them, whose moduli count
@@ -31,6 +33,7 @@ LOOKED_AT = 12  # specimens, at most
 LASTING = (20.0, 2000.0)  # s; shorter tests cannot show the published relaxation times, longer ones have others
 SPAN = 2000.0  # between the largest and the smallest relaxation time, as published
 UNLIKE = 30.0  # times; specimens of one tissue differ by less
+FEWEST_OF_A_LOADING = 10  # points; a loading of fewer has no shape
 SAMPLES = 2.0  # that the smallest relaxation time lasts at least
 
 
@@ -101,15 +104,18 @@ def _first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen]) -> 
     strain = max(float(each.max()) for each in strains)
     peaks = {one.specimen: one for one in sorted(reaches, key=lambda one: abs(one.measured_N))}.values()
     far = out_of_reach(reaches) or [one for one in peaks if not one.ratios[0] <= 1.0 <= one.ratios[1]]
-    if not squeezed and strain <= EXTENSIBLE and not far:
+    models = _models(simulator, model, chosen, strain, squeezed=squeezed)
+    stiffens = strain <= EXTENSIBLE and models[0].lambda_0 != model.lambda_0
+    if not squeezed and strain <= EXTENSIBLE and not far and not stiffens:
         line = "ranges: those of human tendon (Pekedis 2025), which reach the measured forces"
         found = _without_unseen(simulator, model, chosen, [line, *timed], scaled=bool(timed))
         return replace(found, only_times=True)
     because = [f"strain {100 * min(e.min() for e in strains):.3g} to {100 * strain:.3g} %"]
+    because += [f"the curves stiffen beyond {100 * (model.lambda_0 - 1.0):.3g} %"] if stiffens else []
     because += [words(max(far, key=lambda one: one.distance))] if far else []
     lines = [f"ranges: scaled to these tests, as those of human tendon do not fit ({'; '.join(because)})"]
     lines += timed
-    model, more = _scaled(simulator, model, chosen, strain, squeezed=squeezed)
+    model, more = _scaled(simulator, model, models, chosen, squeezed=squeezed)
     again = [each for one in chosen for each in reach(simulator, model, one)]
     if left := out_of_reach(again):
         more.append(f"ranges: widen them in study.yaml: they do not reach {left[0].specimen} {left[0].protocol}")
@@ -149,21 +155,48 @@ def _with_times(model: Model, specimens: Sequence[Specimen]) -> tuple[Model, lis
     return model, [f"ranges: {words} in three bands"]
 
 
-def _scaled(
+def _models(
     simulator: Uniaxial, timed: Model, specimens: Sequence[Specimen], strain: float, *, squeezed: bool
+) -> list[Model]:
+    """The toes that tissue may have which is stretched to ``strain``: extensible tissue any, else the likeliest one."""
+    published = _unknown(timed, squeezed=squeezed)
+    ends = [1.0 + part * strain for part in TOE_ENDS]
+    longer = [_with_toe(published, end) for end in ends if published.lambda_0 < end < LARGEST_LAMBDA_0]
+    if squeezed:
+        return [published]
+    if strain > EXTENSIBLE or not longer:
+        return [published, *longer]
+    loadings = [replace(one, curves=tuple(map(_first_loading, one.curves))) for one in specimens]
+    misfits = [_median_misfit([_moduli(simulator, model, one) for one in loadings]) for model in (published, *longer)]
+    best = int(np.argmin(misfits))
+    return [longer[best - 1]] if misfits[best] < LATER * misfits[0] else [published]
+
+
+def _first_loading(curve: Curve) -> Curve:
+    """The curve up to where it is first stretched nearly as far as ever: relaxation has little part in it."""
+    protocol = curve.protocol
+    moved = protocol.displacement_mm
+    points = int(np.argmax(moved >= LOADED * moved.max())) + 1
+    if points < FEWEST_OF_A_LOADING:
+        return curve
+    loading = Protocol(protocol.name, protocol.time_s[:points], moved[:points])
+    return Curve(loading, curve.force_N[:points])
+
+
+def _median_misfit(fits: Sequence[tuple[Array, float]]) -> float:
+    return float(np.median([misfit for _, misfit in fits]))
+
+
+def _scaled(
+    simulator: Uniaxial, timed: Model, models: Sequence[Model], specimens: Sequence[Specimen], *, squeezed: bool
 ) -> tuple[Model, list[str]]:
     """A model with moduli, toe and relaxation for these specimens, and what was done besides, line by line."""
-    models = [_unknown(timed, squeezed=squeezed)]
-    if not squeezed and strain > EXTENSIBLE:
-        ends = [1.0 + part * strain for part in TOE_ENDS]
-        models += [_with_toe(models[0], end) for end in ends if end < LARGEST_LAMBDA_0]
     fits = [[_moduli(simulator, model, one) for one in specimens] for model in models]
-    errors = [float(np.median([misfit for _, misfit in each])) for each in fits]
-    best = int(np.argmin(errors))
+    best = int(np.argmin([_median_misfit(each) for each in fits]))
     model, lines = models[best], []
     if squeezed:
         lines.append("ranges: every test is a compression, in which fibres carry nothing: E_f is fixed at 0")
-    elif model.lambda_0 != models[0].lambda_0:
+    elif model.lambda_0 != timed.lambda_0:
         lines.append(f"ranges: the toe ends at a stretch of {model.lambda_0:g} (lambda_0), where the model fits best")
     moduli = np.vstack([found for found, _ in fits[best]])
     if not moduli.any():

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sinew.runner.errors import BadInput
+from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.answers import Answers, with_answers, write_answers
 from sinew.tasks.data.certainty import confirm_columns, refuse_doubts, refuse_unsure_names
 from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, visible, write_cohort
@@ -40,6 +40,7 @@ from sinew.tasks.data.specimen_sizes import Ask, Known, Sizes, ask_for_sizes, kn
 from sinew.tasks.data.tables import NoTable, read_source
 from sinew.tasks.data.taken import TITLES, look_at, rows_of, usable
 from sinew.tasks.data.told import as_told
+from sinew.tasks.drawing.blocks import plural
 from sinew.tasks.model import Specimen
 from sinew.tasks.study.workspace import check_folder
 
@@ -133,7 +134,8 @@ def _study_of_cohort(cohort: Cohort, out: Path) -> NewStudy:
     out.mkdir(parents=True, exist_ok=True)
     study = write_study(out, os.path.relpath(cohort.folder.resolve(), out.resolve()), cohort.specimens, ranges)
     curves = sum(len(one.curves) for one in cohort.specimens)
-    line = f"{cohort.folder}: a cohort of {len(cohort.specimens)} specimens, {curves} curves, used as it is"
+    specimens = plural(len(cohort.specimens), "specimen")
+    line = f"{cohort.folder}: a cohort of {specimens}, {plural(curves, 'curve')}, used as it is"
     return NewStudy(study, (line, *ranges.lines), specimens=tuple(cohort.specimens))
 
 
@@ -289,7 +291,7 @@ def specimens_of(
         name = of_test(names[recording.path], recording.test)
         ours = grouped.setdefault(name.specimen, [])
         if any(one.name.protocol == name.protocol for one in ours):
-            problem = f"a second test {name.protocol} of specimen {name.specimen}"
+            problem = f"two tests of specimen {name.specimen} are called {shown(name.protocol)}"
             raise BadInput(recording.path, problem, "other names of files, or of the tests in one file")
         ours.append(ReadFile(recording, name))
     tests = dict(sorted(grouped.items()))

@@ -26,9 +26,10 @@ from sinew.tasks.data.several import (
     columns_of,
     go_on,
     going_on,
-    name_beside,
+    names_beside,
     other_test,
     refuse_several,
+    rest_of_former,
     told_apart,
 )
 from sinew.tasks.data.signs import new_zeros
@@ -204,6 +205,9 @@ def _named(found: Sequence[tuple[Table, list[Recording]]]) -> list[Recording]:
     nothing_between = not any(cell for table, _ in found[1:] for row in table.header[table.own :] for cell in row)
     if not apart and one_sheet and nothing_between and len(alone) == len(found) and _times_go_on(alone):
         return [_joined(alone)]
+    if one_sheet and len(alone) == len(found):
+        alone = [alone[0], *map(_after, alone, alone[1:])]
+        found = [(table, [one]) for (table, _), one in zip(found, alone, strict=True)]
     sheets = [table.sheet for table, _ in found]
     if apart:
         names = firsts
@@ -219,6 +223,13 @@ def _named(found: Sequence[tuple[Table, list[Recording]]]) -> list[Recording]:
 def _times_go_on(tests: Sequence[Recording]) -> bool:
     """Whether each test begins after the end of the one before, by times of the file."""
     return tests[0].columns[0].place != NOWHERE and go_on([test.numbers[:, 0] for test in tests])
+
+
+def _after(former: Recording, test: Recording) -> Recording:
+    """A test with a note where it may be the rest of the one in the table before."""
+    alike = former.columns[1:] == test.columns[1:]
+    note = rest_of_former(former.numbers, test.numbers, test.columns) if alike else ""
+    return replace(test, notes=(*test.notes, note)) if note else test
 
 
 def _joined(tests: Sequence[Recording]) -> Recording:
@@ -239,8 +250,8 @@ def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Rec
     found: list[Recording] = []
     every = [columns_of(table, columns, number, hints) for number in range(count)] if count > 1 else [columns]
     sizes = sizes_beside(table, every) if count > 1 else [read_sizes(table.header, table.own, table.decimal)]
-    for number, ours in enumerate(every):
-        name = name_beside(table, ours, number) if count > 1 else ""
+    names = names_beside(table, every) if count > 1 else [""]
+    for number, (name, ours) in enumerate(zip(names, every, strict=True)):
         rows = _filled(table, ours[1:] if count > 1 else ours)  # times may be shared with a longer test
         cut = cut_off(table, ours, rows)
         rows -= cut

@@ -1,5 +1,6 @@
 """Which tests a file holds: several in one table, or one whose tables go on from each other after a short pause."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -13,13 +14,16 @@ from sinew.tasks.data.clocks import columns_by_clock
 from sinew.tasks.data.column_titles import names_and_units
 from sinew.tasks.data.columns import NOWHERE, Column, NoColumn, alike_places, in_place, recognise
 from sinew.tasks.data.hints import NO_COLUMN, Hints
+from sinew.tasks.data.quantities import BASE_UNITS
 from sinew.tasks.data.questions import Unclear
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.titles import name_and_unit
 
 TEST_COLUMN, CYCLE_COLUMN = "--test-column", "--cycle-column"
 FEWEST_ROWS_OF_A_CYCLE = 3
+BEGINS = 0.05  # of the range of motion and load: a test that begins nearer to the end of another one may go on from it
 SOON = 10.0  # usual steps of time between two tables of one test
+_DECIMAL = re.compile(r"[-+]?\d+[.,]\d+")
 Array = np.ndarray[Any, np.dtype[Any]]
 Columns = tuple[Column, Column, Column]
 
@@ -94,13 +98,19 @@ def other_test(table: Table, hints: Hints, columns: Columns) -> range | None:
     return None
 
 
-def name_beside(table: Table, columns: Sequence[Column], number: int) -> str:
-    """What stands above one of the tests beside each other: its name, or its number from 1."""
-    above = next((row for row in reversed(table.header) if any(row)), ())
-    names = {cell for cell in above if cell}
-    first = min(column.place for column in columns if column.place != NOWHERE)
-    name = above[first] if first < len(above) else ""
-    return name if name and len(names) > 1 else str(number + 1)
+def names_beside(table: Table, tests: Sequence[Sequence[Column]]) -> list[str]:
+    """The names of tests beside each other: what the nearest row has above each, if it differs; else numbers from 1.
+
+    Measured numbers, such as dimensions, are no names. Columns of all tests count for none of them.
+    """
+    places = [{column.place for column in columns if column.place != NOWHERE} for columns in tests]
+    shared = set[int].intersection(*places)
+    firsts = [min(own - shared) for own in places]
+    for row in reversed(table.header):
+        names = [row[first] if first < len(row) else "" for first in firsts]
+        if all(names) and len(set(names)) == len(tests) and not any(map(_DECIMAL.fullmatch, names)):
+            return names
+    return [str(number) for number in range(1, len(tests) + 1)]
 
 
 def _places(table: Table, column: Column) -> list[int]:
@@ -239,6 +249,19 @@ def go_on(times_s: Sequence[Array]) -> bool:
         if not one[-1] < other[0] <= one[-1] + SOON * usual:
             return False
     return True
+
+
+def rest_of_former(former: Array, test: Array, columns: Sequence[Column]) -> str:
+    """A note where numbers ``[t, 3]`` of a test may be the rest of the table before: they begin where those end."""
+    spans = np.ptp(np.concatenate([former, test]), axis=0)[1:]
+    end, start = former[-1, 1:], test[0, 1:]
+    if (np.abs(end - start) > BEGINS * spans).any() or (np.abs(start) <= BEGINS * spans).any():
+        return ""
+    place = " and ".join(
+        f"{value:.4g} {BASE_UNITS.get(column.quantity.name, '')}".strip()
+        for value, column in zip(start, columns[1:], strict=True)
+    )
+    return f"begins where the table before ends, at {place}: if both are one test, give them times that go on"
 
 
 def going_on(time_s: Array, cycles: Sequence[Block]) -> Array:

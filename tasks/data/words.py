@@ -60,7 +60,7 @@ STRAIN = (
 )  # fmt: skip
 STRETCH = ("stretch", "stretch ratio", "length ratio", "l/l0", "lambda", "λ", "l", "streckung", "拉伸比")
 FORCE = (
-    "force", "load", "tensile force", "kraft", "standardkraft", "prüfkraft", "last", "fuerza", "charge", "f", "p",
+    "force", "load", "fz", "tensile force", "kraft", "standardkraft", "prüfkraft", "last", "fuerza", "charge", "f", "p",
     "load cell", "axial force", "axial load", "standard force", "tensile load", "compressive load", "compressive force",
     "reaction force", "rf", "normal force", "zugkraft", "druckkraft", "force standard", "effort", "carga", "forza",
     "carico", "força", "static force", "force feedback", "axial force feedback", "load feedback", "axial load feedback",
@@ -87,7 +87,7 @@ DOUBTFUL = frozenset({
     "step time", "scan time", "tempo", "laufzeit",
     "deformation", "compression", "indentation", "distance", "travel", "course", "carrera", "corsa", "recorrido", "u",
     "d", "dl", "δl", "maschine", "stroke", "ストローク", "行程",
-    "f", "p", "rf", "last", "charge", "effort", "carga", "carico", "load cell", "normal force", "static force",
+    "f", "fz", "p", "rf", "last", "charge", "effort", "carga", "carico", "load cell", "normal force", "static force",
     "压力", "负载", "하중",
 })  # fmt: skip
 

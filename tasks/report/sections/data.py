@@ -161,7 +161,7 @@ def _draw(sources: plots.Sources, protocols: list[str], axes: Sequence[tuple[str
 
 
 def _table(found: ResultFolder, bars: Mapping[str, dict[str, Any]], quantities: Mapping[str, str]) -> Table:
-    rows = []
+    rows, square = [], False
     for name, every in found.measured.items():
         bar = bars[name]
         sizes = [bar.get(f"{side}_mm") or np.nan for side in ("length", "width", "thickness")]
@@ -170,13 +170,18 @@ def _table(found: ResultFolder, bars: Mapping[str, dict[str, Any]], quantities: 
         points = sum(curve.total for curve in every.values())
         farthest = _farthest(np.concatenate([curve.displacement_mm for curve in every.values()]))
         stress, strain = peak / (sizes[1] * sizes[2]), 100.0 * farthest / sizes[0]
+        square |= sizes[1] == sizes[2]
+        sizes.append(sizes[1] * sizes[2])
         rows.append([name, ", ".join(every), *(number(size, 4) for size in sizes), number(lasts), f"{points:,}",
                      number(peak), number(stress), number(strain),
                      *(_reach(every, quantity) for quantity in quantities)])  # fmt: skip
-    header = ["specimen", "protocols", "length (mm)", "width (mm)", "thickness (mm)", "time (s)", "points",
-              "peak force (N)", "peak stress (MPa)", "peak strain (%)",
+    header = ["specimen", "protocols", "length (mm)", "width (mm)", "thickness (mm)", "area (mm²)", "time (s)",
+              "points", "peak force (N)", "peak stress (MPa)", "peak strain (%)",
               *(with_its_unit(_words(name), unit) for name, unit in quantities.items())]  # fmt: skip
-    return Table("Specimens", header, rows, words=(1,), open=len(rows) <= 6)
+    title = "Specimens" + (
+        "; a width equal to the thickness may stand for an area that was told alone" if square else ""
+    )
+    return Table(title, header, rows, words=(1,), open=len(rows) <= 6)
 
 
 def _read_from(measured: Mapping[str, Mapping[str, MeasuredCurve]]) -> Iterator[Table]:

@@ -30,6 +30,12 @@ def test_a_spike_where_it_breaks_is_left_out():
     assert break_of(pulled(force)) == (89, 91)
 
 
+def test_a_break_ends_where_nearly_all_is_lost_and_not_in_the_noise_behind_it():
+    force = np.concatenate([np.linspace(0.0, 100.0, 60), [50.0, 10.0, 1.0], np.full(37, 1.0)])
+    force[64:] -= 1e-3 * np.arange(36)
+    assert break_of(pulled(force)) == (59, 62)
+
+
 def test_rows_without_a_force_are_passed_over():
     force = BROKEN.copy()
     force[:50:2] = np.nan
@@ -57,6 +63,7 @@ def test_rows_without_a_force_are_passed_over():
         ),
         pytest.param(SPIKE, WAY, id="a spike"),
         pytest.param(0.0 * RAMP, WAY, id="no force at all"),
+        pytest.param(np.random.default_rng(1).standard_normal(100), WAY, id="noise without any load"),
         pytest.param(BROKEN, 0.0 * WAY, id="no motion"),
     ],
 )

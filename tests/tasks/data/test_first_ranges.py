@@ -102,6 +102,17 @@ def test_extensible_tissue_gets_a_longer_toe():
     assert f"a stretch of {found.model.lambda_0:g} (lambda_0)" in found.lines[1]
 
 
+def test_tendon_that_stiffens_up_to_larger_strains_gets_a_longer_toe_and_says_so():
+    """Stresses that the published ranges reach, so that only the shape of the loading tells."""
+    specimen = tissue(0.06, lambda_0=1.06, E_f=900.0, alpha_f=300.0, E_m=20.0)
+    found = first_ranges([specimen])
+    assert found.scaled
+    assert 1.04 <= found.model.lambda_0 <= 1.06
+    assert "as those of human tendon do not fit (strain 0 to 6 %; the curves stiffen beyond 1 %" in found.lines[0]
+    assert f"a stretch of {found.model.lambda_0:g} (lambda_0)" in found.lines[1]
+    assert first_ranges([tissue(0.06)]).model.lambda_0 == 1.01
+
+
 @pytest.mark.parametrize("noise", [0.0, 2e-3])
 def test_compression_leaves_the_matrix_alone(noise):
     found = first_ranges([tissue(-0.3, noise=noise, E_m=0.005)])

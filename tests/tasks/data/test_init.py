@@ -117,7 +117,7 @@ def test_a_cohort_is_used_where_it_is(tmp_path):
     init([table(tmp_path / "T1_relax.csv")], tmp_path / "first", sizes=BAR)
     cohort = tmp_path / "first" / "cohort"
     made = init([cohort], tmp_path / "second")
-    assert made.lines[0] == f"{cohort}: a cohort of 1 specimens, 1 curves, used as it is"
+    assert made.lines[0] == f"{cohort}: a cohort of 1 specimen, 1 curve, used as it is"
     assert made.lines[1].startswith(
         "ranges: scaled to these tests, as those of human tendon do not fit (strain 0 to 4 %; T1 relax has "
     )
@@ -198,7 +198,7 @@ def test_several_tests_in_one_file_are_several_specimens(tmp_path):
         ("T1_1", "relax"),
         ("T1_2", "relax"),
     ]
-    with pytest.raises(BadInput, match=r"a second test relax of specimen T1_1"):
+    with pytest.raises(BadInput, match=r"two tests of specimen T1_1 are called .relax."):
         new_specimens(path, table(tmp_path / "T1_1_relax.csv"), sizes=BAR)
 
 

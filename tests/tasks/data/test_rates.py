@@ -21,6 +21,11 @@ def test_the_speed_of_a_ramp_does_not_depend_on_the_hold_behind_it():
     assert rate_words(ramp, None) == "0.06 mm/s"
 
 
+def test_a_ramp_that_ends_between_two_samples_has_its_own_speed():
+    ramp = protocol((0, 0), (1.62, 0.162), (20, 0.162))
+    assert loading_speeds(ramp) == pytest.approx((0.1, 0.1), rel=1e-6)
+
+
 def test_several_speeds_are_told_from_the_slowest_to_the_fastest():
     cycles = protocol((0, 0), (10, 1), (20, 0), (22, 1), (32, 0), (42, 1))
     assert rate_words(cycles, 10.0) == "0.01 to 0.05 1/s"

@@ -1,5 +1,6 @@
 """Several tests in one table: how many there are, which columns and rows each has, and what it is called."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,8 @@ from sinew.tasks.data.several import (
     columns_of,
     go_on,
     going_on,
-    name_beside,
+    names_beside,
+    rest_of_former,
     told_apart,
 )
 from sinew.tasks.data.tables import Table
@@ -59,11 +61,34 @@ def test_each_test_beside_others_has_its_columns_and_its_name():
     columns = found_in(table)
     second = columns_of(table, columns, 1)
     assert [column.place for column in second] == [4, 5, 6]
-    assert (name_beside(table, columns, 0), name_beside(table, second, 1)) == ("A1", "B")
+    assert names_beside(table, [columns, second]) == ["A1", "B"]
+    sizes = (
+        ("A", "", "", "", "B", "", ""),
+        ("Dicke (mm)", "1.8", "", "", "Dicke (mm)", "1.6"),
+        ("1.8", *[""] * 3, "1.6"),
+    )
+    assert names_beside(replace(table, header=sizes), [columns, second]) == ["A", "B"], "sizes are no names"
     unnamed = table_of("t_s|u_mm|F_N|u_mm|F_N", *["0|1|2|3|4"] * 3, header=(("one line",),))
     shared = columns_of(unnamed, found_in(unnamed), 1)
     assert [column.place for column in shared] == [0, 3, 4]
-    assert name_beside(unnamed, shared, 1) == "2"
+    assert names_beside(unnamed, [found_in(unnamed), shared]) == ["1", "2"]
+    above = replace(unnamed, header=(("", "left", "", "right", ""),))
+    assert names_beside(above, [found_in(above), shared]) == ["left", "right"], "the time is of both"
+
+
+def test_a_test_that_begins_where_the_table_before_ends_is_noted():
+    columns = found_in(table_of("t_s|u_mm|F_N", *["0|1|2"] * 3))
+    steps = [
+        np.column_stack([np.arange(5.0), at + 0.1 * np.arange(5), 2.0 * at + 0.2 * np.arange(5)]) for at in (0, 0.41)
+    ]
+    note = rest_of_former(*steps, columns)
+    assert (
+        note
+        == "begins where the table before ends, at 0.41 mm and 0.82 N: if both are one test, give them times that go on"
+    )
+    assert rest_of_former(steps[0], steps[1] + [0.0, 0.2, 0.0], columns) == "", "another displacement"
+    assert rest_of_former(steps[0], steps[1] + [0.0, 0.0, 0.4], columns) == "", "another force"
+    assert rest_of_former(steps[1], steps[0], columns) == "", "a test of its own"
 
 
 BLOCKS = ("a|0|1", "a|1|2", "b|0|3", "b|1|4", "b|2|5")

@@ -26,6 +26,9 @@ from tests.tasks.data.one_test_file import read
         ("Time min", "time", "min"),
         ("time_1_min", "time 1", "min"),
         ("Load_1_Min", "load 1 min", ""),
+        ("Position (z), mm", "position", "mm"),
+        ("Fz, gf", "fz", "gf"),
+        ("Load (N), raw", "load", "N"),
     ],
 )
 def test_a_title_has_a_name_and_a_unit(title, name, unit):
