@@ -33,7 +33,7 @@ LOOKED_AT = 12  # specimens, at most
 LASTING = (20.0, 2000.0)  # s; shorter tests cannot show the published relaxation times, longer ones have others
 SPAN = 2000.0  # between the largest and the smallest relaxation time, as published
 UNLIKE = 30.0  # times; specimens of one tissue differ by less
-FEWEST_OF_A_LOADING = 10  # points; a loading of fewer has no shape
+FEWEST_OF_A_LOADING = 6  # points; a loading of fewer has no shape
 SAMPLES = 2.0  # that the smallest relaxation time lasts at least
 
 

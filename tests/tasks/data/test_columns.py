@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import GIVEN, Column, NoColumn, recognise
+from sinew.tasks.data.columns import GIVEN, LIKELY, SURE, Column, NoColumn, recognise
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, POSITION, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.questions import UnknownUnit
@@ -23,6 +23,13 @@ def columns(
     below = tuple(units.split("|")) if units else ()
     table = Table("test.csv", (), cells, below, [(i, row) for i in (2, 3, 4)], "|", ".", 1 if cells else 0)
     return list(recognise(table, Hints(**hints), first_of_alike=first))
+
+
+def test_titles_that_tests_beside_each_other_repeat_are_certain():
+    repeated = columns("Time (s)|Weg (mm)|Kraft (N)|Time (s)|Weg (mm)|Kraft (N)", first=True)
+    assert [column.how for column in repeated] == [SURE] * 3
+    other = columns("Time (s)|Weg (mm)|Kraft (N)|Load (N)", first=True)
+    assert [column.how for column in other] == [SURE, SURE, LIKELY]
 
 
 @pytest.mark.parametrize(

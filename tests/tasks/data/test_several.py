@@ -89,6 +89,7 @@ def test_a_test_that_begins_where_the_table_before_ends_is_noted():
     assert rest_of_former(steps[0], steps[1] + [0.0, 0.2, 0.0], columns) == "", "another displacement"
     assert rest_of_former(steps[0], steps[1] + [0.0, 0.0, 0.4], columns) == "", "another force"
     assert rest_of_former(steps[1], steps[0], columns) == "", "a test of its own"
+    assert rest_of_former(steps[0][::-1], steps[0], columns) == "", "both begin or end at zero"
 
 
 BLOCKS = ("a|0|1", "a|1|2", "b|0|3", "b|1|4", "b|2|5")
