@@ -297,8 +297,8 @@ def _table(result: CalibrateResult) -> Table:
                      ", ".join(fit.on_bound) or "–", ", ".join(result.not_determined(fit)) or "–",
                      *(number(value, 4) for value in fit.sums().values()),
                      *(number(value, 4) for value in fit.values(result.names))])  # fmt: skip
-    header = ["specimen", "RMSEs together (N)", "noise together (N)", "times noise alone",
+    header = ["specimen", "sum of RMSEs (N)", "sum of noise (N)", "RMSE / noise",
               "largest RMSE (% of peak)", "lowest R²", "on a bound", "not determined",
-              *(f"{with_unit(name, unit)}, RMSEs together" for name, unit in _units(result).items()),
+              *(f"{with_unit(name, unit)}, sum of RMSEs" for name, unit in _units(result).items()),
               *map(with_its_unit, result.names, result.units)]  # fmt: skip
     return Table("Fits of all specimens", header, rows, words=(6, 7), open=len(rows) <= 3)

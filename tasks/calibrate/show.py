@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from rich.table import Column
 from rich.table import Table as Grid
 
 from sinew.runner.console import Console
@@ -147,9 +148,15 @@ def summary(result: CalibrateResult, folder: Path, console: Console) -> None:
     others = list(next(iter(result.specimens.values())).sums())
     several = [name.removeprefix("rmse_") for name in others] + ["objective"] if others else []
     grid = Grid(
-        "specimen", "RMSEs together (N)", "noise (N)", *several, "times noise alone", "on a bound", "not determined",
+        Column("specimen", overflow="fold"),
+        "sum of RMSEs (N)",
+        "sum of noise (N)",
+        *several,
+        "RMSE / noise",
+        "on a bound",
+        "not determined",
         title="Calibration",
-    )  # fmt: skip
+    )
     for name, fit in result.specimens.items():
         noise = "unknown" if fit.noise_N is None else f"{fit.noise_N:.4g}"
         more = [f"{value:.4g}" for value in (*fit.sums().values(), fit.total)] if others else []
@@ -163,7 +170,7 @@ def summary(result: CalibrateResult, folder: Path, console: Console) -> None:
         )
         grid.add_row(name, *cells)
     console.print(grid)
-    console.print("RMSEs and noise are sums over protocols; times noise alone: their ratio, 1 for a perfect fit")
+    console.print("RMSEs and noise are summed over protocols; RMSE / noise is their ratio, 1 for a perfect fit")
     if others:
         console.print(
             "objective: the sum of RMSE / noise over protocols and quantities; the ratio is that of objectives"

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pandas as pd
+from rich.table import Column
 from rich.table import Table as Grid
 from rich.text import Text
 
@@ -76,7 +77,9 @@ def summary(result: CompareResult, folder: Path, console: Console) -> None:
     if result.contrasts:
         _contrasts(result, percent, console)
     columns = (f"AUC of the component ({percent} %)", f"of all parameters, unseen ({percent} %)", "p")
-    grid = Grid("sites", *columns, title="How well posteriors can be told apart (0.5: not at all)")
+    grid = Grid(
+        Column("sites", overflow="fold"), *columns, title="How well posteriors can be told apart (0.5: not at all)"
+    )
     for pair in result.pairs:
         p = pair.all_parameters.p_value
         areas = (area_text(pair), area_text(pair.all_parameters))

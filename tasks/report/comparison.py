@@ -136,7 +136,7 @@ def _calibration(pair: Pair) -> Section:
             far += apart
             parameters.append([f"{name} {parameter}", *cells])
     blocks: list[Block] = [
-        Table("RMSEs together (N)", ["specimen", *pair.names, "second / first"], fits),
+        Table("sum of RMSEs (N)", ["specimen", *pair.names, "second / first"], fits),
         *_beside(pair, first, second),
         Table("Parameters", ["parameter", *pair.names, "difference", "in sd"], parameters, open=len(parameters) <= 40),
         Words(INDEPENDENT, "note"),
@@ -161,7 +161,7 @@ def _beside(pair: Pair, first: CalibrateResult, second: CalibrateResult) -> Iter
                 ratio = other[quantity] / one[quantity] if one[quantity] else float("nan")
                 rows.append([name, number(one[quantity], 4), number(other[quantity], 4), number(ratio, 3)])
         yield Table(
-            f"{quantity.removeprefix('rmse_')}, RMSEs together", ["specimen", *pair.names, "second / first"], rows
+            f"{quantity.removeprefix('rmse_')}, sum of RMSEs", ["specimen", *pair.names, "second / first"], rows
         )
 
 

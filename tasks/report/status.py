@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeGuard
 
 import numpy as np
+from rich.table import Column
 from rich.table import Table as Grid
 
 from sinew.runner.cluster.job_table import JobTable
@@ -218,7 +219,7 @@ def print_status(found: dict[str, Any]) -> None:
     """The same for a person."""
     console = Console(highlight=False)
     title = one_line(f"{found['study']}: {found['folder']}")
-    grid = Grid("evaluations", "rows", "done", "failed", "left", "core-hours", title=title)
+    grid = Grid(Column("evaluations", overflow="fold"), "rows", "done", "failed", "left", "core-hours", title=title)
     for table in found["tables"]:
         failed = sum(table["failed"].values())
         cells = (table["rows"], table["done"], failed, table["rows"] - table["done"])

@@ -1,10 +1,14 @@
 """How the totals of fits are told: in newton, or for several quantities beside what noise alone leaves."""
 
+import io
+from pathlib import Path
+
 import pytest
+from rich.console import Console
 
 from sinew.tasks.calibrate.prose import methods
 from sinew.tasks.calibrate.result import QuantityFit
-from sinew.tasks.calibrate.show import headline, in_words
+from sinew.tasks.calibrate.show import headline, in_words, summary
 from sinew.tasks.drawing.blocks import span
 from tests.tasks.calibrations import calibration_of, fit_of
 
@@ -18,6 +22,14 @@ def alone(total_N: float):
 
 def compared(objective: float, **changes):
     return fit_of({"E_f": 200.0}, total_N=9.0, objective=objective, quantities=BOTH, **changes)
+
+
+def test_long_names_of_specimens_are_whole_on_a_narrow_terminal():
+    names = ("Haut_Rohdaten_Haut_01", "Haut_Rohdaten_Haut_02")
+    said = io.StringIO()
+    summary(calibration_of({name: alone(3.2) for name in names}), Path(), Console(file=said, width=80))
+    column = "".join(line.split("│")[1].strip() for line in said.getvalue().splitlines() if line.startswith("│"))
+    assert column == "".join(names)
 
 
 @pytest.mark.parametrize(

@@ -77,7 +77,7 @@ def test_what_one_of_them_lacks_is_named(whole_run, run_folder, tmp_path):
     (run_folder / "infer.json").unlink()
     found, _ = sections(whole_run, run_folder, tmp_path)
     assert f"No infer to compare: {run_folder} without a result" in found["posterior"]
-    assert "RMSEs together" in found["calibration"]
+    assert "sum of RMSEs" in found["calibration"]
 
 
 def test_results_that_contradict_themselves_hide_no_others(whole_run, run_folder, tmp_path):
@@ -85,7 +85,7 @@ def test_results_that_contradict_themselves_hide_no_others(whole_run, run_folder
     found, trouble = sections(whole_run, run_folder, tmp_path)
     assert len(trouble) == 1
     assert "sensitivity" not in found
-    assert "RMSEs together" in found["calibration"]
+    assert "sum of RMSEs" in found["calibration"]
 
 
 def test_names_from_a_folder_are_words(whole_run, run_folder, tmp_path):

@@ -266,7 +266,7 @@ def test_quantities_beside_the_force_have_plots_and_columns_of_their_own(tmp_pat
     assert built.trouble == ()
     text = html.unescape(built.path.read_text())
     assert "lateral strain: RMSE" in text
-    assert "lateral_strain, RMSEs together" in text
+    assert "lateral_strain, sum of RMSEs" in text
     assert "(noise alone: 6)" in text
     assert "times the noise" not in text
     assert "one_step: lateral_strain: measured and fitted" in text
@@ -278,7 +278,7 @@ def test_quantities_beside_the_force_have_plots_and_columns_of_their_own(tmp_pat
     assert both.trouble == ()
     words = html.unescape(both.path.read_text())
     assert "force, lateral_strain" in words
-    assert "lateral_strain, RMSEs together" in words
+    assert "lateral_strain, sum of RMSEs" in words
     assert "The same for the lateral strain." in text
     assert "Measured points of further quantities inside the bands" in text
 
