@@ -3,7 +3,7 @@
 import json
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ import click
 from sinew.runner.errors import BadInput, one_line, shown
 from sinew.runner.printing import put
 from sinew.tasks.cli.group import PATH, sinew
+from sinew.tasks.cli.reading_options import reading_options
 from sinew.tasks.cli.terminal import (
     command_line,
     say_next,
@@ -19,67 +20,6 @@ from sinew.tasks.cli.terminal import (
 
 if TYPE_CHECKING:
     from sinew.tasks.data.init import NewStudy
-
-
-def _column_options(function: Callable[..., None]) -> Callable[..., None]:
-    """The options that say which columns a file has, and in which units."""
-    options = [
-        click.option("--time-unit", metavar="UNIT", help="Unit of times without one: s, ms, min, ..."),
-        click.option(
-            "--displacement-unit", metavar="UNIT", help="The same for displacements (mm, ...), strains (%, 1)."
-        ),
-        click.option(
-            "--force-unit", metavar="UNIT", help="The same for forces (N, kN, ...) or stresses (kPa, MPa, ...)."
-        ),
-        click.option("--time-column", metavar="NAME", help="Title or number (from 1) of the column of time."),
-        click.option("--displacement-column", metavar="NAME", help="The same for displacement, strain or stretch."),
-        click.option("--force-column", metavar="NAME", help="The same for force or stress."),
-        click.option(
-            "--test-column",
-            metavar="NAME",
-            help="Column that tells the tests of a table apart; 'none' if it holds one.",
-        ),
-        click.option("--cycle-column", metavar="NAME", help="Column of cycles, if times start again with a cycle."),
-        click.option(
-            "--keep-column",
-            metavar="COLUMN=NAME",
-            multiple=True,
-            callback=lambda _context, _option, value: value or None,
-            help="Keep a further column beside the force, such as 'Lateral strain=lateral_strain'; "
-            "NAME:UNIT where the file tells no unit.",
-        ),
-        click.option("--rate-hz", type=float, help="Rows per second, for files without times."),
-        click.option(
-            "--speed", type=float, help="Speed of the motion (mm/s; 1/s for strains), for files without times."
-        ),
-        click.option(
-            "--speed-column", metavar="NAME[=UNIT]", help="Column of speeds, for files without times, or 'none'."
-        ),
-        click.option(
-            "--zero-displacement",
-            type=click.Choice(["first", "none"]),
-            help="Count displacements from their first value.",
-        ),
-        click.option("--zero-force", type=click.Choice(["first", "none"]), help="The same for forces."),
-        click.option(
-            "--negate",
-            type=click.Choice(["none", "displacement", "force", "both"]),
-            help="Reverse the sign of displacements, forces or both; sinew takes tension as positive.",
-        ),
-        click.option(
-            "--preload",
-            type=click.Choice(["leave-out", "keep"]),
-            help="Leave out the rows before the displacement is set to zero again, or keep them and count on.",
-        ),
-        click.option(
-            "--end",
-            type=click.Choice(["leave-out", "keep"]),
-            help="Leave out the rows after a break, or after a jump of the displacement at the end, or keep them.",
-        ),
-    ]
-    for option in reversed(options):
-        function = option(function)
-    return function
 
 
 @sinew.command()
@@ -90,7 +30,7 @@ def _column_options(function: Callable[..., None]) -> Callable[..., None]:
 @click.option("--thickness-mm", type=float, help="Thickness, where files do not say.")
 @click.option("--diameter-mm", type=float, help="Diameter of a round specimen, instead of width and thickness.")
 @click.option("--override", is_flag=True, help="Use these sizes also where files tell other ones.")
-@_column_options
+@reading_options
 @click.option("--answers", type=PATH, help="answers.yaml of an earlier study: what was told then is not asked again.")
 @click.option("--yes", is_flag=True, help="Ask nothing, and take only what is certain; refuse the rest.")
 @click.option("--vary", multiple=True, metavar="NAME[=MIN:MAX]", help="Of a FEBio model: a number that varies.")
@@ -304,7 +244,7 @@ def cohort(
 @click.option("--reference", type=float, help="Stretch at zero displacement (default: 1).")
 @click.option("--length-mm", type=float, help="Gauge length at the reference, in place of the file's.")
 @click.option("--area-mm2", type=float, help="Cross-section, in place of the file's.")
-@_column_options
+@reading_options
 def import_(
     files: tuple[Path, ...],
     out: Path | None,

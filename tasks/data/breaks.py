@@ -12,7 +12,7 @@ LOST, WITHIN = 0.25, (0.005, 0.05)  # the part of the peak force that is lost ov
 MOST_POINTS = 1000  # among which a break is looked for
 SPIKE = 3  # points, of which one alone is no peak
 FALLEN = 0.05  # of what is lost: a force that is nearer to the end of a break is behind it
-ROUGH = 5.0  # usual steps from one row to the next: a smaller fall is noise
+ROUGH = 8.0  # times how far a force is from its median with its neighbours: a smaller fall is noise
 STEPS = 3.0  # how much farther a force may rise from one row to the next than in the rows before
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -32,7 +32,7 @@ def break_of(curve: Curve) -> tuple[int, int] | None:
         return None
     smooth = np.abs(median_filter(force, size=SPIKE, mode="nearest"))
     peak = int(np.argmax(smooth))
-    rough = ROUGH * float(np.median(np.abs(np.diff(force))))
+    rough = ROUGH * float(np.mean(np.abs(np.abs(force) - smooth)))
     for phase in phases(curve.protocol):
         if phase.kind != "load" or not phase.points.start <= row[peak] < phase.points.stop:
             continue

@@ -14,6 +14,7 @@ from sinew.tasks.data.column_titles import check_width, names_and_units
 from sinew.tasks.data.factors import factor_of
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.possible_columns import changes, in_volts, possible
 from sinew.tasks.data.quantities import (
     DISPLACEMENT,
     FORCE,
@@ -181,7 +182,7 @@ def alike_places(table: Table, column: Column) -> list[int]:
     return [
         place
         for place, (other, unit) in enumerate(named)
-        if other == name and name and _possible(column.quantity, other, unit, unit)
+        if other == name and name and possible(column.quantity, other, unit, unit)
     ]
 
 
@@ -273,15 +274,15 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
         for number, quantity in enumerate(role.quantities)
         for place, column in enumerate(named)
         if column[0] in role.titles(quantity)
-        and _possible(quantity, column[0], column[1] or role.given or "", column[1])
+        and possible(quantity, column[0], column[1] or role.given or "", column[1])
     ]
     still: set[int] = set()
     if len(found) > 1 and DISPLACEMENT in role.quantities:  # an extensometer that is not used says 0 all the time
         still = {at for _, at, one in found if one is DISPLACEMENT and named[at][0] not in words.EXTENSOMETER}
-        found = [one for one in found if _changes(table, one[1])] or found
+        found = [one for one in found if changes(table, one[1])] or found
         still -= {at for _, at, _ in found}
     known = [one for one in found if units.is_unit(named[one[1]][1])]
-    found = [one for one in found if not known or not _in_volts(*named[one[1]])]
+    found = [one for one in found if not known or not in_volts(*named[one[1]])]
     if not found:
         raise _none_of(table, titles, (role,), spare=len(titles))
     rank, place, quantity = min(found, key=lambda one: one[:2])
@@ -294,9 +295,17 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
         others |= {other for _, other, _ in found if named[other][0] in words.EXTENSOMETER and not named[other][1]}
     doubtful = title.startswith("(") or title in words.DOUBTFUL or quantity not in (TIME, DISPLACEMENT, FORCE)
     same = [STRESS] if quantity is FORCE else [LENGTH] if quantity is DISPLACEMENT else []  # they say it once more
-    rivals = {(one.name, named[at]) for _, at, one in found if one not in same}  # one for tests beside each other
+    rivals = _without_repeated([(one, named[at]) for _, at, one in found if one not in same], named)
     sure = len(rivals) == 1 and not doubtful
     return _Choice(quantity, place, SURE if sure else LIKELY, tuple(sorted(others - {place})))
+
+
+def _without_repeated(
+    found: Sequence[tuple[Quantity, tuple[str, str]]], named: Sequence[tuple[str, str]]
+) -> Sequence[tuple[Quantity, tuple[str, str]]]:
+    """What is found, once where each of several tests beside each other has it, and times of its own."""
+    clocks = sum(name in words.TIME for name, _ in named)
+    return found[:1] if len(found) == clocks and all(one == found[0] for one in found) else found
 
 
 def _rank(
@@ -308,37 +317,10 @@ def _rank(
     tells its unit, else behind it. A clock may stand beside the time since the start, which is finer.
     """
     quantity = role.quantities[number]
-    extensometer = 0 if name not in words.EXTENSOMETER else -1 if unit and not _in_volts(name, unit) else 1
+    extensometer = 0 if name not in words.EXTENSOMETER else -1 if unit and not in_volts(name, unit) else 1
     last = (name.startswith("("), extensometer)
     no_unit = not (unit or role.given or quantity.bare)
     return *last, number, table.has_clock(place), no_unit, role.titles(quantity).index(name)
-
-
-def _in_volts(name: str, unit: str) -> bool:
-    """Whether an extensometer has a unit that is not known, such as V of its amplifier."""
-    return name in words.EXTENSOMETER and bool(unit) and not any(map(units.is_unit, unit.split(units.EITHER)))
-
-
-def _changes(table: Table, place: int) -> bool:
-    """Whether a column has more than one value."""
-    cells = (row[place] for _, row in table.rows if place < len(row) and row[place])
-    first = next(cells, "")
-    return any(cell != first for cell in cells)
-
-
-def _possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:
-    """Whether a column can hold a quantity: one in mm is no ratio of lengths, and one in mm/s no displacement.
-
-    ``unit``: that ``in_file``, else the one that a person gives.
-    ``L`` is a ratio of lengths unless its unit, in the file or given, is one of length.
-    """
-    if units.is_rate(unit):
-        return False
-    if name == "l":
-        return (units.factor(units.LENGTH, unit) is not None) == (quantity is LENGTH)
-    if name in words.EXTENSOMETER and units.factor(units.FRACTION, unit) is not None:
-        return quantity is STRAIN
-    return units.ambiguous(in_file) or not units.belongs_elsewhere(quantity.units, in_file)
 
 
 def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role, wanted: str) -> _Choice:
@@ -348,7 +330,7 @@ def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]
         problem = f"column {wanted} is {shown(titles[place])}, a {other}"
         raise BadInput(f"{table.path}: --{role.option}-column", problem, "its title, if it is meant")
     fitting = [q for q in role.quantities if name in role.titles(q)]
-    quantity = next((q for q in fitting if _possible(q, name, unit or role.given or "", unit)), None)
+    quantity = next((q for q in fitting if possible(q, name, unit or role.given or "", unit)), None)
     quantity = quantity or next(iter(fitting), None) or _quantity_of_unit(role.quantities, unit or role.given or "")
     if quantity is None and STRAIN in role.quantities and units.factor(units.NUMBER, role.given or "") is not None:
         quantity = ratio_of_lengths(table.number(row, place) for row in range(len(table.rows)))

@@ -177,7 +177,7 @@ def _first_loading(curve: Curve) -> Curve:
     protocol = curve.protocol
     moved = protocol.displacement_mm
     points = int(np.argmax(moved >= LOADED * moved.max())) + 1
-    if points < FEWEST_OF_A_LOADING:
+    if points < FEWEST_OF_A_LOADING or not curve.force_N[:points].any():
         return curve
     loading = Protocol(protocol.name, protocol.time_s[:points], moved[:points])
     return Curve(loading, curve.force_N[:points])

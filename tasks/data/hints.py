@@ -10,6 +10,7 @@ from sinew.tasks.data.timing import Timing
 Zero = Literal["first", "none"]
 Negate = Literal["none", "displacement", "force", "both"]
 Rows = Literal["leave-out", "keep"]
+Tables = Literal["join", "apart"]
 NO_COLUMN = "none"
 
 
@@ -40,8 +41,9 @@ class Hints:
     ``cycle_column`` its cycles, if their times start again. ``rate_hz``, ``speed`` and ``speed_column``: see
     :class:`Timing`. ``NO_COLUMN`` for a column of tests or speeds: that which looks like one is none.
     ``zero_displacement`` and ``zero_force``: whether each counts from its ``first`` value. ``negate``: which of
-    them get the other sign. ``preload``: what becomes of the rows before a motion is set to zero again; ``end``: of
-    those after a break, or after a jump of the motion in the last rows.
+    them get the other sign. ``tables``: whether tables that begin where the one before ends are one test.
+    ``preload``: what becomes of the rows before a motion is set to zero again; ``end``: of those after a break, or
+    after a jump of the motion in the last rows.
     ``keep_column``: columns that are kept beside the force, as for :func:`further`.
     """
 
@@ -59,6 +61,7 @@ class Hints:
     zero_displacement: Zero | None = None
     zero_force: Zero | None = None
     negate: Negate | None = None
+    tables: Tables | None = None
     preload: Rows | None = None
     end: Rows | None = None
     keep_column: tuple[str, ...] | None = None

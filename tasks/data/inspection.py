@@ -16,9 +16,9 @@ from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import contradiction, length_beside, numbers_of
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
-from sinew.tasks.data.recordings import FEWEST_ROWS, Recording, read_recordings
+from sinew.tasks.data.recordings import Recording, read_recordings
 from sinew.tasks.data.remarks import remarks
-from sinew.tasks.data.several import beside, blocks_of_tests, go_on, told_apart
+from sinew.tasks.data.several import FEWEST_ROWS, beside, blocks_of_tests, go_on, told_apart
 from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import SIZES, read_sizes
 from sinew.tasks.data.sizes_in_names import sizes_in_name
@@ -114,6 +114,8 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     load = numbers[:rows, 2]
     peak = float(load[np.nanargmax(np.abs(load))]) if np.isfinite(load).any() else None
     specimens = one_below * below * (1 if hints.columns_given else beside(table, columns))
+    if hints.tables == "join" and recordings:
+        specimens = len(recordings)
     start = (first[0], first[1], first[2])
     return Inspection(path, table.sheet, columns, values, rows, start, peak, specimens, questions, notes, recordings)
 

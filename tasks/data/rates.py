@@ -29,7 +29,8 @@ def _whole_steps(protocol: Protocol, start: int, end: int) -> tuple[int, int]:
     if steps.size < FEWEST_STEPS:
         return start, end
     least = (1.0 - SAME) * float(np.median(steps))
-    return start + int(steps[0] < least), end - int(steps[-1] < least)
+    last = protocol.time_s.size - 1
+    return start + int(start > 0 and steps[0] < least), end - int(end < last and steps[-1] < least)
 
 
 def rate_words(protocol: Protocol, length_mm: float | None) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.columns import NOWHERE, Column, NoColumn, alike_places, recognise
 from sinew.tasks.data.further import Kept, kept
+from sinew.tasks.data.further_tables import left_out_note, may_be_test
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import Repeats, contradiction, length_beside, repeats_of
@@ -18,6 +20,8 @@ from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.questions import Doubt
 from sinew.tasks.data.rows_of_words import cut_off, without_words
 from sinew.tasks.data.several import (
+    FEWEST_ROWS,
+    TABLES,
     Block,
     Columns,
     beside,
@@ -31,17 +35,17 @@ from sinew.tasks.data.several import (
     refuse_several,
     rest_of_former,
     told_apart,
+    unclear_tables,
 )
 from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import Size, read_sizes
 from sinew.tasks.data.sizes_of_tests import sizes_beside, sizes_by_results, without_others
 from sinew.tasks.data.speeds import timed
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
-from sinew.tasks.data.text import HUGE, is_clock, is_number
+from sinew.tasks.data.text import HUGE, is_clock
 from sinew.tasks.data.titles import is_spread
 
 Array = np.ndarray[Any, np.dtype[Any]]
-FEWEST_ROWS = 3
 UNPADDED = "milliseconds of clock times lack leading zeros (12:58.29 is 12 min 58.029 s); else times would go back"
 
 
@@ -121,7 +125,7 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
         if found and (not any(table.titles[1:]) or table.titles[1:] != found[0][0].titles[1:]):
             before.append(replace(table, rows=table.rows[:1]))
             inside = table.sheet == end[0] and table.first <= end[1]  # behind words within the first one
-            other += [before[-1]] if not inside and _may_be_test(table, hints, found[0][0]) else []
+            other += [before[-1]] if not inside and may_be_test(table, hints, found[0][0]) else []
             continue  # of another kind
         try:
             columns = recognise(table, hints, first_of_alike=True)
@@ -148,40 +152,11 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
     if not found:
         assert missing is not None, "a file without tables is refused by read_tables"
         raise missing
-    first, *others = _with_results(_named(found), found[0][0].decimal)
-    notes = [_left_out(other)] if other else []
+    first, *others = _with_results(_named(found, hints), found[0][0].decimal)
+    notes = [left_out_note(other)] if other else []
     if short:
         notes.append(f"{short} further tables with fewer than {FEWEST_ROWS} rows are left out")
     return [replace(first, notes=(*first.notes, *notes)), *others]
-
-
-def _may_be_test(table: Table, hints: Hints, first: Table) -> bool:
-    """Whether a table has columns of time, motion and load, even if a person had to tell more of them.
-
-    Or numbers in the same columns as the ``first`` table of its sheet.
-    """
-    if len(table.rows) < FEWEST_ROWS:
-        return False
-    try:
-        recognise(table, hints)
-    except NoColumn:
-        here, there = ([is_number(cell, one.decimal) for cell in one.rows[0][1]] for one in (table, first))
-        return table.sheet == first.sheet and here == there
-    except BadInput:
-        pass
-    return True
-
-
-def _left_out(tables: Sequence[Table]) -> str:
-    """A note on tables that may be tests, but have other titles than the first one."""
-    first = tables[0]
-    where = f"sheet '{first.sheet}', " if first.sheet else ""
-    where += f"row {first.title_row or first.first}"
-    if len(tables) == 1:
-        told = f"the table in {where} has other titles and is left out"
-    else:
-        told = f"{len(tables)} tables, the first in {where}, have other titles and are left out"
-    return f"{told}; a test needs a file of its own"
 
 
 def _with_results(tests: list[Recording], decimal: str) -> list[Recording]:
@@ -193,7 +168,7 @@ def _with_results(tests: list[Recording], decimal: str) -> list[Recording]:
     ]
 
 
-def _named(found: Sequence[tuple[Table, list[Recording]]]) -> list[Recording]:
+def _named(found: Sequence[tuple[Table, list[Recording]]], hints: Hints) -> list[Recording]:
     """The tests of several tables, each with a name of its own if there are several."""
     if len(found) == 1:
         return found[0][1]
@@ -204,10 +179,13 @@ def _named(found: Sequence[tuple[Table, list[Recording]]]) -> list[Recording]:
     one_sheet = len({table.sheet for table, _ in found}) == 1
     nothing_between = not any(cell for table, _ in found[1:] for row in table.header[table.own :] for cell in row)
     if not apart and one_sheet and nothing_between and len(alone) == len(found) and _times_go_on(alone):
-        return [_joined(alone)]
+        return [_joined(alone, "whose times go on")]
     if one_sheet and len(alone) == len(found):
-        alone = [alone[0], *map(_after, alone, alone[1:])]
-        found = [(table, [one]) for (table, _), one in zip(found, alone, strict=True)]
+        alone = _going_on(alone, hints)
+        if len(alone) == 1:
+            return alone
+        apart = apart and len(alone) == len(found)
+        found = [(table, [one]) for (table, _), one in zip(found, alone, strict=False)]
     sheets = [table.sheet for table, _ in found]
     if apart:
         names = firsts
@@ -225,17 +203,36 @@ def _times_go_on(tests: Sequence[Recording]) -> bool:
     return tests[0].columns[0].place != NOWHERE and go_on([test.numbers[:, 0] for test in tests])
 
 
-def _after(former: Recording, test: Recording) -> Recording:
-    """A test with a note where it may be the rest of the one in the table before."""
-    alike = former.columns[1:] == test.columns[1:]
-    note = rest_of_former(former.numbers, test.numbers, test.columns) if alike else ""
-    return replace(test, notes=(*test.notes, note)) if note else test
+def _going_on(tests: Sequence[Recording], hints: Hints) -> list[Recording]:
+    """The tests of tables one under another; those that begin where the one before ends, as a person says.
+
+    Raises :class:`Unclear` where nobody has said it.
+    """
+    groups = [[tests[0]]]
+    for former, test in pairwise(tests):
+        alike = former.columns[1:] == test.columns[1:]
+        note = rest_of_former(former.numbers, test.numbers, test.columns) if alike else ""
+        if note and hints.tables is None:
+            raise unclear_tables(test.path, note)
+        if note and hints.tables == "join":
+            groups[-1].append(test)
+        else:
+            groups.append([replace(test, notes=(*test.notes, note)) if note else test])
+    return [
+        _joined(group, f"that begin where the one before ends, as {TABLES} says") if len(group) > 1 else group[0]
+        for group in groups
+    ]
 
 
-def _joined(tests: Sequence[Recording]) -> Recording:
-    note = f"{len(tests)} tables whose times go on: read as one test"
+def _joined(tests: Sequence[Recording], why: str) -> Recording:
+    """One test of several tables. Where times start again, each table begins one usual step after the one before."""
+    note = f"{len(tests)} tables {why}: read as one test"
     rows = tuple(row for test in tests for row in test.rows)
     numbers = np.concatenate([test.numbers for test in tests])
+    ends = np.cumsum([len(test.rows) for test in tests])
+    numbers[:, 0] = going_on(
+        numbers[:, 0], [Block("", end - len(test.rows), end) for test, end in zip(tests, ends, strict=True)]
+    )
     values = {
         name: np.concatenate([test.further.values.get(name, np.full(len(test.rows), np.nan)) for test in tests])
         for name in dict.fromkeys(name for test in tests for name in test.further.values)

@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,14 +17,16 @@ from sinew.tasks.data.columns import NOWHERE, Column, NoColumn, alike_places, in
 from sinew.tasks.data.hints import NO_COLUMN, Hints
 from sinew.tasks.data.quantities import BASE_UNITS
 from sinew.tasks.data.questions import Unclear
+from sinew.tasks.data.sizes import named_in
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.titles import name_and_unit
 
-TEST_COLUMN, CYCLE_COLUMN = "--test-column", "--cycle-column"
+TEST_COLUMN, CYCLE_COLUMN, TABLES = "--test-column", "--cycle-column", "--tables"
+FEWEST_ROWS = 3  # of a test
 FEWEST_ROWS_OF_A_CYCLE = 3
 BEGINS = 0.05  # of the range of motion and load: a test that begins nearer to the end of another one may go on from it
 SOON = 10.0  # usual steps of time between two tables of one test
-_DECIMAL = re.compile(r"[-+]?\d+[.,]\d+")
+_DECIMAL, _SIZE = re.compile(r"\d+[.,]\d+"), re.compile(r"\d+(?:[.,]\d+)? ?[^\W\d_]?m\b")
 Array = np.ndarray[Any, np.dtype[Any]]
 Columns = tuple[Column, Column, Column]
 
@@ -101,16 +104,20 @@ def other_test(table: Table, hints: Hints, columns: Columns) -> range | None:
 def names_beside(table: Table, tests: Sequence[Sequence[Column]]) -> list[str]:
     """The names of tests beside each other: what the nearest row has above each, if it differs; else numbers from 1.
 
-    Measured numbers, such as dimensions, are no names. Columns of all tests count for none of them.
+    Dimensions are no names, and decimal numbers only where nothing else differs. Columns of all tests count for none.
     """
     places = [{column.place for column in columns if column.place != NOWHERE} for columns in tests]
     shared = set[int].intersection(*places)
     firsts = [min(own - shared) for own in places]
-    for row in reversed(table.header):
-        names = [row[first] if first < len(row) else "" for first in firsts]
-        if all(names) and len(set(names)) == len(tests) and not any(map(_DECIMAL.fullmatch, names)):
+    rows = [[row[first] if first < len(row) else "" for first in firsts] for row in ((), *table.header)]
+    decimal: list[str] = []
+    for above, names in reversed(list(pairwise(rows))):
+        if not all(names) or len(set(names)) < len(tests) or any(map(named_in, above)) or any(map(_SIZE.match, names)):
+            continue
+        if not any(map(_DECIMAL.fullmatch, names)):
             return names
-    return [str(number) for number in range(1, len(tests) + 1)]
+        decimal = decimal or names
+    return decimal or [str(number) for number in range(1, len(tests) + 1)]
 
 
 def _places(table: Table, column: Column) -> list[int]:
@@ -148,7 +155,7 @@ def blocks_of_cycles(table: Table, rows: int, wanted: str, taken: Sequence[int])
     place = place_named(table, wanted, CYCLE_COLUMN)
     where = f"{table.path}: {CYCLE_COLUMN} {shown(wanted)}"
     if place in taken:
-        raise BadInput(where, "the column of time, displacement or force", "another column, which tells the cycle")
+        raise BadInput(where, "the column of time, displacement or force", "a column with the number of the cycle")
     found = _blocks(table, rows, place)
     if len(found) > max(rows // FEWEST_ROWS_OF_A_CYCLE, 1):
         problem = f"changes {len(found) - 1:,} times in {rows:,} rows"
@@ -261,7 +268,20 @@ def rest_of_former(former: Array, test: Array, columns: Sequence[Column]) -> str
         f"{value:.4g} {BASE_UNITS.get(column.quantity.name, '')}".strip()
         for value, column in zip(start, columns[1:], strict=True)
     )
-    return f"begins where the table before ends, at {place}: if both are one test, give them times that go on"
+    return f"begins where the table before ends, at {place}"
+
+
+def unclear_tables(path: Path, problem: str) -> Unclear:
+    """The question on a test that ``problem`` says may be the rest of the one in the table before."""
+    return Unclear(
+        str(path),
+        f"a test {problem}, while its time starts again",
+        f"{TABLES} join for one test, or {TABLES} apart",
+        what="tests",
+        which="join such tables to one test, or keep them apart?",
+        option=TABLES,
+        choices=("join", "apart"),
+    )
 
 
 def going_on(time_s: Array, cycles: Sequence[Block]) -> Array:

@@ -22,6 +22,7 @@ Array = np.ndarray[Any, np.dtype[Any]]
 #: one row to the next (fewer suffice where it ends at zero); the force by no more than this part of its own range.
 JUMP, STEPS, STEPS_TO_ZERO, STAYS = 0.2, 20.0, 5.0, 0.02
 AT_ZERO = 0.05  # of the motion before it: what a machine has set to zero again is smaller
+LOADED = 0.01  # of the range of the force: with less, a specimen is not loaded
 FEWEST = 3  # rows on either side of it
 ZERO, NEGATE, PRELOAD = "--zero-displacement", "--negate", "--preload"
 _TURNED = "which sign should be reversed?"
@@ -69,16 +70,17 @@ def doubts(columns: Sequence[Column], numbers: Array, texts: Iterable[str], hint
 def new_zeros(numbers: Array) -> tuple[int, ...]:
     """The rows of numbers ``[t, 3]`` from which on a motion counts from another zero: it jumps, and the force stays.
 
-    Machines set the displacement to zero again after a preload, and again after a preconditioning. Of several jumps,
-    those to zero count; a single one may lead anywhere.
+    Machines set the displacement to zero again after a preload, and again after a preconditioning. A single long jump
+    may lead anywhere. Several and shorter ones count where they lead to zero and the specimen is loaded there: one
+    without load may have been moved back.
     """
-    motion, loads = numbers[:, 1], np.abs(np.diff(numbers[:, 2]))
+    motion, loads, span = numbers[:, 1], np.abs(np.diff(numbers[:, 2])), np.ptp(numbers[:, 2])
     steps = np.abs(np.diff(motion))
     moving = steps[steps > 0.0]
     usual = float(np.median(moving)) if moving.size else np.inf
-    to_zero = at_zero(motion[:-1], motion[1:])
+    to_zero = at_zero(motion[:-1], motion[1:]) & (np.abs(numbers[1:, 2]) > LOADED * span)
     far = (steps > JUMP * np.ptp(motion)) & (steps > np.where(to_zero, STEPS_TO_ZERO, STEPS) * usual)
-    jumps = np.flatnonzero(far & (loads < STAYS * np.ptp(numbers[:, 2])))
+    jumps = np.flatnonzero(far & (loads < STAYS * span))
     rows = jumps + 1 if len(jumps) == 1 else jumps[to_zero[jumps]] + 1
     return tuple(int(row) for row in rows if FEWEST <= row < len(numbers) - FEWEST)
 

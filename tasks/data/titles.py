@@ -12,7 +12,7 @@ _CHANNEL = re.compile(r"(?:c|ch|chan|channel|kanal|canal|voie) ?\d+ (?=\D)")  # 
 _NUMBERED = re.compile(r"(.*[^\d .]) ?(\d{1,3})")
 _AGAIN = re.compile(r"\.\d{1,3}$")
 _BRACKETS = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
-_BEHIND = re.compile(r"[)\]] ?, ?([^\s,()\[\]]+)$")
+_ALONG = re.compile(r"([^()\[\]]+)[(\[][xyzXYZ][)\]] ?, ?([^\s,()\[\]]+)")  # a name, its axis and its unit
 #: Behind a unit, what makes another quantity of it: ``Force (N) x 1000``, ``Force (N) / width``, ``Force (N) limit``.
 _CHANGED = re.compile(
     r"[x×*·] ?\d|\d ?[x×*·]|(?:^|\s)[/^*]|\^|"
@@ -32,9 +32,9 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
         return _plain(title), below
     if brackets := [text.strip() for text in _BRACKETS.findall(title)]:
         told = [text for text in brackets if units.is_unit(text)]
-        behind = _BEHIND.search(title)
-        if not told and behind is not None and units.is_unit(behind[1]):  # "Position (z), mm"
-            return _plain(re.split(r"[(\[]", title)[0]), units.agreed([behind[1], below])
+        along = _ALONG.fullmatch(title)
+        if along is not None and units.is_unit(along[2]):  # "Position (z), mm"
+            return _plain(along[1]), units.agreed([along[2], below])
         name = re.split(r"[(\[]", title)[0]
         other = " ".join([*(text for text in brackets if text not in told), _BRACKETS.sub(" ", title[len(name) :])])
         if _CHANGED.search(other):

@@ -30,7 +30,7 @@ def _without_preload(recording: Recording, hints: Hints) -> Recording:
     """The recording from its last zero on, or counted on from the first one, as a person says."""
     rows = new_zeros(recording.numbers)
     if not rows:
-        note = f"nothing changed by {PRELOAD}: the {recording.motion.quantity.name} is nowhere set to zero again"
+        note = f"{PRELOAD} has no effect: the {recording.motion.quantity.name} is never set to zero again"
         return replace(recording, notes=(*recording.notes, note))
     if hints.preload == "leave-out":
         return _from_row(recording, rows[-1])

@@ -15,6 +15,7 @@ def template_texts(study: Study) -> dict[str, str]:
     return {} if name is None else read_files(study.path.parent, name, Allowance())[1]
 
 
-def template_hash(study: Study) -> str:
-    """Names the content of these files."""
-    return digest(template_texts(study))
+def template_hash(study: Study, simulator: str) -> str:
+    """Names the content of these files; empty for runs of another ``simulator`` than the study's, and without files."""
+    texts = template_texts(study) if simulator == study.simulator.name else {}
+    return digest(texts) if texts else ""

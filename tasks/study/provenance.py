@@ -50,7 +50,7 @@ def facts(workspace: Workspace) -> dict[str, Any]:
         "out": str(workspace.out),
         "study_hash": digest(study.text),
         "study_text": study.text,
-        "template_hash": template_hash(study),
+        "template_hash": template_hash(study, workspace.simulator.name),
         "cohort": "" if workspace.cohort.folder == study.path else str(workspace.cohort.folder),
         "cohort_hash": digest(specimens),
         "specimens": specimens,

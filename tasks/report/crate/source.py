@@ -55,10 +55,11 @@ def read_source(folder: Path, study: Path | None = None, data: Path | None = Non
     text = path.read_text("utf-8")
     if digest(text) != run.get("study_hash"):
         raise BadInput(path, "is not the study file of these results", "the same bytes (--study), or a new `sinew run`")
-    own = read.simulator.own_template
-    if own is not None and template_hash(read) != run.get("template_hash"):
+    if (its := template_hash(read, run["simulator"])) != (run.get("template_hash") or ""):
         problem = "is not the template of these results, or a file that it includes is not"
-        raise BadInput(path.parent / own, problem, "the same bytes, or a new `sinew run`")
+        if its and not run.get("template_hash"):
+            problem = "may be another template than that of these results: the log does not say which"
+        raise BadInput(path.parent / str(read.simulator.own_template), problem, "the same bytes, or a new `sinew run`")
     cohort = cohort_of(read, data or _cohort(run))
     if digest(identities(cohort.specimens)) != run.get("cohort_hash"):
         raise BadInput(cohort.folder, "is not the cohort of these results", "the same curves (--data), or a new run")
@@ -86,7 +87,7 @@ def _last_run(found: ResultFolder) -> Mapping[str, Any]:
     last = list(made.values())[-1]
     for task, one in made.items():
         for name in SAME:
-            if one.get(name) != last.get(name):
+            if (one.get(name) or "") != (last.get(name) or ""):  # older logs do not name the template
                 problem = f"{task}.json is of a run with another {name.removesuffix('_hash')} than the last one"
                 raise BadInput(found.folder, problem, "results of one study; run it once more")
     seed = last.get("seed")

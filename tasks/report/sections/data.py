@@ -178,9 +178,7 @@ def _table(found: ResultFolder, bars: Mapping[str, dict[str, Any]], quantities: 
     header = ["specimen", "protocols", "length (mm)", "width (mm)", "thickness (mm)", "area (mm²)", "time (s)",
               "points", "peak force (N)", "peak stress (MPa)", "peak strain (%)",
               *(with_its_unit(_words(name), unit) for name, unit in quantities.items())]  # fmt: skip
-    title = "Specimens" + (
-        "; a width equal to the thickness may stand for an area that was told alone" if square else ""
-    )
+    title = "Specimens; width and thickness are equal where only the cross-section was given" if square else "Specimens"
     return Table(title, header, rows, words=(1,), open=len(rows) <= 6)
 
 

@@ -35,6 +35,16 @@ def test_a_break_ends_where_nearly_all_is_lost_and_not_in_the_noise_behind_it():
     assert break_of(pulled(force)) == (59, 61)
 
 
+def test_a_break_after_many_cycles_is_found():
+    """40 cycles of six rows to 80 % of the peak: the usual step of the force is large."""
+    up = np.array([0.0, 0.4, 0.8, 0.8, 0.4, 0.0])
+    way = np.concatenate([np.tile(up, 40), np.linspace(0.0, 1.0, 40), np.linspace(1.02, 1.2, 20)])
+    force = 100.0 * np.where(np.arange(way.size) < 280, way, 0.0)
+    found = break_of(Curve(Protocol("pull", np.arange(way.size) / 10, way), force))
+    assert found is not None
+    assert found[0] == 279
+
+
 def test_rows_without_a_force_are_passed_over():
     force = BROKEN.copy()
     force[:50:2] = np.nan
@@ -62,7 +72,10 @@ def test_rows_without_a_force_are_passed_over():
         ),
         pytest.param(SPIKE, WAY, id="a spike"),
         pytest.param(0.0 * RAMP, WAY, id="no force at all"),
-        pytest.param(np.random.default_rng(1).standard_normal(100), WAY, id="noise without any load"),
+        *(
+            pytest.param(np.random.default_rng(seed).standard_normal(100), WAY, id=f"noise without any load {seed}")
+            for seed in range(20)
+        ),
         pytest.param(BROKEN, 0.0 * WAY, id="no motion"),
     ],
 )

@@ -30,6 +30,8 @@ def test_titles_that_tests_beside_each_other_repeat_are_certain():
     assert [column.how for column in repeated] == [SURE] * 3
     other = columns("Time (s)|Weg (mm)|Kraft (N)|Load (N)", first=True)
     assert [column.how for column in other] == [SURE, SURE, LIKELY]
+    shared = columns("Time (s)|Weg (mm)|Kraft (N)|Weg (mm)|Kraft (N)", first=True)
+    assert [column.how for column in shared] == [SURE, LIKELY, LIKELY], "perhaps two sensors of one test"
 
 
 @pytest.mark.parametrize(

@@ -112,6 +112,9 @@ def test_tendon_that_stiffens_up_to_larger_strains_gets_a_longer_toe_and_says_so
     assert "as those of human tendon do not fit (strain 0 to 6 %; the curves stiffen beyond 1 %" in found.lines[0]
     assert f"a stretch of {found.model.lambda_0:g} (lambda_0)" in found.lines[1]
     assert first_ranges([tissue(0.06)]).model.lambda_0 == 1.01
+    (curve,) = specimen.curves
+    late = np.where(np.arange(curve.force_N.size) < 100, 0.0, curve.force_N)
+    first_ranges([replace(specimen, curves=(replace(curve, force_N=late),))])  # no loading that has a shape
 
 
 @pytest.mark.parametrize("noise", [0.0, 2e-3])

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.curves import Bar, curve_of
+from sinew.tasks.data.exports import Reading
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import inspect
-from sinew.tasks.data.questions import UnknownUnit
+from sinew.tasks.data.questions import Unclear, UnknownUnit
 from sinew.tasks.data.recordings import UNPADDED, Recording, read_recordings
 from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.told import as_told
@@ -589,6 +590,30 @@ def test_cycles_whose_times_start_again_are_one_test(tmp_path):
     found = read(tmp_path, cycles + "b,4,0.4,24\n", cycle_column="Cycle")
     assert found.numbers[:, 0].tolist() == list(range(9))
     assert remarks(found)[-1] == "times go on over 2 cycles, which 'Cycle' tells apart"
+
+
+STEPS = "".join(
+    "<Stress Relaxation>\nTime, s\tPosition (z), mm\tFz, gf\n"
+    + "".join(f"{i}\t{begin + 0.1 * min(i, 5):g}\t{100 * begin + 8 * min(i, 5) + i:g}\n" for i in range(8))
+    for begin in (5.0, 5.5, 6.0)
+)
+
+
+def test_tables_that_begin_where_the_one_before_ends_are_asked_about(tmp_path):
+    """Steps of one relaxation, each with times of its own: as tests of their own, their strains would be wrong."""
+    path = tmp_path / "steps.txt"
+    path.write_text(STEPS)
+    with pytest.raises(Unclear) as unclear:
+        read_recordings(path, Hints(force_column="3"), first_of_alike=True)
+    assert "a test begins where the table before ends, at 5.5 mm and 5.3" in str(unclear.value)
+    assert unclear.value.choices == ("join", "apart")
+    apart = read_recordings(path, Hints(tables="apart"), first_of_alike=True)
+    assert [test.test for test in apart] == ["1", "2", "3"]
+    (one,) = read_recordings(path, Hints(tables="join"), first_of_alike=True)
+    assert one.numbers[:, 0].tolist() == list(range(24))
+    assert one.numbers[[0, 8, 23], 1].tolist() == [5.0, 5.5, 6.5]
+    assert "3 tables that begin where the one before ends, as --tables says: read as one test" in one.notes
+    assert inspect(path, Reading(hints=Hints(tables="join"))).specimens == 1
 
 
 # ---- times that a person tells

@@ -68,6 +68,12 @@ def test_each_test_beside_others_has_its_columns_and_its_name():
         ("1.8", *[""] * 3, "1.6"),
     )
     assert names_beside(replace(table, header=sizes), [columns, second]) == ["A", "B"], "sizes are no names"
+    widths = (("S1", *[""] * 3, "S2"), ("Width (mm)", *[""] * 3, "Width (mm)"), ("5", *[""] * 3, "4"))
+    assert names_beside(replace(table, header=widths), [columns, second]) == ["S1", "S2"], "nor below a size"
+    told = (("S1", *[""] * 3, "S2"), ("1.5 mm", *[""] * 3, "1.6 mm"))
+    assert names_beside(replace(table, header=told), [columns, second]) == ["S1", "S2"], "nor with a unit"
+    numbered = (("1.1", *[""] * 3, "1.2"),)
+    assert names_beside(replace(table, header=numbered), [columns, second]) == ["1.1", "1.2"], "a donor and a sample"
     unnamed = table_of("t_s|u_mm|F_N|u_mm|F_N", *["0|1|2|3|4"] * 3, header=(("one line",),))
     shared = columns_of(unnamed, found_in(unnamed), 1)
     assert [column.place for column in shared] == [0, 3, 4]
@@ -82,10 +88,7 @@ def test_a_test_that_begins_where_the_table_before_ends_is_noted():
         np.column_stack([np.arange(5.0), at + 0.1 * np.arange(5), 2.0 * at + 0.2 * np.arange(5)]) for at in (0, 0.41)
     ]
     note = rest_of_former(*steps, columns)
-    assert (
-        note
-        == "begins where the table before ends, at 0.41 mm and 0.82 N: if both are one test, give them times that go on"
-    )
+    assert note == "begins where the table before ends, at 0.41 mm and 0.82 N"
     assert rest_of_former(steps[0], steps[1] + [0.0, 0.2, 0.0], columns) == "", "another displacement"
     assert rest_of_former(steps[0], steps[1] + [0.0, 0.0, 0.4], columns) == "", "another force"
     assert rest_of_former(steps[1], steps[0], columns) == "", "a test of its own"
@@ -126,7 +129,7 @@ def test_a_test_in_two_places_is_refused_and_a_cycle_is_not():
 @pytest.mark.parametrize(
     ("wanted", "problem"),
     [
-        ("3", "'3': the column of time, displacement or force; expected another column"),
+        ("3", "'3': the column of time, displacement or force; expected a column with the number of the cycle"),
         ("T", "'T': changes 5 times in 6 rows; expected a column with one value for each cycle"),
     ],
 )

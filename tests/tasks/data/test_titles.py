@@ -28,7 +28,8 @@ from tests.tasks.data.one_test_file import read
         ("Load_1_Min", "load 1 min", ""),
         ("Position (z), mm", "position", "mm"),
         ("Fz, gf", "fz", "gf"),
-        ("Load (N), raw", "load", "N"),
+        ("Force (x 1000), N", "force x 1000 , n", "x 1000"),
+        ("Position (target), mm", "position target , mm", "target"),
     ],
 )
 def test_a_title_has_a_name_and_a_unit(title, name, unit):

@@ -58,6 +58,13 @@ def test_results_of_two_studies_are_refused(run_folder, field, value):
         read_source(run_folder)
 
 
+def test_logs_of_before_templates_were_named_are_read(run_folder):
+    """Of a study without a template, where one task was run again since."""
+    again(run_folder, "sobol", template_hash="")
+    change_log(run_folder, "run started", template_hash=None)
+    assert read_source(run_folder).run["template_hash"] == ""
+
+
 def test_a_task_that_is_no_name_is_passed_over(run_folder):
     change_log(run_folder, "task finished", task=["sobol"])
     with pytest.raises(BadInput, match=r"does not say which run made sobol\.json"):

@@ -1,0 +1,64 @@
+"""Options of the commands that read measurements: how a file is read."""
+
+from collections.abc import Callable
+
+import click
+
+_OPTIONS = (
+    click.option("--time-unit", metavar="UNIT", help="Unit of times without one: s, ms, min, ..."),
+    click.option("--displacement-unit", metavar="UNIT", help="The same for displacements (mm, ...), strains (%, 1)."),
+    click.option("--force-unit", metavar="UNIT", help="The same for forces (N, kN, ...) or stresses (kPa, MPa, ...)."),
+    click.option("--time-column", metavar="NAME", help="Title or number (from 1) of the column of time."),
+    click.option("--displacement-column", metavar="NAME", help="The same for displacement, strain or stretch."),
+    click.option("--force-column", metavar="NAME", help="The same for force or stress."),
+    click.option(
+        "--test-column",
+        metavar="NAME",
+        help="Column that tells the tests of a table apart; 'none' if it holds one.",
+    ),
+    click.option("--cycle-column", metavar="NAME", help="Column of cycles, if times start again with a cycle."),
+    click.option(
+        "--tables",
+        type=click.Choice(["join", "apart"]),
+        help="Whether tables that begin where the one before ends, while times start again, are one test.",
+    ),
+    click.option(
+        "--keep-column",
+        metavar="COLUMN=NAME",
+        multiple=True,
+        callback=lambda _context, _option, value: value or None,
+        help="Keep a further column beside the force, such as 'Lateral strain=lateral_strain'; "
+        "NAME:UNIT where the file tells no unit.",
+    ),
+    click.option("--rate-hz", type=float, help="Rows per second, for files without times."),
+    click.option("--speed", type=float, help="Speed of the motion (mm/s; 1/s for strains), for files without times."),
+    click.option("--speed-column", metavar="NAME[=UNIT]", help="Column of speeds, for files without times, or 'none'."),
+    click.option(
+        "--zero-displacement",
+        type=click.Choice(["first", "none"]),
+        help="Count displacements from their first value.",
+    ),
+    click.option("--zero-force", type=click.Choice(["first", "none"]), help="The same for forces."),
+    click.option(
+        "--negate",
+        type=click.Choice(["none", "displacement", "force", "both"]),
+        help="Reverse the sign of displacements, forces or both; sinew takes tension as positive.",
+    ),
+    click.option(
+        "--preload",
+        type=click.Choice(["leave-out", "keep"]),
+        help="Leave out the rows before the displacement is set to zero again, or keep them and count on.",
+    ),
+    click.option(
+        "--end",
+        type=click.Choice(["leave-out", "keep"]),
+        help="Leave out the rows after a break, or after a jump of the displacement at the end, or keep them.",
+    ),
+)
+
+
+def reading_options(function: Callable[..., None]) -> Callable[..., None]:
+    """A command with the options that say how a file is read: its columns, units, tests, zeros and signs."""
+    for option in reversed(_OPTIONS):
+        function = option(function)
+    return function

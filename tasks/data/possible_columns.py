@@ -1,0 +1,32 @@
+"""Whether a column can hold a quantity, by its name, its unit and its numbers."""
+
+from sinew.tasks.data import units, words
+from sinew.tasks.data.quantities import LENGTH, STRAIN, Quantity
+from sinew.tasks.data.tables import Table
+
+
+def in_volts(name: str, unit: str) -> bool:
+    """Whether an extensometer has a unit that is not known, such as V of its amplifier."""
+    return name in words.EXTENSOMETER and bool(unit) and not any(map(units.is_unit, unit.split(units.EITHER)))
+
+
+def changes(table: Table, place: int) -> bool:
+    """Whether a column has more than one value."""
+    cells = (row[place] for _, row in table.rows if place < len(row) and row[place])
+    first = next(cells, "")
+    return any(cell != first for cell in cells)
+
+
+def possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:
+    """Whether a column can hold a quantity: one in mm is no ratio of lengths, and one in mm/s no displacement.
+
+    ``unit``: that ``in_file``, else the one that a person gives.
+    ``L`` is a ratio of lengths unless its unit, in the file or given, is one of length.
+    """
+    if units.is_rate(unit):
+        return False
+    if name == "l":
+        return (units.factor(units.LENGTH, unit) is not None) == (quantity is LENGTH)
+    if name in words.EXTENSOMETER and units.factor(units.FRACTION, unit) is not None:
+        return quantity is STRAIN
+    return units.ambiguous(in_file) or not units.belongs_elsewhere(quantity.units, in_file)
