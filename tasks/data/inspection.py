@@ -14,7 +14,7 @@ from sinew.tasks.data.curves import check_times
 from sinew.tasks.data.exports import Reading, first_length
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.length_columns import contradiction, length_beside, numbers_of
+from sinew.tasks.data.length_columns import contradiction, length_beside, lengths_at_zeros, numbers_of
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
 from sinew.tasks.data.recordings import Recording, read_recordings
 from sinew.tasks.data.remarks import remarks
@@ -229,11 +229,10 @@ def _with_area(values: dict[str, float | None]) -> dict[str, float | None]:
 
 def _two_lengths(table: Table, numbers: np.ndarray[Any, Any]) -> str:
     """The question for a gauge length that is another one after a preload, or nothing."""
-    zeros, displacement = new_zeros(numbers), numbers[:, 1]
+    zeros = new_zeros(numbers)
     if not zeros:
         return ""
-    first, last = zeros[0], zeros[-1]
-    before, after = length_beside(table, displacement[:first]), length_beside(table, displacement[last:], last)
+    before, after = lengths_at_zeros(table, numbers[:, 1], zeros)
     if before is None or after is None:
         return ""
     both = f"{before.mm:g} mm by '{before.text}', and {after.mm:g} mm where it is set to zero again"

@@ -1,5 +1,6 @@
 """What two columns of a file tell together of a specimen's size: a length and a displacement, a force and a stress."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +31,15 @@ def length_beside(table: Table, displacement_mm: Array, first: int = 0) -> Size 
     if not np.ptp(at_rest) <= SAME * abs(at_rest[0]) or at_rest[0] <= 0.0:
         return None
     return Size(float(at_rest[0]), True, lengths.title, column=True)
+
+
+def lengths_at_zeros(
+    table: Table, displacement_mm: Array, zeros: Sequence[int], first: int = 0
+) -> tuple[Size | None, Size | None]:
+    """The same before the first and behind the last of the ``zeros``: rows in which the displacement is set to zero."""
+    last = zeros[-1]
+    before = length_beside(table, displacement_mm[: zeros[0]], first)
+    return before, length_beside(table, displacement_mm[last:], first + last)
 
 
 def length_by_strain(table: Table, rows: range, moved: Column) -> tuple[float, str] | None:

@@ -14,7 +14,7 @@ from sinew.tasks.data.further import Kept, kept
 from sinew.tasks.data.further_tables import left_out_note, may_be_test
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.length_columns import Repeats, contradiction, length_beside, repeats_of
+from sinew.tasks.data.length_columns import Repeats, contradiction, length_beside, lengths_at_zeros, repeats_of
 from sinew.tasks.data.marks import refuse_marks
 from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.questions import Doubt
@@ -305,10 +305,7 @@ def _recording(
         length = length_beside(table, numbers[:, 1], block.start)
         sizes |= {} if length is None else {"length": length}
         if zeros := new_zeros(numbers):
-            lengths = (
-                length_beside(table, numbers[: zeros[0], 1], block.start),
-                length_beside(table, numbers[zeros[-1] :, 1], block.start + zeros[-1]),
-            )
+            lengths = lengths_at_zeros(table, numbers[:, 1], zeros, block.start)
     used = {size.text for size in (sizes.get("length"), lengths[1]) if size is not None and size.column}
     return Recording(
         table.path,

@@ -69,6 +69,7 @@ def _program(run: dict[str, Any]) -> list[tuple[str, str]]:
         "cohort": "cohort",
         "cohort_hash": "hash of the cohort",
         "study_hash": "hash of the study file",
+        "template_hash": "hash of the template",
         "asctime": "last run began",
     }
     return [(label, one_line(str(run[name]))) for name, label in names.items() if run.get(name) not in (None, "")]
