@@ -25,7 +25,9 @@ def test_a_ramp_that_ends_between_two_samples_has_its_own_speed():
     ramp = protocol((0, 0), (1.62, 0.162), (20, 0.162))
     assert loading_speeds(ramp) == pytest.approx((0.1, 0.1), rel=1e-6)
     faster = protocol((0, 0), (0.1, 0.005), (2.0, 0.195))
-    assert loading_speeds(faster) == pytest.approx((0.0975, 0.0975), rel=1e-6), "nothing is beside it"
+    assert loading_speeds(faster) == pytest.approx((0.0975, 0.0975), rel=1e-6), "nothing is before it"
+    slower = protocol((0, 0), (1.9, 0.19), (2.0, 0.195))
+    assert loading_speeds(slower) == pytest.approx((0.0975, 0.0975), rel=1e-6), "nor behind it"
 
 
 def test_several_speeds_are_told_from_the_slowest_to_the_fastest():
