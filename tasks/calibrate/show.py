@@ -71,7 +71,8 @@ def bound_advice(result: CalibrateResult) -> str:
             "certain, the model lacks something."
         )
     if zero:
-        sentences.append(f"{', '.join(zero)}: at 0 or next to it, the lower end of its range: the fits do without it.")
+        where = "at or near 0, the lower end of its range"
+        sentences.append(f"{', '.join(zero)}: {where}: the model fits as well without it.")
     return " ".join(sentences)
 
 

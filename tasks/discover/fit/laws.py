@@ -115,7 +115,7 @@ def _fitted(
     """The most promising of several models, each with a last law more than one that is known, the best first."""
     before = known[several[0][:-1]]
     promises = each_for_all(
-        workspace, cohort, "looking ahead to laws", several,
+        workspace, cohort, "searching for laws", several,
         lambda i, effects, session: cohort[i].promise(session, effects, before[i]),
     )  # fmt: skip
     points = [one.points for one in before]

@@ -138,7 +138,7 @@ def _add_pairs(
 ) -> None:
     """Fit and score the most promising pairs."""
     promises = each_for_all(
-        workspace, cohort, "looking ahead to two effects", pairs,
+        workspace, cohort, "trying pairs of effects", pairs,
         lambda i, effects, session: cohort[i].promise(session, effects, candidates.fits[effects[:1]][i]),
     )  # fmt: skip
     points = [one.points for one in candidates.bare]

@@ -16,6 +16,7 @@ from sinew.tasks.discover.fit.bounds import pressed_in_most
 from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.search import Candidates
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
+from sinew.tasks.drawing.blocks import plural
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array
 from sinew.tasks.study.workspace import Workspace
@@ -81,7 +82,7 @@ class _Search:
             known = plain[wanted][i].at if wanted in plain else None
             return self.cohort[i].promise_beside(session, wanted, before[i], known)
 
-        columns = each_for_all(self.workspace, self.cohort, "looking ahead beside a discrepancy", several, work)
+        columns = each_for_all(self.workspace, self.cohort, "trying further effects with a discrepancy", several, work)
         order = sorted(range(len(several)), key=lambda k: sum(one[0] for one in columns[k]))
         chosen: dict[Effects, list[tuple[Array, Array | None]]] = {}
         for k in order:
@@ -125,7 +126,7 @@ def stepwise(
 ) -> Stepwise:
     """The effects that are worth adding beside a discrepancy; none where the first is not."""
     search = _Search(workspace, cohort, candidates, forms)
-    search.fitted({(): [(one.at, None) for one in candidates.bare]}, "beside a discrepancy")
+    search.fitted({(): [(one.at, None) for one in candidates.bare]}, "the bare model with a discrepancy")
     chosen: Effects = ()
     seen: set[frozenset[Effect]] = set()
     for _ in range(MAX_STEPS):
@@ -145,7 +146,7 @@ def _step(search: _Search, chosen: Effects) -> Effects | None:
     for effects in plain:
         if effects not in starts:
             starts[effects] = [(one.at, None) for one in search.candidates.fits[effects]]
-    search.fitted(starts, f"{size} effects beside a discrepancy")
+    search.fitted(starts, f"{plural(size, 'effect')} with a discrepancy")
     admissible = [effects for effects in starts if not any(_pressed(search, effects, form) for form in effects)]
     if not admissible:
         return None

@@ -128,7 +128,7 @@ def test_a_parameter_that_is_often_on_a_bound_is_named_with_advice():
 def test_a_parameter_at_zero_is_not_to_be_widened():
     at_zero = {"1": fit_of({"E_f": 0.0, "g_1f": 1.0}, on_bound=["E_f"], determined=["E_f", "g_1f"])}
     found = replace(calibration_of(at_zero), bounds=[(0.0, 300.0), (0.0, 1.0)])
-    assert "E_f: at 0 or next to it, the lower end of its range: the fits do without it" in bound_advice(found)
+    assert "E_f: at or near 0, the lower end of its range: the model fits as well without it" in bound_advice(found)
     assert "Widen" not in bound_advice(found)
     above = {"1": replace(at_zero["1"], parameters={"E_f": 10.0, "g_1f": 1.0})}
     assert "Widen the range" in bound_advice(replace(found, specimens=above, bounds=[(10.0, 300.0), (0.0, 1.0)]))
