@@ -19,11 +19,11 @@ MEANING: Mapping[str, str] = {
     "NONE": "there was nothing, or nothing that could be seen",
 }
 SINGLE = "the blind benchmark of virtual specimens, when the library had 16 effects"
-SEVERAL = "compound cases of virtual specimens, with 21 effects in the library"
-#: By word: how many verdicts were true in that sense, of how many; those of PARTLY are of compound cases.
+SEVERAL = "virtual specimens with one or several effects, with 21 effects in the library"
+#: By word: how many verdicts were true in that sense, of how many; those of PARTLY are of a larger library.
 RECORD: Mapping[str, tuple[int, int]] = {
     "NAMED": (55, 55),
-    "PARTLY": (7, 8),
+    "PARTLY": (12, 16),
     "AMBIGUOUS": (5, 6),
     "OUTSIDE": (6, 9),
     "NONE": (30, 31),

@@ -47,4 +47,6 @@ def test_it_is_said_in_one_line(word, words):
 def test_the_record_of_a_partial_verdict_is_that_of_compound_cases():
     true, of = RECORD["PARTLY"]
     said = in_words(confidence("PARTLY"))
-    assert said.startswith(f"{true} of {of} such verdicts were true in compound cases of virtual specimens, with 21 ")
+    assert said.startswith(
+        f"{true} of {of} such verdicts were true in virtual specimens with one or several effects, with 21 "
+    )
