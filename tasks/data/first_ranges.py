@@ -23,7 +23,9 @@ from sinew.tasks.study.range_check import out_of_reach, rounded, words
 
 EXTENSIBLE = 0.1  # strain from which on a toe that ends at 1 % is no toe
 TOE_ENDS = (0.25, 0.5, 0.75, 1.0)  # parts of the largest strain at which the toe may end
-LATER = 0.5  # less extensible tissue has such a toe where it leaves less than this part of the misfit of first loadings
+#: Less extensible tissue has such a toe where it leaves less than these parts of the misfit of the first loadings: of
+#: that with the published toe, and with slack fibres, which are taut from some parts of the largest strain on.
+LATER, THAN_SLACK, TAUT_AT = 0.5, 0.75, (0.125, 0.25, 0.375, 0.5, 0.75)
 LOADED = 0.98  # of the largest displacement: the end of the first loading
 STRONGEST = 5.0  # relaxation strength of tissue of which nothing is known
 ROWS = 64  # values of toe and relaxation that are tried
@@ -167,9 +169,15 @@ def _models(
     if strain > EXTENSIBLE or not longer:
         return [published, *longer]
     loadings = [replace(one, curves=tuple(map(_first_loading, one.curves))) for one in specimens]
-    misfits = [_median_misfit([_moduli(simulator, model, one) for one in loadings]) for model in (published, *longer)]
+
+    def misfit(model: Model, taut: float = 1.0) -> float:
+        return _median_misfit([_moduli(simulator, model, one, taut) for one in loadings])
+
+    misfits = [misfit(model) for model in longer]
+    slack = min(misfit(published, 1.0 + part * strain) for part in TAUT_AT)  # an effect that ``discover`` can find
     best = int(np.argmin(misfits))
-    return [longer[best - 1]] if misfits[best] < LATER * misfits[0] else [published]
+    far = misfits[best] < min(LATER * misfit(published), THAN_SLACK * slack)
+    return [longer[best]] if far else [published]
 
 
 def _first_loading(curve: Curve) -> Curve:
@@ -227,8 +235,11 @@ def _with_toe(model: Model, end: float) -> Model:
     return replace(model.with_parameter(replace(alpha, maximum=maximum, reference=maximum / 2)), lambda_0=end)
 
 
-def _moduli(simulator: Uniaxial, model: Model, specimen: Specimen) -> tuple[Array, float]:
-    """Moduli ``[BEST, 2]`` (MPa) of fibres and matrix that fit best, and the relative misfit of these fits."""
+def _moduli(simulator: Uniaxial, model: Model, specimen: Specimen, taut: float = 1.0) -> tuple[Array, float]:
+    """Moduli ``[BEST, 2]`` (MPa) of fibres and matrix that fit best, and the relative misfit of these fits.
+
+    Fibres are ``taut`` from this stretch on.
+    """
     rows = spread(model, ROWS)[-ROWS:]
     fibre, matrix = model.names.index("E_f"), model.names.index("E_m")
     basis, measured = [], []
@@ -240,7 +251,8 @@ def _moduli(simulator: Uniaxial, model: Model, specimen: Specimen) -> tuple[Arra
             one = rows.copy()
             one[:, [fibre, matrix]] = 0.0
             one[:, column] = 1.0
-            each.append(simulator.simulate(model, specimen, curve.protocol, one).force_N * weight)
+            along = _of_fibres(curve.protocol, specimen.length_mm, taut) if column == fibre else curve.protocol
+            each.append(simulator.simulate(model, specimen, along, one).force_N * weight)
         basis.append(np.stack(each, axis=-1))
         measured.append(curve.force_N * weight)
     design, target = np.concatenate(basis, axis=1), np.concatenate(measured)
@@ -248,6 +260,12 @@ def _moduli(simulator: Uniaxial, model: Model, specimen: Specimen) -> tuple[Arra
     misfits = np.array([misfit for _, misfit in fits])
     best = np.argsort(misfits, kind="stable")[:BEST]
     return np.array([fits[i][0] for i in best]), float(misfits[best].mean() / np.linalg.norm(target))
+
+
+def _of_fibres(protocol: Protocol, length_mm: float, taut: float) -> Protocol:
+    """The history of fibres that are ``taut`` from this stretch on."""
+    stretch = (1.0 + protocol.displacement_mm / length_mm) / taut
+    return protocol if taut == 1.0 else Protocol(protocol.name, protocol.time_s, length_mm * (stretch - 1.0))
 
 
 def _range(model: Model, name: str, moduli: Array, largest: float) -> Parameter:

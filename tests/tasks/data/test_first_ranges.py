@@ -8,6 +8,7 @@ import pytest
 from sinew.tasks.data.first_ranges import first_ranges
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import TENDON, Curve, Model, Protocol, Specimen
+from sinew.tasks.model.effects import effect_named
 from sinew.tasks.simulate.reach import reach
 from sinew.tasks.simulate.uniaxial import Uniaxial
 
@@ -115,6 +116,14 @@ def test_tendon_that_stiffens_up_to_larger_strains_gets_a_longer_toe_and_says_so
     (curve,) = specimen.curves
     late = np.where(np.arange(curve.force_N.size) < 100, 0.0, curve.force_N)
     first_ranges([replace(specimen, curves=(replace(curve, force_N=late),))])  # no loading that has a shape
+
+
+def test_slack_fibres_are_no_longer_toe():
+    """They are an effect, which a discovery can find."""
+    found = first_ranges(
+        list(virtual_cohort(seed=2503, per_site=1, rate_hz=10.0, effects=(effect_named("toe-slack"),))[0])
+    )
+    assert found.model.lambda_0 == 1.01
 
 
 @pytest.mark.parametrize("noise", [0.0, 2e-3])
