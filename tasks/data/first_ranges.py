@@ -174,10 +174,11 @@ def _models(
         return _median_misfit([_moduli(simulator, model, one, taut) for one in loadings])
 
     misfits = [misfit(model) for model in longer]
-    slack = min(misfit(published, 1.0 + part * strain) for part in TAUT_AT)  # an effect that ``discover`` can find
     best = int(np.argmin(misfits))
-    far = misfits[best] < min(LATER * misfit(published), THAN_SLACK * slack)
-    return [longer[best]] if far else [published]
+    if not misfits[best] < LATER * misfit(published):
+        return [published]
+    slack = min(misfit(published, 1.0 + part * strain) for part in TAUT_AT)  # an effect that ``discover`` can find
+    return [longer[best]] if misfits[best] < THAN_SLACK * slack else [published]
 
 
 def _first_loading(curve: Curve) -> Curve:

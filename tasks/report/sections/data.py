@@ -164,14 +164,14 @@ def _table(found: ResultFolder, bars: Mapping[str, dict[str, Any]], quantities: 
     rows, square = [], False
     for name, every in found.measured.items():
         bar = bars[name]
-        sizes = [bar.get(f"{side}_mm") or np.nan for side in ("length", "width", "thickness")]
+        length, width, thickness = (bar.get(f"{side}_mm") or np.nan for side in ("length", "width", "thickness"))
+        sizes = (length, width, thickness, width * thickness)
         peak = _farthest(np.concatenate([curve.force_N for curve in every.values()]))
         lasts = max(float(curve.time_s[-1] - curve.time_s[0]) for curve in every.values())
         points = sum(curve.total for curve in every.values())
         farthest = _farthest(np.concatenate([curve.displacement_mm for curve in every.values()]))
-        stress, strain = peak / (sizes[1] * sizes[2]), 100.0 * farthest / sizes[0]
-        square |= sizes[1] == sizes[2]
-        sizes.append(sizes[1] * sizes[2])
+        stress, strain = peak / sizes[-1], 100.0 * farthest / length
+        square |= width == thickness
         rows.append([name, ", ".join(every), *(number(size, 4) for size in sizes), number(lasts), f"{points:,}",
                      number(peak), number(stress), number(strain),
                      *(_reach(every, quantity) for quantity in quantities)])  # fmt: skip

@@ -44,7 +44,7 @@ def test_it_is_said_in_one_line(word, words):
     assert in_words(confidence(word)) == words + MEANING[word]
 
 
-def test_the_record_of_a_partial_verdict_is_that_of_compound_cases():
+def test_the_record_of_a_partial_verdict_is_that_of_the_larger_library():
     true, of = RECORD["PARTLY"]
     said = in_words(confidence("PARTLY"))
     assert said.startswith(
