@@ -107,6 +107,27 @@ def new_file(path: Path) -> BinaryIO:
     return open(os.open(path, flags, 0o666), "wb")
 
 
+def append_file(path: Path) -> BinaryIO:
+    """A regular file to append to, made where there is none. Raises ``OSError``, also for a link or a pipe."""
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    try:
+        descriptor = os.open(path, flags, 0o666)
+    except OSError:
+        kind = _kind(path)
+        if kind is None:
+            raise
+        raise _not_regular(path, kind) from None
+    status = os.fstat(descriptor)
+    if not stat.S_ISREG(status.st_mode):
+        os.close(descriptor)
+        raise _not_regular(path, what_is(status.st_mode))
+    return open(descriptor, "ab")
+
+
+def _not_regular(path: Path, kind: str) -> OSError:
+    return OSError(errno.EINVAL, f"is {kind}; remove it, it must be a file", str(path))
+
+
 def own_folder(folder: Path) -> Path:
     """The folder, made where there is none, into which nobody but this user can write.
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sinew.runner.errors import StoreError
-from sinew.runner.files import NotReadable, read_regular
+from sinew.runner.files import NotReadable, append_file, read_regular
 
 MAX_BYTES = 2**23  # some ten thousand jobs
 
@@ -82,8 +82,8 @@ class JobTable:
         """Append that ``job`` was ``submitted``, ``started`` or ``ended``."""
         line = json.dumps({"time": round(time.time(), 3), "job": job, "event": event, **facts})
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        with open(self.path, "a", encoding="utf-8") as file:
-            file.write(line + "\n")
+        with append_file(self.path) as file:
+            file.write(f"{line}\n".encode())
 
     def read(self) -> dict[str, JobRecord]:
         """All jobs by number, in the order of submission. Incomplete lines are ignored."""

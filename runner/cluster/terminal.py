@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from sinew.runner.files import append_file
+
 
 @contextmanager
 def children_write_to(path: Path) -> Iterator[None]:
@@ -18,7 +20,7 @@ def children_write_to(path: Path) -> Iterator[None]:
     terminal = os.dup(2)
     before = sys.stderr
     try:
-        with open(path, "ab") as file:
+        with append_file(path) as file:
             os.dup2(file.fileno(), 2)
         if _is_second(before):
             kind = before.encoding, before.errors

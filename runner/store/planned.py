@@ -8,7 +8,7 @@ from typing import BinaryIO
 import numpy as np
 
 from sinew.runner.errors import StoreError
-from sinew.runner.files import NotReadable, read_regular
+from sinew.runner.files import NotReadable, append_file, read_regular
 from sinew.runner.store.damage import store_errors
 from sinew.runner.store.durable import sync_file
 from sinew.runner.store.schema import Array
@@ -33,10 +33,10 @@ class PlannedRows:
     def _opened(self) -> BinaryIO:
         """The file, to append to it; its folder is made where it is not there yet."""
         try:
-            return self.path.open("ab")
+            return append_file(self.path)
         except FileNotFoundError:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            return self.path.open("ab")
+            return append_file(self.path)
 
     def read(self, width: int) -> Iterator[tuple[int, Array]]:
         """The whole records: row numbers and parameters ``[width]``. Stops at the first damaged record."""

@@ -28,6 +28,7 @@ from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.febio.renderer import WrongTemplate, job_script
 from sinew.tasks.simulate.row_by_row import Failed
 from sinew.tasks.simulate.settings import SolverMissing
+from sinew.tasks.study.files import write_text
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.study import Study
 from sinew.tasks.study.workspace import attempts_folder, check_cohort
@@ -153,10 +154,10 @@ def check_scripts(profile: Profile, scripts: Scripts) -> None:
 
 def _written(scripts: Scripts, folder: Path) -> tuple[Path, Path | None]:
     leader, worker = folder / "job.sh", folder / "worker.sh"
-    leader.write_text(scripts.leader, "utf-8")
+    write_text(leader, scripts.leader)
     if scripts.worker is None:
         return leader, None
-    worker.write_text(scripts.worker, "utf-8")
+    write_text(worker, scripts.worker)
     return leader, worker
 
 

@@ -23,6 +23,7 @@ from sinew.tasks.data.sizes import POSSIBLE_MM, is_possible
 from sinew.tasks.data.sources import KEY, sources_of
 from sinew.tasks.data.text import BINARY, HUGE, MAX_TEXT_BYTES, check_text
 from sinew.tasks.model import Curve, Protocol, Specimen, file_name
+from sinew.tasks.model.specimen import FORCE
 
 COLUMNS = ("time_s", "displacement_mm", "force_N")
 MOST_FURTHER = 1000  # columns behind these
@@ -139,8 +140,8 @@ def _further_columns(path: Path) -> tuple[str, ...]:
     if len(further) > MOST_FURTHER:
         raise BadInput(f"{path}: row 1", f"{len(further)} columns behind force_N", f"at most {MOST_FURTHER}")
     for name in further:
-        if not NAME.fullmatch(name):
-            expected = "a name of letters, digits, '_' and '.', such as lateral_strain"
+        if not NAME.fullmatch(name) or name == FORCE:
+            expected = "another name of letters, digits, '_' and '.', such as lateral_strain"
             raise BadInput(f"{path}: row 1", f"a column called {shown(name)}", expected)
         if header.count(name) > 1:
             raise BadInput(f"{path}: row 1, {name}", "given twice", "each column once")

@@ -6,6 +6,7 @@ from typing import Any, Literal
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import COLUMNS, NAME
 from sinew.tasks.data.timing import Timing
+from sinew.tasks.model.specimen import FORCE
 
 Zero = Literal["first", "none"]
 Negate = Literal["none", "displacement", "force", "both"]
@@ -27,8 +28,8 @@ def further(text: str) -> Further:
     """What ``TITLE=NAME`` or ``TITLE=NAME:UNIT`` asks for. Raises :class:`BadInput`."""
     column, _, rest = text.rpartition("=")
     name, _, unit = rest.partition(":")
-    if not column.strip() or not NAME.fullmatch(name.strip()) or name.strip() in COLUMNS:
-        expected = "TITLE=NAME or TITLE=NAME:UNIT, NAME of letters, digits and '_'"
+    if not column.strip() or not NAME.fullmatch(name.strip()) or name.strip() in (*COLUMNS, FORCE):
+        expected = "TITLE=NAME or TITLE=NAME:UNIT, NAME of letters, digits and '_', and not that of the force"
         raise BadInput("--keep-column", shown(text), expected)
     return Further(column.strip(), name.strip(), unit.strip() or None)
 

@@ -26,6 +26,7 @@ from sinew.tasks.data.new_study import (
     ReadFile,
     describe,
     describe_left_out,
+    describe_unused,
     leave_open,
     write_study,
 )
@@ -113,7 +114,8 @@ def init(
     study = write_study(out, "cohort", [one.specimen for one in new], ranges)
     sizes_told = {one.specimen.name: one.told for one in new}
     write_answers(out / ANSWERS, Answers(hints, sizes_told, read.answered, confirmed))
-    lines = (*describe(new), *contradictions(new), *odd_tests(whole), *ranges.lines, *describe_left_out(read.left_out))
+    told = (*describe(new), *describe_unused(answers.sizes, new), *contradictions(new), *odd_tests(whole))
+    lines = (*told, *ranges.lines, *describe_left_out(read.left_out))
     return NewStudy(study, lines, tuple(to_fill_in), tuple(one.specimen for one in new))
 
 

@@ -3,7 +3,7 @@
 import json
 import shlex
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -117,6 +117,14 @@ def describe(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
             f"{path}: its {count} tests are taken for those of {count} specimens; if all are of one specimen, make a "
             f"cohort first, with the same options: sinew import {shlex.quote(str(path))} --specimen NAME --out COHORT"
         )
+
+
+def describe_unused(answered: Iterable[str], new: Sequence[NewSpecimen]) -> Iterator[str]:
+    """Specimens that earlier answers know and no file is of: a file that was renamed loses its sizes."""
+    unused = sorted(set(answered) - {one.specimen.name for one in new})
+    if unused:
+        listed = ", ".join(unused[:LISTED]) + (f" and {len(unused) - LISTED:,} more" if len(unused) > LISTED else "")
+        yield one_line(f"answers that were not used: sizes of {listed}; no test is of a specimen of that name")
 
 
 def describe_left_out(files: Sequence[LeftOut]) -> Iterator[str]:

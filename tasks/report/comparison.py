@@ -2,15 +2,16 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, isfinite
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import TypeVar, cast
 
-from sinew.runner.errors import one_line
+from sinew.runner.errors import BadInput, one_line
 from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.discover.result import DiscoverResult
 from sinew.tasks.drawing.blocks import Block, Facts, Section, Table, Words, number, percent, plural
 from sinew.tasks.infer.result import InferResult, Posteriors
+from sinew.tasks.report.comparison_setup import other_ranges, setup
 from sinew.tasks.report.folder import ResultFolder, read_folder
 from sinew.tasks.report.page import Built, render
 from sinew.tasks.sobol.result import SobolResult
@@ -19,7 +20,6 @@ from sinew.tasks.study.result import Result
 
 R = TypeVar("R", bound=Result)
 FAR = 2.0  # standard deviations of a difference, beyond which it is told
-SET = ("study_file", "version", "seed", "simulator", "machine", "python", "out")
 INDEPENDENT = (
     "Differences are given in standard deviations of two independent results. Results of the same curves are not "
     "independent: there, even smaller differences come from what was set otherwise."
@@ -52,7 +52,11 @@ class Pair:
 
 
 def compare(first: Path, second: Path, page: Path) -> Built:
-    """Write ``page`` with what two result folders have in common. Raises :class:`sinew.runner.errors.BadInput`."""
+    """Write ``page`` with what two result folders have in common. Raises :class:`BadInput`."""
+    if page.suffix != ".html" or page.is_dir():  # never a file of a result in place of a page
+        raise BadInput(f"--out {page}", "is no name of a page", "a file that ends in .html")
+    if not page.parent.is_dir():
+        raise BadInput(f"--out {page}", f"{page.parent} is not there", "a file in a folder that is there")
     pair = Pair(read_folder(first), read_folder(second))
     trouble = [*pair.first.trouble, *pair.second.trouble]
     sections = []
@@ -68,37 +72,7 @@ def compare(first: Path, second: Path, page: Path) -> Built:
 
 
 def _setup(pair: Pair) -> Section:
-    """What the last runs were given."""
-    last = [one.runs[-1] if one.runs else {} for one in (pair.first, pair.second)]
-    rows = []
-    for what in SET:
-        values = [one_line(str(run.get(what, "–")))[:200] for run in last]
-        rows.append([what.replace("_", " "), *values, "" if values[0] == values[1] else "differs"])
-    specimens = [set(one.measured) for one in (pair.first, pair.second)]
-    both = specimens[0] & specimens[1]
-    other = [name for name in sorted(both) if _data(pair.first, name) != _data(pair.second, name)]
-    quantities = [", ".join(_quantities(one)) or "–" for one in (pair.first, pair.second)]
-    rows.append(["compared", *quantities, "" if quantities[0] == quantities[1] else "differs"])
-    counts = [str(len(each)) for each in specimens]
-    rows.append(["specimens", *counts, "" if specimens[0] == specimens[1] else "differs"])
-    words = f"{plural(len(both), 'specimen')} in both"
-    words += f"; other curves or sizes under the same name: {', '.join(other)}" if other else ""
-    table = Table("The last run of each", ["", *pair.names, ""], rows, words=(1, 2, 3))
-    differs = [row[0] for row in rows if row[3]]
-    found = f"differ in {', '.join(differs)}" if differs else "the same settings"
-    return Section("setup", "Setup", "What was set otherwise?", [table, Words(words)], found=found)
-
-
-def _quantities(found: ResultFolder) -> list[str]:
-    """What is compared in a folder, by the stored evaluations."""
-    others = {name for every in found.measured.values() for curve in every.values() for name in curve.others}
-    return [*(["force"] if found.forces else []), *sorted(others)]
-
-
-def _data(found: ResultFolder, specimen: str) -> Any:
-    """What identifies a specimen's sizes and curves."""
-    tables = found.tables.get(specimen)
-    return tables[0].identity["specimen"] if tables else None
+    return setup(pair.first, pair.second, pair.names)
 
 
 def _discovery(pair: Pair) -> Section:
@@ -138,6 +112,7 @@ def _calibration(pair: Pair) -> Section:
     blocks: list[Block] = [
         Table("sum of RMSEs (N)", ["specimen", *pair.names, "second / first"], fits),
         *_beside(pair, first, second),
+        *other_ranges([dict(zip(each.free, each.bounds, strict=True)) for each in found], pair.names),
         Table("Parameters", ["parameter", *pair.names, "difference", "in sd"], parameters, open=len(parameters) <= 40),
         Words(INDEPENDENT, "note"),
     ]
@@ -178,21 +153,34 @@ def _sensitivity(pair: Pair) -> Section:
     title, question = "Sensitivity", "Do the same parameters matter?"
     if (found := pair.results(SobolResult)) is None:
         return Section("sensitivity", title, question, missing=pair.missing("sobol"))
-    rows, apart = [], []
+    rows, apart, unknown = [], [], []
     places = [{name: i for i, name in enumerate(one.names)} for one in found]
     for name in (name for name in places[0] if name in places[1]):
         at = [place[name] for place in places]
         values = [float(one.ST[i]) for one, i in zip(found, at, strict=True)]
         bounds = [float(one.ST_conf[i]) for one, i in zip(found, at, strict=True)]
-        beyond = abs(values[1] - values[0]) > hypot(*bounds)
+        difference, spread = values[1] - values[0], hypot(*bounds)
+        known = isfinite(difference) and isfinite(spread)
+        beyond = known and abs(difference) > spread
         apart += [name] if beyond else []
+        unknown += [] if known else [name]
         shown = [f"{number(value)} ± {number(bound, 2)}" for value, bound in zip(values, bounds, strict=True)]
-        rows.append([name, *shown, number(values[1] - values[0], 2), "differs" if beyond else ""])
+        rows.append([name, *shown, number(difference, 2), "differs" if beyond else "" if known else "not known"])
     of = [f"Of {name}: {one.objective}." for name, one in zip(pair.names, found, strict=True)]
     header = ["parameter", *pair.names, "difference", ""]
-    blocks: list[Block] = [Table("Total indices with their intervals", header, rows, words=(4,)), Words(" ".join(of))]
+    blocks: list[Block] = [
+        *other_ranges([_ranges(one) for one in found], pair.names),
+        Table("Total indices with their intervals", header, rows, words=(4,)),
+        Words(" ".join(of)),
+    ]
     words = f"beyond their intervals: {', '.join(apart)}" if apart else "no index differs beyond its interval"
+    words += f"; not known: {', '.join(unknown)}" if unknown else ""
     return Section("sensitivity", title, question, blocks, found=words)
+
+
+def _ranges(found: SobolResult) -> dict[str, Sequence[float]]:
+    """The range of each parameter; of groups, the file does not tell which range is whose."""
+    return {} if found.groups else dict(zip(found.names, found.bounds, strict=True))
 
 
 def _posterior(pair: Pair) -> Section:

@@ -21,7 +21,7 @@ class Indices:
 
     S1: Numbers
     S1_conf: NotNegatives
-    ST: Numbers
+    ST: NotNegatives
     ST_conf: NotNegatives
 
 
@@ -59,7 +59,7 @@ class OfOutput:
     is_force: bool
     S1: Numbers
     S1_conf: NotNegatives
-    ST: Numbers
+    ST: NotNegatives
     ST_conf: NotNegatives
     protocols: Mapping[str, Indices]
 
@@ -128,7 +128,7 @@ class SobolResult(Result):
     seed: int
     S1: Numbers
     S1_conf: NotNegatives
-    ST: Numbers
+    ST: NotNegatives
     ST_conf: NotNegatives
     S2: Numbers | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
     S2_conf: NotNegatives | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
@@ -161,6 +161,10 @@ class SobolResult(Result):
             raise ValueError(f"base_samples_used: {self.base_samples_used} of {self.base_samples}")
         if self.failed > self.rows:
             raise ValueError(f"failed: {self.failed} of {self.rows} rows")
+        if any(len(one) != 2 or one[0] > one[1] for one in self.bounds):
+            raise ValueError("bounds: not two numbers in order")
+        if self.groups is None and len(self.bounds) != len(self.names):
+            raise ValueError(f"{len(self.names)} names, {len(self.bounds)} ranges")
 
     @property
     def sample(self) -> str:

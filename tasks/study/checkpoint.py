@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sinew.runner.errors import BadInput
-from sinew.runner.files import NotReadable, parse_json, read_regular
+from sinew.runner.files import NotReadable, append_file, new_file, parse_json, read_regular
 from sinew.tasks.simulate import Array
 
 MAX_BYTES = 2**26
@@ -47,7 +47,8 @@ class Checkpoint:
             end = after
         if not begun or end < len(content):
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(head + content[len(head) : end])
+            with new_file(path) as file:
+                file.write(head + content[len(head) : end])
 
     def __len__(self) -> int:
         return len(self.kept)
@@ -56,7 +57,7 @@ class Checkpoint:
         """Write ``numbers`` ``[n]`` at the next position."""
         assert self.width in (None, numbers.size), "it would not be read again"
         self.kept.append(numbers)
-        with self.path.open("ab") as file:
+        with append_file(self.path) as file:
             file.write(json.dumps(numbers.tolist()).encode() + b"\n")
 
 

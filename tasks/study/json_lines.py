@@ -1,10 +1,13 @@
 """Log records as lines of JSON."""
 
+import io
 import json
 import logging
 import sys
 from contextlib import suppress
 from pathlib import Path
+
+from sinew.runner.files import append_file
 
 _OF_EVERY_RECORD = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "taskName"}
 
@@ -29,11 +32,15 @@ class LogFile(logging.FileHandler):
     """A file of such lines. What cannot be written, because the disk is full, is lost without a word.
 
     Results are on the same disk: who cannot write those says so in one line, which tracebacks of the log would hide.
+    Raises ``OSError`` for a link, a pipe or a device.
     """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, encoding="utf-8")
         self.setFormatter(JsonLines())
+
+    def _open(self) -> io.TextIOWrapper:
+        return io.TextIOWrapper(append_file(Path(self.baseFilename)), encoding="utf-8")
 
     def handleError(self, record: logging.LogRecord) -> None:
         """Nothing for a disk that takes no more; a traceback for mistakes of the program."""

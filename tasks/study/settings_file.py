@@ -79,6 +79,22 @@ def settings_in(text: str, path: Path, kind: type[S], what: str, overrides: Mapp
         raise _first_problem(path, kind, error, lines, what) from None
 
 
+def fields_in(text: str, path: Path, what: str) -> dict[str, Any]:
+    """Each value in the text of the file ``path``, by its field (``model.parameters.E_f.min``), unchecked.
+
+    Raises :class:`BadInput` for what is no plain YAML.
+    """
+    return dict(_leaves(_parse(path, text, what)[0], ()))
+
+
+def _leaves(value: Any, field: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, dict) and value:
+        for key, inner in value.items():
+            yield from _leaves(inner, (*field, str(key)))
+    else:
+        yield ".".join(field), value
+
+
 def write_settings(path: Path, head: str, content: Mapping[str, Any]) -> None:
     """Write settings as YAML that :func:`read_settings` reads, below the comment ``head``."""
     write_text(path, head + as_yaml(content))

@@ -11,6 +11,7 @@ import pytest
 from sinew.runner import files
 from sinew.runner.files import (
     NotReadable,
+    append_file,
     new_file,
     own_folder,
     parse_json,
@@ -242,6 +243,36 @@ def test_a_new_file_replaces_a_link_and_what_was_left(tmp_path):
         assert link.read_bytes() == content
         assert not link.is_symlink()
     assert victim.read_text() == "mine"
+
+
+def test_lines_are_appended_to_a_file_that_is_made_where_there_is_none(tmp_path):
+    for line in (b"one\n", b"two\n"):
+        with append_file(tmp_path / "log") as file:
+            file.write(line)
+    assert (tmp_path / "log").read_bytes() == b"one\ntwo\n"
+
+
+@pytest.mark.parametrize("kind", ["a link", "a named pipe", "a named pipe that is read", "a socket", "a device"])
+def test_nothing_but_a_file_is_appended_to(tmp_path, kind):
+    path, victim = tmp_path / "log", tmp_path / "victim"
+    victim.write_text("precious")
+    end = None
+    if kind == "a link":
+        path.symlink_to(victim)
+    elif kind == "a socket":
+        end = socket.socket(socket.AF_UNIX)
+        end.bind(str(path))
+    elif kind == "a device":
+        path = Path("/dev/null")
+    else:
+        os.mkfifo(path)
+        end = os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK)) if "read" in kind else None
+    with pytest.raises(OSError, match=f"is {kind.partition(' that')[0]}; remove it") as refused:
+        append_file(path)
+    assert refused.value.filename == str(path)
+    assert victim.read_text() == "precious"
+    if end is not None:
+        end.close()
 
 
 def test_many_folders_are_removed_by_few_programs(tmp_path, monkeypatch):

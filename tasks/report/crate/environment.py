@@ -12,6 +12,7 @@ from sinew.tasks.study.resources import DISTRIBUTION
 
 VERSION = re.compile(r"[A-Za-z0-9][A-Za-z0-9.+!_-]*")
 SOLVER = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,99}")
+PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9 .,:+_-]{0,99}")
 FACTS = (
     "version",
     "code",
@@ -28,9 +29,14 @@ FACTS = (
 
 def environment(source: Source) -> dict[str, Any]:
     """Versions, hashes and the solver of the last run, as it logged them; no names of machines, people or folders."""
-    facts = {name: source.run[name] for name in FACTS if name in source.run}
+    facts = {name: value for name in FACTS if (value := source.run.get(name)) is not None and _plain(value)}
     return {**facts, "solver": dict(zip(("name", "version"), solver(source), strict=True)),
             "packages": direct(source.run)}  # fmt: skip
+
+
+def _plain(value: object) -> bool:
+    """Whether a fact of a log can be one: anybody may have written it."""
+    return isinstance(value, int) or (isinstance(value, str) and PLAIN.fullmatch(value) is not None)
 
 
 def as_json(source: Source) -> bytes:

@@ -116,7 +116,7 @@ def _run(
     source: Source, layout: Layout, files: Sequence[Packed], people: Sequence[Mapping[str, Any]]
 ) -> list[dict[str, Any]]:
     """The computation: what it used, what came out, and by which programs."""
-    program, version = DISTRIBUTION, str(source.run.get("version", ""))
+    program, version = DISTRIBUTION, environment.version_of(source.run, "version", "")
     solver, its_version = environment.solver(source)
     used, made = [], []
     for one in files:

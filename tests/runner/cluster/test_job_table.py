@@ -67,3 +67,12 @@ def test_a_folder_has_one_name_through_whatever_link_it_is_reached(tmp_path):
     (tmp_path / "link").symlink_to("there")
     names = {JobTable(tmp_path / name).job_name("study", COORDINATOR) for name in ("there", "link", "there/../there")}
     assert len(names) == 1
+
+
+def test_a_link_that_appears_is_not_followed(tmp_path):
+    table = JobTable(tmp_path)
+    (tmp_path / "victim").write_text("precious")
+    table.path.symlink_to(tmp_path / "victim")
+    with pytest.raises(OSError, match="is a link; remove it"):
+        table.note("7", "started")
+    assert (tmp_path / "victim").read_text() == "precious"

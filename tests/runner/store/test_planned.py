@@ -44,7 +44,7 @@ def test_rows_that_are_noted_are_read(tmp_path):
 
 def test_notes_that_cannot_be_written_are_named(tmp_path):
     (tmp_path / "planned").mkdir()
-    with pytest.raises(StoreError, match=f"^{tmp_path / 'planned'}: Is a directory$"):
+    with pytest.raises(StoreError, match=f"^{tmp_path / 'planned'}: is a folder; remove it, it must be a file$"):
         PlannedRows(tmp_path / "planned").append(0, np.zeros((1, 2)))
 
 
@@ -58,3 +58,11 @@ def test_noted_parameters_that_are_no_numbers_end_the_plan_there(tmp_path):
     notes.append(3, some(4)[3:])
     with Store.writing(tmp_path, "study") as store:
         assert len(store.table(table_spec())) == 2
+
+
+def test_a_link_that_appears_is_not_followed(tmp_path):
+    (tmp_path / "victim").write_text("precious")
+    (tmp_path / "planned").symlink_to(tmp_path / "victim")
+    with pytest.raises(StoreError, match="is a link; remove it"):
+        PlannedRows(tmp_path / "planned").append(0, np.ones((1, 2)))
+    assert (tmp_path / "victim").read_text() == "precious"

@@ -13,7 +13,15 @@ from sinew.tasks.data.curves import Bar, curve_of
 from sinew.tasks.data.first_ranges import FirstRanges
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.names import FileName
-from sinew.tasks.data.new_study import NewSpecimen, ReadFile, describe, environment, leave_open, write_study
+from sinew.tasks.data.new_study import (
+    NewSpecimen,
+    ReadFile,
+    describe,
+    describe_unused,
+    environment,
+    leave_open,
+    write_study,
+)
 from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.infer.settings import OF_LIKELIHOOD
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
@@ -133,6 +141,16 @@ def test_what_was_guessed_is_said(tmp_path):
     lines = list(describe([unknown]))
     assert lines[0] == "specimen T1: ? x 8 x 4 mm (length x width x thickness)"
     assert "strain" not in lines[2]
+
+
+def test_answers_of_specimens_that_are_not_there_are_said():
+    new = NewSpecimen(specimen("T1", "relax"), (), (), ())
+    assert list(describe_unused(["T9", "T1"], [new])) == [
+        "answers that were not used: sizes of T9; no test is of a specimen of that name"
+    ]
+    assert not list(describe_unused(["T1"], [new]))
+    (line,) = describe_unused([f"s{number}" for number in range(100)], [new])
+    assert "and 80 more;" in line
 
 
 def test_several_tests_in_one_file_are_said_to_be_of_several_specimens(tmp_path):

@@ -60,6 +60,50 @@ def test_what_differs_is_told_with_its_size(whole_run, run_folder, tmp_path):
     assert f"beyond their intervals: {first}" in found["summary"]
 
 
+def rewrite_log(folder, **facts):
+    """Say otherwise what the runs of a folder were given."""
+    log = folder / "log.jsonl"
+    events = [json.loads(line) for line in log.read_text().splitlines()]
+    changed = [one | facts if one["message"] == "run started" else one for one in events]
+    log.write_text("".join(json.dumps(one) + "\n" for one in changed))
+
+
+def test_settings_that_differ_are_listed_by_their_fields(whole_run, run_folder, tmp_path):
+    events = [json.loads(line) for line in (whole_run / "log.jsonl").read_text().splitlines()]
+    text = next(one["study_text"] for one in events if one["message"] == "run started")
+    text += "\nmodel: {parameters: {E_f: {min: 99.5, max: 400}}}\n" if "\nmodel:" not in text else ""
+    rewrite_log(run_folder, study_hash="another", study_text=text.replace("\nname: ", "\nname: other-"))
+    found, trouble = sections(whole_run, run_folder, tmp_path)
+    assert not trouble
+    assert "differ in hash of the study" in found["summary"]
+    assert "Settings that differ" in found["setup"]
+    assert "model.parameters.E_f.min–99.5" in found["setup"]
+    assert "sobol." not in found["setup"]
+
+
+def test_a_study_that_cannot_be_read_is_said(whole_run, run_folder, tmp_path):
+    rewrite_log(run_folder, study_text="a: &b [*b]")
+    found, trouble = sections(whole_run, run_folder, tmp_path)
+    assert not trouble
+    assert "The studies cannot be compared: study: line 1: an anchor or alias" in found["setup"]
+
+
+@pytest.mark.parametrize(("task", "section"), [("sobol", "sensitivity"), ("calibrate", "calibration")])
+def test_results_of_other_ranges_have_a_warning(whole_run, run_folder, tmp_path, task, section):
+    edit(run_folder / f"{task}.json", lambda told: told["bounds"].__setitem__(0, [-1.0, 5000.0]))
+    found, _ = sections(whole_run, run_folder, tmp_path)
+    assert "1 parameter had another range in each study: results differ for that reason alone." in found[section]
+    assert "-1 to 5000" in found[section].replace("−", "-").replace(",", "")
+
+
+def test_an_index_without_an_interval_is_not_known_to_be_the_same(whole_run, run_folder, tmp_path):
+    edit(run_folder / "sobol.json", lambda told: told.update(ST_conf=[None, *told["ST_conf"][1:]]))
+    found, _ = sections(whole_run, run_folder, tmp_path)
+    first = json.loads((whole_run / "sobol.json").read_text())["names"][0]
+    assert f"no index differs beyond its interval; not known: {first}" in found["summary"]
+    assert "not known" in found["sensitivity"]
+
+
 def test_a_mean_elsewhere_is_told(whole_run, run_folder, tmp_path):
     def moved(told):
         site = next(iter(told["sites"].values()))
@@ -89,10 +133,7 @@ def test_results_that_contradict_themselves_hide_no_others(whole_run, run_folder
 
 
 def test_names_from_a_folder_are_words(whole_run, run_folder, tmp_path):
-    log = run_folder / "log.jsonl"
-    events = [json.loads(line) for line in log.read_text().splitlines()]
-    changed = [one | {"study_file": IMAGE} if one["message"] == "run started" else one for one in events]
-    log.write_text("".join(json.dumps(one) + "\n" for one in changed))
+    rewrite_log(run_folder, study_file=IMAGE)
     found, _ = sections(whole_run, run_folder, tmp_path)
     assert "<img" not in (tmp_path / "both.html").read_text()
     assert "onerror" in found["setup"]
@@ -109,6 +150,23 @@ def test_no_folder_is_one_line_and_writes_nothing(whole_run, tmp_path):
     with pytest.raises(BadInput, match="is not there"):
         compare(whole_run, tmp_path / "none", tmp_path / "both.html")
     assert not (tmp_path / "both.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("out", "words"),
+    [
+        ("sobol.json", "sobol.json: is no name of a page; expected a file that ends in .html"),
+        (".", "is no name of a page"),
+        ("folder.html", "folder.html: is no name of a page"),
+        ("none/both.html", "none is not there; expected a file in a folder that is there"),
+    ],
+)
+def test_a_page_replaces_no_other_file(whole_run, tmp_path, out, words):
+    (tmp_path / "folder.html").mkdir()
+    (tmp_path / "sobol.json").write_text("precious")
+    with pytest.raises(BadInput, match=words):
+        compare(whole_run, whole_run, tmp_path / out)
+    assert (tmp_path / "sobol.json").read_text() == "precious"
 
 
 def test_the_command(whole_run, tmp_path, monkeypatch, capsys):

@@ -70,18 +70,25 @@ def test_numbers_that_cannot_be_are_refused(tmp_path, field, value, problem):
 
 @pytest.mark.parametrize(
     ("changed", "words"),
-    [({"base_samples_used": 999}, "base_samples_used: 999 of "), ({"failed": 999}, "failed: 999 of ")],
+    [
+        ({"base_samples_used": 999}, "base_samples_used: 999 of "),
+        ({"failed": 999}, "failed: 999 of "),
+        ({"bounds": [[2.0, 1.0]]}, "bounds: not two numbers in order"),
+        ({"bounds": [[1.0]]}, "bounds: not two numbers in order"),
+        ({"bounds": []}, "names, 0 ranges"),
+    ],
 )
 def test_counts_that_contradict_each_other_are_refused(changed, words):
     with pytest.raises(ValueError, match=words):
         sobol_result(**changed)
 
 
-def test_half_widths_below_zero_are_refused(tmp_path):
+@pytest.mark.parametrize("field", ["ST", "ST_conf", "S1_conf"])
+def test_half_widths_and_total_indices_below_zero_are_refused(tmp_path, field):
     sobol_result().write(tmp_path)
     path = SobolResult.path(tmp_path)
     content = json.loads(path.read_text())
-    content["ST_conf"][0] = -0.5
+    content[field][0] = -0.5
     path.write_text(json.dumps(content))
-    with pytest.raises(BadInput, match=r"sobol\.json: ST_conf: .*: expected at least 0"):
+    with pytest.raises(BadInput, match=rf"sobol\.json: {field}: .*: expected at least 0"):
         SobolResult.read(tmp_path)

@@ -1,6 +1,7 @@
 """A checkpoint survives crashes, and holds nothing that belongs to other inputs."""
 
 import tracemalloc
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -74,3 +75,18 @@ def test_lines_without_end_take_neither_memory_nor_time(tmp_path):
             assert kept == (MAX_LINES if b"[" in content else 0)
             assert tracemalloc.get_traced_memory()[1] < 2**28
             tracemalloc.stop()
+
+
+def test_links_that_appear_are_not_followed(tmp_path):
+    """Neither where lines are added, nor where another checkpoint is begun."""
+    path, victim = tmp_path / "checkpoint.jsonl", tmp_path / "victim"
+    checkpoint = Checkpoint(path, "a")
+    victim.write_text("precious")
+    path.unlink()
+    path.symlink_to(victim)
+    with pytest.raises(OSError, match="is a link; remove it"):
+        checkpoint.append(np.array([1.0]))
+    with mock.patch("sinew.tasks.study.checkpoint.read_regular", side_effect=FileNotFoundError):  # it comes after this
+        Checkpoint(path, "b")
+    assert victim.read_text() == "precious"
+    assert not path.is_symlink()

@@ -3,7 +3,8 @@
 import json
 import logging
 import sys
-from pathlib import Path
+
+import pytest
 
 from sinew.tasks.study.json_lines import JsonLines, LogFile
 
@@ -30,10 +31,12 @@ def test_an_exception_is_a_field():
     assert found["exc_info"].endswith("ValueError: wrong")
 
 
-def test_a_full_disk_leaves_no_traceback_on_the_terminal(capsys):
-    handler = LogFile(Path("/dev/full"))
-    handler.handle(record("lost"))
-    handler.close()
+def test_a_full_disk_leaves_no_traceback_on_the_terminal(tmp_path, capsys):
+    handler = LogFile(tmp_path / "log.jsonl")
+    with open("/dev/full", "w") as full:
+        handler.setStream(full).close()
+        handler.handle(record("lost"))
+        handler.close()
     assert capsys.readouterr() == ("", "")
 
 
@@ -43,3 +46,11 @@ def test_the_lines_are_in_the_file(tmp_path):
     handler.close()
     (line,) = (tmp_path / "log.jsonl").read_text().splitlines()
     assert json.loads(line)["message"] == "kept"
+
+
+def test_a_link_that_appears_is_not_followed(tmp_path):
+    (tmp_path / "victim").write_text("precious")
+    (tmp_path / "log.jsonl").symlink_to(tmp_path / "victim")
+    with pytest.raises(OSError, match="is a link; remove it"):
+        LogFile(tmp_path / "log.jsonl")
+    assert (tmp_path / "victim").read_text() == "precious"

@@ -127,7 +127,8 @@ def test_a_column_that_cannot_be_compared_is_named_with_its_file(tmp_path, colum
     ("name", "words"),
     [
         ("force_N", "row 1, force_N: given twice; expected each column once"),
-        ("two words", "row 1: a column called 'two words'; expected a name of letters"),
+        ("two words", "row 1: a column called 'two words'; expected another name of letters"),
+        ("force", "row 1: a column called 'force'; expected another name of letters"),
     ],
 )
 def test_names_of_columns_that_cannot_be_used(tmp_path, name, words):
