@@ -18,7 +18,7 @@ CYCLES, FAST_CYCLES, STEPS = 30, 10, 5
 class Usual:
     """What was done so far.
 
-    ``strain``: the largest, below 0 in compressions. ``rate``: of strain (1/s). ``hold_s``: the longest hold.
+    ``strain``: the largest that every specimen has borne, below 0 in compressions. ``rate``: of strain (1/s). ``hold_s``: the longest hold.
     ``interval_s``: between samples.
     """
 
@@ -76,7 +76,10 @@ class Test:
 
 
 def usual(specimens: Sequence[Specimen]) -> Usual:
-    """What was done to specimens so far: medians over them. Without holds or ramps, those of the published tests."""
+    """What was done to specimens so far: medians over them, but the smallest of their strains, which none breaks at.
+
+    Without holds or ramps, those of the published tests.
+    """
     strains, rates, holds, intervals = [], [], [], []
     for specimen in specimens:
         longest = []
@@ -95,7 +98,7 @@ def usual(specimens: Sequence[Specimen]) -> Usual:
         holds += [max(longest)] if longest else []
     sign = np.sign(np.sum(np.sign(strains))) or 1.0  # that of most specimens
     return Usual(
-        float(np.median([strain for strain in strains if strain * sign >= 0.0])),
+        float(min((strain for strain in strains if strain * sign >= 0.0), key=abs)),
         float(np.median(rates)) if rates else STRAIN_RATE,
         float(np.median(holds)) if holds else HOLD_S,
         float(np.median(intervals)),
