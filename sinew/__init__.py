@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from sinew.tasks.model.effects import library as library
     from sinew.tasks.study.study import Study as Study
     from sinew.tasks.study.study import read_study as read_study
+    from sinew.tasks.surrogate.reading import surrogate as surrogate
 
 _FROM = {
     "BadInput": "sinew.runner.errors",
@@ -39,6 +40,7 @@ _FROM = {
     "read_study": "sinew.tasks.study.study",
     "results": "sinew.result_folder",
     "run": "sinew.notebook",
+    "surrogate": "sinew.tasks.surrogate.reading",
     "virtual_cohort": "sinew.tasks.data.virtual",
     "write_cohort": "sinew.tasks.data.cohort",
 }

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from sinew.result_folder import Results
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks import pipeline
 from sinew.tasks.cluster.spec import cluster_of
 from sinew.tasks.registry import TASKS
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.study import Study
 from sinew.tasks.study.workspace import open_workspace
 

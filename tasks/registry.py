@@ -92,6 +92,7 @@ TASKS: Mapping[str, Task] = {
             measured=True, examples=("sinew discover study.yaml --data data/tails",),
         ),
         Task("morris", "Elementary effects (Morris): a screening at the price of few rows.", place=2, optional=True),
+        Task("surrogate", "Emulators of forces and outputs along time, from few runs.", place=2, optional=True),
         Task("pawn", "PAWN indices of whole distributions, from the rows of the Sobol study.", place=3, needs="sobol",
              optional=True),
     )

@@ -83,7 +83,7 @@ def drawing() -> Iterator[dict[str, Callable[..., Any]]]:
 
     Nor do they estimate how long they will take. What is yielded draws figures and page all the same.
     """
-    from sinew.tasks import pipeline
+    from sinew.tasks.study import pipeline
 
     real = {name: getattr(pipeline, name) for name in LEFT_OUT.values()}
     with pytest.MonkeyPatch.context() as patch:
@@ -116,7 +116,7 @@ def _drawn(
     """Where a figure or the page is what a test is about, its runs draw them."""
     for mark, name in LEFT_OUT.items():
         if request.node.get_closest_marker(mark):
-            monkeypatch.setattr(f"sinew.tasks.pipeline.{name}", drawing[name])
+            monkeypatch.setattr(f"sinew.tasks.study.pipeline.{name}", drawing[name])
 
 
 @pytest.fixture(scope="session")

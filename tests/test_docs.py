@@ -27,12 +27,12 @@ import click
 import numpy as np
 import pytest
 
-from sinew.tasks import pipeline
 from sinew.tasks.cli import main as cli
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Model
 from sinew.tasks.model.effects import library
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace
 from tests import files_page

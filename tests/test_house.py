@@ -125,7 +125,7 @@ def test_imports_that_everything_begins_with_load_no_library(code):
 
 def test_reading_a_finished_study_loads_no_library_that_only_computing_and_drawing_need():
     parts = [f"sinew.tasks.{task}.{part}" for task in TASKS for part in ("task", "show")]
-    code = f"import sinew.tasks.pipeline, {', '.join(parts)}"
+    code = f"import sinew.tasks.study.pipeline, {', '.join(parts)}"
     libraries = {"SALib", "arviz", "bokeh", "matplotlib", "pingouin", "pyabc", "sklearn", "skopt"}
     shown = f"{code}; import sys; print(sorted({libraries!r} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True)

@@ -6,8 +6,8 @@ from typing import Any, TypeVar
 
 from sinew.runner.errors import BadInput, WalltimeReached, one_line, shown
 from sinew.runner.files import strange_entry
-from sinew.tasks import pipeline
 from sinew.tasks.cluster.spec import cluster_of
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.study import Study
 from sinew.tasks.study.workspace import Workspace, open_workspace
 

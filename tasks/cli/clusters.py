@@ -14,9 +14,9 @@ from sinew.tasks.cli.terminal import command_line, say, say_next
 @study_command("submit", "Submit a study to the batch system: a leading job, which submits worker jobs.")
 @click.option("--dry-run", is_flag=True, help="Print the job scripts, submit nothing.")
 def submit(study: Path, dry_run: bool, profile: Path | None, out: Path | None, as_json: bool, **options: Any) -> None:
-    from sinew.tasks import pipeline
     from sinew.tasks.cluster import submission
     from sinew.tasks.cluster.profile import read_profile
+    from sinew.tasks.study import pipeline
     from sinew.tasks.study.study import read_study
 
     if profile is None:

@@ -113,7 +113,7 @@ def checked_study(
     flags: Mapping[str, bool],
 ) -> "tuple[Study, Path]":
     """A study and its result folder, once its ``tasks`` (None: the study's) are checked. Raises ``BadInput``."""
-    from sinew.tasks import pipeline
+    from sinew.tasks.study import pipeline
     from sinew.tasks.study.study import read_study
 
     read = read_study(study, seed=seed, solver=solver)

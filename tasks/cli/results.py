@@ -136,7 +136,7 @@ def export(folder: Path, ro_crate: bool, out: Path | None, author: tuple[str, ..
 @click.argument("folder", type=PATH)
 def repair(folder: Path) -> None:
     """Make rows in damaged chunks pending; the next run computes them again, all others stay."""
-    from sinew.tasks.pipeline import repair as repair_store
+    from sinew.tasks.study.pipeline import repair as repair_store
 
     done = repair_store(folder)
     for line in done.removed:

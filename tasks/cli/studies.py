@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def _run(study: Path, tasks: Sequence[str] | None, flags: Mapping[str, bool], **options: Any) -> "Workspace":
     """Run tasks of a study (None: the study's); returns its workspace, which is closed."""
-    from sinew.tasks import pipeline
+    from sinew.tasks.study import pipeline
 
     workspace: Workspace
     with open_study(study, tasks, flags=flags, **options) as workspace:
@@ -38,8 +38,8 @@ def run(study: Path, dry_run: bool, adopt: bool, **options: Any) -> None:
     if dry_run:
         _say_how_long(study, **options)
         return
-    from sinew.tasks import pipeline
     from sinew.tasks.discover.result import ADOPTED, named_study
+    from sinew.tasks.study import pipeline
 
     workspace = _run(study, None, {}, **options)
     others = [task for task in workspace.study.tasks if task != "discover"]
@@ -95,8 +95,8 @@ def _say_how_long(
 @click.option("--quiet", is_flag=True, help="Nothing but errors and the last line.")
 def demo(out: Path | None, workers: int | None, quiet: bool) -> None:
     """Try sinew on virtual tendons: which parameters matter, what is missing, and how much is left?"""
-    from sinew.tasks import pipeline
     from sinew.tasks.data.demo import demo_studies
+    from sinew.tasks.study import pipeline
 
     options = {"seed": None, "scheduler": None, "profile": None, "solver": None}
     pages = []

@@ -1,6 +1,7 @@
 """Benchmarks: ratios measured in one run, medians of several rounds. `make benchmarks`, or name some:
 
-python -m tests.benchmarks kernel study durable memory febio resume scale calibration sampler sobol discrepancy
+python -m tests.benchmarks kernel study durable memory febio resume scale calibration sampler sobol \\
+    surrogate discrepancy
 """
 
 import platform
@@ -18,6 +19,7 @@ from tests.benchmarks import (
     scale,
     sobol,
     study,
+    surrogate,
 )
 
 ALL = {
@@ -31,6 +33,7 @@ ALL = {
     "calibration": calibration.main,
     "sampler": sampler.main,
     "sobol": sobol.main,
+    "surrogate": surrogate.main,
     "discrepancy": discrepancy.main,
 }
 

@@ -20,12 +20,13 @@ seed: 7
 cohort: cohort
 simulator: {{name: febio, executable: {solver}, timeout_s: 120}}
 cluster: {{name: local, workers: 2}}
-tasks: [sobol, importance, morris, pawn, calibrate, infer, predict, compare, discover]
+tasks: [sobol, importance, surrogate, morris, pawn, calibrate, infer, predict, compare, discover]
 retries: 20  # a solver that is killed from outside is no failed row
 store: {{points_per_curve: 16}}
 model: {{parameters: {{{fixed}}}}}
 sobol: {{base_samples: 16, specimens: [distal/1], resamples: 20}}
 importance: {{trees: 10, repeats: 2}}
+surrogate: {{error: 0.0001, runs: 64, specimens: [distal/1]}}
 morris: {{trajectories: 4, specimens: [distal/1], resamples: 20}}
 pawn: {{slides: 4, resamples: 20}}
 calibrate: {{evaluations: 40, bayesian: {{evaluations: 20}}}}

@@ -14,7 +14,6 @@ from sinew.runner.cluster.job_table import JobTable
 from sinew.runner.errors import brief
 from sinew.runner.store.segment import Segment
 from sinew.runner.store.store import Store, open_store
-from sinew.tasks import pipeline
 from sinew.tasks.benchmark.answers import read_answers as hidden_answers
 from sinew.tasks.cli.watch_state import Rows, look
 from sinew.tasks.cluster.profile import read_profile
@@ -37,6 +36,7 @@ from sinew.tasks.simulate.febio.model_file.source import read_source
 from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at
 from sinew.tasks.simulate.febio.plot_file import plot_file_of, read_plot_file
 from sinew.tasks.simulate.rows import read_parameters
+from sinew.tasks.study import pipeline
 from sinew.tasks.study import range_check as ranges
 from sinew.tasks.study.checkpoint import Checkpoint
 from sinew.tasks.study.curves import keep_curves, kept_curves

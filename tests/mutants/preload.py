@@ -1,3 +1,3 @@
 """A plugin of pytest that imports what `tests/conftest.py` needs, once, before mutmut forks for each mutant."""
 
-import sinew.tasks.pipeline  # noqa: F401
+import sinew.tasks.study.pipeline  # noqa: F401

@@ -7,10 +7,9 @@ import pytest
 from rich.console import Console
 
 from sinew.runner.errors import BadInput, ClusterError, StoreError, WalltimeReached
-from sinew.tasks import pipeline
 from sinew.tasks.infer.settings import Settings as InferSettings
 from sinew.tasks.registry import TASKS
-from sinew.tasks.study import provenance
+from sinew.tasks.study import pipeline, provenance
 
 ALL = ("sobol", "importance", "calibrate", "infer", "predict", "compare", "discover")
 

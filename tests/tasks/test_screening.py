@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import sinew
-from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Model
@@ -14,6 +13,7 @@ from sinew.tasks.morris.method import trajectories
 from sinew.tasks.morris.result import MorrisResult
 from sinew.tasks.pawn.result import PawnResult
 from sinew.tasks.report.page import build
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.model import model_of
 
 FREE = ("E_f", "alpha_f", "E_m")

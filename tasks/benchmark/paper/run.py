@@ -17,7 +17,6 @@ import pandas as pd
 
 from sinew.runner.errors import BadInput
 from sinew.runner.files import remove_folder
-from sinew.tasks import pipeline
 from sinew.tasks.benchmark.blind import refuse_others, refuse_strange
 from sinew.tasks.benchmark.paper.comparison import comparison
 from sinew.tasks.benchmark.paper.pictures import pictures
@@ -30,6 +29,7 @@ from sinew.tasks.data.virtual import published, virtual_cohort
 from sinew.tasks.infer.abc.result import AbcResult
 from sinew.tasks.infer.settings import Settings as InferSettings
 from sinew.tasks.sobol.settings import Settings as SobolSettings
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.files import write_text
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.settings_file import as_yaml, from_yaml

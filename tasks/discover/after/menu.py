@@ -18,8 +18,8 @@ CYCLES, FAST_CYCLES, STEPS = 30, 10, 5
 class Usual:
     """What was done so far.
 
-    ``strain``: the largest that every specimen has borne, below 0 in compressions. ``rate``: of strain (1/s). ``hold_s``: the longest hold.
-    ``interval_s``: between samples.
+    ``strain``: the largest that every specimen has borne, below 0 in compressions. ``rate``: of strain (1/s).
+    ``hold_s``: the longest hold. ``interval_s``: between samples.
     """
 
     strain: float

@@ -48,7 +48,7 @@ def _title(task: str) -> str:
     return {
         "sobol": "Sobol indices", "importance": "Random forest importance", "calibrate": "Calibration",
         "infer": "Inference", "predict": "Prediction", "compare": "Comparison of sites", "discover": "Missing effects",
-        "morris": "Elementary effects", "pawn": "PAWN indices",
+        "morris": "Elementary effects", "pawn": "PAWN indices", "surrogate": "Emulators",
     }.get(task, task.capitalize())  # fmt: skip
 
 

@@ -105,6 +105,10 @@ REFERENCES: Mapping[str, Reference] = {
         "Biometrics 44 (1988).",
         "10.2307/2531595",
     ),
+    "cohn": Reference(
+        "Cohn D. Neural network exploration using optimal experiment design. Neural Networks 9 (1996).",
+        "10.1016/0893-6080(95)00137-9",
+    ),
     "morris": Reference(
         "Morris M. Factorial sampling plans for preliminary computational experiments. Technometrics 33 (1991).",
         "10.1080/00401706.1991.10484804",

@@ -37,7 +37,7 @@ from tests.conftest import SHARED
 from tests.hidden.make import Plan, write
 from tests.tasks.discover.results import candidate as option
 from tests.tasks.discover.results import discovery
-from tests.tasks.test_pipeline import sinew
+from tests.tasks.study.test_pipeline import sinew
 
 FLOOR = 1000.0
 SLACK, SOFT, LAG = "toe-slack", "softening", "time-lag"

@@ -7,17 +7,17 @@ from dataclasses import replace
 
 import pytest
 
-from sinew.tasks import pipeline
 from sinew.tasks.calibrate import figures
 from sinew.tasks.calibrate.show import bound_advice
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.noise import noise_of
 from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.workspace import Workspace
 from tests.runner.stores import contents
 from tests.tasks.calibrations import calibration_of, fit_of
 from tests.tasks.measured import NOISE, study_of, write_measured
-from tests.tasks.test_pipeline import new_simulations, sinew
+from tests.tasks.study.test_pipeline import new_simulations, sinew
 
 STUDY = """
 name: fitted

@@ -18,7 +18,7 @@ def here(tmp_path, monkeypatch):
     def accepted(*_: Any) -> None:
         raise AssertionError("the input was accepted: an evaluation was started")
 
-    import_module("sinew.tasks.pipeline")  # so that no case is charged for the time of its imports
+    import_module("sinew.tasks.study.pipeline")  # so that no case is charged for the time of its imports
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sinew.tasks.study.workspace.evaluate", accepted)
     write_study()

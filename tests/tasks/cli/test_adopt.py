@@ -5,11 +5,11 @@ import sys
 
 import pytest
 
-from sinew.tasks import pipeline
 from sinew.tasks.cli import main as cli
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.discover.result import ADOPTED, WITH_EFFECTS, named_study
+from sinew.tasks.study import pipeline
 from tests.tasks.discover.results import MODEL, candidate, discovery
 
 STUDY = "name: small\ncohort: {cohort}\ntasks: [{tasks}]\nmodel: {{effects: [{effects}]}}\n"

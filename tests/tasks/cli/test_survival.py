@@ -26,7 +26,7 @@ from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.study.workspace import Workspace
 from tests.runner.stores import contents
 from tests.tasks.stand_in import ROWS_PER_BASE_SAMPLE, WITHOUT_FIGURES, committed, leftovers, prepare
-from tests.tasks.test_pipeline import sinew
+from tests.tasks.study.test_pipeline import sinew
 from tests.trusting import trusted
 
 

@@ -24,7 +24,7 @@ def here(tmp_path, monkeypatch):
     write(str(commands / "sbatch-says"), "echo 123")
     folder.mkdir()
     for module in (
-        "sinew.tasks.pipeline",
+        "sinew.tasks.study.pipeline",
         "dask_jobqueue.slurm",
     ):  # so that no case is charged for the time of its imports
         import_module(module)

@@ -10,7 +10,7 @@ if __name__ == "__main__":  # worker processes import this file, too, and need n
     sys.modules["distributed.dashboard.scheduler"] = None  # its address is there, its pages are not: no bokeh
 
     from sinew.__main__ import command
-    from sinew.tasks import pipeline
+    from sinew.tasks.study import pipeline
     from sinew.tasks.study.workspace import Workspace
 
     if "SINEW_TESTS_ONE_PROCESS" in os.environ:

@@ -19,7 +19,7 @@ from sinew.tasks.data.specimen_sizes import Sizes, size_of
 from sinew.tasks.data.text import read_lines
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace
-from tests.tasks.test_pipeline import sinew
+from tests.tasks.study.test_pipeline import sinew
 
 BAR = Sizes(10.0, 8.0, 4.0)
 BAR_OPTIONS = ("--length-mm", 10, "--width-mm", 8, "--thickness-mm", 4)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import yaml
 
-from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import autoregressive, virtual_cohort
 from sinew.tasks.discover.fit import laws
@@ -17,10 +16,11 @@ from sinew.tasks.model import Curve, Model, Specimen
 from sinew.tasks.model.effects import library
 from sinew.tasks.model.protocols import cyclic, one_step
 from sinew.tasks.simulate.effects import simulate_with
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace
 from tests.tasks.discover import few
-from tests.tasks.test_pipeline import sinew
+from tests.tasks.study.test_pipeline import sinew
 
 STUDY = f"""\
 name: law

@@ -8,17 +8,17 @@ import pytest
 import yaml
 
 from sinew.runner.store.schema import STATUSES
-from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.model.effects import library
 from sinew.tasks.report.crate.contents import strangers, template_files
 from sinew.tasks.simulate import Simulated
 from sinew.tasks.simulate.febio.simulator import FEBio
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace
 from tests.tasks.discover.own_model import OWN, TRUTH, OwnBar, pulled
 from tests.tasks.simulate.febio.dogbone import DOGBONE, stand_in
-from tests.tasks.test_pipeline import sinew
+from tests.tasks.study.test_pipeline import sinew
 from tests.trusting import trusted
 
 STUDY = """

@@ -13,7 +13,6 @@ import yaml
 
 from sinew.runner.cluster.local import Local
 from sinew.runner.store.store import Store
-from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import autoregressive, virtual_cohort
 from sinew.tasks.discover import task
@@ -26,13 +25,14 @@ from sinew.tasks.model.effects import library, named
 from sinew.tasks.model.protocols import cyclic, one_step
 from sinew.tasks.report.folder import read_folder
 from sinew.tasks.simulate.effects import simulate_with
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.result import plain
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace, open_workspace
 from tests.conftest import SHARED
 from tests.tasks.discover import few
 from tests.tasks.discover.results import MODEL, candidate, discovery
-from tests.tasks.test_pipeline import new_simulations, sinew
+from tests.tasks.study.test_pipeline import new_simulations, sinew
 
 STUDY = f"""
 name: hidden

@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 from bokeh.models import Range1d
 
-from sinew.tasks import pipeline
 from sinew.tasks.calibrate.task import fitted_curves
 from sinew.tasks.cluster.spec import cluster_of
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.drawing import plots
 from sinew.tasks.report.page import build
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace, open_workspace
 from tests.shared_folders import made_once

@@ -12,7 +12,6 @@ import pytest
 
 from sinew.runner.errors import StoreError
 from sinew.runner.store.store import Store
-from sinew.tasks import pipeline
 from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.cluster.spec import cluster_of
 from sinew.tasks.data.cohort import Cohort
@@ -26,6 +25,7 @@ from sinew.tasks.report.page import build
 from sinew.tasks.report.sections import data
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.simulate.uniaxial import Uniaxial
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.curves import POINTS, keep_curves, represented
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace, open_workspace

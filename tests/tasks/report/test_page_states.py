@@ -12,16 +12,16 @@ from rich.console import Console
 
 from sinew.runner.errors import BadInput, StoreError
 from sinew.runner.store.store import Store
-from sinew.tasks import pipeline
 from sinew.tasks.report import folder as report_folder
 from sinew.tasks.report import page
 from sinew.tasks.report.folder import read_folder, read_results
 from sinew.tasks.report.page import build
 from sinew.tasks.report.sections import adopted
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.resources import DISTRIBUTION
 from tests.tasks.report.conftest import edit
 from tests.tasks.report.pages import SECTIONS, TASKS, keep_only, read
-from tests.tasks.test_pipeline import sinew
+from tests.tasks.study.test_pipeline import sinew
 
 pytestmark = pytest.mark.page
 

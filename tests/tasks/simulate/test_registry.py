@@ -10,7 +10,6 @@ from pydantic import Field, create_model
 
 from sinew.runner.cluster.local import Local
 from sinew.runner.errors import BadInput
-from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.model import Curve, Protocol, Specimen
 from sinew.tasks.simulate import Capabilities, Compared, Output, Simulated, impossible
@@ -18,6 +17,7 @@ from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.registry import kinds, of_own_models, of_the_tissue
 from sinew.tasks.simulate.rows import simulate_rows
 from sinew.tasks.simulate.settings import SimulatorSettings, UniaxialSettings
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.settings_file import read_settings
 from sinew.tasks.study.study import Study, read_study
 from sinew.tasks.study.workspace import open_workspace

@@ -8,7 +8,6 @@ import pytest
 from SALib.test_functions import Ishigami, Sobol_G
 
 from sinew.runner.store.store import open_store
-from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Model
@@ -18,8 +17,9 @@ from sinew.tasks.simulate.saltelli import Design
 from sinew.tasks.simulate.uniaxial import Uniaxial
 from sinew.tasks.sobol.by_chaos import ByChaos, first_and_total, second
 from sinew.tasks.sobol.method import Intervals
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.workspace import Workspace
-from tests.tasks.test_pipeline import sinew
+from tests.tasks.study.test_pipeline import sinew
 
 A = np.array([0.0, 1.0, 4.5, 9.0, 99.0, 99.0])
 FUNCTIONS = {

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.workspace import Workspace
-from tests.tasks.test_pipeline import sinew
+from tests.tasks.study.test_pipeline import sinew
 
 STUDY = """
 name: grouped

@@ -8,7 +8,7 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.benchmark.infer.drawn import Conditions
 from sinew.tasks.benchmark.infer.result import CohortResult, Ranked
 from sinew.tasks.benchmark.infer.run import benchmark
-from tests.tasks.test_pipeline import sinew
+from tests.tasks.study.test_pipeline import sinew
 
 STUDY = """
 name: little

@@ -8,13 +8,13 @@ import pytest
 from matplotlib.figure import Figure
 
 from sinew.runner.errors import BadInput
-from sinew.tasks import pipeline
 from sinew.tasks.benchmark.paper.published import CORRELATIONS, correlation, exchanged, of_sites, table_3
 from sinew.tasks.benchmark.paper.run import reproduce
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import published, virtual_cohort
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.workspace import Workspace
-from tests.tasks.test_pipeline import sinew
+from tests.tasks.study.test_pipeline import sinew
 
 STUDY = """
 name: little-paper

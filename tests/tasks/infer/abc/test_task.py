@@ -10,15 +10,15 @@ import pytest
 import xarray as xr
 
 from sinew.runner.store.store import open_store
-from sinew.tasks import pipeline
 from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.infer.abc.result import AbcResult
 from sinew.tasks.infer.abc.sampler import StoreSampler
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.workspace import Workspace
 from tests.runner.stores import contents
-from tests.tasks.test_pipeline import new_simulations, sinew
+from tests.tasks.study.test_pipeline import new_simulations, sinew
 
 STUDY = """
 name: inferred
@@ -74,7 +74,7 @@ def in_this_process(patch):
     """No cluster, no figures, no page."""
     patch.setattr(Workspace, "client", lambda self: None)
     patch.setattr(pipeline, "_draw", lambda *_: None)
-    patch.setattr("sinew.tasks.pipeline.report", lambda folder, console, **_: None)
+    patch.setattr("sinew.tasks.study.pipeline.report", lambda folder, console, **_: None)
 
 
 @pytest.fixture

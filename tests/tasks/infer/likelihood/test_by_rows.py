@@ -17,7 +17,7 @@ from sinew.tasks.model.protocols import one_step
 from sinew.tasks.simulate import Capabilities
 from sinew.tasks.simulate.uniaxial import Uniaxial
 from sinew.tasks.study.workspace import Workspace, open_workspace
-from tests.tasks.test_pipeline import sinew
+from tests.tasks.study.test_pipeline import sinew
 
 VARIED = {"E_f": (180.0, 210.0), "alpha_f": (1500.0, 2500.0)}
 MODEL = Model()

@@ -9,16 +9,16 @@ import pytest
 
 import sinew as sinew_package
 from sinew.runner.store.store import open_store
-from sinew.tasks import pipeline
 from sinew.tasks.data.cohort import read_cohort, write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.infer.library import arviz
 from sinew.tasks.infer.likelihood import sampling, task
 from sinew.tasks.infer.likelihood.summary import WARM_UP
 from sinew.tasks.infer.result import LikelihoodResult, read_posteriors
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.workspace import Workspace
 from tests.runner.stores import contents
-from tests.tasks.test_pipeline import sinew
+from tests.tasks.study.test_pipeline import sinew
 
 FIXED = ("g_1f", "g_2f", "g_3f", "tau_1f", "tau_2f", "tau_3f", "g_1m", "g_2m", "g_3m", "tau_1m", "tau_2m", "tau_3m")
 TRUTH = {

@@ -16,10 +16,10 @@ from urllib.parse import unquote
 import pytest
 
 from sinew.runner.errors import BadInput, SinewError, StoreError
-from sinew.tasks import pipeline
 from sinew.tasks.cli.main import main
 from sinew.tasks.report.crate.export import SUMS, export
 from sinew.tasks.report.crate.metadata import METADATA, Person
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.workspace import Workspace
 from tests.tasks.report.conftest import edit
 

@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 from sinew.runner.errors import BadInput
-from sinew.tasks import pipeline
 from sinew.tasks.cli.main import main
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.report.crate.source import read_source
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace
 from tests.test_docs import ROOT, dogbone

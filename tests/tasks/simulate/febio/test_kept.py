@@ -17,12 +17,12 @@ import yaml
 
 import sinew
 from sinew.runner.errors import BadInput, StoreError
-from sinew.tasks import pipeline
 from sinew.tasks.simulate.febio import keeping, kept_files
 from sinew.tasks.simulate.febio.field_output import FieldOutput, field_course
 from sinew.tasks.simulate.febio.kept import Run, entry_of, write_runs
 from sinew.tasks.simulate.febio.plot_file import plot_file_of
 from sinew.tasks.simulate.row_by_row import Failed
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace, _no_abandoned_folders

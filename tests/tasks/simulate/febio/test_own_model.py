@@ -17,10 +17,10 @@ import yaml
 import sinew
 from sinew.runner.errors import BadInput
 from sinew.runner.store.schema import STATUSES
-from sinew.tasks import pipeline
 from sinew.tasks.cli import main as cli
 from sinew.tasks.drawing.formats import FORMATS
 from sinew.tasks.report.page import build
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.workspace import Workspace
 from tests.tasks.simulate.febio.dogbone import stand_in

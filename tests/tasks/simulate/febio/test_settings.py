@@ -9,10 +9,10 @@ import pytest
 import yaml
 
 from sinew.runner.errors import BadInput
-from sinew.tasks import pipeline
 from sinew.tasks.model.effects import named
 from sinew.tasks.simulate.build import febio_of, simulator_of, solver_request
 from sinew.tasks.simulate.settings import SolverMissing
+from sinew.tasks.study import pipeline
 from sinew.tasks.study.cohort import cohort_of
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.resources import resource

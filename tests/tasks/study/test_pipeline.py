@@ -15,7 +15,6 @@ import xarray as xr
 
 from sinew.runner.store.schema import STATUSES
 from sinew.runner.store.store import open_store
-from sinew.tasks import pipeline
 from sinew.tasks.cli import main as cli
 from sinew.tasks.data.cohort import read_cohort, write_cohort
 from sinew.tasks.data.virtual import published, virtual_cohort
@@ -23,7 +22,7 @@ from sinew.tasks.model import Model
 from sinew.tasks.model.protocols import STANDARD
 from sinew.tasks.report.page_head import head
 from sinew.tasks.simulate.uniaxial import Uniaxial
-from sinew.tasks.study import provenance
+from sinew.tasks.study import pipeline, provenance
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace

@@ -1,0 +1,1 @@
+"""Surrogates: emulators of forces and outputs along time, learned from few runs."""

@@ -1,0 +1,245 @@
+"""Emulators of a study: run the model, train, and run it again where that tells most, until errors are as asked.
+
+Rows are those of the study's store, as any task has them. The store keeps ``surrogate/SPECIMEN``: which rows they are,
+and left-out errors along time.
+"""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from scipy.stats import qmc
+from threadpoolctl import threadpool_limits
+
+from sinew.runner.errors import BadInput, StoreError
+from sinew.runner.store.table import Table
+from sinew.tasks.fitting.emulator import SDS, Courses, Emulator, Fit, LeftOut, trained, widening
+from sinew.tasks.fitting.failing import Failing, failing
+from sinew.tasks.fitting.growth import next_runs
+from sinew.tasks.model import Specimen
+from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.evaluation import SpecimenEvaluation
+from sinew.tasks.simulate.inputs import PLAIN
+from sinew.tasks.simulate.plain_design import TURN, shares, sizes_up_to
+from sinew.tasks.study import streams
+from sinew.tasks.study.cached import cached, commit, key
+from sinew.tasks.study.workspace import Workspace
+from sinew.tasks.surrogate.reading import apart, group, stacked, times_of
+from sinew.tasks.surrogate.result import OfComponent, OfCourse, OfSpecimen, SurrogateResult
+from sinew.tasks.surrogate.settings import Settings, fewest
+
+log = logging.getLogger("sinew")
+POOL = 10  # the power of two of points among which the next runs are chosen
+FAILED = 0.5  # of all runs: where more failed, there is next to nothing to learn from
+
+
+@dataclass(frozen=True, eq=False)
+class Looked:
+    """What is known after a batch of runs.
+
+    ``share`` ``[n, d]`` and ``rows`` ``[n]`` in the table of all runs, ``ok`` ``[n]``; of the runs that did not fail,
+    the ``values`` ``[k, t]`` of each course. ``fresh``: what the emulator before said of this batch, and its values.
+    """
+
+    share: Array
+    rows: Array
+    ok: Array
+    values: list[Array]
+    courses: Courses
+    spreads: list[float]
+    fits: list[Fit]
+    left_out: LeftOut
+    factors: list[float]
+    fresh: list[tuple[float, float]]
+
+    @property
+    def errors(self) -> list[float]:
+        """The left-out error of each course, in parts of its spread."""
+        return [
+            float(np.sqrt(np.mean((part - mean) ** 2))) / size if size else 0.0
+            for part, size, mean in zip(self.values, self.spreads, split(self.left_out.mean, self.values), strict=True)
+        ]
+
+
+def run(workspace: Workspace, settings: Settings) -> SurrogateResult:
+    """The emulator of each specimen."""
+    specimens = workspace.specimens(settings.specimens, "surrogate.specimens")
+    if not workspace.retry_failed and (known := _finished(workspace, settings, specimens)) is not None:
+        return known
+    found, arrays, tables = {}, {}, {}
+    for number, specimen in enumerate(specimens):
+        with threadpool_limits(1):  # sums in one order, on whatever machine
+            evaluation, table, sizes, errors, last = _grown(workspace, settings, number, specimen)
+            region = failing(last.share, ~last.ok)
+        found[specimen.name] = _told(evaluation, table, sizes, errors, last, region)
+        arrays[group(specimen.name)] = _arrays(evaluation, table, last)
+        tables[specimen.name] = table, last.rows
+    free = workspace.model.free
+    result = SurrogateResult(
+        names=[one.name for one in free],
+        bounds=[[one.minimum, one.maximum] for one in free],
+        asked=settings.error,
+        growth=settings.growth,
+        specimens=found,
+        inputs=_inputs(workspace, settings, tables),
+    )
+    commit(workspace, result, arrays)
+    return result
+
+
+def _grown(
+    workspace: Workspace, settings: Settings, number: int, specimen: Specimen
+) -> tuple[SpecimenEvaluation, Table, list[int], list[float], Looked]:
+    """Runs of a specimen, more and more of them; and what is known after the last."""
+    evaluation, model = workspace.evaluation(specimen), workspace.model
+    names = tuple(one.name for one in model.free)
+    share, rows = np.empty((0, len(names))), np.empty(0, dtype=int)
+    before: Looked | None = None
+    sizes: list[int] = []
+    errors: list[float] = []
+    for step, size in enumerate(sizes_up_to(settings.runs)):
+        new = _next(workspace, settings, before, size, (number, step))
+        table, at = workspace.plan(evaluation, model.full(names, PLAIN.values(model.free, new)))
+        workspace.evaluate(evaluation, table, at, f"surrogate {specimen.name}")
+        share, rows = np.concatenate([share, new]), np.concatenate([rows, at])
+        before = _looked(workspace, evaluation, table, share, rows, before)
+        sizes.append(size)
+        errors.append(max(before.errors, default=0.0))
+        words = f"{specimen.name}: {size} runs, errors of at most {100 * errors[-1]:.2g} % of the spread"
+        workspace.note("surrogate", specimen.name, words, value=errors[-1], runs=size)
+        workspace.say(f"surrogate: {words} ({100 * settings.error:g} % asked)")
+        if errors[-1] <= settings.error:
+            break
+    assert before is not None, "there is at least one batch"
+    return evaluation, table, sizes, errors, before
+
+
+def _next(workspace: Workspace, settings: Settings, before: Looked | None, size: int, place: tuple[int, int]) -> Array:
+    """Where the model is run next, ``[n, d]``: so that there are ``size`` runs in all."""
+    known = 0 if before is None else len(before.share)
+    free = len(workspace.model.free)
+    if before is None or settings.growth == "even" or not before.fits:
+        return shares(free, size, workspace.seed, TURN)[known:]
+    rng = streams.generator(workspace.seed, "surrogate pool", *place)
+    pool = qmc.Sobol(free, scramble=True, seed=rng).random_base2(POOL)
+    emulator = Emulator(before.share[before.ok], before.courses, before.fits)
+    alive = 1.0 - failing(before.share, ~before.ok).probability(pool)
+    return np.asarray(pool[next_runs(emulator, pool, alive, size - known)])
+
+
+def _looked(
+    workspace: Workspace,
+    evaluation: SpecimenEvaluation,
+    table: Table,
+    share: Array,
+    rows: Array,
+    before: Looked | None,
+) -> Looked:
+    """Train with all runs so far. Raises :class:`BadInput` where too many failed."""
+    ok = np.asarray(table.status[rows] == 0)
+    if (~ok).mean() > FAILED or ok.sum() < fewest(share.shape[1]):
+        raise BadInput(
+            workspace.out, f"{(~ok).sum()} of {ok.size} runs of {evaluation.specimen.name} failed",
+            "a model that can be evaluated in most of its ranges (see `sinew status`)",
+        )  # fmt: skip
+    values = stacked(table, list(_courses(evaluation)), rows[ok])
+    courses, spreads = apart(values)
+    fits, left_out = trained(share[ok], courses, () if before is None else before.fits)
+    parts = zip(values, split(left_out.mean, values), split(left_out.sd, values), strict=True)
+    factors = [widening(value, LeftOut(mean, sd), share.shape[1]) for value, mean, sd in parts]
+    fresh = [] if before is None else _fresh(before, share, ok, values)
+    return Looked(share, rows, ok, values, courses, spreads, fits, left_out, factors, fresh)
+
+
+def _fresh(before: Looked, share: Array, ok: Array, values: list[Array]) -> list[tuple[float, float]]:
+    """What an emulator said of runs that it had not seen: the error in parts of the spread, and the part inside."""
+    new = np.flatnonzero(ok)[before.ok.sum() :]
+    if not new.size:
+        return []
+    means, sds = Emulator(before.share[before.ok], before.courses, before.fits).predict(share[new])
+    found = []
+    for value, mean, sd, size, factor in zip(
+        values, split(means, values), split(sds, values), before.spreads, before.factors, strict=True
+    ):
+        off = value[-new.size :] - mean
+        inside = np.abs(off) <= SDS * factor * sd + 1e-12 * size
+        found.append((float(np.sqrt(np.mean(off**2))) / size if size else 0.0, float(inside.mean())))
+    return found
+
+
+def split(together: Array, values: list[Array]) -> list[Array]:
+    """Courses ``[n, t]`` one by one, of all of them side by side."""
+    return np.split(together, np.cumsum([one.shape[1] for one in values])[:-1], axis=1)
+
+
+def _courses(evaluation: SpecimenEvaluation) -> dict[str, tuple[str, str, str]]:
+    """The fields of the store that hold courses: of each its output, protocol and unit."""
+    units = {output.name: output.unit for output in evaluation.simulator.capabilities.outputs} | {"force": "N"}
+    return {
+        field: (output, curve.name, units[output])
+        for curve in evaluation.specimen.curves
+        for field, output in evaluation.courses(curve.name).items()
+    }
+
+
+def _told(
+    evaluation: SpecimenEvaluation,
+    table: Table,
+    sizes: list[int],
+    errors: list[float],
+    last: Looked,
+    region: Failing,
+) -> OfSpecimen:
+    fresh = last.fresh or [(np.nan, np.nan)] * len(last.values)
+    numbers = zip(last.spreads, last.errors, last.factors, fresh, strict=True)
+    courses = {
+        field: OfCourse(*about, size, error, factor, *seen)
+        for (field, about), (size, error, factor, seen) in zip(_courses(evaluation).items(), numbers, strict=True)
+    }
+    return OfSpecimen(
+        table=table.key,
+        runs=last.ok.size,
+        failed=int((~last.ok).sum()),
+        sizes=sizes,
+        errors=np.array(errors),
+        courses=courses,
+        components=[OfComponent(one.kind, one.degree, np.array(one.theta), one.error) for one in last.fits],
+        caught=region.caught,
+        mistaken=region.mistaken,
+    )
+
+
+def _arrays(evaluation: SpecimenEvaluation, table: Table, last: Looked) -> xr.Dataset:
+    """Rows of the table, and the left-out error (rms over runs) of each course along time."""
+    variables: dict[str, object] = {"row": ("run", last.rows)}
+    coordinates = {}
+    missed = [part - mean for part, mean in zip(last.values, split(last.left_out.mean, last.values), strict=True)]
+    for (field, (_, protocol, unit)), off in zip(_courses(evaluation).items(), missed, strict=True):
+        dim = f"time_{protocol}"
+        coordinates[dim] = (dim, times_of(table, protocol), {"units": "s"})
+        variables[f"error_{field}"] = (dim, np.sqrt(np.mean(off**2, axis=0)), {"units": unit})
+    return xr.Dataset(variables, coordinates, {"specimen": evaluation.specimen.name})
+
+
+def _inputs(workspace: Workspace, settings: Settings, tables: Mapping[str, tuple[Table, Array]]) -> str:
+    """The key of a result."""
+    bounds = [[one.name, one.minimum, one.maximum] for one in workspace.model.free]
+    used = [part for table, rows in tables.values() for part in (table.key, rows, table.status[rows])]
+    return key(SurrogateResult, settings.model_dump(), workspace.seed, bounds, *used)
+
+
+def _finished(workspace: Workspace, settings: Settings, specimens: tuple[Specimen, ...]) -> SurrogateResult | None:
+    """The last result, if it is of the same study and all that it was made of is there."""
+    tables = {}
+    try:
+        for specimen in specimens:
+            table = workspace.store.table(workspace.evaluation(specimen).table())
+            rows = workspace.store.read_result(group(specimen.name))["row"].to_numpy()
+            if not len(rows) or rows.min() < 0 or rows.max() >= len(table):
+                return None
+            tables[specimen.name] = table, rows
+    except (StoreError, KeyError):
+        return None
+    return cached(workspace, SurrogateResult, _inputs(workspace, settings, tables), map(group, tables))
