@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from sinew.tasks.calibrate.result import CalibrateResult, SpecimenFit
-from sinew.tasks.calibrate.show import bound_advice, in_words
+from sinew.tasks.calibrate.show import bound_advice, in_words, unfinished
 from sinew.tasks.drawing import plots
 from sinew.tasks.drawing.blocks import (
     Block,
@@ -55,6 +55,8 @@ def section(found: ResultFolder) -> Section:
         )
     else:
         blocks.append(Words("The curves of the fitted model are not in the store: they are drawn in figures/.", "note"))
+    if cut := unfinished(result):
+        blocks.append(Words(cut, "warning"))
     if advice := bound_advice(result):
         blocks.append(Words(advice, "note"))
     if len(specimens) <= FEW:
@@ -166,7 +168,7 @@ def _in_words(fit: SpecimenFit) -> str:
             unit = behind(one.unit)
             errors = ", ".join(f"{name} {number(rmse, 3)}{unit}" for name, rmse in one.rmse.items())
             parts.append(f"{quantity.replace('_', ' ')}: RMSE {errors}, noise {number(one.noise, 3)}{unit}")
-    parts.append(f"by {fit.method.replace('_', ' ')}")
+    parts.append(f"by {fit.method.replace('_', ' ')}{', not converged' if fit.unfinished else ''}")
     if fit.on_bound:
         parts.append(f"on a bound: {', '.join(fit.on_bound)}")
     if fit.confounded:

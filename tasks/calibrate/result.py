@@ -126,6 +126,12 @@ class SpecimenFit:
         peak = self.peak_N[protocol]
         return 100.0 * self.rmse_N[protocol] / peak if peak else float("nan")
 
+    @property
+    def unfinished(self) -> bool:
+        """Whether the search that found it was cut short by its number of evaluations."""
+        found = self.methods.get(self.method)
+        return found is not None and found.converged is False
+
     def values(self, names: list[str]) -> list[float]:
         """Its parameters in the order of ``names``."""
         return [self.parameters[name] for name in names]

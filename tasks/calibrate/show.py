@@ -76,6 +76,17 @@ def bound_advice(result: CalibrateResult) -> str:
     return " ".join(sentences)
 
 
+def unfinished(result: CalibrateResult) -> str:
+    """Which searches were cut short, and what that means; empty where none was."""
+    names = [name for name, fit in result.specimens.items() if fit.unfinished]
+    if not names:
+        return ""
+    return (
+        f"The search had used up its evaluations before it converged in {listed(names)}: parameters may be farther "
+        "from the best ones than their standard deviations say. Raise calibrate.evaluations."
+    )
+
+
 def searches_table(result: CalibrateResult) -> pd.DataFrame:
     """The lowest objective so far of every specimen and method."""
     parts = [convergence_table(name, fit) for name, fit in result.specimens.items()]
@@ -176,5 +187,5 @@ def summary(result: CalibrateResult, folder: Path, console: Console) -> None:
         console.print(
             "objective: the sum of RMSE / noise over protocols and quantities; the ratio is that of objectives"
         )
-    if advice := bound_advice(result):
-        console.print(advice)
+    for words in filter(None, (unfinished(result), bound_advice(result))):
+        console.print(words)

@@ -33,10 +33,26 @@ def _odd_start(curve: Curve) -> Iterator[str]:
         )
 
 
+def _opposite_signs(one: Specimen) -> Iterator[str]:
+    """Tests that move a specimen in one direction, with loads of opposite signs where it is farthest."""
+    signs: dict[tuple[float, float], str] = {}
+    for curve in one.curves:
+        farthest = int(np.argmax(np.abs(curve.protocol.displacement_mm)))
+        way, load = curve.protocol.displacement_mm[farthest], curve.force_N[farthest]
+        signs.setdefault((float(np.sign(way)), float(np.sign(load))), curve.name)
+    for (way, load), name in signs.items():
+        if load > 0.0 and (other := signs.get((way, -load))) is not None:
+            yield one_line(
+                f"look at {one.name}: where the displacement is largest, the force of {name} is above 0 and that of "
+                f"{other} below; one of them has the wrong sign (--negate force for its file alone)"
+            )
+
+
 def odd_tests(specimens: Sequence[Specimen]) -> Iterator[str]:
-    """A line for each test in which next to nothing moves, and for each protocol in which specimens differ too much."""
+    """A line for each test in which next to nothing moves, and for tests that do not go together."""
     peaks: dict[str, dict[str, float]] = defaultdict(dict)
     for one in specimens:
+        yield from _opposite_signs(one)
         for curve in one.curves:
             strain = float(np.ptp(curve.protocol.displacement_mm)) / one.length_mm
             if strain < SMALLEST_STRAIN:

@@ -23,6 +23,7 @@ from sinew.tasks.data.titles import name_and_unit
 
 TEST_COLUMN, CYCLE_COLUMN, TABLES = "--test-column", "--cycle-column", "--tables"
 FEWEST_ROWS = 3  # of a test
+LABEL_AND_NAME = 2  # cells
 FEWEST_ROWS_OF_A_CYCLE = 3
 BEGINS = 0.05  # of the range of motion and load: a test that begins nearer to the end of another one may go on from it
 SOON = 10.0  # usual steps of time between two tables of one test
@@ -109,7 +110,7 @@ def names_beside(table: Table, tests: Sequence[Sequence[Column]]) -> list[str]:
     places = [{column.place for column in columns if column.place != NOWHERE} for columns in tests]
     shared = set[int].intersection(*places)
     firsts = [min(own - shared) for own in places]
-    rows = [[row[first] if first < len(row) else "" for first in firsts] for row in ((), *table.header)]
+    rows = [_above(row, firsts) for row in ((), *table.header)]
     decimal: list[str] = []
     for above, names in reversed(list(pairwise(rows))):
         if not all(names) or len(set(names)) < len(tests) or any(map(named_in, above)) or any(map(_SIZE.match, names)):
@@ -118,6 +119,19 @@ def names_beside(table: Table, tests: Sequence[Sequence[Column]]) -> list[str]:
             return names
         decimal = decimal or names
     return decimal or [str(number) for number in range(1, len(tests) + 1)]
+
+
+def _above(row: Sequence[str], firsts: Sequence[int]) -> list[str]:
+    """The cell of a row above the first column of each test, and of the first test the one behind a label there.
+
+    A label stands above the first test where that has one cell more than each of the others.
+    """
+    found = [row[first] if first < len(row) else "" for first in firsts]
+    ends = [*firsts[1:], len(row)]
+    filled = [[cell for cell in row[first:end] if cell] for first, end in zip(firsts, ends, strict=True)]
+    if len(firsts) > 1 and len(filled[0]) == LABEL_AND_NAME and all(len(each) == 1 for each in filled[1:]):
+        found[0] = filled[0][1]
+    return found
 
 
 def _places(table: Table, column: Column) -> list[int]:

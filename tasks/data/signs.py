@@ -23,6 +23,8 @@ Array = np.ndarray[Any, np.dtype[Any]]
 JUMP, STEPS, STEPS_TO_ZERO, STAYS = 0.2, 20.0, 5.0, 0.02
 AT_ZERO = 0.05  # of the motion before it: what a machine has set to zero again is smaller
 LOADED = 0.01  # of the range of the force: with less, a specimen is not loaded
+ALONG, ROWS_ALONG = 0.5, 10  # correlation of motion and force, beyond which they go together, and rows it takes
+OFFSET = 0.5  # of the way of a displacement: what it starts from is more than a preload takes
 FEWEST = 3  # rows on either side of it
 ZERO, NEGATE, PRELOAD = "--zero-displacement", "--negate", "--preload"
 _TURNED = "which sign should be reversed?"
@@ -55,7 +57,7 @@ def doubts(columns: Sequence[Column], numbers: Array, texts: Iterable[str], hint
     """What is doubtful in numbers ``[t, 3]`` that are counted as ``hints`` say; ``texts``: titles and lines above."""
     if hints.zero_displacement is None and columns[1].quantity is DISPLACEMENT:
         start, way = float(numbers[0, 1]), float(np.ptp(numbers[:, 1]))
-        if abs(start) > way:
+        if abs(start) > OFFSET * way:
             text = (
                 f"the displacement starts at {start:g} mm but changes by only {way:.4g} mm; "
                 "the start may be an offset of the machine"
@@ -109,7 +111,8 @@ def _sign(columns: Sequence[Column], numbers: Array, texts: Iterable[str]) -> It
     has_sign = columns[1].quantity not in (LENGTH, STRETCH)
     if columns[1].quantity in (POSITION, LENGTH, STRETCH):
         motion = motion - motion[0]
-    shorter, pushed = _below(motion), _below(force)
+    shorter = _below(motion)
+    pushed = _below(force) or _falls(motion, force, shorter=shorter)
     told = next(filter(_tells_compression, texts), None)
     either = ("both", "force", "none") if has_sign else ("force", "none")
     if shorter and pushed:
@@ -131,6 +134,17 @@ def _sign(columns: Sequence[Column], numbers: Array, texts: Iterable[str]) -> It
 def _tells_compression(text: str) -> bool:
     folded = text.casefold()
     return any(word in folded for word in words.COMPRESSION) and not _TENSION.search(folded)
+
+
+def _falls(motion: Array, force: Array, *, shorter: bool) -> bool:
+    """Whether a force ``[t]`` that crosses zero, as of cycles that end below it, has the sign of a push.
+
+    It is farther below zero than above, and it falls as the specimen gets longer, or with it as it gets shorter.
+    """
+    if motion.size < ROWS_ALONG or not (np.ptp(motion) and np.ptp(force)) or abs(force.min()) <= abs(force.max()):
+        return False
+    along = float(np.corrcoef(motion, force)[0, 1])
+    return along > ALONG if shorter else along < -ALONG
 
 
 def _below(values: Array) -> bool:

@@ -1,6 +1,6 @@
 """Which of the sizes that a file tells belong to which of its tests."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -11,6 +11,7 @@ from sinew.tasks.data.sizes import FAR, Size, meant, named_in, narrow, read_size
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 
+LABEL_AND_SIZE = 2  # cells
 BY_ORDER = "sizes by the order of the rows in the table of results, which does not name the tests"
 
 
@@ -34,21 +35,37 @@ def sizes_beside(table: Table, tests: Sequence[Columns]) -> list[Mapping[str, Si
 
     A size is not of all where its row names it twice, or has two numbers.
     """
-    each = [read_sizes(rows, table.own, table.decimal) for rows in _above(table, tests)]
-    if any(each[1:]):
-        return each
-    shared = read_sizes(table.header, table.own, table.decimal)
-    return [{name: size for name, size in shared.items() if not _stands_twice(table.header, name)} for _ in tests]
+    each: list[Mapping[str, Size]] = [_told_once(rows, table) for rows in _above(table, tests)]
+    return each if any(each[1:]) else [_told_once(table.header, table)] * len(tests)
 
 
-def _above(table: Table, tests: Sequence[Columns]) -> Iterator[list[Row]]:
-    """The rows above the columns of each test; columns of all tests are those of the first."""
+def _told_once(header: Sequence[Row], table: Table) -> Mapping[str, Size]:
+    """The sizes in rows above a table, without those whose row names them twice, or has two numbers."""
+    found = read_sizes(header, table.own, table.decimal)
+    return {name: size for name, size in found.items() if not _stands_twice(header, name)}
+
+
+def _above(table: Table, tests: Sequence[Columns]) -> list[list[Row]]:
+    """The rows above the columns of each test; columns of all tests are those of the first.
+
+    A label of a size above the first test is that of all, where there is one number behind it and one above each other
+    test. Of other numbers in its row, nobody knows whose they are, and the row tells nothing.
+    """
     places = [{column.place for column in columns if column.place != NOWHERE} for columns in tests]
     shared = set.intersection(*places)
     ends = [max(one - shared, default=-1) + 1 for one in places]
-    for number, (start, end) in enumerate(zip([0, *ends], ends, strict=False)):
-        last = None if number == len(tests) - 1 else end
-        yield [tuple(row[start:last]) for row in table.header]
+    found: list[list[Row]] = [[] for _ in tests]
+    for row in table.header:
+        parts = [tuple(row[start:end]) for start, end in zip([0, *ends], [*ends[:-1], None], strict=False)]
+        first, *others = ([cell for cell in part if cell] for part in parts)
+        rest = [cell for each in others for cell in each]
+        if first and named_in(first[0]) and rest and not any(map(named_in, rest)):
+            alone = all(len(each) == 1 and is_number(each[0], table.decimal) for each in others)
+            whose = len(first) == LABEL_AND_SIZE and alone
+            parts = [parts[0], *((first[0], *part) for part in parts[1:])] if whose else [()] * len(parts)
+        for own, part in zip(found, parts, strict=True):
+            own.append(part)
+    return found
 
 
 def _stands_twice(header: Sequence[Row], name: str) -> bool:

@@ -144,12 +144,27 @@ def known_sizes(
             (first, one), (second, other) = ((value, told[value]) for value in (min(told), max(told)))
             problem = f"a {size} of {second:g} mm, but {first:g} mm in {one}, of the same specimen {specimen}"
             raise BadInput(other, problem, f"files of one specimen, or --{size}-mm with --override")
+    notes += _square_of_area(mm, recordings)
     _refuse_contradictions(recordings, given, answers)
     notes += _other_areas(mm, recordings, given, only_given)
     notes += list(filter(None, (round_in_words(one.sizes, mm["width"]) for one in recordings)))[:1]
     notes += dict.fromkeys(note for one in recordings for note in _without_unit(one))
     proposed = {size: value for one in reversed(recordings) for size, value in sizes_in_name(one.path.stem).items()}
     return Known(mm, tuple(notes), only_given, proposed)
+
+
+def _square_of_area(mm: dict[str, float | None], recordings: Sequence[Recording]) -> list[str]:
+    """Set width and thickness by a cross-section, where nobody tells either; a note on it.
+
+    Files with different cross-sections leave them open.
+    """
+    if mm["width"] is not None or mm["thickness"] is not None:
+        return []
+    areas = [size.mm for one in recordings if (size := one.sizes.get("area")) is not None and size.has_unit and size.mm]
+    if not areas or max(areas) - min(areas) > SAME * max(areas):
+        return []
+    mm["width"] = mm["thickness"] = round(math.sqrt(areas[0]), 9)
+    return [f"cross-section {areas[0]:g} mm2: width and thickness are those of a square"]
 
 
 def _refuse_contradictions(recordings: Sequence[Recording], given: Sizes, answers: Mapping[str, float]) -> None:

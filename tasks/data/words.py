@@ -31,7 +31,8 @@ DISPLACEMENT = (
     "displacement feedback", "axial displacement feedback", "位移", "横梁位移", "夹具位移",
     "拉伸位移", "压缩位移", "行程", "伸长", "伸长量", "伸長", "変位", "ストローク", "변위", "신장",
     "クロスヘッド変位",
-    "displ", "axial disp", "machine extension", "crosshead disp", "cross head displacement", "distance",
+    "displ", "axial disp", "machine extension", "extension from preload",
+    "elong", "crosshead disp", "cross head displacement", "distance",
     "(mm)", "(µm)", "(um)", "(μm)",
 )  # fmt: skip
 #: Displacements and strains of the specimen itself, which count before those of the machine.

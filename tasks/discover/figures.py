@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from sinew.runner.store.store import open_store
 from sinew.tasks.discover.result import CellMisfit, DiscoverResult
-from sinew.tasks.discover.show import cells_table, curves_table, stack_of
+from sinew.tasks.discover.show import cells_table, curves_table, gap_of, stack_of
 from sinew.tasks.drawing.figures import COLOURS, STYLE, headline, save
 from sinew.tasks.drawing.views import FigureKind
 from sinew.tasks.model import file_name
@@ -99,8 +99,9 @@ def _leftover(axis: Axes, time: Any, error: Any, colour: str, noise: float) -> N
 
 
 def _headline(result: DiscoverResult) -> str:
-    gap, closed = result.gap, ""
-    if gap.closed is not None:
+    closed = ""
+    if (found := gap_of(result)) is not None:
+        gap = found[1]
         closed = f"; held-out error {gap.before:.2f} to {gap.after:.2f} times the noise (floor {gap.floor:.2f})"
     return f"{result.headline}{closed}. Grey: twice the noise"
 

@@ -15,6 +15,8 @@ from sinew.tasks.discover.show import (
     FAR_BEYOND_NOISE,
     UNLIKELY,
     clipped,
+    gap_of,
+    gap_words,
     held_out,
     in_one_sentence,
     noise_words,
@@ -35,14 +37,17 @@ from sinew.tasks.report.folder import ResultFolder
 
 NAME = "discovery"
 POINTS = 800  # of a curve
+MOST_SEEN = 6  # specimens that are named
 SLOW = 0.99  # correlation of the noise of neighbouring points, from which on noise and shape cannot be told apart
 MEANING = {
     "NONE": "Nothing disagrees far beyond chance, and no effect improves the fit clearly.",
     "NAMED": "The named effects explain the disagreement, nothing else does as well, and they predict unseen data.",
     "PARTLY": "The named effects are certainly missing. They do not explain all of the disagreement.",
-    "AMBIGUOUS": "The data cannot tell a set of effects apart, or the best one fails a check.",
+    "AMBIGUOUS": "The data cannot tell the effects of the set apart.",
     "OUTSIDE": "Model and data disagree, and nothing in the library explains enough of it to be named.",
 }
+FEWEST_ALIKE = 2  # effects of a set
+FAILS = "This effect fits best, but it fails a check; the reason says which."
 NO_FIT = "The fit of the model as it is does not allow a verdict yet."
 DESCRIBES = (
     "The named effects describe these curves best. So much misfit is left that the model is not that of this tissue; "
@@ -68,13 +73,9 @@ def section(found: ResultFolder) -> Section:
     if found.store is not None:
         blocks.append(_curves(found, result))
     blocks += [_cells(result), _candidates(result), *_others(result)]
-    gap = result.gap
     sure = f"misfit explained: {percent(result.explained)}" if result.explained is not None else ""
-    if gap.closed is not None:
-        sure = (
-            f"held-out error {gap.before:.2f} without, {gap.after:.2f} with it, in units of noise "
-            f"(a true model: {gap.floor:.2f})"
-        )
+    if gap_of(result) is not None:
+        sure = f"held-out error in units of noise: {gap_words(result)}"
     bounds = result.judged.on_bound if result.judged is not None else ()
     return Section(
         "discovery", title, question, blocks,
@@ -89,17 +90,20 @@ def _answer(result: DiscoverResult) -> str:
 
 
 def _verdict(result: DiscoverResult) -> Facts:
-    gap, conflict = result.gap, result.conflict
+    conflict = result.conflict
     rows = [
         ("verdict", _answer(result)),
         ("because", result.why),
         ("that means", _meaning(result)),
         ("how far to trust it", in_words(result.confidence)),
     ]
-    if gap.closed is not None:
-        ends = f"a true model: {gap.floor:.2f}; gap closed: {gap.closed:.2f}"
-        both = f"{gap.before:.2f} as it is, {gap.after:.2f} with {result.shown_name}"
-        rows.append(("held-out error, in units of noise", f"{both}; {ends}"))
+    if result.judged is not None and len(result.judged.gains) > 1:
+        gains = result.judged.gains
+        seen = [name for name, gain in gains.items() if gain > 0.0]
+        if 0 < len(seen) < len(gains):
+            rows.append(("it improves the fit of", f"{listed(seen, MOST_SEEN)}, of {len(gains)} specimens"))
+    if words := gap_words(result):
+        rows.append(("held-out error, in units of noise", words))
     worst = conflict.worst
     if conflict.p < UNLIKELY and worst is not None:
         rows.append(("conflict of protocols", f"{unlikely(conflict.p)}: most of all {worst.parameter}, "
@@ -116,7 +120,9 @@ def _verdict(result: DiscoverResult) -> Facts:
 def _meaning(result: DiscoverResult) -> str:
     if only_describes(result):
         return DESCRIBES
-    return NO_FIT if result.verdict == "AMBIGUOUS" and not result.set else MEANING[result.verdict]
+    if result.verdict == "AMBIGUOUS" and len(result.set) < FEWEST_ALIKE:
+        return FAILS if result.set else NO_FIT
+    return MEANING[result.verdict]
 
 
 def _curves(found: ResultFolder, result: DiscoverResult) -> Plots:

@@ -12,7 +12,8 @@ from rich.text import Text
 from sinew.runner.console import Console
 from sinew.tasks.discover.follow_up import NextExperiment, Part
 from sinew.tasks.discover.judge.confidence import in_words
-from sinew.tasks.discover.result import NAMES, CandidateResult, DiscoverResult, NoiseLevel
+from sinew.tasks.discover.judge.rules import HELD_OUT
+from sinew.tasks.discover.result import NAMES, CandidateResult, DiscoverResult, NoiseLevel, SplitGap
 from sinew.tasks.drawing.blocks import listed, number, percent
 
 SHOWN = 6  # candidates
@@ -26,6 +27,9 @@ def table(result: DiscoverResult) -> pd.DataFrame:
     keys = ("gain", "explained", "held_out", "held_out_error")
     rows = {one.name: {key: getattr(one, key) for key in keys} for one in result.candidates}
     return pd.DataFrame.from_dict(rows, orient="index", dtype=float).rename_axis("effects")
+
+
+GAP = 1.05  # times what a true model comes to, from which on an error on held-out data leaves a gap
 
 
 def headline(result: DiscoverResult) -> str:
@@ -155,14 +159,30 @@ def summary(result: DiscoverResult, folder: Path, console: Console) -> None:
         console.print(f"  {part.effect}: {standing(part, result)}")
     for line in _law_lines(result, folder):
         console.print(line)
-    gap = result.gap
-    if gap.closed is not None:
-        console.print(
-            f"held-out error in units of noise: {gap.before:.2f} without, {gap.after:.2f} with {result.shown_name} "
-            f"(a true model: {gap.floor:.2f}); gap closed: {gap.closed:.2f}"
-        )
+    if words := gap_words(result):
+        console.print(f"held-out error in units of noise: {words}")
     for line in (*_conflict_lines(result), *_outside_lines(result), *_next_lines(result, folder)):
         console.print(line)
+
+
+def gap_of(result: DiscoverResult) -> tuple[str, SplitGap] | None:
+    """The kind of held-out data on which the model as it is leaves a gap to a true one, and the gap; None without."""
+    for kind, one in (result.gap.splits or {}).items():
+        if one.closed is not None and one.before > GAP * one.floor:
+            return kind, one
+    return None
+
+
+def gap_words(result: DiscoverResult) -> str:
+    """How much of the gap on held-out data the effects close, in words; empty where nothing was held out."""
+    found = gap_of(result)
+    if found is None:
+        first = next(iter((result.gap.splits or {}).values()), None)
+        return "" if first is None else f"{first.before:.2f} as it is, a true model {first.floor:.2f}: no gap to close"
+    kind, one = found
+    ends = f"{one.before:.2f} as it is, {one.after:.2f} with {result.shown_name} on {HELD_OUT[kind]}"
+    closed = min(one.closed, 1.0) if one.closed is not None else 0.0
+    return f"{ends} (a true model: {one.floor:.2f}); gap closed: {closed:.2f}"
 
 
 def held_out(one: CandidateResult) -> str:

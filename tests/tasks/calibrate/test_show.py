@@ -1,14 +1,15 @@
 """How the totals of fits are told: in newton, or for several quantities beside what noise alone leaves."""
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 from sinew.tasks.calibrate.prose import methods
-from sinew.tasks.calibrate.result import QuantityFit
-from sinew.tasks.calibrate.show import headline, in_words, summary
+from sinew.tasks.calibrate.result import MethodFit, QuantityFit
+from sinew.tasks.calibrate.show import headline, in_words, summary, unfinished
 from sinew.tasks.drawing.blocks import span
 from tests.tasks.calibrations import calibration_of, fit_of
 
@@ -65,3 +66,15 @@ def test_the_words_for_a_methods_section():
 def test_a_span_of_one_number_is_that_number():
     assert span([3.2, 3.2]) == span([3.2004, 3.2]) == "3.2"
     assert span([3.25, 1.0]) == "1 to 3.25"
+
+
+@pytest.mark.parametrize(("converged", "told"), [(True, False), (None, False), (False, True)])
+def test_a_search_that_was_cut_short_is_said(converged, told):
+    fit = alone(3.2)
+    one = MethodFit(3.2, None, 600, converged, 1, {}, [])
+    result = calibration_of({"a": replace(fit, methods={fit.method: one}), "b": alone(3.2)})
+    said = io.StringIO()
+    summary(result, Path(), Console(file=said, width=400))
+    words = "The search had used up its evaluations before it converged in a: parameters may be farther"
+    assert (words in said.getvalue()) == told
+    assert unfinished(result).startswith(words) == told

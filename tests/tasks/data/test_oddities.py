@@ -45,6 +45,17 @@ def pulled(force, moved=None):
 RAMP = np.linspace(0.0, 100.0, 100)
 
 
+def test_tests_of_one_specimen_with_opposite_signs_are_named():
+    (one,), (other,) = pulled(RAMP).curves, pulled(-RAMP).curves
+    relax = replace(other, protocol=replace(other.protocol, name="relax"))
+    (line,) = odd_tests([replace(pulled(RAMP), curves=(one, relax))])
+    assert line.startswith(
+        "look at a: where the displacement is largest, the force of pull is above 0 and that of relax"
+    )
+    pushed = replace(relax, protocol=replace(relax.protocol, displacement_mm=-relax.protocol.displacement_mm))
+    assert list(odd_tests([replace(pulled(RAMP), curves=(one, pushed))])) == [], "a compression and a tension"
+
+
 def test_a_force_that_does_not_begin_at_zero_is_named():
     (line,) = odd_tests([pulled(RAMP + 10.0)])
     assert line == (

@@ -74,6 +74,8 @@ def test_each_test_beside_others_has_its_columns_and_its_name():
     assert names_beside(replace(table, header=told), [columns, second]) == ["S1", "S2"], "nor with a unit"
     numbered = (("1.1", *[""] * 3, "1.2"),)
     assert names_beside(replace(table, header=numbered), [columns, second]) == ["1.1", "1.2"], "a donor and a sample"
+    labelled = (("Test No", "1", *[""] * 2, "2"), ("Width (mm)", "7.9", *[""] * 2, "7.7"))
+    assert names_beside(replace(table, header=labelled), [columns, second]) == ["1", "2"], "a label is no name"
     unnamed = table_of("t_s|u_mm|F_N|u_mm|F_N", *["0|1|2|3|4"] * 3, header=(("one line",),))
     shared = columns_of(unnamed, found_in(unnamed), 1)
     assert [column.place for column in shared] == [0, 3, 4]

@@ -72,6 +72,35 @@ def test_signs_are_doubtful_until_told(tmp_path, motion, load, words, choices):
     assert read(tmp_path, motion, load, negate="none").doubts == ()
 
 
+@pytest.mark.parametrize(
+    ("motion", "force", "words"),
+    [
+        (1.0, -1.0, "forces are below 0; tension is positive here"),
+        (1.0, 1.0, None),
+        (-1.0, -1.0, "a compression, unless the machine counts tension as negative"),
+        (-1.0, 1.0, "the specimen gets shorter, but forces are above 0"),
+    ],
+)
+def test_the_sign_of_cycles_that_end_below_zero_is_that_of_their_peaks(tmp_path, motion, force, words):
+    moved = np.abs(np.sin(np.linspace(0.0, 4.0 * np.pi, 120)))
+    load = 1343.0 * moved**3 - 483.0 * (1.0 - moved)
+    rows = zip(np.arange(120) / 10, motion * moved, force * load, strict=True)
+    path = tmp_path / "cycles.csv"
+    text = "\n".join(f"{t:.4f},{d:.5f},{f:.3f}" for t, d, f in rows)
+    path.write_text(f"Time (s),Displacement (mm),Force (N)\n{text}\n")
+    recording = as_told(*read_recordings(path, Hints()), Hints())
+    assert [doubt.text[: len(words)] for doubt in recording.doubts] == [words] if words else not recording.doubts
+
+
+def test_a_start_of_most_of_the_way_is_doubtful(tmp_path):
+    path = tmp_path / "offset.csv"
+    for start, open_ in ((0.31, True), (0.1, False)):
+        rows = "\n".join(f"{i},{start + 0.0039 * i:.4f},{8 * i}" for i in range(100))
+        path.write_text(f"Time (s),Displacement (mm),Force (N)\n{rows}\n")
+        recording = as_told(*read_recordings(path, Hints()), Hints())
+        assert [doubt.option for doubt in recording.doubts] == ["--zero-displacement"] * open_
+
+
 def test_what_gets_the_other_sign(tmp_path):
     assert ends(read(tmp_path, 0.1, -2.0, negate="force")) == [0.5, 10.0]
     assert ends(read(tmp_path, -0.1, 2.0, negate="displacement")) == [0.5, 10.0]

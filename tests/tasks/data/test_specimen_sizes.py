@@ -1,6 +1,7 @@
 """Sizes of new specimens: given, told by files, or asked for."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -176,6 +177,16 @@ def test_a_cross_section_that_contradicts_given_sizes_is_refused(tmp_path, area,
         known_sizes("a", [test], Sizes(), {"width": 5.0, "thickness": 1.5})
     found = known_sizes("a", [test], Sizes(**given, override=True))
     assert any(note.startswith(f"a.csv tells a cross-section of {area:g} mm2, but") for note in found.notes)
+
+
+def test_a_cross_section_alone_is_that_of_a_square(tmp_path):
+    test = recording(tmp_path, "Gauge length: 20 mm", "Cross-sectional area: 30.25 mm²")
+    found = known_sizes("a", [test], Sizes())
+    assert found.mm == {"length": 20.0, "width": 5.5, "thickness": 5.5}
+    assert "cross-section 30.25 mm2: width and thickness are those of a square" in found.notes
+    assert known_sizes("a", [test], Sizes(width_mm=5.0)).mm["thickness"] is None, "the width is not that of a square"
+    other = replace(test, sizes={**test.sizes, "area": replace(test.sizes["area"], mm=31.0)})
+    assert known_sizes("a", [test, other], Sizes()).mm["width"] is None, "two files tell two"
 
 
 def test_the_cross_section_of_an_ellipse_is_told(tmp_path):

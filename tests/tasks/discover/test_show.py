@@ -10,7 +10,7 @@ from sinew.runner.console import Console
 from sinew.tasks.discover.follow_up import NextExperiment, Part, Remainder, RivalPair
 from sinew.tasks.discover.page import section
 from sinew.tasks.discover.prose import methods
-from sinew.tasks.discover.result import Gap, Law, NoiseLevel
+from sinew.tasks.discover.result import Gap, Law, NoiseLevel, SplitGap
 from sinew.tasks.discover.show import in_one_sentence, of_the_law, stack_of, standing, summary
 from sinew.tasks.drawing.blocks import Facts
 from tests.tasks.discover.results import candidate, discovery
@@ -188,7 +188,38 @@ def test_a_verdict_without_a_set_is_no_verdict_yet():
     assert facts_of(discovery("AMBIGUOUS"))["that means"] == (
         "The fit of the model as it is does not allow a verdict yet."
     )
-    assert "cannot tell a set of effects apart" in facts_of(discovery("AMBIGUOUS", set=("lag",)))["that means"]
+    one = facts_of(discovery("AMBIGUOUS", set=("lag",)))["that means"]
+    assert one == "This effect fits best, but it fails a check; the reason says which."
+    several = facts_of(discovery("AMBIGUOUS", set=("lag", "slip")))["that means"]
+    assert several == "The data cannot tell the effects of the set apart."
+
+
+def test_specimens_in_which_an_effect_shows_are_named():
+    gains = {"a/1": 780.0, "a/2": -3.0, "b/1": -1.0}
+    seen = discovery(
+        "AMBIGUOUS", set=("lag",), shown=("lag",), candidates=(replace(candidate("lag", loss=90.0), gains=gains),)
+    )
+    assert facts_of(seen)["it improves the fit of"] == "a/1, of 3 specimens"
+    everywhere = replace(seen, candidates=(replace(seen.candidates[0], gains=dict.fromkeys(gains, 5.0)),))
+    assert "it improves the fit of" not in facts_of(everywhere)
+
+
+@pytest.mark.parametrize(
+    ("splits", "told"),
+    [
+        ({"specimen": (1.006, 0.983, 1.0, 3.76), "protocol": (3.12, 1.5, 1.85, 1.27)},
+         "3.12 as it is, 1.50 with a on other tests (a true model: 1.85); gap closed: 1.00"),
+        ({"specimen": (1.006, 0.983, 1.0, 3.76)}, "1.01 as it is, a true model 1.00: no gap to close"),
+        ({"later cycles": (5.9, 1.22, 1.05, 0.96)},
+         "5.90 as it is, 1.22 with a on later cycles (a true model: 1.05); gap closed: 0.96"),
+        ({}, None),
+    ],
+)  # fmt: skip
+def test_a_gap_is_told_where_there_is_one(splits, told):
+    """An error next to that of a true model leaves no gap, whatever part of it an effect seems to close."""
+    every = {kind: SplitGap(*numbers) for kind, numbers in splits.items()}
+    found = discovery("NAMED", effects=("a",), shown=("a",), gap=Gap(splits=every))
+    assert facts_of(found).get("held-out error, in units of noise") == told
 
 
 @pytest.mark.parametrize(("loss", "given"), [(4_000.0, True), (144_000.0, False)])
