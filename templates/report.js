@@ -28,9 +28,12 @@
     group.querySelector(".picked-note").textContent = notes[select.value] ?? "";
     for (const place of group.querySelectorAll(".plot")) {
       const parts = views.get(place.id).model.document;
-      for (const [name, found] of Object.entries(data[select.value])) {
+      const shown = Object.entries(data[select.value]).filter(([name]) => parts.get_model_by_name(name) !== null);
+      // of a protocol that a specimen was not tested by, there is nothing to see
+      place.hidden = shown.length > 0 && shown.every(([, found]) => Object.values(found).every((each) => !each.length));
+      for (const [name, found] of shown) {
         const source = parts.get_model_by_name(name);
-        if (source !== null) source.data = { ...source.data, ...columns(found) };
+        source.data = { ...source.data, ...columns(found) };
       }
     }
   }
@@ -39,6 +42,7 @@
   function toPaper() {
     for (const [id, view] of views) {
       const place = document.getElementById(id);
+      if (place.hidden) continue;
       place.querySelector(".paper")?.remove();
       const svg = view.export("svg", false).ctx.get_svg();
       svg.setAttribute("viewBox", `0 0 ${svg.getAttribute("width")} ${svg.getAttribute("height")}`);
@@ -52,7 +56,10 @@
   }
 
   for (const place of document.querySelectorAll(".plot")) await draw(place);
-  for (const select of document.querySelectorAll("[data-pick]")) select.addEventListener("change", () => pick(select));
+  for (const select of document.querySelectorAll("[data-pick]")) {
+    pick(select);
+    select.addEventListener("change", () => pick(select));
+  }
   addEventListener("beforeprint", toPaper);
   addEventListener("afterprint", toScreen);
   document.body.dataset.drawn = views.size;

@@ -14,6 +14,7 @@ from sinew.tasks.model import Curve, Specimen
 
 SMALLEST_STRAIN = 1e-4  # no test of tissue moves less
 LARGEST_START = 0.05  # of the peak force: a force at rest that is larger is an offset, or a preload
+LOADED = 0.1  # of the largest force of a specimen: a smaller one has no sign that counts
 FAR = 0.2  # how much a strain that a file tells twice may differ
 MOST_TIMES = 30.0  # between the peak stresses of specimens of one kind in the same test
 
@@ -36,10 +37,12 @@ def _odd_start(curve: Curve) -> Iterator[str]:
 def _opposite_signs(one: Specimen) -> Iterator[str]:
     """Tests that move a specimen in one direction, with loads of opposite signs where it is farthest."""
     signs: dict[tuple[float, float], str] = {}
+    largest = max((float(np.nanmax(np.abs(curve.force_N))) for curve in one.curves), default=0.0)
     for curve in one.curves:
         farthest = int(np.argmax(np.abs(curve.protocol.displacement_mm)))
         way, load = curve.protocol.displacement_mm[farthest], curve.force_N[farthest]
-        signs.setdefault((float(np.sign(way)), float(np.sign(load))), curve.name)
+        if abs(load) > LOADED * largest:
+            signs.setdefault((float(np.sign(way)), float(np.sign(load))), curve.name)
     for (way, load), name in signs.items():
         if load > 0.0 and (other := signs.get((way, -load))) is not None:
             yield one_line(

@@ -24,7 +24,7 @@ JUMP, STEPS, STEPS_TO_ZERO, STAYS = 0.2, 20.0, 5.0, 0.02
 AT_ZERO = 0.05  # of the motion before it: what a machine has set to zero again is smaller
 LOADED = 0.01  # of the range of the force: with less, a specimen is not loaded
 ALONG, ROWS_ALONG = 0.5, 10  # correlation of motion and force, beyond which they go together, and rows it takes
-OFFSET = 0.5  # of the way of a displacement: what it starts from is more than a preload takes
+OFFSET = 0.75  # of the way of a displacement: what it starts from is more than a preload takes
 FEWEST = 3  # rows on either side of it
 ZERO, NEGATE, PRELOAD = "--zero-displacement", "--negate", "--preload"
 _TURNED = "which sign should be reversed?"
@@ -58,8 +58,9 @@ def doubts(columns: Sequence[Column], numbers: Array, texts: Iterable[str], hint
     if hints.zero_displacement is None and columns[1].quantity is DISPLACEMENT:
         start, way = float(numbers[0, 1]), float(np.ptp(numbers[:, 1]))
         if abs(start) > OFFSET * way:
+            only = "only " if abs(start) > way else ""
             text = (
-                f"the displacement starts at {start:g} mm but changes by only {way:.4g} mm; "
+                f"the displacement starts at {start:g} mm but changes by {only}{way:.4g} mm; "
                 "the start may be an offset of the machine"
             )
             yield Doubt(text, "count it from its first value?", ZERO, ("first", "none"))

@@ -48,20 +48,22 @@ def _told_once(header: Sequence[Row], table: Table) -> Mapping[str, Size]:
 def _above(table: Table, tests: Sequence[Columns]) -> list[list[Row]]:
     """The rows above the columns of each test; columns of all tests are those of the first.
 
-    A label of a size above the first test is that of all, where there is one number behind it and one above each other
-    test. Of other numbers in its row, nobody knows whose they are, and the row tells nothing.
+    A label of a size above the first test is that of all, where there is one number behind it and one above the first
+    column of each other test. Of other numbers in its row, nobody knows whose they are, and the row tells nothing.
     """
     places = [{column.place for column in columns if column.place != NOWHERE} for columns in tests]
     shared = set.intersection(*places)
     ends = [max(one - shared, default=-1) + 1 for one in places]
+    firsts = [min(one - shared, default=-1) for one in places]
     found: list[list[Row]] = [[] for _ in tests]
     for row in table.header:
         parts = [tuple(row[start:end]) for start, end in zip([0, *ends], [*ends[:-1], None], strict=False)]
         first, *others = ([cell for cell in part if cell] for part in parts)
         rest = [cell for each in others for cell in each]
         if first and named_in(first[0]) and rest and not any(map(named_in, rest)):
-            alone = all(len(each) == 1 and is_number(each[0], table.decimal) for each in others)
-            whose = len(first) == LABEL_AND_SIZE and alone
+            alone = all(len(each) == 1 for each in others)
+            above = [row[place] if 0 <= place < len(row) else "" for place in firsts[1:]]
+            whose = len(first) == LABEL_AND_SIZE and alone and all(is_number(cell, table.decimal) for cell in above)
             parts = [parts[0], *((first[0], *part) for part in parts[1:])] if whose else [()] * len(parts)
         for own, part in zip(found, parts, strict=True):
             own.append(part)

@@ -154,11 +154,12 @@ def known_sizes(
 
 
 def _square_of_area(mm: dict[str, float | None], recordings: Sequence[Recording]) -> list[str]:
-    """Set width and thickness by a cross-section, where nobody tells either; a note on it.
+    """Set width and thickness by a cross-section, where nobody tells either, with a unit or without; a note on it.
 
     Files with different cross-sections leave them open.
     """
-    if mm["width"] is not None or mm["thickness"] is not None:
+    told = {name for one in recordings for name in one.sizes}
+    if mm["width"] is not None or mm["thickness"] is not None or told & {"width", "thickness", "diameter"}:
         return []
     areas = [size.mm for one in recordings if (size := one.sizes.get("area")) is not None and size.has_unit and size.mm]
     if not areas or max(areas) - min(areas) > SAME * max(areas):

@@ -12,7 +12,7 @@ from sinew.tasks.discover.fit.search import Candidates, asked
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
 from sinew.tasks.discover.fit.stepwise import Member, Stepwise, stepwise
 from sinew.tasks.discover.follow_up import Part, Remainder
-from sinew.tasks.discover.judge.partly import InPlace, Worth, doubts, outdone
+from sinew.tasks.discover.judge.partly import Form, InPlace, Worth, doubts, outdone
 from sinew.tasks.discover.judge.scores import Score, misfit_left
 from sinew.tasks.discover.measure.shape import smooth
 from sinew.tasks.discover.result import CellMisfit
@@ -98,7 +98,8 @@ def _part(cohort: Sequence[SpecimenFits], candidates: Candidates, found: Stepwis
         other, all_of_them = (sum(one.loss for one in each) for each in (fits, found.fits))
         return misfit_left(Score((), other, other), floor) / misfit_left(Score((), all_of_them, all_of_them), floor)
 
-    worth = Worth(member.form.slug, member.gains, ratio(member.without), pressed=member.pressed)
+    form = _form_that_it_may_mend(found, member, candidates)
+    worth = Worth(member.form.slug, member.gains, ratio(member.without), pressed=member.pressed, form=form)
     if next(doubts(worth), None) is None:  # rivals take a while to find
         rivals = found.rivals(member)
         worth = replace(worth, rivals=tuple(InPlace(one.effect, one.gain, ratio(one.fits)) for one in rivals))
@@ -116,7 +117,19 @@ def _part(cohort: Sequence[SpecimenFits], candidates: Candidates, found: Stepwis
         nearest.gain if nearest else None,
         nearest.ratio if nearest else None,
         next(doubts(worth), None),
+        worth.mends,
     )
+
+
+def _form_that_it_may_mend(found: Stepwise, member: Member, candidates: Candidates) -> Form | None:
+    """The effect of the set without which most is left, if it is another one and both lose displacement."""
+    lost = {one.form.slug: sum(fit.loss for fit in one.without) for one in found.members if one.form.displacement}
+    first = max(lost, key=lost.__getitem__, default=None)
+    if first is None or member.form.slug not in lost or first == member.form.slug:
+        return None
+    bare = sum(fit.loss for fit in candidates.bare)
+    without, whole = (misfit_left(Score((), loss, loss), candidates.floor) for loss in (lost[member.form.slug], bare))
+    return Form(first, without / whole)
 
 
 def taken_away(

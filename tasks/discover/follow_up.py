@@ -117,7 +117,8 @@ class Part:
     ``evidence``: twice the log evidence that is lost without it; ``ratio``: the misfit that is left without it, in
     times of that with it. ``rival``: the effect that leaves least misfit in its place, the evidence that this regains,
     and the misfit that is left with it, in times of that with the one; None where the effect is uncertain for another
-    reason. ``doubt``: why the effect is not certain; None where it is.
+    reason. ``doubt``: why the effect is not certain; None where it is. ``mends``: the effect whose form this one may
+    only mend, if that is the doubt.
     """
 
     effect: str
@@ -130,6 +131,7 @@ class Part:
     rival_evidence: Number | None
     rival_ratio: Number | None
     doubt: str | None
+    mends: str | None = field(default=None, metadata=OMIT)
 
 
 @dataclass(frozen=True)

@@ -270,7 +270,7 @@ class DiscoverResult(Result):
     """
 
     TASK = "discover"
-    VERSION = 12
+    VERSION = 13
     LIBRARIES = ("scikit-learn",)
 
     verdict: Word

@@ -18,6 +18,7 @@ from sinew.tasks.drawing.blocks import listed, number, percent
 
 SHOWN = 6  # candidates
 # times the noise: cases whose names were true left at most 4.8, real skin whose names are not stable 12
+GAP = 1.05  # times what a true model comes to, from which on an error on held-out data leaves a gap
 FAR_BEYOND_NOISE = 5.0
 UNLIKELY = 0.001  # p value below which a conflict of the protocols is reported
 
@@ -27,9 +28,6 @@ def table(result: DiscoverResult) -> pd.DataFrame:
     keys = ("gain", "explained", "held_out", "held_out_error")
     rows = {one.name: {key: getattr(one, key) for key in keys} for one in result.candidates}
     return pd.DataFrame.from_dict(rows, orient="index", dtype=float).rename_axis("effects")
-
-
-GAP = 1.05  # times what a true model comes to, from which on an error on held-out data leaves a gap
 
 
 def headline(result: DiscoverResult) -> str:
@@ -176,6 +174,8 @@ def gap_of(result: DiscoverResult) -> tuple[str, SplitGap] | None:
 def gap_words(result: DiscoverResult) -> str:
     """How much of the gap on held-out data the effects close, in words; empty where nothing was held out."""
     found = gap_of(result)
+    if result.gap.splits is None and result.gap.before is not None:  # of an older version
+        return f"{result.gap.before:.2f} as it is, {result.gap.after:.2f} with {result.shown_name}"
     if found is None:
         first = next(iter((result.gap.splits or {}).values()), None)
         return "" if first is None else f"{first.before:.2f} as it is, a true model {first.floor:.2f}: no gap to close"

@@ -122,7 +122,7 @@ def run(workspace: Workspace, settings: Settings) -> DiscoverResult:
         found = compound(workspace, settings, cohort, findings.candidates)
         parts = found.parts
         certain = found.certain
-        if certain and set(decided.effects) <= {form.slug for form in certain}:
+        if certain and covers(certain, parts, decided.effects):
             findings = _with_effects(workspace, settings, findings, certain)
             decided = partly(findings.candidates.scores, findings.candidates.scored[certain])
         elif decided.named:
@@ -136,6 +136,12 @@ def run(workspace: Workspace, settings: Settings) -> DiscoverResult:
         result = replace(result, law=described(workspace, cohort, findings.candidates, beside))
     commit(workspace, result, _curves(workspace, findings, shown))
     return result
+
+
+def covers(certain: Effects, parts: Sequence[Part], named: Sequence[str]) -> bool:
+    """Whether all effects that are ``named`` are certain, but for those that may only mend the form of another."""
+    needed = set(named) - {part.effect for part in parts if part.mends}
+    return needed <= {form.slug for form in certain}
 
 
 def _judged(decided: Verdict, scores: Scores) -> Score:

@@ -97,7 +97,7 @@ class Emulator:
             else:
                 mean, sd = process.mean_and_sd(at)
                 means.append(mean[:, 0])
-                sds.append(sd)
+                sds.append(np.hypot(sd, np.sqrt(process.regressor.alpha) * process.scale))  # of a run, with its noise
         shape = (len(self.fits), len(at))
         return combined(self.courses, np.reshape(means, shape).T, np.reshape(sds, shape).T)
 
@@ -179,7 +179,8 @@ def _process_without(
     share: Array, scores: Array, fold: Array, theta: Array | None
 ) -> tuple[Array, Array, tuple[float, ...]]:
     """Left-out values and standard deviations ``[n]`` of a process, and its ``theta``."""
-    _, theta = fitted(share[-TRAINED:], scores[-TRAINED:, np.newaxis], theta)
+    some = np.linspace(0, len(share) - 1, min(len(share), TRAINED)).astype(int)
+    _, theta = fitted(share[some], scores[some, np.newaxis], theta)
     process, _ = fitted(share, scores[:, np.newaxis], theta, refit=False)
     inverse = np.linalg.inv(covariance(process, share))
     pull = inverse @ (scores - process.centre[0]) / process.scale

@@ -12,14 +12,17 @@ from sinew.tasks.fitting.bayesian import Process
 from sinew.tasks.fitting.emulator import Emulator
 from sinew.tasks.simulate import Array
 
+LIKELY = 0.5  # of a run that does not fail
 LEADING = 4  # principal components that decide
 
 
 def next_runs(emulator: Emulator, pool: Array, alive: Array, count: int) -> Array:
     """The numbers ``[count]`` of the points of ``pool`` ``[m, d]`` that are to be run next.
 
-    ``alive`` ``[m]``: how probable it is that the model does not fail there.
+    ``alive`` ``[m]``: how probable it is that the model does not fail there. Where it likely does, the process knows
+    nothing and never will: such points are neither run nor counted, unless there are too few others.
     """
+    alive = np.where(alive >= LIKELY, alive, 0.0)
     processes = emulator.processes[:LEADING]
     known = [_covariance_after(process, pool) for process in processes]
     noise = [float(process.regressor.alpha) * process.scale**2 for process in processes]
@@ -27,7 +30,7 @@ def next_runs(emulator: Emulator, pool: Array, alive: Array, count: int) -> Arra
     for _ in range(count):
         gain = np.zeros(len(pool))
         for covariance, own in zip(known, noise, strict=True):
-            gain += np.square(covariance).sum(axis=1) / (np.diag(covariance) + own)
+            gain += (np.square(covariance) @ alive) / (np.diag(covariance) + own)
         gain *= alive
         gain[chosen] = -np.inf
         best = int(np.argmax(gain))

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -18,6 +19,7 @@ from sinew.tasks.sobol.show import beside, convergence_table, stored, table, tim
 from sinew.tasks.study.workspace import Workspace
 
 SHOWN = 6  # parameters in figures along time and of the convergence
+POINTS_OF_A_TURN = 8  # from one turn of a displacement to the next, so that lines between them show it
 PANELS = 40  # of a figure; its table has all
 _DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
 _MARKERS = "osv^D*"
@@ -81,16 +83,20 @@ def along_time(dataset: xr.Dataset, names: list[str], output: str | None = None,
         figure, axes = plt.subplots(2, len(protocols), figsize=size, squeeze=False, sharex="col", height_ratios=(3, 1))
         for (above, below), protocol in zip(axes.T, protocols, strict=True):
             time = dataset[f"time_{protocol}"].to_numpy()
+            apart = not _joined(dataset, protocol)
             for rank, j in enumerate(chosen):
                 index, conf = (dataset[stored(each, protocol, output)].to_numpy()[j] for each in (key, f"{key}_conf"))
                 colour = COLOURS[rank % len(COLOURS)]
-                dash = _DASHES[rank % len(_DASHES)]
-                above.plot(time, index, linestyle=dash, color=colour, label=symbol(names[j]), lw=1.3)
-                above.fill_between(time, index - conf, index + conf, color=colour, alpha=0.15, lw=0)
-            above.set_title(protocol.replace("_", " "), loc="left", fontsize=9)
+                style: dict[str, Any] = {"linestyle": _DASHES[rank % len(_DASHES)], "lw": 1.3}
+                style |= {"linestyle": "", "marker": ".", "ms": 4} if apart else {}
+                above.plot(time, index, color=colour, label=symbol(names[j]), **style)
+                if not apart:
+                    above.fill_between(time, index - conf, index + conf, color=colour, alpha=0.15, lw=0)
+            few = f", {time.size} points of it" if apart else ""
+            above.set_title(f"{protocol.replace('_', ' ')}{few}", loc="left", fontsize=9)
             above.set_ylim(-0.02, None)
             kind, unit = beside(dataset, protocol, output)
-            below.plot(time, dataset[f"{kind}_{protocol}"], color="black", lw=0.9)
+            below.plot(time, dataset[f"{kind}_{protocol}"], "." if apart else "-", color="black", lw=0.9, ms=3)
             below.set_xlabel("time (s)")
         order, of = "total" if key == "ST" else "first", "the force" if output is None else output.replace("_", " ")
         axes[0, 0].set_ylabel(f"{order} order index of {of}")
@@ -99,6 +105,19 @@ def along_time(dataset: xr.Dataset, names: list[str], output: str | None = None,
         figure.legend(handles, labels, loc="outside upper center", ncols=len(chosen))
         figure.supxlabel(f"specimen {dataset.attrs['specimen']}", fontsize=8, x=0.99, ha="right")
     return figure
+
+
+def _joined(dataset: xr.Dataset, protocol: str) -> bool:
+    """Whether the points of a protocol are so close that lines between them show its course.
+
+    Of many cycles, few points are kept: lines would cut off their peaks.
+    """
+    name = f"displacement_{protocol}"
+    if name not in dataset.variables:
+        return True
+    steps = np.diff(dataset[name].to_numpy())
+    turns = np.count_nonzero(np.diff(np.sign(steps[steps != 0.0])))
+    return bool(steps.size >= POINTS_OF_A_TURN * turns)
 
 
 def convergence(result: SobolResult) -> Figure:

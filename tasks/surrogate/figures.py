@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from sinew.tasks.drawing.figures import COLOURS, STYLE, save
 from sinew.tasks.drawing.views import FigureKind
@@ -12,6 +13,7 @@ from sinew.tasks.study.workspace import Workspace
 from sinew.tasks.surrogate.result import SurrogateResult
 from sinew.tasks.surrogate.show import table
 
+TICKS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)  # within a decade
 NAMED = 6  # specimens with an entry of the legend
 
 
@@ -32,6 +34,9 @@ def errors(result: SurrogateResult) -> Figure:
                 courses.plot(100 * course.error, 100 * course.fresh_error, "o", ms=4, color=colour)
         growth.axhline(100 * result.asked, color="0.5", lw=1, ls="--", label="asked")
         growth.set_yscale("log")
+        growth.yaxis.set_major_locator(LogLocator(subs=TICKS))
+        growth.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        growth.yaxis.set_minor_formatter(NullFormatter())
         growth.set_xlabel("runs of a specimen")
         growth.set_ylabel("largest error (% of the spread)")
         growth.legend(fontsize=8)

@@ -3,13 +3,14 @@
 import numpy as np
 
 from sinew.tasks.drawing import plots
-from sinew.tasks.drawing.blocks import Block, Plots, Section, Table, Words, number, percent
+from sinew.tasks.drawing.blocks import Block, Plots, Section, Table, Words, listed, number, percent
 from sinew.tasks.drawing.figures import COLOURS
 from sinew.tasks.report.folder import ResultFolder
 from sinew.tasks.surrogate.result import SurrogateResult
-from sinew.tasks.surrogate.show import headline, kinds, region
+from sinew.tasks.surrogate.show import fresh, headline, kinds, region
 
 NAME = "surrogate"
+NAMED = 6  # specimens in a sentence
 LISTED = 40  # courses in a table that is open
 ERRORS = (
     "Errors are root mean squares, in parts of the spread of the course over the runs. Left-out runs are those that an "
@@ -27,18 +28,28 @@ def section(folder: ResultFolder) -> Section:
     blocks: list[Block] = [_growth(result), _courses(result)]
     blocks.append(Words(ERRORS, "note"))
     failed = [f"{name}: {words}" for name, one in result.specimens.items() if (words := region(one))]
-    blocks += [Words(each, "warning") for each in failed]
+    blocks += [Words(each, "warning") for each in failed[:NAMED]]
     chosen = [f"{name}: {kinds(one)}" for name, one in result.specimens.items()]
-    blocks.append(Words(f"Emulators of principal components, by cross-validation: {'; '.join(chosen)}.", "note"))
-    sure = "" if result.reached else f"not as small as asked ({percent(result.asked, 1)})"
-    return Section(NAME, title, question, blocks, found=headline(result), sure=sure, failed="; ".join(failed))
+    words = listed(chosen, NAMED)
+    blocks.append(Words(f"Emulators of principal components, by cross-validation: {words}.", "note"))
+    seen = [each for each in map(fresh, result.specimens.values()) if np.isfinite(each[0])]
+    sure = ""
+    if seen:
+        error, inside = max(each[0] for each in seen), min(each[1] for each in seen)
+        sure = (
+            f"of fresh runs at most {percent(error, 1)}, at least {percent(inside)} of the points inside 95 % intervals"
+        )
+    if not result.reached:
+        failed.insert(0, f"not as small as asked ({percent(result.asked, 1)})")
+    return Section(NAME, title, question, blocks, found=headline(result), sure=sure, failed=listed(failed, 2))
 
 
 def _growth(result: SurrogateResult) -> Block:
     """The largest error of each specimen as runs were added."""
     plot = plots.figure("runs of a specimen", "largest error (% of the spread)", height=260, y_axis_type="log")
     entries = []
-    for i, (name, one) in enumerate(result.specimens.items()):
+    worst, more = plots.first(sorted(result.specimens.items(), key=lambda each: -each[1].error), "specimens")
+    for i, (name, one) in enumerate(worst):
         columns = {"runs": one.sizes, "error": 100 * np.maximum(one.errors, 1e-9), "name": [name] * len(one.sizes)}
         source, colour = plots.source(f"surrogate-{i}", columns), COLOURS[i % len(COLOURS)]
         line = plot.line("runs", "error", source=source, color=colour)
@@ -47,7 +58,7 @@ def _growth(result: SurrogateResult) -> Block:
         entries.append((name, [line, dots]))
     plots.legend(plot, entries)
     label = "The largest error of each specimen's emulator against the number of runs"
-    caption = f"Runs were added until no error of left-out runs was above {percent(result.asked, 1)}."
+    caption = f"The largest error of left-out runs as runs were added; {percent(result.asked, 1)} was asked.{more}"
     return Plots("surrogate-growth", caption, [plots.plot("surrogate-errors", plot, label, wide=True)])
 
 

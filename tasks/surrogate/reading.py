@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from sinew.runner.errors import BadInput, shown
-from sinew.runner.store.store import open_store
+from sinew.runner.errors import BadInput, StoreError, shown
+from sinew.runner.store.store import Store, open_store
 from sinew.runner.store.table import Table
 from sinew.tasks.fitting.emulator import Courses, Emulator, Fit, taken_apart
 from sinew.tasks.fitting.failing import Failing, failing
 from sinew.tasks.simulate import Array
 from sinew.tasks.study.result import believed
 from sinew.tasks.surrogate.result import OfSpecimen, SurrogateResult
+from sinew.tasks.surrogate.settings import MOST_RUNS
 
 FLAT = 1e-12  # part of its size by which a course varies at least
 
@@ -77,7 +78,10 @@ class Surrogate:
 
 
 def surrogate(folder: str | Path, specimen: str | None = None) -> Surrogate:
-    """The emulator of a specimen (left out: the only one) in a result folder. Raises :class:`BadInput`."""
+    """The emulator of a specimen (left out: the only one) in a result folder.
+
+    Raises :class:`BadInput`, also where the store has changed since, and ``StoreError`` where it cannot be read.
+    """
     folder = Path(folder)
     result, path = SurrogateResult.read(folder), SurrogateResult.path(folder)
     if result is None:
@@ -89,12 +93,15 @@ def surrogate(folder: str | Path, specimen: str | None = None) -> Surrogate:
     store = open_store(folder)
     with believed(path):
         table = {each.key: each for each in store.tables()}[one.table]
-        rows = store.read_result(group(name))["row"].to_numpy()
+        rows = rows_of(store, name, result.inputs)
+        if rows is None or rows.size != one.runs or table.pending(rows).size:
+            raise ValueError("the store does not hold its runs any more")
         at = [table.names.index(each) for each in result.names]
         lower, upper = np.array(result.bounds, dtype=float).T
         share = (table.parameters(rows)[:, at] - lower) / (upper - lower)
-        ok = table.status[rows] == 0
-        values = stacked(table, list(one.courses), rows[ok])
+        ok, values = courses_of(table, list(one.courses), rows)
+        if (~ok).sum() != one.failed:
+            raise ValueError(f"{(~ok).sum()} of its runs failed, not {one.failed}")
         fits = [Fit(each.kind, each.degree, tuple(each.theta), each.error) for each in one.components]  # type: ignore[arg-type]
         with threadpool_limits(1):
             emulator = Emulator(share[ok], apart(values)[0], fits)
@@ -116,13 +123,30 @@ def times_of(table: Table, protocol: str) -> Array:
     return np.asarray(found, dtype=float)
 
 
-def stacked(table: Table, fields: Sequence[str], rows: Array) -> list[Array]:
-    """Courses ``[n, t]`` of each field. Raises :class:`BadInput` for what is no number."""
+def rows_of(store: Store, specimen: str, inputs: str | None = None) -> Array | None:
+    """The rows ``[n]`` of a table that an emulator was trained with; None where there are none that can be.
+
+    ``inputs``: the key of the result that they must be of.
+    """
+    try:
+        dataset = store.read_result(group(specimen))
+        rows = dataset["row"].to_numpy()
+    except (StoreError, KeyError):
+        return None
+    right = rows.ndim == 1 and rows.dtype.kind == "i" and 0 < rows.size <= MOST_RUNS and rows.min(initial=0) >= 0
+    return rows if right and inputs in (None, dataset.attrs.get("inputs")) else None
+
+
+def courses_of(table: Table, fields: Sequence[str], rows: Array) -> tuple[Array, list[Array]]:
+    """Which ``rows`` ran ``[n]``, and of those the courses ``[k, t]`` of each field.
+
+    A run with a course that has values which are no numbers counts as failed.
+    """
     found = [table.read(field, rows) for field in fields]
-    for field, values in zip(fields, found, strict=True):
-        if not np.isfinite(values).all():
-            raise BadInput(table.folder, f"{field} has values that are no numbers", "outputs that are numbers")
-    return found
+    ok = np.asarray(table.status[rows] == 0)
+    for values in found:
+        ok &= np.isfinite(values).all(axis=1)
+    return ok, [values[ok] for values in found]
 
 
 def spread(values: Array) -> float:

@@ -2,11 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
+from sinew.tasks.fitting.chaos import HIGHEST
 from sinew.tasks.fitting.emulator import COMPONENTS, KINDS
 from sinew.tasks.study.result import Count, NotNegative, NotNegatives, Numbers, Result, Share
+from sinew.tasks.surrogate.settings import MOST_RUNS
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +64,7 @@ class OfSpecimen:
     @property
     def error(self) -> float:
         """The largest error of a course."""
-        return max((one.error for one in self.courses.values()), default=0.0)
+        return max(one.error for one in self.courses.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,13 +85,21 @@ class SurrogateResult(Result):
         """Raises :class:`ValueError` for numbers that contradict each other."""
         if len(self.bounds) != len(self.names) or any(len(one) != 2 or not one[0] < one[1] for one in self.bounds):
             raise ValueError("bounds: not two numbers in order for each name")
+        if not self.specimens:
+            raise ValueError("no specimens")
         for name, one in self.specimens.items():
-            if one.failed > one.runs or len(one.sizes) != len(one.errors) or one.sizes[-1:] != [one.runs]:
-                raise ValueError(f"{name}: {one.failed} of {one.runs} runs failed, sizes {one.sizes[-3:]}")
+            if one.failed > one.runs or one.runs > MOST_RUNS:
+                raise ValueError(f"{name}: {one.failed} of {one.runs} runs failed")
+            rises = all(before < after for before, after in pairwise(one.sizes))
+            if len(one.sizes) != len(one.errors) or one.sizes[-1:] != [one.runs] or not rises:
+                raise ValueError(f"{name}: {one.runs} runs, sizes {one.sizes[-3:]}")
+            if not one.courses:
+                raise ValueError(f"{name}: no courses")
             if len(one.components) > COMPONENTS:
                 raise ValueError(f"{name}: {len(one.components)} components")
             for each in one.components:
-                if each.kind not in KINDS or each.theta.shape != (len(self.names) + 2,) or not each.degree:
+                right = each.theta.shape == (len(self.names) + 2,) and 0 < each.degree <= HIGHEST
+                if each.kind not in KINDS or not right:
                     raise ValueError(f"{name}: a component of kind {each.kind!r} with {each.theta.size} numbers")
                 if not np.isfinite(each.theta).all():
                     raise ValueError(f"{name}: a component whose numbers are not finite")
@@ -96,7 +107,7 @@ class SurrogateResult(Result):
     @property
     def error(self) -> float:
         """The largest error of any course of any specimen."""
-        return max((one.error for one in self.specimens.values()), default=0.0)
+        return max(one.error for one in self.specimens.values())
 
     @property
     def reached(self) -> bool:

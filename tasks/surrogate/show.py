@@ -55,7 +55,8 @@ def region(one: OfSpecimen) -> str:
     said = f"{one.failed:,} of {one.runs:,} runs failed"
     if not np.isfinite(one.caught):
         return f"{said}: too few, or too many, to learn where"
-    return f"{said}; left out, {percent(one.caught)} of these were expected, and {percent(one.mistaken)} of the others"
+    foreseen = f"in cross-validation, {percent(one.caught)} of the failures were foreseen"
+    return f"{said}; {foreseen}, and {percent(one.mistaken)} of the other runs were wrongly expected to fail"
 
 
 def summary(result: SurrogateResult, folder: Path, console: Console) -> None:

@@ -13,7 +13,7 @@ import xarray as xr
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
-from sinew.runner.errors import BadInput, StoreError
+from sinew.runner.errors import BadInput
 from sinew.runner.store.table import Table
 from sinew.tasks.fitting.emulator import SDS, Courses, Emulator, Fit, LeftOut, trained, widening
 from sinew.tasks.fitting.failing import Failing, failing
@@ -22,13 +22,13 @@ from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.simulate.inputs import PLAIN
-from sinew.tasks.simulate.plain_design import TURN, shares, sizes_up_to
+from sinew.tasks.simulate.plain_design import TURN, shares
 from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
 from sinew.tasks.study.workspace import Workspace
-from sinew.tasks.surrogate.reading import apart, group, stacked, times_of
+from sinew.tasks.surrogate.reading import apart, courses_of, group, rows_of, times_of
 from sinew.tasks.surrogate.result import OfComponent, OfCourse, OfSpecimen, SurrogateResult
-from sinew.tasks.surrogate.settings import Settings, fewest
+from sinew.tasks.surrogate.settings import Settings, fewest, sizes
 
 log = logging.getLogger("sinew")
 POOL = 10  # the power of two of points among which the next runs are chosen
@@ -40,7 +40,8 @@ class Looked:
     """What is known after a batch of runs.
 
     ``share`` ``[n, d]`` and ``rows`` ``[n]`` in the table of all runs, ``ok`` ``[n]``; of the runs that did not fail,
-    the ``values`` ``[k, t]`` of each course. ``fresh``: what the emulator before said of this batch, and its values.
+    the ``values`` ``[k, t]`` of each course. ``fresh``: by course, the error of the emulator before at this batch, and
+    the part of its points inside their intervals. ``region``: where runs fail.
     """
 
     share: Array
@@ -53,6 +54,7 @@ class Looked:
     left_out: LeftOut
     factors: list[float]
     fresh: list[tuple[float, float]]
+    region: Failing
 
     @property
     def errors(self) -> list[float]:
@@ -69,11 +71,10 @@ def run(workspace: Workspace, settings: Settings) -> SurrogateResult:
     if not workspace.retry_failed and (known := _finished(workspace, settings, specimens)) is not None:
         return known
     found, arrays, tables = {}, {}, {}
-    for number, specimen in enumerate(specimens):
+    for specimen in specimens:
         with threadpool_limits(1):  # sums in one order, on whatever machine
-            evaluation, table, sizes, errors, last = _grown(workspace, settings, number, specimen)
-            region = failing(last.share, ~last.ok)
-        found[specimen.name] = _told(evaluation, table, sizes, errors, last, region)
+            evaluation, table, looked, errors, last = _grown(workspace, settings, specimen)
+        found[specimen.name] = _told(evaluation, table, looked, errors, last)
         arrays[group(specimen.name)] = _arrays(evaluation, table, last)
         tables[specimen.name] = table, last.rows
     free = workspace.model.free
@@ -90,22 +91,22 @@ def run(workspace: Workspace, settings: Settings) -> SurrogateResult:
 
 
 def _grown(
-    workspace: Workspace, settings: Settings, number: int, specimen: Specimen
+    workspace: Workspace, settings: Settings, specimen: Specimen
 ) -> tuple[SpecimenEvaluation, Table, list[int], list[float], Looked]:
     """Runs of a specimen, more and more of them; and what is known after the last."""
     evaluation, model = workspace.evaluation(specimen), workspace.model
     names = tuple(one.name for one in model.free)
     share, rows = np.empty((0, len(names))), np.empty(0, dtype=int)
     before: Looked | None = None
-    sizes: list[int] = []
+    looked: list[int] = []
     errors: list[float] = []
-    for step, size in enumerate(sizes_up_to(settings.runs)):
-        new = _next(workspace, settings, before, size, (number, step))
+    for size in sizes(settings, len(names)):
+        new = _next(workspace, settings, before, size, specimen.name)
         table, at = workspace.plan(evaluation, model.full(names, PLAIN.values(model.free, new)))
         workspace.evaluate(evaluation, table, at, f"surrogate {specimen.name}")
         share, rows = np.concatenate([share, new]), np.concatenate([rows, at])
         before = _looked(workspace, evaluation, table, share, rows, before)
-        sizes.append(size)
+        looked.append(size)
         errors.append(max(before.errors, default=0.0))
         words = f"{specimen.name}: {size} runs, errors of at most {100 * errors[-1]:.2g} % of the spread"
         workspace.note("surrogate", specimen.name, words, value=errors[-1], runs=size)
@@ -113,19 +114,19 @@ def _grown(
         if errors[-1] <= settings.error:
             break
     assert before is not None, "there is at least one batch"
-    return evaluation, table, sizes, errors, before
+    return evaluation, table, looked, errors, before
 
 
-def _next(workspace: Workspace, settings: Settings, before: Looked | None, size: int, place: tuple[int, int]) -> Array:
+def _next(workspace: Workspace, settings: Settings, before: Looked | None, size: int, specimen: str) -> Array:
     """Where the model is run next, ``[n, d]``: so that there are ``size`` runs in all."""
     known = 0 if before is None else len(before.share)
     free = len(workspace.model.free)
     if before is None or settings.growth == "even" or not before.fits:
         return shares(free, size, workspace.seed, TURN)[known:]
-    rng = streams.generator(workspace.seed, "surrogate pool", *place)
+    rng = streams.generator(workspace.seed, f"surrogate pool {specimen}", size)
     pool = qmc.Sobol(free, scramble=True, seed=rng).random_base2(POOL)
     emulator = Emulator(before.share[before.ok], before.courses, before.fits)
-    alive = 1.0 - failing(before.share, ~before.ok).probability(pool)
+    alive = 1.0 - before.region.probability(pool)
     return np.asarray(pool[next_runs(emulator, pool, alive, size - known)])
 
 
@@ -137,20 +138,21 @@ def _looked(
     rows: Array,
     before: Looked | None,
 ) -> Looked:
-    """Train with all runs so far. Raises :class:`BadInput` where too many failed."""
-    ok = np.asarray(table.status[rows] == 0)
-    if (~ok).mean() > FAILED or ok.sum() < fewest(share.shape[1]):
+    """Train with all runs so far. Raises :class:`BadInput` where too many of the first ones failed."""
+    ok, values = courses_of(table, list(_courses(evaluation)), rows)
+    least = fewest(share.shape[1])
+    if before is None and ((~ok).mean() > FAILED or ok.sum() < least):
         raise BadInput(
-            workspace.out, f"{(~ok).sum()} of {ok.size} runs of {evaluation.specimen.name} failed",
-            "a model that can be evaluated in most of its ranges (see `sinew status`)",
+            workspace.out, f"{(~ok).sum()} of the first {ok.size} runs of {evaluation.specimen.name} failed",
+            f"a model that can be evaluated in most of its ranges (`sinew status` tells why), {least} times at least",
         )  # fmt: skip
-    values = stacked(table, list(_courses(evaluation)), rows[ok])
     courses, spreads = apart(values)
     fits, left_out = trained(share[ok], courses, () if before is None else before.fits)
     parts = zip(values, split(left_out.mean, values), split(left_out.sd, values), strict=True)
     factors = [widening(value, LeftOut(mean, sd), share.shape[1]) for value, mean, sd in parts]
     fresh = [] if before is None else _fresh(before, share, ok, values)
-    return Looked(share, rows, ok, values, courses, spreads, fits, left_out, factors, fresh)
+    region = failing(share, ~ok)
+    return Looked(share, rows, ok, values, courses, spreads, fits, left_out, factors, fresh, region)
 
 
 def _fresh(before: Looked, share: Array, ok: Array, values: list[Array]) -> list[tuple[float, float]]:
@@ -165,7 +167,10 @@ def _fresh(before: Looked, share: Array, ok: Array, values: list[Array]) -> list
     ):
         off = value[-new.size :] - mean
         inside = np.abs(off) <= SDS * factor * sd + 1e-12 * size
-        found.append((float(np.sqrt(np.mean(off**2))) / size if size else 0.0, float(inside.mean())))
+        if size or not off.any():
+            found.append((float(np.sqrt(np.mean(off**2))) / size if size else 0.0, float(inside.mean())))
+        else:  # it did not vary before: there is no spread to compare with
+            found.append((np.nan, np.nan))
     return found
 
 
@@ -187,10 +192,9 @@ def _courses(evaluation: SpecimenEvaluation) -> dict[str, tuple[str, str, str]]:
 def _told(
     evaluation: SpecimenEvaluation,
     table: Table,
-    sizes: list[int],
+    looked: list[int],
     errors: list[float],
     last: Looked,
-    region: Failing,
 ) -> OfSpecimen:
     fresh = last.fresh or [(np.nan, np.nan)] * len(last.values)
     numbers = zip(last.spreads, last.errors, last.factors, fresh, strict=True)
@@ -202,12 +206,12 @@ def _told(
         table=table.key,
         runs=last.ok.size,
         failed=int((~last.ok).sum()),
-        sizes=sizes,
+        sizes=looked,
         errors=np.array(errors),
         courses=courses,
         components=[OfComponent(one.kind, one.degree, np.array(one.theta), one.error) for one in last.fits],
-        caught=region.caught,
-        mistaken=region.mistaken,
+        caught=last.region.caught,
+        mistaken=last.region.mistaken,
     )
 
 
@@ -233,13 +237,10 @@ def _inputs(workspace: Workspace, settings: Settings, tables: Mapping[str, tuple
 def _finished(workspace: Workspace, settings: Settings, specimens: tuple[Specimen, ...]) -> SurrogateResult | None:
     """The last result, if it is of the same study and all that it was made of is there."""
     tables = {}
-    try:
-        for specimen in specimens:
-            table = workspace.store.table(workspace.evaluation(specimen).table())
-            rows = workspace.store.read_result(group(specimen.name))["row"].to_numpy()
-            if not len(rows) or rows.min() < 0 or rows.max() >= len(table):
-                return None
-            tables[specimen.name] = table, rows
-    except (StoreError, KeyError):
-        return None
+    for specimen in specimens:
+        table = workspace.store.table(workspace.evaluation(specimen).table())
+        rows = rows_of(workspace.store, specimen.name)
+        if rows is None or rows.max() >= len(table):
+            return None
+        tables[specimen.name] = table, rows
     return cached(workspace, SurrogateResult, _inputs(workspace, settings, tables), map(group, tables))

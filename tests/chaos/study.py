@@ -26,7 +26,7 @@ store: {{points_per_curve: 16}}
 model: {{parameters: {{{fixed}}}}}
 sobol: {{base_samples: 16, specimens: [distal/1], resamples: 20}}
 importance: {{trees: 10, repeats: 2}}
-surrogate: {{error: 0.0001, runs: 64, specimens: [distal/1]}}
+surrogate: {{error: 0.002, runs: 64, specimens: [distal/1]}}
 morris: {{trajectories: 4, specimens: [distal/1], resamples: 20}}
 pawn: {{slides: 4, resamples: 20}}
 calibrate: {{evaluations: 40, bayesian: {{evaluations: 20}}}}

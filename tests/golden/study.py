@@ -20,7 +20,7 @@ model:
   parameters:
 {FIXED}
 sobol: {{base_samples: 16, scrambles: 1, resamples: 20}}
-surrogate: {{error: 0.0001, runs: 96, specimens: [distal/1]}}
+surrogate: {{error: 0.002, runs: 96, specimens: [distal/1]}}
 morris: {{trajectories: 5, resamples: 20}}
 pawn: {{slides: 4, resamples: 20}}
 importance: {{trees: 10, repeats: 2}}

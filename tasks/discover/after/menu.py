@@ -9,6 +9,7 @@ from sinew.tasks.model import Protocol, Specimen
 from sinew.tasks.model.phases import is_compression, phases
 from sinew.tasks.model.protocols import HOLD_S, STRAIN_RATE
 
+AT_ALL = 0.1  # of the median strain: a specimen that moved less was not tested
 BEYOND = 0.01  # strain on the other side of the gauge length
 REST_S = 600.0
 CYCLES, FAST_CYCLES, STEPS = 30, 10, 5
@@ -97,8 +98,10 @@ def usual(specimens: Sequence[Specimen]) -> Usual:
         strains.append(float(moved.min() if squeezed else moved.max()) / specimen.length_mm)
         holds += [max(longest)] if longest else []
     sign = np.sign(np.sum(np.sign(strains))) or 1.0  # that of most specimens
+    usual_strain = float(np.median([strain for strain in strains if strain * sign >= 0.0]))
+    moved_at_all = [strain for strain in strains if strain * sign >= AT_ALL * abs(usual_strain)]
     return Usual(
-        float(min((strain for strain in strains if strain * sign >= 0.0), key=abs)),
+        float(min(moved_at_all, key=abs)),
         float(np.median(rates)) if rates else STRAIN_RATE,
         float(np.median(holds)) if holds else HOLD_S,
         float(np.median(intervals)),

@@ -10,6 +10,9 @@ nothing in its place, and with the other effects that promise most there. It is 
 evidence    Without it, and with any other in its place, twice the log evidence is smaller by at least 50. Without it,
             it is smaller in at least two specimens (in one of one).
 misfit      Without it, and with any other in its place, a fit without a discrepancy leaves at least twice the misfit.
+form        Where it loses displacement, and another effect of the set that matters more does, too: without it, more
+            than 2 % of the bare model's misfit is left. That much may be left because nature's form of the other one is
+            not the library's.
 bounds      Data do not press its parameters against a bound.
 outdone     Of the effects that are certain by all this, no other in its place leaves less misfit in a fit without a
             discrepancy, beyond chance, unless its parameters end on a bound (:func:`outdone`).
@@ -19,12 +22,23 @@ outdone     Of the effects that are certain by all this, no other in its place l
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from sinew.tasks.discover.judge.rules import Verdict
+from sinew.tasks.discover.judge.rules import MAX_LEFT_PER_EFFECT, Verdict
 from sinew.tasks.discover.judge.scores import Score, Scores, explained, misfit_by_chance
 
 MIN_EVIDENCE = 50.0  # twice the log evidence: 10 are called very strong (Kass and Raftery 1995); errors are no splines
 MIN_SPECIMENS = 2  # in which an effect must show, where there are so many
 MIN_MISFIT_RATIO = 2.0  # misfit without an effect, in times of that with it
+
+
+@dataclass(frozen=True)
+class Form:
+    """Another effect of a set, whose form one may only mend: it loses displacement as well, and matters more.
+
+    ``left``: the part of the bare model's misfit that is left without the one.
+    """
+
+    effect: str
+    left: float
 
 
 @dataclass(frozen=True)
@@ -45,7 +59,7 @@ class Worth:
 
     ``gains``: twice the log evidence that is lost without it, by specimen. ``ratio``: the misfit that the others leave,
     in times of what all leave. ``rivals``: effects that were tried in its place. ``pressed``: parameters that are
-    pressed against a bound.
+    pressed against a bound. ``form``: what it may mend the form of, if anything.
     """
 
     effect: str
@@ -53,11 +67,17 @@ class Worth:
     ratio: float
     rivals: tuple[InPlace, ...] = ()
     pressed: tuple[str, ...] = ()
+    form: Form | None = None
 
     @property
     def evidence(self) -> float:
         """Twice the log evidence that all specimens lose without it."""
         return sum(self.gains)
+
+    @property
+    def mends(self) -> str | None:
+        """The effect whose form it may only mend."""
+        return self.form.effect if self.form is not None and self.form.left <= MAX_LEFT_PER_EFFECT else None
 
     @property
     def nearest(self) -> InPlace | None:
@@ -76,6 +96,9 @@ def doubts(worth: Worth) -> Iterator[str]:
     for rival in sorted(worth.rivals, key=lambda one: one.ratio):
         if worth.evidence - rival.gain < MIN_EVIDENCE or rival.ratio < MIN_MISFIT_RATIO:
             yield f"{rival.effect} would do nearly as well in its place"
+    if worth.form is not None and worth.mends:
+        left = f"{100 * worth.form.left:.1f} %"
+        yield f"{worth.form.effect} leaves {left} without it, which another form of {worth.form.effect} may explain"
     if worth.pressed:
         yield f"{', '.join(worth.pressed)} ended on a bound: the effect is not what the library has"
 

@@ -52,6 +52,8 @@ def test_tests_of_one_specimen_with_opposite_signs_are_named():
     assert line.startswith(
         "look at a: where the displacement is largest, the force of pull is above 0 and that of relax"
     )
+    slack = replace(relax, force_N=np.where(np.arange(100) < 99, 0.0, -0.1))
+    assert list(odd_tests([replace(pulled(RAMP), curves=(one, slack))])) == [], "next to no load has no sign"
     pushed = replace(relax, protocol=replace(relax.protocol, displacement_mm=-relax.protocol.displacement_mm))
     assert list(odd_tests([replace(pulled(RAMP), curves=(one, pushed))])) == [], "a compression and a tension"
 

@@ -95,6 +95,7 @@ def beside(tmp_path, *above: str) -> list[Recording]:
         (["Length|10|mm||||", "Width|5|mm||Width|8|mm"], [{"length": 10, "width": 5}, {"width": 8}]),
         (["Length|10|mm||||"], [{"length": 10}, {"length": 10}]),  # of both
         (["Length [mm]|10|||20||", "Width|5|mm|6|mm||"], [{"length": 10}, {"length": 20}]),  # one above each test
+        (["Length [mm]|10||||7|"], [{}, {}]),  # anywhere above the second test
         (["Length [mm]|10|20||||", "Width [mm]|5|||8|9|"], [{}, {}]),  # two numbers above one of the tests
         (["Length|10|mm||||", "Width: 5 mm|Width: 8 mm|||||"], [{"length": 10}, {"length": 10}]),
     ],

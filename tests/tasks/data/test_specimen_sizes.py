@@ -185,6 +185,8 @@ def test_a_cross_section_alone_is_that_of_a_square(tmp_path):
     assert found.mm == {"length": 20.0, "width": 5.5, "thickness": 5.5}
     assert "cross-section 30.25 mm2: width and thickness are those of a square" in found.notes
     assert known_sizes("a", [test], Sizes(width_mm=5.0)).mm["thickness"] is None, "the width is not that of a square"
+    open_ = recording(tmp_path, "Gauge length: 20 mm", "Width, 4", "Cross-sectional area: 30.25 mm²")
+    assert known_sizes("a", [open_], Sizes()).mm["width"] is None, "a width without a unit is to be asked for"
     other = replace(test, sizes={**test.sizes, "area": replace(test.sizes["area"], mm=31.0)})
     assert known_sizes("a", [test, other], Sizes()).mm["width"] is None, "two files tell two"
 

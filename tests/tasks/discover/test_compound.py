@@ -6,8 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 from sinew.tasks.discover import compound as module
+from sinew.tasks.discover import task
 from sinew.tasks.discover.compound import compound
 from sinew.tasks.discover.follow_up import Part
+from sinew.tasks.discover.judge import partly
 from sinew.tasks.discover.judge.scores import Score, Scores
 
 
@@ -50,3 +52,40 @@ def test_effects_that_are_outdone_are_not_certain_and_the_rest_is_looked_at_agai
     assert result.certain == certain
     assert [one.doubt for one in result.parts] == doubts
     assert done == fitted
+
+
+@pytest.mark.parametrize(
+    ("losing", "left", "expected"),
+    [
+        (("creep", "slip"), {"creep": 3000.0, "slip": 1400.0}, partly.Form("creep", pytest.approx(0.1, rel=0.1))),
+        (("creep", "slip"), {"creep": 1300.0, "slip": 1400.0}, None),  # it is the one that matters more
+        (("slip",), {"creep": 3000.0, "slip": 1400.0}, None),
+        (("creep",), {"creep": 3000.0, "slip": 1400.0}, None),
+    ],
+)
+def test_only_an_effect_that_loses_displacement_may_mend_the_form_of_one_that_does(losing, left, expected):
+    members = [
+        SimpleNamespace(
+            form=SimpleNamespace(slug=slug, displacement=print if slug in losing else None),
+            without=(SimpleNamespace(loss=loss),),
+        )
+        for slug, loss in left.items()
+    ]
+    candidates = SimpleNamespace(bare=(SimpleNamespace(loss=5000.0),), floor=1000.0)
+    found = module._form_that_it_may_mend(SimpleNamespace(members=members), members[1], candidates)
+    assert found == expected
+
+
+@pytest.mark.parametrize(
+    ("named", "mends", "covered"),
+    [
+        ((), {}, True),
+        (("creep",), {}, True),
+        (("creep", "slip"), {}, False),
+        (("creep", "slip"), {"slip": "creep"}, True),
+        (("lag",), {}, False),
+    ],
+)
+def test_what_may_only_mend_the_form_of_another_need_not_be_certain(named, mends, covered):
+    parts = [SimpleNamespace(effect=effect, mends=mends.get(effect)) for effect in ("creep", "slip")]
+    assert task.covers((Form("creep"),), parts, named) == covered

@@ -59,6 +59,24 @@ def test_left_out_errors_are_those_of_points_that_were_never_seen(function, coun
     assert 0.9 < np.mean(inside) <= 1.0
 
 
+def test_intervals_hold_the_noise_of_a_solver():
+    """Runs that differ by more than their parameters say: what is predicted of a run has that scatter, too."""
+    inside, kinds = [], set()
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+
+        def jittering(at, rng=rng):
+            smooth = np.sin(5.0 * at[:, [0]]) * (1.0 + TIME) + at[:, [1]] * TIME
+            return smooth + 0.15 * rng.standard_normal((len(at), 1))
+
+        share, values, courses, fits, left_out = of(jittering, 96, seed)
+        kinds |= {fit.kind for fit in fits}
+        mean, sd = Emulator(share, courses, fits).predict(FRESH)
+        inside.append(np.mean(np.abs(jittering(FRESH) - mean) <= SDS * widening(values, left_out, 3) * sd))
+    assert "process" in kinds
+    assert min(inside) > 0.85
+
+
 def test_polynomials_are_chosen_for_polynomials_and_found_exactly():
     share, _, courses, fits, _ = of(straight, 64)
     assert {fit.kind for fit in fits} == {"chaos"}

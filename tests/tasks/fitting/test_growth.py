@@ -40,6 +40,13 @@ def test_a_batch_is_surer_than_any_of_many_random_ones():
     assert unsure(np.vstack([SHARE, POOL[chosen]])) < min(others)
 
 
+def test_a_region_that_likely_fails_is_not_sought_although_nothing_is_known_of_it():
+    known = SHARE[SHARE[:, 0] < 0.6]
+    alive = 1.0 / (1.0 + np.exp(40.0 * (POOL[:, 0] - 0.6)))
+    chosen = next_runs(emulator(known), POOL, alive, 10)
+    assert (POOL[chosen, 0] < 0.62).all()
+
+
 def test_no_run_is_wasted_where_the_model_fails():
     alive = (POOL[:, 0] < 0.5).astype(float)
     chosen = next_runs(emulator(), POOL, alive, 10)

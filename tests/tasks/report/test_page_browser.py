@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from sinew.tasks.report.page import build
+from sinew.tasks.drawing import plots
+from sinew.tasks.drawing.blocks import Facts, Section
+from sinew.tasks.report.page import build, render
 from tests.tasks.report.pages import SCRIPT, SECTIONS, hostile
 
 pytestmark = pytest.mark.page
@@ -188,3 +190,33 @@ def test_hostile_names_do_nothing_in_a_browser(chromium, run_folder, monkeypatch
     assert not chromium.find_elements("tag name", "img")
     assert SCRIPT in chromium.find_element("id", "summary").text
     quiet(chromium, path, levels=("SEVERE",))  # Bokeh warns of plots without points, of a protocol that is gone
+
+
+def test_what_a_picked_specimen_does_not_have_is_not_shown(chromium, tmp_path):
+    """A specimen without a protocol has no empty plot of it, first or picked later."""
+
+    def draw(sources):
+        found = []
+        for protocol in ("pull", "cycles"):
+            plot = plots.figure("time (s)", "force (N)")
+            plot.line("time", "force", source=sources[protocol])
+            found.append(plots.plot(f"curves-{protocol}", plot, protocol))
+        return found
+
+    curve, nothing = {"time": [0.0, 1.0], "force": [0.0, 2.0]}, {"time": [], "force": []}
+    data = {"a": {"pull": curve, "cycles": nothing}, "b": {"pull": curve, "cycles": curve}}
+    section = Section("data", "Data", "?", [plots.picked("curves", "Curves", "Specimen", data, draw)])
+    path = tmp_path / "page.html"
+    path.write_text(render("page", Facts([]), [section], []))
+    opened(chromium, path)
+    hidden = "return [...document.querySelectorAll('.plot')].map((place) => place.offsetHeight === 0)"
+    assert chromium.execute_script(hidden) == [False, True]
+    for value, expected in (("b", [False, False]), ("a", [False, True])):
+        chromium.execute_script(
+            "const s = document.getElementById('curves-pick'); s.value = arguments[0]; "
+            "s.dispatchEvent(new Event('change'))",
+            value,
+        )
+        assert chromium.execute_script(hidden) == expected
+    assert dict(chromium.execute_script(DRAWN))["curves-pull"]
+    quiet(chromium, path, levels=("SEVERE",))  # Bokeh warns of a plot that begins empty

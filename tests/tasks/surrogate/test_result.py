@@ -40,6 +40,11 @@ def test_it_is_read_as_it_was_written(tmp_path):
         ({"components": [OfComponent("forest", 3, np.zeros(4), 0.01)]}, "kind 'forest'"),
         ({"components": [OfComponent("chaos", 3, np.zeros(3), 0.01)]}, "with 3 numbers"),
         ({"components": [OfComponent("chaos", 0, np.zeros(4), 0.01)]}, "with 4 numbers"),
+        ({"components": [OfComponent("chaos", 200, np.zeros(4), 0.01)]}, "with 4 numbers"),
+        ({"sizes": [96, 96]}, "sizes"),
+        ({"courses": {}}, "no courses"),
+        ({"specimens": {}}, "no specimens"),
+        ({"runs": 2001, "sizes": [64, 2001]}, "1 of 2001 runs failed"),
         ({"components": [OfComponent("chaos", 3, np.full(4, np.inf), 0.01)]}, "not finite"),
     ],
 )

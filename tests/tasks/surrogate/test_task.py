@@ -1,18 +1,24 @@
 """Emulators of a study: what is run, what is left, what is done again, and what they say."""
 
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
+import zarr
 
 import sinew
-from sinew.runner.store.store import open_store
+from sinew.runner.store.store import Store, open_store
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
+from sinew.tasks.fitting.emulator import Emulator
 from sinew.tasks.model import Model
 from sinew.tasks.report.page import build
 from sinew.tasks.simulate.uniaxial import Uniaxial
+from sinew.tasks.study.model import model_of
 from sinew.tasks.study.workspace import Workspace
+from sinew.tasks.surrogate import task
 from sinew.tasks.surrogate.result import SurrogateResult
 
 FREE = ("E_f", "tau_1f", "E_m", "alpha_f")
@@ -80,8 +86,6 @@ def test_its_courses_are_those_of_the_model(folder):
     at = low + (high - low) * np.random.default_rng(1).random((200, 4))
     study = sinew.read_study(folder.parent / "study.yaml")
     specimen = sinew.read_cohort(folder.parent / "cohort").choose(["distal/1"], "")[0]
-    from sinew.tasks.study.model import model_of
-
     model = model_of(study.model, "tendon")
     said = emulator.courses(at)
     for curve in specimen.curves:
@@ -110,6 +114,41 @@ def test_values_outside_are_refused(folder, values, words):
     with pytest.raises(sinew.BadInput) as refused:
         emulator.courses(np.array(values))
     assert words in str(refused.value)
+
+
+def test_an_emulator_that_is_made_again_is_the_one_that_was_trained(home, folder, monkeypatch):
+    told, trained = task._told, []
+    monkeypatch.setattr(task, "_told", lambda *given: trained.append(given[-1]) or told(*given))
+    run(home, home / "trained")
+    (last,) = trained
+    again = sinew.surrogate(folder)
+    at = np.random.default_rng(3).random((20, 4))
+    mean, sd = Emulator(last.share[last.ok], last.courses, last.fits).predict(at)
+    said = again.courses(again.lower + (again.upper - again.lower) * at)
+    parts = task.split(mean, last.values), task.split(sd, last.values), last.factors
+    for one, means, sds, factor in zip(said.values(), *parts, strict=True):
+        np.testing.assert_allclose(one.mean, means, rtol=1e-6, atol=1e-6 * np.abs(means).max())
+        np.testing.assert_allclose(one.sd, factor * sds, rtol=1e-3, atol=1e-9)
+
+
+@pytest.mark.parametrize("harm", ["pending", "other rows", "of another result", "floats"])
+def test_an_emulator_of_a_store_that_has_changed_is_refused(folder, tmp_path, harm):
+    out = Path(shutil.copytree(folder, tmp_path / "out"))
+    if harm == "pending":  # as `sinew repair` leaves rows whose numbers are gone
+        path = open_store(out).tables()[0].group.path
+        zarr.open_group(out / "store.zarr")[f"{path}/status"][:10] = -1
+    else:
+        arrays = open_store(out).read_result("surrogate/distal/1").load()
+        if harm == "other rows":
+            arrays = arrays.isel(run=slice(0, 70))
+        elif harm == "floats":
+            arrays["row"] = arrays["row"].astype(float)
+        else:
+            arrays.attrs["inputs"] = "of another"
+        with Store.writing(out, "emulated") as store:
+            store.write_result("surrogate/distal/1", arrays)
+    with pytest.raises(sinew.BadInput, match=r"surrogate\.json: contradicts itself, or the store"):
+        sinew.surrogate(out)
 
 
 def test_a_specimen_that_is_not_there_is_refused(folder, tmp_path):
@@ -162,13 +201,13 @@ def test_where_the_model_fails_is_learned_and_left_alone(home, monkeypatch):
 
     monkeypatch.setattr(Uniaxial, "compare", failing)
     out = home / "failing"
-    run(home, out, STUDY.replace("error: 0.009", "error: 0.000001"))
+    run(home, out, STUDY.replace("error: 0.009", "error: 0.002"))
     one = SurrogateResult.read(out).specimens["distal/1"]
-    assert one.caught > 0.6
+    assert one.caught > 0.2
     assert one.mistaken < 0.1
     rows = open_store(out).read_result("surrogate/distal/1")["row"].to_numpy()
     status = open_store(out).tables()[0].status[rows]
-    assert (status[64:] > 0).mean() < 0.7 * (status[:64] > 0).mean()
+    assert (status[64:] > 0).mean() < 0.3 * (status[:64] > 0).mean()
     emulator = sinew.surrogate(out)
     both = np.tile((emulator.lower + emulator.upper) / 2, (2, 1))
     both[:, emulator.names.index("E_m")] = 30.0, 69.0
@@ -185,13 +224,13 @@ def test_a_model_that_mostly_fails_is_refused(home, monkeypatch):
         return found
 
     monkeypatch.setattr(Uniaxial, "compare", failing)
-    with pytest.raises(sinew.BadInput, match="of 64 runs of distal/1 failed; expected a model that can be evaluated"):
+    with pytest.raises(sinew.BadInput, match="of the first 64 runs of distal/1 failed; expected a model"):
         run(home, home / "mostly")
 
 
 def test_too_few_runs_are_refused_before_any(home):
     text = STUDY.replace(FIXED, "").replace("model:\n  parameters:\n", "").replace("runs: 144", "runs: 32")
-    with pytest.raises(sinew.BadInput, match=r"surrogate\.runs: 32; expected at least 36 for 16 free parameters"):
+    with pytest.raises(sinew.BadInput, match=r"surrogate\.runs: 32; expected at least 40 for 16 free parameters"):
         run(home, home / "none", text)
     assert not (home / "none").exists()
 
@@ -205,8 +244,6 @@ def test_the_page_shows_errors_and_growth(folder):
 
 
 def test_a_result_that_contradicts_the_store_is_refused(home, folder, tmp_path):
-    import shutil
-
     shutil.copytree(folder, tmp_path / "out")
     path = tmp_path / "out" / "surrogate.json"
     content = json.loads(path.read_text())

@@ -167,6 +167,9 @@ def test_tests_of_a_mixed_cohort_go_on_in_the_direction_of_most():
         strains.append(Specimen("one", 20.0, 8.0, 4.0, (Curve(moved, np.zeros(ramp.time_s.size)),)))
     farthest = ramp.displacement_mm.max() / 20.0
     assert usual(strains).strain == pytest.approx(-farthest)
+    still = replace(strains[-1].curves[0].protocol, displacement_mm=0.0 * ramp.displacement_mm)
+    idle = Specimen("idle", 20.0, 8.0, 4.0, (Curve(still, np.zeros(ramp.time_s.size)),))
+    assert usual([*strains[2:], idle]).strain == pytest.approx(-farthest), "it was not tested"
     assert usual(strains[:3]).strain == pytest.approx(0.5 * farthest)
     assert usual(strains[1:3]).strain == pytest.approx(0.5 * farthest), "as many of either: tension"
 

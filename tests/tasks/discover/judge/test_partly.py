@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from sinew.tasks.discover.judge.partly import InPlace, Worth, doubts, outdone, partly
+from sinew.tasks.discover.judge.partly import Form, InPlace, Worth, doubts, outdone, partly
 from sinew.tasks.discover.judge.scores import Score, Scores
 
 SLOWER = InPlace("time-lag", 40.0, 2.5)
@@ -27,6 +27,8 @@ SURE = Worth("softening", (60.0, 70.0), 3.0, (SLOWER,))
         ({"rivals": (replace(SLOWER, gain=-500.0, ratio=1.99),)}, "time-lag would do nearly as well in its place"),
         ({"rivals": (replace(SLOWER, ratio=2.0),)}, None),
         ({"rivals": (SLOWER, InPlace("creep", 100.0, 2.2))}, "creep would do nearly as well in its place"),
+        ({"form": Form("creep", 0.0201)}, None),
+        ({"form": Form("creep", 0.0136)}, "creep leaves 1.4 % without it, which another form of creep may explain"),
         ({"pressed": ("softening_loss",)}, "softening_loss ended on a bound: the effect is not what the library has"),
     ],
 )
