@@ -87,14 +87,17 @@ def prepare(folder: Path, seconds: float = 0.02, base_samples: int = 32) -> tupl
 
 
 def committed(out: Path) -> set[int]:
-    """The rows that are committed, in chunks or in the journal."""
+    """The rows that are committed, in chunks or in the journal.
+
+    Chunks are looked at after the journal: what is folded in meanwhile is in the one or the other.
+    """
     if not (out / "store.zarr" / "evaluations").exists():
         return set()
     rows: set[int] = set()
-    for table in open_store(out).tables():
-        for path in table.segments():
-            with contextlib.suppress(StoreError):  # folded in meanwhile
-                rows.update(Segment.read(path).rows.tolist())
+    for path in (path for table in open_store(out).tables() for path in table.segments()):
+        with contextlib.suppress(StoreError):  # folded in meanwhile
+            rows.update(Segment.read(path).rows.tolist())
+    for table in open_store(out).tables():  # opened again, as a table holds the states of when it was opened
         rows.update(np.flatnonzero(table.status != PENDING).tolist())
     return rows
 
