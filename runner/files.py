@@ -55,20 +55,8 @@ def read_regular(path: Path, max_bytes: int, *, last: int | None = None, follow:
     Links are refused unless ``follow``. Raises ``FileNotFoundError``, :class:`NotReadable` for anything else that is no
     such file, and ``OSError``.
     """
-    flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | (0 if follow else os.O_NOFOLLOW)
-    try:
-        descriptor = os.open(path, flags)
-    except OSError as error:
-        if isinstance(error, FileNotFoundError):
-            raise
-        kind = _kind(path)
-        if kind is None:
-            raise
-        raise NotReadable(kind) from None
+    descriptor = _open_regular(path, os.O_RDONLY | (0 if follow else os.O_NOFOLLOW))
     status = os.fstat(descriptor)
-    if not stat.S_ISREG(status.st_mode):
-        os.close(descriptor)
-        raise NotReadable(what_is(status.st_mode))
     with open(descriptor, "rb") as file:
         if last is not None:
             file.seek(max(0, status.st_size - last))
@@ -84,6 +72,24 @@ def read_regular(path: Path, max_bytes: int, *, last: int | None = None, follow:
     if not left:  # it grew, or its size is not known before it is read, as in /proc
         raise NotReadable(f"a file of more than {max_bytes:,} bytes")
     return b"".join(pieces)
+
+
+def _open_regular(path: Path, flags: int) -> int:
+    """The descriptor of a regular file, whose opening waits for nobody. Raises as :func:`read_regular` does."""
+    try:
+        descriptor = os.open(path, flags | os.O_CLOEXEC | os.O_NONBLOCK, 0o666)
+    except OSError as error:
+        if isinstance(error, FileNotFoundError):
+            raise
+        kind = _kind(path)
+        if kind is None:
+            raise
+        raise NotReadable(kind) from None
+    mode = os.fstat(descriptor).st_mode
+    if not stat.S_ISREG(mode):
+        os.close(descriptor)
+        raise NotReadable(what_is(mode))
+    return descriptor
 
 
 def parse_json(content: bytes) -> Any:
@@ -109,23 +115,10 @@ def new_file(path: Path) -> BinaryIO:
 
 def append_file(path: Path) -> BinaryIO:
     """A regular file to append to, made where there is none. Raises ``OSError``, also for a link or a pipe."""
-    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:
-        descriptor = os.open(path, flags, 0o666)
-    except OSError:
-        kind = _kind(path)
-        if kind is None:
-            raise
-        raise _not_regular(path, kind) from None
-    status = os.fstat(descriptor)
-    if not stat.S_ISREG(status.st_mode):
-        os.close(descriptor)
-        raise _not_regular(path, what_is(status.st_mode))
-    return open(descriptor, "ab")
-
-
-def _not_regular(path: Path, kind: str) -> OSError:
-    return OSError(errno.EINVAL, f"is {kind}; remove it, it must be a file", str(path))
+        return open(_open_regular(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW), "ab")
+    except NotReadable as kind:
+        raise OSError(errno.EINVAL, f"is {kind}; remove it, it must be a file", str(path)) from None
 
 
 def own_folder(folder: Path) -> Path:

@@ -22,20 +22,30 @@
     views.set(place.id, view);
   }
 
-  function pick(select) {
+  // what a select shows of each of its plots: pairs of a source and its columns
+  function shownBy(select) {
     const group = document.getElementById(select.dataset.pick);
     const { data, notes } = read(`${group.id}-data`);
-    group.querySelector(".picked-note").textContent = notes[select.value] ?? "";
-    for (const place of group.querySelectorAll(".plot")) {
+    const plots = [...group.querySelectorAll(".plot")].map((place) => {
       const parts = views.get(place.id).model.document;
-      const shown = Object.entries(data[select.value]).filter(([name]) => parts.get_model_by_name(name) !== null);
-      // of a protocol that a specimen was not tested by, there is nothing to see
-      place.hidden = shown.length > 0 && shown.every(([, found]) => Object.values(found).every((each) => !each.length));
-      for (const [name, found] of shown) {
-        const source = parts.get_model_by_name(name);
-        source.data = { ...source.data, ...columns(found) };
-      }
-    }
+      const pairs = Object.entries(data[select.value]).map(([name, found]) => [parts.get_model_by_name(name), found]);
+      return [place, pairs.filter(([source]) => source !== null)];
+    });
+    return { group, plots, note: notes[select.value] ?? "" };
+  }
+
+  // of a protocol that a specimen was not tested by, there is nothing to see
+  function hideEmpty(plots) {
+    for (const [place, pairs] of plots)
+      place.hidden = pairs.length > 0 && pairs.every(([, found]) => Object.values(found).every((each) => !each.length));
+  }
+
+  function pick(select) {
+    const { group, plots, note } = shownBy(select);
+    group.querySelector(".picked-note").textContent = note;
+    hideEmpty(plots);
+    for (const [source, found] of plots.flatMap(([, pairs]) => pairs))
+      source.data = { ...source.data, ...columns(found) };
   }
 
   // a canvas keeps the width of the screen; on paper, a drawing takes its place that fits any width
@@ -57,7 +67,7 @@
 
   for (const place of document.querySelectorAll(".plot")) await draw(place);
   for (const select of document.querySelectorAll("[data-pick]")) {
-    pick(select);
+    hideEmpty(shownBy(select).plots);
     select.addEventListener("change", () => pick(select));
   }
   addEventListener("beforeprint", toPaper);

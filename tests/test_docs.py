@@ -30,12 +30,12 @@ import pytest
 from sinew.tasks.cli import main as cli
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
-from sinew.tasks.model import Model
 from sinew.tasks.model.effects import library
 from sinew.tasks.study import pipeline
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace
 from tests import files_page
+from tests.tasks.few_parameters import held_but
 from tests.tasks.simulate.febio.model_file.cube import CUBE
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -123,7 +123,7 @@ def bare(command: str) -> str:
 # ---- what a page can ask for
 
 FREE = ("E_f", "E_m", "g_3f")
-FIXED = "".join(f"    {p.name}: {{fixed: {p.reference}}}\n" for p in Model().parameters if p.name not in FREE)
+FIXED = held_but(FREE)
 STUDY = f"""
 name: demo
 seed: 11

@@ -13,6 +13,7 @@ from sinew.tasks.registry import TASKS
 
 ROOT = Path(__file__).resolve().parents[1]
 LINES, FUNCTION_LINES, ENTRIES = 400, 60, 22
+METHODS = ("scipy.stats", "scipy.optimize", "sklearn", "SALib", "skopt", "matplotlib", "bokeh")
 PUBLIC = {"work", "result", "settings", "rows", "reading"}  # modules of a task's folder that other tasks may use
 
 
@@ -99,6 +100,14 @@ def test_no_file_and_no_function_is_long():
                 lines = (node.end_lineno or 0) - node.lineno + 1
                 long += [f"{path.relative_to(ROOT)}: {node.name}: {lines} lines"] if lines > FUNCTION_LINES else []
     assert long == []
+
+
+def test_a_study_and_its_results_are_read_without_the_libraries_of_methods():
+    """Every command reads the settings of all tasks, and `sinew status` their results."""
+    parts = [f"sinew.tasks.{task}.{module}" for task in TASKS for module in ("settings", "result")]
+    code = f"import {', '.join(parts)}, sys; print([name for name in {METHODS} if name in sys.modules])"
+    found = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, text=True)
+    assert found.stdout == "[]\n"
 
 
 def test_a_wheel_holds_one_package(tmp_path):

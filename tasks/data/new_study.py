@@ -17,7 +17,7 @@ from sinew.tasks.data.names import FileName, plain_name
 from sinew.tasks.data.rates import rate_words
 from sinew.tasks.data.recordings import Recording
 from sinew.tasks.data.sizes import SIZES
-from sinew.tasks.drawing.blocks import number
+from sinew.tasks.drawing.blocks import listed, number
 from sinew.tasks.model import Curve, Specimen
 from sinew.tasks.registry import TASKS
 from sinew.tasks.study.files import write_text
@@ -123,8 +123,8 @@ def describe_unused(answered: Iterable[str], new: Sequence[NewSpecimen]) -> Iter
     """Specimens that earlier answers know and no file is of: a file that was renamed loses its sizes."""
     unused = sorted(set(answered) - {one.specimen.name for one in new})
     if unused:
-        listed = ", ".join(unused[:LISTED]) + (f" and {len(unused) - LISTED:,} more" if len(unused) > LISTED else "")
-        yield one_line(f"answers that were not used: sizes of {listed}; no test is of a specimen of that name")
+        names = listed(unused, LISTED)
+        yield one_line(f"answers that were not used: sizes of {names}; no test is of a specimen of that name")
 
 
 def describe_left_out(files: Sequence[LeftOut]) -> Iterator[str]:

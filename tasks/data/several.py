@@ -23,7 +23,7 @@ from sinew.tasks.data.titles import name_and_unit
 
 TEST_COLUMN, CYCLE_COLUMN, TABLES = "--test-column", "--cycle-column", "--tables"
 FEWEST_ROWS = 3  # of a test
-LABEL_AND_NAME = 2  # cells
+LABELLED = 2  # cells: a label, and what it is of
 FEWEST_ROWS_OF_A_CYCLE = 3
 BEGINS = 0.05  # of the range of motion and load: a test that begins nearer to the end of another one may go on from it
 SOON = 10.0  # usual steps of time between two tables of one test
@@ -107,9 +107,7 @@ def names_beside(table: Table, tests: Sequence[Sequence[Column]]) -> list[str]:
 
     Dimensions are no names, and decimal numbers only where nothing else differs. Columns of all tests count for none.
     """
-    places = [{column.place for column in columns if column.place != NOWHERE} for columns in tests]
-    shared = set[int].intersection(*places)
-    firsts = [min(own - shared) for own in places]
+    firsts = list(map(min, own_places(tests)))
     rows = [_above(row, firsts) for row in ((), *table.header)]
     decimal: list[str] = []
     for above, names in reversed(list(pairwise(rows))):
@@ -121,6 +119,13 @@ def names_beside(table: Table, tests: Sequence[Sequence[Column]]) -> list[str]:
     return decimal or [str(number) for number in range(1, len(tests) + 1)]
 
 
+def own_places(tests: Sequence[Sequence[Column]]) -> list[set[int]]:
+    """The places of the columns of each test beside others, without those that are of all."""
+    places = [{column.place for column in columns if column.place != NOWHERE} for columns in tests]
+    shared = set[int].intersection(*places)
+    return [one - shared for one in places]
+
+
 def _above(row: Sequence[str], firsts: Sequence[int]) -> list[str]:
     """The cell of a row above the first column of each test, and of the first test the one behind a label there.
 
@@ -129,7 +134,7 @@ def _above(row: Sequence[str], firsts: Sequence[int]) -> list[str]:
     found = [row[first] if first < len(row) else "" for first in firsts]
     ends = [*firsts[1:], len(row)]
     filled = [[cell for cell in row[first:end] if cell] for first, end in zip(firsts, ends, strict=True)]
-    if len(firsts) > 1 and len(filled[0]) == LABEL_AND_NAME and all(len(each) == 1 for each in filled[1:]):
+    if len(firsts) > 1 and len(filled[0]) == LABELLED and all(len(each) == 1 for each in filled[1:]):
         found[0] = filled[0][1]
     return found
 

@@ -4,14 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from sinew.tasks.data.columns import NOWHERE
 from sinew.tasks.data.heads import Row, told_units
-from sinew.tasks.data.several import Columns
+from sinew.tasks.data.several import LABELLED, Columns, own_places
 from sinew.tasks.data.sizes import FAR, Size, meant, named_in, narrow, read_sizes, size_in
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 
-LABEL_AND_SIZE = 2  # cells
 BY_ORDER = "sizes by the order of the rows in the table of results, which does not name the tests"
 
 
@@ -51,10 +49,9 @@ def _above(table: Table, tests: Sequence[Columns]) -> list[list[Row]]:
     A label of a size above the first test is that of all, where there is one number behind it and one above the first
     column of each other test. Of other numbers in its row, nobody knows whose they are, and the row tells nothing.
     """
-    places = [{column.place for column in columns if column.place != NOWHERE} for columns in tests]
-    shared = set.intersection(*places)
-    ends = [max(one - shared, default=-1) + 1 for one in places]
-    firsts = [min(one - shared, default=-1) for one in places]
+    own_of_each = own_places(tests)
+    ends = [max(own, default=-1) + 1 for own in own_of_each]
+    firsts = [min(own, default=-1) for own in own_of_each]
     found: list[list[Row]] = [[] for _ in tests]
     for row in table.header:
         parts = [tuple(row[start:end]) for start, end in zip([0, *ends], [*ends[:-1], None], strict=False)]
@@ -63,7 +60,7 @@ def _above(table: Table, tests: Sequence[Columns]) -> list[list[Row]]:
         if first and named_in(first[0]) and rest and not any(map(named_in, rest)):
             alone = all(len(each) == 1 for each in others)
             above = [row[place] if 0 <= place < len(row) else "" for place in firsts[1:]]
-            whose = len(first) == LABEL_AND_SIZE and alone and all(is_number(cell, table.decimal) for cell in above)
+            whose = len(first) == LABELLED and alone and all(is_number(cell, table.decimal) for cell in above)
             parts = [parts[0], *((first[0], *part) for part in parts[1:])] if whose else [()] * len(parts)
         for own, part in zip(found, parts, strict=True):
             own.append(part)

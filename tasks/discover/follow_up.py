@@ -118,7 +118,7 @@ class Part:
     times of that with it. ``rival``: the effect that leaves least misfit in its place, the evidence that this regains,
     and the misfit that is left with it, in times of that with the one; None where the effect is uncertain for another
     reason. ``doubt``: why the effect is not certain; None where it is. ``mends``: the effect whose form this one may
-    only mend, if that is the doubt.
+    only mend, if there is one.
     """
 
     effect: str

@@ -17,8 +17,8 @@ from sinew.tasks.discover.result import NAMES, CandidateResult, DiscoverResult, 
 from sinew.tasks.drawing.blocks import listed, number, percent
 
 SHOWN = 6  # candidates
-# times the noise: cases whose names were true left at most 4.8, real skin whose names are not stable 12
 GAP = 1.05  # times what a true model comes to, from which on an error on held-out data leaves a gap
+# times the noise: cases whose names were true left at most 4.8, real skin whose names are not stable 12
 FAR_BEYOND_NOISE = 5.0
 UNLIKELY = 0.001  # p value below which a conflict of the protocols is reported
 

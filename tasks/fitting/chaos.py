@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import eval_legendre
 
+from sinew.tasks.fitting.limits import HIGHEST
 from sinew.tasks.simulate import Array
 
 NORM = 0.75  # of the exponents in the truncation: the smaller, the fewer interactions
-HIGHEST, MOST = 10, 1500  # degree, and polynomials of a candidate
+MOST = 1500  # polynomials of a candidate
 PART = 0.6  # of the number of rows: polynomials that an outcome may need
 WORSE = 2  # degrees in a row that do no better, after which no higher one is tried
 DEPENDENT = 1e-8  # part of a polynomial that is no combination of others, at least

@@ -17,20 +17,17 @@ Polynomials are chosen anew without each fold.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from sinew.tasks.fitting.bayesian import Process, fitted
 from sinew.tasks.fitting.chaos import basis, polynomials
+from sinew.tasks.fitting.folds import folds_of, some_of
+from sinew.tasks.fitting.limits import COMPONENTS, KINDS, Kind
 from sinew.tasks.simulate import Array
 
-Kind = Literal["chaos", "process"]
-KINDS: tuple[Kind, ...] = ("chaos", "process")
-FOLDS = 8
-EXPLAINED, COMPONENTS = 1e-6, 12  # part of the variance that is left out, and principal components at most
+EXPLAINED = 1e-6  # part of the variance that principal components leave out
 ROUNDING = 1e-12  # of a course that does not vary
-TRAINED = 200  # runs from which length scales are found, at most: their likelihood takes the cube of these
 INSIDE, SDS = 0.95, 1.959964  # an interval, and its half-width in standard deviations of a normal distribution
 
 
@@ -127,13 +124,13 @@ def trained(share: Array, courses: Courses, before: Sequence[Fit] = ()) -> tuple
 
     ``before``: fits of fewer runs, from whose length scales the search begins.
     """
-    fold = np.arange(len(share)) % FOLDS
+    folds = folds_of(len(share))
     fits, means, sds = [], [], []
     for number, scores in enumerate(courses.scores.T):
         theta = np.array(before[number].theta) if number < len(before) else None
-        polynomial, degree = _chaos_without(share, scores, fold)
-        mean, sd, length_scales = _process_without(share, scores, fold, theta)
-        errors: dict[Kind, float] = {"chaos": _rms(polynomial - scores), "process": _rms(mean - scores)}
+        polynomial, degree = _chaos_without(share, scores, folds)
+        mean, sd, length_scales = _process_without(share, scores, folds, theta)
+        errors: dict[Kind, float] = {"chaos": rms(polynomial - scores), "process": rms(mean - scores)}
         kind = min(KINDS, key=errors.__getitem__)
         if kind == "chaos":
             mean, sd = polynomial, np.full(len(scores), errors[kind])
@@ -160,33 +157,32 @@ def widening(values: Array, found: LeftOut, parameters: int) -> float:
     return quantile / SDS * float(np.sqrt(len(values) / (len(values) - parameters - 2)))
 
 
-def _rms(errors: Array) -> float:
+def rms(errors: Array) -> float:
+    """The root mean square of numbers."""
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def _chaos_without(share: Array, scores: Array, fold: Array) -> tuple[Array, int]:
+def _chaos_without(share: Array, scores: Array, folds: Sequence[Array]) -> tuple[Array, int]:
     """Left-out values ``[n]`` of polynomials, and the degree of all runs."""
     whole = basis(share, scores)
     mean = np.empty(len(scores))
-    for each in range(FOLDS):
-        out = fold == each
+    for out in folds:
         again = basis(share[~out], scores[~out], whole.degree)
         mean[out] = polynomials(share[out], again.exponents) @ again.coefficients(share[~out], scores[~out])
     return mean, whole.degree
 
 
 def _process_without(
-    share: Array, scores: Array, fold: Array, theta: Array | None
+    share: Array, scores: Array, folds: Sequence[Array], theta: Array | None
 ) -> tuple[Array, Array, tuple[float, ...]]:
     """Left-out values and standard deviations ``[n]`` of a process, and its ``theta``."""
-    some = np.linspace(0, len(share) - 1, min(len(share), TRAINED)).astype(int)
+    some = some_of(len(share))
     _, theta = fitted(share[some], scores[some, np.newaxis], theta)
     process, _ = fitted(share, scores[:, np.newaxis], theta, refit=False)
     inverse = np.linalg.inv(covariance(process, share))
     pull = inverse @ (scores - process.centre[0]) / process.scale
     mean, sd = np.empty(len(scores)), np.empty(len(scores))
-    for each in range(FOLDS):
-        out = np.flatnonzero(fold == each)
+    for out in map(np.flatnonzero, folds):
         spread = np.linalg.inv(inverse[np.ix_(out, out)])
         mean[out] = scores[out] - process.scale * (spread @ pull[out])
         sd[out] = process.scale * np.sqrt(np.maximum(np.diag(spread), 0.0))

@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from sinew.tasks.fitting.folds import folds_of, some_of
 from sinew.tasks.simulate import Array
 
 FEWEST = 5  # failed runs from which a region is learned
-FOLDS = 8
-TRAINED = 200  # runs from which length scales are found, at most
 SCALES = (0.05, 30.0)
 
 
@@ -47,14 +46,11 @@ def failing(share: Array, failed: Array) -> Failing:
     kernel = ConstantKernel(10.0, (1e-1, 1e4)) * RBF(np.full(size, 1.0), [SCALES] * size)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # a scale at its bound: the region does not depend on it
-        some = np.linspace(0, len(share) - 1, min(len(share), TRAINED)).astype(int)
-        some = np.union1d(some, np.flatnonzero(failed)[:FEWEST])  # both kinds are among them
+        some = np.union1d(some_of(len(share)), np.flatnonzero(failed)[:FEWEST])  # both kinds are among them
         kernel = GaussianProcessClassifier(kernel, random_state=0).fit(share[some], failed[some]).kernel_
     whole = GaussianProcessClassifier(kernel, optimizer=None).fit(share, failed)
-    fold = np.arange(len(share)) % FOLDS
     expected = np.zeros(len(share), dtype=bool)
-    for each in range(FOLDS):
-        out = fold == each
+    for out in folds_of(len(share)):
         if 0 < failed[~out].sum() < (~out).sum():
             again = GaussianProcessClassifier(kernel, optimizer=None).fit(share[~out], failed[~out])
             expected[out] = again.predict(share[out])

@@ -60,7 +60,7 @@ def other_ranges(ranges: Sequence[Mapping[str, Sequence[float]]], names: Names) 
             for name in first if name in second and tuple(first[name]) != tuple(second[name])]  # fmt: skip
     if rows:
         some = f"{plural(len(rows), 'parameter')} had another range in each study"
-        yield Words(f"{some}: results differ for that reason alone.", "warning")
+        yield Words(f"{some}: that alone makes results differ.", "warning")
         yield Table("Other ranges", ["parameter", *names], rows, words=(1, 2))
 
 

@@ -8,8 +8,6 @@ from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.inputs import Inputs
 from sinew.tasks.simulate.saltelli import Design
 
-FIRST, GROWTH = 64, 1.5
-TURN = 8  # scrambles
 OWN = 1  # beside the seed, so that no sequence is one of Saltelli's designs
 
 
@@ -34,11 +32,3 @@ def shares(size: int, count: int, seed: int, scrambles: int) -> Array:
     sequences = (qmc.Sobol(size, scramble=True, seed=np.random.default_rng([seed, OWN, n])) for n in range(scrambles))
     points = [sequence.random_base2(power)[:each] for sequence in sequences]
     return np.stack(points, axis=1).reshape(-1, size)[:count]
-
-
-def sizes_up_to(most: int) -> list[int]:
-    """Sizes of a design that grows, each a multiple of ``TURN`` and about half as large again as the one before."""
-    sizes = [min(FIRST, TURN * (most // TURN))]
-    while sizes[-1] + TURN <= most:
-        sizes.append(min(TURN * round(GROWTH * sizes[-1] / TURN), TURN * (most // TURN)))
-    return sizes

@@ -17,7 +17,8 @@ from sinew.runner.store.table import Table
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
-from sinew.tasks.simulate.plain_design import plain_design, sizes_up_to
+from sinew.tasks.simulate.growing import sizes_up_to
+from sinew.tasks.simulate.plain_design import plain_design
 from sinew.tasks.simulate.saltelli import Design, block_of, saltelli, scrambles_of
 from sinew.tasks.simulate.studied_quantity import objectives_by_output, quantity
 from sinew.tasks.sobol.by_chaos import LIMIT, ByChaos, Trained

@@ -7,7 +7,7 @@ from sinew.tasks.drawing.blocks import Block, Plots, Section, Table, Words, list
 from sinew.tasks.drawing.figures import COLOURS
 from sinew.tasks.report.folder import ResultFolder
 from sinew.tasks.surrogate.result import SurrogateResult
-from sinew.tasks.surrogate.show import fresh, headline, kinds, region
+from sinew.tasks.surrogate.show import headline, kinds, region, tested
 
 NAME = "surrogate"
 NAMED = 6  # specimens in a sentence
@@ -32,13 +32,10 @@ def section(folder: ResultFolder) -> Section:
     chosen = [f"{name}: {kinds(one)}" for name, one in result.specimens.items()]
     words = listed(chosen, NAMED)
     blocks.append(Words(f"Emulators of principal components, by cross-validation: {words}.", "note"))
-    seen = [each for each in map(fresh, result.specimens.values()) if np.isfinite(each[0])]
     sure = ""
-    if seen:
-        error, inside = max(each[0] for each in seen), min(each[1] for each in seen)
-        sure = (
-            f"of fresh runs at most {percent(error, 1)}, at least {percent(inside)} of the points inside 95 % intervals"
-        )
+    if (found := tested(result)) is not None:
+        error, inside = found
+        sure = f"at fresh runs at most {percent(error, 1)}; at least {percent(inside)} of points inside 95 % intervals"
     if not result.reached:
         failed.insert(0, f"not as small as asked ({percent(result.asked, 1)})")
     return Section(NAME, title, question, blocks, found=headline(result), sure=sure, failed=listed(failed, 2))

@@ -6,8 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sinew.tasks.fitting.chaos import HIGHEST
-from sinew.tasks.fitting.emulator import COMPONENTS, KINDS
+from sinew.tasks.fitting.limits import COMPONENTS, HIGHEST, KINDS
 from sinew.tasks.study.result import Count, NotNegative, NotNegatives, Numbers, Result, Share
 from sinew.tasks.surrogate.settings import MOST_RUNS
 

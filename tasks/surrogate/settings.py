@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.simulate.plain_design import TURN, sizes_up_to
+from sinew.tasks.simulate.growing import TURN, sizes_up_to
 from sinew.tasks.study.fields import Specimens, TaskSettings
 from sinew.tasks.study.model import model_of
 
@@ -43,8 +43,7 @@ def fewest(parameters: int) -> int:
 
 def sizes(settings: Settings, parameters: int) -> list[int]:
     """Runs after each batch: those of a plain design, but no fewer in the first than an emulator takes."""
-    found = [size for size in sizes_up_to(settings.runs) if size >= fewest(parameters)]
-    return found or [TURN * (settings.runs // TURN)]
+    return [size for size in sizes_up_to(settings.runs) if size >= fewest(parameters)]
 
 
 def check(study: Study, out: Path) -> None:
@@ -53,6 +52,6 @@ def check(study: Study, out: Path) -> None:
     if not free:
         raise BadInput(f"{study.path}: model.parameters", "no free parameter", "at least one for an emulator")
     settings = study.section(Settings)
-    if TURN * (settings.runs // TURN) < fewest(free):
+    if not sizes(settings, free):
         expected = f"at least {TURN * -(-fewest(free) // TURN)} for {free} free parameters"
         raise BadInput(f"{study.path}: surrogate.runs", f"{settings.runs}", expected)

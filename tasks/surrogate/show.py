@@ -41,6 +41,12 @@ def fresh(one: OfSpecimen) -> tuple[float, float]:
     return (float(np.max(errors)), float(np.min(inside))) if courses and known.all() else (np.nan, np.nan)
 
 
+def tested(result: SurrogateResult) -> tuple[float, float] | None:
+    """The largest error at fresh runs of all specimens, and the smallest part inside; None where there were none."""
+    seen = [each for each in map(fresh, result.specimens.values()) if np.isfinite(each[0])]
+    return (max(error for error, _ in seen), min(inside for _, inside in seen)) if seen else None
+
+
 def kinds(one: OfSpecimen) -> str:
     """Which emulators were chosen, in words."""
     names = {"chaos": "polynomial chaos", "process": "Gaussian process"}

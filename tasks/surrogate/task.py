@@ -7,6 +7,7 @@ and left-out errors along time.
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
@@ -15,14 +16,15 @@ from threadpoolctl import threadpool_limits
 
 from sinew.runner.errors import BadInput
 from sinew.runner.store.table import Table
-from sinew.tasks.fitting.emulator import SDS, Courses, Emulator, Fit, LeftOut, trained, widening
+from sinew.tasks.fitting.emulator import SDS, Courses, Emulator, Fit, LeftOut, rms, trained, widening
 from sinew.tasks.fitting.failing import Failing, failing
 from sinew.tasks.fitting.growth import next_runs
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
+from sinew.tasks.simulate.growing import TURN
 from sinew.tasks.simulate.inputs import PLAIN
-from sinew.tasks.simulate.plain_design import TURN, shares
+from sinew.tasks.simulate.plain_design import shares
 from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
 from sinew.tasks.study.workspace import Workspace
@@ -56,13 +58,20 @@ class Looked:
     fresh: list[tuple[float, float]]
     region: Failing
 
+    @cached_property
+    def emulator(self) -> Emulator:
+        """What was trained."""
+        return Emulator(self.share[self.ok], self.courses, self.fits)
+
+    @cached_property
+    def off(self) -> list[Array]:
+        """How far each course ``[k, t]`` of left-out runs is from what was said of it."""
+        return [part - mean for part, mean in zip(self.values, split(self.left_out.mean, self.values), strict=True)]
+
     @property
     def errors(self) -> list[float]:
         """The left-out error of each course, in parts of its spread."""
-        return [
-            float(np.sqrt(np.mean((part - mean) ** 2))) / size if size else 0.0
-            for part, size, mean in zip(self.values, self.spreads, split(self.left_out.mean, self.values), strict=True)
-        ]
+        return [rms(off) / size if size else 0.0 for off, size in zip(self.off, self.spreads, strict=True)]
 
 
 def run(workspace: Workspace, settings: Settings) -> SurrogateResult:
@@ -125,9 +134,8 @@ def _next(workspace: Workspace, settings: Settings, before: Looked | None, size:
         return shares(free, size, workspace.seed, TURN)[known:]
     rng = streams.generator(workspace.seed, f"surrogate pool {specimen}", size)
     pool = qmc.Sobol(free, scramble=True, seed=rng).random_base2(POOL)
-    emulator = Emulator(before.share[before.ok], before.courses, before.fits)
     alive = 1.0 - before.region.probability(pool)
-    return np.asarray(pool[next_runs(emulator, pool, alive, size - known)])
+    return np.asarray(pool[next_runs(before.emulator, pool, alive, size - known)])
 
 
 def _looked(
@@ -160,7 +168,7 @@ def _fresh(before: Looked, share: Array, ok: Array, values: list[Array]) -> list
     new = np.flatnonzero(ok)[before.ok.sum() :]
     if not new.size:
         return []
-    means, sds = Emulator(before.share[before.ok], before.courses, before.fits).predict(share[new])
+    means, sds = before.emulator.predict(share[new])
     found = []
     for value, mean, sd, size, factor in zip(
         values, split(means, values), split(sds, values), before.spreads, before.factors, strict=True
@@ -168,7 +176,7 @@ def _fresh(before: Looked, share: Array, ok: Array, values: list[Array]) -> list
         off = value[-new.size :] - mean
         inside = np.abs(off) <= SDS * factor * sd + 1e-12 * size
         if size or not off.any():
-            found.append((float(np.sqrt(np.mean(off**2))) / size if size else 0.0, float(inside.mean())))
+            found.append((rms(off) / size if size else 0.0, float(inside.mean())))
         else:  # it did not vary before: there is no spread to compare with
             found.append((np.nan, np.nan))
     return found
@@ -219,8 +227,7 @@ def _arrays(evaluation: SpecimenEvaluation, table: Table, last: Looked) -> xr.Da
     """Rows of the table, and the left-out error (rms over runs) of each course along time."""
     variables: dict[str, object] = {"row": ("run", last.rows)}
     coordinates = {}
-    missed = [part - mean for part, mean in zip(last.values, split(last.left_out.mean, last.values), strict=True)]
-    for (field, (_, protocol, unit)), off in zip(_courses(evaluation).items(), missed, strict=True):
+    for (field, (_, protocol, unit)), off in zip(_courses(evaluation).items(), last.off, strict=True):
         dim = f"time_{protocol}"
         coordinates[dim] = (dim, times_of(table, protocol), {"units": "s"})
         variables[f"error_{field}"] = (dim, np.sqrt(np.mean(off**2, axis=0)), {"units": unit})

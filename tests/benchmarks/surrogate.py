@@ -15,7 +15,8 @@ from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.fitting.emulator import SDS, Emulator, LeftOut, trained, widening
 from sinew.tasks.fitting.growth import next_runs
 from sinew.tasks.model import Model
-from sinew.tasks.simulate.plain_design import TURN, shares, sizes_up_to
+from sinew.tasks.simulate.growing import TURN, sizes_up_to
+from sinew.tasks.simulate.plain_design import shares
 from sinew.tasks.simulate.uniaxial import Uniaxial
 from sinew.tasks.surrogate.reading import apart
 from sinew.tasks.surrogate.task import POOL, split

@@ -6,12 +6,12 @@ from unittest import mock
 import sinew
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
-from sinew.tasks.model import Model
 from sinew.tasks.registry import TASKS
 from sinew.tasks.study.workspace import Workspace
+from tests.tasks.few_parameters import held_but
 
 FREE = ("E_f", "alpha_f", "tau_3f")
-FIXED = "".join(f"    {p.name}: {{fixed: {p.reference}}}\n" for p in Model().parameters if p.name not in FREE)
+FIXED = held_but(FREE)
 STUDY = f"""
 name: golden
 seed: 11

@@ -15,9 +15,10 @@ from sinew.tasks.pawn.result import PawnResult
 from sinew.tasks.report.page import build
 from sinew.tasks.study import pipeline
 from sinew.tasks.study.model import model_of
+from tests.tasks.few_parameters import held_but
 
 FREE = ("E_f", "alpha_f", "E_m")
-FIXED = "".join(f"    {p.name}: {{fixed: {p.reference}}}\n" for p in Model().parameters if p.name not in FREE)
+FIXED = held_but(FREE)
 STUDY = f"""
 name: screened
 seed: 4

@@ -7,9 +7,11 @@ from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
 
 from sinew.tasks.fitting.bayesian import fitted
-from sinew.tasks.fitting.emulator import FOLDS, SDS, Emulator, LeftOut, taken_apart, trained, widening
+from sinew.tasks.fitting.emulator import SDS, Emulator, LeftOut, taken_apart, trained, widening
 from sinew.tasks.fitting.emulator import _process_without as process_without
-from sinew.tasks.simulate.plain_design import TURN, shares
+from sinew.tasks.fitting.folds import folds_of
+from sinew.tasks.simulate.growing import TURN
+from sinew.tasks.simulate.plain_design import shares
 
 TIME = np.linspace(0.0, 1.0, 12)
 
@@ -91,11 +93,10 @@ def test_a_process_is_chosen_for_a_kink():
 
 def test_left_out_values_of_a_process_are_those_of_processes_without_them():
     share, _, courses, _, _ = of(waves, 40)
-    scores, fold = courses.scores[:, 0], np.arange(40) % FOLDS
-    mean, sd, theta = process_without(share, scores, fold, None)
+    scores, folds = courses.scores[:, 0], folds_of(40)
+    mean, sd, theta = process_without(share, scores, folds, None)
     scale = scores.std()
-    for each in range(FOLDS):
-        out = fold == each
+    for out in folds:
         # the whole sample's centre and scale, as left-out values have them
         standard = (scores - scores.mean()) / scale
         kernel = fitted(share, scores[:, np.newaxis], np.array(theta), refit=False)[0].regressor

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from sinew.tasks.fitting.failing import FEWEST, failing
-from sinew.tasks.simulate.plain_design import TURN, shares
+from sinew.tasks.simulate.growing import TURN
+from sinew.tasks.simulate.plain_design import shares
 
 SHARE = shares(2, 96, 2, TURN)
 FRESH = np.random.default_rng(3).random((1000, 2))

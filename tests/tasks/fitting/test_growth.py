@@ -5,7 +5,8 @@ from threadpoolctl import threadpool_limits
 
 from sinew.tasks.fitting.emulator import Emulator, Fit, taken_apart
 from sinew.tasks.fitting.growth import next_runs
-from sinew.tasks.simulate.plain_design import TURN, shares
+from sinew.tasks.simulate.growing import TURN
+from sinew.tasks.simulate.plain_design import shares
 
 SHARE = shares(2, 16, 3, TURN)
 POOL = np.random.default_rng(4).random((60, 2))

@@ -92,7 +92,7 @@ def test_a_study_that_cannot_be_read_is_said(whole_run, run_folder, tmp_path):
 def test_results_of_other_ranges_have_a_warning(whole_run, run_folder, tmp_path, task, section):
     edit(run_folder / f"{task}.json", lambda told: told["bounds"].__setitem__(0, [-1.0, 5000.0]))
     found, _ = sections(whole_run, run_folder, tmp_path)
-    assert "1 parameter had another range in each study: results differ for that reason alone." in found[section]
+    assert "1 parameter had another range in each study: that alone makes results differ." in found[section]
     assert "-1 to 5000" in found[section].replace("−", "-").replace(",", "")
 
 

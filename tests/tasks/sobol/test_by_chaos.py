@@ -11,8 +11,9 @@ from sinew.runner.store.store import open_store
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Model
+from sinew.tasks.simulate.growing import TURN, sizes_up_to
 from sinew.tasks.simulate.inputs import Inputs
-from sinew.tasks.simulate.plain_design import TURN, plain_design, shares, sizes_up_to
+from sinew.tasks.simulate.plain_design import plain_design, shares
 from sinew.tasks.simulate.saltelli import Design
 from sinew.tasks.simulate.uniaxial import Uniaxial
 from sinew.tasks.sobol.by_chaos import ByChaos, first_and_total, second

@@ -19,9 +19,10 @@ from sinew.tasks.sobol.result import Surrogate
 from sinew.tasks.sobol.rows import SobolRows, sobol_rows
 from sinew.tasks.sobol.settings import Settings
 from sinew.tasks.study.workspace import Workspace, open_workspace
+from tests.tasks.few_parameters import held_but
 from tests.tasks.sobol.results import sobol_result
 
-FIXED = "".join(f"    {p.name}: {{fixed: {p.reference}}}\n" for p in Model().parameters[2:])
+FIXED = held_but(Model().names[:2])
 STUDY = f"""
 name: small
 seed: 4

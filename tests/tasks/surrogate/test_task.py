@@ -13,16 +13,16 @@ from sinew.runner.store.store import Store, open_store
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.fitting.emulator import Emulator
-from sinew.tasks.model import Model
 from sinew.tasks.report.page import build
 from sinew.tasks.simulate.uniaxial import Uniaxial
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.workspace import Workspace
 from sinew.tasks.surrogate import task
 from sinew.tasks.surrogate.result import SurrogateResult
+from tests.tasks.few_parameters import held_but
 
 FREE = ("E_f", "tau_1f", "E_m", "alpha_f")
-FIXED = "".join(f"    {p.name}: {{fixed: {p.reference}}}\n" for p in Model().parameters if p.name not in FREE)
+FIXED = held_but(FREE)
 STUDY = f"""
 name: emulated
 seed: 4
@@ -191,15 +191,21 @@ def test_fewer_runs_than_errors_need_are_said(home, capsys):
     assert "not as small as asked (0.9 %)" in page
 
 
-def test_where_the_model_fails_is_learned_and_left_alone(home, monkeypatch):
+def fail_above(monkeypatch, **limits):
+    """The simulator fails where a parameter is above its limit."""
     compare = Uniaxial.compare
 
     def failing(self, model, specimen, curve, parameters, keep):
         found = compare(self, model, specimen, curve, parameters, keep)
-        found.status[parameters[:, model.names.index("E_m")] > 60.0] = 1
+        for name, most in limits.items():
+            found.status[parameters[:, model.names.index(name)] > most] = 1
         return found
 
     monkeypatch.setattr(Uniaxial, "compare", failing)
+
+
+def test_where_the_model_fails_is_learned_and_left_alone(home, monkeypatch):
+    fail_above(monkeypatch, E_m=60.0)
     out = home / "failing"
     run(home, out, STUDY.replace("error: 0.009", "error: 0.002"))
     one = SurrogateResult.read(out).specimens["distal/1"]
@@ -216,14 +222,7 @@ def test_where_the_model_fails_is_learned_and_left_alone(home, monkeypatch):
 
 
 def test_a_model_that_mostly_fails_is_refused(home, monkeypatch):
-    compare = Uniaxial.compare
-
-    def failing(self, model, specimen, curve, parameters, keep):
-        found = compare(self, model, specimen, curve, parameters, keep)
-        found.status[parameters[:, model.names.index("E_m")] > 20.0] = 1
-        return found
-
-    monkeypatch.setattr(Uniaxial, "compare", failing)
+    fail_above(monkeypatch, E_m=20.0)
     with pytest.raises(sinew.BadInput, match="of the first 64 runs of distal/1 failed; expected a model"):
         run(home, home / "mostly")
 
