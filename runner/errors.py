@@ -13,7 +13,7 @@ class BadInput(SinewError):
 
     def __init__(self, where: str | Path, problem: str, expected: str) -> None:
         super().__init__(one_line(f"{where}: {problem}; expected {expected}"))
-        self.problem = problem
+        self.problem, self.expected = problem, expected
 
 
 class StoreError(SinewError):

@@ -106,11 +106,11 @@ def containers(content: bytes) -> int:
     return content.count(b"[") + content.count(b"{")
 
 
-def new_file(path: Path) -> BinaryIO:
+def new_file(path: Path, mode: int = 0o666) -> BinaryIO:
     """A new file to write; what an interrupted run left there is removed, and a link is replaced, not followed."""
     path.unlink(missing_ok=True)
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-    return open(os.open(path, flags, 0o666), "wb")
+    return open(os.open(path, flags, mode), "wb")
 
 
 def append_file(path: Path) -> BinaryIO:
@@ -162,12 +162,18 @@ def temporary_folder() -> Path:
     return own_folder(Path(tempfile.gettempdir()) / f"sinew-{os.geteuid()}")
 
 
+def in_megabytes(size: int) -> str:
+    """A number of bytes for a message: ``0.29 MB``, ``3,100 MB``."""
+    megabytes = size / 2**20
+    return f"{megabytes:,.0f} MB" if megabytes >= 10 else f"{megabytes:.2g} MB"
+
+
 def read_input(path: Path, max_bytes: int, expected: str) -> bytes:
     """The content of a file that a user names, links followed. Raises :class:`sinew.runner.errors.BadInput`."""
     try:
         return read_regular(path, max_bytes, follow=True)
     except TooLarge as large:
-        raise BadInput(path, f"{large.size / 2**20:,.0f} MB", expected) from None
+        raise BadInput(path, in_megabytes(large.size), expected) from None
     except NotReadable as problem:
         raise BadInput(path, str(problem), expected) from None
     except (OSError, ValueError) as error:  # the latter: a path that no system takes

@@ -7,12 +7,12 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.cluster.spec import cluster_of
 from sinew.tasks.registry import TASKS
 from sinew.tasks.study import pipeline
-from sinew.tasks.study.study import Study
+from sinew.tasks.study.study import Study, read_study
 from sinew.tasks.study.workspace import open_workspace
 
 
 def run(
-    study: Study,
+    study: Study | str | Path,
     *names: str,
     out: str | Path | None = None,
     data: str | Path | None = None,
@@ -26,6 +26,7 @@ def run(
 ) -> Results:
     """Run tasks of a study, all that it names unless you name some; what is done already is not done again.
 
+    ``study`` is what :func:`sinew.read_study` reads, or the path of its file;
     ``out`` is the result folder (``results/NAME`` if you say nothing), ``data`` a cohort in place of the study's,
     ``scheduler`` the address of a Dask scheduler in place of the study's cluster;
     ``extend`` doubles the base samples of the last Sobol study; ``figures`` draws all figures into the folder, as the
@@ -36,6 +37,7 @@ def run(
     Raises :class:`sinew.BadInput` and other :class:`sinew.runner.errors.SinewError`, one line each, as the command
     prints.
     """
+    study = study if isinstance(study, Study) else read_study(study)
     unknown = [name for name in names if name not in TASKS]
     if unknown:
         raise BadInput("task", shown(unknown[0]), f"some of {', '.join(TASKS)}")

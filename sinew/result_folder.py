@@ -4,6 +4,7 @@ Everything is read from the files of the folder, so it works while a study runs 
 """
 
 import json
+import os
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -33,7 +34,7 @@ def results(folder: str | Path) -> "Results":
     Raises ``StoreError`` for one with links, pipes or devices.
     """
     path = Path(folder)
-    if not path.is_dir():
+    if not os.path.isdir(path):  # unlike Path.is_dir, it takes names of any length
         raise BadInput(path, "is not there", "a result folder, as given to --out")
     if not (path / "store.zarr").is_dir() and not any((path / f"{task}.json").is_file() for task in TASKS):
         raise BadInput(path, "holds neither a store nor results", "a result folder, as given to --out")

@@ -158,6 +158,20 @@ def test_words_from_a_result_cannot_become_html(tmp_path):
         assert html.count("<div") == html.count("</div>") == html.count("tex2jax_ignore") + html.count("<div>")
 
 
+def test_paths_may_be_texts(folder, tmp_path):
+    cohort = sinew.read_cohort(str(folder.parent / "cohort"))
+    sinew.write_cohort(str(tmp_path / "again"), cohort.specimens)
+    assert sinew.read_cohort(tmp_path / "again").specimens[0].name == cohort.specimens[0].name
+    with pytest.raises(sinew.BadInput, match=r"gone\.yaml: is not there"):
+        sinew.run(str(tmp_path / "gone.yaml"))
+    with pytest.raises(sinew.BadInput, match=r"gone\.csv: "):
+        sinew.read_exports(str(tmp_path / "gone.csv"))
+    with pytest.raises(sinew.BadInput, match="paths: no files"):
+        sinew.read_exports([])
+    with pytest.raises(sinew.BadInput, match="is not there"):
+        sinew.results("a" * 5000)
+
+
 def test_run_refuses_what_the_command_refuses(folder, tmp_path):
     study = sinew.read_study(folder.parent / "study.yaml")
     with pytest.raises(sinew.BadInput, match="some of sobol, importance"):

@@ -42,7 +42,7 @@ from typing import Any
 import xarray as xr
 import zarr
 
-from sinew.runner.errors import StoreError
+from sinew.runner.errors import StoreError, shown
 from sinew.runner.files import strange_entry
 from sinew.runner.store import results
 from sinew.runner.store.arrays import create_table
@@ -235,7 +235,7 @@ def _open_root(path: Path, mode: Any) -> zarr.Group:
     if "sinew_format" not in root.attrs or "study" not in root.attrs:
         raise StoreError(f"{path}: a Zarr hierarchy, but not a store of sinew; give another --out")
     if root.attrs["sinew_format"] != FORMAT:
-        raise StoreError(f"{path}: format {root.attrs['sinew_format']}, but this sinew reads {FORMAT}")
+        raise StoreError(f"{path}: format {shown(root.attrs['sinew_format'])}, but this sinew reads {FORMAT}")
     return root
 
 

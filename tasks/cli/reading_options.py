@@ -1,16 +1,30 @@
 """Options of the commands that read measurements: how a file is read."""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from sinew.tasks.data.hints import Title
+
+
+def _title(option: str, told: str) -> Callable[..., Any]:
+    """An option for the title of a column, or several where files have different ones."""
+
+    def one_or_each(_context: click.Context, _option: click.Parameter, given: tuple[str, ...]) -> "Title | None":
+        return given[0] if len(given) == 1 else given or None
+
+    return click.option(option, metavar="NAME", multiple=True, callback=one_or_each, help=told)
+
 
 _OPTIONS = (
     click.option("--time-unit", metavar="UNIT", help="Unit of times without one: s, ms, min, ..."),
     click.option("--displacement-unit", metavar="UNIT", help="The same for displacements (mm, ...), strains (%, 1)."),
     click.option("--force-unit", metavar="UNIT", help="The same for forces (N, kN, ...) or stresses (kPa, MPa, ...)."),
-    click.option("--time-column", metavar="NAME", help="Title or number (from 1) of the column of time."),
-    click.option("--displacement-column", metavar="NAME", help="The same for displacement, strain or stretch."),
-    click.option("--force-column", metavar="NAME", help="The same for force or stress."),
+    _title("--time-column", "Title or number (from 1) of the column of time; again for files with another title."),
+    _title("--displacement-column", "The same for displacement, strain or stretch."),
+    _title("--force-column", "The same for force or stress."),
     click.option(
         "--test-column",
         metavar="NAME",

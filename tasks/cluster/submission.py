@@ -103,8 +103,8 @@ def _rendered(profile: Profile, values: Mapping[str, Any]) -> str:
     if profile.job_script is not None:
         path = profile.path.parent / profile.job_script
     try:
-        text = read_input(path, 2**20, "a template of a job script of at most 1 MB").decode("utf-8")
-        return job_script(path.name, text, values)
+        template = read_input(path, 2**20, "a template of a job script of at most 1 MB").decode("utf-8")
+        text = job_script(path.name, template, values)
     except WrongTemplate as wrong:
         where, problem, expected = wrong.parts
         raise BadInput(path.parent / where, problem, expected) from None
@@ -112,6 +112,9 @@ def _rendered(profile: Profile, values: Mapping[str, Any]) -> str:
         raise BadInput(path, failed.words, "a Jinja2 template of a job script") from None
     except (OSError, ValueError) as error:
         raise BadInput(path, f"cannot be read ({error})", "a template of a job script") from None
+    if values["command"] not in text:
+        raise BadInput(path, "makes a job script that does not run the study", "{{ command }} on a line of its own")
+    return text
 
 
 def check(study: Study, profile: Profile, out: Path, *, data: Path | None, simulator: str | None) -> None:

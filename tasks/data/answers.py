@@ -25,7 +25,9 @@ class _Sizes(Section):
 
 
 _HINTS: Any = {one.name: (one.type, one.default) for one in fields(Hints)}
-_HINTS["keep_column"] = Annotated[tuple[str, ...] | None, Field(strict=False)], None  # YAML has lists
+_Titles = Annotated[tuple[str, ...], Field(strict=False)]  # YAML has lists
+_HINTS |= {f"{name}_column": (str | _Titles | None, None) for name in ("time", "displacement", "force")}
+_HINTS["keep_column"] = _Titles | None, None
 _Hints = create_model("_Hints", __base__=Section, **_HINTS)
 
 

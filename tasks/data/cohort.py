@@ -50,8 +50,9 @@ class Cohort:
         return tuple(known[name] for name in names)
 
 
-def read_cohort(folder: Path) -> Cohort:
+def read_cohort(folder: str | Path) -> Cohort:
     """Read every specimen of a cohort. Raises :class:`BadInput` for the first thing that is wrong."""
+    folder = Path(folder)
     if folder.suffix.lower() in BINARY:
         raise BadInput(folder, "pickled and binary data are never read", "a folder of CSV files")
     if not os.path.isdir(folder):  # unlike Path.is_dir, it takes names of any length
@@ -257,12 +258,13 @@ def _entries(folder: Path, root: Path) -> Iterator[Path]:
         yield child
 
 
-def write_cohort(folder: Path, specimens: Sequence[Specimen], truth: Mapping[str, Any] | None = None) -> None:
+def write_cohort(folder: str | Path, specimens: Sequence[Specimen], truth: Mapping[str, Any] | None = None) -> None:
     """Write ``FOLDER/SPECIMEN/PROTOCOL.csv`` and ``specimen.json``, and the ``truth`` of a virtual cohort.
 
     Numbers have 10 significant digits. Raises :class:`BadInput` if a specimen is there already, or a link on the way to
     it, which would lead elsewhere.
     """
+    folder = Path(folder)
     for specimen in specimens:
         place = folder / specimen.name
         for parent in place.parents[: len(Path(specimen.name).parts) - 1]:

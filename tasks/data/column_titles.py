@@ -6,9 +6,10 @@ from weakref import WeakKeyDictionary
 from sinew.runner.errors import BadInput
 from sinew.tasks.data import units
 from sinew.tasks.data.heads import Row
+from sinew.tasks.data.quantities import LOADS, MOTIONS, TIME
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
-from sinew.tasks.data.titles import name_and_unit, without_numbers, without_suffix
+from sinew.tasks.data.titles import before_channel, name_and_unit, without_numbers, without_suffix
 from sinew.tasks.data.told_lines import role_of, units_above
 
 #: Of tables in use: a table of many tests is asked many times.
@@ -28,8 +29,26 @@ def _read(table: Table) -> tuple[Row, list[tuple[str, str]]]:
     found = [name_and_unit(title, below) for title, below in zip(plain, _below(table, len(titles)), strict=True)]
     names = without_numbers([name for name, _ in found])
     above = units_above(table.header)
+    names = _of_channels(names, [unit for _, unit in found])
     told = [units.agreed([unit, *above.get(role_of(name), ())]) for name, (_, unit) in zip(names, found, strict=True)]
     return titles, [(names[place], "s" if table.has_clock(place) else unit) for place, unit in enumerate(told)]
+
+
+def _of_channels(names: Sequence[str], measured: Sequence[str]) -> list[str]:
+    """The names without those of channels and sensors behind them, where no column is called by the name alone.
+
+    ``measured``: the units; a column without one stays as it is.
+    """
+    names = list(names)
+    for quantities in ((TIME,), MOTIONS, LOADS):
+        known = [title for quantity in quantities for title in quantity.titles]
+        if any(name in known for name in names):
+            continue
+        words = [before_channel(name, known) for name in names]
+        for place, (word, unit) in enumerate(zip(words, measured, strict=True)):
+            if word and any(units.factor(one.units, unit) is not None for one in quantities if word in one.titles):
+                names[place] = word
+    return names
 
 
 def _width(row: Sequence[str]) -> int:

@@ -13,7 +13,7 @@ from sinew.tasks.data.clocks import columns_by_clock
 from sinew.tasks.data.column_titles import check_width, names_and_units
 from sinew.tasks.data.factors import factor_of
 from sinew.tasks.data.heads import Row
-from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.hints import Hints, each_title
 from sinew.tasks.data.possible_columns import changes, in_volts, possible
 from sinew.tasks.data.quantities import (
     DISPLACEMENT,
@@ -31,7 +31,7 @@ from sinew.tasks.data.quantities import (
 )
 from sinew.tasks.data.questions import Unclear, UnknownUnit
 from sinew.tasks.data.tables import Table
-from sinew.tasks.data.titles import name_and_unit
+from sinew.tasks.data.titles import before_channel, name_and_unit
 
 NOWHERE = -1
 TIMED = ", --rate-hz, --speed or --speed-column"  # what tells times where no column does
@@ -73,7 +73,7 @@ class _Role:
     name: str
     option: str
     quantities: tuple[Quantity, ...]
-    wanted: str | None
+    wanted: tuple[str, ...]
     given: str | None
     more_titles: tuple[str, ...] = ()  # that any of the quantities may have
 
@@ -163,7 +163,8 @@ def partly(
         except BadInput as error:
             found.append(None)
             if role.quantities != (TIME,) or not hints.timing.given:
-                problems.append(f"{role.name}: {error.problem}; {role.remedy}")
+                remedy = error.expected if isinstance(error, UnknownUnit) else role.remedy
+                problems.append(f"{role.name}: {error.problem}; {remedy}")
             continue
         try:
             found.append(_column(table, titles, named, role, choice))
@@ -171,7 +172,8 @@ def partly(
             title = titles[choice.place]
             alike = tuple(titles[place] for place in choice.alike)
             found.append(Column(choice.quantity, choice.place, title, "", 1.0, choice.how, alike))
-            problems.append(f"unit of '{title}' ({choice.quantity.name}): {error.problem}; {role.unit_option}")
+            remedy = role.unit_option if isinstance(error, UnknownUnit) else error.expected
+            problems.append(f"unit of '{title}' ({choice.quantity.name}): {error.problem}; {remedy}")
     return (found[0], found[1], found[2]), tuple(problems)
 
 
@@ -197,16 +199,17 @@ def _roles(hints: Hints) -> tuple[_Role, _Role, _Role]:
     stress = hints.force_unit is not None and units.factor(STRESS.units, hints.force_unit) is not None
     loads, more = ((STRESS,), FORCE.titles) if stress else (LOADS, ())
     return (
-        _Role("time", "time", (TIME,), hints.time_column, hints.time_unit),
-        _Role("displacement, length or strain", "displacement", MOTIONS, hints.displacement_column,
+        _Role("time", "time", (TIME,), each_title(hints.time_column), hints.time_unit),
+        _Role("displacement, length or strain", "displacement", MOTIONS, each_title(hints.displacement_column),
               hints.displacement_unit),
-        _Role(" or ".join(load.name for load in loads), "force", loads, hints.force_column, hints.force_unit,
-              more),
+        _Role(" or ".join(load.name for load in loads), "force", loads, each_title(hints.force_column),
+              hints.force_unit, more),
     )  # fmt: skip
 
 
 def _by_number(hints: Hints) -> bool:
-    return all((given or "").isdigit() for given in (hints.time_column, hints.displacement_column, hints.force_column))
+    every = map(each_title, (hints.time_column, hints.displacement_column, hints.force_column))
+    return all(given and all(map(str.isdigit, given)) for given in every)
 
 
 # ---- the choice of a column
@@ -232,7 +235,7 @@ def _choices(
                 missing.append((role, none))
     if missing:
         spare = len(titles) - sum(one.place != NOWHERE for one in found)
-        of_person = [problem for role, problem in missing if role.wanted is not None]
+        of_person = [problem for role, problem in missing if role.wanted]
         problem = of_person[0] if of_person else _none_of(table, titles, [role for role, _ in missing], spare=spare)
         problem.alone = all(choice.place == NOWHERE for choice in found)
         raise problem
@@ -267,8 +270,8 @@ def _none_of(table: Table, titles: Row, roles: Sequence[_Role], *, spare: int) -
 
 
 def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role) -> _Choice:
-    if role.wanted is not None:
-        return _chosen_by_person(table, titles, named, role, role.wanted)
+    if role.wanted:
+        return _chosen_by_person(table, titles, named, role)
     found = [
         (_rank(table, role, number, place, *column), place, quantity)
         for number, quantity in enumerate(role.quantities)
@@ -294,6 +297,7 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _
     if not unit:
         others |= {other for _, other, _ in found if named[other][0] in words.EXTENSOMETER and not named[other][1]}
     doubtful = title.startswith("(") or title in words.DOUBTFUL or quantity not in (TIME, DISPLACEMENT, FORCE)
+    doubtful = doubtful or bool(before_channel(name_and_unit(titles[place])[0], (title,)))
     same = [STRESS] if quantity is FORCE else [LENGTH] if quantity is DISPLACEMENT else []  # they say it once more
     rivals = _without_repeated([(one, named[at]) for _, at, one in found if one not in same], named)
     sure = len(rivals) == 1 and not doubtful
@@ -323,8 +327,8 @@ def _rank(
     return *last, number, table.has_clock(place), no_unit, role.titles(quantity).index(name)
 
 
-def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role, wanted: str) -> _Choice:
-    place = _place_of(table, titles, named, role, wanted)
+def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role) -> _Choice:
+    wanted, place = _place_of(table, titles, named, role)
     name, unit = named[place]
     if wanted.isdigit() and (other := _of_another_role(name, role)):
         problem = f"column {wanted} is {shown(titles[place])}, a {other}"
@@ -347,16 +351,27 @@ def _of_another_role(name: str, role: _Role) -> str:
     return next((one.name for one in others if name in one.titles), "")
 
 
-def _place_of(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role, wanted: str) -> int:
+def _place_of(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role) -> tuple[str, int]:
+    """The first title that the file has of those that a person gives, and its place."""
+    found = [(wanted, _places_of(titles, named, wanted)) for wanted in role.wanted]
+    for wanted, places in found:
+        if len(places) == 1:
+            return wanted, places[0]
+    wanted, places = next((one for one in found if one[1]), found[0])
+    problem = f"{shown(wanted)} names {len(places)} columns" if places else f"{shown(wanted)} is no column"
+    if len(found) > 1 and not places:
+        problem = f"none of {', '.join(map(shown, role.wanted))} is a column"
+    expected = f"a number from 1 to {len(titles)}, or one of {', '.join(map(shown, titles[:12]))}"
+    again = "" if places or wanted.isdigit() else f"; repeat --{role.option}-column where files have other titles"
+    raise NoColumn(f"{table.path}: --{role.option}-column", problem, f"{expected}{again}")
+
+
+def _places_of(titles: Row, named: Sequence[tuple[str, str]], wanted: str) -> list[int]:
     exact = [i for i, title in enumerate(titles) if title == wanted.strip()]
     alike = exact or [i for i, (name, _) in enumerate(named) if name and name == name_and_unit(wanted)[0]]
-    if len(alike) == 1:
-        return alike[0]
     if not alike and wanted.isascii() and wanted.isdigit() and len(wanted) < 5 and 1 <= int(wanted) <= len(titles):
-        return int(wanted) - 1
-    problem = f"{shown(wanted)} names {len(alike)} columns" if alike else f"{shown(wanted)} is no column"
-    expected = f"a number from 1 to {len(titles)}, or one of {', '.join(map(shown, titles[:12]))}"
-    raise NoColumn(f"{table.path}: --{role.option}-column", problem, expected)
+        return [int(wanted) - 1]
+    return alike
 
 
 def _quantity_of_unit(quantities: Sequence[Quantity], unit: str) -> Quantity | None:

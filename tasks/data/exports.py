@@ -86,7 +86,7 @@ class Imported:
 
 
 def read_export(
-    path: Path, *, protocol: str | None = None, name: str | None = None, reading: Reading | None = None
+    path: str | Path, *, protocol: str | None = None, name: str | None = None, reading: Reading | None = None
 ) -> Specimen:
     """The test in a file as a specimen with one curve.
 
@@ -95,7 +95,7 @@ def read_export(
     bar of 1 mm, and a stress that of a bar of 1 mm2. The protocol is called ``relaxation`` if the lines above the table
     mention a hold, else ``test``. Raises :class:`BadInput` naming the file and row, and for a file with several tests.
     """
-    reading = reading or Reading()
+    path, reading = Path(path), reading or Reading()
     recordings = _read(path, reading)
     if len(recordings) > 1:
         raise BadInput(path, f"{len(recordings)} tests", "one test, or read_exports for all of them")
@@ -103,20 +103,27 @@ def read_export(
 
 
 def read_exports(
-    paths: Sequence[Path], *, protocol: str | None = None, specimen: str | None = None, reading: Reading | None = None
+    paths: str | Path | Sequence[str | Path],
+    *,
+    protocol: str | None = None,
+    specimen: str | None = None,
+    reading: Reading | None = None,
 ) -> Imported:
-    """Several files, each a specimen named after its file; or all of them protocols of one ``specimen``.
+    """One or several files, each a specimen named after its file; or all of them protocols of one ``specimen``.
 
     Protocols of one specimen are named after their files. If a file holds several tests, each has its own name behind
     that of the file. Raises :class:`BadInput` for two of one name.
     """
+    files = [Path(paths)] if isinstance(paths, str | Path) else list(map(Path, paths))
+    if not files:
+        raise BadInput("paths", "no files", "exports of testing machines")
     for option, given in (("--protocol", protocol), ("--specimen", specimen)):
         if given is not None and not NAME.fullmatch(given):
             raise BadInput(option, shown(given), "letters, digits, '_', '-', '+' and '.'")
-    if specimen is not None and protocol is not None and len(paths) > 1:
-        raise BadInput("--protocol", f"one name for {len(paths)} files of one specimen", "names of files as protocols")
+    if specimen is not None and protocol is not None and len(files) > 1:
+        raise BadInput("--protocol", f"one name for {len(files)} files of one specimen", "names of files as protocols")
     reading = reading or Reading()
-    recordings = [recording for path in paths for recording in _read(path, reading)]
+    recordings = [recording for path in files for recording in _read(path, reading)]
     refuse_unknown(reading.hints.further, [one.further.values for one in recordings], recordings[0].left_out)
     parts: list[Specimen] = []
     spreads: dict[str, tuple[str, ...]] = {}

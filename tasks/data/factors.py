@@ -5,6 +5,8 @@ from sinew.tasks.data import units
 from sinew.tasks.data.quantities import LOADS, Quantity
 from sinew.tasks.data.questions import UnknownUnit
 
+ELECTRIC = frozenset({"v", "volt", "volts", "mv", "mv/v", "v/v"})
+
 
 def factor_of(where: str, quantity: Quantity, unit: str, given: str | None, option: str) -> float:
     """The factor of a column to s, mm, N, MPa or 1, by the ``unit`` in the file and the one ``given``.
@@ -19,6 +21,9 @@ def factor_of(where: str, quantity: Quantity, unit: str, given: str | None, opti
             return quantity.units[given]
         problem = f"unit {shown(unit)} may stand for milli or for mega"
         raise UnknownUnit(where, quantity.name, option, choices or units.listed(quantity.units), problem)
+    if unit.casefold() in ELECTRIC:
+        problem = f"unit {shown(unit)} is that of a sensor's signal, no {quantity.name}"
+        raise BadInput(where, problem, f"a column in {listed}: multiply the signal by the factor of its sensor first")
     expected = None if given is None else units.factor(quantity.units, given)
     if given is not None and expected is None:
         raise BadInput(where, f"a {quantity.name}, but {option} says {shown(given)}", listed)

@@ -1,9 +1,9 @@
 """The ranges that a new study starts with: the published ones of human tendon, or ones scaled to the measured curves.
 
 Tissue that is much softer, stiffer or more extensible than tendon, or stiffens up to larger strains, gets ranges of its
-own. For many values of the toe and of the relaxation, both moduli are fitted to the curves, on which the force depends
-linearly; the moduli of the best fits, and a factor of three on both sides, are the ranges. Relaxation times are scaled
-where the tests last for seconds or hours.
+own. For many values of the toe and of the relaxation, both moduli are fitted to the curves, as the force depends on
+them linearly; the moduli of the best fits, and a factor of three on both sides, are the ranges. Where the toe ends is
+decided by best fits that are searched for. Relaxation times are scaled where the tests last for seconds or hours.
 """
 
 from collections.abc import Sequence
@@ -25,8 +25,11 @@ EXTENSIBLE = 0.1  # strain from which on a toe that ends at 1 % is no toe
 TOE_ENDS = (0.25, 0.5, 0.75, 1.0)  # parts of the largest strain at which the toe may end
 #: Less extensible tissue has such a toe where it leaves less than these parts of the misfit of the first loadings: of
 #: that with the published toe, and with slack fibres, which are taut from some parts of the largest strain on.
-LATER, THAN_SLACK, TAUT_AT = 0.5, 0.75, (0.125, 0.25, 0.375, 0.5, 0.75)
+LATER, THAN_SLACK, TAUT_AT = 0.5, 0.8, (0.125, 0.25, 0.375, 0.5, 0.75)
 LOADED = 0.98  # of the largest displacement: the end of the first loading
+FEWEST_OF_A_LOADING = 6  # points; a loading of fewer has no shape
+TOE_OF = 4  # specimens, at most, that tell where the toe ends
+SEARCHES, CLOSER = 6, 0.6  # of a best fit: each looks in a box around the best so far, so much smaller than before
 STRONGEST = 5.0  # relaxation strength of tissue of which nothing is known
 ROWS = 64  # values of toe and relaxation that are tried
 BEST = 6  # of them, whose moduli count
@@ -35,7 +38,6 @@ LOOKED_AT = 12  # specimens, at most
 LASTING = (20.0, 2000.0)  # s; shorter tests cannot show the published relaxation times, longer ones have others
 SPAN = 2000.0  # between the largest and the smallest relaxation time, as published
 UNLIKE = 30.0  # times; specimens of one tissue differ by less
-FEWEST_OF_A_LOADING = 6  # points; a loading of fewer has no shape
 SAMPLES = 2.0  # that the smallest relaxation time lasts at least
 
 
@@ -106,18 +108,24 @@ def _first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen]) -> 
     strain = max(float(each.max()) for each in strains)
     peaks = {one.specimen: one for one in sorted(reaches, key=lambda one: abs(one.measured_N))}.values()
     far = out_of_reach(reaches) or [one for one in peaks if not one.ratios[0] <= 1.0 <= one.ratios[1]]
-    models = _models(simulator, model, chosen, strain, squeezed=squeezed)
-    stiffens = strain <= EXTENSIBLE and models[0].lambda_0 != model.lambda_0
+    scaled, taut = _with_best_toe(simulator, model, chosen, strain, squeezed=squeezed)
+    stiffens = strain <= EXTENSIBLE and scaled.lambda_0 != model.lambda_0
+    beside = list(timed)
+    if taut is not None:
+        beside.append(
+            f"ranges: the curves stiffen beyond the toe, as if fibres became taut at {100 * (taut - 1.0):.2g} % of "
+            "strain, which `sinew discover` can tell; if their toe is that long, set model.lambda_0 yourself"
+        )
     if not squeezed and strain <= EXTENSIBLE and not far and not stiffens:
         line = "ranges: those of human tendon (Pekedis 2025), which reach the measured forces"
-        found = _without_unseen(simulator, model, chosen, [line, *timed], scaled=bool(timed))
+        found = _without_unseen(simulator, model, chosen, [line, *beside], scaled=bool(timed))
         return replace(found, only_times=True)
     because = [f"strain {100 * min(e.min() for e in strains):.3g} to {100 * strain:.3g} %"]
     because += [f"the curves stiffen beyond {100 * (model.lambda_0 - 1.0):.3g} %"] if stiffens else []
     because += [words(max(far, key=lambda one: one.distance))] if far else []
     lines = [f"ranges: scaled to these tests, as those of human tendon do not fit ({'; '.join(because)})"]
-    lines += timed
-    model, more = _scaled(simulator, model, models, chosen, squeezed=squeezed)
+    lines += beside
+    model, more = _scaled(simulator, model, scaled, chosen, squeezed=squeezed)
     again = [each for one in chosen for each in reach(simulator, model, one)]
     if left := out_of_reach(again):
         more.append(f"ranges: widen them in study.yaml: they do not reach {left[0].specimen} {left[0].protocol}")
@@ -157,28 +165,34 @@ def _with_times(model: Model, specimens: Sequence[Specimen]) -> tuple[Model, lis
     return model, [f"ranges: {words} in three bands"]
 
 
-def _models(
+def _with_best_toe(
     simulator: Uniaxial, timed: Model, specimens: Sequence[Specimen], strain: float, *, squeezed: bool
-) -> list[Model]:
-    """The toes that tissue may have which is stretched to ``strain``: extensible tissue any, else the likeliest one."""
+) -> tuple[Model, float | None]:
+    """Tissue of which nothing is known but its toe: extensible tissue may have any, other only a far likelier one.
+
+    Also the stretch from which on slack fibres would be taut, where those describe the first loadings far better than
+    the published toe, and nearly as well as any longer one.
+    """
     published = _unknown(timed, squeezed=squeezed)
     ends = [1.0 + part * strain for part in TOE_ENDS]
     longer = [_with_toe(published, end) for end in ends if published.lambda_0 < end < LARGEST_LAMBDA_0]
-    if squeezed:
-        return [published]
-    if strain > EXTENSIBLE or not longer:
-        return [published, *longer]
-    loadings = [replace(one, curves=tuple(map(_first_loading, one.curves))) for one in specimens]
+    if squeezed or not longer:
+        return published, None
+    some = specimens[:: -(-len(specimens) // TOE_OF)]
 
-    def misfit(model: Model, taut: float = 1.0) -> float:
-        return _median_misfit([_moduli(simulator, model, one, taut) for one in loadings])
+    def misfit(model: Model, taut: float = 1.0, of: Sequence[Specimen] = some) -> float:
+        return float(np.median([_least_misfit(simulator, model, one, taut) for one in of]))
 
-    misfits = [misfit(model) for model in longer]
-    best = int(np.argmin(misfits))
-    if not misfits[best] < LATER * misfit(published):
-        return [published]
-    slack = min(misfit(published, 1.0 + part * strain) for part in TAUT_AT)  # an effect that ``discover`` can find
-    return [longer[best]] if misfits[best] < THAN_SLACK * slack else [published]
+    if strain > EXTENSIBLE:
+        return min((published, *longer), key=misfit), None
+    loadings = [replace(one, curves=tuple(map(_first_loading, one.curves))) for one in some]
+    least = min(misfit(model, of=loadings) for model in longer)
+    taut = {1.0 + part * strain: misfit(published, 1.0 + part * strain, loadings) for part in TAUT_AT}
+    slack = min(taut, key=lambda each: taut[each])  # an effect that ``discover`` can find
+    enough = LATER * misfit(published, of=loadings)
+    if least < min(enough, THAN_SLACK * taut[slack]):
+        return min(longer, key=misfit), None
+    return published, slack if taut[slack] < enough else None
 
 
 def _first_loading(curve: Curve) -> Curve:
@@ -192,22 +206,30 @@ def _first_loading(curve: Curve) -> Curve:
     return Curve(loading, curve.force_N[:points])
 
 
-def _median_misfit(fits: Sequence[tuple[Array, float]]) -> float:
-    return float(np.median([misfit for _, misfit in fits]))
+def _least_misfit(simulator: Uniaxial, model: Model, specimen: Specimen, taut: float) -> float:
+    """The relative misfit of the best fit that is found: among points in the ranges, then ever closer to the best."""
+    low, high = (np.array([getattr(one, end) for one in model.parameters]) for end in ("minimum", "maximum"))
+    shares = (spread(model, ROWS)[-ROWS:] - low) / np.where(high > low, high - low, 1.0)
+    best, at, misfit = shares, shares[0], np.inf
+    for search in range(SEARCHES):
+        _, misfits = _fits(simulator, model, specimen, low + best * (high - low), taut)
+        least = int(np.argmin(misfits))
+        if misfits[least] < misfit:
+            at, misfit = best[least], float(misfits[least])
+        best = np.clip(at + CLOSER ** (search + 1) * (shares - 0.5), 0.0, 1.0)
+    return misfit
 
 
 def _scaled(
-    simulator: Uniaxial, timed: Model, models: Sequence[Model], specimens: Sequence[Specimen], *, squeezed: bool
+    simulator: Uniaxial, timed: Model, model: Model, specimens: Sequence[Specimen], *, squeezed: bool
 ) -> tuple[Model, list[str]]:
-    """A model with moduli, toe and relaxation for these specimens, and what was done besides, line by line."""
-    fits = [[_moduli(simulator, model, one) for one in specimens] for model in models]
-    best = int(np.argmin([_median_misfit(each) for each in fits]))
-    model, lines = models[best], []
+    """The model with moduli for these specimens, and what was done besides, line by line."""
+    lines = []
     if squeezed:
         lines.append("ranges: every test is a compression, in which fibres carry nothing: E_f is fixed at 0")
     elif model.lambda_0 != timed.lambda_0:
         lines.append(f"ranges: the toe ends at a stretch of {model.lambda_0:g} (lambda_0), where the model fits best")
-    moduli = np.vstack([found for found, _ in fits[best]])
+    moduli = np.vstack([_moduli(simulator, model, one) for one in specimens])
     if not moduli.any():
         return timed, ["ranges: no moduli fit these forces; those of human tendon are left"]
     for name, column in zip(("E_f", "E_m"), moduli.T, strict=True):
@@ -236,12 +258,17 @@ def _with_toe(model: Model, end: float) -> Model:
     return replace(model.with_parameter(replace(alpha, maximum=maximum, reference=maximum / 2)), lambda_0=end)
 
 
-def _moduli(simulator: Uniaxial, model: Model, specimen: Specimen, taut: float = 1.0) -> tuple[Array, float]:
-    """Moduli ``[BEST, 2]`` (MPa) of fibres and matrix that fit best, and the relative misfit of these fits.
+def _moduli(simulator: Uniaxial, model: Model, specimen: Specimen) -> Array:
+    """Moduli ``[BEST, 2]`` (MPa) of fibres and matrix that fit best, of many values of all other parameters."""
+    moduli, misfits = _fits(simulator, model, specimen, spread(model, ROWS)[-ROWS:])
+    return moduli[np.argsort(misfits, kind="stable")[:BEST]]
 
-    Fibres are ``taut`` from this stretch on.
+
+def _fits(simulator: Uniaxial, model: Model, specimen: Specimen, rows: Array, taut: float = 1.0) -> tuple[Array, Array]:
+    """Moduli ``[n, 2]`` (MPa) of fibres and matrix that fit best beside the other parameters of ``rows`` ``[n, d]``.
+
+    Also the relative misfits ``[n]`` of these fits. Fibres are ``taut`` from this stretch on.
     """
-    rows = spread(model, ROWS)[-ROWS:]
     fibre, matrix = model.names.index("E_f"), model.names.index("E_m")
     basis, measured = [], []
     for curve in map(thinned, specimen.curves):
@@ -258,9 +285,7 @@ def _moduli(simulator: Uniaxial, model: Model, specimen: Specimen, taut: float =
         measured.append(curve.force_N * weight)
     design, target = np.concatenate(basis, axis=1), np.concatenate(measured)
     fits = [nnls(np.nan_to_num(one), target) for one in design]
-    misfits = np.array([misfit for _, misfit in fits])
-    best = np.argsort(misfits, kind="stable")[:BEST]
-    return np.array([fits[i][0] for i in best]), float(misfits[best].mean() / np.linalg.norm(target))
+    return np.array([moduli for moduli, _ in fits]), np.array([misfit for _, misfit in fits]) / np.linalg.norm(target)
 
 
 def _of_fibres(protocol: Protocol, length_mm: float, taut: float) -> Protocol:

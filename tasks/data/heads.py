@@ -8,7 +8,7 @@ from pathlib import Path
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.quantities import LOADS, MOTIONS, TIME
 from sinew.tasks.data.text import is_number
-from sinew.tasks.data.titles import name_and_unit
+from sinew.tasks.data.titles import before_channel, name_and_unit
 from sinew.tasks.data.units import is_unit
 
 HIGHEST = 5  # rows above the one next to the numbers, in which titles are looked for
@@ -129,12 +129,15 @@ def _higher(rows: Sequence[Row], at: int) -> Head | None:
 
 def _names(row: Row) -> set[int]:
     """Which of time, motion and load a row has titles of, by number. Titles that are only a unit do not count."""
-    names = {name for name, _ in map(name_and_unit, filter(None, row)) if not name.startswith("(")}
-    return {
-        number
-        for number, quantities in enumerate(((TIME,), MOTIONS, LOADS))
-        if any(not names.isdisjoint(quantity.titles) for quantity in quantities)
-    }
+    named = [each for each in map(name_and_unit, filter(None, row)) if not each[0].startswith("(")]
+    names = {name for name, _ in named}
+    measured = [name for name, unit in named if is_unit(unit)]
+    found = set()
+    for number, quantities in enumerate(((TIME,), MOTIONS, LOADS)):
+        known = [title for quantity in quantities for title in quantity.titles]
+        if not names.isdisjoint(known) or any(before_channel(name, known) for name in measured):
+            found.add(number)
+    return found
 
 
 def _next_above(rows: Sequence[Row], at: int) -> int:

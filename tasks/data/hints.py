@@ -13,6 +13,7 @@ Negate = Literal["none", "displacement", "force", "both"]
 Rows = Literal["leave-out", "keep"]
 Tables = Literal["join", "apart"]
 NO_COLUMN = "none"
+Title = str | tuple[str, ...]  # several: each file has one of them
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ def further(text: str) -> Further:
 class Hints:
     """What a person says of a file: titles or numbers (from 1) of columns, and units that the file does not tell.
 
+    Of several titles of one column, the first that a file has counts, as files may come from different machines.
     ``force_unit`` may be a unit of stress; the load is a stress then. ``test_column`` tells the tests of a table apart,
     ``cycle_column`` its cycles, if their times start again. ``rate_hz``, ``speed`` and ``speed_column``: see
     :class:`Timing`. ``NO_COLUMN`` for a column of tests or speeds: that which looks like one is none.
@@ -48,9 +50,9 @@ class Hints:
     ``keep_column``: columns that are kept beside the force, as for :func:`further`.
     """
 
-    time_column: str | None = None
-    displacement_column: str | None = None
-    force_column: str | None = None
+    time_column: Title | None = None
+    displacement_column: Title | None = None
+    force_column: Title | None = None
     time_unit: str | None = None
     displacement_unit: str | None = None
     force_unit: str | None = None
@@ -102,6 +104,11 @@ class Hints:
         """The same, with the answer to a question."""
         told: dict[str, Any] = {_field(option): answer}
         return replace(self, **told)
+
+
+def each_title(given: Title | None) -> tuple[str, ...]:
+    """The titles that a person gives for one column; none where nobody does."""
+    return () if given is None else (given,) if isinstance(given, str) else given
 
 
 def _field(option: str) -> str:

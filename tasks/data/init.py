@@ -45,7 +45,7 @@ from sinew.tasks.drawing.blocks import plural
 from sinew.tasks.model import Specimen
 from sinew.tasks.study.workspace import check_folder
 
-TABLES = {".csv", ".txt", ".tsv", ".dat", ".asc", ".tra", *SUFFIXES}
+TABLES = {".csv", ".txt", ".tsv", ".dat", ".asc", ".tra", ".lvm", *SUFFIXES}
 MOST_FILES, DEEPEST = 10_000, 4
 ANSWERS, OVERVIEW = "answers.yaml", "tests.png"
 
@@ -167,7 +167,8 @@ def find_tables(files: Sequence[Path]) -> Files:
         inside = list(_walk(path, Path.is_file)) if path.is_dir() else []
         found = [one for one in inside if one.suffix.lower() in TABLES] if path.is_dir() else [path]
         if not found:
-            raise BadInput(path, "holds no table", f"files ending in {', '.join(sorted(TABLES))}")
+            problem = "holds no file with the ending of a table"
+            raise BadInput(path, problem, f"{', '.join(sorted(TABLES))}; or text files of another ending, by name")
         others = [one for one in inside if one.suffix.lower() not in TABLES and one not in files]
         left_out += [(one, f"{one.suffix or 'no ending'} is no ending of a table") for one in others]
         for one in found:

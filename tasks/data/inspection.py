@@ -111,7 +111,9 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         numbers[0, 0] = recordings[0].numbers[0, 0]
     questions = (*problems, *times, *refusal, *_missing(path, values, columns, doubt))
     first = [float(number) if rows and np.isfinite(number) else None for number in numbers[0]]
-    load = numbers[:rows, 2]
+    if len(recordings) == 1:  # of several tables that go on
+        rows = len(recordings[0].rows)
+    load = recordings[0].numbers[:, 2] if len(recordings) == 1 else numbers[:rows, 2]
     peak = float(load[np.nanargmax(np.abs(load))]) if np.isfinite(load).any() else None
     specimens = one_below * below * (1 if hints.columns_given else beside(table, columns))
     if hints.tables == "join" and recordings:

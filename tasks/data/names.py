@@ -19,6 +19,8 @@ PROTOCOLS = (
     "fail", "rupture", "tension", "tensile", "quasistatic", "dynamic", "sinus", "sine", "fast", "slow", "loading",
     "test", "compression", "compressive",
 )  # fmt: skip
+#: "_2026_05_11_10_20_33", "-20260511T1020", "_2026-05-11"
+_STAMP = re.compile(r"[_-](?:19|20)\d\d([_-]?)[01]\d\1[0-3]\d(?:[_T-]{1,2}[0-2]\d[_-]?[0-5]\d(?:[_-]?[0-5]\d)?)?$")
 _MOST_WORDS = 3  # of a protocol's name
 
 
@@ -36,10 +38,11 @@ def names_of(paths: Sequence[Path]) -> dict[Path, FileName]:
 
     ``T1_relax.csv`` is protocol ``relax`` of specimen ``T1``. If the name is that of a protocol only, the folder names
     the specimen. The folder above the specimen names the site. If no name holds a protocol, but all together form a
-    grid (``A_p1, A_p2, B_p1, B_p2``), the last parts are the protocols; else each file is a specimen.
+    grid (``A_p1, A_p2, B_p1, B_p2``), the last parts are the protocols; else each file is a specimen. Dates and times
+    at the end of names are left out where this leaves different names.
     Raises :class:`BadInput` if no name can be made of a file's, or two files would have the same one.
     """
-    stems = {path: plain_name(path.stem) for path in paths}
+    stems = _without_stamps({path: plain_name(path.stem) for path in paths})
     for path, stem in stems.items():
         if not NAME.fullmatch(stem):
             raise BadInput(path, "a name of which no specimen can be named", "a letter or digit in the name")
@@ -54,6 +57,13 @@ def names_of(paths: Sequence[Path]) -> dict[Path, FileName]:
             problem = f"specimen {name.specimen}, protocol {name.protocol}, as {other}"
             raise BadInput(path, problem, "names such as SPECIMEN_PROTOCOL.csv, each pair once")
     return names
+
+
+def _without_stamps(stems: Mapping[Path, str]) -> dict[Path, str]:
+    """The names without the time stamps that programs put behind them, if these are not all that tells them apart."""
+    plain = {path: _STAMP.sub("", stem) or stem for path, stem in stems.items()}
+    places = {(path.absolute().parent, stem.casefold()) for path, stem in plain.items()}
+    return plain if len(places) == len(stems) else dict(stems)
 
 
 def of_test(name: FileName, test: str) -> FileName:

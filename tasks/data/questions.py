@@ -18,7 +18,7 @@ class Unclear(BadInput):
         self, where: str, problem: str, expected: str, *, what: str, which: str, option: str, choices: Sequence[str]
     ) -> None:
         super().__init__(where, problem, expected)
-        self.where, self.expected = where, expected
+        self.where = where
         self.what, self.which, self.option, self.choices = what, which, option, tuple(choices)
 
     def question_on(self, file: str) -> str:

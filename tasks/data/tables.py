@@ -10,6 +10,7 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.heads import Head, Row, head_of, is_label, is_row_of_units, refuse_factors
+from sinew.tasks.data.labview import is_labview, read_labview
 from sinew.tasks.data.sheets import Sheet, is_sheet, read_sheets
 from sinew.tasks.data.text import (
     SEPARATORS,
@@ -145,6 +146,9 @@ def read_source(path: Path) -> Source:
     if is_sheet(path):
         return Source(path, tuple(map(_page, read_sheets(path))), "", ".", FEWEST_COLUMNS)
     lines = records(read_lines(path))
+    if is_labview(lines):
+        rows, separator, decimal = read_labview(path, lines)
+        return Source(path, (_Page("", rows, [row for _, row in rows]),), separator, decimal, FEWEST_COLUMNS)
     separator, decimal, fewest = _layout(path, lines)
     rows = _without_blank_end([(at, tuple(cells(line, separator))) for at, line in lines])
     titles = [_title_cells(line, separator) for _, line in lines] if separator == " " else [row for _, row in rows]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from sinew.runner.errors import BadInput
-from sinew.runner.files import read_input
+from sinew.runner.files import in_megabytes, read_input
 from sinew.tasks.data.words import FOREIGN
 
 HUGE = 1e100
@@ -60,7 +60,7 @@ def check_text(path: Path, max_bytes: int, *, export: bool = False) -> None:
     if size == 0:
         raise BadInput(path, "empty", "a header and numbers")
     if size > max_bytes:
-        raise BadInput(path, f"{size / 2**20:,.0f} MB", f"at most {max_bytes / 2**20:,.0f} MB")
+        raise BadInput(path, in_megabytes(size), f"at most {max_bytes / 2**20:,.0f} MB")
     try:
         with open(path, "rb") as file:
             start = file.read(4096)

@@ -2,7 +2,7 @@
 
 import re
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from sinew.tasks.data import units, words
 
@@ -14,12 +14,11 @@ _AGAIN = re.compile(r"\.\d{1,3}$")
 _BRACKETS = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
 _ALONG = re.compile(r"([^()\[\]]+)[(\[][xyzXYZ][)\]] ?, ?([^\s,()\[\]]+)")  # a name, its axis and its unit
 #: Behind a unit, what makes another quantity of it: ``Force (N) x 1000``, ``Force (N) / width``, ``Force (N) limit``.
-_CHANGED = re.compile(
-    r"[x×*·] ?\d|\d ?[x×*·]|(?:^|\s)[/^*]|\^|"
-    r"\b(?:true|cauchy|kirchhoff|rate|change|per|set ?point|limit|target|command|demand|peak|valley)\b",
-    re.IGNORECASE,
-)
+_CHANGING = r"\b(?:true|cauchy|kirchhoff|rate|change|per|set ?point|limit|target|command|demand|peak|valley)\b"
+_CHANGED = re.compile(rf"[x×*·] ?\d|\d ?[x×*·]|(?:^|\s)[/^*]|\^|{_CHANGING}", re.IGNORECASE)
 _MINUS = re.compile(r"[-\u2212] ?(?=[^\W\d])")  # "-Force", which has another sign
+_OTHER = re.compile(rf"{_CHANGING}|temp|offset|zero|error|speed|velocity|mode|cycle|count|energy|power", re.IGNORECASE)
+_SHORTEST = 3  # letters of a name that may stand in front of that of a channel
 _LONGEST = 300  # characters of a title with a unit
 
 
@@ -39,7 +38,7 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
         other = " ".join([*(text for text in brackets if text not in told), _BRACKETS.sub(" ", title[len(name) :])])
         if _CHANGED.search(other):
             name = f"{name} {other}"
-        return _plain(name), units.agreed([*told, below]) or brackets[0]
+        return _plain(name), units.agreed([*told, below]) or brackets[-1]
     title = title.rstrip("._") or title  # "Time_s_" of MATLAB and "Time..s." of R, which have no brackets in names
     for name, unit in _parts(" ".join(title.split())):
         if units.is_unit(unit) and not _is_minimum(name, unit):
@@ -100,6 +99,17 @@ def without_suffix(title: str, titles: Sequence[str]) -> str:
     """A title without the number that pandas puts behind one that comes again: ``Force (N).1`` beside ``Force (N)``."""
     base = _AGAIN.sub("", title)
     return base if base != title and base in titles else title
+
+
+def before_channel(name: str, known: Collection[str]) -> str:
+    """The known name in front of that of a channel or a sensor, which has a digit: ``kraft`` of ``kraft u9c 500n``.
+
+    Empty where there is none, or where the rest may make another quantity of it: ``force limit 1``.
+    """
+    found = [word for word in known if len(word) >= _SHORTEST and name.startswith((f"{word} ", f"{word}/"))]
+    word = max(found, key=len, default="")
+    rest = name[len(word) :].replace("sample rate", "")  # the clock of a channel
+    return word if word and any(map(str.isdigit, rest)) and not _OTHER.search(rest) else ""
 
 
 def is_spread(title: str) -> bool:

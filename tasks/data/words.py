@@ -54,10 +54,12 @@ LENGTH = (
 )  # fmt: skip
 STRAIN = (
     "strain", "tensile strain", "engineering strain", "nominal strain", "dehnung", "eps", "epsilon", "ε",
-    "déformation", "axial strain", "eng strain", "compressive strain", "strain 1", "technische dehnung", "stauchung",
+    "déformation", "axial strain", "eng strain", "compressive strain", "stroke strain",
+    "crosshead strain", "strain 1", "technische dehnung", "stauchung",
     "déformation en traction", "déformation en compression",
     "deformación por tracción", "deformação", "allongement",
-    "deformación", "deformazione", "应变", "拉伸应变", "压缩应变", "應變", "ひずみ", "歪み", "변형률",
+    "deformación", "deformazione", "应变", "拉伸应变", "压缩应变", "應變", "ひずみ",
+    "ストロークひずみ", "行程应变", "歪み", "변형률",
 )  # fmt: skip
 STRETCH = ("stretch", "stretch ratio", "length ratio", "l/l0", "lambda", "λ", "l", "streckung", "拉伸比")
 FORCE = (
@@ -114,7 +116,8 @@ CYCLES = (
 )  # fmt: skip
 SIZES = {
     "length": ("length", "länge", "l\ufffdnge", "laenge", "messlänge", "longueur", "longitud", "anvil height", "l0",
-               "le", "einspannlänge", "lunghezza", "标距", "標距", "原始标距", "標点距離", "標点間距離"),
+               "le", "einspannlänge", "lunghezza", "标距", "標距", "原始标距", "標点距離", "標点間距離",
+               "chuck distance", "grip distance", "チャック間距離", "つかみ具間距離"),
     "width": ("width", "breite", "largeur", "anchura", "ancho", "larghezza", "largura", "b0", "宽度", "寬度", "幅"),
     "thickness": ("thickness", "dicke", "épaisseur", "epaisseur", "espesor", "spessore", "espessura", "a0",
                   "厚度", "厚さ"),

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from sinew.runner.errors import BadInput
 from sinew.runner.files import NotReadable, new_file, parse_json, read_regular
 
 MAX_JSON_BYTES = 2**24
@@ -24,6 +25,14 @@ def digest(*parts: Any) -> str:
         else:
             hashed.update(json.dumps(part, sort_keys=True, default=str).encode())
     return hashed.hexdigest()
+
+
+def refuse_other_names(path: Path, option: str = "") -> None:
+    """Raises :class:`BadInput` for a path that is not UTF-8, which neither JSON nor another process can be told."""
+    try:
+        str(path.absolute()).encode("utf-8")
+    except UnicodeEncodeError:
+        raise BadInput(f"{option}{path}", "its path is not UTF-8", "other names of the file and its folders") from None
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:

@@ -122,6 +122,8 @@ def rounded(value: float, *, up: bool) -> float:
     if value == 0.0:
         return 0.0
     digit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    if not digit:  # of a value that has no two digits, next to the smallest number there is
+        return value
     return float(f"{(math.ceil if up else math.floor)(value / digit) * digit:.2g}")
 
 

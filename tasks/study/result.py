@@ -144,6 +144,7 @@ class Result:
     @classmethod
     def parse(cls, content: Any, where: Path) -> Self:
         """A result from the content of its file. Raises :class:`BadInput` for the first field that is wrong."""
+        _check_version(content, where, cls.VERSION)
         _check_size(content, where)
         try:
             return cast(Self, _adapter(cls).validate_python(content))
@@ -174,6 +175,14 @@ def _problem(error: Any) -> str:
         words = str(error["ctx"]["error"])
         return f"{shown(error['input'])}: {words}" if error["loc"] else words
     return f"{shown(error['input'])}: {error['msg'].lower()}"
+
+
+def _check_version(content: Any, where: Path, known: int) -> None:
+    """Refuse a result of a later version, whose fields may mean something else. Raises :class:`BadInput`."""
+    found = content.get("version", 1) if isinstance(content, dict) else 1
+    if type(found) is not int or not 0 < found <= known:
+        problem = f"{shown(found)}, of another sinew" if type(found) is int else shown(found)
+        raise BadInput(f"{where}: version", problem, f"at most {known}, that of this sinew; run the task again")
 
 
 def _check_size(content: Any, where: Path) -> None:

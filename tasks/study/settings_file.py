@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from sinew.runner.errors import BadInput, shown
 from sinew.runner.files import read_input
-from sinew.tasks.study.files import write_text
+from sinew.tasks.study.files import refuse_other_names, write_text
 
 MAX_BYTES = 2**18
 MAX_DEPTH = 12
@@ -58,6 +58,7 @@ def read_settings(path: Path, kind: type[S], what: str, overrides: Mapping[str, 
 
 def read_text(path: Path, what: str) -> str:
     """The text of a YAML file. Raises :class:`BadInput`."""
+    refuse_other_names(path)
     if path.suffix.lower() in (".pkl", ".pickle"):
         raise BadInput(path, "pickled data are never read", "a YAML file")
     if not os.path.isfile(path):  # unlike Path.is_file, it takes names of any length
@@ -287,7 +288,8 @@ def _expected(problem: Any, field: tuple[str, ...]) -> str:
         return f"one of {context.get('expected') or context.get('expected_tags')}"
     for key, words in (("gt", "above"), ("ge", "at least"), ("lt", "below"), ("le", "at most")):
         if key in context:
-            return f"{words} {context[key]}"
+            number = "a number " if problem["input"] != problem["input"] else ""  # NaN is on no side of any
+            return f"{number}{words} {context[key]}"
     if problem["type"] == "string_pattern_mismatch":
         dot = "'_', '-' and '.'" if "." in context["pattern"] else "'_' and '-'"
         return f"letters, digits, {dot}" if field[-1:] == ("name",) else f"text like {context['pattern']}"

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sinew.runner.errors import BadInput
-from sinew.runner.files import NotReadable, own_folder, read_regular
+from sinew.runner.files import NotReadable, new_file, own_folder, read_regular
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Request:
     @property
     def key(self) -> str:
         """The hash under which a confirmation is kept."""
-        parts = (str(self.study.resolve()).encode(), self.text.encode(), self.field.encode(), *self.contents)
+        parts = (os.fsencode(self.study.resolve()), self.text.encode(), self.field.encode(), *self.contents)
         hashed = hashlib.blake2b(digest_size=32)
         for part in parts:
             hashed.update(len(part).to_bytes(8, "big") + part)
@@ -49,9 +49,9 @@ def allow(requests: Sequence[Request]) -> None:
     folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     own_folder(folder)
     for request in requests:
-        descriptor = os.open(folder / request.key, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o600)
-        with open(descriptor, "w", encoding="utf-8") as file:
-            file.write(f"{request.key}\n{request.study.resolve()}: {request.field}\n")
+        words = f"{request.key}\n{request.study.resolve()}: {request.field}\n"
+        with new_file(folder / request.key, 0o600) as file:
+            file.write(os.fsencode(words))
 
 
 def is_allowed(request: Request) -> bool:

@@ -17,7 +17,7 @@ from sinew.runner.cluster.client import ClusterSpec, open_client
 from sinew.runner.cluster.dashboard import dashboard, way_to
 from sinew.runner.cluster.local import Local
 from sinew.runner.console import Console
-from sinew.runner.errors import BadInput
+from sinew.runner.errors import BadInput, StoreError
 from sinew.runner.evaluation import external
 from sinew.runner.evaluation.adaptive import AdaptiveRun
 from sinew.runner.evaluation.batch import Evaluation
@@ -38,6 +38,7 @@ from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study.cohort import cohort_of
 from sinew.tasks.study.curves import keep_curves
+from sinew.tasks.study.files import refuse_other_names
 from sinew.tasks.study.json_lines import LogFile
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.range_check import Ranges, keep, look
@@ -164,6 +165,11 @@ class Workspace:
         client = (lambda: None) if here else self.client
         with self.progress(title, asked, done=asked - pending, brief=brief) as report:
             evaluate(client, table, evaluation, rows, report, policy)
+        if left := table.pending(rows).size:
+            raise StoreError(
+                f"{self.out}: {left} of {asked} rows are gone that were evaluated just now; was the folder removed or "
+                "replaced? Run the same command again"
+            )
 
     def run_adaptive(self, runs: Sequence[AdaptiveRun], title: str) -> list[Any]:
         """Run several adaptive runs on the study's cluster; returns what each of them returned."""
@@ -299,6 +305,7 @@ def _remove_abandoned(out: Path) -> None:
 
 def check_folder(out: Path) -> None:
     """Refuse a result folder that cannot be one, before anything is written."""
+    refuse_other_names(out, "--out ")
     existing = next(parent for parent in (out, *out.absolute().parents) if os.path.lexists(parent))
     if not existing.is_dir():
         raise BadInput(f"--out {out}", f"{existing} is a file", "a folder")

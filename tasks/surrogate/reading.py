@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 from threadpoolctl import threadpool_limits
 
 from sinew.runner.errors import BadInput, StoreError, shown
 from sinew.runner.store.store import Store, open_store
 from sinew.runner.store.table import Table
-from sinew.tasks.fitting.emulator import Courses, Emulator, Fit, taken_apart
+from sinew.tasks.fitting.emulator import Courses, Emulator, Fit, rms, taken_apart
 from sinew.tasks.fitting.failing import Failing, failing
 from sinew.tasks.simulate import Array
 from sinew.tasks.study.result import believed
@@ -65,7 +66,10 @@ class Surrogate:
         return self.region.probability(self._share(parameters))
 
     def _share(self, parameters: Array) -> Array:
-        values = np.atleast_2d(np.asarray(parameters, dtype=float))
+        try:
+            values = np.atleast_2d(np.asarray(parameters, dtype=float))
+        except (TypeError, ValueError, OverflowError):
+            raise BadInput("parameters", shown(parameters), f"numbers [m, {len(self.names)}]") from None
         if values.ndim != 2 or values.shape[1] != len(self.names):
             raise BadInput("parameters", f"shape {np.shape(parameters)}", f"[m, {len(self.names)}]: a value of each of "
                            f"{', '.join(self.names)}")  # fmt: skip
@@ -87,7 +91,7 @@ def surrogate(folder: str | Path, specimen: str | None = None) -> Surrogate:
     if result is None:
         raise BadInput(path, "is not there", "a finished `sinew surrogate` in this folder")
     name = next(iter(result.specimens)) if specimen is None and len(result.specimens) == 1 else specimen
-    if name is None or name not in result.specimens:
+    if not isinstance(name, str) or name not in result.specimens:
         raise BadInput(path, f"specimen {shown(name)}", f"one of {', '.join(result.specimens)}")
     one = result.specimens[name]
     store = open_store(folder)
@@ -96,6 +100,7 @@ def surrogate(folder: str | Path, specimen: str | None = None) -> Surrogate:
         rows = rows_of(store, name, result.inputs)
         if rows is None or rows.size != one.runs or table.pending(rows).size:
             raise ValueError("the store does not hold its runs any more")
+        _check_told(store.read_result(group(name)), result, one)
         at = [table.names.index(each) for each in result.names]
         lower, upper = np.array(result.bounds, dtype=float).T
         share = (table.parameters(rows)[:, at] - lower) / (upper - lower)
@@ -108,6 +113,20 @@ def surrogate(folder: str | Path, specimen: str | None = None) -> Surrogate:
             region = failing(share, ~ok)
         times = {field: times_of(table, each.protocol) for field, each in one.courses.items()}
     return Surrogate(name, tuple(result.names), lower, upper, one, times, emulator, region)
+
+
+def _check_told(kept: xr.Dataset, result: SurrogateResult, one: OfSpecimen) -> None:
+    """Raises :class:`ValueError` where a result tells otherwise than what the store keeps of its emulator."""
+    if kept.attrs.get("names") != result.names or kept.attrs.get("bounds") != result.bounds:
+        raise ValueError("the emulator in the store is of other parameters or ranges")
+    if {f"error_{field}" for field in one.courses} != {str(each) for each in kept.data_vars} - {"row"}:
+        raise ValueError("the emulator in the store is of other courses")
+    for field, course in one.courses.items():
+        error = kept[f"error_{field}"]
+        if error.dims != (f"time_{course.protocol}",) or error.attrs.get("units") != course.unit:
+            raise ValueError(f"the store has another protocol or unit of {field}")
+        if not np.isclose(rms(error.to_numpy()), course.error * course.spread, rtol=1e-6, atol=0.0):
+            raise ValueError(f"the store has another error of {field}")
 
 
 def group(specimen: str) -> str:

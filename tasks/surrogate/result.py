@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from sinew.tasks.fitting.limits import COMPONENTS, HIGHEST, KINDS
-from sinew.tasks.study.result import Count, NotNegative, NotNegatives, Numbers, Result, Share
+from sinew.tasks.study.result import Count, NotNegative, NotNegatives, Numbers, Result, Share, check_lengths
 from sinew.tasks.surrogate.settings import MOST_RUNS
 
 
@@ -82,6 +82,7 @@ class SurrogateResult(Result):
 
     def __post_init__(self) -> None:
         """Raises :class:`ValueError` for numbers that contradict each other."""
+        check_lengths(self.names, self, ())
         if len(self.bounds) != len(self.names) or any(len(one) != 2 or not one[0] < one[1] for one in self.bounds):
             raise ValueError("bounds: not two numbers in order for each name")
         if not self.specimens:
@@ -94,13 +95,15 @@ class SurrogateResult(Result):
                 raise ValueError(f"{name}: {one.runs} runs, sizes {one.sizes[-3:]}")
             if not one.courses:
                 raise ValueError(f"{name}: no courses")
+            if not np.isfinite([each.factor for each in one.courses.values()]).all():
+                raise ValueError(f"{name}: a factor that is not finite")
             if len(one.components) > COMPONENTS:
                 raise ValueError(f"{name}: {len(one.components)} components")
             for each in one.components:
                 right = each.theta.shape == (len(self.names) + 2,) and 0 < each.degree <= HIGHEST
                 if each.kind not in KINDS or not right:
                     raise ValueError(f"{name}: a component of kind {each.kind!r} with {each.theta.size} numbers")
-                if not np.isfinite(each.theta).all():
+                if not np.isfinite([*each.theta, each.error]).all():
                     raise ValueError(f"{name}: a component whose numbers are not finite")
 
     @property

@@ -231,7 +231,9 @@ def _arrays(evaluation: SpecimenEvaluation, table: Table, last: Looked) -> xr.Da
         dim = f"time_{protocol}"
         coordinates[dim] = (dim, times_of(table, protocol), {"units": "s"})
         variables[f"error_{field}"] = (dim, np.sqrt(np.mean(off**2, axis=0)), {"units": unit})
-    return xr.Dataset(variables, coordinates, {"specimen": evaluation.specimen.name})
+    free = evaluation.model.free
+    about = {"names": [one.name for one in free], "bounds": [[one.minimum, one.maximum] for one in free]}
+    return xr.Dataset(variables, coordinates, {"specimen": evaluation.specimen.name, **about})
 
 
 def _inputs(workspace: Workspace, settings: Settings, tables: Mapping[str, tuple[Table, Array]]) -> str:

@@ -33,7 +33,7 @@ WORDS = {
 
 def study_items(source: Source, layout: Layout) -> Iterator[Item]:
     """The study file, with paths of the crate, and the template with all that it includes."""
-    text = with_fields(source.text, changed_fields(source, layout))
+    text = with_fields(source.study.text, changed_fields(source, layout))
     yield Item(str(layout.study), text.encode(), "study file")
     place = layout.study.parent / PurePosixPath(source.study.simulator.own_template or "").parent
     for each, content in template_texts(source.study).items():

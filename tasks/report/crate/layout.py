@@ -59,7 +59,7 @@ def changed_fields(source: Source, layout: Layout) -> dict[str, Any]:
     Raises :class:`BadInput` for a template with an absolute path.
     """
     study, run, changed = source.study, source.run, dict[str, Any]()
-    written = from_yaml(source.text)
+    written = from_yaml(study.text)
     if layout.cohort is not None:
         cohort = os.path.relpath(layout.cohort, layout.study.parent)
         if study.cohort is None or os.path.normpath(study.cohort) != cohort:

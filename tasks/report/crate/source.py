@@ -21,12 +21,11 @@ SAME = ("study_hash", "template_hash", "cohort_hash", "seed", "simulator")
 
 @dataclass(frozen=True)
 class Source:
-    """A result folder, what its log says of its ``run``, and the study, its ``text`` and cohort as they were then."""
+    """A result folder, what its log says of its ``run``, and the study and its cohort as they were then."""
 
     found: ResultFolder
     run: Mapping[str, Any]
     study: Study
-    text: str
     cohort: Cohort
 
     @property
@@ -52,8 +51,7 @@ def read_source(folder: Path, study: Path | None = None, data: Path | None = Non
     run = _last_run(found)
     path = study or Path(_text(found, run, "study_file", "--study STUDY"))
     read = read_study(path, seed=run["seed"])
-    text = path.read_text("utf-8")
-    if digest(text) != run.get("study_hash"):
+    if digest(read.text) != run.get("study_hash"):
         raise BadInput(path, "is not the study file of these results", "the same bytes (--study), or a new `sinew run`")
     if (its := template_hash(read, run["simulator"])) != (run.get("template_hash") or ""):
         problem = "is not the template of these results, or a file that it includes is not"
@@ -63,7 +61,7 @@ def read_source(folder: Path, study: Path | None = None, data: Path | None = Non
     cohort = cohort_of(read, data or _cohort(run))
     if digest(identities(cohort.specimens)) != run.get("cohort_hash"):
         raise BadInput(cohort.folder, "is not the cohort of these results", "the same curves (--data), or a new run")
-    return Source(found, run, read, text, cohort)
+    return Source(found, run, read, cohort)
 
 
 def _last_run(found: ResultFolder) -> Mapping[str, Any]:

@@ -274,8 +274,8 @@ def included(name: str, text: str) -> dict[str, Any]:
 def job_script(name: str, text: str, variables: dict[str, Any]) -> dict[str, Any]:
     """The ``text`` of a job script, rendered. Raises :class:`Wrong`."""
     environment = SandboxedEnvironment(
-        undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True, keep_trailing_newline=True
-    )
+        loader=jinja2.DictLoader({}), undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True,
+        keep_trailing_newline=True)  # fmt: skip
     expected = "a Jinja2 template of a job script"
     try:
         script = environment.from_string(text).render(variables)
@@ -283,7 +283,8 @@ def job_script(name: str, text: str, variables: dict[str, Any]) -> dict[str, Any
         raise  # of the process, whatever it was about
     except jinja2.TemplateError as error:
         where = f"{name}: line {error.lineno}" if isinstance(error, jinja2.TemplateSyntaxError) else name
-        raise Wrong(where, str(error), f"{expected} with {', '.join(variables)}") from None
+        words = f"includes {error.name!r:.60}" if isinstance(error, jinja2.TemplateNotFound) else str(error)
+        raise Wrong(where, words, f"{expected} with {', '.join(variables)}") from None
     except Exception as error:  # noqa: BLE001 - a template can raise anything that an expression can
         raise Wrong(name, f"{type(error).__name__}: {error}", expected) from None
     _refuse_large(name, script)

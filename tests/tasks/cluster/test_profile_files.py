@@ -137,7 +137,7 @@ TEMPLATES = {
     "format": ("{{ '{0.__class__.__mro__}'.format(name) }}", "mine.j2: "),
     "format_map": ("{{ '{a.__class__.__mro__}'.format_map({'a': name}) }}", "mine.j2: "),
     "self": ("{{ self.__init__.__globals__ }}", "mine.j2: "),
-    "include": ("{% include '/etc/passwd' %}", "mine.j2: "),
+    "include": ("{% include '/etc/passwd' %}", "mine.j2: includes '/etc/passwd'; expected "),
     "import": ("{% import 'os' as os %}", "mine.j2: "),
     "extends": ("{% extends 'job.sh.j2' %}", "mine.j2: "),
     "division by zero": ("{{ 1 / 0 }}", "mine.j2: "),
@@ -160,6 +160,12 @@ def test_job_script_template(refused, text, told):
     write("mine.j2", text if isinstance(text, bytes) else f"#!/bin/sh\n{text}\n{{{{ command }}}}\n")
     write_profile("job_script", "mine.j2")
     refused(SUBMIT, told, "; expected ")
+
+
+def test_a_job_script_without_the_command_is_refused(refused):
+    write("mine.j2", "#!/bin/sh\necho {{ name }}\n")
+    write_profile("job_script", "mine.j2")
+    refused(SUBMIT, "mine.j2: makes a job script that does not run the study; expected {{ command }}")
 
 
 @pytest.mark.parametrize(

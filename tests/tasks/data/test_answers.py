@@ -37,7 +37,7 @@ def test_what_is_given_now_goes_before_answers():
         ("force: N", "line 1, force: unknown"),
         ("specimens: {T1: {length_mm: 0}}", "specimens.T1.length_mm: 0; expected at least 1e-06"),
         ("specimens: {T1: {length_mm: ten}}", "specimens.T1.length_mm: 'ten'; expected a number"),
-        ("specimens: {T1: {length_mm: .nan}}", "specimens.T1.length_mm: nan; expected below 10000"),
+        ("specimens: {T1: {length_mm: .nan}}", "specimens.T1.length_mm: nan; expected a number below 10000"),
         ("specimens: {T1: {length_mm: 1e300}}", "specimens.T1.length_mm: 1e+300; expected below 10000"),
         ("specimens: T1", "specimens: 'T1'; expected a mapping of names to settings"),
         ("rate_hz: -1", "--rate-hz: -1"),

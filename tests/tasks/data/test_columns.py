@@ -224,7 +224,7 @@ def test_titles_that_do_not_fit_the_numbers_are_refused():
 def test_of_many_columns_the_first_twelve_are_listed():
     with pytest.raises(NoColumn, match="'a0, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11'; expected"):
         columns("|".join(f"a{i}" for i in range(14)), numbers=6 + 8)
-    with pytest.raises(NoColumn, match=r"or one of 'a0', .*, 'a11'$"):
+    with pytest.raises(NoColumn, match=r"or one of 'a0', .*, 'a11'; repeat"):
         columns("|".join(f"a{i}" for i in range(14)), numbers=14, time_column="x")
 
 
@@ -312,13 +312,55 @@ def test_an_extensometer_without_a_known_unit_is_not_taken_before_the_machine(ti
 
 
 def test_an_extensometer_without_a_known_unit_is_taken_where_nothing_else_is():
-    assert columns("t_s|LVDT (V)|F_N", displacement_unit="mm")[1].title == "LVDT (V)"
     assert columns("t_s|LVDT (V)|Disp|F_N", displacement_unit="mm")[1].title == "Disp"
     assert columns("t_s|Extensometer|F_N", displacement_unit="mm")[1].title == "Extensometer"
-    with pytest.raises(UnknownUnit, match="unit 'V' of the displacement is not known"):
-        columns("t_s|LVDT (V)|F_N")
     with pytest.raises(BadInput, match="'Disp' and 'Extensometer' may both be the displacement"):
         columns("t_s|Extensometer|Disp|F_N", displacement_unit="mm")
+
+
+@pytest.mark.parametrize("unit", ["V", "Volt", "mV/V"])
+@pytest.mark.parametrize("told", [None, "mm"])
+def test_a_signal_of_a_sensor_has_no_unit_that_could_be_told(unit, told):
+    with pytest.raises(BadInput, match="multiply the signal by the factor of its sensor first") as refused:
+        columns(f"t_s|LVDT ({unit})|F_N", displacement_unit=told)
+    assert not isinstance(refused.value, UnknownUnit)
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        ("Zeit  1 - Standardmessrate [s]", "Weg WA20_CH 2 [µm]", "Kraft U9C_500N_MX840B_0_CH 1 [kN]"),
+        ("Time  1 - default sample rate [s]", "Disp/AI A-2 (um)", "Force/AI A-1 (kN)"),
+    ],
+)
+def test_names_of_channels_behind_those_of_quantities_do_not_hide_them(titles):
+    recognised = columns("|".join(titles))
+    assert tuple(column.title for column in recognised) == titles
+    assert {column.how for column in recognised} == {"likely"}
+
+
+@pytest.mark.parametrize(
+    "other", ["Force limit 1 (N)", "Force rate 2 (N)", "Force temp 3 (N)", "Force U9C", "Force A (N)"]
+)
+def test_what_else_is_told_of_a_channel_may_make_another_quantity_of_it(other):
+    with pytest.raises(BadInput, match="no column of force or stress"):
+        columns(f"t_s|Disp_mm|{other}")
+
+
+def test_a_plain_name_goes_before_that_of_a_channel():
+    assert columns("t_s|Disp_mm|Force CH 2 (N)|Force (N)")[2].title == "Force (N)"
+    with pytest.raises(BadInput, match="may both be the force"):
+        columns("t_s|Disp_mm|Force CH 1 (N)|Force CH 2 (N)")
+
+
+def test_files_may_have_one_of_several_titles_that_are_given():
+    given = {"displacement_column": ("Way", "Gap"), "displacement_unit": "mm"}
+    assert columns("t_s|Gap|F_N", **given)[1].title == "Gap"
+    assert columns("t_s|Gap|Way|F_N", **given)[1].title == "Way"
+    with pytest.raises(BadInput, match=r"none of 'Way', 'Gap' is a column; .* repeat --displacement-column"):
+        columns("t_s|Other|F_N", **given)
+    with pytest.raises(BadInput, match="'Gap' names 2 columns"):
+        columns("t_s|Gap|Gap|F_N", **given)
 
 
 def test_a_column_that_never_changes_is_taken_only_if_no_other_does():

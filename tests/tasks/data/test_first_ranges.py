@@ -124,6 +124,18 @@ def test_slack_fibres_are_no_longer_toe():
         list(virtual_cohort(seed=2503, per_site=1, rate_hz=10.0, effects=(effect_named("toe-slack"),))[0])
     )
     assert found.model.lambda_0 == 1.01
+    (line,) = [line for line in found.lines if "taut" in line]
+    assert "as if fibres became taut at 1" in line
+
+
+def test_a_toe_ends_where_the_whole_curves_say_so():
+    """First loadings up to 5 or 7 % are alike; what relaxes is not."""
+    relaxing = {"g_1f": 0.9, "g_2f": 1.2, "g_3f": 0.8}
+    specimen = tissue(0.07, lambda_0=1.07, E_f=800.0, alpha_f=100.0, E_m=5.0, **relaxing)
+    found = first_ranges([specimen])
+    assert found.model.lambda_0 == 1.07
+    low, high = range_of(found.model, "E_f")
+    assert low < 800.0 < high
 
 
 @pytest.mark.parametrize("noise", [0.0, 2e-3])

@@ -169,7 +169,7 @@ def test_files_and_folders_of_tables_are_found_once(tmp_path):
         ["2.TXT"],
     ]
     assert found.left_out == ((tmp_path / "b" / "notes.md", ".md is no ending of a table"),)
-    with pytest.raises(BadInput, match=r"holds no table; expected files ending in \.asc, \.csv"):
+    with pytest.raises(BadInput, match=r"holds no file with the ending of a table; expected \.asc, \.csv"):
         find_tables([table(tmp_path / "c" / "notes.md").parent])
 
 

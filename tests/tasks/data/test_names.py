@@ -25,6 +25,10 @@ from sinew.tasks.data.names import PROTOCOLS, UNSURE, FileName, names_of, plain_
         (["mouse one.csv", "Mäuse (2).csv"], ["mouse_one test", "Mause_2 test"]),
         (["hold2_S7.txt", "hold1_S7.txt"], ["S7 hold2", "S7 hold1"]),
         (["stress_relaxation_T1.csv"], ["T1 stress_relaxation"]),
+        (["A_relax_2026_05_11_10_20_33.asc", "A_pull_2026_05_11_10_22_33.asc"], ["A relax", "A pull"]),
+        (["A-20260511T1020.asc", "B-20260511.asc"], ["A test", "B test"]),
+        (["A_relax_2026-05-11.asc", "A_relax_2026-05-12.asc"], ["A_relax_2026-05-11 test", "A_relax_2026-05-12 test"]),
+        (["A_relax_b_20262811.asc"], ["A_relax_b_20262811 test"]),
         (["muscle1_compression.csv", "film1_tension.csv"], ["muscle1 compression", "film1 tension"]),
     ],
 )

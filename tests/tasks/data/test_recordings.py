@@ -275,7 +275,17 @@ def test_remarks(tmp_path):
         ),
         (
             PLAIN + "3,0.1\n",
-            "row 5, force_N: an empty cell; expected a finite number, like those above",
+            "row 5, force_N: an empty cell; expected a finite number, like those above; "
+            "delete row 5 if that is a summary",
+        ),
+        (
+            PLAIN + "Max,0.2,9\n,0.1,4\n",
+            "row 5, time_s: 'Max'; expected a finite number with a point as decimal mark, like those above",
+        ),
+        (
+            PLAIN + ",0.2,9\n,0.1,4\n",
+            "row 5, time_s: an empty cell; expected a finite number, like those above; "
+            "delete rows 5 to 6 if that is a summary",
         ),
         (
             "time_s;disp_mm;force_N\n0,5;1,5;2,5\n1,5;1,5;2,5\n2,5;1,5;2,5\n3,5;1.234;2,5\n",
@@ -502,7 +512,7 @@ def test_tests_beside_each_other_have_units_of_their_own(tmp_path):
     assert other.numbers == pytest.approx(one.numbers)
     assert [column.unit for column in other.columns] == ["ms", "um", "kN"]
     path.write_text(text.replace("kN", "V"))
-    with pytest.raises(UnknownUnit, match="unit 'V' of the force is not known"):
+    with pytest.raises(BadInput, match="unit 'V' is that of a sensor's signal, no force"):
         read_recordings(path, Hints())
 
 

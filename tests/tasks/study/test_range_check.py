@@ -172,6 +172,11 @@ def test_numbers_are_rounded_to_two_digits_outwards(value):
     assert np.isfinite([down, up]).all()
 
 
+@pytest.mark.parametrize("value", [5e-324, 1e-310, 2.3e-308])
+def test_next_to_the_smallest_number_there_is(value):
+    assert 0.0 <= rounded(value, up=False) <= value <= rounded(value, up=True)
+
+
 def test_what_is_kept_is_what_was_found(tmp_path):
     _, found = looked(tmp_path, SPECIMENS[:1])
     keep(found, tmp_path)

@@ -20,3 +20,9 @@ from sinew.tasks.study import result
 def test_more_than_any_task_writes_is_refused(field, value, most):
     with pytest.raises(BadInput, match=rf"sobol\.json: {field}: [0-9,]+ entries; expected at most {most}"):
         SobolResult.parse({field: value}, Path("sobol.json"))
+
+
+@pytest.mark.parametrize("version", [99, "1", True, None, 0])
+def test_a_result_of_another_version_is_refused(version):
+    with pytest.raises(BadInput, match=r"sobol\.json: version: .*; expected at most 2, that of this sinew"):
+        SobolResult.parse({"version": version}, Path("sobol.json"))

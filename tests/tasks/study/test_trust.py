@@ -241,3 +241,26 @@ def test_consent_in_a_folder_that_others_can_write_to_does_not_count(study, tmp_
     assert not is_allowed(request)
     with pytest.raises(PermissionError):
         allow([request])
+
+
+def test_a_path_of_any_bytes_has_a_key_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    requests = [Request(tmp_path / name, "text", "field", "words", "instead") for name in ("a\udcff", "a\udcfe")]
+    assert len({request.key for request in requests}) == 2
+    allow(requests[:1])
+    assert [is_allowed(request) for request in requests] == [True, False]
+
+
+@pytest.mark.parametrize("kind", ["pipe", "link"])
+def test_what_stands_in_the_place_of_a_consent_is_replaced(tmp_path, monkeypatch, kind):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    request = Request(tmp_path / "study.yaml", "text", "field", "words", "instead")
+    allow([request])
+    (there,) = (tmp_path / "state" / "sinew" / "trusted").iterdir()
+    there.unlink()
+    (tmp_path / "mine").write_text("mine")
+    os.mkfifo(there) if kind == "pipe" else there.symlink_to(tmp_path / "mine")
+    assert not is_allowed(request)
+    allow([request])
+    assert is_allowed(request)
+    assert (tmp_path / "mine").read_text() == "mine"

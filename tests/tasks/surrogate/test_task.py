@@ -9,6 +9,7 @@ import pytest
 import zarr
 
 import sinew
+from sinew.runner.errors import StoreError
 from sinew.runner.store.store import Store, open_store
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
@@ -242,11 +243,46 @@ def test_the_page_shows_errors_and_growth(folder):
     assert "Emulators" in page
 
 
-def test_a_result_that_contradicts_the_store_is_refused(home, folder, tmp_path):
+def _course(content, name):
+    return content["specimens"]["distal/1"]["courses"][name]
+
+
+CONTRADICTIONS = {
+    "another table": lambda content: content["specimens"]["distal/1"].update(table="0" * 32),
+    "names in another order": lambda content: content["names"].reverse(),
+    "wider ranges": lambda content: content["bounds"].__setitem__(0, [0, 10_000]),
+    "another protocol": lambda content: _course(content, "force_cyclic").update(protocol="one_step"),
+    "another unit": lambda content: _course(content, "force_cyclic").update(unit="kN"),
+    "another error": lambda content: _course(content, "force_cyclic").update(error=1e-5),
+    "a course from elsewhere": lambda content: content["specimens"]["distal/1"]["courses"].update(
+        {"../x": _course(content, "force_cyclic")}
+    ),
+    "a course that is gone": lambda content: content["specimens"]["distal/1"]["courses"].pop("force_cyclic"),
+}
+
+
+@pytest.mark.parametrize("change", CONTRADICTIONS.values(), ids=CONTRADICTIONS)
+def test_a_result_that_contradicts_the_store_is_refused(folder, tmp_path, change):
     shutil.copytree(folder, tmp_path / "out")
     path = tmp_path / "out" / "surrogate.json"
     content = json.loads(path.read_text())
-    content["specimens"]["distal/1"]["table"] = "0" * 32
+    change(content)
     path.write_text(json.dumps(content))
     with pytest.raises(sinew.BadInput, match=r"contradicts itself, or the store .*; expected what `sinew surrogate`"):
         sinew.surrogate(tmp_path / "out")
+
+
+@pytest.mark.parametrize("parameters", ["x", [[200.0, 20.0], [200.0]], {"E_f": 1}, [10**400, 20.0]])
+def test_what_is_no_array_of_numbers_is_refused(folder, parameters):
+    with pytest.raises(sinew.BadInput, match=r"parameters: "):
+        sinew.surrogate(folder).courses(parameters)
+    with pytest.raises(sinew.BadInput, match=r"specimen \['distal/1', 1\]; expected one of distal/1"):
+        sinew.surrogate(folder, ["distal/1", 1])
+
+
+def test_rows_that_vanish_while_it_runs_are_no_fault_of_the_model(home, monkeypatch):
+    """As where somebody removes the store."""
+    out, evaluate = home / "vanished", "sinew.tasks.study.workspace.evaluate"
+    monkeypatch.setattr(evaluate, lambda *_: None)
+    with pytest.raises(StoreError, match="64 of 64 rows are gone that were evaluated just now"):
+        run(home, out)

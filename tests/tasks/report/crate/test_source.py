@@ -4,9 +4,12 @@ import json
 from pathlib import Path
 
 import pytest
+import yaml
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.report.crate.source import read_source
+from sinew.tasks.study.files import digest
+from sinew.tasks.study.study import read_study
 
 
 def change_log(folder: Path, message: str, **fields: object) -> None:
@@ -27,9 +30,18 @@ def again(folder: Path, task: str, **fields: object) -> None:
 
 def test_the_study_and_cohort_of_the_results_are_found(whole_run):
     source = read_source(whole_run)
-    assert source.text == (whole_run.parent / "study.yaml").read_text()
+    assert source.study.text == (whole_run.parent / "study.yaml").read_text()
     assert source.cohort_folder == whole_run.parent / "cohort"
     assert source.run["tasks"] == source.study.tasks
+
+
+@pytest.mark.parametrize("change", [lambda text: text.replace("\n", "\r\n"), lambda text: "\ufeff" + text])
+def test_a_study_as_windows_programs_write_it_is_the_one_of_its_results(run_folder, whole_run, tmp_path, change):
+    study = tmp_path / "study.yaml"
+    study.write_bytes(change((whole_run.parent / "study.yaml").read_text()).encode())
+    change_log(run_folder, "run started", study_hash=digest(read_study(study).text))
+    source = read_source(run_folder, study, whole_run.parent / "cohort")
+    assert yaml.safe_load(source.study.text) == yaml.safe_load((whole_run.parent / "study.yaml").read_text())
 
 
 def test_another_study_file_is_refused(whole_run, tmp_path):
