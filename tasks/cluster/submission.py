@@ -93,12 +93,14 @@ def job_scripts(study: Study, profile: Profile, out: Path, arguments: Sequence[s
             "prologue": (*scratch, *profile.shell_lines()),
             "command": shlex.join(command if tasks == 1 else [*(system.launcher or ()), *command]),
         },
+        shlex.quote(str(study.path.absolute())),
     )
     cluster = profile.cluster(study.name, folder)
     return Scripts(text, worker_job_script(cluster) if isinstance(cluster, Jobs) else None)
 
 
-def _rendered(profile: Profile, values: Mapping[str, Any]) -> str:
+def _rendered(profile: Profile, values: Mapping[str, Any], study: str) -> str:
+    """The job script; ``study`` is the path of the study as its command holds it."""
     path = resource("templates/job.sh.j2")
     if profile.job_script is not None:
         path = profile.path.parent / profile.job_script
@@ -112,7 +114,7 @@ def _rendered(profile: Profile, values: Mapping[str, Any]) -> str:
         raise BadInput(path, failed.words, "a Jinja2 template of a job script") from None
     except (OSError, ValueError) as error:
         raise BadInput(path, f"cannot be read ({error})", "a template of a job script") from None
-    if values["command"] not in text:
+    if study not in text:  # in whatever way a site runs it
         raise BadInput(path, "makes a job script that does not run the study", "{{ command }} on a line of its own")
     return text
 

@@ -13,14 +13,12 @@ from sinew.tasks.data.clocks import columns_by_clock
 from sinew.tasks.data.column_titles import check_width, names_and_units
 from sinew.tasks.data.factors import factor_of
 from sinew.tasks.data.heads import Row
-from sinew.tasks.data.hints import Hints, each_title
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.possible_columns import changes, in_volts, possible
 from sinew.tasks.data.quantities import (
     DISPLACEMENT,
     FORCE,
     LENGTH,
-    LOADS,
-    MOTIONS,
     POSITION,
     STRAIN,
     STRESS,
@@ -29,19 +27,13 @@ from sinew.tasks.data.quantities import (
     Quantity,
     ratio_of_lengths,
 )
-from sinew.tasks.data.questions import Unclear, UnknownUnit
+from sinew.tasks.data.questions import NEITHER, NoColumn, Unclear, UnknownUnit
+from sinew.tasks.data.roles import Role, by_number, roles_of
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.titles import before_channel, name_and_unit
 
 NOWHERE = -1
-TIMED = ", --rate-hz, --speed or --speed-column"  # what tells times where no column does
 SURE, LIKELY, GIVEN = "sure", "likely", "as you said"
-
-
-class NoColumn(BadInput):
-    """A table that has no title of a quantity that is needed. ``alone``: it has none of any quantity."""
-
-    alone = False
 
 
 @dataclass(frozen=True)
@@ -67,34 +59,6 @@ class Column:
 
 
 @dataclass(frozen=True)
-class _Role:
-    """One of the three columns that a test needs, and what a person says of it."""
-
-    name: str
-    option: str
-    quantities: tuple[Quantity, ...]
-    wanted: tuple[str, ...]
-    given: str | None
-    more_titles: tuple[str, ...] = ()  # that any of the quantities may have
-
-    def titles(self, quantity: Quantity) -> tuple[str, ...]:
-        return quantity.titles + self.more_titles
-
-    @property
-    def unit_option(self) -> str:
-        return f"--{self.option}-unit"
-
-    @property
-    def remedy(self) -> str:
-        """What a person can do where no column is recognised."""
-        return f"--{self.option}-column NAME or NUMBER{TIMED if self.option == 'time' else ''}"
-
-    @property
-    def choices(self) -> tuple[str, ...]:
-        return units.merged(quantity.units for quantity in self.quantities)
-
-
-@dataclass(frozen=True)
 class _Choice:
     quantity: Quantity
     place: int
@@ -109,9 +73,9 @@ def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tu
     :class:`BadInput` if units contradict each other or a choice is not clear.
     """
     titles, named = names_and_units(table)
-    roles = _roles(hints)
+    roles = roles_of(hints)
     choices = _choices(table, titles, named, roles, hints)
-    if table.titles and not _by_number(hints):
+    if table.titles and not by_number(hints):
         check_width(table)
     for choice, role in zip(choices, roles, strict=True):
         if choice.alike and not first_of_alike:
@@ -127,12 +91,10 @@ def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tu
     return time, motion, load
 
 
-def _which_of(table: Table, titles: Row, choice: _Choice, role: _Role) -> Unclear:
+def _which_of(table: Table, titles: Row, choice: _Choice, role: Role) -> Unclear:
     """The question which of several columns is meant; by their numbers, where they have one title."""
     places = (choice.place, *choice.alike)
-    names = [titles[place] for place in places]
-    listed = " and ".join(map(shown, names))
-    choices = names if len(set(names)) == len(names) else [str(place + 1) for place in places]
+    listed, choices = " and ".join(shown(titles[place]) for place in places), _named(titles, places)
     option = f"--{role.option}-column"
     return Unclear(
         str(table.path),
@@ -155,7 +117,7 @@ def partly(
     titles, named = names_and_units(table)
     found: list[Column | None] = []
     problems = []
-    for role in _roles(hints):
+    for role in roles_of(hints):
         if only is not None and only in role.quantities:
             role = replace(role, quantities=(only,))
         try:
@@ -191,25 +153,8 @@ def alike_places(table: Table, column: Column) -> list[int]:
 def in_place(table: Table, hints: Hints, column: Column, place: int) -> Column:
     """The column of another test with the same name, in its own unit. Raises :class:`UnknownUnit`."""
     titles, named = names_and_units(table)
-    role = next(role for role in _roles(hints) if column.quantity in role.quantities)
+    role = next(role for role in roles_of(hints) if column.quantity in role.quantities)
     return _column(table, titles, named, role, _Choice(column.quantity, place, column.how))
-
-
-def _roles(hints: Hints) -> tuple[_Role, _Role, _Role]:
-    stress = hints.force_unit is not None and units.factor(STRESS.units, hints.force_unit) is not None
-    loads, more = ((STRESS,), FORCE.titles) if stress else (LOADS, ())
-    return (
-        _Role("time", "time", (TIME,), each_title(hints.time_column), hints.time_unit),
-        _Role("displacement, length or strain", "displacement", MOTIONS, each_title(hints.displacement_column),
-              hints.displacement_unit),
-        _Role(" or ".join(load.name for load in loads), "force", loads, each_title(hints.force_column),
-              hints.force_unit, more),
-    )  # fmt: skip
-
-
-def _by_number(hints: Hints) -> bool:
-    every = map(each_title, (hints.time_column, hints.displacement_column, hints.force_column))
-    return all(given and all(map(str.isdigit, given)) for given in every)
 
 
 # ---- the choice of a column
@@ -220,11 +165,11 @@ def _where(table: Table) -> str:
 
 
 def _choices(
-    table: Table, titles: Row, named: Sequence[tuple[str, str]], roles: Sequence[_Role], hints: Hints
+    table: Table, titles: Row, named: Sequence[tuple[str, str]], roles: Sequence[Role], hints: Hints
 ) -> list[_Choice]:
     """A column for each role. Times are nowhere if no column holds them and a person has told how they run."""
     found: list[_Choice] = []
-    missing: list[tuple[_Role, NoColumn]] = []
+    missing: list[tuple[Role, NoColumn]] = []
     for role in roles:
         try:
             found.append(_choose(table, titles, named, role))
@@ -238,12 +183,27 @@ def _choices(
         of_person = [problem for role, problem in missing if role.wanted]
         problem = of_person[0] if of_person else _none_of(table, titles, [role for role, _ in missing], spare=spare)
         problem.alone = all(choice.place == NOWHERE for choice in found)
+        free = {place for place, _ in enumerate(titles)} - {choice.place for choice in found}
+        problem.question = None if of_person else _which_is(table, titles, sorted(free), missing[0][0])
         raise problem
     return _of_one_clock(table, titles, named, roles, found)
 
 
+def _which_is(table: Table, titles: Row, free: Sequence[int], role: Role) -> Unclear:
+    """The question which of the columns that are left holds what no title says."""
+    choices = (*_named(titles, free), NEITHER)
+    option = f"--{role.option}-column"
+    return Unclear(str(table.path), "", option, what=role.name, which="which column?", option=option, choices=choices)
+
+
+def _named(titles: Row, places: Sequence[int]) -> list[str]:
+    """Columns by their titles, or by their numbers where two have one title or one has none."""
+    names = [titles[place] for place in places]
+    return names if all(names) and len(set(names)) == len(names) else [str(place + 1) for place in places]
+
+
 def _of_one_clock(
-    table: Table, titles: Row, named: Sequence[tuple[str, str]], roles: Sequence[_Role], found: list[_Choice]
+    table: Table, titles: Row, named: Sequence[tuple[str, str]], roles: Sequence[Role], found: list[_Choice]
 ) -> list[_Choice]:
     """The same choices, of columns that belong to the same times, where these have all that a test needs."""
     time = found[0].place
@@ -258,7 +218,7 @@ def _of_one_clock(
     return [found[0], *others]
 
 
-def _none_of(table: Table, titles: Row, roles: Sequence[_Role], *, spare: int) -> NoColumn:
+def _none_of(table: Table, titles: Row, roles: Sequence[Role], *, spare: int) -> NoColumn:
     """What is said where columns of some roles are missing, all at once; ``spare`` columns are of no other role."""
     listed = ", ".join(title or "(no name)" for title in titles[:12])
     names = ", nor of ".join(role.name for role in roles)
@@ -269,7 +229,7 @@ def _none_of(table: Table, titles: Row, roles: Sequence[_Role], *, spare: int) -
     return NoColumn(_where(table), f"no column of {names} among {shown(listed, 200)}", "; ".join(remedies))
 
 
-def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role) -> _Choice:
+def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: Role) -> _Choice:
     if role.wanted:
         return _chosen_by_person(table, titles, named, role)
     found = [
@@ -313,7 +273,7 @@ def _without_repeated(
 
 
 def _rank(
-    table: Table, role: _Role, number: int, place: int, name: str, unit: str
+    table: Table, role: Role, number: int, place: int, name: str, unit: str
 ) -> tuple[bool, int, int, bool, bool, int]:
     """The lower, the rather a column is meant: by its quantity, whether it has a unit, and how usual its title is.
 
@@ -327,7 +287,7 @@ def _rank(
     return *last, number, table.has_clock(place), no_unit, role.titles(quantity).index(name)
 
 
-def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role) -> _Choice:
+def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: Role) -> _Choice:
     wanted, place = _place_of(table, titles, named, role)
     name, unit = named[place]
     if wanted.isdigit() and (other := _of_another_role(name, role)):
@@ -343,15 +303,15 @@ def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]
     return _Choice(quantity, place, GIVEN)
 
 
-def _of_another_role(name: str, role: _Role) -> str:
+def _of_another_role(name: str, role: Role) -> str:
     """The quantity of another role that this name is surely of; empty for none."""
-    others = [one for each in _roles(Hints()) if each.name != role.name for one in each.quantities]
+    others = [one for each in roles_of(Hints()) if each.name != role.name for one in each.quantities]
     if name in words.DOUBTFUL or any(name in role.titles(one) for one in role.quantities):
         return ""
     return next((one.name for one in others if name in one.titles), "")
 
 
-def _place_of(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role) -> tuple[str, int]:
+def _place_of(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: Role) -> tuple[str, int]:
     """The first title that the file has of those that a person gives, and its place."""
     found = [(wanted, _places_of(titles, named, wanted)) for wanted in role.wanted]
     for wanted, places in found:
@@ -384,7 +344,7 @@ def _quantity_of_unit(quantities: Sequence[Quantity], unit: str) -> Quantity | N
 # ---- units
 
 
-def _column(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: _Role, choice: _Choice) -> Column:
+def _column(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: Role, choice: _Choice) -> Column:
     if choice.place == NOWHERE:
         return Column(TIME, NOWHERE, "", "s", 1.0, GIVEN)
     unit, title = named[choice.place][1], titles[choice.place]

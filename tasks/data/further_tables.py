@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import NoColumn, recognise
+from sinew.tasks.data.columns import recognise
 from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.questions import NoColumn
 from sinew.tasks.data.several import FEWEST_ROWS
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number

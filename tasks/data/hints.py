@@ -100,7 +100,7 @@ class Hints:
         """What is told of an option."""
         return getattr(self, _field(option))
 
-    def answered(self, option: str, answer: str) -> "Hints":
+    def answered(self, option: str, answer: Title) -> "Hints":
         """The same, with the answer to a question."""
         told: dict[str, Any] = {_field(option): answer}
         return replace(self, **told)

@@ -7,14 +7,13 @@ understood.
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.answers import Answers, with_answers, write_answers
-from sinew.tasks.data.certainty import confirm_columns, refuse_doubts, refuse_unsure_names
+from sinew.tasks.data.certainty import OtherColumn, confirm_columns, refuse_doubts, refuse_unsure_names
 from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, visible, write_cohort
-from sinew.tasks.data.columns import NoColumn
 from sinew.tasks.data.curves import Bar, curve_of
 from sinew.tasks.data.first_ranges import first_ranges
 from sinew.tasks.data.further import refuse_unknown
@@ -32,7 +31,7 @@ from sinew.tasks.data.new_study import (
 )
 from sinew.tasks.data.oddities import contradictions, odd_tests
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH
-from sinew.tasks.data.questions import Doubt, Unclear
+from sinew.tasks.data.questions import NEITHER, Doubt, NoColumn, Unclear
 from sinew.tasks.data.recordings import Recording, read_recordings
 from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.sheets import SUFFIXES
@@ -91,13 +90,8 @@ def init(
     looked = {} if show is None else look_at((*found.named, *found.in_folders), hints, sizes)
     if show is not None:
         show(TITLES, rows_of(looked, hints))
-    read = read_all(found, hints, ask, answered=answers.answered, known=usable(looked))
-    names = names_of([one.path for one in read.recordings])
-    if certain:
-        refuse_unsure_names(names)
-    if certain or ask is None:
-        refuse_doubts(read.recordings)
-    confirmed = confirm_columns(read.recordings, answers.confirmed, ask, certain=certain)
+    read = _read_for_sure(found, replace(answers, hints=hints), ask, usable(looked), certain=certain)
+    names, hints = names_of([one.path for one in read.recordings]), read.hints
     new = specimens_of(read.recordings, names, sizes, ask, answers.sizes, certain=certain)
     refuse_duplicates([one.specimen for one in new], {one.specimen.name: one.tests[0].path for one in new})
     whole = [one.specimen for one in new if not one.missing]
@@ -113,7 +107,7 @@ def init(
             to_fill_in.append(path)
     study = write_study(out, "cohort", [one.specimen for one in new], ranges)
     sizes_told = {one.specimen.name: one.told for one in new}
-    write_answers(out / ANSWERS, Answers(hints, sizes_told, read.answered, confirmed))
+    write_answers(out / ANSWERS, Answers(hints, sizes_told, read.answered, read.confirmed))
     told = (*describe(new), *describe_unused(answers.sizes, new), *contradictions(new), *odd_tests(whole))
     lines = (*told, *ranges.lines, *describe_left_out(read.left_out))
     return NewStudy(study, lines, tuple(to_fill_in), tuple(one.specimen for one in new))
@@ -191,11 +185,40 @@ def _walk(folder: Path, wanted: Callable[[Path], bool], depth: int = DEEPEST) ->
 
 @dataclass(frozen=True)
 class Read:
-    """Tests of all files, files that are left out (in folders, without a table of a test), and what was answered."""
+    """Tests of all files, and files that are left out (in folders, without a table of a test).
+
+    ``hints`` hold for all files, what was ``answered`` for those that ask; ``confirmed``: see :class:`Answers`.
+    """
 
     recordings: Sequence[Recording]
     left_out: Sequence[LeftOut]
+    hints: Hints
     answered: Hints
+    confirmed: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+
+def _read_for_sure(
+    files: Files,
+    told: Answers,
+    ask: Ask | None,
+    known: Mapping[Path, Sequence[Recording]] | None,
+    *,
+    certain: bool,
+) -> Read:
+    """Every file, with columns that a person has confirmed: read again where another one is the right one."""
+    while True:
+        read = read_all(files, told.hints, ask, answered=told.answered, known=known)
+        if certain:
+            refuse_unsure_names(names_of([one.path for one in read.recordings]))
+        if certain or ask is None:
+            refuse_doubts(read.recordings)
+        try:
+            confirmed = confirm_columns(read.recordings, told.confirmed, ask, certain=certain)
+        except OtherColumn as other:
+            hints = told.hints.answered(other.option, other.titles)
+            told, known = replace(told, hints=hints, answered=read.answered, confirmed=other.confirmed), None
+            continue
+        return replace(read, confirmed=confirmed)
 
 
 @dataclass
@@ -247,7 +270,7 @@ def read_all(
         path, problem = left_out[-1]
         raise BadInput(path, problem, "at least one file with a table of numbers")
     refuse_unknown(hints.further, [one.further.values for one in recordings], recordings[0].left_out)
-    return Read(recordings, left_out, person.answered)
+    return Read(recordings, left_out, hints, person.answered)
 
 
 def _read(path: Path, hints: Hints, person: _Person) -> tuple[Sequence[Recording], Hints]:
@@ -261,6 +284,11 @@ def _read(path: Path, hints: Hints, person: _Person) -> tuple[Sequence[Recording
             if answer is None:
                 raise unclear.unanswered() from None
             hints = hints.answered(unclear.option, answer)
+        except NoColumn as none:
+            answer = None if none.alone or none.question is None else person.answer(path, none.question)
+            if none.question is None or answer in (None, NEITHER):
+                raise
+            hints = hints.answered(none.question.option, str(answer))
 
 
 def _settled(recording: Recording, hints: Hints, person: _Person) -> Recording:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import TIMED, Column, partly
+from sinew.tasks.data.columns import Column, partly
 from sinew.tasks.data.curves import check_times
 from sinew.tasks.data.exports import Reading, first_length
 from sinew.tasks.data.heads import Row
@@ -18,6 +18,7 @@ from sinew.tasks.data.length_columns import contradiction, length_beside, length
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
 from sinew.tasks.data.recordings import Recording, read_recordings
 from sinew.tasks.data.remarks import remarks
+from sinew.tasks.data.roles import TIMED
 from sinew.tasks.data.several import FEWEST_ROWS, beside, blocks_of_tests, go_on, told_apart
 from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import SIZES, read_sizes

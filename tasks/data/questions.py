@@ -30,6 +30,19 @@ class Unclear(BadInput):
         return BadInput(self.where, self.problem, f"{self.expected}; `sinew import --dry-run` lists what is open")
 
 
+class NoColumn(BadInput):
+    """A table that has no title of a quantity that is needed. ``alone``: it has none of any quantity.
+
+    ``question``: which of its columns holds it, where some column may; ``NEITHER`` answers that none does.
+    """
+
+    alone = False
+    question: Unclear | None = None
+
+
+NEITHER = "none of them"
+
+
 class UnknownUnit(Unclear):
     """A unit that only a person can tell. ``option`` is the option that tells it, ``choices`` are its values."""
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.data.columns import NOWHERE, Column, NoColumn, alike_places, recognise
+from sinew.tasks.data.columns import NOWHERE, Column, alike_places, recognise
 from sinew.tasks.data.further import Kept, kept
 from sinew.tasks.data.further_tables import left_out_note, may_be_test
 from sinew.tasks.data.heads import Row
@@ -17,7 +17,7 @@ from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import Repeats, contradiction, length_beside, lengths_at_zeros, repeats_of
 from sinew.tasks.data.marks import refuse_marks
 from sinew.tasks.data.quantities import DISPLACEMENT
-from sinew.tasks.data.questions import Doubt
+from sinew.tasks.data.questions import Doubt, NoColumn
 from sinew.tasks.data.rows_of_words import cut_off, without_words
 from sinew.tasks.data.several import (
     FEWEST_ROWS,

@@ -13,10 +13,10 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import words
 from sinew.tasks.data.clocks import columns_by_clock
 from sinew.tasks.data.column_titles import names_and_units
-from sinew.tasks.data.columns import NOWHERE, Column, NoColumn, alike_places, in_place, recognise
+from sinew.tasks.data.columns import NOWHERE, Column, alike_places, in_place, recognise
 from sinew.tasks.data.hints import NO_COLUMN, Hints
 from sinew.tasks.data.quantities import BASE_UNITS
-from sinew.tasks.data.questions import Unclear
+from sinew.tasks.data.questions import NoColumn, Unclear
 from sinew.tasks.data.sizes import named_in
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.titles import name_and_unit

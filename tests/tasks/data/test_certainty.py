@@ -74,3 +74,43 @@ def test_where_nobody_can_answer_a_doubtful_sign_is_refused(tmp_path):
         init([path], tmp_path / "out", sizes=BAR)
     assert not (tmp_path / "out").exists()
     init([path], tmp_path / "out", sizes=BAR, hints=Hints(negate="force"))
+
+
+def test_another_column_than_the_likely_one_can_be_named(tmp_path):
+    """The file is read again; files with other titles keep theirs, and next time nothing is asked."""
+    for name, more in (("a.csv", ""), ("b.csv", "6,0.3,31\n")):
+        path = written(tmp_path / name, header=f"{LIKELY},Camera_mm,Valve", rest=more)
+        first, *rest = path.read_text().splitlines()
+        path.write_text("\n".join([first, *(f"{line},0.{i},1" for i, line in enumerate(rest)), ""]))
+    other = written(tmp_path / "c.csv", header="time_s,displacement_mm,force_N", rest="6,0.3,32\n")
+    files, asked = [tmp_path / "a.csv", tmp_path / "b.csv", other], []
+
+    def ask(question: str, choices: Sequence[str]) -> str:
+        asked.append(question)
+        return "Camera_mm" if "which column" in question else "no" if "Deformation" in question else choices[0]
+
+    made = init(files, tmp_path / "out", ask=ask, sizes=BAR)
+    assert "displacement from 'Deformation_mm' is likely, not certain" in asked[0]
+    assert asked[1].startswith("a.csv: which column is the displacement? ")
+    assert len(asked) == 2
+    moved = {one.name: one.curves[0].protocol.displacement_mm[-1] for one in made.specimens}
+    assert moved == pytest.approx({"a": 0.5, "b": 0.6, "c": 0.3})
+    kept = read_answers(tmp_path / "out" / "answers.yaml")
+    assert kept.hints.displacement_column == ("Camera_mm", "Deformation_mm", "displacement_mm")
+    init(files, tmp_path / "again", answers=kept, sizes=BAR, certain=True)
+
+
+def test_a_column_that_no_title_tells_is_asked_for(tmp_path):
+    path = written(tmp_path / "a.csv", header="time_s,Way,force_N")
+    asked = []
+
+    def ask(question: str, choices: Sequence[str]) -> str:
+        asked.append((question.partition(" (the")[0], tuple(choices)))
+        return choices[0]
+
+    made = init([path], tmp_path / "out", ask=ask, sizes=BAR)
+    assert asked[0] == ("displacement, length or strain in a.csv: which column?", ("Way", "none of them"))
+    assert asked[1][0] == "displacement, length or strain in a.csv: which unit?"
+    assert made.specimens[0].curves[0].protocol.displacement_mm[-1] == pytest.approx(0.25)
+    with pytest.raises(BadInput, match="no column of displacement, length or strain among 'time_s, Way, force_N'"):
+        init([path], tmp_path / "more", ask=lambda _, choices: choices[-1], sizes=BAR)

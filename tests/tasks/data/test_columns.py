@@ -5,10 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import GIVEN, LIKELY, SURE, Column, NoColumn, recognise
+from sinew.tasks.data.columns import GIVEN, LIKELY, SURE, Column, recognise
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, POSITION, STRAIN, STRESS, STRETCH
-from sinew.tasks.data.questions import UnknownUnit
+from sinew.tasks.data.questions import NoColumn, UnknownUnit
 from sinew.tasks.data.tables import Table
 
 NUMBERS = ["0", "1", "2", "3", "4", "5"]

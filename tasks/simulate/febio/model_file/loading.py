@@ -97,7 +97,7 @@ def _curve(source: Source, moved: Moved) -> list[tuple[float, float]]:
         raise BadInput(source.path, f"{shown(moved.name)} follows no load curve", expected)
     kinds = [found.text for tag in ("interpolate", "extend") if (found := controller.find(tag)) is not None]
     if not set(kinds) <= {"LINEAR", "SMOOTH", "CONSTANT"}:
-        raise BadInput(source.path, f"the load curve of {shown(moved.name)} is {' and '.join(kinds)}", expected)
+        raise BadInput(source.path, f"the load curve of {shown(moved.name)} is {shown(' and '.join(kinds))}", expected)
     points = controller.find("points")
     curve: list[tuple[float, float]] = []
     with suppress(ValueError):

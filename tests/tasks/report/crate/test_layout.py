@@ -45,7 +45,7 @@ def test_places_are_kept_where_they_can_be(source, study, cohort, out, places):
 
 def test_a_study_that_needs_no_change_keeps_its_bytes(source):
     assert changed_fields(source, layout_of(source)) == {}
-    assert with_fields(source.text, {}) == source.text
+    assert with_fields(source.study.text, {}) == source.study.text
 
 
 def test_options_of_the_run_and_paths_come_into_the_study(source):
@@ -69,7 +69,7 @@ def test_options_of_the_run_and_paths_come_into_the_study(source):
 def test_no_address_and_no_cluster_goes_out(source, cluster, changed):
     kind = type(source.study)
     study = kind.model_validate({"name": "x", "cohort": "cohort", "cluster": yaml.safe_load(cluster)})
-    study._path = source.study.path
+    study._path, study._text = source.study.path, source.study.text
     found = changed_fields(replace(source, study=study), layout_of(source))
     assert found.get("cluster") == ("local" if changed else None)
 
@@ -77,7 +77,7 @@ def test_no_address_and_no_cluster_goes_out(source, cluster, changed):
 def test_a_template_with_an_absolute_path_is_refused(source):
     simulator = {"name": "febio", "template": "/home/me/tendon.feb"}
     study = type(source.study).model_validate({"name": "x", "cohort": "cohort", "simulator": simulator})
-    study._path = source.study.path
+    study._path, study._text = source.study.path, source.study.text
     with pytest.raises(BadInput, match="a path below the study's folder"):
         changed_fields(replace(source, study=study), layout_of(source))
 
