@@ -24,7 +24,8 @@ test: export PYTHONDONTWRITEBYTECODE :=
 # The tests on batch systems use a fifth of a processor. They run beside all others, which leave them what they need.
 test: SHELL := /bin/bash
 test: $(READY)
-	@beside=$$(mktemp); trap 'kill $$(jobs -p) 2>/dev/null; wait; rm -f "$$beside"' EXIT; \
+	@beside=$$(mktemp); trap 'kill -INT $$(jobs -p) 2>/dev/null; wait; rm -f "$$beside"' EXIT; \
+	trap 'exit 130' INT TERM; \
 	$(BIN)/python -m pytest -m slurm -n 7 --dist load --maxschedchunk 1 tests/tasks/cluster tests/runner/cluster \
 		>"$$beside" 2>&1 & slurm=$$!; \
 	others=0; nice -n 5 $(BIN)/python -m pytest -m "not slurm" -n 2 --dist worksteal || others=$$?; \

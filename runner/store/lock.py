@@ -16,7 +16,7 @@ def lock(folder: Path) -> Iterator[None]:
     try:
         descriptor = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
     except OSError as error:
-        raise StoreError(f"{folder / 'lock'}: {error.strerror}; it must be a file of this folder") from None
+        raise StoreError(f"{folder / 'lock'}: {error.strerror}; it must be a regular file") from None
     with open(descriptor, "r+", encoding="utf-8") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

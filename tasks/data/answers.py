@@ -31,9 +31,16 @@ _HINTS["keep_column"] = _Titles | None, None
 _Hints = create_model("_Hints", __base__=Section, **_HINTS)
 
 
+class _Instead(Section):
+    time: dict[str, str] = Field(default_factory=dict)
+    displacement: dict[str, str] = Field(default_factory=dict)
+    force: dict[str, str] = Field(default_factory=dict)
+
+
 class _Rest(Section):
     answered: Any = None
     confirmed: Any = None
+    instead: _Instead = Field(default_factory=_Instead)
     specimens: dict[str, _Sizes] = Field(default_factory=dict)
 
 
@@ -44,7 +51,7 @@ class _Confirmed(Section):
 
 
 #: ``answers.yaml``: the fields of :class:`Hints` for all files, the same for questions, titles of columns that are
-#: right where they are likely, and sizes of each specimen.
+#: right where they are likely, those that are right instead of a likely one, and sizes of each specimen.
 _File = create_model(
     "_File",
     __base__=_Rest,
@@ -59,13 +66,15 @@ class Answers:
     """``hints`` for all files, and sizes (mm) by specimen and name (``length``, ``width``, ``thickness``).
 
     ``answered``: what holds for files that ask for it, and for no others. ``confirmed``: titles of columns by role
-    (``time``, ``displacement``, ``force``), which are right in files where they are likely.
+    (``time``, ``displacement``, ``force``), which are right in files where they are likely. ``instead``: by role, the
+    right title for each likely one that is wrong.
     """
 
     hints: Hints = field(default_factory=Hints)
     sizes: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     answered: Hints = field(default_factory=Hints)
     confirmed: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    instead: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
 def read_answers(path: Path) -> Answers:
@@ -77,7 +86,8 @@ def read_answers(path: Path) -> Answers:
     }
     told = found.model_dump()
     hints = Hints(**{name: told[name] for name in _HINTS})
-    return Answers(hints, sizes, Hints(**told["answered"]), {k: v for k, v in told["confirmed"].items() if v})
+    confirmed, instead = ({k: v for k, v in told[name].items() if v} for name in ("confirmed", "instead"))
+    return Answers(hints, sizes, Hints(**told["answered"]), confirmed, instead)
 
 
 def write_answers(path: Path, answers: Answers) -> None:
@@ -86,6 +96,8 @@ def write_answers(path: Path, answers: Answers) -> None:
     content |= {"answered": answered} if (answered := _told(answers.answered)) else {}
     confirmed = {role: list(titles) for role, titles in answers.confirmed.items()}
     content |= {"confirmed": confirmed} if confirmed else {}
+    instead = {role: dict(titles) for role, titles in answers.instead.items()}
+    content |= {"instead": instead} if instead else {}
     sizes = {name: {f"{size}_mm": value for size, value in one.items()} for name, one in answers.sizes.items() if one}
     content |= {"specimens": sizes} if sizes else {}
     if content:

@@ -1,6 +1,7 @@
 """What is only likely in files that were read: it is refused, or a person says that it is right."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
@@ -9,18 +10,6 @@ from sinew.tasks.data.names import UNSURE, FileName
 from sinew.tasks.data.questions import FOR_ALL_ALIKE, NEITHER
 from sinew.tasks.data.recordings import Recording
 from sinew.tasks.data.specimen_sizes import Ask
-
-
-class OtherColumn(Exception):
-    """A person says that a likely column is not the right one, and that another is.
-
-    ``titles``: those that the column of this ``role`` may have now. ``confirmed``: what was right so far.
-    """
-
-    def __init__(self, role: str, titles: tuple[str, ...], confirmed: Mapping[str, tuple[str, ...]]) -> None:
-        super().__init__(role)
-        self.option, self.titles, self.confirmed = f"--{role}-column", titles, confirmed
-
 
 ROLES = ("time", "displacement", "force")
 MOST_OTHERS = 6  # titles that are told where a column is not the right one
@@ -45,46 +34,75 @@ def refuse_unsure_names(names: Mapping[Path, FileName]) -> None:
             raise BadInput(path, "a number may be a specimen's or a trial's", "a name SPECIMEN_PROTOCOL")
 
 
-def confirm_columns(
-    recordings: Sequence[Recording], confirmed: Mapping[str, Sequence[str]], ask: Ask | None, *, certain: bool
-) -> dict[str, tuple[str, ...]]:
-    """Titles of columns that are right where they are likely, by role: those ``confirmed`` before, and the answers.
+@dataclass
+class Columns:
+    """Titles of columns by role: those that are right where they are likely, and those that others stand in for.
 
-    Raises :class:`OtherColumn` where another one is right, and :class:`BadInput` where none is and, if all must be
-    ``certain``, for a likely one.
+    ``confirmed``: right titles; ``instead``: the right title for each that was likely and is wrong.
     """
-    found = {role: dict.fromkeys(confirmed.get(role, ())) for role in ROLES}
-    for recording in recordings:
+
+    confirmed: dict[str, dict[str, None]]
+    instead: dict[str, dict[str, str]]
+
+    @classmethod
+    def of(cls, confirmed: Mapping[str, Sequence[str]], instead: Mapping[str, Mapping[str, str]]) -> "Columns":
+        """What earlier answers say."""
+        return cls(
+            {role: dict.fromkeys(confirmed.get(role, ())) for role in ROLES},
+            {role: dict(instead.get(role, {})) for role in ROLES},
+        )
+
+    @property
+    def told(self) -> tuple[dict[str, tuple[str, ...]], dict[str, dict[str, str]]]:
+        """What is kept of both for the next time."""
+        confirmed = {role: tuple(titles) for role, titles in self.confirmed.items() if titles}
+        return confirmed, {role: titles for role, titles in self.instead.items() if titles}
+
+    def other(self, recording: Recording, ask: Ask | None) -> tuple[str, str] | None:
+        """The option for a column that is likely and wrong, and the title of the right one; None where none is.
+
+        Raises :class:`BadInput` where a person says that a column is wrong and no other one is right.
+        """
         for column, role in zip(recording.columns, ROLES, strict=True):
-            if column.how != LIKELY or column.title in found[role] or (ask is None and not certain):
+            if column.how != LIKELY or column.title in self.confirmed[role]:
                 continue
-            others = ", ".join(map(shown, recording.left_out[:MOST_OTHERS]))
-            problem = f"{column.quantity.name} from {shown(column.title)} is likely, not certain"
-            remedy = f"--{role}-column with a title or number"
-            if ask is None:
-                raise BadInput(recording.path, problem, f"--{role}-column {shown(column.title)} to confirm it")
-            beside = f" (not used: {others})" if others else ""
-            question = f"{recording.path.name}: {problem}{beside}; is it right? {FOR_ALL_ALIKE}"
-            if ask(question, ("yes", "no")) == "no":
-                if (other := _other_column(recording, column, ask)) is not None:
-                    known = (one.columns[ROLES.index(role)].title for one in recordings)
-                    titles = tuple(dict.fromkeys((other, *known)))
-                    raise OtherColumn(role, titles, _filled(found))
-                problem = f"{shown(column.title)} is not its {column.quantity.name}"
-                raise BadInput(recording.path, problem, f"{remedy}{f'; the file also has {others}' if others else ''}")
-            found[role][column.title] = None
-    return _filled(found)
-
-
-def _other_column(recording: Recording, column: Column, ask: Ask) -> str | None:
-    """The title of the column that is the right one; None where there is none."""
-    titles = [title for title in recording.left_out if recording.left_out.count(title) == 1]
-    if not titles:
+            right = self.instead[role].get(column.title)
+            if right not in _once(recording.left_out):
+                right = None if ask is None else self._asked(recording, column, role, ask)
+            if right is not None:
+                return f"--{role}-column", right
         return None
-    question = f"{recording.path.name}: which column is the {column.quantity.name}? {FOR_ALL_ALIKE}"
-    answer = ask(question, (*titles, NEITHER))
-    return answer if answer in titles else None
+
+    def _asked(self, recording: Recording, column: Column, role: str, ask: Ask) -> str | None:
+        """The title of the right column, if a person says that it is another one."""
+        titles = _once(recording.left_out)
+        listed = ", ".join(map(shown, titles[:MOST_OTHERS]))
+        beside = f" (not used: {listed})" if listed else ""
+        question = f"{recording.path.name}: {_likely(column)}{beside}; is it right? {FOR_ALL_ALIKE}"
+        if ask(question, ("yes", "no")) == "yes":
+            self.confirmed[role][column.title] = None
+            return None
+        question = f"{recording.path.name}: which column is the {column.quantity.name}? {FOR_ALL_ALIKE}"
+        right = ask(question, (*titles, NEITHER)) if titles else NEITHER
+        if right not in titles:
+            problem = f"{shown(column.title)} is not its {column.quantity.name}"
+            more = f"; the file also has {listed}" if listed else ""
+            raise BadInput(recording.path, problem, f"--{role}-column with a title or number{more}")
+        self.instead[role][column.title] = right
+        return right
+
+    def refuse_likely(self, recordings: Sequence[Recording]) -> None:
+        """Raises :class:`BadInput` for the first column that is only likely, and that nobody has confirmed."""
+        for recording in recordings:
+            for column, role in zip(recording.columns, ROLES, strict=True):
+                if column.how == LIKELY and column.title not in self.confirmed[role]:
+                    expected = f"--{role}-column {shown(column.title)} to confirm it"
+                    raise BadInput(recording.path, _likely(column), expected)
 
 
-def _filled(found: Mapping[str, Mapping[str, None]]) -> dict[str, tuple[str, ...]]:
-    return {role: tuple(titles) for role, titles in found.items() if titles}
+def _likely(column: Column) -> str:
+    return f"{column.quantity.name} from {shown(column.title)} is likely, not certain"
+
+
+def _once(titles: Sequence[str]) -> list[str]:
+    return [title for title in titles if titles.count(title) == 1]

@@ -6,7 +6,7 @@ from weakref import WeakKeyDictionary
 from sinew.runner.errors import BadInput
 from sinew.tasks.data import units
 from sinew.tasks.data.heads import Row
-from sinew.tasks.data.quantities import LOADS, MOTIONS, TIME
+from sinew.tasks.data.quantities import OF_A_TEST
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 from sinew.tasks.data.titles import before_channel, name_and_unit, without_numbers, without_suffix
@@ -40,8 +40,7 @@ def _of_channels(names: Sequence[str], measured: Sequence[str]) -> list[str]:
     ``measured``: the units; a column without one stays as it is.
     """
     names = list(names)
-    for quantities in ((TIME,), MOTIONS, LOADS):
-        known = [title for quantity in quantities for title in quantity.titles]
+    for quantities, known in OF_A_TEST:
         if any(name in known for name in names):
             continue
         words = [before_channel(name, known) for name in names]

@@ -193,7 +193,10 @@ def _which_is(table: Table, titles: Row, free: Sequence[int], role: Role) -> Unc
     """The question which of the columns that are left holds what no title says."""
     choices = (*_named(titles, free), NEITHER)
     option = f"--{role.option}-column"
-    return Unclear(str(table.path), "", option, what=role.name, which="which column?", option=option, choices=choices)
+    problem = f"no title tells the {role.name}"
+    return Unclear(
+        str(table.path), problem, option, what=role.name, which="which column?", option=option, choices=choices
+    )
 
 
 def _named(titles: Row, places: Sequence[int]) -> list[str]:

@@ -114,7 +114,7 @@ def _first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen]) -> 
     if taut is not None:
         beside.append(
             f"ranges: the curves stiffen beyond the toe, as if fibres became taut at {100 * (taut - 1.0):.2g} % of "
-            "strain, which `sinew discover` can tell; if their toe is that long, set model.lambda_0 yourself"
+            "strain, which `sinew discover` can tell; if the toe of this tissue is that long, set model.lambda_0"
         )
     if not squeezed and strain <= EXTENSIBLE and not far and not stiffens:
         line = "ranges: those of human tendon (Pekedis 2025), which reach the measured forces"

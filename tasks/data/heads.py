@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.data.quantities import LOADS, MOTIONS, TIME
+from sinew.tasks.data.quantities import OF_A_TEST
 from sinew.tasks.data.text import is_number
 from sinew.tasks.data.titles import before_channel, name_and_unit
 from sinew.tasks.data.units import is_unit
@@ -133,8 +133,7 @@ def _names(row: Row) -> set[int]:
     names = {name for name, _ in named}
     measured = [name for name, unit in named if is_unit(unit)]
     found = set()
-    for number, quantities in enumerate(((TIME,), MOTIONS, LOADS)):
-        known = [title for quantity in quantities for title in quantity.titles]
+    for number, (_, known) in enumerate(OF_A_TEST):
         if not names.isdisjoint(known) or any(before_channel(name, known) for name in measured):
             found.add(number)
     return found

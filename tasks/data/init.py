@@ -7,12 +7,12 @@ understood.
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.answers import Answers, with_answers, write_answers
-from sinew.tasks.data.certainty import OtherColumn, confirm_columns, refuse_doubts, refuse_unsure_names
+from sinew.tasks.data.certainty import Columns, refuse_doubts, refuse_unsure_names
 from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, visible, write_cohort
 from sinew.tasks.data.curves import Bar, curve_of
 from sinew.tasks.data.first_ranges import first_ranges
@@ -90,8 +90,15 @@ def init(
     looked = {} if show is None else look_at((*found.named, *found.in_folders), hints, sizes)
     if show is not None:
         show(TITLES, rows_of(looked, hints))
-    read = _read_for_sure(found, replace(answers, hints=hints), ask, usable(looked), certain=certain)
-    names, hints = names_of([one.path for one in read.recordings]), read.hints
+    columns = Columns.of(answers.confirmed, answers.instead)
+    read = read_all(found, hints, ask, answered=answers.answered, columns=columns, known=usable(looked))
+    names = names_of([one.path for one in read.recordings])
+    if certain:
+        refuse_unsure_names(names)
+    if certain or ask is None:
+        refuse_doubts(read.recordings)
+    if certain:
+        columns.refuse_likely(read.recordings)
     new = specimens_of(read.recordings, names, sizes, ask, answers.sizes, certain=certain)
     refuse_duplicates([one.specimen for one in new], {one.specimen.name: one.tests[0].path for one in new})
     whole = [one.specimen for one in new if not one.missing]
@@ -107,7 +114,7 @@ def init(
             to_fill_in.append(path)
     study = write_study(out, "cohort", [one.specimen for one in new], ranges)
     sizes_told = {one.specimen.name: one.told for one in new}
-    write_answers(out / ANSWERS, Answers(hints, sizes_told, read.answered, read.confirmed))
+    write_answers(out / ANSWERS, Answers(hints, sizes_told, read.answered, *columns.told))
     told = (*describe(new), *describe_unused(answers.sizes, new), *contradictions(new), *odd_tests(whole))
     lines = (*told, *ranges.lines, *describe_left_out(read.left_out))
     return NewStudy(study, lines, tuple(to_fill_in), tuple(one.specimen for one in new))
@@ -187,38 +194,12 @@ def _walk(folder: Path, wanted: Callable[[Path], bool], depth: int = DEEPEST) ->
 class Read:
     """Tests of all files, and files that are left out (in folders, without a table of a test).
 
-    ``hints`` hold for all files, what was ``answered`` for those that ask; ``confirmed``: see :class:`Answers`.
+    ``answered``: what holds for files that ask for it.
     """
 
     recordings: Sequence[Recording]
     left_out: Sequence[LeftOut]
-    hints: Hints
     answered: Hints
-    confirmed: Mapping[str, Sequence[str]] = field(default_factory=dict)
-
-
-def _read_for_sure(
-    files: Files,
-    told: Answers,
-    ask: Ask | None,
-    known: Mapping[Path, Sequence[Recording]] | None,
-    *,
-    certain: bool,
-) -> Read:
-    """Every file, with columns that a person has confirmed: read again where another one is the right one."""
-    while True:
-        read = read_all(files, told.hints, ask, answered=told.answered, known=known)
-        if certain:
-            refuse_unsure_names(names_of([one.path for one in read.recordings]))
-        if certain or ask is None:
-            refuse_doubts(read.recordings)
-        try:
-            confirmed = confirm_columns(read.recordings, told.confirmed, ask, certain=certain)
-        except OtherColumn as other:
-            hints = told.hints.answered(other.option, other.titles)
-            told, known = replace(told, hints=hints, answered=read.answered, confirmed=other.confirmed), None
-            continue
-        return replace(read, confirmed=confirmed)
 
 
 @dataclass
@@ -246,11 +227,13 @@ def read_all(
     ask: Ask | None = None,
     *,
     answered: Hints | None = None,
+    columns: Columns | None = None,
     known: Mapping[Path, Sequence[Recording]] | None = None,
 ) -> Read:
     """Every file. What one does not tell is asked for once, and holds for all files that do not tell it.
 
-    ``hints`` hold for all files, ``answered`` for those that ask. ``known``: tests of files that were read already.
+    ``hints`` hold for all files, ``answered`` for those that ask. ``columns``: which likely ones are right; left out,
+    nobody is asked about them. ``known``: tests of files that were read already.
     """
     recordings: list[Recording] = []
     left_out = list(files.left_out)
@@ -260,6 +243,8 @@ def read_all(
             found, told = ((known or {}).get(path), hints)
             if found is None:
                 found, told = _read(path, hints, person)
+            while columns and (other := next((each for one in found if (each := columns.other(one, ask))), None)):
+                found, told = _read(path, told.answered(*other), person)
         except (NoTable, NoColumn) as none:
             if path in files.named or (isinstance(none, NoColumn) and not none.alone):
                 raise
@@ -270,7 +255,7 @@ def read_all(
         path, problem = left_out[-1]
         raise BadInput(path, problem, "at least one file with a table of numbers")
     refuse_unknown(hints.further, [one.further.values for one in recordings], recordings[0].left_out)
-    return Read(recordings, left_out, hints, person.answered)
+    return Read(recordings, left_out, person.answered)
 
 
 def _read(path: Path, hints: Hints, person: _Person) -> tuple[Sequence[Recording], Hints]:

@@ -5,33 +5,48 @@ samples (National Instruments: Specification for the LabVIEW Measurement File). 
 their units and of numbers, so that segments are read as tables of one file are.
 """
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data import units
 from sinew.tasks.data.text import number
 
 FIRST, END = "LabVIEW Measurement", "***End_of_Header***"
+SPECIAL, END_SPECIAL = "***Start_Special***", "***End_Special***"  # around what only some program understands
 SEPARATORS = {"Tab": "\t", "Comma": ",", "Semicolon": ";"}
 X, CHANNELS, COMMENT = "X_Value", "Channels", "Comment"
+TOGETHER = 0.5  # of a time step: channels that begin less apart begin together
 Row = tuple[str, ...]
 Rows = list[tuple[int, Row]]
 
 
 @dataclass(frozen=True)
-class Layout:
+class _Layout:
     """How a file is written: between cells, in numbers, and which columns of times it has (``No``, ``One``, ``Multi``).
 
     ``header``: the rows above the first segment. ``start``: the first line behind them.
     """
 
+    path: Path
     separator: str
     decimal: str
     times: str
     header: Rows
     start: int
+
+
+@dataclass(frozen=True)
+class _Segment:
+    """The ``keys`` of a segment, each with the cells behind it, its ``titles`` in row ``at``, and its ``rows``."""
+
+    keys: Mapping[str, Row]
+    at: int
+    titles: Row
+    rows: Rows
 
 
 def is_labview(lines: Sequence[tuple[int, str]]) -> bool:
@@ -45,109 +60,172 @@ def read_labview(path: Path, lines: Sequence[tuple[int, str]]) -> tuple[Rows, st
     Raises :class:`BadInput` for a file whose keys make no sense.
     """
     layout = _layout(path, lines)
-    rows, first = list(layout.header), None
-    split = [(at, tuple(cell.strip() for cell in line.split(layout.separator))) for at, line in lines[layout.start :]]
-    place = 0
-    while place < len(split):
-        if not any(split[place][1]):
-            place += 1
-            continue
-        keys, place = _keys(path, split, place)
-        begins = _begins(keys)
-        first = begins if first is None else first
-        late = (begins - first).total_seconds() if begins and first else 0.0
-        end = next((at for at in range(place, len(split)) if not any(split[at][1])), len(split))
-        rows += _segment(path, layout, keys, split[place:end], late)
-        place = end
+    rows, last = list(layout.header), -1.0
+    titles: Row = ()
+    begun: datetime | None = None
+    for segment in _segments(layout, lines):
+        begins, titled = _begins(layout, segment), _titled(layout, segment)
+        begun = begun or begins
+        late = (begins - begun).total_seconds() if begins and begun else 0.0
+        kept, filled = _filled(layout, segment, late, last)
+        now = tuple(titled[place] for place in kept)
+        if titles not in ((), now):
+            problem = f"a segment of {shown(', '.join(now), 80)}, but {shown(', '.join(titles), 80)} above"
+            raise BadInput(f"{path}: row {segment.at}", problem, "segments with the same channels and units in a file")
+        titles = now
+        rows += [(segment.at, now), *((at, tuple(row[place] for place in kept)) for at, row in filled)]
+        last = next((time for _, row in reversed(filled) if (time := number(row[0], layout.decimal)) is not None), last)
     return rows, layout.separator, layout.decimal
 
 
-def _layout(path: Path, lines: Sequence[tuple[int, str]]) -> Layout:
-    place = next((place for place, (_, line) in enumerate(lines) if line.startswith(END)), None)
-    if place is None:
+def _layout(path: Path, lines: Sequence[tuple[int, str]]) -> _Layout:
+    end = next((place for place, (_, line) in enumerate(lines) if line.startswith(END)), None)
+    if end is None:
         raise BadInput(path, f"has no line {END}", "a whole LabVIEW measurement file")
     told = {}
-    for key in ("Separator", "Decimal_Separator", "X_Columns"):
-        line = next((line for _, line in lines[:place] if line.startswith(key)), None)
-        if line is not None:  # key, separator, value: the separator may be the value, too
-            told[key] = line[len(key) + 1 :].rstrip("\t ") or line[len(key) :].strip()
+    for line in (line for _, line in _without_special(lines[:end])):
+        for key in ("Separator", "Decimal_Separator", "X_Columns"):
+            if re.match(rf"{key}(?!\w)", line):  # key, separator, value: the separator may be the value, too
+                told[key] = line[len(key) + 1 :].rstrip("\t ") or line[len(key) :].strip()
     separator = SEPARATORS.get(told.get("Separator", "Tab").strip(" ,;"))
     decimal, times = told.get("Decimal_Separator", ".")[:1], told.get("X_Columns", "One").strip(" ,;")
     if separator is None or decimal not in (".", ",") or separator == decimal or times not in ("No", "One", "Multi"):
         problem = ", ".join(f"{key} {value}" for key, value in told.items())
         raise BadInput(path, shown(problem), "a LabVIEW measurement file with Separator, Decimal_Separator, X_Columns")
-    header = [(at, tuple(cell.strip() for cell in line.split(separator))) for at, line in lines[:place]]
-    return Layout(separator, decimal, times, header, place + 1)
+    header = [(at, tuple(cell.strip() for cell in line.split(separator))) for at, line in lines[:end]]
+    return _Layout(path, separator, decimal, times, header, end + 1)
 
 
-def _keys(path: Path, split: Sequence[tuple[int, Row]], place: int) -> tuple[dict[str, Row], int]:
-    """The keys of a segment's header and their values, and the place of its titles."""
-    keys: dict[str, Row] = {}
-    for at in range(place, len(split)):
-        key, *values = split[at][1]
-        if key == END:
-            return keys, at + 1
-        keys[key] = tuple(values)
-    if CHANNELS in keys:
-        raise BadInput(f"{path}: row {split[place][0]}", f"a segment without {END}", "a whole LabVIEW measurement file")
-    raise BadInput(f"{path}: row {split[place][0]}", f"{shown(split[place][1][0])} behind an empty line", "a segment")
+def _without_special(lines: Sequence[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    inside = False
+    for at, line in lines:
+        inside = inside or line.startswith(SPECIAL)
+        if not inside:
+            yield at, line
+        inside = inside and not line.startswith(END_SPECIAL)
 
 
-def _begins(keys: dict[str, Row]) -> datetime | None:
-    """When a segment begins; None where it does not tell."""
+def _segments(layout: _Layout, lines: Sequence[tuple[int, str]]) -> Iterator[_Segment]:
+    """The segments of a file, each behind an empty line."""
+    split = [
+        (at, tuple(cell.strip() for cell in line.split(layout.separator)))
+        for at, line in _without_special(lines[layout.start :])
+    ]
+    place = 0
+    while place < len(split):
+        at, row = split[place]
+        if not any(row):
+            place += 1
+            continue
+        if row[0] != CHANNELS:
+            problem = f"{shown(' '.join(row).strip(), 60)} behind an empty line or the header"
+            raise BadInput(f"{layout.path}: row {at}", problem, f"a segment, which begins with {CHANNELS}")
+        end = next((one for one in range(place, len(split)) if split[one][1][0] == END), len(split))
+        keys = {row[0]: row[1:] for _, row in split[place:end]}
+        place = end + 1
+        stop = next((one for one in range(place, len(split)) if not any(split[one][1])), len(split))
+        if place >= stop:
+            raise BadInput(f"{layout.path}: row {at}", f"a segment without {END} and titles", "a whole file")
+        title_row, titles = split[place]
+        if titles[0] != X:
+            raise BadInput(f"{layout.path}: row {title_row}", f"{shown(titles[0])} as first title", X)
+        yield _Segment(keys, title_row, titles, [_row(each, len(titles)) for each in split[place + 1 : stop]])
+        place = stop
+
+
+def _row(row: tuple[int, Row], width: int) -> tuple[int, Row]:
+    at, cells = row
+    return at, (*cells, *[""] * (width - len(cells)))
+
+
+def _values(layout: _Layout, segment: _Segment, key: str) -> dict[int, str]:
+    """What a key tells of each channel, by the place of its column.
+
+    With a column of times for each channel, values stand above both, or above channels only, one behind the other.
+    """
+    told = segment.keys.get(key, ())
+    step = 2 if layout.times == "Multi" else 1
+    places = [place for place in range(1, len(segment.titles), step) if segment.titles[place] not in ("", COMMENT)]
+    spaced = step == 2 and ((len(told) > 1 and not told[1]) or sum(map(bool, told)) > len(places))
+    at = {place: place - 1 if spaced else number_of for number_of, place in enumerate(places)}
+    return {place: told[index] for place, index in at.items() if index < len(told)}
+
+
+def _titled(layout: _Layout, segment: _Segment) -> list[str]:
+    """The titles with their units."""
+    titled = list(segment.titles)
+    for place, unit in _values(layout, segment, "Y_Unit_Label").items():
+        titled[place] = f"{segment.titles[place]} ({unit})" if unit else segment.titles[place]
+    if set(_values(layout, segment, "X_Dimension").values()) <= {"", "Time"}:
+        titled = [f"Time ({_time_unit(layout, segment)})" if title == X else title for title in titled]
+    return titled
+
+
+def _time_unit(layout: _Layout, segment: _Segment) -> str:
+    return next(filter(None, _values(layout, segment, "X_Unit_Label").values()), "s")
+
+
+def _begins(layout: _Layout, segment: _Segment) -> datetime | None:
+    """When a segment begins; None where it does not tell. Raises :class:`BadInput` for channels that begin apart."""
+    dates, clocks = (_values(layout, segment, key) for key in ("Date", "Time"))
+    times = {_moment(dates.get(place, ""), clock) for place, clock in clocks.items()} - {None}
+    moments = sorted(time for time in times if time is not None)
+    if not moments:
+        return None
+    steps = _numbers(layout, segment, "Delta_X")
+    apart = (moments[-1] - moments[0]).total_seconds()
+    if apart > TOGETHER * min(steps, default=0.0) * (units.factor(units.TIME, _time_unit(layout, segment)) or 1.0):
+        problem = f"a segment whose channels begin {apart:g} s apart"
+        raise BadInput(f"{layout.path}: row {segment.at}", problem, "channels that are recorded together")
+    return moments[0]
+
+
+def _moment(date: str, clock: str) -> datetime | None:
+    whole, _, fraction = clock.replace(",", ".").partition(".")
     try:
-        clock, _, fraction = keys["Time"][0].replace(",", ".").partition(".")
-        begins = datetime.strptime(f"{keys['Date'][0]} {clock}", "%Y/%m/%d %H:%M:%S")
-        return begins.replace(microsecond=int(f"{fraction:0<6.6}"))
-    except (KeyError, IndexError, ValueError):
+        return datetime.strptime(f"{date} {whole}", "%Y/%m/%d %H:%M:%S").replace(microsecond=int(f"{fraction:0<6.6}"))
+    except ValueError:
         return None
 
 
-def _segment(
-    path: Path, layout: Layout, keys: dict[str, Row], rows: Sequence[tuple[int, Row]], late: float
-) -> Iterator[tuple[int, Row]]:
-    """Titles with units, and numbers with times; ``late`` (s): how much later than the first segment it begins."""
-    if not rows:
-        return
-    (at, titles), numbers = rows[0], rows[1:]
-    per_channel = 2 if layout.times == "Multi" else 1
-    channels = range(1, len(titles), per_channel)
-    titled = list(titles)
-    for number_of, place in enumerate(channels):
-        unit = _value(keys, "Y_Unit_Label", number_of)
-        if unit and titles[place] not in ("", COMMENT):
-            titled[place] = f"{titles[place]} ({unit})"
-    if _value(keys, "X_Dimension", 0) in ("", "Time"):
-        unit = _value(keys, "X_Unit_Label", 0) or "s"
-        titled = [f"Time ({unit})" if title == X else title for title in titled]
-    same = _same_times(numbers, titles) if layout.times == "Multi" else []
-    kept = [place for place in range(len(titles)) if place not in same]
-    yield at, tuple(titled[place] for place in kept)
-    for count, (line, cells) in enumerate(numbers):
-        filled = [*cells, *[""] * (len(titles) - len(cells))]
-        if layout.times == "No":
-            filled[0] = _time(path, layout, keys, count, late)
-        yield line, tuple(filled[place] for place in kept)
+def _numbers(layout: _Layout, segment: _Segment, key: str) -> set[float]:
+    found = (number(value, layout.decimal) for value in _values(layout, segment, key).values() if value)
+    return {value for value in found if value is not None}
 
 
-def _value(keys: dict[str, Row], key: str, number_of: int) -> str:
-    values = keys.get(key, ())
-    return values[number_of] if number_of < len(values) else ""
+def _filled(layout: _Layout, segment: _Segment, late: float, last: float) -> tuple[list[int], Rows]:
+    """The places of the columns that count, and rows with times.
+
+    Times that start again go on from how much later than the first one the segment begins, ``late`` (s); ``last``: the
+    last time of the segment before.
+    """
+    repeats = _repeated_times(segment) if layout.times == "Multi" else []
+    kept = [place for place in range(len(segment.titles)) if place not in repeats]
+    if layout.times == "No":
+        begin, step = _regular(layout, segment)
+        times: list[float | None] = [begin + count * step for count in range(len(segment.rows))]
+    else:
+        times = [number(row[0], layout.decimal) for _, row in segment.rows]
+    first = next((time for time in times if time is not None), 0.0)
+    factor = units.factor(units.TIME, _time_unit(layout, segment))
+    offset = late / factor if late > 0.0 and factor and first <= last else 0.0
+    if layout.times != "No" and not offset:
+        return kept, segment.rows
+    cells = ["" if time is None else f"{time + offset:.15g}".replace(".", layout.decimal) for time in times]
+    return kept, [(at, (cell, *row[1:])) for cell, (at, row) in zip(cells, segment.rows, strict=True)]
 
 
-def _same_times(numbers: Sequence[tuple[int, Row]], titles: Row) -> list[int]:
+def _repeated_times(segment: _Segment) -> list[int]:
     """The columns of times that repeat the first one in each row in which they have any."""
-    others = [place for place, title in enumerate(titles) if title == X and place]
-    return [place for place in others if all(len(row) <= place or row[place] in ("", row[0]) for _, row in numbers)]
+    others = [place for place, title in enumerate(segment.titles) if title == X and place]
+    return [place for place in others if all(row[place] in ("", row[0]) for _, row in segment.rows)]
 
 
-def _time(path: Path, layout: Layout, keys: dict[str, Row], count: int, late: float) -> str:
-    """The time of a row that has none: all channels begin at ``X0`` and have a sample every ``Delta_X``."""
-    steps, begins = ({_value(keys, key, place) for place in range(len(keys.get(key, ())))} - {""}
-                     for key in ("Delta_X", "X0"))  # fmt: skip
-    step = number(next(iter(steps), ""), layout.decimal)
-    begin = number(next(iter(begins), "0"), layout.decimal)
-    if len(steps) != 1 or len(begins) > 1 or not step or begin is None:
-        problem = f"Delta_X {', '.join(sorted(steps)) or 'missing'} and no column of times"
-        raise BadInput(path, problem, "one Delta_X and one X0 for all channels, or the file saved with times")
-    return f"{late + begin + count * step:.10g}".replace(".", layout.decimal)
+def _regular(layout: _Layout, segment: _Segment) -> tuple[float, float]:
+    """The first time and the time step of a segment without times."""
+    begins, steps = _numbers(layout, segment, "X0") or {0.0}, _numbers(layout, segment, "Delta_X")
+    if len(begins) != 1 or len(steps) != 1 or not min(steps) > 0.0:
+        told = " and ".join(f"{key} {', '.join(_values(layout, segment, key).values())}" for key in ("X0", "Delta_X"))
+        expected = "one X0 and one Delta_X above 0 for all channels, or the file saved with times"
+        raise BadInput(f"{layout.path}: row {segment.at}", f"no column of times, and {told}", expected)
+    return min(begins), min(steps)

@@ -4,6 +4,7 @@ import os
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,7 +21,10 @@ PROTOCOLS = (
     "test", "compression", "compressive",
 )  # fmt: skip
 #: "_2026_05_11_10_20_33", "-20260511T1020", "_2026-05-11"
-_STAMP = re.compile(r"[_-](?:19|20)\d\d([_-]?)[01]\d\1[0-3]\d(?:[_T-]{1,2}[0-2]\d[_-]?[0-5]\d(?:[_-]?[0-5]\d)?)?$")
+_STAMP = re.compile(
+    r"[_-](?:19|20)\d\d([_-]?)(?:0[1-9]|1[0-2])\1(?:0[1-9]|[12]\d|3[01])"
+    r"(?:[_T-]{1,2}[0-2]\d[_-]?[0-5]\d(?:[_-]?[0-5]\d)?)?$"
+)
 _MOST_WORDS = 3  # of a protocol's name
 
 
@@ -42,11 +46,19 @@ def names_of(paths: Sequence[Path]) -> dict[Path, FileName]:
     at the end of names are left out where this leaves different names.
     Raises :class:`BadInput` if no name can be made of a file's, or two files would have the same one.
     """
-    stems = _without_stamps({path: plain_name(path.stem) for path in paths})
+    stems = {path: plain_name(path.stem) for path in paths}
+    plain = {path: _STAMP.sub("", stem) or stem for path, stem in stems.items()}
+    if plain != stems:
+        with suppress(BadInput):  # two files of one name: the stamps tell them apart
+            return _names(plain)
+    return _names(stems)
+
+
+def _names(stems: Mapping[Path, str]) -> dict[Path, FileName]:
     for path, stem in stems.items():
         if not NAME.fullmatch(stem):
             raise BadInput(path, "a name of which no specimen can be named", "a letter or digit in the name")
-    root = Path(os.path.commonpath([path.absolute().parent for path in paths]))
+    root = Path(os.path.commonpath([path.absolute().parent for path in stems]))
     names = {path: _name(path, stem, root) for path, stem in stems.items()}
     if not any(_protocol_in(stem) for stem in stems.values()):
         names |= _grid(stems, names)
@@ -59,16 +71,10 @@ def names_of(paths: Sequence[Path]) -> dict[Path, FileName]:
     return names
 
 
-def _without_stamps(stems: Mapping[Path, str]) -> dict[Path, str]:
-    """The names without the time stamps that programs put behind them, if these are not all that tells them apart."""
-    plain = {path: _STAMP.sub("", stem) or stem for path, stem in stems.items()}
-    places = {(path.absolute().parent, stem.casefold()) for path, stem in plain.items()}
-    return plain if len(places) == len(stems) else dict(stems)
-
-
 def of_test(name: FileName, test: str) -> FileName:
     """The name of one of several tests in a file, which are taken for tests of several specimens."""
-    return replace(name, specimen=f"{name.specimen}_{plain_name(test)}") if test else name
+    plain = re.sub(r"_+", "_", plain_name(test))  # of "1 _ 1"
+    return replace(name, specimen=f"{name.specimen}_{plain}") if test else name
 
 
 def plain_name(text: str) -> str:

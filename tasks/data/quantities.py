@@ -30,6 +30,11 @@ FORCE = Quantity("force", words.FORCE, units.FORCE)
 STRESS = Quantity("stress", words.STRESS, units.STRESS)
 BASE_UNITS = {"displacement": "mm", "position": "mm", "length": "mm", "force": "N", "stress": "MPa"}  # of what is read
 MOTIONS, LOADS = (DISPLACEMENT, LENGTH, POSITION, STRETCH, STRAIN), (FORCE, STRESS)
+#: What the columns of a test may hold, and all titles of these: of time, motion and load.
+OF_A_TEST = tuple(
+    (quantities, tuple(title for quantity in quantities for title in quantity.titles))
+    for quantities in ((TIME,), MOTIONS, LOADS)
+)
 AT_REST = 0.5  # how far the first stretch may be from 1, and the first strain from 0
 
 

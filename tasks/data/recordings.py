@@ -382,8 +382,9 @@ def _number(table: Table, row: int, column: Column) -> float:
         if not cell:
             formula = "; a formula needs the value that Excel or LibreOffice saves with it" if table.sheet else ""
             behind = len(table.rows) - row
-            rest = f"row {at}" if behind == 1 else f"rows {at} to {table.rows[-1][0]}"
-            summary = f"; delete {rest} if that is a summary" if behind < FEWEST_ROWS <= row else ""
+            last = table.rows[-1][0]
+            rest = f"row {at} if it is" if behind == 1 else f"rows {at} to {last} if they are"
+            summary = f"; delete {rest} a summary" if behind < FEWEST_ROWS <= row else ""
             raise BadInput(where, "an empty cell", f"a finite number, like those above{formula}{summary}")
         if is_clock(cell) and table.has_clock(column.place):
             raise BadInput(where, shown(cell), "a time of the same day as those above, or dates such as 2024-05-03")

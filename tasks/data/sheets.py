@@ -14,7 +14,7 @@ from typing import Any
 
 import sinew
 from sinew.runner.errors import BadInput, one_line
-from sinew.runner.files import read_input
+from sinew.runner.files import in_megabytes, read_input
 from sinew.runner.zip_end import directory_of
 from sinew.tasks.data import sheet_reading
 
@@ -105,5 +105,4 @@ def _refuse_large_archive(path: Path, content: bytes) -> None:
     except Exception:  # noqa: BLE001 - what zipfile raises for damaged archives is no closed list
         return
     if size > MAX_UNPACKED_BYTES:
-        expected = f"at most {MAX_UNPACKED_BYTES / 2**20:,.0f} MB"
-        raise BadInput(path, f"{size / 2**20:,.0f} MB when unpacked", expected)
+        raise BadInput(path, f"{in_megabytes(size)} when unpacked", f"at most {in_megabytes(MAX_UNPACKED_BYTES)}")

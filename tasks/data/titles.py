@@ -17,7 +17,13 @@ _ALONG = re.compile(r"([^()\[\]]+)[(\[][xyzXYZ][)\]] ?, ?([^\s,()\[\]]+)")  # a 
 _CHANGING = r"\b(?:true|cauchy|kirchhoff|rate|change|per|set ?point|limit|target|command|demand|peak|valley)\b"
 _CHANGED = re.compile(rf"[x×*·] ?\d|\d ?[x×*·]|(?:^|\s)[/^*]|\^|{_CHANGING}", re.IGNORECASE)
 _MINUS = re.compile(r"[-\u2212] ?(?=[^\W\d])")  # "-Force", which has another sign
-_OTHER = re.compile(rf"{_CHANGING}|temp|offset|zero|error|speed|velocity|mode|cycle|count|energy|power", re.IGNORECASE)
+#: Words behind a name that are of a channel, a sensor or its clock; others have a digit, as "U9C", "500N" and "1".
+_OF_CHANNELS = frozenset({
+    "ch", "chan", "channel", "kanal", "canal", "voie", "ai", "a", "b", "c", "dev", "module", "mod", "slot", "sensor",
+    "cell", "input", "default", "sample", "standardmessrate", "messrate",
+})  # fmt: skip
+#: What may stand before the digit of a word that makes another quantity of the name: "SP1", "Peak2", "x1000".
+_OTHERS = re.compile(r"(?:sp|cmd|ref|rate|peak|valley|limit|max|min|mean|std|soll|x|y|z)s?\Z")
 _SHORTEST = 3  # letters of a name that may stand in front of that of a channel
 _LONGEST = 300  # characters of a title with a unit
 
@@ -104,12 +110,17 @@ def without_suffix(title: str, titles: Sequence[str]) -> str:
 def before_channel(name: str, known: Collection[str]) -> str:
     """The known name in front of that of a channel or a sensor, which has a digit: ``kraft`` of ``kraft u9c 500n``.
 
-    Empty where there is none, or where the rest may make another quantity of it: ``force limit 1``.
+    Empty where there is none, or where a word behind it may make another quantity of it: ``force limit 1``.
     """
     found = [word for word in known if len(word) >= _SHORTEST and name.startswith((f"{word} ", f"{word}/"))]
     word = max(found, key=len, default="")
-    rest = name[len(word) :].replace("sample rate", "")  # the clock of a channel
-    return word if word and any(map(str.isdigit, rest)) and not _OTHER.search(rest) else ""
+    rest = re.split(r"[\s/]+", name[len(word) :].replace("sample rate", "sample"))
+    words, numbered = (
+        [each for each in rest if each and any(map(str.isdigit, each)) is digit] for digit in (False, True)
+    )
+    own = all(each in _OF_CHANNELS for each in words)
+    own = own and not any(_OTHERS.match(each.rstrip("0123456789.")) or "%" in each for each in numbered)
+    return word if word and numbered and own else ""
 
 
 def is_spread(title: str) -> bool:

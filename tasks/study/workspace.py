@@ -17,7 +17,7 @@ from sinew.runner.cluster.client import ClusterSpec, open_client
 from sinew.runner.cluster.dashboard import dashboard, way_to
 from sinew.runner.cluster.local import Local
 from sinew.runner.console import Console
-from sinew.runner.errors import BadInput, StoreError
+from sinew.runner.errors import BadInput
 from sinew.runner.evaluation import external
 from sinew.runner.evaluation.adaptive import AdaptiveRun
 from sinew.runner.evaluation.batch import Evaluation
@@ -165,11 +165,6 @@ class Workspace:
         client = (lambda: None) if here else self.client
         with self.progress(title, asked, done=asked - pending, brief=brief) as report:
             evaluate(client, table, evaluation, rows, report, policy)
-        if left := table.pending(rows).size:
-            raise StoreError(
-                f"{self.out}: {left} of {asked} rows are gone that were evaluated just now; was the folder removed or "
-                "replaced? Run the same command again"
-            )
 
     def run_adaptive(self, runs: Sequence[AdaptiveRun], title: str) -> list[Any]:
         """Run several adaptive runs on the study's cluster; returns what each of them returned."""

@@ -71,6 +71,7 @@ class SurrogateResult(Result):
     """Emulators of each specimen. ``names`` and ``bounds`` are of the free parameters; ``asked``: the largest error."""
 
     TASK = "surrogate"
+    VERSION = 2  # the store tells parameters, ranges and courses, too
     LIBRARIES = ("scikit-learn", "scikit-optimize")
 
     names: list[str]

@@ -59,7 +59,7 @@ def test_the_lock_names_its_holder(tmp_path):
 def test_a_folder_that_cannot_hold_a_lock_is_named(tmp_path):
     (tmp_path / "lock").mkdir()
     with (
-        pytest.raises(StoreError, match=f"^{tmp_path / 'lock'}: Is a directory; it must be a file of this folder$"),
+        pytest.raises(StoreError, match=f"^{tmp_path / 'lock'}: Is a directory; it must be a regular file$"),
         lock(tmp_path),
     ):
         pass

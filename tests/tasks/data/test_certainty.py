@@ -96,7 +96,8 @@ def test_another_column_than_the_likely_one_can_be_named(tmp_path):
     moved = {one.name: one.curves[0].protocol.displacement_mm[-1] for one in made.specimens}
     assert moved == pytest.approx({"a": 0.5, "b": 0.6, "c": 0.3})
     kept = read_answers(tmp_path / "out" / "answers.yaml")
-    assert kept.hints.displacement_column == ("Camera_mm", "Deformation_mm", "displacement_mm")
+    assert kept.instead == {"displacement": {"Deformation_mm": "Camera_mm"}}
+    assert not kept.confirmed
     init(files, tmp_path / "again", answers=kept, sizes=BAR, certain=True)
 
 
@@ -114,3 +115,20 @@ def test_a_column_that_no_title_tells_is_asked_for(tmp_path):
     assert made.specimens[0].curves[0].protocol.displacement_mm[-1] == pytest.approx(0.25)
     with pytest.raises(BadInput, match="no column of displacement, length or strain among 'time_s, Way, force_N'"):
         init([path], tmp_path / "more", ask=lambda _, choices: choices[-1], sizes=BAR)
+
+
+def test_what_was_answered_on_a_wrong_column_is_not_used_for_the_right_one(tmp_path):
+    """Each begins at a place of its own, which may be its zero or not."""
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{i},{5 + i / 20},{5 * i},{7 + i / 10}\n" for i in range(8))
+    path.write_text(f"time_s,Deformation_mm,force_N,Gauge_mm\n{rows}")
+    asked = []
+
+    def ask(question: str, choices: Sequence[str]) -> str:
+        asked.append(question)
+        return "Gauge_mm" if "which column" in question else "no" if "is likely" in question else choices[0]
+
+    made = init([path], tmp_path / "out", ask=ask, sizes=BAR)
+    assert [("likely" in one, "which column" in one, "7 mm" in one) for one in asked] == [
+        (True, False, False), (False, True, False), (False, False, True)]  # fmt: skip
+    assert made.specimens[0].curves[0].protocol.displacement_mm[-1] == pytest.approx(0.7)

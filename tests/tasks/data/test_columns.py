@@ -340,7 +340,26 @@ def test_names_of_channels_behind_those_of_quantities_do_not_hide_them(titles):
 
 
 @pytest.mark.parametrize(
-    "other", ["Force limit 1 (N)", "Force rate 2 (N)", "Force temp 3 (N)", "Force U9C", "Force A (N)"]
+    "other",
+    [
+        "Force limit 1 (N)",
+        "Force rate 2 (N)",
+        "Force temp 3 (N)",
+        "Force U9C",
+        "Force A (N)",
+        "Kraft Soll 1 (N)",
+        "Force Sollwert 1 (N)",
+        "Force consigne 1 (N)",
+        "Force SP1 (N)",
+        "Force Peak1 (N)",
+        "Force max 1 (N)",
+        "Force lateral 1 (N)",
+        "Force at 0.2% (N)",
+        "Force rates 1 (N)",
+        "Force x1000 (N)",
+        "Load/Width 10 mm (N)",
+        "Kraft bei Bruch 1 (N)",
+    ],
 )
 def test_what_else_is_told_of_a_channel_may_make_another_quantity_of_it(other):
     with pytest.raises(BadInput, match="no column of force or stress"):

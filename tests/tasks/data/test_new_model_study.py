@@ -159,7 +159,7 @@ CASES = [
     (Choices(["gel ä.t1"], measure=["side=ux@left"]), CUBE, "no set, surface or rigid body 'left'; expected one of"),
     (Choices(["gel ä.t1", "Boundary.pull.value"], "pull"), CUBE, "is the displacement of 'pull', which is moved"),
     (CHOICES, CUBE.replace("<pt>0,0</pt>", "<pt>0,1</pt>"), "'pull' starts displaced, by 0.4 mm"),
-    (CHOICES, CUBE.replace("<extend>CONSTANT", "<extend>REPEAT"), "the load curve of 'pull' is LINEAR and REPEAT"),
+    (CHOICES, CUBE.replace("<extend>CONSTANT", "<extend>REPEAT"), "the load curve of 'pull' is 'LINEAR and REPEAT'"),
     (CHOICES, CUBE.replace("<pt>0,0</pt>", "<pt>0;0</pt>"), "the points of 'pull''s load curve cannot be read"),
     (CHOICES, CUBE.replace("<step_size>0.1</step_size>", ""), "its Control section tells no duration"),
     (CHOICES, CUBE.replace("<Module type=\"solid\"/>", "<Module><units>ell</units></Module>"), "units 'ell' are"),

@@ -276,7 +276,7 @@ def test_remarks(tmp_path):
         (
             PLAIN + "3,0.1\n",
             "row 5, force_N: an empty cell; expected a finite number, like those above; "
-            "delete row 5 if that is a summary",
+            "delete row 5 if it is a summary",
         ),
         (
             PLAIN + "Max,0.2,9\n,0.1,4\n",
@@ -285,7 +285,7 @@ def test_remarks(tmp_path):
         (
             PLAIN + ",0.2,9\n,0.1,4\n",
             "row 5, time_s: an empty cell; expected a finite number, like those above; "
-            "delete rows 5 to 6 if that is a summary",
+            "delete rows 5 to 6 if they are a summary",
         ),
         (
             "time_s;disp_mm;force_N\n0,5;1,5;2,5\n1,5;1,5;2,5\n2,5;1,5;2,5\n3,5;1.234;2,5\n",

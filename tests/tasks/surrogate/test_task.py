@@ -9,7 +9,6 @@ import pytest
 import zarr
 
 import sinew
-from sinew.runner.errors import StoreError
 from sinew.runner.store.store import Store, open_store
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
@@ -278,11 +277,3 @@ def test_what_is_no_array_of_numbers_is_refused(folder, parameters):
         sinew.surrogate(folder).courses(parameters)
     with pytest.raises(sinew.BadInput, match=r"specimen \['distal/1', 1\]; expected one of distal/1"):
         sinew.surrogate(folder, ["distal/1", 1])
-
-
-def test_rows_that_vanish_while_it_runs_are_no_fault_of_the_model(home, monkeypatch):
-    """As where somebody removes the store."""
-    out, evaluate = home / "vanished", "sinew.tasks.study.workspace.evaluate"
-    monkeypatch.setattr(evaluate, lambda *_: None)
-    with pytest.raises(StoreError, match="64 of 64 rows are gone that were evaluated just now"):
-        run(home, out)
