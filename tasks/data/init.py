@@ -253,7 +253,8 @@ def read_all(
         recordings += [_settled(one, told, person) for one in found]
     if not recordings:
         path, problem = left_out[-1]
-        raise BadInput(path, problem, "at least one file with a table of numbers")
+        expected = "at least one file with a test; `sinew import --dry-run` says what each file lacks"
+        raise BadInput(path, problem, expected)
     refuse_unknown(hints.further, [one.further.values for one in recordings], recordings[0].left_out)
     return Read(recordings, left_out, person.answered)
 

@@ -13,12 +13,15 @@ from sinew.tasks.data.cohort import NAME
 from sinew.tasks.data.columns import LIKELY
 
 UNSURE = "unsure: a number may be a specimen's or a trial's; rename to SPECIMEN_PROTOCOL if it is wrong"
-#: Words in file names that name a protocol; the rest of the name is that of the specimen.
+#: Words in file names, in letters of English, that name a protocol; the rest of the name is that of the specimen.
 PROTOCOLS = (
     "one_step", "two_step", "onestep", "twostep", "step", "steps", "stress_relaxation", "relaxation", "relax",
     "creep", "hold", "cyclic", "cycles", "cycle", "cyc", "precondition", "preconditioning", "ramp", "pull", "failure",
     "fail", "rupture", "tension", "tensile", "quasistatic", "dynamic", "sinus", "sine", "fast", "slow", "loading",
     "test", "compression", "compressive",
+    "zug", "zugversuch", "zyklisch", "zyklen", "zyklus", "kriechen", "rampe", "halten", "vorkonditionierung",
+    "traction", "cyclique", "fluage", "traccion", "ciclico", "relajacion", "rampa", "fluencia",
+    "trazione", "rilassamento",
 )  # fmt: skip
 #: "_2026_05_11_10_20_33", "-20260511T1020", "_2026-05-11"
 _STAMP = re.compile(

@@ -186,7 +186,7 @@ def test_files_of_a_folder_without_a_table_are_left_out_and_named(tmp_path, caps
     told = refused(capsys, "init", tmp_path / "bench" / "SOURCE.txt", "--out", tmp_path / "other")
     assert "no table of numbers" in told
     (tmp_path / "bench" / "T1.csv").unlink()
-    assert "at least one file with a table" in refused(capsys, "init", tmp_path / "bench", "--out", tmp_path / "other")
+    assert "at least one file with a test" in refused(capsys, "init", tmp_path / "bench", "--out", tmp_path / "other")
 
 
 def test_several_tests_in_one_file_are_several_specimens(tmp_path):

@@ -26,6 +26,8 @@ from sinew.tasks.data.names import PROTOCOLS, UNSURE, FileName, names_of, plain_
         (["hold2_S7.txt", "hold1_S7.txt"], ["S7 hold2", "S7 hold1"]),
         (["stress_relaxation_T1.csv"], ["T1 stress_relaxation"]),
         (["A_relax_2026_05_11_10_20_33.asc", "A_pull_2026_05_11_10_22_33.asc"], ["A relax", "A pull"]),
+        (["Sehne1_Zug_2026_05_11.asc", "Sehne1_Zyklisch_2026_05_11.asc"], ["Sehne1 zug", "Sehne1 zyklisch"]),
+        (["traccion_T1.csv", "T1_rel\u0061jaci\u00f3n.csv"], ["T1 traccion", "T1 relajacion"]),
         (["A-20260511T1020.asc", "B-20260511.asc"], ["A test", "B test"]),
         (["A_relax_2026-05-11.asc", "A_relax_2026-05-12.asc"], ["A_relax_2026-05-11 test", "A_relax_2026-05-12 test"]),
         (["A_relax_b_20262811.asc"], ["A_relax_b_20262811 test"]),
