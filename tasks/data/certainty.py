@@ -36,9 +36,8 @@ def refuse_unsure_names(names: Mapping[Path, FileName]) -> None:
 
 @dataclass
 class Columns:
-    """Titles of columns by role: those that are right where they are likely, and those that others stand in for.
-
-    ``confirmed``: right titles; ``instead``: the right title for each that was likely and is wrong.
+    """Titles of columns by role. ``confirmed``: right where they are likely; ``instead``: likely titles that are wrong,
+    each with the right one, which goes first where a file has it.
     """
 
     confirmed: dict[str, dict[str, None]]
@@ -64,11 +63,16 @@ class Columns:
         Raises :class:`BadInput` where a person says that a column is wrong and no other one is right.
         """
         for column, role in zip(recording.columns, ROLES, strict=True):
-            if column.how != LIKELY or column.title in self.confirmed[role]:
+            if column.how != LIKELY:
                 continue
             right = self.instead[role].get(column.title)
-            if right not in _once(recording.left_out):
-                right = None if ask is None else self._asked(recording, column, role, ask)
+            if right is not None and right not in _once(recording.left_out):
+                if ask is None:
+                    problem = f"{shown(column.title)} was said to be no {column.quantity.name}, but {shown(right)}"
+                    raise BadInput(recording.path, problem, f"a column of that title, or --{role}-column")
+                right = None
+            if right is None and ask is not None and column.title not in self.confirmed[role]:
+                right = self._asked(recording, column, role, ask)
             if right is not None:
                 return f"--{role}-column", right
         return None

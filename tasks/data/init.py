@@ -232,8 +232,8 @@ def read_all(
 ) -> Read:
     """Every file. What one does not tell is asked for once, and holds for all files that do not tell it.
 
-    ``hints`` hold for all files, ``answered`` for those that ask. ``columns``: which likely ones are right; left out,
-    nobody is asked about them. ``known``: tests of files that were read already.
+    ``hints`` hold for all files, ``answered`` for those that ask. ``columns``: which likely ones are right; if
+    omitted, nobody is asked about them. ``known``: tests of files that were read already.
     """
     recordings: list[Recording] = []
     left_out = list(files.left_out)
@@ -244,7 +244,11 @@ def read_all(
             if found is None:
                 found, told = _read(path, hints, person)
             while columns and (other := next((each for one in found if (each := columns.other(one, ask))), None)):
+                tests = len(found)
                 found, told = _read(path, told.answered(*other), person)
+                if len(found) != tests:
+                    problem = f"{other[0]} {shown(other[1])} cannot be of each of its {tests} tests beside each other"
+                    raise BadInput(path, problem, "a file for each test")
         except (NoTable, NoColumn) as none:
             if path in files.named or (isinstance(none, NoColumn) and not none.alone):
                 raise
@@ -267,12 +271,12 @@ def _read(path: Path, hints: Hints, person: _Person) -> tuple[Sequence[Recording
             return read_recordings(source, hints), hints
         except Unclear as unclear:
             answer = person.answer(path, unclear)
-            if answer is None:
+            if answer is None or hints.of(unclear.option) == answer:  # it was told, and does not help
                 raise unclear.unanswered() from None
             hints = hints.answered(unclear.option, answer)
         except NoColumn as none:
             answer = None if none.alone or none.question is None else person.answer(path, none.question)
-            if none.question is None or answer in (None, NEITHER):
+            if none.question is None or answer in (None, NEITHER, hints.of(none.question.option)):
                 raise
             hints = hints.answered(none.question.option, str(answer))
 

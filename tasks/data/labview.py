@@ -19,7 +19,9 @@ FIRST, END = "LabVIEW Measurement", "***End_of_Header***"
 SPECIAL, END_SPECIAL = "***Start_Special***", "***End_Special***"  # around what only some program understands
 SEPARATORS = {"Tab": "\t", "Comma": ",", "Semicolon": ";"}
 X, CHANNELS, COMMENT = "X_Value", "Channels", "Comment"
-TOGETHER = 0.5  # of a time step: channels that begin less apart begin together
+ALWAYS = ("Samples", "Date", "Time", "X0", "Delta_X")  # keys that tell something of each channel
+TOGETHER, AT_ONCE_S = 0.5, 0.01  # of a time step, or without one: channels that begin less apart begin together
+TOGETHER_EXPECTED = "channels that are recorded together, or a file for each"
 Row = tuple[str, ...]
 Rows = list[tuple[int, Row]]
 
@@ -59,13 +61,14 @@ def read_labview(path: Path, lines: Sequence[tuple[int, str]]) -> tuple[Rows, st
 
     Raises :class:`BadInput` for a file whose keys make no sense.
     """
+    lines = list(_without_special(lines))
     layout = _layout(path, lines)
     rows, last = list(layout.header), -1.0
     titles: Row = ()
-    begun: datetime | None = None
+    begun: datetime | None = None  # the first segment
     for segment in _segments(layout, lines):
         begins, titled = _begins(layout, segment), _titled(layout, segment)
-        begun = begun or begins
+        begun = begun if titles else begins
         late = (begins - begun).total_seconds() if begins and begun else 0.0
         kept, filled = _filled(layout, segment, late, last)
         now = tuple(titled[place] for place in kept)
@@ -83,7 +86,7 @@ def _layout(path: Path, lines: Sequence[tuple[int, str]]) -> _Layout:
     if end is None:
         raise BadInput(path, f"has no line {END}", "a whole LabVIEW measurement file")
     told = {}
-    for line in (line for _, line in _without_special(lines[:end])):
+    for _, line in lines[:end]:
         for key in ("Separator", "Decimal_Separator", "X_Columns"):
             if re.match(rf"{key}(?!\w)", line):  # key, separator, value: the separator may be the value, too
                 told[key] = line[len(key) + 1 :].rstrip("\t ") or line[len(key) :].strip()
@@ -107,10 +110,7 @@ def _without_special(lines: Sequence[tuple[int, str]]) -> Iterator[tuple[int, st
 
 def _segments(layout: _Layout, lines: Sequence[tuple[int, str]]) -> Iterator[_Segment]:
     """The segments of a file, each behind an empty line."""
-    split = [
-        (at, tuple(cell.strip() for cell in line.split(layout.separator)))
-        for at, line in _without_special(lines[layout.start :])
-    ]
+    split = [(at, tuple(cell.strip() for cell in line.split(layout.separator))) for at, line in lines[layout.start :]]
     place = 0
     while place < len(split):
         at, row = split[place]
@@ -119,7 +119,8 @@ def _segments(layout: _Layout, lines: Sequence[tuple[int, str]]) -> Iterator[_Se
             continue
         if row[0] != CHANNELS:
             problem = f"{shown(' '.join(row).strip(), 60)} behind an empty line or the header"
-            raise BadInput(f"{layout.path}: row {at}", problem, f"a segment, which begins with {CHANNELS}")
+            expected = f"a segment, which begins with {CHANNELS}, or no empty line within the samples"
+            raise BadInput(f"{layout.path}: row {at}", problem, expected)
         end = next((one for one in range(place, len(split)) if split[one][1][0] == END), len(split))
         keys = {row[0]: row[1:] for _, row in split[place:end]}
         place = end + 1
@@ -141,12 +142,12 @@ def _row(row: tuple[int, Row], width: int) -> tuple[int, Row]:
 def _values(layout: _Layout, segment: _Segment, key: str) -> dict[int, str]:
     """What a key tells of each channel, by the place of its column.
 
-    With a column of times for each channel, values stand above both, or above channels only, one behind the other.
+    With a column of times for each channel, there is an empty cell for each of these, or there is none for any.
     """
     told = segment.keys.get(key, ())
     step = 2 if layout.times == "Multi" else 1
-    places = [place for place in range(1, len(segment.titles), step) if segment.titles[place] not in ("", COMMENT)]
-    spaced = step == 2 and ((len(told) > 1 and not told[1]) or sum(map(bool, told)) > len(places))
+    places = [place for place in range(1, len(segment.titles), step) if segment.titles[place] != COMMENT]
+    spaced = step == 2 and any(len(row) > 1 and not row[1] for row in map(segment.keys.get, ALWAYS) if row)
     at = {place: place - 1 if spaced else number_of for number_of, place in enumerate(places)}
     return {place: told[index] for place, index in at.items() if index < len(told)}
 
@@ -172,11 +173,11 @@ def _begins(layout: _Layout, segment: _Segment) -> datetime | None:
     moments = sorted(time for time in times if time is not None)
     if not moments:
         return None
-    steps = _numbers(layout, segment, "Delta_X")
+    steps, factor = _numbers(layout, segment, "Delta_X"), units.factor(units.TIME, _time_unit(layout, segment))
     apart = (moments[-1] - moments[0]).total_seconds()
-    if apart > TOGETHER * min(steps, default=0.0) * (units.factor(units.TIME, _time_unit(layout, segment)) or 1.0):
+    if apart > (TOGETHER * min(steps) * (factor or 1.0) if steps else AT_ONCE_S):
         problem = f"a segment whose channels begin {apart:g} s apart"
-        raise BadInput(f"{layout.path}: row {segment.at}", problem, "channels that are recorded together")
+        raise BadInput(f"{layout.path}: row {segment.at}", problem, TOGETHER_EXPECTED)
     return moments[0]
 
 
@@ -199,33 +200,43 @@ def _filled(layout: _Layout, segment: _Segment, late: float, last: float) -> tup
     Times that start again go on from how much later than the first one the segment begins, ``late`` (s); ``last``: the
     last time of the segment before.
     """
-    repeats = _repeated_times(segment) if layout.times == "Multi" else []
-    kept = [place for place in range(len(segment.titles)) if place not in repeats]
+    titles = segment.titles
+    clocks = [place for place, title in enumerate(titles) if title == X] if layout.times == "Multi" else [0]
+    kept = [place for place in range(len(titles)) if place not in clocks[1:]]
     if layout.times == "No":
         begin, step = _regular(layout, segment)
         times: list[float | None] = [begin + count * step for count in range(len(segment.rows))]
     else:
-        times = [number(row[0], layout.decimal) for _, row in segment.rows]
+        if layout.times == "One":
+            _regular(layout, segment, told=False)
+        cells = [_one_time(layout, at, [row[place] for place in clocks]) for at, row in segment.rows]
+        times = [number(cell, layout.decimal) for cell in cells]
     first = next((time for time in times if time is not None), 0.0)
     factor = units.factor(units.TIME, _time_unit(layout, segment))
     offset = late / factor if late > 0.0 and factor and first <= last else 0.0
-    if layout.times != "No" and not offset:
-        return kept, segment.rows
+    if layout.times == "One" and not offset:
+        return kept, segment.rows  # with whatever stands in place of a time
     cells = ["" if time is None else f"{time + offset:.15g}".replace(".", layout.decimal) for time in times]
     return kept, [(at, (cell, *row[1:])) for cell, (at, row) in zip(cells, segment.rows, strict=True)]
 
 
-def _repeated_times(segment: _Segment) -> list[int]:
-    """The columns of times that repeat the first one in each row in which they have any."""
-    others = [place for place, title in enumerate(segment.titles) if title == X and place]
-    return [place for place in others if all(row[place] in ("", row[0]) for _, row in segment.rows)]
+def _one_time(layout: _Layout, at: int, cells: Sequence[str]) -> str:
+    """The time of a row, which all of its channels have that have any. Raises :class:`BadInput`."""
+    told = dict.fromkeys(filter(None, cells))
+    if len(told) > 1:
+        problem = f"channels at different times, {' and '.join(told)}"
+        raise BadInput(f"{layout.path}: row {at}", problem, TOGETHER_EXPECTED)
+    return next(iter(told), "")
 
 
-def _regular(layout: _Layout, segment: _Segment) -> tuple[float, float]:
-    """The first time and the time step of a segment without times."""
+def _regular(layout: _Layout, segment: _Segment, *, told: bool = True) -> tuple[float, float]:
+    """The first time and the time step of all channels of a segment, which must be ``told`` where it has no times.
+
+    Raises :class:`BadInput`.
+    """
     begins, steps = _numbers(layout, segment, "X0") or {0.0}, _numbers(layout, segment, "Delta_X")
-    if len(begins) != 1 or len(steps) != 1 or not min(steps) > 0.0:
-        told = " and ".join(f"{key} {', '.join(_values(layout, segment, key).values())}" for key in ("X0", "Delta_X"))
-        expected = "one X0 and one Delta_X above 0 for all channels, or the file saved with times"
-        raise BadInput(f"{layout.path}: row {segment.at}", f"no column of times, and {told}", expected)
-    return min(begins), min(steps)
+    if len(begins) != 1 or len(steps) > 1 or (told and not min(steps, default=0.0) > 0.0):
+        both = (f"{key} {', '.join(_values(layout, segment, key).values())}" for key in ("X0", "Delta_X"))
+        expected = "one X0 and one Delta_X above 0 for all channels, or a column of times for each (X_Columns Multi)"
+        raise BadInput(f"{layout.path}: row {segment.at}", " and ".join(both), expected)
+    return min(begins), min(steps, default=0.0)

@@ -19,7 +19,6 @@ from sinew.tasks.data.recordings import Recording
 from sinew.tasks.data.sizes import SIZES
 from sinew.tasks.drawing.blocks import listed, number
 from sinew.tasks.model import Curve, Specimen
-from sinew.tasks.model.phases import phases
 from sinew.tasks.registry import TASKS
 from sinew.tasks.study.files import write_text
 from sinew.tasks.study.resources import resource
@@ -27,7 +26,7 @@ from sinew.tasks.study.study import read_study
 
 LeftOut = tuple[Path, str]  # a file, and why it is not used
 IMPLAUSIBLE_STRAIN = 500.0  # %
-FEWEST_CYCLES = 3
+CYCLES = ("cyc", "zyk", "cicl")  # how names of cyclic protocols begin
 LISTED = 20  # files that are left out and named
 
 
@@ -62,15 +61,10 @@ def write_study(out: Path, cohort: str, specimens: Sequence[Specimen], ranges: F
     study = out / "study.yaml"
     several = len({one.site for one in specimens if one.site}) > 1
     tasks = [name for name, task in TASKS.items() if not task.optional and (several or name != "compare")]
-    cyclic = sorted({curve.name for one in specimens for curve in one.curves if _has_cycles(curve)})
+    cyclic = sorted({curve.name for one in specimens for curve in one.curves if curve.name.startswith(CYCLES)})
     names = {"cohort": json.dumps(cohort), "tasks": tasks, "cyclic": list(map(json.dumps, cyclic)), "ranges": ranges}
     write_rendered(study, "study.yaml.j2", names)
     return study
-
-
-def _has_cycles(curve: Curve) -> bool:
-    """Whether a test is unloaded so often that its first cycle stands for the others."""
-    return any(phase.kind == "unload" and phase.number >= FEWEST_CYCLES for phase in phases(curve.protocol))
 
 
 def write_rendered(study: Path, template: str, values: Mapping[str, Any]) -> None:

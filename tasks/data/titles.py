@@ -20,10 +20,11 @@ _MINUS = re.compile(r"[-\u2212] ?(?=[^\W\d])")  # "-Force", which has another si
 #: Words behind a name that are of a channel, a sensor or its clock; others have a digit, as "U9C", "500N" and "1".
 _OF_CHANNELS = frozenset({
     "ch", "chan", "channel", "kanal", "canal", "voie", "ai", "a", "b", "c", "dev", "module", "mod", "slot", "sensor",
-    "cell", "input", "default", "sample", "standardmessrate", "messrate",
+    "cell", "loadcell", "hbm", "input", "default", "sample", "standardmessrate", "messrate", "messkette",
 })  # fmt: skip
-#: What may stand before the digit of a word that makes another quantity of the name: "SP1", "Peak2", "x1000".
-_OTHERS = re.compile(r"(?:sp|cmd|ref|rate|peak|valley|limit|max|min|mean|std|soll|x|y|z)s?\Z")
+#: Letters about digits that make another quantity of the name: "SP1", "max2", "x1000".
+_OTHERS = frozenset({"sp", "cmd", "ref", "max", "min", "avg", "rms", "std", "sd", "set", "x", "y", "z", "dt", "del"})
+_LETTERS = 3
 _SHORTEST = 3  # letters of a name that may stand in front of that of a channel
 _LONGEST = 300  # characters of a title with a unit
 
@@ -115,12 +116,17 @@ def before_channel(name: str, known: Collection[str]) -> str:
     found = [word for word in known if len(word) >= _SHORTEST and name.startswith((f"{word} ", f"{word}/"))]
     word = max(found, key=len, default="")
     rest = re.split(r"[\s/]+", name[len(word) :].replace("sample rate", "sample"))
-    words, numbered = (
-        [each for each in rest if each and any(map(str.isdigit, each)) is digit] for digit in (False, True)
-    )
-    own = all(each in _OF_CHANNELS for each in words)
-    own = own and not any(_OTHERS.match(each.rstrip("0123456789.")) or "%" in each for each in numbered)
-    return word if word and numbered and own else ""
+    rest = [each for each in rest if each]
+    numbered = any(map(str.isdigit, "".join(rest)))
+    return word if word and numbered and all(map(_of_channel, rest)) else ""
+
+
+def _of_channel(word: str) -> bool:
+    """Whether a word is of a channel or a sensor: ``ch``, ``ai2``, or a few letters about digits, as ``mx840b``."""
+    letters = re.sub(r"\d", "", word)
+    if letters in _OF_CHANNELS or not letters:
+        return True
+    return letters != word and letters.isalpha() and len(letters) <= _LETTERS and letters not in _OTHERS
 
 
 def is_spread(title: str) -> bool:

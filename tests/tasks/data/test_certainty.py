@@ -132,3 +132,48 @@ def test_what_was_answered_on_a_wrong_column_is_not_used_for_the_right_one(tmp_p
     assert [("likely" in one, "which column" in one, "7 mm" in one) for one in asked] == [
         (True, False, False), (False, True, False), (False, False, True)]  # fmt: skip
     assert made.specimens[0].curves[0].protocol.displacement_mm[-1] == pytest.approx(0.7)
+
+
+def test_an_answer_that_does_not_help_ends_the_dialogue(tmp_path):
+    """The unit that is asked for cannot be that of the column which was named, as that has another one."""
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{i},{i / 20},{5 * i},{20 + i}\n" for i in range(8))
+    path.write_text(f"time_s,Deformation_mm,force_N,Temp (degC)\n{rows}")
+
+    def ask(question: str, choices: Sequence[str]) -> str:
+        return "Temp (degC)" if "which column" in question else "no" if "is likely" in question else choices[0]
+
+    with pytest.raises(BadInput, match=r"column 'Temp \(degC\)': no unit of the displacement"):
+        init([path], tmp_path / "out", ask=ask, sizes=BAR)
+
+
+def test_a_column_that_was_said_to_be_wrong_is_not_taken_because_it_is_right_elsewhere(tmp_path):
+    both = tmp_path / "a.csv"
+    both.write_text("time_s,Deformation_mm,force_N,Gauge_mm\n" + "".join(f"{i},{i},{i},{i / 10}\n" for i in range(8)))
+    alone = written(tmp_path / "b.csv")
+
+    def ask(question: str, choices: Sequence[str]) -> str:
+        return "Gauge_mm" if "which column" in question else "no" if "a.csv: displ" in question else choices[0]
+
+    def moved(made) -> dict[str, float]:
+        return {one.name: float(one.curves[0].protocol.displacement_mm[-1]) for one in made.specimens}
+
+    first = moved(init([both, alone], tmp_path / "out", ask=ask, sizes=BAR))
+    assert first == pytest.approx({"a": 0.7, "b": 0.25})
+    kept = read_answers(tmp_path / "out" / "answers.yaml")
+    again = init([both, alone], tmp_path / "again", answers=kept, ask=lambda _, choices: choices[0], sizes=BAR)
+    assert moved(again) == first
+    with pytest.raises(BadInput, match=r"b.csv: 'Deformation_mm' was said to be no displacement, but 'Gauge_mm'"):
+        init([both, alone], tmp_path / "more", answers=kept, sizes=BAR)
+
+
+def test_another_column_cannot_be_that_of_each_of_several_tests(tmp_path):
+    titles = "time_s,Deformation_mm,force_N"
+    rows = "".join(f"{i},{i / 20},{5 * i},{i},{i / 30},{4 * i},{i / 10}\n" for i in range(8))
+    (tmp_path / "a.csv").write_text(f"{titles},{titles},Gauge_mm\n{rows}")
+
+    def ask(question: str, choices: Sequence[str]) -> str:
+        return "Gauge_mm" if "which column is the" in question else "no" if "is likely" in question else choices[0]
+
+    with pytest.raises(BadInput, match="cannot be of each of its 2 tests beside each other; expected a file for each"):
+        init([tmp_path / "a.csv"], tmp_path / "out", ask=ask, sizes=BAR)

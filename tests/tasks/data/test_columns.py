@@ -359,6 +359,14 @@ def test_names_of_channels_behind_those_of_quantities_do_not_hide_them(titles):
         "Force x1000 (N)",
         "Load/Width 10 mm (N)",
         "Kraft bei Bruch 1 (N)",
+        "Force offset1 (N)",
+        "Force error1 (N)",
+        "Force setpoint1 (N)",
+        "Force avg1 (N)",
+        "Force ch1+ch2 (N)",
+        "Force 1000x (N)",
+        "Load drop1 (N)",
+        "Force/area1 (N)",
     ],
 )
 def test_what_else_is_told_of_a_channel_may_make_another_quantity_of_it(other):

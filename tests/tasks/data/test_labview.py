@@ -1,5 +1,6 @@
 """LabVIEW measurement files: each segment tells its units and times, and none of its keys is a number of a test."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -101,8 +102,37 @@ def test_segments_are_one_test_and_their_keys_are_no_numbers(tmp_path, times, un
 
 def test_values_above_channels_only_are_theirs_too(tmp_path):
     path = file(tmp_path, segment(ROWS, times="Multi"), times="Multi")
-    path.write_text(path.read_text().replace("Y_Unit_Label\tN\t\tmm\t", "Y_Unit_Label\tN\tmm\t"))
+    path.write_text(re.sub(r"(?m)^(\w+\t\S+\t)\t(\S+\t)", r"\1\2", path.read_text()))
+    assert "Y_Unit_Label\tN\tmm\t" in path.read_text()
     assert [column.unit for column in read(path, displacement_column="Way (mm)").columns] == ["s", "mm", "N"]
+
+
+def test_units_are_above_their_channels_though_one_has_none(tmp_path):
+    path = file(tmp_path, segment(ROWS, times="Multi", units=("", "mm")), times="Multi")
+    with pytest.raises(BadInput, match="no unit of the force"):
+        read(path, displacement_column="Way (mm)")
+
+
+@pytest.mark.parametrize("times", ["One", "Multi"])
+def test_channels_at_different_times_are_refused(tmp_path, times):
+    path = file(tmp_path, segment(ROWS, times=times), times=times)
+    text = path.read_text()
+    if times == "One":
+        path.write_text(text.replace("Delta_X\t0.05\t0.05", "Delta_X\t0.05\t0.1"))
+    else:
+        path.write_text(
+            text.replace("\t0.200000\t0.020000", "\t0.210000\t0.020000").replace("0.200000\t0.4", "0.21\t0.4", 1)
+        )
+    with pytest.raises(BadInput, match=r"Delta_X 0.05, 0.1|row \d+: channels at different times, 0.2"):
+        read(path)
+
+
+def test_a_channel_may_be_shorter(tmp_path):
+    path = file(tmp_path, segment(ROWS, times="Multi"), times="Multi")
+    *lines, last = path.read_text().splitlines()
+    _, force, time, moved, *_ = last.split("\t")
+    path.write_text("\n".join([*lines, f"\t{force}\t{time}\t{moved}\t", ""]))
+    assert read(path, displacement_column="Way (mm)").numbers[-1, 0] == pytest.approx(0.55)
 
 
 def test_a_pause_of_half_a_minute_is_kept(tmp_path):
@@ -147,8 +177,8 @@ def test_units_that_a_person_gives_do_not_replace_those_of_the_file(tmp_path):
         ),
         ("Separator\tTab", "Separator\tPipe", "'Separator Pipe, .*'; expected a LabVIEW measurement file with"),
         ("X_Columns\tNo", "X_Columns\tAll", "X_Columns All"),
-        ("Delta_X\t0.05\t0.05", "Delta_X\t0.05\t0.1", "no column of times, and X0 0.0, 0.0 and Delta_X 0.05, 0.1"),
-        ("Delta_X\t0.05\t0.05\t\n", "", "no column of times, and X0 0.0, 0.0 and Delta_X"),
+        ("Delta_X\t0.05\t0.05", "Delta_X\t0.05\t0.1", "X0 0.0, 0.0 and Delta_X 0.05, 0.1; expected one X0"),
+        ("Delta_X\t0.05\t0.05\t\n", "", "X0 0.0, 0.0 and Delta_X ; expected one X0 and one Delta_X"),
         ("Time\t14:32:07.500\t", "Time\t14:32:07.900\t", "a segment whose channels begin 0.4 s apart"),
         ("\t0.500000\t0.050000\t\n", "\t0.500000\t0.050000\t\n\t\t\t\n", "behind an empty line or the header"),
         ("X_Value\tForce", "Force\tForce", "'Force' as first title; expected X_Value"),

@@ -36,25 +36,20 @@ PUBLISHED = FirstRanges(Model(), ())
 
 
 def specimen(name: str, *protocols: str) -> Specimen:
-    """Tests that go up; those called ``cycles`` three times up and down, whatever else is in their names."""
-    moved = {True: (3.0 * np.abs(np.sin(np.linspace(0.0, 3.0 * np.pi, 61))), np.arange(61.0)), False: (TIME / 10, TIME)}
-    curves = []
-    for i, protocol in enumerate(protocols):
-        displacement, time = moved["cycles" in protocol]
-        curves.append(Curve(Protocol(protocol, time, displacement), displacement * (1 + i)))
-    return Specimen(name, 10.0, 8.0, 4.0, tuple(curves))
+    curves = tuple(Curve(Protocol(protocol, TIME, TIME / 10), TIME * (1 + i)) for i, protocol in enumerate(protocols))
+    return Specimen(name, 10.0, 8.0, 4.0, curves)
 
 
 def test_the_study_explains_every_field_and_holds_every_task(tmp_path):
     (tmp_path / "my study").mkdir()
     path = write_study(
-        tmp_path / "my study", "cohort", [specimen("d/x", "cyclic", "of_cycles"), specimen("p/x", "cyclic")], PUBLISHED
+        tmp_path / "my study", "cohort", [specimen("d/x", "cyclic", "ramp"), specimen("p/x", "zyklisch")], PUBLISHED
     )
     study = read_study(path)
     assert study.name == "my_study"
     assert study.cohort_path == tmp_path / "my study" / "cohort"
     assert study.tasks == ["sobol", "importance", "calibrate", "infer", "predict", "compare", "discover"]
-    assert study.infer.single_cycle == ["of_cycles"]
+    assert study.infer.single_cycle == ["cyclic", "zyklisch"]
     text = path.read_text("utf-8")
     for name, section in type(study).model_fields.items():
         if name in OF_TEMPLATES or (name in TASKS and TASKS[name].optional):
