@@ -22,7 +22,7 @@ _OPTIONS = (
     click.option("--time-unit", metavar="UNIT", help="Unit of times without one: s, ms, min, ..."),
     click.option("--displacement-unit", metavar="UNIT", help="The same for displacements (mm, ...), strains (%, 1)."),
     click.option("--force-unit", metavar="UNIT", help="The same for forces (N, kN, ...) or stresses (kPa, MPa, ...)."),
-    _title("--time-column", "Title or number (from 1) of the column of time; again for files with another title."),
+    _title("--time-column", "Title or number (from 1) of the column of time; repeat it for files with other titles."),
     _title("--displacement-column", "The same for displacement, strain or stretch."),
     _title("--force-column", "The same for force or stress."),
     click.option(

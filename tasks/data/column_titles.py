@@ -34,6 +34,16 @@ def _read(table: Table) -> tuple[Row, list[tuple[str, str]]]:
     return titles, [(names[place], "s" if table.has_clock(place) else unit) for place, unit in enumerate(told)]
 
 
+def places_named(titles: Sequence[str], named: Sequence[tuple[str, str]], wanted: str) -> list[int]:
+    """The columns of a title, of a name without its unit, or of a number from 1, as a person gives it."""
+    exact = [place for place, title in enumerate(titles) if title == wanted.strip()]
+    name = name_and_unit(wanted)[0]
+    found = exact or [place for place, (other, _) in enumerate(named) if other and other == name]
+    if not found and wanted.isascii() and wanted.isdigit() and len(wanted) < 5 and 1 <= int(wanted) <= len(titles):
+        return [int(wanted) - 1]
+    return found
+
+
 def _of_channels(names: Sequence[str], measured: Sequence[str]) -> list[str]:
     """The names without those of channels and sensors behind them, where no column is called by the name alone.
 

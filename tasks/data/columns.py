@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import units, words
 from sinew.tasks.data.clocks import columns_by_clock
-from sinew.tasks.data.column_titles import check_width, names_and_units
+from sinew.tasks.data.column_titles import check_width, names_and_units, places_named
 from sinew.tasks.data.factors import factor_of
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
@@ -316,7 +316,7 @@ def _of_another_role(name: str, role: Role) -> str:
 
 def _place_of(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: Role) -> tuple[str, int]:
     """The first title that the file has of those that a person gives, and its place."""
-    found = [(wanted, _places_of(titles, named, wanted)) for wanted in role.wanted]
+    found = [(wanted, places_named(titles, named, wanted)) for wanted in role.wanted]
     for wanted, places in found:
         if len(places) == 1:
             return wanted, places[0]
@@ -327,14 +327,6 @@ def _place_of(table: Table, titles: Row, named: Sequence[tuple[str, str]], role:
     expected = f"a number from 1 to {len(titles)}, or one of {', '.join(map(shown, titles[:12]))}"
     again = "" if places or wanted.isdigit() else f"; repeat --{role.option}-column where files have other titles"
     raise NoColumn(f"{table.path}: --{role.option}-column", problem, f"{expected}{again}")
-
-
-def _places_of(titles: Row, named: Sequence[tuple[str, str]], wanted: str) -> list[int]:
-    exact = [i for i, title in enumerate(titles) if title == wanted.strip()]
-    alike = exact or [i for i, (name, _) in enumerate(named) if name and name == name_and_unit(wanted)[0]]
-    if not alike and wanted.isascii() and wanted.isdigit() and len(wanted) < 5 and 1 <= int(wanted) <= len(titles):
-        return [int(wanted) - 1]
-    return alike
 
 
 def _quantity_of_unit(quantities: Sequence[Quantity], unit: str) -> Quantity | None:

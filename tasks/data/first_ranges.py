@@ -210,13 +210,13 @@ def _least_misfit(simulator: Uniaxial, model: Model, specimen: Specimen, taut: f
     """The relative misfit of the best fit that is found: among points in the ranges, then ever closer to the best."""
     low, high = (np.array([getattr(one, end) for one in model.parameters]) for end in ("minimum", "maximum"))
     shares = (spread(model, ROWS)[-ROWS:] - low) / np.where(high > low, high - low, 1.0)
-    best, at, misfit = shares, shares[0], np.inf
+    tried, best, misfit = shares, shares[0], np.inf
     for search in range(SEARCHES):
-        _, misfits = _fits(simulator, model, specimen, low + best * (high - low), taut)
+        _, misfits = _fits(simulator, model, specimen, low + tried * (high - low), taut)
         least = int(np.argmin(misfits))
         if misfits[least] < misfit:
-            at, misfit = best[least], float(misfits[least])
-        best = np.clip(at + CLOSER ** (search + 1) * (shares - 0.5), 0.0, 1.0)
+            best, misfit = tried[least], float(misfits[least])
+        tried = np.clip(best + CLOSER ** (search + 1) * (shares - 0.5), 0.0, 1.0)
     return misfit
 
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import units
-from sinew.tasks.data.column_titles import names_and_units
+from sinew.tasks.data.column_titles import names_and_units, places_named
 from sinew.tasks.data.hints import Further
 from sinew.tasks.data.marks import refuse_marks
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import HUGE
-from sinew.tasks.data.titles import name_and_unit, without_number
+from sinew.tasks.data.titles import without_number
 from sinew.tasks.study.measured import UNITS
 
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -42,7 +42,7 @@ def kept(table: Table, rows: range, further: Sequence[Further], number: int = 0,
     values: dict[str, Array] = {}
     places, words, notes = [], [], []
     for one in further:
-        found = _places(one.column, titles, named)
+        found = places_named(titles, named, one.column)
         if not found:
             notes.append(f"no column {shown(one.column)} to keep")
             continue
@@ -73,16 +73,6 @@ def refuse_unknown(further: Sequence[Further], tests: Sequence[Mapping[str, Arra
             listed = ", ".join(shown(title) for title in titles[:12] if title)
             problem = f"no file has numbers in a column {shown(one.column)}"
             raise BadInput("--keep-column", problem, f"one of {listed}" if listed else "a title, or a number from 1")
-
-
-def _places(wanted: str, titles: Sequence[str], named: Sequence[tuple[str, str]]) -> list[int]:
-    """The columns of a title, of a name without its unit, or of a number from 1."""
-    exact = [place for place, title in enumerate(titles) if title == wanted]
-    name = name_and_unit(wanted)[0]
-    found = exact or [place for place, (other, _) in enumerate(named) if other and other == name]
-    if not found and wanted.isascii() and wanted.isdigit() and len(wanted) < 5 and 1 <= int(wanted) <= len(titles):
-        return [int(wanted) - 1]
-    return found
 
 
 def _of_each_test(place: int, named: Sequence[tuple[str, str]], beside: int) -> list[int]:

@@ -169,16 +169,16 @@ def _time_unit(layout: _Layout, segment: _Segment) -> str:
 def _begins(layout: _Layout, segment: _Segment) -> datetime | None:
     """When a segment begins; None where it does not tell. Raises :class:`BadInput` for channels that begin apart."""
     dates, clocks = (_values(layout, segment, key) for key in ("Date", "Time"))
-    times = {_moment(dates.get(place, ""), clock) for place, clock in clocks.items()} - {None}
-    moments = sorted(time for time in times if time is not None)
+    found = (_moment(dates.get(place, ""), clock) for place, clock in clocks.items())
+    moments = [moment for moment in found if moment is not None]
     if not moments:
         return None
     steps, factor = _numbers(layout, segment, "Delta_X"), units.factor(units.TIME, _time_unit(layout, segment))
-    apart = (moments[-1] - moments[0]).total_seconds()
+    apart = (max(moments) - min(moments)).total_seconds()
     if apart > (TOGETHER * min(steps) * (factor or 1.0) if steps else AT_ONCE_S):
         problem = f"a segment whose channels begin {apart:g} s apart"
         raise BadInput(f"{layout.path}: row {segment.at}", problem, TOGETHER_EXPECTED)
-    return moments[0]
+    return min(moments)
 
 
 def _moment(date: str, clock: str) -> datetime | None:
@@ -197,8 +197,8 @@ def _numbers(layout: _Layout, segment: _Segment, key: str) -> set[float]:
 def _filled(layout: _Layout, segment: _Segment, late: float, last: float) -> tuple[list[int], Rows]:
     """The places of the columns that count, and rows with times.
 
-    Times that start again go on from how much later than the first one the segment begins, ``late`` (s); ``last``: the
-    last time of the segment before.
+    Where times start again, at or before the ``last`` one of the segment before, the delay of the segment since the
+    first one, ``late`` (s), is added.
     """
     titles = segment.titles
     clocks = [place for place, title in enumerate(titles) if title == X] if layout.times == "Multi" else [0]
@@ -209,8 +209,8 @@ def _filled(layout: _Layout, segment: _Segment, late: float, last: float) -> tup
     else:
         if layout.times == "One":
             _regular(layout, segment, told=False)
-        cells = [_one_time(layout, at, [row[place] for place in clocks]) for at, row in segment.rows]
-        times = [number(cell, layout.decimal) for cell in cells]
+        told = (_one_time(layout, at, [row[place] for place in clocks]) for at, row in segment.rows)
+        times = [number(cell, layout.decimal) for cell in told]
     first = next((time for time in times if time is not None), 0.0)
     factor = units.factor(units.TIME, _time_unit(layout, segment))
     offset = late / factor if late > 0.0 and factor and first <= last else 0.0

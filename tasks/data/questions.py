@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from sinew.runner.errors import BadInput
 
 FOR_ALL_ALIKE = "(the answer applies to all files that leave this open)"  # behind a question
+NEITHER = "none of them"  # an answer
 
 
 class Unclear(BadInput):
@@ -38,9 +39,6 @@ class NoColumn(BadInput):
 
     alone = False
     question: Unclear | None = None
-
-
-NEITHER = "none of them"
 
 
 class UnknownUnit(Unclear):

@@ -181,7 +181,7 @@ def _check_version(content: Any, where: Path, known: int) -> None:
     """Refuse a result of a later version, whose fields may mean something else. Raises :class:`BadInput`."""
     found = content.get("version", 1) if isinstance(content, dict) else 1
     if type(found) is not int or not 0 < found <= known:
-        problem = f"{shown(found)}, of another sinew" if type(found) is int else shown(found)
+        problem = f"{found}, of a later sinew" if type(found) is int and found > known else shown(found)
         raise BadInput(f"{where}: version", problem, f"at most {known}, that of this sinew; run the task again")
 
 

@@ -97,10 +97,11 @@ def surrogate(folder: str | Path, specimen: str | None = None) -> Surrogate:
     store = open_store(folder)
     with believed(path):
         table = {each.key: each for each in store.tables()}[one.table]
-        rows = rows_of(store, name, result.inputs)
-        if rows is None or rows.size != one.runs or table.pending(rows).size:
+        kept = kept_of(store, name, result.inputs)
+        rows = np.empty(0, dtype=int) if kept is None else kept["row"].to_numpy()
+        if kept is None or rows.size != one.runs or table.pending(rows).size:
             raise ValueError("the store does not hold its runs any more")
-        _check_told(store.read_result(group(name)), result, one)
+        _check_told(kept, result, one)
         at = [table.names.index(each) for each in result.names]
         lower, upper = np.array(result.bounds, dtype=float).T
         share = (table.parameters(rows)[:, at] - lower) / (upper - lower)
@@ -142,8 +143,8 @@ def times_of(table: Table, protocol: str) -> Array:
     return np.asarray(found, dtype=float)
 
 
-def rows_of(store: Store, specimen: str, inputs: str | None = None) -> Array | None:
-    """The rows ``[n]`` of a table that an emulator was trained with; None where there are none that can be.
+def kept_of(store: Store, specimen: str, inputs: str | None = None) -> xr.Dataset | None:
+    """What the store keeps of an emulator, with the rows ``row`` ``[n]`` of its table; None where they cannot be.
 
     ``inputs``: the key of the result that they must be of.
     """
@@ -153,7 +154,7 @@ def rows_of(store: Store, specimen: str, inputs: str | None = None) -> Array | N
     except (StoreError, KeyError):
         return None
     right = rows.ndim == 1 and rows.dtype.kind == "i" and 0 < rows.size <= MOST_RUNS and rows.min(initial=0) >= 0
-    return rows if right and inputs in (None, dataset.attrs.get("inputs")) else None
+    return dataset if right and inputs in (None, dataset.attrs.get("inputs")) else None
 
 
 def courses_of(table: Table, fields: Sequence[str], rows: Array) -> tuple[Array, list[Array]]:

@@ -28,7 +28,7 @@ from sinew.tasks.simulate.plain_design import shares
 from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
 from sinew.tasks.study.workspace import Workspace
-from sinew.tasks.surrogate.reading import apart, courses_of, group, rows_of, times_of
+from sinew.tasks.surrogate.reading import apart, courses_of, group, kept_of, times_of
 from sinew.tasks.surrogate.result import OfComponent, OfCourse, OfSpecimen, SurrogateResult
 from sinew.tasks.surrogate.settings import Settings, fewest, sizes
 
@@ -248,8 +248,8 @@ def _finished(workspace: Workspace, settings: Settings, specimens: tuple[Specime
     tables = {}
     for specimen in specimens:
         table = workspace.store.table(workspace.evaluation(specimen).table())
-        rows = rows_of(workspace.store, specimen.name)
-        if rows is None or rows.max() >= len(table):
+        kept = kept_of(workspace.store, specimen.name)
+        if kept is None or (rows := kept["row"].to_numpy()).max() >= len(table):
             return None
         tables[specimen.name] = table, rows
     return cached(workspace, SurrogateResult, _inputs(workspace, settings, tables), map(group, tables))

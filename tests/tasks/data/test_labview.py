@@ -31,21 +31,21 @@ KEYS = """\
 Channels\t2\t\t
 Samples\t{0}\t{0}\t
 Date\t2026/05/11\t2026/05/11\t
-Time\t{1}\t{2}\t
-Y_Unit_Label\t{3}\t{4}\t
+Time\t{1}\t{1}\t
+Y_Unit_Label\t{2}\t{3}\t
 X_Dimension\tTime\tTime\t
-X_Unit_Label\t{5}\t{5}\t
-X0\t{6}\t{6}\t
-Delta_X\t{7}\t{7}\t
+X_Unit_Label\t{4}\t{4}\t
+X0\t{5}\t{5}\t
+Delta_X\t0.05\t0.05\t
 ***End_of_Header***
 """
 ROWS = [(0.05 * row, 0.1 * row, 0.01 * row) for row in range(12)]  # s, force, displacement
 
 
-def segment(rows, *, times="One", units=("N", "mm"), second=7.5, apart=0.0, unit="s", begin=0.0, step=0.05) -> str:
-    """A segment that begins at 14:32 and some seconds; its second channel so much later."""
-    clocks = [f"14:{32 + int(each // 60)}:{each % 60:06.3f}" for each in (second, second + apart)]
-    head = KEYS.format(len(rows), *clocks, *units, unit, begin, step)
+def segment(rows, *, times="One", units=("N", "mm"), second=7.5, unit="s", begin=0.0) -> str:
+    """A segment that begins at 14:32 and some seconds."""
+    clock = f"14:{32 + int(second // 60)}:{second % 60:06.3f}"
+    head = KEYS.format(len(rows), clock, *units, unit, begin)
     if times == "Multi":  # each value stands above its channel, and nothing above its column of times
         keys = [line.split("\t") for line in head.splitlines()]
         spaced = [[key[0], key[1], "", *key[2:]] if len(key) > 2 and key[0] != "Channels" else key for key in keys]
@@ -113,17 +113,17 @@ def test_units_are_above_their_channels_though_one_has_none(tmp_path):
         read(path, displacement_column="Way (mm)")
 
 
-@pytest.mark.parametrize("times", ["One", "Multi"])
-def test_channels_at_different_times_are_refused(tmp_path, times):
+@pytest.mark.parametrize(
+    ("times", "old", "new", "words"),
+    [
+        ("One", "Delta_X\t0.05\t0.05", "Delta_X\t0.05\t0.1", "Delta_X 0.05, 0.1; expected one X0 and one Delta_X"),
+        ("Multi", "0.200000\t0.4", "0.210000\t0.4", r"row \d+: channels at different times, 0.210000 and 0.200000"),
+    ],
+)
+def test_channels_at_different_times_are_refused(tmp_path, times, old, new, words):
     path = file(tmp_path, segment(ROWS, times=times), times=times)
-    text = path.read_text()
-    if times == "One":
-        path.write_text(text.replace("Delta_X\t0.05\t0.05", "Delta_X\t0.05\t0.1"))
-    else:
-        path.write_text(
-            text.replace("\t0.200000\t0.020000", "\t0.210000\t0.020000").replace("0.200000\t0.4", "0.21\t0.4", 1)
-        )
-    with pytest.raises(BadInput, match=r"Delta_X 0.05, 0.1|row \d+: channels at different times, 0.2"):
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(BadInput, match=words):
         read(path)
 
 
