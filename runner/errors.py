@@ -24,8 +24,12 @@ class ClusterError(SinewError):
     """The cluster could not be started or was lost."""
 
 
-class WalltimeReached(SinewError):
-    """The job of this process must end soon. ``worked``: it had workers and time to finish some rows."""
+class WalltimeReached(BaseException):
+    """The job of this process must end soon. ``worked``: it had workers and time to finish some rows.
+
+    An alarm raises it wherever the program is. As ``KeyboardInterrupt``, it is no ``Exception``: code that copes with
+    failures of its own must not take it for one.
+    """
 
     def __init__(self, words: str, *, worked: bool = True) -> None:
         super().__init__(words)

@@ -113,6 +113,17 @@ def new_file(path: Path, mode: int = 0o666) -> BinaryIO:
     return open(os.open(path, flags, mode), "wb")
 
 
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file, whole or not at all. Raises ``OSError``."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with new_file(temporary) as file:
+            file.write(content)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
 def append_file(path: Path) -> BinaryIO:
     """A regular file to append to, made where there is none. Raises ``OSError``, also for a link or a pipe."""
     try:

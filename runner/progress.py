@@ -19,7 +19,7 @@ from rich.text import Text
 
 from sinew.runner.console import Console
 from sinew.runner.errors import WalltimeReached
-from sinew.runner.files import NotReadable, new_file, parse_json, read_regular
+from sinew.runner.files import NotReadable, parse_json, read_regular, write_whole
 from sinew.runner.periodic import every
 from sinew.runner.printing import put
 
@@ -71,10 +71,8 @@ class Board:
         """Write the file, unless it was written less than ``every_s`` ago."""
         with self._lock:
             if time.monotonic() - self._written >= every_s:
-                temporary = self.folder / f".{PROGRESS}.{os.getpid()}"
-                with new_file(temporary) as file:
-                    file.write(json.dumps({**self._facts, "time": round(time.time(), 1)}).encode() + b"\n")
-                os.replace(temporary, self.folder / PROGRESS)
+                facts = json.dumps({**self._facts, "time": round(time.time(), 1)})
+                write_whole(self.folder / PROGRESS, facts.encode() + b"\n")
                 self._written = time.monotonic()
 
     def beat(self) -> None:

@@ -70,7 +70,7 @@ TASKS: Mapping[str, Task] = {
     for task in (
         Task(
             "sobol", "Sobol indices with confidence intervals.", place=2,
-            flags={"extend": "Double the base samples of the last result; pays for new rows only."},
+            flags={"extend": "Double the base samples of the last result; evaluates only the new rows."},
             examples=("sinew sobol study.yaml", "sinew sobol study.yaml --extend"),
         ),
         Task("importance", "Random forest importance from the rows of the Sobol study.", place=3, needs="sobol"),

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from sinew.runner.cluster.batch_system import BatchSystem, QueuedJob, Refused
+from sinew.runner.cluster.batch_system import Away, BatchSystem, QueuedJob, Refused
 from sinew.runner.cluster.job_table import WORKER, JobTable
 from sinew.runner.errors import ClusterError
 from sinew.runner.evaluation import external
@@ -92,7 +92,7 @@ class Keeper:
     def _count(self, job: Any, found: QueuedJob | None) -> None:
         if job.refusal is not None:
             reason = str(job.refusal)
-            self.useless += isinstance(job.refusal, Refused)  # otherwise the batch system is away: try again
+            self.useless += not isinstance(job.refusal, Away)  # the batch system may be back soon: try again
         else:
             self._note_end(job, found)
             if job.job_id in self.useful:

@@ -80,7 +80,7 @@ def check_script(script: Path) -> None:
 
 def submit(script: Path) -> str:
     finished = commands.call("sbatch", "--parsable", str(script))
-    job = finished.stdout.strip().partition(";")[0]
+    job = finished.stdout.strip().rpartition("\n")[2].partition(";")[0]  # wrappers of sites may print more, before
     if finished.returncode != 0:
         raise commands.error(finished)
     if not job.isdigit():

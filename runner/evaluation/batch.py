@@ -4,7 +4,7 @@ import functools
 import hashlib
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -14,13 +14,12 @@ from distributed import WorkerPlugin
 
 from sinew.runner.cluster import drain
 from sinew.runner.cluster.batch_systems import current_job, this_node
-from sinew.runner.errors import WalltimeReached
 from sinew.runner.evaluation import external, isolation
 from sinew.runner.store.schema import STATUSES, Array
 from sinew.runner.store.segment import Segment, is_whole
 
 RETRIED = ("crashed", "out_of_memory", "bad_output")
-STOPPED_SOLVERS = 5
+STOPPED_SOLVERS, AGAIN_S = 5, 2.0  # processes that are stopped from outside, and the pause before the next one
 
 
 @dataclass(frozen=True)
@@ -101,9 +100,20 @@ def _run(batch: Batch) -> None:
     if not batch.apart:
         _evaluate_and_write(batch, evaluations[batch.key])
         return
-    death = isolation.run_apart(functools.partial(_evaluate_and_write, batch, evaluations[batch.key]))
+    death = _death_of(functools.partial(_evaluate_and_write, batch, evaluations[batch.key]))
     if death is not None or not is_whole(batch.segment):
         _write_failure(batch, "crashed", f"its process died while it evaluated this row alone ({death})")
+
+
+def _death_of(work: Callable[[], None]) -> str | None:
+    """How a new process that does ``work`` dies, again and again if it is stopped from outside; None if it ends."""
+    for _ in range(STOPPED_SOLVERS):
+        try:
+            return isolation.run_apart(work)
+        except external.Stopped as stopped:
+            reason = str(stopped)
+            time.sleep(AGAIN_S)
+    return f"stopped {STOPPED_SOLVERS} times from outside: {reason}"
 
 
 def _evaluate_and_write(batch: Batch, evaluation: Evaluation) -> None:
@@ -119,7 +129,7 @@ def _undisturbed(evaluation: Evaluation, batch: Batch) -> tuple[Outcome, Array, 
             return _attempt(evaluation, batch.parameters, batch.retries)
         except external.Stopped as stopped:
             reason = str(stopped)
-            time.sleep(2.0)
+            time.sleep(AGAIN_S)
     count = len(batch.parameters)
     status = np.full(count, STATUSES.index("crashed"), dtype=np.int8)
     words = f"the solver was stopped {STOPPED_SOLVERS} times from outside ({reason})"
@@ -146,13 +156,10 @@ def _attempt(evaluation: Evaluation, parameters: Array, retries: int) -> tuple[O
 
 
 def _contained(evaluation: Evaluation, parameters: Array) -> Outcome:
-    """Evaluate; an exception fails its row, not the batch.
-
-    Raises ``OSError`` and ``WalltimeReached``: errors of the system fail no row, nor does the alarm of a deadline.
-    """
+    """Evaluate; an exception fails its row, not the batch. Raises ``OSError``: errors of the system fail no row."""
     try:
         outcome = evaluation(parameters)
-    except (OSError, WalltimeReached):  # the first: a full disk, a lost mount, a missing program
+    except OSError:  # a full disk, a lost mount, a missing program
         raise
     except Exception as error:  # noqa: BLE001 - any exception of a model is a failed row
         if len(parameters) > 1:

@@ -16,7 +16,7 @@ from distributed.comm.core import CommClosedError
 from sinew.runner.cluster import drain
 from sinew.runner.cluster.client import ask_for, wait_for_workers
 from sinew.runner.cluster.keeper import Growing
-from sinew.runner.errors import ClusterError, WalltimeReached
+from sinew.runner.errors import ClusterError
 from sinew.runner.evaluation.adaptive import Message, RunClosed
 from sinew.runner.evaluation.batch import Batch, Carrier, run_in_time
 from sinew.runner.evaluation.run import STOPPING_S, Run, store_error
@@ -55,7 +55,7 @@ class WorkOnCluster:
         self._meet_workers()
         self.completed = as_completed(loop=self.client.loop)
         self.sessions.bell = self.completed.thread_condition  # notified of finished futures and of messages
-        stopped = True  # by a signal, or by the end of the walltime
+        stopped = True  # by a signal, by the alarm of the walltime, or by its end
         try:
             while self._busy or ((self.run.left or self.sessions.open) and not self.ending):
                 self.sessions.listen(self._compute)
@@ -64,8 +64,8 @@ class WorkOnCluster:
                 self._wait()
                 self._collect_ready()
             stopped = self.ending
-        except Exception as error:
-            stopped = isinstance(error, WalltimeReached)
+        except Exception:
+            stopped = False
             raise
         finally:
             self._clean_up(stopped=stopped)

@@ -54,8 +54,8 @@ class Source:
     def take(self, size: int, retries: int) -> Batch:
         """The next batch: at most ``size`` rows, all of one chunk."""
         rows = self.pending[self.first : self.first + size]
-        chunk = rows // self.table.chunk_rows
-        rows = rows[chunk == chunk[0]]  # so that it is known when a chunk is complete
+        other = np.flatnonzero(rows // self.table.chunk_rows != rows[0] // self.table.chunk_rows)
+        rows = rows[: other[0]] if other.size else rows  # so that it is known when a chunk is complete
         self.first += rows.size
         batch = Batch(self.key, rows, self.table.parameters(rows), self.table.journal, retries)
         batch.expected_s = self.sizes.expected_s(rows.size)

@@ -158,6 +158,8 @@ def _repair_chunks(place: Path, arrays: dict[str, zarr.Array[Any]], fields: tupl
                     continue
             if name in fields:
                 lost[rows] |= without_numbers(values) & (np.asarray(status[rows]) == 0)
+            if name == "parameters":
+                lost[rows] |= without_numbers(values) & (np.asarray(status[rows]) != PENDING)
             if name == "status":
                 lost[rows] |= unknown_status(values)
     for rows in slices(lost.size, chunk_rows):

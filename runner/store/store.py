@@ -36,6 +36,7 @@ import json
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +70,7 @@ class Store:
         self.folder = folder
         self.root = root
         self.writable = writable
+        self.removed: tuple[str, ...] = ()  # a line for each damaged segment that opening it removed
 
     @property
     def path(self) -> Path:
@@ -134,7 +136,8 @@ class Store:
         when something cannot be read for another reason than damage; then it is not removed.
         """
         with store_errors(self.path):
-            return repair_tables(self.path, self.root, self.folder / "journal")
+            found = repair_tables(self.path, self.root, self.folder / "journal")
+        return replace(found, removed=(*self.removed, *found.removed))
 
     def check(self) -> None:
         """Raises ``StoreError`` for any array that must not be read, by whatever reads Zarr."""
@@ -214,9 +217,10 @@ def _create_or_continue(folder: Path, study: str) -> Store:
                 sync_folder(place)
             return Store(folder, root, writable=True)
         store = Store(folder, _open_root(path, "r+"), writable=True)
-        for partial in path.rglob("*.partial"):  # interrupted writes
+        for partial in (*path.rglob("*.partial"), *(folder / "journal").glob("*/.rows-*")):  # interrupted writes
             partial.unlink(missing_ok=True)
-        for line in remove_damaged_segments(folder / "journal"):  # written when the power failed
+        store.removed = tuple(remove_damaged_segments(folder / "journal"))  # written when the power failed
+        for line in store.removed:
             log.warning("segment", extra={"error": line})
     if store.study != study:
         raise StoreError(

@@ -192,10 +192,7 @@ class Table:
             path.unlink(missing_ok=True)
 
     def sync(self) -> None:
-        """Bring to the disk what only the journal holds; a loss of power does not lose it any more.
-
-        Another thread may do this while rows are added and folded in.
-        """
+        """Bring to the disk what only the journal holds, while another thread may add rows and fold them in."""
         with store_errors(self.journal):
             self._planned.sync()
             segments = set(self.segments())
@@ -207,9 +204,10 @@ class Table:
             self._synced = segments
 
     def _remove_unplanned(self) -> None:
-        """Remove segments of rows whose plan was lost with the power: their numbers will stand for other rows."""
+        """Remove segments of rows whose plan was lost with the power, or by damage: nobody knows what they are of."""
         for path in self.segments():
-            if int(Segment.read(path).rows.max()) >= len(self):
+            rows = Segment.read(path).rows
+            if int(rows.max()) >= len(self) or self._lost[rows[rows < self._lost.size]].any():
                 path.unlink()
                 log.warning("segment", extra={"error": f"{path}: its rows were not planned; they are computed again"})
 
@@ -230,7 +228,8 @@ class Table:
             parts = [(segment.loaded(), inside, rows) for segment, inside, rows in parts]
         had_some = bool((self.status[start:stop] != PENDING).any())
         names = [*self.fields, "attempts", "wall_seconds", "worker"]
-        if had_some or any(segment.messages for segment, _, _ in parts):
+        old = any((self._path("message") / "c" / str(chunk)).exists() for chunk in range(first, last + 1))
+        if had_some or old or any(segment.messages for segment, _, _ in parts):
             names.append("message")
         for name in names:
             with store_errors(self._path(name)):
@@ -342,7 +341,7 @@ class Table:
         if missing.any():  # at the end: a plan that was interrupted; elsewhere: rows lost to damage
             whole = len(self) - int(np.argmin(missing[::-1])) if not missing.all() else 0
             self.status, hashes, missing = self.status[:whole], hashes[:whole], missing[:whole]
-        kept = np.flatnonzero(~missing)
+        self._lost, kept = missing, np.flatnonzero(~missing)  # rows without parameters, and with them
         return RowIndex(hashes[kept], kept)
 
     def _find(self, parameters: Array, hashes: Array) -> Array:

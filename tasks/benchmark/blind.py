@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from sinew.runner.errors import BadInput, WalltimeReached, one_line, shown
+from sinew.runner.errors import BadInput, one_line, shown
 from sinew.runner.files import strange_entry
 from sinew.tasks.cluster.spec import cluster_of
 from sinew.tasks.study import pipeline
@@ -28,8 +28,6 @@ def run_blind(
         pipeline.check(study, out, tasks)
         with open_workspace(study, out=out, cluster=cluster_of(study, workers), quiet=True) as workspace:
             return read(workspace, pipeline.run(workspace, tasks, figures=figures))
-    except WalltimeReached:
-        raise
     except Exception as error:  # noqa: BLE001 - whatever it is, the other cases can still be run
         return one_line(f"{type(error).__name__}: {error}")
 

@@ -34,7 +34,7 @@ from sinew.tasks.calibrate.show import (
 )
 from sinew.tasks.calibrate.task import fitted_curves
 from sinew.tasks.drawing.blocks import behind
-from sinew.tasks.drawing.figures import COLOURS, STYLE, headline, save
+from sinew.tasks.drawing.figures import COLOURS, MEASURED, STYLE, headline, save
 from sinew.tasks.drawing.formats import DRAWN
 from sinew.tasks.drawing.thinning import drawn_points
 from sinew.tasks.drawing.views import FigureKind
@@ -178,7 +178,7 @@ def measured_and_fitted(specimen: Specimen, forces: Mapping[str, Array], rmse_N:
             history = curve.protocol
             keep = drawn_points(history, curve.force_N, forces[curve.name], count=DRAWN)
             for axis, across in zip(axes[:, column], (history.time_s, history.displacement_mm), strict=True):
-                axis.plot(across[keep], curve.force_N[keep], color="0.6", lw=1.6, label="measured", rasterized=True)
+                axis.plot(across[keep], curve.force_N[keep], color=MEASURED, lw=1.6, label="measured", rasterized=True)
                 axis.plot(
                     across[keep], forces[curve.name][keep], color=COLOURS[1], lw=0.7, label="model", rasterized=True
                 )
@@ -200,7 +200,7 @@ def quantity_and_fitted(specimen: Specimen, courses: Mapping[str, Array], name: 
         figure, axes = plt.subplots(1, len(specimen.curves), figsize=size, squeeze=False)
         for axis, curve in zip(axes[0], specimen.curves, strict=True):
             time_s = curve.protocol.time_s
-            axis.plot(time_s, curve.others[name], ".", ms=2, color="0.6", label="measured", rasterized=True)
+            axis.plot(time_s, curve.others[name], ".", ms=2, color=MEASURED, label="measured", rasterized=True)
             axis.plot(time_s, courses[curve.name], color=COLOURS[1], lw=0.7, label="model", rasterized=True)
             title = f"{curve.name.replace('_', ' ')}: RMSE {quantity.rmse[curve.name]:.3g}{unit}"
             axis.set_title(title, fontsize=9)

@@ -18,6 +18,7 @@ from sinew.tasks.drawing.blocks import (
     number,
     plural,
     times,
+    unit_cell,
     with_its_unit,
 )
 from sinew.tasks.drawing.figures import COLOURS
@@ -206,7 +207,7 @@ def _values(result: CalibrateResult) -> Table:
             else:
                 value += f" ± {number(fit.sd_of_range[name] * width[name], 2)}"
             cells.append(value)
-        rows.append([name, "" if unit == "1" else unit, meaning, *cells])
+        rows.append([name, unit_cell(unit), meaning, *cells])
     header = ["parameter", "unit", "what it is", *result.specimens]
     return Table(
         "Calibrated parameters ± standard deviation, from the curvature at the fit", header, rows, words=(1, 2)

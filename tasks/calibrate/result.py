@@ -183,7 +183,8 @@ class NoCorrelations:
 class CalibrateResult(Result):
     """The parameters of each specimen that bring the model closest to its curves.
 
-    ``units`` and ``meanings`` are of all parameters (``names``), ``bounds`` of the ``free`` ones.
+    ``units`` and ``meanings`` are of all parameters (``names``), ``bounds`` of the ``free`` ones. ``data``: what it is
+    of, by specimen (:func:`sinew.tasks.study.same_data.data_of`).
     """
 
     TASK = "calibrate"
@@ -201,6 +202,7 @@ class CalibrateResult(Result):
     specimens: Mapping[str, SpecimenFit]
     inputs: str
     correlations: Correlations | NoCorrelations
+    data: Mapping[str, str] | None = dataclasses.field(default=None, metadata=OMIT)
 
     def __post_init__(self) -> None:
         """Raises :class:`ValueError`: a free parameter has no range or is outside it, or another one varies."""

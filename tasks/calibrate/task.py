@@ -30,6 +30,7 @@ from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
 from sinew.tasks.study.checkpoint import Checkpoint, in_unit_cube
 from sinew.tasks.study.files import digest, write_text
+from sinew.tasks.study.same_data import data_of
 from sinew.tasks.study.streams import Stream
 from sinew.tasks.study.workspace import Workspace
 
@@ -43,17 +44,18 @@ def run(workspace: Workspace, settings: Settings) -> CalibrateResult:
     """
     specimens = workspace.specimens(settings.specimens, "calibrate.specimens")
     evaluations = [workspace.evaluation(specimen) for specimen in specimens]
-    inputs = key(
+    of_fits = key(
         CalibrateResult,
         settings.model_dump(),
         workspace.seed,
         [evaluation.table().key for evaluation in evaluations],
         [[p.name, p.minimum, p.maximum, p.reference] for p in workspace.model.parameters],
     )
+    inputs = digest(of_fits, [[one.name, one.donor] for one in specimens])  # correlations depend on donors, fits do not
     arrays = [search_group(one.name) for one in specimens] if SEARCHES & set(settings.methods) else []
     if (known := cached(workspace, CalibrateResult, inputs, arrays, TABLES)) is not None:
         return known
-    runs = [_adaptive_run(workspace, settings, inputs, *numbered) for numbered in enumerate(evaluations)]
+    runs = [_adaptive_run(workspace, settings, of_fits, *numbered) for numbered in enumerate(evaluations)]
     found: dict[str, Fits] = {}
     for evaluation, fits in zip(evaluations, workspace.run_adaptive(runs, "calibrate"), strict=True):
         name = evaluation.specimen.name
@@ -74,6 +76,7 @@ def run(workspace: Workspace, settings: Settings) -> CalibrateResult:
         specimens=fitted,
         inputs=inputs,
         correlations=correlations(fitted, model.free),
+        data=data_of(workspace, specimens),
     )
     write_text(workspace.out / TABLES[0], _as_csv(result))
     write_text(workspace.out / TABLES[1], sites_table(fitted, model.free))

@@ -53,7 +53,13 @@ def benchmark_discover(
 @click.option("--study", type=PATH, help="Its model, seed and infer section are used (default: configs/infer.yaml).")
 @click.option("--cohorts", type=click.IntRange(1, 9999), default=200, show_default=True, help="How many to draw.")
 @click.option("--specimens", type=click.IntRange(2, 99), default=4, show_default=True, help="Of each of two sites.")
-@click.option("--protocol", "protocols", multiple=True, metavar="NAME", help="Test of each specimen; all without.")
+@click.option(
+    "--protocol",
+    "protocols",
+    multiple=True,
+    metavar="NAME",
+    help="Protocol of each specimen; may be repeated (default: all).",
+)
 @click.option("--rate-hz", type=click.FloatRange(1, 1000), default=20.0, show_default=True, help="Samples per second.")
 @click.option("--noise", type=click.FloatRange(1e-5, 0.5), default=0.003, show_default=True, help="Of the peak force.")
 @click.option("--effect", default="", help="Hide an effect of the library in all specimens, at its typical size.")
@@ -61,7 +67,7 @@ def benchmark_discover(
     "--screw",
     type=click.FloatRange(0, 1),
     default=0.0,
-    help="Hide an uneven screw, which the library does not have: how far it is off, as a fraction of the displacement.",
+    help="Hide an uneven lead screw, which the library does not have: its largest error over the largest displacement.",
 )
 @click.option("--workers", type=click.IntRange(1, 1024), help="Local worker processes.")
 @click.option("--quiet", is_flag=True, help="No progress and no table.")

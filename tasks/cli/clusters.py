@@ -53,7 +53,9 @@ def _arguments(options: dict[str, Any]) -> list[str]:
 
 
 @study_command("doctor", "Would this study run here? Checks disk, batch system, a worker and the solver.")
-@click.option("--wait", type=click.FloatRange(1, 86_400), default=600.0, show_default=True, help="For a worker (s).")
+@click.option(
+    "--wait", type=click.FloatRange(1, 86_400), default=600.0, show_default=True, help="Longest wait for a worker (s)."
+)
 def doctor(
     study: Path,
     wait: float,

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 @click.option("--width-mm", type=float, help="Width, where files do not say.")
 @click.option("--thickness-mm", type=float, help="Thickness, where files do not say.")
 @click.option("--diameter-mm", type=float, help="Diameter of a round specimen, instead of width and thickness.")
-@click.option("--override", is_flag=True, help="Use these sizes also where files tell other ones.")
+@click.option("--override", is_flag=True, help="Use these sizes even where files give others.")
 @reading_options
 @click.option("--answers", type=PATH, help="answers.yaml of an earlier study: what was told then is not asked again.")
 @click.option("--yes", is_flag=True, help="Ask nothing, and take only what is certain; refuse the rest.")
@@ -204,7 +204,7 @@ def _ask(question: str, choices: Sequence[str]) -> str:
     "--screw",
     type=click.FloatRange(0, 1),
     default=0.0,
-    help="Hide an uneven screw, which the library does not have: how far it is off, as a fraction of the displacement.",
+    help="Hide an uneven lead screw, which the library does not have: its largest error over the largest displacement.",
 )
 def cohort(
     out: Path, seed: int, per_site: int, rate: float, noise: float, ar1: float, effect: str | None, screw: float
@@ -291,6 +291,7 @@ def import_(
                 f"stretch {stretch.min():.4g} to {stretch.max():.4g}, peak {peak_N:.4g} N"
                 f"{', with ' if curve.others else ''}{', '.join(curve.others)}"
             )
+            put(one_line(f"    from {curve.source}"))
     for where, names in found.spreads.items():
         put(one_line(f"{where}: {', '.join(names)} left out; a cohort holds curves, and noise is estimated from them"))
     for where, remarks in found.remarks.items():

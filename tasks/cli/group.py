@@ -84,7 +84,10 @@ def study_command(name: str, help: str) -> Callable[[Callable[..., None]], click
             click.option("--profile", type=PATH, help="Work on this cluster; for use inside its jobs."),
             click.option("--simulator", type=SimulatorName(), help="Simulator, in place of the study's."),
             click.option(
-                "--solver", callback=_program, envvar="SINEW_SOLVER", help="The solver, by name or path, for febio4."
+                "--solver",
+                callback=_program,
+                envvar="SINEW_SOLVER",
+                help="Solver, by name or path, in place of febio4.",
             ),
             click.option("--retry-failed", is_flag=True, help="Evaluate failed rows again."),
             click.option("--quiet", is_flag=True, help="Nothing but errors and the last line."),

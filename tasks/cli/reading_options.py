@@ -28,7 +28,7 @@ _OPTIONS = (
     click.option(
         "--test-column",
         metavar="NAME",
-        help="Column that tells the tests of a table apart; 'none' if it holds one.",
+        help="Column that distinguishes the tests in a table; 'none' if it holds a single test.",
     ),
     click.option("--cycle-column", metavar="NAME", help="Column of cycles, if times start again with a cycle."),
     click.option(
@@ -42,7 +42,7 @@ _OPTIONS = (
         multiple=True,
         callback=lambda _context, _option, value: value or None,
         help="Keep a further column beside the force, such as 'Lateral strain=lateral_strain'; "
-        "NAME:UNIT where the file tells no unit.",
+        "NAME:UNIT where the file gives no unit.",
     ),
     click.option("--rate-hz", type=float, help="Rows per second, for files without times."),
     click.option("--speed", type=float, help="Speed of the motion (mm/s; 1/s for strains), for files without times."),
@@ -61,7 +61,7 @@ _OPTIONS = (
     click.option(
         "--preload",
         type=click.Choice(["leave-out", "keep"]),
-        help="Leave out the rows before the displacement is set to zero again, or keep them and count on.",
+        help="Leave out the rows before a displacement is set to zero again, or keep them and go on from there.",
     ),
     click.option(
         "--end",

@@ -44,9 +44,7 @@ def status(folder: Path, as_json: bool, rows: bool) -> None:
 @click.argument("folder", type=PATH)
 @click.option("--once", is_flag=True, help="Show one picture and leave.")
 @click.option("--json", "as_json", is_flag=True, help="A JSON object in a line for every change.")
-@click.option(
-    "--every", type=click.FloatRange(0.1, 3600), default=1.0, show_default=True, help="Look that often (seconds)."
-)
+@click.option("--every", type=click.FloatRange(0.1, 3600), default=1.0, show_default=True, help="Refresh interval (s).")
 def watch(folder: Path, once: bool, as_json: bool, every: float) -> None:
     """A live view of a result folder, wherever its run is.
 

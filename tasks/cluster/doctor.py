@@ -9,6 +9,7 @@ import socket
 import ssl
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -31,14 +32,14 @@ from sinew.tasks.cluster.submission import check_scripts, job_scripts
 from sinew.tasks.data.cohort import Cohort
 from sinew.tasks.drawing.blocks import plural, span
 from sinew.tasks.model import FORCE, Specimen
-from sinew.tasks.simulate import Array
+from sinew.tasks.registry import TASKS
+from sinew.tasks.simulate import Array, Capabilities
 from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
-from sinew.tasks.simulate.saltelli import base_samples, block_of
-from sinew.tasks.sobol.settings import Settings as SobolSettings
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.range_check import look
 from sinew.tasks.study.study import Study
+from sinew.tasks.study.work import Given, Work
 from sinew.tasks.study.workspace import attempts_folder, check_cohort
 
 GIB = 2**30
@@ -46,6 +47,7 @@ CLOCK_S = 5.0
 ALLOCATED_AT_MOST = GIB
 SCRATCH = GIB  # that a worker should have for the solver's files
 FILES_AT_MOST = 500
+OTHER_NUMBERS = 32  # of a row, beside its curves
 FAR = 10.0  # between measured and simulated forces, which no reference values should be apart
 
 
@@ -84,14 +86,15 @@ def examine(
     note("study and cohort", True, f"{plural(len(specimens), 'specimen')}{_compared(specimens)}")
     _look_at_the_ranges(study, cohort, out, note)
     with _temporary_folder(out) as folder:
-        _look_at_the_disk(study, specimens, folder, note)
+        rows = _rows(study, cohort, simulator, folder)
+        _look_at_the_disk(_numbers(study, cohort, rows), rows.total(), folder, note)
         if profile is not None:
             _look_at_the_batch_system(study, profile, out, note)
         if isinstance(cluster, Jobs):
             cluster = dataclasses.replace(cluster, folder=folder, maximum=1, minimum=0, poll_s=min(cluster.poll_s, 2.0))
         try:
             with open_client(cluster) as client:
-                _look_at_a_worker(client, study, specimens, cluster, folder, note, simulator, wait_s)
+                _look_at_a_worker(client, study, specimens, cluster, folder, note, simulator, wait_s, rows.total())
         except ClusterError as error:
             note("worker", False, str(error))
     return findings
@@ -139,10 +142,9 @@ def _look_at_the_ranges(study: Study, cohort: Cohort, out: Path, note: Note) -> 
         note("ranges", False, str(error))
 
 
-def _look_at_the_disk(study: Study, specimens: tuple[Specimen, ...], folder: Path, note: Note) -> None:
-    """Room for the results, by bytes and by number of files, and whether a quota allows it."""
-    rows, numbers = _size(study, specimens)
-    needed = rows * numbers * 8
+def _look_at_the_disk(numbers: int, rows: int, folder: Path, note: Note) -> None:
+    """Room for so many ``numbers`` of ``rows``, in bytes and in files, and whether a quota allows it."""
+    needed = 8 * numbers
     files = min(FILES_AT_MOST, 20 + rows // 100)
     place = os.statvfs(folder)
     free, inodes = place.f_bavail * place.f_frsize, place.f_favail
@@ -169,16 +171,28 @@ def _size_of(count: float) -> str:
     return f"{count / GIB:,.1f} GiB" if count >= GIB else f"{count / 2**20:,.1f} MiB"
 
 
-def _size(study: Study, specimens: tuple[Specimen, ...]) -> tuple[int, int]:
-    """Rows of the study, and numbers stored for each."""
-    settings = study.section(SobolSettings)
-    free = settings.count(model_of(study.model, study.simulator.law))
-    base = settings.base_samples or base_samples(settings.points or 1, free, settings.second_order)
-    rows = base * block_of(free, settings.second_order) if settings.method == "saltelli" else settings.runs
-    chosen = len(specimens) if settings.specimens == "all" else len(settings.specimens)
-    points = study.store.points_per_curve
-    kept = [curve.force_N.size if points == "all" else points for curve in specimens[0].curves]
-    return rows * chosen, sum(kept) + 32
+def _rows(study: Study, cohort: Cohort, simulator: str | None, folder: Path) -> Counter[str]:
+    """How many evaluations the study's tasks ask for, at most, by specimen."""
+    try:
+        can = simulator_of(study, simulator, folder).capabilities
+    except BadInput:  # workers may have the solver, where this machine has none
+        can = Capabilities(effects="solver")
+    given = Given(study, cohort, model_of(study.model, study.simulator.law), can)
+    rows: Counter[str] = Counter()
+    for name in study.tasks:
+        work: Work = TASKS[name].module("work").work(given, study.section(TASKS[name].settings))
+        rows.update(work.rows)
+    return rows
+
+
+def _numbers(study: Study, cohort: Cohort, rows: Counter[str]) -> int:
+    """How many numbers the store keeps of these rows."""
+    most = study.store.points_per_curve
+    kept = {
+        one.name: sum(curve.force_N.size if most == "all" else min(most, curve.force_N.size) for curve in one.curves)
+        for one in cohort.specimens
+    }
+    return sum(count * (kept.get(name, 0) + OTHER_NUMBERS) for name, count in rows.items())
 
 
 def _look_at_the_batch_system(study: Study, profile: Profile, out: Path, note: Note) -> None:
@@ -199,6 +213,7 @@ def _look_at_a_worker(
     note: Note,
     simulator: str | None,
     wait_s: float,
+    rows: int,
 ) -> None:
     ask_for(client, 1)
     until = time.monotonic() + wait_s
@@ -235,7 +250,7 @@ def _look_at_a_worker(
     enough = seen["scratch_free"] > SCRATCH
     note("scratch", enough, free if enough else f"{free}; expected {_size_of(SCRATCH)}")
     outcome = client.submit(_canary, study, specimens[0], simulator, folder, workers=[worker], pure=False).result()
-    _note_canary(outcome, study, specimens, cluster, note)
+    _note_canary(outcome, study, specimens, cluster, note, rows)
 
 
 def _seen_on_a_worker(folder: Path) -> dict[str, Any]:
@@ -317,7 +332,7 @@ def _apart(measured: float, simulated: float) -> float:
 
 
 def _note_canary(
-    outcome: dict[str, Any], study: Study, specimens: tuple[Specimen, ...], cluster: ClusterSpec, note: Note
+    outcome: dict[str, Any], study: Study, specimens: tuple[Specimen, ...], cluster: ClusterSpec, note: Note, rows: int
 ) -> None:
     if "error" in outcome:
         note("solver", False, outcome["error"])
@@ -333,7 +348,6 @@ def _note_canary(
         _note_peaks(outcome["peaks_N"], note)
     if not fits:
         note("walltime", False, f"{outcome['walltime_s']:.0f} s are too short for an evaluation of {seconds:.3g} s")
-    rows = _size(study, specimens)[0]
     slots = cluster.maximum * cluster.cores if isinstance(cluster, Jobs) else getattr(cluster, "workers", 1)
     hours = rows * seconds / 3600
     if not outcome["batched"]:

@@ -283,11 +283,11 @@ def _signals() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before[1])
 
 
-def _finished(out: Path) -> tuple[int, tuple[float, ...]]:
-    """How many rows of a result folder have outcomes, and when its results were written."""
+def _finished(out: Path) -> tuple[int, tuple[tuple[int, int], ...]]:
+    """How many rows of a result folder have outcomes, and when the files of its tasks were written, and their sizes."""
     rows = 0
     if (out / "store.zarr").is_dir():
         for table in open_store(out).tables():
             rows += int((table.status != PENDING).sum()) + table.waiting()
-    results = tuple(sorted(path.stat().st_mtime for task in TASKS if (path := out / f"{task}.json").is_file()))
-    return rows, results
+    kept = [path for task in TASKS for path in (out / f"{task}.json", *(out / task).rglob("*")) if path.is_file()]
+    return rows, tuple(sorted((status.st_mtime_ns, status.st_size) for status in (path.lstat() for path in kept)))

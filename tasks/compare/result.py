@@ -167,7 +167,7 @@ class CompareResult(Result):
     TASK = "compare"
     LIBRARIES = ("scikit-learn",)
 
-    VERSION = 2  # contrasts of populations
+    VERSION = 3  # 2: contrasts of populations; 3: draws of chains count as many as they are worth
 
     names: list[str]
     confidence: Share

@@ -44,7 +44,8 @@ def run(workspace: Workspace, settings: Settings) -> CompareResult:
     with believed(path):
         names = _varied(workspace, inferred)
         draws = draws_of_sites(workspace, inferred)
-        sites = {site: _particles(each, names) for site, each in draws.items()}
+        worth = {site: _worth(inferred, site, names) for site in draws}
+        sites = {site: _particles(each, names, worth[site]) for site, each in draws.items()}
         donors = _donors(workspace, inferred)
     arrays = [part for particles in sites.values() for part in (particles.values, particles.weights)]
     inputs = key(CompareResult, workspace.seed, settings.model_dump(), names, list(sites), donors, *arrays)
@@ -109,12 +110,25 @@ def _varied(workspace: Workspace, inferred: Posteriors) -> list[str]:
     return [name for name in inferred.names if name not in blind]
 
 
-def _particles(draws: xr.Dataset, names: list[str]) -> Particles:
-    """The last particles of ABC, or draws of the mean of a population."""
+def _worth(inferred: Posteriors, site: str, names: list[str]) -> float:
+    """How many independent draws those of a population are worth; of ABC, weights tell it."""
+    if not isinstance(inferred, LikelihoodResult):
+        return np.inf
+    return min(inferred.sites[site].population[name].ess for name in names)
+
+
+def _particles(draws: xr.Dataset, names: list[str], worth: float) -> Particles:
+    """The last particles of ABC, or draws of the mean of a population, no more than they are ``worth``.
+
+    Draws of chains that follow each other are alike, and weighted ones come as copies, which become one particle.
+    """
     kept = draws.sel(parameter=names)
     if "mean" in kept:
         drawn = draws_of_mean(kept)
-        return Particles(drawn, np.full(len(drawn), 1.0 / len(drawn)))
+        apart = drawn[np.linspace(0, len(drawn) - 1, int(min(len(drawn), max(worth, FEWEST)))).round().astype(int)]
+        _, first, counts = np.unique(apart, axis=0, return_index=True, return_counts=True)
+        order = np.argsort(first)
+        return Particles(apart[first[order]], counts[order] / len(apart))
     weight = kept["weight"].to_numpy()
     return Particles(kept["parameters"].to_numpy(), weight / weight.sum())
 

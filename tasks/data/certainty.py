@@ -66,7 +66,7 @@ class Columns:
             if column.how != LIKELY:
                 continue
             right = self.instead[role].get(column.title)
-            if right is not None and right not in _once(recording.left_out):
+            if right is not None and right not in recording.others:
                 if ask is None:
                     problem = f"{shown(column.title)} was said to be no {column.quantity.name}, but {shown(right)}"
                     raise BadInput(recording.path, problem, f"a column of that title, or --{role}-column")
@@ -79,7 +79,7 @@ class Columns:
 
     def _asked(self, recording: Recording, column: Column, role: str, ask: Ask) -> str | None:
         """The title of the right column, if a person says that it is another one."""
-        titles = _once(recording.left_out)
+        titles = recording.others
         listed = ", ".join(map(shown, titles[:MOST_OTHERS]))
         beside = f" (not used: {listed})" if listed else ""
         question = f"{recording.path.name}: {_likely(column)}{beside}; is it right? {FOR_ALL_ALIKE}"
@@ -106,7 +106,3 @@ class Columns:
 
 def _likely(column: Column) -> str:
     return f"{column.quantity.name} from {shown(column.title)} is likely, not certain"
-
-
-def _once(titles: Sequence[str]) -> list[str]:
-    return [title for title in titles if titles.count(title) == 1]

@@ -124,7 +124,7 @@ def read_curve(path: Path, root: Path, *, length_mm: float = math.inf) -> Curve:
         i = int(crushed[0])
         raise BadInput(
             f"{path}: row {i + 2}, displacement_mm",
-            f"{displacement[i]:g} mm shortens a gauge of {length_mm:g} mm to nothing",
+            f"{displacement[i]:g} mm leaves nothing of a gauge length of {length_mm:g} mm",
             "displacements above minus the gauge length, in mm",
         )
     others = {name: table[:, len(COLUMNS) + number].copy() for number, name in enumerate(further)}

@@ -14,7 +14,7 @@ from sinew.tasks.data.column_titles import check_width, names_and_units, places_
 from sinew.tasks.data.factors import factor_of
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.possible_columns import changes, in_volts, possible
+from sinew.tasks.data.possible_columns import changes, holds_numbers, in_volts, possible
 from sinew.tasks.data.quantities import (
     DISPLACEMENT,
     FORCE,
@@ -183,7 +183,7 @@ def _choices(
         of_person = [problem for role, problem in missing if role.wanted]
         problem = of_person[0] if of_person else _none_of(table, titles, [role for role, _ in missing], spare=spare)
         problem.alone = all(choice.place == NOWHERE for choice in found)
-        free = {place for place, _ in enumerate(titles)} - {choice.place for choice in found}
+        free = {place for place, _ in enumerate(titles) if holds_numbers(table, place)} - {one.place for one in found}
         problem.question = None if of_person else _which_is(table, titles, sorted(free), missing[0][0])
         raise problem
     return _of_one_clock(table, titles, named, roles, found)
@@ -193,7 +193,7 @@ def _which_is(table: Table, titles: Row, free: Sequence[int], role: Role) -> Unc
     """The question which of the columns that are left holds what no title says."""
     choices = (*_named(titles, free), NEITHER)
     option = f"--{role.option}-column"
-    problem = f"no title tells the {role.name}"
+    problem = f"no title names the {role.name}"
     return Unclear(
         str(table.path), problem, option, what=role.name, which="which column?", option=option, choices=choices
     )
@@ -252,6 +252,8 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: R
     if not found:
         raise _none_of(table, titles, (role,), spare=len(titles))
     rank, place, quantity = min(found, key=lambda one: one[:2])
+    if quantity is STRETCH and _is_strain(table, place, named[place][0], named[place][1] or role.given or "", role):
+        quantity = STRAIN
     machine = (DISPLACEMENT, POSITION) if named[place][0] in words.EXTENSOMETER else ()
     others = {other for same, other, one in found if same == rank or one in machine}
     if quantity in (STRAIN, STRETCH):  # perhaps of a camera, while the crosshead rested
@@ -296,14 +298,29 @@ def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]
     if wanted.isdigit() and (other := _of_another_role(name, role)):
         problem = f"column {wanted} is {shown(titles[place])}, a {other}"
         raise BadInput(f"{table.path}: --{role.option}-column", problem, "its title, if it is meant")
+    measured = unit or role.given or ""
     fitting = [q for q in role.quantities if name in role.titles(q)]
-    quantity = next((q for q in fitting if possible(q, name, unit or role.given or "", unit)), None)
-    quantity = quantity or next(iter(fitting), None) or _quantity_of_unit(role.quantities, unit or role.given or "")
-    if quantity is None and STRAIN in role.quantities and units.factor(units.NUMBER, role.given or "") is not None:
-        quantity = ratio_of_lengths(table.number(row, place) for row in range(len(table.rows)))
+    quantity = next((q for q in fitting if possible(q, name, measured, unit)), None)
+    if quantity is None and STRAIN in role.quantities and units.factor(units.FRACTION, measured) is not None:
+        quantity = _ratio(table, place, measured)
+    quantity = quantity or _quantity_of_unit(role.quantities, measured) or next(iter(fitting), None)
+    quantity = STRAIN if quantity is STRETCH and _is_strain(table, place, name, measured, role) else quantity
     if quantity is None:
         raise UnknownUnit(f"{table.path}: column {shown(wanted)}", role.name, role.unit_option, role.choices)
     return _Choice(quantity, place, GIVEN)
+
+
+def _ratio(table: Table, place: int, unit: str) -> Quantity | None:
+    """Whether ratios of lengths are stretches or strains; in percent, strains unless they begin near 100 %."""
+    factor = units.factor(units.FRACTION, unit) or 1.0
+    numbers = (table.number(row, place) for row in range(len(table.rows)))
+    found = ratio_of_lengths(None if one is None else factor * one for one in numbers)
+    return STRAIN if found is None and factor != 1.0 else found
+
+
+def _is_strain(table: Table, place: int, name: str, unit: str, role: Role) -> bool:
+    """Whether what is called a stretch begins at 0, as a strain does: no length is 0."""
+    return name in words.STRETCH_OR_STRAIN and STRAIN in role.quantities and _ratio(table, place, unit) is STRAIN
 
 
 def _of_another_role(name: str, role: Role) -> str:
@@ -330,8 +347,8 @@ def _place_of(table: Table, titles: Row, named: Sequence[tuple[str, str]], role:
 
 
 def _quantity_of_unit(quantities: Sequence[Quantity], unit: str) -> Quantity | None:
-    """The quantity that a unit belongs to; none for a bare number, which may be a strain or a stretch."""
-    if units.factor(units.NUMBER, unit) is not None:
+    """The quantity that a unit belongs to; none for a ratio of lengths, which may be a strain or a stretch."""
+    if units.factor(units.FRACTION, unit) is not None:
         return None
     return next((quantity for quantity in quantities if units.factor(quantity.units, unit) is not None), None)
 

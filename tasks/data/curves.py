@@ -1,5 +1,6 @@
 """From a recording to the curve of a bar of known size: force (N) over displacement (mm) and time (s)."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ from sinew.tasks.data.sources import source_in_words
 from sinew.tasks.model import Curve, Protocol
 
 Array = np.ndarray[Any, np.dtype[Any]]
+FAR_FROM_GAUGE = 0.05  # of it: a first length that differs by more
 MOST_STRETCH = 10.0  # a ratio of lengths beyond it is in percent, or a length
 
 
@@ -37,7 +39,9 @@ def check_times(recording: Recording) -> None:
     if back.size:
         problem = f"{time_s[back[0] + 1]:g} s after {time_s[back[0]]:g} s"
         where = f"{recording.path}: row {recording.rows[back[0] + 1]}, time"
-        raise BadInput(where, problem, f"increasing times{recording.remedy}")
+        coarse = (np.diff(time_s) >= 0).all()
+        rate = ", or --rate-hz where the clock is coarser than the rows" if coarse and not recording.remedy else ""
+        raise BadInput(where, problem, f"increasing times{recording.remedy}{rate}")
 
 
 def curve_of(recording: Recording, bar: Bar, protocol: str, *, reference: float | None = None) -> Curve:
@@ -86,8 +90,16 @@ def _check_displacement(recording: Recording, displacement: Array, length_mm: fl
     crushed = np.flatnonzero(displacement <= -length_mm)
     if crushed.size:
         where = f"{recording.path}: row {recording.rows[crushed[0]]}, {quantity.name}"
-        problem = f"{displacement[crushed[0]]:g} mm shortens a gauge of {length_mm:g} mm to nothing"
+        problem = f"{displacement[crushed[0]]:g} mm leaves nothing of a gauge length of {length_mm:g} mm"
         raise BadInput(where, problem, "another gauge length, unit or column")
+
+
+def begins_elsewhere(recording: Recording, length_mm: float | None) -> Iterator[str]:
+    """A remark where current lengths begin far from the gauge length: the test would begin at a strain."""
+    first = float(recording.numbers[0, 1])
+    if recording.motion.quantity is LENGTH and length_mm and abs(first - length_mm) > FAR_FROM_GAUGE * length_mm:
+        strain = 100.0 * (first / length_mm - 1.0)
+        yield f"its lengths begin at {first:g} mm, a strain of {strain:.3g} % of the gauge length, {length_mm:g} mm"
 
 
 def first_length_in_words(recording: Recording) -> str:

@@ -84,7 +84,7 @@ def _jump_of(recording: Recording) -> End | None:
     before, after = (_with_unit(name, moved[at]) for at in (row, row + 1))
     text = (
         f"the {name} jumps from {before} to {after} at {number(time_s[row + 1], 4)} s, at the end of the test; this "
-        "may be no motion of the specimen"
+        "may not be a motion of the specimen"
     )
     return End(row, text)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cohort import NAME, refuse_duplicates
-from sinew.tasks.data.curves import MOST_STRETCH, Bar, curve_of, first_length_in_words
+from sinew.tasks.data.curves import MOST_STRETCH, Bar, begins_elsewhere, curve_of, first_length_in_words
 from sinew.tasks.data.further import refuse_unknown
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH, TIME
@@ -18,11 +18,14 @@ from sinew.tasks.data.sizes import (
     LARGEST_MM2,
     LEAST_MM2,
     LONGEST_MM,
+    OFF,
     POSSIBLE_MM,
     SAME,
     SHORTEST_MM,
     area_told,
     contradiction_of_areas,
+    contradiction_without_unit,
+    is_zero,
     square_side,
 )
 from sinew.tasks.data.told import as_told
@@ -139,6 +142,7 @@ def read_exports(
         where = f"{part.name}/{part.curves[0].name}"
         spreads |= {where: recording.spreads} if recording.spreads else {}
         found = [*remarks(recording), *first_length(recording, reading), *_replaced(recording, reading)]
+        found += [*_ellipse(recording, reading), *begins_elsewhere(recording, part.length_mm)]
         noticed |= {where: tuple(found)} if found else {}
     sources = [recording.path for recording in recordings]
     if specimen is not None:
@@ -171,19 +175,34 @@ def _specimen(recording: Recording, protocol: str | None, name: str | None, read
 
 def _bar(recording: Recording, reading: Reading) -> Bar:
     length = reading.length_mm or _length(recording)
+    sizes = {name: size for name, size in recording.sizes.items() if not is_zero(size)}  # a template left it open
     if reading.area_mm2 is not None:
         side = round(math.sqrt(reading.area_mm2), 9)
     elif differs := contradiction_of_areas(recording.sizes):
-        raise BadInput(recording.path, f"tells {differs}", "sizes that agree, or --area-mm2")
+        raise BadInput(recording.path, f"gives {differs}", "sizes that agree, or --area-mm2")
+    elif differs := contradiction_without_unit(sizes):
+        raise BadInput(recording.path, f"gives {differs}", "sizes with their units, or --area-mm2")
     elif recording.load.quantity is STRESS and not _tells_area(recording):
         side = 1.0
-    elif "diameter" in recording.sizes:
+    elif "diameter" in sizes:
         side = square_side(_size(recording, "diameter", "--area-mm2"))
-    elif "area" in recording.sizes and not {"width", "thickness"} <= recording.sizes.keys():
+    elif "area" in sizes and not {"width", "thickness"} <= sizes.keys():
         side = round(math.sqrt(_size(recording, "area", "--area-mm2")), 9)
     else:
         return Bar(length, _size(recording, "width", "--area-mm2"), _size(recording, "thickness", "--area-mm2"))
     return Bar(length, side, side)
+
+
+def _told_otherwise(recording: Recording) -> float | None:
+    """The cross-section (mm2) that other sizes of a file make than the one that it gives as such."""
+    return area_told({name: size for name, size in recording.sizes.items() if name != "area"})
+
+
+def _ellipse(recording: Recording, reading: Reading) -> Iterator[str]:
+    """A remark where the cross-section that a file gives is that of an ellipse, and the bar's is width x thickness."""
+    area, both = recording.sizes.get("area"), _told_otherwise(recording)
+    if reading.area_mm2 is None and area is not None and area.mm and both and abs(both - area.mm) > OFF * both:
+        yield f"the file gives a cross-section of {area.mm:.6g} mm2, that of the bar is {both:.6g} mm2; --area-mm2"
 
 
 def first_length(recording: Recording, reading: Reading) -> Iterator[str]:
@@ -197,13 +216,13 @@ def _replaced(recording: Recording, reading: Reading) -> Iterator[str]:
     if reading.length_mm is not None and "length" in recording.sizes:
         told = recording.sizes["length"].mm
         if told is not None and abs(told - reading.length_mm) > SAME * told:
-            yield f"length {reading.length_mm:g} mm by --length-mm; the file tells {told:g} mm"
+            yield f"length {reading.length_mm:g} mm by --length-mm; the file gives {told:g} mm"
     if reading.area_mm2 is not None and (differs := contradiction_of_areas(recording.sizes)):
-        yield f"cross-section {reading.area_mm2:g} mm2 by --area-mm2; the file tells {differs}"
+        yield f"cross-section {reading.area_mm2:g} mm2 by --area-mm2; the file gives {differs}"
     elif reading.area_mm2 is not None:
         area = area_told(recording.sizes)
         if area is not None and abs(area - reading.area_mm2) > SAME * area:
-            yield f"cross-section {reading.area_mm2:g} mm2 by --area-mm2; the file tells {area:.4g} mm2"
+            yield f"cross-section {reading.area_mm2:g} mm2 by --area-mm2; the file gives {area:.4g} mm2"
 
 
 def _tells_area(recording: Recording) -> bool:

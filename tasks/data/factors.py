@@ -15,6 +15,8 @@ def factor_of(where: str, quantity: Quantity, unit: str, given: str | None, opti
     the unit is one of another quantity. ``where``: file and column, ``option``: that tells the unit.
     """
     listed = f"one of {', '.join(units.listed(quantity.units))}"
+    if unit in ("1", "-") and unit not in quantity.units:  # as some programs write in place of a unit
+        unit = ""
     if units.ambiguous(unit) and quantity in LOADS:
         choices = [name for name in quantity.units if name.lower() == unit.lower()]
         if given in choices:

@@ -101,7 +101,7 @@ def _first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen]) -> 
     if all(each.other_sign for each in reaches):
         line = "ranges: those of human tendon, which give forces of the other sign; tension is positive"
         return FirstRanges(
-            model, (f"{line}, so look at the machine's sign", *timed), scaled=bool(timed), only_times=True
+            model, (f"{line}, so check the sign convention of the machine", *timed), scaled=bool(timed), only_times=True
         )
     squeezed = all(is_compression(curve.protocol) for one in chosen for curve in one.curves)
     strains = [one.stretch(curve.protocol) - 1.0 for one in chosen for curve in one.curves]

@@ -28,6 +28,8 @@ _TITLE_LABELS = (
 _UNIT_LABELS = ("unitname", "unit", "units", "unit name", "einheit", "einheiten", "unité", "unités", "unidad",
                 "unidades", "unità", "单位", "単位", "단위")  # fmt: skip
 
+_COMMENT_MARKS = ("#", "%", "//")
+
 
 @dataclass(frozen=True)
 class Head:
@@ -36,6 +38,21 @@ class Head:
     titles: Row = ()
     units: Row = ()
     top: int = -1
+
+
+def as_wide(head: Head, rows: Sequence[Row]) -> Head:
+    """A head as wide as the first ``rows`` below it.
+
+    An empty title goes in front where these have numbers as names, as R writes them; a mark of a comment in a cell of
+    its own, which they lack, goes away.
+    """
+    first = [row[0].strip('"') if len(row) == len(head.titles) + 1 else "" for row in rows]
+    if head.titles and first == [str(number) for number in range(1, len(rows) + 1)] and len(rows) > 1:
+        return Head(("", *head.titles), ("", *head.units) if head.units else (), head.top)
+    if head.titles and head.titles[0] in _COMMENT_MARKS and all(len(row) == len(head.titles) - 1 for row in rows):
+        units = head.units[1:] if len(head.units) == len(head.titles) else head.units
+        return Head(head.titles[1:], units, head.top)
+    return head
 
 
 def head_of(rows: Sequence[Row], at: int) -> Head:

@@ -14,7 +14,7 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.answers import Answers, with_answers, write_answers
 from sinew.tasks.data.certainty import Columns, refuse_doubts, refuse_unsure_names
 from sinew.tasks.data.cohort import Cohort, read_cohort, refuse_duplicates, visible, write_cohort
-from sinew.tasks.data.curves import Bar, curve_of
+from sinew.tasks.data.curves import Bar, begins_elsewhere, curve_of
 from sinew.tasks.data.first_ranges import first_ranges
 from sinew.tasks.data.further import refuse_unknown
 from sinew.tasks.data.hints import Hints
@@ -333,7 +333,8 @@ def _specimen(name: str, tests: Sequence[ReadFile], known: Known) -> NewSpecimen
     notes = [*known.notes, *known.proposals]
     for test in tests:
         _check_sizes(test.recording, known.mm)
-        notes += [f"{test.path.name}: {remark}" for remark in remarks(test.recording)]
+        found = (*remarks(test.recording), *begins_elsewhere(test.recording, known.mm["length"]))
+        notes += [f"{test.path.name}: {remark}" for remark in found]
     length, width, thickness = (known.mm[size] for size in SIZES)
     bar = Bar(length or math.inf, width or 1.0, thickness or 1.0)
     curves = tuple(curve_of(test.recording, bar, test.name.protocol) for test in tests)
@@ -346,7 +347,7 @@ def refuse_unknown_sizes(specimens: Sequence[NewSpecimen]) -> None:
     """Raises :class:`BadInput` for the first specimen with sizes that nobody tells, and names all of them."""
     for one in specimens:
         if one.missing:
-            problem = f"does not tell the {' and the '.join(one.missing)} of {one.specimen.name}"
+            problem = f"does not give the {' and the '.join(one.missing)} of {one.specimen.name}"
             raise BadInput(one.tests[0].path, problem, ", ".join(f"--{size}-mm" for size in one.missing))
 
 

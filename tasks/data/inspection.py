@@ -51,7 +51,7 @@ class Inspection:
     recordings: tuple[Recording, ...] = ()
 
     def content(self) -> dict[str, Any]:
-        """As JSON. Columns have the keys ``column``, ``unit`` (None if the file does not tell it)."""
+        """As JSON. Columns have the keys ``column``, ``unit`` (None if the file does not give it)."""
         motion, load = self.columns[1], self.columns[2]
         stress = load is not None and load.quantity is STRESS
         named = {"time": self.columns[0], _kind(motion): motion, "stress" if stress else "force": load}
@@ -261,7 +261,7 @@ def _missing(
     proposed = [f"{size} {mm:g} mm" for size, mm in sizes_in_name(path.stem).items()]
     perhaps = f", but its name may: {', '.join(proposed)}" if proposed else ""
     if values["length"] is None:
-        yield doubt or f"length: the file does not tell it{perhaps}; --length-mm"
+        yield doubt or f"length: the file does not give it{perhaps}; --length-mm"
     load = columns[2]
     if values["area"] is None and (load is None or load.quantity is not STRESS):
-        yield f"cross-section: the file does not tell it{perhaps}; --area-mm2"
+        yield f"cross-section: the file does not give it{perhaps}; --area-mm2"

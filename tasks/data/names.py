@@ -29,6 +29,7 @@ _STAMP = re.compile(
     r"(?:[_T-]{1,2}[0-2]\d[_-]?[0-5]\d(?:[_-]?[0-5]\d)?)?$"
 )
 _MOST_WORDS = 3  # of a protocol's name
+_NUMBER = re.compile(r"_?\d{1,3}$")  # of a test; a year is none
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def names_of(paths: Sequence[Path]) -> dict[Path, FileName]:
 def _names(stems: Mapping[Path, str]) -> dict[Path, FileName]:
     for path, stem in stems.items():
         if not NAME.fullmatch(stem):
-            raise BadInput(path, "a name of which no specimen can be named", "a letter or digit in the name")
+            raise BadInput(path, "a name from which no name of a specimen can be made", "a letter or digit in the name")
     root = Path(os.path.commonpath([path.absolute().parent for path in stems]))
     names = {path: _name(path, stem, root) for path, stem in stems.items()}
     if not any(_protocol_in(stem) for stem in stems.values()):
@@ -106,7 +107,7 @@ def _protocol_in(stem: str) -> tuple[str, str] | None:
     for count in range(min(_MOST_WORDS, len(words)), 0, -1):
         for own, rest in ((words[-count:], words[:-count]), (words[:count], words[count:])):
             name = "_".join(own).lower()
-            if name in PROTOCOLS or re.sub(r"_?\d+$", "", name) in PROTOCOLS:
+            if name in PROTOCOLS or _NUMBER.sub("", name) in PROTOCOLS:
                 return "_".join(rest), name
     return None
 

@@ -111,13 +111,23 @@ def describe(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
                 yield one_line(f"    left out: {', '.join(test.recording.left_out[:20])}")
         yield from (one_line(f"    {note}") for note in new.notes)
     tests = Counter(test.path for new in specimens for test in new.tests if test.recording.test)
-    for path, count in tests.items():
-        if count == 1:
-            continue
-        yield one_line(
-            f"{path}: its {count} tests are taken for those of {count} specimens; if all are of one specimen, make a "
-            f"cohort first, with the same options: sinew import {shlex.quote(str(path))} --specimen NAME --out COHORT"
-        )
+    yield from _several_tests({path: count for path, count in tests.items() if count > 1})
+
+
+def _several_tests(counts: Mapping[Path, int]) -> Iterator[str]:
+    """What the tests of files with several of them are taken for, and what to do if all in a file are of one specimen.
+
+    ``counts``: the number of tests in each of these files.
+    """
+    if not counts:
+        return
+    total, path = sum(counts.values()), next(iter(counts))
+    files, each = (str(path), "") if len(counts) == 1 else (f"{path} and {len(counts) - 1} more", " in a file")
+    yield one_line(
+        f"{files}: {'its' if not each else 'their'} {total} tests are taken for those of {total} specimens; if all"
+        f"{each} are of one specimen, make a cohort first, with the same options: "
+        f"sinew import {shlex.quote(str(path))} --specimen NAME --out COHORT"
+    )
 
 
 def describe_unused(answered: Iterable[str], new: Sequence[NewSpecimen]) -> Iterator[str]:

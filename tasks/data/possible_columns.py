@@ -1,8 +1,11 @@
 """Whether a column can hold a quantity, by its name, its unit and its numbers."""
 
+from collections.abc import Sequence
+
 from sinew.tasks.data import units, words
 from sinew.tasks.data.quantities import LENGTH, STRAIN, Quantity
 from sinew.tasks.data.tables import Table
+from sinew.tasks.data.text import is_number
 
 
 def in_volts(name: str, unit: str) -> bool:
@@ -17,6 +20,18 @@ def changes(table: Table, place: int) -> bool:
     return any(cell != first for cell in cells)
 
 
+def holds_numbers(table: Table, place: int) -> bool:
+    """Whether most cells of a column that are filled hold numbers."""
+    cells = [row[place] for _, row in table.rows if place < len(row) and row[place]]
+    return 2 * sum(is_number(cell, table.decimal) for cell in cells) > len(cells)
+
+
+def titles_of_numbers(table: Table, places: Sequence[int]) -> tuple[str, ...]:
+    """The titles of those columns that hold numbers and have a title of their own."""
+    titles = table.titles
+    return tuple(titles[place] for place in places if titles.count(titles[place]) == 1 and holds_numbers(table, place))
+
+
 def possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:
     """Whether a column can hold a quantity: one in mm is no ratio of lengths, and one in mm/s no displacement.
 
@@ -27,6 +42,8 @@ def possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:
         return False
     if name == "l":
         return (units.factor(units.LENGTH, unit) is not None) == (quantity is LENGTH)
-    if name in words.EXTENSOMETER and units.factor(units.FRACTION, unit) is not None:
+    if name in (*words.EXTENSOMETER, *words.ELONGATION) and units.factor(units.FRACTION, unit) is not None:
         return quantity is STRAIN
+    if name in words.ELONGATION and quantity is STRAIN:
+        return False
     return units.ambiguous(in_file) or not units.belongs_elsewhere(quantity.units, in_file)

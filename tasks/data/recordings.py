@@ -1,4 +1,4 @@
-"""What the tests of a file recorded: their columns of time, motion and load, and what the file tells of them."""
+"""What the tests of a file recorded: their columns of time, motion and load, and what the file says of them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data.cell_numbers import filled_rows, number_of
 from sinew.tasks.data.columns import NOWHERE, Column, alike_places, recognise
 from sinew.tasks.data.further import Kept, kept
 from sinew.tasks.data.further_tables import left_out_note, may_be_test
@@ -16,11 +17,14 @@ from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import Repeats, contradiction, length_beside, lengths_at_zeros, repeats_of
 from sinew.tasks.data.marks import refuse_marks
+from sinew.tasks.data.possible_columns import titles_of_numbers
 from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.questions import Doubt, NoColumn
-from sinew.tasks.data.rows_of_words import cut_off, without_words
+from sinew.tasks.data.ragged import refuse_ragged
+from sinew.tasks.data.rows_of_words import cut_off, names_test, without_words
 from sinew.tasks.data.several import (
     FEWEST_ROWS,
+    GOES_ON,
     TABLES,
     Block,
     Columns,
@@ -42,7 +46,7 @@ from sinew.tasks.data.sizes import Size, read_sizes
 from sinew.tasks.data.sizes_of_tests import sizes_beside, sizes_by_results, without_others
 from sinew.tasks.data.speeds import timed
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
-from sinew.tasks.data.text import HUGE, is_clock
+from sinew.tasks.data.text import HUGE
 from sinew.tasks.data.titles import is_spread
 
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -54,7 +58,8 @@ class Recording:
     """What the file of one test holds.
 
     ``numbers`` ``[t, 3]``: time (s), motion (mm, or 1 for strain and stretch) and load (N, or MPa for stress), each
-    from one of the ``rows`` of the file. ``columns`` says which columns these are, ``left_out`` names the others.
+    from one of the ``rows`` of the file. ``columns`` says which columns these are, ``left_out`` names the others, and
+    ``others`` those of them that hold numbers and have a title of their own.
     ``header`` holds the rows above the titles, and ``sizes`` what they tell of the specimen. ``test`` is the name of
     the test if its file holds several. ``notes``: what a person should know of how it was read. ``remedy``: what may
     help if times do not increase. ``doubts``: what may be meant otherwise. ``further``: columns that are kept beside
@@ -69,6 +74,7 @@ class Recording:
     header: tuple[Row, ...]
     sizes: Mapping[str, Size]
     left_out: tuple[str, ...]
+    others: tuple[str, ...] = ()
     test: str = ""
     notes: tuple[str, ...] = ()
     remedy: str = ""
@@ -181,7 +187,8 @@ def _named(found: Sequence[tuple[Table, list[Recording]]], hints: Hints) -> list
     if not apart and one_sheet and nothing_between and len(alone) == len(found) and _times_go_on(alone):
         return [_joined(alone, "whose times go on")]
     if one_sheet and len(alone) == len(found):
-        alone = _going_on(alone, hints)
+        named = apart or any(names_test(table.header[table.own :]) for table, _ in found[1:])
+        alone = _going_on(alone, hints, named=named)
         if len(alone) == 1:
             return alone
         apart = apart and len(alone) == len(found)
@@ -203,23 +210,24 @@ def _times_go_on(tests: Sequence[Recording]) -> bool:
     return tests[0].columns[0].place != NOWHERE and go_on([test.numbers[:, 0] for test in tests])
 
 
-def _going_on(tests: Sequence[Recording], hints: Hints) -> list[Recording]:
+def _going_on(tests: Sequence[Recording], hints: Hints, *, named: bool) -> list[Recording]:
     """The tests of tables one under another; those that begin where the one before ends, as a person says.
 
-    Raises :class:`Unclear` where nobody has said it.
+    ``named``: tables have names, so that times alone join none. Raises :class:`Unclear` where nobody has said it.
     """
     groups = [[tests[0]]]
     for former, test in pairwise(tests):
         alike = former.columns[1:] == test.columns[1:]
         note = rest_of_former(former.numbers, test.numbers, test.columns) if alike else ""
+        note = GOES_ON if alike and not named and _times_go_on([former, test]) else note
         if note and hints.tables is None:
-            raise unclear_tables(test.path, note)
+            raise unclear_tables(test.path, note, again=bool(test.numbers[0, 0] <= former.numbers[-1, 0]))
         if note and hints.tables == "join":
             groups[-1].append(test)
         else:
             groups.append([replace(test, notes=(*test.notes, note)) if note else test])
     return [
-        _joined(group, f"that begin where the one before ends, as {TABLES} says") if len(group) > 1 else group[0]
+        _joined(group, f"that go on from each other, as {TABLES} says") if len(group) > 1 else group[0]
         for group in groups
     ]
 
@@ -249,7 +257,7 @@ def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Rec
     sizes = sizes_beside(table, every) if count > 1 else [read_sizes(table.header, table.own, table.decimal)]
     names = names_beside(table, every) if count > 1 else [""]
     for number, (name, ours) in enumerate(zip(names, every, strict=True)):
-        rows = _filled(table, ours[1:] if count > 1 else ours)  # times may be shared with a longer test
+        rows = filled_rows(table, ours[1:] if count > 1 else ours)  # times may be shared with a longer test
         cut = cut_off(table, ours, rows)
         rows -= cut
         if count > 1 and rows < FEWEST_ROWS:
@@ -269,7 +277,8 @@ def _recording(
     table: Table, columns: Columns, hints: Hints, block: Block, told: Mapping[str, Size], number: int, beside: int
 ) -> Recording:
     """The test in a block of rows of a table; ``told``: its sizes, ``number``: which of the tests ``beside`` others."""
-    numbers = np.array([[_number(table, row, column) for column in columns] for row in range(block.start, block.end)])
+    refuse_ragged(table, range(block.start, block.end))
+    numbers = np.array([[number_of(table, row, column) for column in columns] for row in range(block.start, block.end)])
     raw, numbers = numbers, numbers * [column.factor for column in columns]
     beyond = np.argwhere(~(np.abs(numbers) < HUGE))
     if beyond.size:
@@ -284,7 +293,7 @@ def _recording(
     further = kept(table, range(block.start, block.end), hints.further, number, beside)
     places = {*further.places, *(column.place for column in columns)}
     others = {place for column in columns if beside > 1 for place in alike_places(table, column)}  # of other tests
-    left_out = tuple(title for place, title in enumerate(table.titles) if place not in places | others and title)
+    unused = [place for place, title in enumerate(table.titles) if place not in places | others and title]
     notes = table.unseen(range(block.start, block.end)) + ((UNPADDED,) if columns[0].place in table.unpadded else ())
     if hints.timing.given:
         if hints.test_column is None and not np.ptp(numbers[:, 0]):
@@ -307,6 +316,7 @@ def _recording(
         if zeros := new_zeros(numbers):
             lengths = lengths_at_zeros(table, numbers[:, 1], zeros, block.start)
     used = {size.text for size in (sizes.get("length"), lengths[1]) if size is not None and size.column}
+    left_out = tuple(table.titles[place] for place in unused if table.titles[place] not in used)
     return Recording(
         table.path,
         numbers,
@@ -314,7 +324,8 @@ def _recording(
         at,
         table.header,
         sizes,
-        tuple(title for title in left_out if title not in used),
+        left_out,
+        titles_of_numbers(table, unused),
         block.name,
         notes,
         "" if apart is None or not back else f", or {apart.option} {shown(apart.title)}, which changes there",
@@ -360,34 +371,3 @@ def _within(cycles: Sequence[Block], block: Block) -> list[Block]:
     """The cycles that begin in a block, counted from its first row."""
     first = block.start
     return [Block(c.name, max(c.start - first, 0), c.end - first) for c in cycles if c.end > first]
-
-
-def _filled(table: Table, columns: Sequence[Column]) -> int:
-    """The number of rows up to the last with anything in these columns: the longest of several tests is beside them."""
-    rows = len(table.rows)
-    places = [column.place for column in columns if column.place != NOWHERE]
-    while rows and not any(table.rows[rows - 1][1][place : place + 1] > ("",) for place in places):
-        rows -= 1
-    return rows
-
-
-def _number(table: Table, row: int, column: Column) -> float:
-    if column.place == NOWHERE:
-        return 0.0
-    value = table.number(row, column.place)
-    if value is None:
-        at, cells = table.rows[row]
-        cell = cells[column.place] if column.place < len(cells) else ""
-        where = f"{table.path}: row {at}, {column.title or column.quantity.name}"
-        if not cell:
-            formula = "; a formula needs the value that Excel or LibreOffice saves with it" if table.sheet else ""
-            behind = len(table.rows) - row
-            last = table.rows[-1][0]
-            rest = f"row {at} if it is" if behind == 1 else f"rows {at} to {last} if they are"
-            summary = f"; delete {rest} a summary" if behind < FEWEST_ROWS <= row else ""
-            raise BadInput(where, "an empty cell", f"a finite number, like those above{formula}{summary}")
-        if is_clock(cell) and table.has_clock(column.place):
-            raise BadInput(where, shown(cell), "a time of the same day as those above, or dates such as 2024-05-03")
-        mark = "a point" if table.decimal == "." else "a comma"
-        raise BadInput(where, shown(cell), f"a finite number with {mark} as decimal mark, like those above")
-    return value

@@ -19,6 +19,11 @@ _COMMENT = re.compile(r"#|%|//|;")
 _TEST = re.compile(rf"\b(?:{'|'.join(word for word in words.TESTS if len(word) > 2)})\b", re.IGNORECASE)
 
 
+def names_test(rows: Sequence[Row]) -> bool:
+    """Whether a row names a test, a specimen or the like: ``Specimen B``."""
+    return any(_TEST.search(cell) for row in rows for cell in row)
+
+
 def without_words(table: Table, columns: Sequence[Column], hints: Hints) -> tuple[Table, tuple[str, ...]]:
     """A table without its rows of words, such as events and what stands below the numbers, and a remark on them.
 

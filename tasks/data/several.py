@@ -23,6 +23,7 @@ from sinew.tasks.data.titles import name_and_unit
 
 TEST_COLUMN, CYCLE_COLUMN, TABLES = "--test-column", "--cycle-column", "--tables"
 FEWEST_ROWS = 3  # of a test
+GOES_ON = "begins soon after the end of the table before, by its times"
 LABELLED = 2  # cells: a label, and what it is of
 FEWEST_ROWS_OF_A_CYCLE = 3
 BEGINS = 0.05  # of the range of motion and load: a test that begins nearer to the end of another one may go on from it
@@ -290,11 +291,14 @@ def rest_of_former(former: Array, test: Array, columns: Sequence[Column]) -> str
     return f"begins where the table before ends, at {place}"
 
 
-def unclear_tables(path: Path, problem: str) -> Unclear:
-    """The question on a test that ``problem`` says may be the rest of the one in the table before."""
+def unclear_tables(path: Path, problem: str, *, again: bool) -> Unclear:
+    """The question on a test that ``problem`` says may be the rest of the one in the table before.
+
+    ``again``: its time starts again.
+    """
     return Unclear(
         str(path),
-        f"a test {problem}, while its time starts again",
+        f"a test {problem}{', while its time starts again' if again else ''}",
         f"{TABLES} join for one test, or {TABLES} apart",
         what="tests",
         which="join such tables to one test, or keep them apart?",

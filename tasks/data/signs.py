@@ -14,7 +14,7 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import words
 from sinew.tasks.data.columns import Column
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.quantities import BASE_UNITS, DISPLACEMENT, LENGTH, POSITION, STRETCH
+from sinew.tasks.data.quantities import BASE_UNITS, DISPLACEMENT, LENGTH, POSITION, STRAIN, STRETCH
 from sinew.tasks.data.questions import Doubt
 
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -55,14 +55,14 @@ def counted(where: str, columns: Sequence[Column], numbers: Array, hints: Hints)
 
 def doubts(columns: Sequence[Column], numbers: Array, texts: Iterable[str], hints: Hints) -> Iterator[Doubt]:
     """What is doubtful in numbers ``[t, 3]`` that are counted as ``hints`` say; ``texts``: titles and lines above."""
-    if hints.zero_displacement is None and columns[1].quantity is DISPLACEMENT:
+    if hints.zero_displacement is None and columns[1].quantity in (DISPLACEMENT, STRAIN):
         start, way = float(numbers[0, 1]), float(np.ptp(numbers[:, 1]))
         if abs(start) > OFFSET * way:
             only = "only " if abs(start) > way else ""
-            text = (
-                f"the displacement starts at {start:g} mm but changes by {only}{way:.4g} mm; "
-                "the start may be an offset of the machine"
-            )
+            name = columns[1].quantity.name
+            begins, changes = (f"{each} {BASE_UNITS.get(name, '')}".strip() for each in (f"{start:g}", f"{way:.4g}"))
+            text = f"the {name} starts at {begins} but changes by {only}{changes}"
+            text += "; the start may be an offset of the machine"
             yield Doubt(text, "count it from its first value?", ZERO, ("first", "none"))
     if hints.preload is None:
         yield from _preload(columns, numbers)
@@ -101,7 +101,7 @@ def _preload(columns: Sequence[Column], numbers: Array) -> Iterator[Doubt]:
         jumps = "jumps" if len(rows) == 1 else f"jumps {len(rows)} times, the last time"
         text = (
             f"the {columns[1].quantity.name} {jumps} from {before} to {after} at {numbers[row, 0]:.6g} s while the "
-            f"force stays: likely set to zero again after a preload of {row:,} rows"
+            f"force does not change: likely set to zero again after a preload of {row:,} rows"
         )
         yield Doubt(text, "leave out these rows?", PRELOAD, ("leave-out", "keep"))
 
@@ -125,7 +125,7 @@ def _sign(columns: Sequence[Column], numbers: Array, texts: Iterable[str]) -> It
         text = "the specimen gets shorter, but forces are above 0; in a compression they should be below 0"
         yield Doubt(text, _TURNED, NEGATE, ("displacement", *either[1:]) if has_sign else either)
     elif pushed:
-        text = "forces are below 0; tension is positive here, so look at the machine's sign"
+        text = "forces are negative, but sinew takes tension as positive; check the sign convention of the machine"
         yield Doubt(text, _TURNED, NEGATE, ("force", "none"))
     elif told is not None:
         text = f"a compression by {shown(told)}, but displacement and force are above 0, which is the sign of tension"

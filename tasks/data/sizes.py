@@ -138,6 +138,22 @@ def contradiction_of_areas(sizes: Mapping[str, Size]) -> str:
     return ""
 
 
+def contradiction_without_unit(sizes: Mapping[str, Size]) -> str:
+    """Where a cross-section with its unit is another one than sizes without a unit make in millimetres."""
+    area, others = sizes.get("area"), [sizes[name] for name in ("diameter", "width", "thickness") if name in sizes]
+    if area is None or area.mm is None or not area.has_unit or all(size.has_unit for size in others):
+        return ""
+    both = area_told({name: size for name, size in sizes.items() if name != "area"})
+    if both is None or abs(both - area.mm) <= OFF * area.mm + _rounding(area):
+        return ""
+    return f"a cross-section of {area.mm:.6g} mm2, but sizes without a unit that make {both:.6g} mm2"
+
+
+def is_zero(size: Size) -> bool:
+    """Whether a size is told as 0, as by a template that was not filled in."""
+    return size.mm is None and re.match(r"0+(?:[.,]0*)?(?![\d.,])", size.text) is not None
+
+
 def area_told(sizes: Mapping[str, Size]) -> float | None:
     """The cross-section (mm2) that a file tells, in whichever way; None without one."""
     mm = {name: size.mm for name, size in sizes.items() if size.mm is not None}

@@ -106,7 +106,7 @@ class Known:
 
 
 def size_of(recording: Recording, name: str) -> float | None:
-    """A size (mm) that the file tells with its unit. A diameter is that of a bar with a square of equal area."""
+    """A size (mm) that the file gives with its unit. A diameter is that of a bar with a square of equal area."""
     diameter = recording.sizes.get("diameter")
     if name != "length" and diameter is not None and diameter.mm is not None and diameter.has_unit:
         return square_side(diameter.mm)
@@ -175,7 +175,7 @@ def _refuse_contradictions(recordings: Sequence[Recording], given: Sizes, answer
     for recording in recordings:
         if differs := contradiction_of_areas(recording.sizes):
             remedy = "sizes that agree, or --width-mm and --thickness-mm with --override"
-            raise BadInput(recording.path, f"tells {differs}", remedy)
+            raise BadInput(recording.path, f"gives {differs}", remedy)
 
 
 def _other_areas(
@@ -197,26 +197,26 @@ def _other_areas(
         ellipse = both * math.pi / 4
         if abs(area.mm - ellipse) <= OFF * ellipse:
             told_so = (
-                f"{recording.path.name} tells {area.mm:.6g} mm2, as of an ellipse {width:.6g} x {thickness:.6g} mm"
+                f"{recording.path.name} gives {area.mm:.6g} mm2, as of an ellipse {width:.6g} x {thickness:.6g} mm"
             )
             found.append(f"{told_so}; the cross-section of the bar is {both:.6g} mm2")
             continue
         differs = f"a cross-section of {area.mm:.6g} mm2, but {width:.6g} x {thickness:.6g} mm is {both:.6g} mm2"
         if {"width", "thickness"} & set(told) and not given.override:
             raise BadInput(recording.path, differs, "sizes that agree, or --override to use those given all the same")
-        found.append(f"{recording.path.name} tells {differs}")
+        found.append(f"{recording.path.name} gives {differs}")
     return found
 
 
 def _without_unit(recording: Recording) -> Iterator[str]:
-    """A note on each size that a file tells without a unit or in no way that can be read, which is not taken."""
+    """A note on each size that a file gives without a unit, or in a way that cannot be read: it is not used."""
     for name, size in recording.sizes.items():
         if not size.has_unit and size.text:
-            told = f"{recording.path.name} tells a {name} of {shown(size.text)} without a unit, which is not taken"
+            told = f"{recording.path.name} gives a {name} of {shown(size.text)} without a unit, so it is not used"
             option = f"--{name}-mm {size.mm:g}" if size.mm is not None and name != "area" else ""
-            yield f"{told}; if it is in mm: {option}" if option else told
+            yield f"{told}; if it is in mm, give {option}" if option else told
         elif size.mm is None and size.text:
-            yield f"{recording.path.name} tells a {name} of {shown(size.text)}, which is not taken"
+            yield f"{recording.path.name} gives a {name} of {shown(size.text)}, which is not used"
 
 
 def with_first_length(
@@ -230,10 +230,10 @@ def with_first_length(
         return known
     first = float(recordings[0].numbers[0, 1])
     if certain:
-        problem = f"does not tell the gauge length; {first:g} mm, the length in the first row, is {LIKELY}, not certain"
+        problem = f"does not give the gauge length; {first:g} mm, the length in the first row, is {LIKELY}, not certain"
         raise BadInput(recordings[0].path, problem, "--length-mm")
     if ask is not None:
-        question = f"{recordings[0].path.name}: {first:g} mm, the length in the first row, for a gauge length?"
+        question = f"{recordings[0].path.name}: {first:g} mm, the length in the first row: is it the gauge length?"
         return known.answered({"length": first}) if ask(question, ("yes", "no")) == "yes" else known
     return replace(known, mm={**known.mm, "length": first}, notes=(*known.notes, first_length_in_words(recordings[0])))
 
@@ -249,7 +249,7 @@ def _contradictions(size: str, asked: float, told: Mapping[float, Path], source:
             raise BadInput(
                 path, problem, f"a {size} for each file that has none (--answers), or --override to use it all the same"
             )
-        found.append(f"{size} {asked:g} mm by {source}; {path.name} tells {value:g} mm")
+        found.append(f"{size} {asked:g} mm by {source}; {path.name} gives {value:g} mm")
     return found
 
 

@@ -23,10 +23,11 @@ Array = np.ndarray[Any, np.dtype[Any]]
 def timed(table: Table, columns: Columns, numbers: Array, hints: Hints, block: Block) -> tuple[Array, tuple[str, ...]]:
     """The numbers ``[t, 3]`` with times by ``hints``, and a note if the file has times of its own, which count.
 
-    Raises :class:`BadInput` where a speed tells no time, and :class:`Unclear` where a column tells other speeds.
+    Raises :class:`BadInput` where a speed gives no time, and :class:`Unclear` where a column gives other speeds.
     """
     timing = hints.timing
-    if columns[0].place != NOWHERE and np.ptp(numbers[:, 0]) > 0:
+    own = columns[0].place != NOWHERE and np.ptp(numbers[:, 0]) > 0
+    if own and (timing.rate_hz is None or not _is_coarse(numbers[:, 0])):
         return numbers, (f"its own times count, not {timing}",)
     rows = range(block.start, block.end)
     speeds = None
@@ -34,16 +35,34 @@ def timed(table: Table, columns: Columns, numbers: Array, hints: Hints, block: B
         speeds = _speeds(table, rows, *_named(table, timing.speed_column), columns[1])
     elif timing.speed is not None and hints.speed_column != NO_COLUMN:
         _refuse_others(table, rows, columns[1], timing.speed)
-    numbers[:, 0] = times = timing.times(numbers[:, 1], speeds)
+    times = timing.times(numbers[:, 1], speeds)
+    if own:
+        _refuse_another_rate(table, numbers[:, 0], times)
+    numbers[:, 0] = times
     stays = np.flatnonzero(np.diff(times) <= 0)
     if stays.size:
         where = f"{table.path}: row {table.rows[block.start + int(stays[0]) + 1][0]}"
-        raise BadInput(where, "the same motion as in the row before, so a speed tells no time", "--rate-hz")
+        raise BadInput(where, "the same motion as in the row before, so a speed gives no time", "--rate-hz")
     turns = np.count_nonzero(np.diff(np.sign(np.diff(numbers[:, 1]))))
     if timing.rate_hz is None and turns > MOST_TURNS * len(numbers):
-        problem = f"the motion turns {turns:,} times in {len(numbers):,} rows, so a speed tells no time"
+        problem = f"the motion turns {turns:,} times in {len(numbers):,} rows, so a speed gives no time"
         raise BadInput(table.path, problem, "--rate-hz")
     return numbers, (f"times by {timing}",)
+
+
+def _is_coarse(times: Array) -> bool:
+    """Whether several rows have one time, as by a clock that counts whole seconds."""
+    steps = np.diff(times)
+    return bool((steps >= 0).all() and (steps == 0).any())
+
+
+def _refuse_another_rate(table: Table, coarse: Array, times: Array) -> None:
+    """Raises :class:`BadInput` where ``times`` by a rate are not those of the file, but for their rounding."""
+    rounded = float(np.diff(coarse).max())
+    span, counted = float(np.ptp(coarse)), float(np.ptp(times))
+    if abs(span - counted) > 2.0 * rounded:
+        problem = f"its times span {span:g} s, its rows at this rate {counted:g} s"
+        raise BadInput(f"{table.path}: --rate-hz", problem, f"about {(len(times) - 1) / span:.4g} rows per second")
 
 
 def _named(table: Table, wanted: str) -> tuple[int, str]:
@@ -122,7 +141,7 @@ def _refuse_others(table: Table, rows: range, motion: Column, told: float) -> No
             those = (titles[place],) if unit else _with_units(titles[place], motion)
             raise Unclear(
                 str(table.path),
-                f"{column} tells other speeds ({f'{listed} {unit}'.strip()}) than --speed {told:g}",
+                f"{column} gives other speeds ({f'{listed} {unit}'.strip()}) than --speed {told:g}",
                 f"{OPTION} {' or '.join(map(shown, those))}, or {OPTION} {NO_COLUMN} to use --speed all the same",
                 what="speed",
                 which=f"by the column {column}, or by --speed ({NO_COLUMN})?",

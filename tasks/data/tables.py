@@ -9,9 +9,10 @@ from functools import cached_property
 from pathlib import Path
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.heads import Head, Row, head_of, is_label, is_row_of_units, refuse_factors
+from sinew.tasks.data.heads import Head, Row, as_wide, head_of, is_label, is_row_of_units, refuse_factors
 from sinew.tasks.data.labview import is_labview, read_labview
 from sinew.tasks.data.sheets import Sheet, is_sheet, read_sheets
+from sinew.tasks.data.spaced_titles import title_cells, usual_width
 from sinew.tasks.data.text import (
     SEPARATORS,
     cells,
@@ -151,7 +152,10 @@ def read_source(path: Path) -> Source:
         return Source(path, (_Page("", rows, [row for _, row in rows]),), separator, decimal, FEWEST_COLUMNS)
     separator, decimal, fewest = _layout(path, lines)
     rows = _without_blank_end([(at, tuple(cells(line, separator))) for at, line in lines])
-    titles = [_title_cells(line, separator) for _, line in lines] if separator == " " else [row for _, row in rows]
+    titles = [row for _, row in rows]
+    if separator == " ":
+        width = usual_width(rows, decimal)
+        titles = [title_cells(line, width) for _, line in lines]
     return Source(path, (_Page("", rows, titles),), separator, decimal, (fewest,))
 
 
@@ -238,7 +242,7 @@ def _tables(source: Source, page: _Page, fewest: int) -> Iterator[Table]:
         end = run.end
         if len(places) > MOST_TABLES:
             raise BadInput(path, f"more than {MOST_TABLES:,} tables", "fewer of them in one file")
-    heads = [_beside_row_names(head_of(titles, at), rows[start : start + RUN]) for start, at in places]
+    heads = [as_wide(head_of(titles, at), [row for _, row in rows[start : start + RUN]]) for start, at in places]
     before: dict[Row, tuple[int, int]] = {}  # by titles: the top of the first table, and the end of the last one
     for (start, _), head, stop in zip(places, heads, _stops(heads), strict=True):
         words = head.titles
@@ -298,8 +302,9 @@ def _layout(path: Path, lines: Sequence[tuple[int, str]]) -> tuple[str, str, int
             best, length = None, 0
             for separator in (*SEPARATORS, " "):
                 split = [cells(line, separator) for _, line in some]
+                quoted = any('"' in line for _, line in some)  # then a comma within a cell may be a decimal mark
                 for decimal in ".,":
-                    longest = 0 if separator == decimal else _longest(split, decimal, fewest)
+                    longest = 0 if separator == decimal and not quoted else _longest(split, decimal, fewest)
                     if longest > length:
                         best, length = (separator, decimal, fewest), longest
             if best is not None:
@@ -364,35 +369,3 @@ def _top(rows: Sequence[tuple[int, Row]], run: _Run, decimal: str, end: int) -> 
             return start, above
         start = above
     return start, -1
-
-
-def _beside_row_names(head: Head, rows: Sequence[tuple[int, Row]]) -> Head:
-    """A head with an empty title in front if the rows below have numbers as names, as R writes them."""
-    first = [row[0].strip('"') if len(row) == len(head.titles) + 1 else "" for _, row in rows]
-    if not head.titles or first != [str(number) for number in range(1, RUN + 1)]:
-        return head
-    return Head(("", *head.titles), ("", *head.units) if head.units else (), head.top)
-
-
-def _title_cells(line: str, separator: str) -> Row:
-    if separator != " ":
-        return tuple(cells(line, separator))
-    line = line.lstrip("#%/ ")
-    for other in SEPARATORS:  # titles may be separated in another way than the numbers below them
-        if other in line:
-            return tuple(cells(line, other))
-    return tuple(title.strip('"') for title in _split_titles(line))
-
-
-def _split_titles(line: str) -> Iterator[str]:
-    """Titles between spaces, each with its unit: ``time (s) force (N)`` are two."""
-    title, open_brackets = "", 0
-    for word in line.split():
-        starts = word[0] in "(["
-        if title and not open_brackets and not starts:
-            yield title
-            title = ""
-        title = f"{title} {word}" if title else word
-        open_brackets += word.count("(") + word.count("[") - word.count(")") - word.count("]")
-    if title:
-        yield title

@@ -33,10 +33,11 @@ _CONTROL = re.compile(r"[\x01-\x08\x0e-\x1f]")  # what no text holds
 _ZEROS, _OTHER_ZEROS = 0.3, 0.05  # at least, of every second byte of UTF-16; and at most, of the others
 _LONGEST_CLOCK = 40  # characters
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?")
-#: A time of day or since the start, with a date in front or not: 00:42:18.872, 2024-05-03 10:22:33, 12:55.4.
+#: A time of day or since the start, with a date in front or not: 0:42:18.87, 2024-05-03 10:22:33, 1:04:08 PM, 12:55.4.
 _CLOCK = re.compile(
-    r"(?P<date>\d{4}-\d\d-\d\d[T ]|\d{1,2}[./]\d{1,2}[./]\d{4} )?"
-    r"(?:(\d{1,4}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)|(\d{1,3}):([0-5]\d[.,]\d+))"
+    r"(?P<date>\d{4}([-/])\d\d\2\d\d[T ]|\d{1,2}[./]\d{1,2}[./]\d{4} )?"
+    r"(?:(?P<hours>\d{1,4}):(?P<minutes>[0-5]\d):(?P<seconds>[0-5]\d(?:[.,]\d+)?)(?P<half> ?[AaPp]\.?[Mm]\.?)?"
+    r"|(?P<alone>\d{1,3}):(?P<behind>[0-5]\d[.,]\d+))(?:Z|[+-]\d\d:?\d\d)?"
 )
 _THOUSANDS = {".": re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+"), ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+")}
 
@@ -220,7 +221,8 @@ def days_after(other: str, cell: str) -> int | None:
     if one["date"] == two["date"]:
         return 0
     try:
-        return (date.fromisoformat((two["date"] or "")[:10]) - date.fromisoformat((one["date"] or "")[:10])).days
+        days = (date.fromisoformat((found["date"] or "")[:10].replace("/", "-")) for found in (one, two))
+        return -int((next(days) - next(days)).days)
     except ValueError:
         return None
 
@@ -232,11 +234,14 @@ def seconds_of(clock: str, *, milliseconds: bool = False) -> float:
     """
     found = _CLOCK.fullmatch(clock)
     assert found is not None, "the caller has asked is_clock"
-    hours, minutes, seconds = (found[2], found[3], found[4]) if found[2] else ("0", found[5], found[6])
+    minutes, seconds = found["minutes"] or found["alone"], found["seconds"] or found["behind"]
+    hours = int(found["hours"] or 0)
+    if found["half"]:
+        hours = hours % 12 + (12 if "p" in found["half"].lower() else 0)
     whole, _, part = seconds.replace(",", ".").partition(".")
     if milliseconds:
         part = part.zfill(3)
-    return 3600.0 * int(hours) + 60.0 * int(minutes) + float(f"{whole}.{part}")
+    return 3600.0 * hours + 60.0 * int(minutes) + float(f"{whole}.{part}")
 
 
 def milliseconds_unpadded(clocks: Sequence[str]) -> bool:
@@ -244,7 +249,9 @@ def milliseconds_unpadded(clocks: Sequence[str]) -> bool:
 
     So it is if times go back as they stand, and do not if these digits count thousandths.
     """
-    digits = {len(clock.rpartition(":")[2].replace(",", ".").partition(".")[2]) for clock in clocks}
+    found = [_CLOCK.fullmatch(clock) for clock in clocks]
+    seconds = [one["seconds"] or one["behind"] for one in found if one is not None]
+    digits = {len(each.replace(",", ".").partition(".")[2]) for each in seconds}
     if not {1, 2} & digits or max(digits) != 3:
         return False
     plain, counted = ([seconds_of(clock, milliseconds=either) for clock in clocks] for either in (False, True))

@@ -14,7 +14,12 @@ _AGAIN = re.compile(r"\.\d{1,3}$")
 _BRACKETS = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
 _ALONG = re.compile(r"([^()\[\]]+)[(\[][xyzXYZ][)\]] ?, ?([^\s,()\[\]]+)")  # a name, its axis and its unit
 #: Behind a unit, what makes another quantity of it: ``Force (N) x 1000``, ``Force (N) / width``, ``Force (N) limit``.
-_CHANGING = r"\b(?:true|cauchy|kirchhoff|rate|change|per|set ?point|limit|target|command|demand|peak|valley)\b"
+_CHANGING = (
+    r"\b(?:true|cauchy|kirchhoff|rate|change|per|set ?point|limit|target|command|demand|peak|valley|max|maximum|"
+    r"minimum|mean|average|avg|amplitude|range|error|rms)\b"
+)
+#: Behind a displacement, what says that an extensometer measured it: ``Displacement (Strain 1) (mm)``.
+_EXTENSOMETER = re.compile(r"\b(?:strain ?\d|extensometer|extenso|lvdt|clip[ -]?on|video)\b", re.IGNORECASE)
 _CHANGED = re.compile(rf"[x×*·] ?\d|\d ?[x×*·]|(?:^|\s)[/^*]|\^|{_CHANGING}", re.IGNORECASE)
 _MINUS = re.compile(r"[-\u2212] ?(?=[^\W\d])")  # "-Force", which has another sign
 #: Words behind a name that are of a channel, a sensor or its clock; others have a digit, as "U9C", "500N" and "1".
@@ -45,6 +50,8 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
         other = " ".join([*(text for text in brackets if text not in told), _BRACKETS.sub(" ", title[len(name) :])])
         if _CHANGED.search(other):
             name = f"{name} {other}"
+        elif _EXTENSOMETER.search(other) and _plain(name) in words.DISPLACEMENT:
+            name = words.EXTENSOMETER[0]
         return _plain(name), units.agreed([*told, below]) or brackets[-1]
     title = title.rstrip("._") or title  # "Time_s_" of MATLAB and "Time..s." of R, which have no brackets in names
     for name, unit in _parts(" ".join(title.split())):

@@ -36,7 +36,7 @@ def _without_preload(recording: Recording, hints: Hints) -> Recording:
         return _from_row(recording, rows[-1])
     by_speed = hints.timing.given and hints.timing.rate_hz is None
     if by_speed and f"times by {hints.timing}" in recording.notes:
-        problem = f"its displacement is set to zero again after {rows[0]:,} rows, so a speed tells no time there"
+        problem = f"its displacement is set to zero again after {rows[0]:,} rows, so a speed gives no time there"
         raise BadInput(recording.path, problem, "--rate-hz, or --preload leave-out")
     for row in rows:
         recording = _counted_on(recording, row, once=len(rows) == 1)
@@ -44,7 +44,7 @@ def _without_preload(recording: Recording, hints: Hints) -> Recording:
 
 
 def _with_lengths(doubt: Doubt, recording: Recording) -> Doubt:
-    """The doubt about a preload with the gauge lengths that either answer leads to, where the file tells them."""
+    """The doubt about a preload with the gauge lengths that either answer leads to, where the file gives them."""
     before, after = (None if one is None else one.mm for one in recording.lengths)
     if before is None or after is None:
         return doubt

@@ -50,7 +50,7 @@ def told_factors(header: Sequence[Row]) -> Iterator[str]:
     """A line for each factor of a column that a line above the table tells and that is not 1: ``Load scale factor``."""
     for row in narrow(header):
         if tells_factor(text := joined(row)[:_LONGEST_LINE]):
-            yield f"the file tells {shown(text, 60)}; numbers are read as they stand, without it"
+            yield f"the file gives {shown(text, 60)}; numbers are read as they stand, without it"
 
 
 def tells_factor(text: str) -> bool:

@@ -43,6 +43,11 @@ EXTENSOMETER = (
     "estensometro", "déform", "déform1", "deform", "deform1", "引伸计", "引伸計", "变形", "變形", "伸び", "伸び計",
     "伸び 1", "신율계", "연신계",
 )  # fmt: skip
+#: Displacements that are strains where their unit is that of a ratio: ``Elongation (%)``.
+ELONGATION = (
+    "elongation", "elong", "extension", "extn", "deformation", "verlängerung", "alargamiento", "allungamento",
+    "alongamento", "伸长", "伸長",
+)  # fmt: skip
 POSITION = (
     "position", "pos", "crosshead", "crosshead position", "actuator", "digital position", "crosshead absolute",
     "absolute crosshead travel", "traverse abs", "traverse absolue", "position traverse", "traverse", "kolbenposition",
@@ -61,6 +66,8 @@ STRAIN = (
     "deformación", "deformazione", "应变", "拉伸应变", "压缩应变", "應變", "ひずみ",
     "ストロークひずみ", "行程应变", "歪み", "변형률",
 )  # fmt: skip
+#: Words for a stretch that some use for a strain.
+STRETCH_OR_STRAIN = ("stretch", "streckung")
 STRETCH = ("stretch", "stretch ratio", "length ratio", "l/l0", "lambda", "λ", "l", "streckung", "拉伸比")
 FORCE = (
     "force", "load", "fz", "tensile force", "kraft", "standardkraft", "prüfkraft", "last", "fuerza", "charge", "f", "p",

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from sinew.runner.store.store import open_store
 from sinew.tasks.discover.result import CellMisfit, DiscoverResult
 from sinew.tasks.discover.show import cells_table, curves_table, gap_of, stack_of
-from sinew.tasks.drawing.figures import COLOURS, STYLE, headline, save
+from sinew.tasks.drawing.figures import COLOURS, MEASURED, STYLE, headline, save
 from sinew.tasks.drawing.views import FigureKind
 from sinew.tasks.model import file_name
 from sinew.tasks.study.workspace import Workspace
@@ -73,7 +73,7 @@ def before_and_after(kept: xr.Dataset, result: DiscoverResult, specimen: str) ->
         for column, protocol in enumerate(protocols):
             time = kept[f"time_{protocol}"].to_numpy()
             measured = kept[f"measured_{protocol}"].to_numpy()
-            axes[0, column].plot(time, measured, color="0.6", lw=2.4, label="measured")
+            axes[0, column].plot(time, measured, color=MEASURED, lw=2.4, label="measured")
             for row, (name, (label, colour)) in enumerate(models.items(), start=1):
                 force = kept[f"{name}_{protocol}"].to_numpy()
                 axes[0, column].plot(time, force, color=colour, lw=0.9, label=label, ls="--" if row == 1 else "-")

@@ -284,7 +284,7 @@ def _others(result: DiscoverResult) -> list[Block]:
     if result.outside:
         nearest = result.outside.similar[0]
         like = f"looks most like {nearest.effect} (cosine {nearest.cosine:.2f})"
-        lines = [f"What the model as it is leaves {like}. That is a description, no mechanism."]
+        lines = [f"What the model as it is leaves {like}. That is a description, not a mechanism."]
         lines += [f"{one.specimen}: {one.sentence}" for one in result.outside.corrections]
         blocks += [Words(line, "note") for line in lines]
     blocks += _law(result)

@@ -13,6 +13,7 @@ from sinew.runner.console import Console
 from sinew.tasks.discover.follow_up import NextExperiment, Part
 from sinew.tasks.discover.judge.confidence import in_words
 from sinew.tasks.discover.judge.rules import HELD_OUT
+from sinew.tasks.discover.judge.shared_checks import as_good
 from sinew.tasks.discover.result import NAMES, CandidateResult, DiscoverResult, NoiseLevel, SplitGap
 from sinew.tasks.drawing.blocks import listed, number, percent
 
@@ -50,7 +51,7 @@ def in_one_sentence(result: DiscoverResult) -> str:
     where = f", mostly in {listed(left.cells, 3)}" if left.cells else ""
     said += f"; {percent(max(left.share, 0.0), 1)} is left ({number(left.newtons, 2)} N{where})."
     for one in result.parts:
-        if one.rival and one.doubt == f"{one.rival} would do nearly as well in its place":
+        if one.rival and one.doubt == as_good(one.rival):
             either = f"{one.effect} or {one.rival}".replace("-", " ").capitalize()
             said += f" {either}, which cannot be told apart, would explain {percent(one.share)}."
     if only_describes(result):
@@ -97,7 +98,7 @@ def of_the_law(result: DiscoverResult) -> str:
     if law.gap.before is not None and law.gap.after is not None:
         errors = f"{law.gap.before:.2f} to {law.gap.after:.2f} times the noise"
         said += f"; the error on data that were not fitted falls from {errors}"
-    return f"{said}. That is a description with predictive worth, no mechanism."
+    return f"{said}. That is a description with predictive value, not a mechanism."
 
 
 def stack_of(result: DiscoverResult) -> pd.DataFrame:

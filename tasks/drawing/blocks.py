@@ -154,6 +154,11 @@ def behind(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
+def unit_cell(unit: str) -> str:
+    """A unit in a cell of its own, which stays empty for a number without a unit."""
+    return "" if unit == "1" else unit
+
+
 def with_its_unit(name: str, unit: str) -> str:
     """What an axis or a column shows: ``width change (mm)``, or the name alone for a number without a unit."""
     return name if unit == "1" else f"{name} ({unit})"

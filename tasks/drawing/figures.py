@@ -18,6 +18,7 @@ from sinew.runner.files import new_file
 from sinew.tasks.drawing.formats import FORMATS, without_formulas
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
+MEASURED = "0.6"  # of curves that were measured, beside those of a model
 WIDTH_OF_A_LETTER = 0.6  # in sizes of the font, on the average and a little more
 _LABELS = {"E": "E", "alpha": r"\alpha", "g": "g", "tau": r"\tau", "nu": r"\nu"}
 STYLE: Any = {

@@ -11,6 +11,7 @@ from sinew.tasks.data.sites import site_of
 from sinew.tasks.data.text import HUGE
 from sinew.tasks.infer.result import InferResult, LikelihoodResult, Posteriors, particles_group, read_posteriors
 from sinew.tasks.model import Parameter
+from sinew.tasks.study.same_data import refuse_other_data
 from sinew.tasks.study.workspace import Workspace
 
 MOST_BYTES = 2**29  # of the draws of all sites together
@@ -20,7 +21,8 @@ ROUNDING = 1e-6  # of a sum of weights
 def posteriors_of(workspace: Workspace) -> Posteriors:
     """The posteriors of a study: of parameters of its model, and of specimens of its cohort, each at its own site.
 
-    Raises :class:`BadInput` where there are none, or where they are of something else.
+    Raises :class:`BadInput` where there are none, where they are of something else, and where data, model or ranges
+    have changed since.
     """
     path = InferResult.path(workspace.out)
     inferred = read_posteriors(workspace.out)
@@ -29,6 +31,9 @@ def posteriors_of(workspace: Workspace) -> Posteriors:
     strange = next(_strange(workspace, inferred, path), None)
     if strange is not None:
         raise BadInput(path, strange, "what `sinew infer` writes; run it again")
+    members = [name for posterior in inferred.sites.values() for name in posterior.specimens]
+    chosen = workspace.cohort.choose(members, str(path))
+    refuse_other_data(workspace, path, inferred.data, chosen, "`sinew infer` again")
     return inferred
 
 

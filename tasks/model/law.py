@@ -165,7 +165,7 @@ def compiled(term: Term) -> Effect:
         slug=term.name.rpartition("/")[0],
         form=term.form,
         title=f"A law for {term.part}, driven by {term.driver.replace('-', ' ')}",
-        description="A description with predictive worth, found by search; no mechanism.",
+        description="A description with predictive value, found by search; not a mechanism.",
         equation=equation(term),
         reference="the grammar of docs/laws.md",
         parameters=tuple(parameters),

@@ -26,7 +26,7 @@ def run(workspace: Workspace, settings: Settings) -> MorrisResult:
     for evaluation, (table, at) in zip(evaluations, planned, strict=True):
         workspace.evaluate(evaluation, table, at, f"morris {evaluation.specimen.name}")
     statuses = [table.status[at] for table, at in planned]
-    tables = [table.key for table, _ in planned]
+    tables = [[one.name, table.key] for one, (table, _) in zip(specimens, planned, strict=True)]
     inputs = key(MorrisResult, settings.model_dump(), workspace.seed, design.rows, tables, *statuses)
     if (known := cached(workspace, MorrisResult, inputs, ["morris"])) is not None:
         return known

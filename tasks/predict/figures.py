@@ -97,6 +97,8 @@ def each_specimen(dataset: xr.Dataset, prediction: SitePrediction, site: str) ->
                 _band(axis, curve, band)
                 axis.plot(curve["time"], curve["measured"], color="black", lw=0.9)
                 low, high, measured = (curve[n].to_numpy() for n in (f"{band}_low", f"{band}_high", "measured"))
+                if not np.isfinite(low).any():  # there is no such band
+                    continue
                 inside = float(np.mean((measured >= low) & (measured <= high)))
                 axis.text(0.98, 0.94, _percent(inside), transform=axis.transAxes, ha="right", va="top", fontsize=8)
             row[0].set_ylabel(f"{specimen}\nforce (N)")

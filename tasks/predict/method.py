@@ -2,7 +2,7 @@
 
 =========  ============================================================================================================
 ``hdi``    from the lowest to the highest of three simulations: at the posterior mean, and at the low and at the high
-           bounds of the highest density intervals of all parameters (Pekedis 2025, first case)
+           bounds of the highest density intervals of all parameters (Pekedis 2025, first case); none if one fails
 ``draws``  the pointwise middle 95 % of 40 simulations with draws from the posterior (second case; both numbers are
            settings)
 ``new``    the pointwise band of a specimen that was not measured yet
@@ -19,7 +19,8 @@ changes sign, hence asinh: a logarithm for large forces, linear near zero. The n
 squares. Of the specimen itself, only geometry and displacements enter.
 
 After an inference by likelihood, ``new`` and ``whole`` are made of draws of a new specimen from the population's
-posterior, with noise. ``new`` holds the middle 95 % at each point. ``whole`` reaches as far from the median, in
+posterior, with noise. ``new`` lies between two of them by rank, so that one more lies inside with 95 % at each point
+(Wilks 1941, doi:10.1214/aoms/1177731788). ``whole`` reaches as far from the median, in
 standard deviations of each point (of asinh of the forces), as it takes to hold 95 % of the draws entirely. The
 population's posterior knows the specimen's own curves, one of several, so ``coverage`` is a little too good.
 """
@@ -34,26 +35,33 @@ from scipy.special import ndtri, stdtrit
 from sinew.tasks.data.noise import noise_of
 from sinew.tasks.model import FORCE, Specimen
 from sinew.tasks.predict.result import BANDS, SIMULATED, Coverage
+from sinew.tasks.predict.settings import HDI, fewest_of_new
 
 FEWEST = 4  # specimens of a site for the band of a new one: two others would say nothing of the spread
-FEWEST_DRAWS = 100  # of a new specimen, from which on bands are made of them
+FEWEST_DRAWS = 100  # of a new specimen, from which on there is a band of whole curves
 BENDS = 0.2  # share of the largest force at which asinh turns from a line to a logarithm
 Array = np.ndarray[Any, Any]
 Band = tuple[Array, Array]
 
 
-def bands_of(simulated: dict[str, Array], noise: float, probability: float) -> dict[str, Band | None]:
-    """Each band from its simulations ``[n, t]``; None where too few of them are left."""
+def bands_of(
+    simulated: dict[str, Array], noise: float, probability: float, *, from_population: bool
+) -> dict[str, Band | None]:
+    """Each band from its simulations ``[n, t]``; None where too few of them are left.
+
+    ``from_population``: those of a new specimen are draws from a population, not the other specimens.
+    """
     three, drawn, others = (simulated[name] for name in SIMULATED)
     new: Band | None = None
     whole: Band | None = None
-    if len(others) >= FEWEST_DRAWS:
+    if from_population and len(others) >= fewest_of_new(probability):
         noisy = others + noise * np.random.default_rng(0).standard_normal(others.shape)
-        new, whole = pointwise(noisy, probability), simultaneous(noisy, probability)
-    elif len(others) >= FEWEST - 1:
+        new = one_more(noisy, probability)
+        whole = simultaneous(noisy, probability) if len(others) >= FEWEST_DRAWS else None
+    elif not from_population and len(others) >= FEWEST - 1:
         new = next_curve(others, noise, probability)
     return {
-        "hdi": (three.min(axis=0), three.max(axis=0)) if len(three) > 1 else None,
+        "hdi": (three.min(axis=0), three.max(axis=0)) if len(three) == HDI else None,
         "draws": pointwise(drawn, probability) if len(drawn) > 1 else None,
         "new": new,
         "whole": whole,
@@ -63,6 +71,12 @@ def bands_of(simulated: dict[str, Array], noise: float, probability: float) -> d
 def pointwise(curves: Array, probability: float) -> Band:
     """Bounds ``[t]`` that hold the middle ``probability`` of ``curves`` ``[n, t]`` at each point."""
     low, high = np.quantile(curves, [(1 - probability) / 2, (1 + probability) / 2], axis=0)
+    return low, high
+
+
+def one_more(curves: Array, probability: float) -> Band:
+    """Bounds ``[t]`` between which one more of ``curves`` ``[n, t]`` lies with ``probability`` at each point."""
+    low, high = np.quantile(curves, [(1 - probability) / 2, (1 + probability) / 2], axis=0, method="weibull")
     return low, high
 
 
@@ -100,21 +114,15 @@ def next_curve(curves: Array, noise: float, probability: float) -> Band:
     return middle - np.hypot(middle - low, measured), middle + np.hypot(high - middle, measured)
 
 
-def noise_of_others(specimens: Sequence[Specimen], specimen: Specimen, protocol: str, quantity: str = FORCE) -> float:
-    """Standard deviation of the noise of the other specimens' curves of a protocol; 0 where it is unknown.
+def noise_level(specimens: Sequence[Specimen], protocol: str, quantity: str = FORCE) -> float:
+    """Standard deviation of the noise of specimens' curves of a protocol; 0 where it is unknown.
 
     In newton, or in the unit of another ``quantity`` that is compared.
     """
     if quantity != FORCE:
-        levels = [other.noise[quantity] for other in specimens if other.name != specimen.name]
+        levels = [one.noise[quantity] for one in specimens]
         return float(np.sqrt(np.mean(np.square(levels)))) if levels else 0.0
-    sd = [
-        noise_of(curve, other.curves).sd_N
-        for other in specimens
-        if other.name != specimen.name
-        for curve in other.curves
-        if curve.name == protocol
-    ]
+    sd = [noise_of(curve, one.curves).sd_N for one in specimens for curve in one.curves if curve.name == protocol]
     known = np.array([value for value in sd if np.isfinite(value)])
     return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
 

@@ -101,7 +101,7 @@ class PredictResult(Result):
     """
 
     TASK = "predict"
-    VERSION = 4  # 3: whole curves; 4: words
+    VERSION = 5  # 3: whole curves; 4: words; 5: bands of a new specimen of a population by rank
 
     probability: Share
     draws: Count

@@ -68,4 +68,4 @@ def summary(result: PredictResult, folder: Path, console: Console) -> None:
         console.print(remark)
     if result.failed:
         failed = (f"{result.failed:,} of {result.rows:,} simulations failed", "red")
-        console.print(Text.assemble(failed, "; bands do without them"))
+        console.print(Text.assemble(failed, "; bands do without them, and `hdi` needs all three of its own"))

@@ -30,7 +30,7 @@ from sinew.tasks.infer.result import (
     draws_of_specimen,
 )
 from sinew.tasks.model import FORCE, Specimen
-from sinew.tasks.predict.method import FEWEST, Band, bands_of, coverage, noise_of_others, typical
+from sinew.tasks.predict.method import FEWEST, Band, bands_of, coverage, noise_level, typical
 from sinew.tasks.predict.result import (
     SIMULATED,
     PredictResult,
@@ -39,13 +39,14 @@ from sinew.tasks.predict.result import (
     bands_group,
     of_quantity,
 )
-from sinew.tasks.predict.settings import Settings
+from sinew.tasks.predict.settings import Settings, fewest_of_new
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation, kept_points
 from sinew.tasks.simulate.retrying import simulate_patiently
 from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
 from sinew.tasks.study.result import believed
+from sinew.tasks.study.same_data import refuse_other_data
 from sinew.tasks.study.streams import Stream
 from sinew.tasks.study.workspace import Workspace
 
@@ -131,7 +132,10 @@ def run(workspace: Workspace, settings: Settings) -> PredictResult:
     arrays = [bands_group(site) for site in sites]
     if (known := cached(workspace, PredictResult, inputs, arrays)) is not None:
         return known
-    predicted = [_site(workspace, planned, settings.probability) for planned in sites.values()]
+    of_population = isinstance(inferred, LikelihoodResult)
+    predicted = [
+        _site(workspace, planned, settings.probability, from_population=of_population) for planned in sites.values()
+    ]
     forces = [_only(dataset, "point") for _, dataset in predicted]
     result = PredictResult(
         probability=settings.probability,
@@ -142,7 +146,7 @@ def run(workspace: Workspace, settings: Settings) -> PredictResult:
         coverage=coverage(xr.concat(forces, "point")),
         inputs=inputs,
         others=_others_of([dataset for _, dataset in predicted], every[0].evaluation),
-        from_population=isinstance(inferred, LikelihoodResult),
+        from_population=of_population,
     )
     commit(workspace, result, {name: dataset for name, (_, dataset) in zip(arrays, predicted, strict=True)})
     return result
@@ -168,6 +172,12 @@ def _planned(workspace: Workspace, settings: Settings, inferred: Posteriors) -> 
     if calibration is None and calibrated:
         raise BadInput(CalibrateResult.path(workspace.out), "is not there", "`sinew calibrate` on this study first")
     members = [name for posterior in inferred.sites.values() for name in posterior.specimens]
+    if calibration is not None:
+        calibrated_ones = workspace.cohort.choose(
+            [name for name in members if name in calibration.specimens], str(path)
+        )
+        again = "`sinew calibrate` again"
+        refuse_other_data(workspace, calibration.path(workspace.out), calibration.data, calibrated_ones, again)
     planned: dict[str, list[Planned]] = {}
     for number, (site, specimens) in enumerate(by_site(workspace.cohort.choose(members, str(path))).items()):
         seed = streams.key(workspace.seed, Stream.PREDICTION, number)
@@ -253,23 +263,27 @@ def _ask_all(parameters: Array) -> Callable[[Session], None]:
     return work
 
 
-def _site(workspace: Workspace, planned: Sequence[Planned], probability: float) -> tuple[SitePrediction, xr.Dataset]:
+def _site(
+    workspace: Workspace, planned: Sequence[Planned], probability: float, *, from_population: bool
+) -> tuple[SitePrediction, xr.Dataset]:
     """The bands of one site and what they cover."""
     specimens = [one.specimen for one in planned]
-    points = _points(workspace, planned, probability)
+    bands = partial(bands_of, probability=probability, from_population=from_population)
+    points = _points(workspace, planned, bands, from_population=from_population)
     units = planned[0].evaluation.units()
-    others = {name: _points(workspace, planned, probability, name) for name in units if name != FORCE}
+    others = {
+        name: _points(workspace, planned, bands, name, from_population=from_population)
+        for name in units
+        if name != FORCE
+    }
     shown = typical(specimens)
-    stresses, no_stresses = _stresses(workspace, planned[specimens.index(shown)], probability)
-    few = f"{plural(len(specimens), 'specimen')}; a band for a new one needs {FEWEST} or more"
-    if len(specimens) >= FEWEST:
-        few = "no calibration, from which a band for a new specimen is made after ABC (`sinew calibrate`)"
+    stresses, no_stresses = _stresses(workspace, planned[specimens.index(shown)], bands)
     beside = [each.dataset(f"{name}_point", units[name], f"{name}_") for name, each in others.items()]
     dataset = xr.merge([points.dataset("point", "N"), stresses.dataset("stress_point", "MPa", "stress_"), *beside])
     prediction = SitePrediction(
         specimens=[one.name for one in specimens],
         failed={one.specimen.name: failures(one.table, one.at) for one in planned},
-        no_new=None if all(len(one.rows.new) for one in planned) else few,
+        no_new=_no_band_of_new(planned, probability, from_population=from_population),
         coverage=coverage(_only(dataset, "point")),
         typical=shown.name,
         stresses_of=shown.name if no_stresses is None else None,
@@ -277,6 +291,22 @@ def _site(workspace: Workspace, planned: Sequence[Planned], probability: float) 
         others=_others_of([dataset], planned[0].evaluation),
     )
     return prediction, dataset
+
+
+def _no_band_of_new(planned: Sequence[Planned], probability: float, *, from_population: bool) -> str | None:
+    """Why there is no band for a new specimen; None where there is one."""
+    if from_population:
+        ran = min(int((one.rows.split(one.table.status[one.at])["new"] == 0).sum()) for one in planned)
+        fewest = fewest_of_new(probability)
+        words = (
+            f"{plural(ran, 'simulation')} of a new specimen; a band of {100 * probability:g} % needs {fewest} or more"
+        )
+        return None if ran >= fewest else f"{words} (predict.new)"
+    if all(len(one.rows.new) for one in planned):
+        return None
+    if len(planned) < FEWEST:
+        return f"{plural(len(planned), 'specimen')}; a band for a new one needs {FEWEST} or more"
+    return "no calibration, from which a band for a new specimen is made after ABC (`sinew calibrate`)"
 
 
 def _only(dataset: xr.Dataset, dim: str) -> xr.Dataset:
@@ -294,8 +324,19 @@ def _others_of(datasets: Sequence[xr.Dataset], evaluation: SpecimenEvaluation) -
     return found or None
 
 
-def _points(workspace: Workspace, planned: Sequence[Planned], probability: float, quantity: str = FORCE) -> CurvePoints:
-    """What was measured of a quantity, and its bands, at the kept points of every curve of a site, in its unit."""
+def _points(
+    workspace: Workspace,
+    planned: Sequence[Planned],
+    bands: Callable[..., dict[str, Band | None]],
+    quantity: str = FORCE,
+    *,
+    from_population: bool,
+) -> CurvePoints:
+    """What was measured of a quantity, and its bands, at the kept points of every curve of a site, in its unit.
+
+    A new specimen of a population has the noise of all of them, one that is like the others' calibrations that of the
+    others.
+    """
     points = CurvePoints()
     specimens = [one.specimen for one in planned]
     for one in planned:
@@ -306,13 +347,14 @@ def _points(workspace: Workspace, planned: Sequence[Planned], probability: float
                 each.field for each in one.evaluation.series() if (each.output, each.protocol) == (quantity, curve.name)
             )
             force = one.rows.split(one.table.read(field, one.at))
-            noise = noise_of_others(specimens, one.specimen, curve.name, quantity)
-            bands = bands_of({name: force[name][ok[name]] for name in SIMULATED}, noise, probability)
+            of = [each for each in specimens if from_population or each.name != one.specimen.name]
+            noise = noise_level(of, curve.name, quantity)
+            found = bands({name: force[name][ok[name]] for name in SIMULATED}, noise)
             arrays = {
                 "time": curve.protocol.time_s[keep],
                 "displacement": curve.protocol.displacement_mm[keep],
                 "measured": (curve.force_N if quantity == FORCE else curve.others[quantity])[keep],
-                **_bounds(bands, keep.size),
+                **_bounds(found, keep.size),
             }
             points.add(keep.size, {"specimen": one.specimen.name, "protocol": curve.name}, arrays)
     return points
@@ -328,14 +370,16 @@ def _bounds(bands: dict[str, Band | None], size: int, prefix: str = "") -> dict[
     return named
 
 
-def _stresses(workspace: Workspace, planned: Planned, probability: float) -> tuple[CurvePoints, str | None]:
+def _stresses(
+    workspace: Workspace, planned: Planned, bands: Callable[..., dict[str, Band | None]]
+) -> tuple[CurvePoints, str | None]:
     """Bands of both constituents' second Piola-Kirchhoff stress (MPa) along a specimen's protocols, or why not.
 
     ``new`` comes from the other specimens' parameters as for forces, but without noise: nobody measures these stresses.
     """
     points = CurvePoints()
     if not workspace.simulator.capabilities.stresses:
-        return points, f"the simulator {workspace.simulator.name} does not tell the constituents' stresses"
+        return points, f"the simulator {workspace.simulator.name} does not give the constituents' stresses"
     specimen, rows = planned.specimen, planned.rows
     for curve in specimen.curves:
         keep = kept_points(curve.protocol, workspace.study.store.points_per_curve)
@@ -349,7 +393,7 @@ def _stresses(workspace: Workspace, planned: Planned, probability: float) -> tup
         arrays = {"time": curve.protocol.time_s[keep], "displacement": curve.protocol.displacement_mm[keep]}
         for constituent, stress in (("matrix", done.matrix_MPa), ("fibre", done.fibre_MPa)):
             each = rows.split(stress[:, keep])
-            bands = bands_of({name: each[name][ok[name]] for name in SIMULATED}, 0.0, probability)
-            arrays |= _bounds(bands, keep.size, f"{constituent}_")
+            found = bands({name: each[name][ok[name]] for name in SIMULATED}, 0.0)
+            arrays |= _bounds(found, keep.size, f"{constituent}_")
         points.add(keep.size, {"specimen": specimen.name, "protocol": curve.name}, arrays)
     return points, None

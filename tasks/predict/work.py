@@ -2,10 +2,9 @@
 
 from sinew.tasks.infer.settings import Settings as Infer
 from sinew.tasks.infer.work import sites_of
-from sinew.tasks.predict.settings import Settings
+from sinew.tasks.predict.settings import HDI, Settings
 from sinew.tasks.study.work import Given, Work
 
-HDI = 3  # rows: a posterior's mean and both ends of its interval
 BANDS_S = 0.25  # for each specimen, with its figure
 
 

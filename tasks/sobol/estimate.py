@@ -25,6 +25,8 @@ FIRST_SIZE = 5  # the convergence begins with 2**5 base samples
 RULE = "S1 is that of the rows that ran, ST that of base samples without a failed row"
 REFUSED = f"S1 is that of the rows that ran; ST is refused, as more than {100 * LIMIT:g} % of the rows failed"
 OF_GROUPS = "; S1 of groups of several parameters is unknown"
+FEWEST_SCRAMBLES = 3  # of which one can be left out, and there are still pairs
+WITHOUT_INTERVAL = f"; S1 has no interval, which needs {FEWEST_SCRAMBLES} scrambles"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +52,8 @@ class Estimator:
     def rule(self) -> str:
         """What is done about failed rows, in words."""
         several = any(len(at) > 1 for at in self.design.members)
-        return (REFUSED if self.refuses else RULE) + (OF_GROUPS if several else "")
+        few = np.unique(self.ran.scramble).size < FEWEST_SCRAMBLES
+        return (REFUSED if self.refuses else RULE) + (OF_GROUPS if several else "") + (WITHOUT_INTERVAL if few else "")
 
     def of(self, outcomes: Array) -> dict[str, Array]:
         """S1, S1_conf, ST, ST_conf ``[d, m]`` of outcomes ``[n, m]``, NaN where one is refused or nothing varies."""

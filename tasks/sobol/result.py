@@ -120,7 +120,7 @@ class SobolResult(Result):
     """
 
     TASK = "sobol"
-    VERSION = 2  # several scrambles
+    VERSION = 3  # 2: several scrambles; 3: what has no interval where rows failed
     LIBRARIES = ("SALib",)
 
     names: list[str]

@@ -153,7 +153,7 @@ def _known(
     """The key of a result, and the result itself if it is there; ``drawn``: digest of the design's rows."""
     bounds = [[parameter.minimum, parameter.maximum] for parameter in workspace.model.free]
     statuses = [one.table.status[one.at] for one in planned]
-    tables = [one.table.key for one in planned]
+    tables = [[one.specimen.name, one.table.key] for one in planned]
     inputs = key(SobolResult, settings.model_dump(), workspace.seed, drawn, bounds, tables, *statuses)
     return inputs, cached(workspace, SobolResult, inputs, ["sobol", *map(_course_name, planned)])
 
@@ -232,7 +232,7 @@ def _analysed(
     )  # fmt: skip
 
     def along_time(one: Evaluated) -> None:
-        workspace.store.write_result(_course_name(one), _along_time(estimate, one))
+        workspace.store.write_result(_course_name(one), _along_time(estimate, one).assign_attrs(inputs=inputs))
 
     workspace.each("sobol along time", "analyses", along_time, {one.specimen.name: one for one in planned})
     commit(workspace, result, {"sobol": _arrays(design, result, {"total": total, **found, **by_output})})

@@ -35,7 +35,8 @@ def cached(
 ) -> R | None:
     """The result of an earlier run with the same ``inputs``, if all that it left is still there.
 
-    ``arrays`` are groups of the store, written by :func:`commit` or before it; ``files`` are relative to the folder.
+    ``arrays`` are groups of the store, marked with the same inputs by :func:`commit` or whoever wrote them before it;
+    ``files`` are relative to the folder.
     """
     try:
         found = kind.read(workspace.out)
@@ -65,7 +66,7 @@ def _can_be_shown(found: Result, out: Path) -> bool:
 def _is_whole(store: Store, name: str, inputs: str) -> bool:
     """Whether arrays of these ``inputs`` are there and can be read."""
     try:
-        return bool(store.read_result(name).attrs.get("inputs", inputs) == inputs)
+        return bool(store.read_result(name).attrs.get("inputs") == inputs)
     except StoreError:
         return False
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sinew.runner.errors import BadInput
-from sinew.runner.files import NotReadable, append_file, new_file, parse_json, read_regular
+from sinew.runner.files import NotReadable, append_file, parse_json, read_regular, write_whole
 from sinew.tasks.simulate import Array
 
 MAX_BYTES = 2**26
@@ -47,8 +47,7 @@ class Checkpoint:
             end = after
         if not begun or end < len(content):
             path.parent.mkdir(parents=True, exist_ok=True)
-            with new_file(path) as file:
-                file.write(head + content[len(head) : end])
+            write_whole(path, head + content[len(head) : end])
 
     def __len__(self) -> int:
         return len(self.kept)

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sinew.runner.errors import BadInput
-from sinew.runner.files import NotReadable, new_file, parse_json, read_regular
+from sinew.runner.files import NotReadable, parse_json, read_regular, write_whole
 
 MAX_JSON_BYTES = 2**24
 
@@ -42,10 +41,7 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write a file, whole or not at all."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    with new_file(temporary) as file:
-        file.write(as_bytes(text))
-    os.replace(temporary, path)
+    write_whole(path, as_bytes(text))
 
 
 def as_bytes(text: str) -> bytes:

@@ -9,7 +9,7 @@ from typing import Any
 
 from sinew.runner.cluster.local import Local
 from sinew.runner.console import Console
-from sinew.runner.errors import BadInput, ClusterError, SinewError, StoreError, WalltimeReached, brief, one_line
+from sinew.runner.errors import BadInput, ClusterError, SinewError, StoreError, brief, one_line
 from sinew.runner.printing import put
 from sinew.runner.store.repair import Repaired
 from sinew.runner.store.store import Store, open_store
@@ -80,8 +80,6 @@ def run(workspace: Workspace, tasks: Sequence[str], *, figures: bool = True, **f
         workspace.board.put(tasks=dict(states), task=name, task_since=round(time.time(), 1))
         try:
             results[name] = _run_one(workspace, name, console, figures=figures, flags=_flags(name, flags))
-        except WalltimeReached:  # there is no time left for a page
-            raise
         except Exception as error:  # noqa: BLE001 - it is raised again once the other tasks have run
             states[name] = "failed"
             errors[name] = error

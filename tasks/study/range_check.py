@@ -55,10 +55,13 @@ class Ranges(BaseModel):
         """What a person should know before the work begins, in a line each."""
         count = len({one.specimen for one in self.reach})
         if far := self.out_of_reach:
-            yield brief(f"ranges: {len(far)} of {count} specimens are out of reach, such as {words(far[0])}")
+            yield brief(f"ranges: {len(far)} of {count} specimens are out of reach; for example, {words(far[0])}")
         elif near := farthest_of_each([one for one in self.reach if not one.ratios[0] <= 1.0 <= one.ratios[1]]):
-            said = f"ranges: the peaks of {len(near)} of {count} specimens are beyond them, such as {words(near[0])}"
-            yield brief(f"{said}; fits will press on their ends (`sinew init` on the cohort chooses others)")
+            beyond = f"the peaks of {len(near)} of {count} specimens lie outside what they give"
+            said = f"ranges: {beyond}; for example, {words(near[0])}"
+            yield brief(
+                f"{said}; fits will be pushed against the bounds (`sinew init` on the cohort chooses other ranges)"
+            )
         if self.unseen:
             values = "a fixed value" if len(self.unseen) == 1 else "fixed values"
             names = ", ".join(self.unseen)

@@ -1,8 +1,9 @@
 """Named random streams: every random number of a study comes from its seed and one of these.
 
-Streams are independent of each other (:class:`numpy.random.SeedSequence`). A stream is one of :class:`Stream`, or any
-other name, from which its number is derived: a new task needs no entry here. Numbers and names are never changed, as
-the same seed must give the same results in later versions, too.
+Streams are independent of each other (:class:`numpy.random.SeedSequence`). NumPy pads keys with zeros, so a stream and
+its part 0 are the same: use a stream as a whole or in parts, not both. A stream is one of :class:`Stream`, or any other
+name, from which its number is derived: a new task needs no entry here. Numbers and names are never changed, as the same
+seed must give the same results in later versions, too.
 """
 
 import hashlib

@@ -17,7 +17,7 @@ EXPECTED = Path(__file__).parent / "expected"
 ACCEPTED = EXPECTED / "accepted.json"
 RELATIVE, ABSOLUTE = 1e-4, 1e-9
 #: Provenance: keys of what a result was made from, and what only says where and how fast.
-LEFT_OUT = frozenset({"inputs", "version", "seconds", "path", "difference"})
+LEFT_OUT = frozenset({"inputs", "data", "version", "seconds", "path", "difference"})
 
 
 def golden(content: Any) -> Any:

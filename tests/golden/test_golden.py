@@ -32,13 +32,13 @@ def test_a_changed_result_needs_another_version(golden_run, tmp_path, monkeypatc
     content["ST"][0] *= 1.001
     (changed / "sobol.json").write_text(json.dumps(content))
     assert list(golden.compare(changed)) == ["sobol"]
-    with pytest.raises(ValueError, match="sobol: the result changed, version 2 did not"):
+    with pytest.raises(ValueError, match="sobol: the result changed, version 3 did not"):
         golden.accept(changed)
-    (changed / "sobol.json").write_text(json.dumps(content | {"version": 3}))
+    (changed / "sobol.json").write_text(json.dumps(content | {"version": 4}))
     assert golden.accept(changed) == ["sobol"]
-    (changed / "sobol.json").write_text(json.dumps(content | {"version": 4}))  # results of other studies only
+    (changed / "sobol.json").write_text(json.dumps(content | {"version": 5}))  # results of other studies only
     assert golden.accept(changed) == []
-    assert list(json.loads(golden.ACCEPTED.read_text())["sobol"]) == ["2", "3", "4"]
+    assert list(json.loads(golden.ACCEPTED.read_text())["sobol"]) == ["3", "4", "5"]
 
 
 A = {"a": [1, 2.0, None, "x"], "b": {"c": True}}

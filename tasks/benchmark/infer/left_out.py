@@ -8,7 +8,7 @@ from sinew.tasks.benchmark.infer.drawn import SITES, Conditions, Truth, measured
 from sinew.tasks.benchmark.infer.result import LeftOut
 from sinew.tasks.infer.result import LikelihoodResult, draws_of_new, particles_group
 from sinew.tasks.model import FORCE, Specimen
-from sinew.tasks.predict.method import bands_of, noise_of_others
+from sinew.tasks.predict.method import bands_of, noise_level
 from sinew.tasks.predict.settings import NEW
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import kept_points
@@ -39,8 +39,9 @@ def left_out(
             keep = kept_points(curve.protocol, workspace.study.store.points_per_curve)
             simulated = workspace.simulator.simulate(workspace.model, one, curve.protocol, rows)
             force = simulated.force_N[simulated.status == 0][:, keep]
-            noise = noise_of_others([one, *others], one, curve.name, FORCE)
-            bands = bands_of({"hdi": force, "draws": force, "new": force}, noise, PROBABILITY)
+            noise = noise_level(others, curve.name, FORCE)
+            simulated_bands = {"hdi": force, "draws": force, "new": force}
+            bands = bands_of(simulated_bands, noise, PROBABILITY, from_population=True)
             inside = {name: _inside(curve.force_N[keep], bands[name]) for name in ("new", "whole")}
             found.append(LeftOut(site, curve.name, float(inside["new"].mean()), bool(inside["whole"].all())))
     return found

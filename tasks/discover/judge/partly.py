@@ -24,9 +24,9 @@ from dataclasses import dataclass
 
 from sinew.tasks.discover.judge.rules import MAX_LEFT_PER_EFFECT, Verdict
 from sinew.tasks.discover.judge.scores import Score, Scores, explained, misfit_by_chance
+from sinew.tasks.discover.judge.shared_checks import as_good, ends_on_bound, shows_in_few
 
 MIN_EVIDENCE = 50.0  # twice the log evidence: 10 are called very strong (Kass and Raftery 1995); errors are no splines
-MIN_SPECIMENS = 2  # in which an effect must show, where there are so many
 MIN_MISFIT_RATIO = 2.0  # misfit without an effect, in times of that with it
 
 
@@ -89,18 +89,16 @@ def doubts(worth: Worth) -> Iterator[str]:
     """Why an effect is not certain; nothing where it is."""
     if worth.evidence < MIN_EVIDENCE:
         yield "a smooth error of the model would do nearly as well"
-    if sum(gain > 0.0 for gain in worth.gains) < min(MIN_SPECIMENS, len(worth.gains)):
-        yield f"it shows in {sum(gain > 0.0 for gain in worth.gains)} of {len(worth.gains)} specimens"
+    yield from shows_in_few(worth.gains)
     if worth.ratio < MIN_MISFIT_RATIO:
-        yield "the others leave hardly more misfit without it"
+        yield "without it, the other effects leave hardly more misfit"
     for rival in sorted(worth.rivals, key=lambda one: one.ratio):
         if worth.evidence - rival.gain < MIN_EVIDENCE or rival.ratio < MIN_MISFIT_RATIO:
-            yield f"{rival.effect} would do nearly as well in its place"
+            yield as_good(rival.effect)
     if worth.form is not None and worth.mends:
         left = f"{100 * worth.form.left:.1f} %"
         yield f"{worth.form.effect} leaves {left} without it, which another form of {worth.form.effect} may explain"
-    if worth.pressed:
-        yield f"{', '.join(worth.pressed)} ended on a bound: the effect is not what the library has"
+    yield from ends_on_bound(worth.pressed)
 
 
 def outdone(effects: tuple[str, ...], scores: Scores) -> dict[str, str]:

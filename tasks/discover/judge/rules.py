@@ -44,6 +44,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from sinew.tasks.discover.judge.scores import Score, Scores, explained, misfit_by_chance, misfit_left
+from sinew.tasks.discover.judge.shared_checks import ends_on_bound, shows_in_few
 from sinew.tasks.discover.measure.splits import LATER, PROTOCOL, SPECIMEN
 from sinew.tasks.discover.result import Gain, Word
 from sinew.tasks.drawing.blocks import listed
@@ -62,7 +63,6 @@ MIN_CHANCE_RATIO = 3.0  # misfit in times of what chance leaves, beyond which it
 HELD_OUT = {PROTOCOL: "other tests", LATER: "later cycles", SPECIMEN: "another specimen"}
 MIN_HELD_OUT_ERRORS = 2.0  # standard errors by which predictions of held-out data must improve,
 MIN_SPLIT_KINDS = 2  # on so many kinds of splits
-MIN_SPECIMENS = 2  # in which an effect must show, where there are so many
 MOST_NAMED = 4  # candidates that fit about as well
 MIN_PART_IN_PLACE = 0.5  # part of the improvement that must lie in cells which disagree,
 MIN_RATIO_IN_PLACE = 2.0  # or so many times their part of all cells: a small misfit shows in few cells
@@ -201,12 +201,15 @@ def _no_effect_helps(evidence: Evidence) -> Verdict:
     """Rules 0 to 4."""
     if evidence.cornered and not evidence.surely:
         names = listed(evidence.cornered, len(evidence.cornered))
-        why = f"the data press {names} of the model as it is against the ends of their ranges: widen these"
+        why = f"in the model without effects, the data push {names} to the ends of their ranges: widen these"
         return Verdict("AMBIGUOUS", why=why)
     if not evidence.located:
-        return Verdict("NONE", why="no cell disagrees beyond chance, and no effect improves the fit clearly")
+        return Verdict("NONE", why="no cell disagrees beyond chance, and no effect clearly improves the fit")
     if not evidence.surely:
-        return Verdict("NONE", why="a cell disagrees hardly beyond chance, and no effect improves the fit clearly")
+        return Verdict(
+            "NONE",
+            why="some cell disagrees beyond chance, but not far beyond it, and no effect clearly improves the fit",
+        )
     if not evidence.trusted:
         return Verdict("AMBIGUOUS", why="no two fits of the model as it is agree: more starts are needed")
     return Verdict("OUTSIDE", why="model and data disagree, and no effect of the library helps")
@@ -255,11 +258,8 @@ def failed_checks(best: Score) -> Iterator[str]:
             told = "; ".join(f"{HELD_OUT[kind]}: {_in_errors(one)}" for kind, one in weak.items())
             needed = f"{MIN_HELD_OUT_ERRORS:g} standard errors"
             yield f"it does not predict what it has not seen better than {what} by {needed} ({told})"
-    if best.on_bound:
-        yield f"{', '.join(best.on_bound)} ended on a bound: the effect is not what the library has"
-    improved = sum(gain > 0 for gain in best.gains)
-    if improved < min(MIN_SPECIMENS, len(best.gains)):
-        yield f"it shows in {improved} of {len(best.gains)} specimens"
+    yield from ends_on_bound(best.on_bound)
+    yield from shows_in_few(best.gains)
     place = best.in_place
     if place is not None and place.improvement < min(MIN_PART_IN_PLACE, MIN_RATIO_IN_PLACE * place.cells):
-        yield "it improves the fit elsewhere than where model and data disagree"
+        yield "most of its improvement lies where model and data do not disagree"

@@ -7,7 +7,19 @@ import xarray as xr
 
 from sinew.tasks.calibrate.result import CalibrateResult
 from sinew.tasks.drawing import plots
-from sinew.tasks.drawing.blocks import Block, Plot, Plots, Section, Table, Words, number, percent, plural
+from sinew.tasks.drawing.blocks import (
+    Block,
+    Plot,
+    Plots,
+    Section,
+    Table,
+    Words,
+    number,
+    percent,
+    plural,
+    unit_cell,
+    with_its_unit,
+)
 from sinew.tasks.infer.abc.figures import density
 from sinew.tasks.infer.abc.result import ENOUGH, AbcResult, particles_group
 from sinew.tasks.infer.abc.show import apart_from_fits, beyond_ranges, far_off, sizes, too_short
@@ -101,7 +113,7 @@ def _marginals(result: AbcResult, particles: dict[str, xr.Dataset]) -> Block:
         f"Densities of the last generation, pale: the prior; below: means and {level} HDI (highest density intervals)."
         f"{more}"
     )
-    labels = {name: name + ("" if units[name] == "1" else f" ({units[name]})") for name in names}
+    labels = {name: with_its_unit(name, units[name]) for name in names}
     data = {name: _columns(result, particles, name) for name in names}
     return plots.picked("posterior-parameters", caption, "Parameter", data, draw, labels)
 
@@ -139,7 +151,7 @@ def _table(result: AbcResult) -> Table:
             marginal = posterior.parameters[name]
             low, high = (number(bound, 4) for bound in marginal.hdi)
             cells.append(f"{number(marginal.mean, 4)} ± {number(marginal.sd)} ({low} to {high})")
-        rows.append([name, "" if unit == "1" else unit, meaning, *cells])
+        rows.append([name, unit_cell(unit), meaning, *cells])
     header = ["parameter", "unit", "what it is", *result.sites]
     return Table(f"Mean ± standard deviation ({percent(result.interval)} HDI)", header, rows, words=(1, 2))
 

@@ -105,6 +105,7 @@ class AbcResult(Result):
     ``interval`` is the probability of the highest density intervals. ``paper``: whether it is as in Pekedis (2025),
     without noise in simulations; ``priors``: from the same ``calibrated`` specimens, from ``others``, or of the
     ``ranges``. ``population``: particles of the largest generation. ``ess``: how many of equal weight were asked for.
+    ``data``: what it is of, by specimen (:func:`sinew.tasks.study.same_data.data_of`).
     """
 
     TASK = "infer"
@@ -122,6 +123,7 @@ class AbcResult(Result):
     sites: Mapping[str, Posterior]
     inputs: str
     ess: int | None = field(default=None, metadata=OMIT)
+    data: Mapping[str, str] | None = field(default=None, metadata=OMIT)
 
     def __post_init__(self) -> None:
         """Raises :class:`ValueError` for names, units and marginals that do not belong together."""

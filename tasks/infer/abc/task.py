@@ -20,6 +20,7 @@ from sinew.tasks.infer.settings import Settings
 from sinew.tasks.model import Specimen
 from sinew.tasks.study.cached import cached, commit, key
 from sinew.tasks.study.result import believed
+from sinew.tasks.study.same_data import data_of, refuse_other_data
 from sinew.tasks.study.workspace import Workspace
 
 
@@ -41,7 +42,8 @@ def run(workspace: Workspace, settings: Settings) -> AbcResult:
         for one in (site.prior for site in sites)
     ]
     fixed = [[p.name, p.reference] for p in workspace.model.parameters if p not in workspace.model.free]
-    inputs = key(AbcResult, settings.of("abc"), workspace.seed, tables, priors, fixed)
+    names = [[one.name for one in members] for members in grouped.values()]
+    inputs = key(AbcResult, settings.of("abc"), workspace.seed, tables, names, priors, fixed)
     arrays = [particles_group(site) for site in grouped]
     if (known := cached(workspace, AbcResult, inputs, arrays, files.names(grouped))) is not None:
         return known
@@ -62,6 +64,7 @@ def run(workspace: Workspace, settings: Settings) -> AbcResult:
         sites={site.name: sampling.summarised(workspace, site, one) for site, one in zip(sites, inferred, strict=True)},
         inputs=inputs,
         ess=settings.ess,
+        data=data_of(workspace, [one for members in grouped.values() for one in members]),
     )
     files.write_table(workspace.out, result)
     commit(workspace, result, {name: one.particles for name, one in zip(arrays, inferred, strict=True)})
@@ -104,6 +107,8 @@ def _prior(workspace: Workspace, settings: Settings, site: str, members: tuple[S
         names = [one.name for one in members]
         if missing := [name for name in names if name not in found]:
             raise BadInput(path, f"{missing[0]} is not calibrated", "`sinew calibrate` with this specimen")
+    chosen = workspace.cohort.choose(names, str(path))
+    refuse_other_data(workspace, path, calibration.data, chosen, "`sinew calibrate` again")
     with believed(path):
         values = np.array([found[name].values([p.name for p in free]) for name in names], dtype=float)
         return (of_others if settings.priors == "others" else calibrated)(free, values, settings.widening)

@@ -16,7 +16,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from sinew.tasks.infer.likelihood.explore import Explored
-from sinew.tasks.infer.likelihood.population import Population, drawn, from_prior, specimens_of
+from sinew.tasks.infer.likelihood.population import Population, drawn, from_prior, specimens_of, with_new_covariance
 from sinew.tasks.infer.likelihood.scores import inside, places
 from sinew.tasks.infer.likelihood.target import Squares
 from sinew.tasks.infer.likelihood.together import chances, moved_together
@@ -102,6 +102,7 @@ def swept(
                 for number, (target, known) in enumerate(zip(targets, explored, strict=True))
             ]
             accepted += [] if plain else [moved]
+            population = with_new_covariance(rng, scores, population)
             covariance = population.covariance()
             spread = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
             turn = sweep % CHAINS

@@ -90,7 +90,7 @@ def explored(
             if len(seen) + whole.sum() < FEWEST_COMPUTED:
                 name = target.measured.specimen.name
                 raise BadInput(
-                    f"infer: {name}", "the model fails nearly everywhere around its best fit", "other ranges"
+                    f"infer: {name}", "nearly all runs of the model around its best fit fail", "other ranges"
                 )
             seen, errors = np.concatenate([seen, points[whole]]), np.concatenate([errors, new[whole]])
             losses = loss(np.square(errors).sum(axis=1), seen)

@@ -3,7 +3,19 @@
 from typing import Any
 
 from sinew.tasks.drawing import plots
-from sinew.tasks.drawing.blocks import Block, Plot, Section, Table, Words, number, percent, plural
+from sinew.tasks.drawing.blocks import (
+    Block,
+    Plot,
+    Section,
+    Table,
+    Words,
+    behind,
+    number,
+    percent,
+    plural,
+    unit_cell,
+    with_its_unit,
+)
 from sinew.tasks.infer.likelihood.result import LikelihoodResult
 from sinew.tasks.infer.likelihood.show import discrepant, misfitting, simulated, undetermined
 from sinew.tasks.report.folder import ResultFolder
@@ -31,7 +43,7 @@ def section(folder: ResultFolder, result: LikelihoodResult) -> Section:
     blocks += [Words(f"{remark}.", "note") for remark in remarks]
     sites = result.sites.values()
     sizes = [len(site.specimens) for site in sites]
-    name, unit = result.names[0], "" if result.units[0] == "1" else f" {result.units[0]}"
+    name, unit = result.names[0], behind(result.units[0])
     means = "; ".join(
         f"{site} {number(each.population[name].mean)} ({number(each.population[name].low)} to "
         f"{number(each.population[name].high)}){unit}"
@@ -58,7 +70,7 @@ def _populations(result: LikelihoodResult) -> Table:
             each = site.population[name]
             cells.append(f"{number(each.mean, 4)} ({number(each.low, 4)} to {number(each.high, 4)})")
             cells.append(f"{number(each.spread)} ({number(each.spread_low)} to {number(each.spread_high)})")
-        rows.append([name, "" if unit == "1" else unit, meaning, *cells])
+        rows.append([name, unit_cell(unit), meaning, *cells])
     columns = [f"{site}, {what}" for site in result.sites for what in ("mean", "spread")]
     level = percent(result.interval)
     title = f"Populations: mean, and spread (standard deviation) between specimens, with {level} intervals"
@@ -85,7 +97,7 @@ def _picked(result: LikelihoodResult) -> Block:
 
     caption = "Dots: specimens with their intervals, site by site; shaded: the population's mean with its interval."
     units = dict(zip(result.names, result.units, strict=True))
-    labels = {name: name + ("" if units[name] == "1" else f" ({units[name]})") for name in result.names}
+    labels = {name: with_its_unit(name, units[name]) for name in result.names}
     data = {name: _columns(result, name, sites) for name in result.names}
     return plots.picked("posterior-parameters", caption, "Parameter", data, draw, labels)
 

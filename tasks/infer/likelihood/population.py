@@ -15,7 +15,7 @@ Student's t test. All conditional distributions are standard ones, from which :f
 Arrays hold ``c`` chains of ``k`` parameters.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import t as student_t
@@ -99,6 +99,17 @@ def drawn(rng: np.random.Generator, scores: Array, before: Population, *, heavy:
     mean = np.linalg.solve(known, pull[..., np.newaxis])[..., 0]
     mean += np.linalg.solve(root.transpose(0, 2, 1), noise[..., np.newaxis])[..., 0]
     return Population(mean, precision, scales, weights)
+
+
+def with_new_covariance(rng: np.random.Generator, scores: Array, population: Population) -> Population:
+    """A population with a covariance drawn anew, given where its specimens' ``scores`` ``[n, c, k]`` are now.
+
+    Specimens, means and scales have moved with the covariance integrated out since the last one was drawn: with that
+    one they are no joint draw.
+    """
+    count, _, size = scores.shape
+    scatter = _scatter(population.apart_from_mean(scores), population.scales)
+    return replace(population, precision=wishart(rng, SPREAD_DF + size - 1.0 + count, scatter))
 
 
 def _scatter(apart: Array, scales: Array) -> Array:

@@ -1,7 +1,7 @@
 """The result of an inference by likelihood: what ``infer.json`` holds, and how its draws in the store are read."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -9,7 +9,7 @@ import xarray as xr
 
 from sinew.tasks.infer.consistent import check_interval, check_marginal, check_marginals, check_names
 from sinew.tasks.simulate import Array
-from sinew.tasks.study.result import Number, Result
+from sinew.tasks.study.result import OMIT, Number, Result
 
 INTERVAL = 0.95
 MISFIT = 1.2  # times the noise: beyond, what is left is no noise, and intervals are too narrow
@@ -124,11 +124,12 @@ class MeanOfPopulation:
 class LikelihoodResult(Result):
     """Posteriors of populations and specimens. ``names``, ``units`` and ``meanings`` are of the free parameters.
 
-    ``blind``: parameters on which no curve depends; their posterior is their prior.
+    ``blind``: parameters on which no curve depends; their posterior is their prior. ``data``: what it is of, by
+    specimen (:func:`sinew.tasks.study.same_data.data_of`).
     """
 
     TASK = "infer"
-    VERSION = 5  # runs of simulators that take time
+    VERSION = 6  # 5: runs of simulators that take time; 6: the covariance belongs to the specimens of its draw
     LIBRARIES = ("arviz",)
 
     method: Literal["likelihood"]
@@ -143,6 +144,7 @@ class LikelihoodResult(Result):
     sites: Mapping[str, SitePosterior]
     specimens: Mapping[str, Mapping[str, SpecimenMarginal]]
     inputs: str
+    data: Mapping[str, str] | None = field(default=None, metadata=OMIT)
 
     def __post_init__(self) -> None:
         """Raises :class:`ValueError` for names, units and marginals that do not belong together."""

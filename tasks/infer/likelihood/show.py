@@ -7,7 +7,7 @@ import pandas as pd
 from rich.table import Table as Grid
 
 from sinew.runner.console import Console
-from sinew.tasks.drawing.blocks import plural
+from sinew.tasks.drawing.blocks import behind, plural
 from sinew.tasks.infer.likelihood.result import LikelihoodResult
 
 
@@ -23,7 +23,7 @@ def table(result: LikelihoodResult) -> pd.DataFrame:
 
 def headline(result: LikelihoodResult) -> str:
     """What came out, in one line."""
-    name, unit = result.names[0], "" if result.units[0] == "1" else f" {result.units[0]}"
+    name, unit = result.names[0], behind(result.units[0])
     means = (
         f"{site} {posterior.population[name].mean:.4g} ({posterior.population[name].low:.4g} to "
         f"{posterior.population[name].high:.4g}){unit}"

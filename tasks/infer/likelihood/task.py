@@ -34,6 +34,7 @@ from sinew.tasks.infer.settings import Settings
 from sinew.tasks.model import Specimen, file_name
 from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
+from sinew.tasks.study.same_data import data_of
 from sinew.tasks.study.workspace import Workspace
 
 ERRORS, EXPLORING = "errors of the model", "explored specimens"  # random streams
@@ -207,6 +208,7 @@ def _result(
         sites={name: _site_posterior(one, prior) for name, one in found.items()},
         specimens=specimens,
         inputs=inputs,
+        data=data_of(workspace, [specimen for one in found.values() for specimen in one.site.specimens]),
     )
 
 

@@ -5,7 +5,7 @@ from typing import cast
 
 from sinew.tasks.calibrate.result import CalibrateResult, SpecimenFit
 from sinew.tasks.discover.result import ADOPTED, DiscoverResult
-from sinew.tasks.drawing.blocks import Block, Section, Table, Words, listed, number
+from sinew.tasks.drawing.blocks import Block, Section, Table, Words, listed, number, with_its_unit
 from sinew.tasks.infer.result import InferResult, Posteriors
 from sinew.tasks.report.folder import ResultFolder
 from sinew.tasks.report.status import PAGE
@@ -76,7 +76,7 @@ def _parameters(fits: CalibrateResult) -> Table:
     units = dict(zip(fits.names, fits.units, strict=True))
     rows = [
         [
-            name + ("" if units[name] == "1" else f" ({units[name]})"),
+            with_its_unit(name, units[name]),
             *(_value(fit, name) for fit in fits.specimens.values()),
         ]
         for name in fits.free

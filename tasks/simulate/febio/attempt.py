@@ -89,8 +89,10 @@ def _in_new_folder(
     try:
         prepare(directory)
         finished = _run(solver, directory, *options)
+        if not os.path.lexists(directory):  # by somebody who clears up, as at the end of a job
+            raise external.Stopped(errno.ENOENT, "the folder of the run was removed meanwhile", str(directory))
         if folder != _identity(directory):
-            raise Failed("crashed", f"the solver removed or replaced its own folder. {finished.output}")
+            raise Failed("crashed", f"the solver replaced its own folder. {finished.output}")
         directory.chmod(0o700)  # the solver may have changed it
         if options and finished.returncode == 1 and not os.path.lexists(directory / LOG):
             raise _Silent

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from sinew.runner.cluster.batch_system import QueuedJob
+from sinew.runner.cluster.batch_system import Away, QueuedJob
 from sinew.runner.cluster.job_table import JobTable
 from sinew.runner.cluster.keeper import Growing, Keeper
 from sinew.runner.errors import ClusterError
@@ -19,7 +19,7 @@ class Job:
 
     job_id: str
     job_name: str = "sinew-study-worker"
-    refusal: None = None
+    refusal: ClusterError | None = None
     submitted_at: float = -math.inf
 
 
@@ -85,6 +85,17 @@ def test_a_job_that_ended_is_replaced_while_there_is_work(tmp_path):
     cluster = looked(tmp_path, 4, {"1"})
     assert cluster.ended == ["two"]
     assert cluster.scaled == [2]
+
+
+def test_a_job_that_was_taken_without_a_number_is_not_submitted_without_end(tmp_path):
+    """Nobody would ever end such jobs. A batch system that is away is asked again instead."""
+    for refusal, lost in ((ClusterError("printed no job number"), True), (Away("no answer"), False)):
+        cluster = Cluster(4, {"one": Job("", refusal=refusal)})
+        bounds = {"minimum": 0, "maximum": 4}
+        keeper = Keeper(cluster, System(set()), JobTable(tmp_path), tmp_path.joinpath, cores=2, facts={}, **bounds)
+        for _ in range(Keeper.GIVE_UP_AFTER * 4):
+            keeper.look()
+        assert (cluster.failure is not None) == lost
 
 
 def test_jobs_that_ended_are_not_replaced_when_nobody_is_wanted(tmp_path):

@@ -45,6 +45,12 @@ def test_a_controller_that_is_away_is_no_refusal(tmp_path, monkeypatch):
     assert not isinstance(raised.value, Refused)
 
 
+def test_what_a_site_prints_before_the_number_of_a_job_does_no_harm(tmp_path, monkeypatch):
+    fake(tmp_path, "sbatch", "echo 'Welcome to the cluster'; echo '4711;cluster'")
+    monkeypatch.setenv("PATH", f"{tmp_path}:/bin:/usr/bin")
+    assert slurm.submit(tmp_path / "job.sh") == "4711"
+
+
 def test_a_command_that_hangs_is_given_up(tmp_path, monkeypatch):
     fake(tmp_path, "squeue", "exec sleep 60")
     monkeypatch.setenv("PATH", f"{tmp_path}:/bin:/usr/bin")

@@ -231,6 +231,22 @@ def test_a_process_that_dies_with_its_row_is_its_failure(batch, monkeypatch):
     assert found.rows.tolist() == [4, 5, 7]
 
 
+@pytest.mark.parametrize(("times", "status"), [(2, OK), (batch_module.STOPPED_SOLVERS, CRASHED)])
+def test_a_process_that_somebody_stops_is_started_again(batch, monkeypatch, times, status):
+    calls = []
+
+    def stopped(work):
+        calls.append(1)
+        if len(calls) <= times:
+            raise external.Stopped("python was ended by SIGTERM")
+        work()
+
+    monkeypatch.setattr(batch_module.isolation, "run_apart", stopped)
+    monkeypatch.setattr(batch_module, "AGAIN_S", 0.0)
+    batch.apart = 1
+    assert ran(batch).status.tolist() == [status] * 3
+
+
 def test_a_process_that_lives_has_written_the_outcome(batch, monkeypatch):
     batch.apart = 1
     monkeypatch.setattr("sinew.runner.evaluation.isolation.run_apart", lambda work: work())

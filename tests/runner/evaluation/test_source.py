@@ -50,6 +50,14 @@ def test_batches_are_taken_in_order_and_never_beyond_a_chunk(source, table):
     assert (first.key, first.retries, first.segment.parent) == ("key", 3, table.journal)
 
 
+def test_a_batch_ends_where_a_row_of_another_chunk_comes(source, table):
+    table.plan(some(20))
+    source.put(np.array([14, 15, 16, 3]))
+    taken = [source.take(4, retries=0).rows.tolist() for _ in range(3)]
+    assert taken == [[14, 15], [16], [3]]
+    assert source.left == 0
+
+
 def test_rows_may_be_added_while_others_are_taken(source, table):
     source.put(table.plan(some(4)))
     source.take(3, 0)

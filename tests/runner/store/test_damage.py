@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sinew.runner.errors import StoreError
+from sinew.runner.errors import StoreError, WalltimeReached
 from sinew.runner.store.damage import store_errors
 from sinew.runner.store.schema import CHUNK_ROWS
 from sinew.runner.store.store import Store
@@ -113,3 +113,12 @@ def test_errors_of_the_system_and_of_the_store_say_what_they_say(tmp_path):
 def test_an_error_without_words_is_called_by_its_kind(tmp_path):
     with pytest.raises(StoreError, match=r"damaged \(RuntimeError\); `sinew repair"), store_errors(tmp_path):
         raise RuntimeError
+
+
+def test_the_alarm_of_a_deadline_is_no_damage(tmp_path):
+    """It may come while Zarr reads or writes, and the job is to be continued, not its store repaired."""
+    with pytest.raises(WalltimeReached), store_errors(tmp_path / "store.zarr" / "force"):
+        try:
+            raise WalltimeReached("the walltime is near")
+        except Exception as error:
+            pytest.fail(f"taken for a failure of its own: {error!r}")

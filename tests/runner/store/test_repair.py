@@ -333,3 +333,43 @@ def test_a_field_is_there_once(folder):
     with pytest.raises(StoreError, match=r"damaged \(fields are"):
         read_all(folder)
     assert repaired_and_run_again(folder)[1] == ROWS
+
+
+def test_rows_whose_parameters_are_missing_are_computed_again(folder):
+    (table_folder(folder) / "parameters" / "c" / "1" / "0").unlink()
+    with pytest.raises(StoreError, match=rf"parameters are missing for rows with an outcome; `sinew repair {folder}`"):
+        read_all(folder)
+    with Store.writing(folder, "study") as store:
+        assert store.repair().rows == 16
+    with Store.writing(folder, "study") as store:
+        rows = fill(store.table(table_spec()), some(ROWS))
+        assert rows[16:32].tolist() == list(range(ROWS, ROWS + 16))
+    read_all(folder)
+
+
+def test_outcomes_of_rows_whose_parameters_are_missing_are_removed_from_the_journal(folder):
+    with Store.writing(folder, "study") as store:
+        table = store.table(table_spec())
+        rows, ones = np.arange(16, 18), np.ones(2)
+        table.journal.mkdir(parents=True, exist_ok=True)
+        path = table.journal / "rows-000000016-00002.safetensors"
+        values = Quick()(some(ROWS)[16:18]).values
+        Segment(rows, np.zeros(2, np.int8), ones.astype(np.int16), ones, values, (), "w").write(path)
+        (table_folder(folder) / "parameters" / "c" / "1" / "0").unlink()
+        store.repair()
+    with Store.writing(folder, "study") as store:
+        table = store.table(table_spec())
+        assert table.segments() == []
+        fill(table, some(ROWS))
+    read_all(folder)
+
+
+def test_a_segment_that_was_removed_before_the_repair_is_told_as_well(folder):
+    journal = folder / "journal" / table_spec().key[:12]
+    journal.mkdir(parents=True, exist_ok=True)
+    (journal / "rows-000000000-00002.safetensors").write_bytes(b"cut short")
+    (journal / ".rows-000000000-00002.safetensors.123").write_bytes(b"of a process that was killed")
+    with Store.writing(folder, "study") as store:
+        (line,) = store.repair().removed
+    assert line.startswith(f"{journal / 'rows-000000000-00002.safetensors'}: not a whole segment")
+    assert list(journal.iterdir()) == []

@@ -196,6 +196,18 @@ def test_a_row_that_succeeds_after_all_keeps_no_old_words(tmp_path):
         assert (table.read("message", rows) == "").all()
 
 
+def test_no_old_words_stay_where_all_rows_of_a_chunk_had_failed(tmp_path):
+    parameters = -some(10)
+    with Store.writing(tmp_path, "study") as store:
+        table = store.table(table_spec())
+        rows = fill(table, parameters, Quick(bad="diverged"))
+        assert (table.read("message", rows) == "it broke").all()
+        table.reopen(rows)
+        fill(table, parameters, lambda chosen: dataclasses.replace(Quick()(chosen), messages=()))
+        assert (table.status[rows] == 0).all()
+        assert (table.read("message", rows) == "").all()
+
+
 def test_rows_that_were_noted_but_not_settled_are_planned_when_the_store_opens(tmp_path):
     for name, settle in (("noted", False), ("settled", True)):
         with Store.writing(tmp_path / name, "study") as store:

@@ -50,7 +50,10 @@ CURVES = {
     "time backwards": (replaced(4, "0.5,0.2,9"), f"{BAR}: row 4, time_s: time runs backwards (1 s, then 0.5 s); exp"),
     "time still": (replaced(4, "1,0.2,9"), f"{BAR}: row 4, time_s: time stands still (1 s, then 1 s); expected incr"),
     "times too far apart": (curve("-1e308,0,0", "1e308,0,1", "1.1e308,0,2"), f"{BAR}: row "),
-    "crushed": (replaced(4, "2,-10,9"), f"{BAR}: row 4, displacement_mm: -10 mm shortens a gauge of 10 mm"),
+    "crushed": (
+        replaced(4, "2,-10,9"),
+        f"{BAR}: row 4, displacement_mm: -10 mm leaves nothing of a gauge length of 10 mm",
+    ),
     "binary": (b"\x00\x01\x02" * 99, f"{BAR}: not a text file; expected text"),
     "NUL far below": (curve(*(f"{i},0,1" for i in range(2000)), "2000,0,1\0"), f"{BAR}: row 2002, force_N"),
     "Latin-1": (replaced(4, "2,0.2,9µ").encode("latin-1"), f"{BAR}: row 4, force_N"),

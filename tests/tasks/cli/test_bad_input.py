@@ -79,7 +79,7 @@ EXPORTS = {
     "too large for newtons": (EXPORT.replace("(N)", "(kN)").replace('"5.0"', '"1e307"'), "test.csv: row 9, Load"),
     "two rows": (EXPORT[: EXPORT.index('"2.0"')], "test.csv: 2 rows of numbers; expected at least 3"),
     "time backwards": (EXPORT.replace('"2.0"', '"0.5"'), "test.csv: row 10, time: 0.5 s after 1 s; expected"),
-    "crushed": (EXPORT.replace('"0.1"', '"-10.0"'), "test.csv: row 9, displacement: -10 mm shortens a gauge of 10 mm"),
+    "crushed": (EXPORT.replace('"0.1"', '"-10.0"'), "test.csv: row 9, displacement: -10 mm leaves nothing of a gauge"),
     "a long line": ("x" * 200_000 + EXPORT, "test.csv"),
     "open quote": ('"' + EXPORT + "x" * 200_000, "test.csv"),
     "a carriage return in a row": (EXPORT.replace('"0.1"', "0\r1"), "test.csv: "),

@@ -35,7 +35,7 @@ def test_what_a_file_is_taken_for_is_said_in_a_line_and_its_questions_below(dry_
     assert out.splitlines() == [
         "a.csv: time from 'Time (s)' (s), displacement from 'Stroke (mm)' (mm), force from 'Load (kN)' (kN), "
         "length 20 mm; 3 rows, tests: 1",
-        "  ask: cross-section: the file does not tell it; --area-mm2",
+        "  ask: cross-section: the file does not give it; --area-mm2",
     ]
 
 
@@ -82,7 +82,8 @@ def test_the_peak_of_a_compression_is_its_largest_force(tmp_path, monkeypatch, c
     main()
     said = capsys.readouterr().out.splitlines()
     assert said[0].endswith("stretch 0.7 to 1, peak -9 N")
-    assert said[1].startswith("a/test: a compression, unless the machine counts tension as negative")
+    assert said[1].startswith("    from a.csv: time from 'time_s' in s; displacement from")
+    assert said[2].startswith("a/test: a compression, unless the machine counts tension as negative")
 
 
 def test_the_table_of_files_does_not_steer_the_terminal(monkeypatch, capsys):

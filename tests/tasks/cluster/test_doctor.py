@@ -175,3 +175,24 @@ def test_an_interface_that_this_machine_does_not_have(tmp_path, slurm_cluster):
     prepare(tmp_path, PROFILE.replace("interface: lo", "interface: ib7"))
     _, bad = findings_of(tmp_path)
     assert "network interface 'ib7' is not on" in bad["worker"]
+
+
+@pytest.mark.parametrize(
+    ("tasks", "rows"),
+    [
+        ("[sobol]\nsobol: {base_samples: 8}", 3 * 8 * 18),
+        ("[sobol, importance]\nsobol: {base_samples: 8, specimens: [distal/1]}", 8 * 18),
+        ("[morris]\nmorris: {trajectories: 4}", 3 * 4 * 17),
+    ],
+)
+def test_the_size_of_a_study_is_that_of_its_tasks(tmp_path, tasks, rows):
+    specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
+    write_cohort(tmp_path / "cohort", specimens, truth)
+    (tmp_path / "study.yaml").write_text(f"name: size\nseed: 1\ncohort: cohort\ntasks: {tasks}\n")
+    study = read_study(tmp_path / "study.yaml")
+    cohort = cohort_of(study, None)
+    found = doctor_module._rows(study, cohort, None, tmp_path)
+    assert found.total() == rows
+    curves = sum(min(96, curve.force_N.size) for curve in cohort.specimens[0].curves)
+    each = curves + doctor_module.OTHER_NUMBERS
+    assert doctor_module._numbers(study, cohort, found) == rows * each

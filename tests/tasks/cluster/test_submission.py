@@ -247,3 +247,12 @@ def test_only_results_count_as_finished_work(tmp_path):
     assert submission._finished(tmp_path) == before
     (tmp_path / "sobol.json").write_text("{}")
     assert submission._finished(tmp_path) != before
+
+
+def test_what_a_task_keeps_counts_as_finished_work(tmp_path):
+    kept = tmp_path / "discover" / "distal-1.fits.jsonl"
+    kept.parent.mkdir()
+    kept.write_text("{}\n")
+    before = submission._finished(tmp_path)
+    kept.write_text("{}\n[1.0]\n")
+    assert submission._finished(tmp_path) != before

@@ -55,6 +55,29 @@ def test_a_likely_column_is_asked_about_with_those_that_are_not_used(tmp_path):
     assert "is likely, not certain (not used: 'Camera', 'Valve'); is it right?" in asked[0]
 
 
+def test_a_column_of_words_is_not_offered_in_place_of_a_likely_one(tmp_path):
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{i},{i / 20},{i},{i / 10},{'up' if i % 2 else 'down'}\n" for i in range(6))
+    path.write_text(f"time_s,Deformation_mm,force_N,Camera_mm,Phase\n{rows}")
+    offered = []
+
+    def ask(question: str, choices: Sequence[str]) -> str:
+        offered.append(tuple(choices))
+        return "Camera_mm" if "which column" in question else "no" if "is likely" in question else choices[0]
+
+    init([path], tmp_path / "out", ask=ask, sizes=BAR)
+    assert offered[1] == ("Camera_mm", "none of them")
+
+
+def test_a_column_of_words_is_not_offered_where_no_title_tells(tmp_path):
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{i},{i / 20},{i},{'up' if i % 2 else 'down'}\n" for i in range(6))
+    path.write_text(f"time_s,Way,force_N,Phase\n{rows}")
+    offered = []
+    init([path], tmp_path / "out", ask=lambda _, choices: offered.append(tuple(choices)) or choices[0], sizes=BAR)
+    assert offered[0] == ("Way", "none of them")
+
+
 def test_a_column_that_is_not_right_is_refused(tmp_path):
     path = written(tmp_path / "a.csv", header="time_s,Deformation_mm,force_N,Camera")
     first, *rest = path.read_text().splitlines()
@@ -70,7 +93,7 @@ def test_a_column_that_is_not_right_is_refused(tmp_path):
 
 def test_where_nobody_can_answer_a_doubtful_sign_is_refused(tmp_path):
     path = written(tmp_path / "a.csv", sign=-1)
-    with pytest.raises(BadInput, match=r"forces are below 0; .*expected --negate force or none"):
+    with pytest.raises(BadInput, match=r"forces are negative, but .*expected --negate force or none"):
         init([path], tmp_path / "out", sizes=BAR)
     assert not (tmp_path / "out").exists()
     init([path], tmp_path / "out", sizes=BAR, hints=Hints(negate="force"))

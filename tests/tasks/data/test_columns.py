@@ -481,3 +481,52 @@ def test_a_number_of_a_column_with_another_title_is_refused():
         columns("time_s|Load|Ext", displacement_unit="mm", force_unit="N", **by_number)
     by_title = {"time_column": "1", "displacement_column": "Load", "force_column": "Ext"}
     assert columns("time_s|Load|Ext", displacement_unit="mm", force_unit="N", **by_title)
+
+
+@pytest.mark.parametrize("title", ["Eyy (%)", "Eyy (mm/mm)", "Streckung (%)", "Stretch (%)"])
+def test_what_begins_at_zero_is_no_stretch(title):
+    motion = columns(f"{title}|Force (N)|Time (s)", displacement_column="1")[1]
+    assert motion.quantity is STRAIN
+    assert motion.factor == (0.01 if "%" in title else 1.0)
+
+
+@pytest.mark.parametrize("title", ["Streckung (%)", "Stretch (%)"])
+def test_a_stretch_is_one_only_if_no_length_is_zero(title):
+    assert columns(f"{title}|Force (N)|Time (s)")[1].quantity is STRAIN
+    assert columns(f"Time (s)|{title.partition(' ')[0]}|Force (N)")[1].quantity is STRETCH, "it begins at 1"
+    with pytest.raises(UnknownUnit, match="no unit of the strain"):
+        columns(f"{title.partition(' ')[0]}|Force (N)|Time (s)")
+
+
+@pytest.mark.parametrize(("unit", "quantity"), [("%", STRAIN), ("mm/mm", STRAIN), ("mm", DISPLACEMENT)])
+@pytest.mark.parametrize("word", ["Elongation", "Extension", "Deformation", "Verlängerung"])
+def test_an_elongation_in_percent_is_a_strain(word, unit, quantity):
+    time, motion, _ = columns(f"Time (s)|{word} ({unit})|Force (N)")
+    assert motion.quantity is quantity
+    assert time.how == SURE
+    assert (motion.how == SURE) == (quantity is DISPLACEMENT and word != "Deformation")
+
+
+def test_a_column_that_is_named_is_what_its_unit_says():
+    assert columns("Zeit (s)|Dehnung (mm)|Kraft (N)", displacement_column="Dehnung")[1].quantity is DISPLACEMENT
+    assert columns("Zeit (s)|Weg (mm)|F (MPa)", force_column="F")[2].quantity is STRESS
+
+
+def test_a_displacement_by_an_extensometer_is_asked_for_beside_the_machines():
+    titles = "Time (s)|Extension (mm)|Load (N)|Displacement (Strain 1) (mm)"
+    with pytest.raises(BadInput, match=r"'Displacement \(Strain 1\) \(mm\)' and 'Extension \(mm\)' may both"):
+        columns(titles)
+    assert columns(titles, displacement_column="Extension")[1].title == "Extension (mm)"
+
+
+@pytest.mark.parametrize("what", ["Maximum", "max", "Mean", "Average", "Amplitude", "Range"])
+def test_what_is_told_of_a_cycle_is_no_curve(what):
+    with pytest.raises(NoColumn, match="no column of force or stress"):
+        columns(f"Time (s)|Weg (mm)|Load ({what}) (N)")
+
+
+@pytest.mark.parametrize("unit", ["-", "1"])
+def test_a_mark_in_place_of_a_unit_is_none(unit):
+    with pytest.raises(UnknownUnit):
+        columns("Time|Weg|Kraft", units=f"s|mm|{unit}")
+    assert columns("Time|Weg|Kraft", units=f"s|mm|{unit}", force_unit="kN")[2].factor == 1e3

@@ -133,7 +133,7 @@ def test_files_of_one_specimen_have_its_sizes_and_remarks(tmp_path):
     (specimen,) = found.specimens
     assert (specimen.length_mm, specimen.width_mm, specimen.thickness_mm) == (20.0, 2.0, 3.0)
     assert sorted(found.remarks) == ["s1/0", "s1/1"]
-    assert "forces are below 0" in found.remarks["s1/1"][0]
+    assert "forces are negative" in found.remarks["s1/1"][0]
 
 
 @pytest.mark.parametrize(

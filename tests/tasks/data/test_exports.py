@@ -272,8 +272,8 @@ def test_a_size_that_an_option_replaces_is_remarked_on(tmp_path):
     path = exported(tmp_path, BLOCK + EXTENSIONS)
     for reading, told in (
         (Reading(length_mm=20.01), ()),
-        (Reading(length_mm=5.0), ("length 5 mm by --length-mm; the file tells 20 mm",)),
-        (Reading(area_mm2=4.0), ("cross-section 4 mm2 by --area-mm2; the file tells 3.142 mm2",)),
+        (Reading(length_mm=5.0), ("length 5 mm by --length-mm; the file gives 20 mm",)),
+        (Reading(area_mm2=4.0), ("cross-section 4 mm2 by --area-mm2; the file gives 3.142 mm2",)),
         (Reading(area_mm2=3.1416), ()),
     ):
         assert [*read_exports([path], reading=reading).remarks.values()] == ([told] if told else [])
@@ -284,8 +284,52 @@ def test_cross_sections_that_contradict_each_other_are_refused_unless_one_is_giv
     sizes = "Length,20,mm\nArea (mm2),12\nWidth,5,mm\nThickness,1,mm\n"
     path.write_text(f"{sizes}Time (s),Displacement (mm),Force (N)\n0,0,0\n0.5,0.1,1\n1,0.2,2\n")
     differs = "a cross-section of 12 mm2, but 5 x 1 mm is 5 mm2"
-    with pytest.raises(BadInput, match=f"a.csv: tells {differs}; expected sizes that agree, or --area-mm2"):
+    with pytest.raises(BadInput, match=f"a.csv: gives {differs}; expected sizes that agree, or --area-mm2"):
         read_exports([path])
     imported = read_exports([path], reading=Reading(area_mm2=12.0))
     assert imported.specimens[0].area_mm2 == pytest.approx(12.0)
-    assert imported.remarks == {"a/test": (f"cross-section 12 mm2 by --area-mm2; the file tells {differs}",)}
+    assert imported.remarks == {"a/test": (f"cross-section 12 mm2 by --area-mm2; the file gives {differs}",)}
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        (
+            "Width,0.33\nThickness,0.16\nArea,34.06,mm2\n",
+            r"cross-section of 34.06 mm2, but sizes without a unit that make",
+        ),
+        ("Diameter,0.5\nArea,126.7,mm2\n", r"cross-section of 126.7 mm2, but sizes without a unit that make"),
+    ],
+)
+def test_a_cross_section_with_its_unit_is_not_replaced_by_sizes_without(tmp_path, lines, words):
+    path = tmp_path / "test.csv"
+    path.write_text(f"Length,20,mm\n{lines}Time (s),Disp (mm),Force (N)\n0,0,0\n1,0.1,5\n2,0.2,9\n")
+    with pytest.raises(BadInput, match=words):
+        read_exports(path)
+    (specimen,) = read_exports(path, reading=Reading(area_mm2=34.06)).specimens
+    assert specimen.area_mm2 == pytest.approx(34.06)
+
+
+def test_a_cross_section_of_an_ellipse_is_remarked_on(tmp_path):
+    path = tmp_path / "test.csv"
+    sizes = "Length,20,mm\nWidth,8,mm\nThickness,4,mm\nArea,25.13,mm2\n"
+    path.write_text(f"{sizes}Time (s),Disp (mm),Force (N)\n0,0,0\n1,0.1,5\n2,0.2,9\n")
+    found = read_exports(path)
+    words = "the file gives a cross-section of 25.13 mm2, that of the bar is 32 mm2; --area-mm2"
+    assert words in found.remarks["test/test"]
+
+
+def test_a_size_of_zero_was_not_filled_in(tmp_path):
+    path = tmp_path / "test.csv"
+    sizes = "Length,20,mm\nDiameter,0.00,mm\nWidth,8,mm\nThickness,4,mm\n"
+    path.write_text(f"{sizes}Time (s),Disp (mm),Force (N)\n0,0,0\n1,0.1,5\n2,0.2,9\n")
+    (specimen,) = read_exports(path).specimens
+    assert (specimen.width_mm, specimen.thickness_mm) == (8.0, 4.0)
+
+
+def test_lengths_that_begin_far_from_the_gauge_length_are_remarked_on(tmp_path):
+    path = tmp_path / "test.csv"
+    titles = "Time (s),Grip to grip separation (mm),Force (N)"
+    path.write_text(f"Length,20,mm\nArea,10,mm2\n{titles}\n0,50.0,0\n1,50.5,5\n2,51.0,9\n")
+    words = "its lengths begin at 50 mm, a strain of 150 % of the gauge length, 20 mm"
+    assert words in read_exports(path).remarks["test/test"]

@@ -224,7 +224,7 @@ def test_forces_of_the_other_sign_leave_the_published_ranges_and_are_told(strain
     found = first_ranges([turned])
     assert found.model == Model()
     (line,) = found.lines
-    assert line.endswith("tension is positive, so look at the machine's sign")
+    assert line.endswith("tension is positive, so check the sign convention of the machine")
 
 
 def test_a_toe_never_ends_where_no_study_lets_it():

@@ -300,7 +300,7 @@ def test_an_answer_that_a_file_contradicts_counts_with_override_only(tmp_path):
         init([path], tmp_path / "more", answers=kept, certain=True)
     again = init([path], tmp_path / "again", answers=kept, sizes=Sizes(override=True), certain=True)
     assert again.specimens[0].length_mm == 12.0
-    assert "    length 12 mm by an earlier answer; T1.csv tells 10 mm" in again.lines
+    assert "    length 12 mm by an earlier answer; T1.csv gives 10 mm" in again.lines
 
 
 def test_a_length_that_the_strains_contradict_is_asked_for(tmp_path):
@@ -321,7 +321,7 @@ def test_a_length_that_the_strains_contradict_is_asked_for(tmp_path):
     assert any(question.startswith("length of film in mm?") for question in asked)
     note = "gauge length is not taken from the file: 832.756 mm in the lines above, but 80 mm by 'Dehnung (%)'"
     assert any(note in line for line in made.lines)
-    with pytest.raises(BadInput, match=r"does not tell the length of film; expected --length-mm"):
+    with pytest.raises(BadInput, match=r"does not give the length of film; expected --length-mm"):
         init([path], tmp_path / "more", sizes=Sizes(None, 11.4, 0.2), certain=True, hints=CHOSEN)
     again = init([path], tmp_path / "again", sizes=Sizes(80.0, 11.4, 0.2), certain=True, hints=CHOSEN)
     assert again.specimens[0].length_mm == 80.0
@@ -342,7 +342,7 @@ def test_a_first_length_is_asked_for_and_kept(tmp_path):
 
     made = init([path], tmp_path / "out", ask=ask, sizes=told, hints=Hints(negate="none"))
     assert made.specimens[0].length_mm == pytest.approx(9.401)
-    assert "gap.csv: 9.401 mm, the length in the first row, for a gauge length?" in asked
+    assert "gap.csv: 9.401 mm, the length in the first row: is it the gauge length?" in asked
     kept = read_answers(tmp_path / "out" / "answers.yaml")
     assert kept.sizes["gap"]["length"] == pytest.approx(9.401)
     again = init([path], tmp_path / "again", answers=kept, sizes=told, certain=True)
@@ -368,7 +368,7 @@ def test_a_study_that_needed_no_answers_keeps_none(tmp_path):
     [
         ("time_s,Deformation_mm,force_N", "displacement from 'Deformation_mm' is likely, not certain; expected "
          "--displacement-column 'Deformation_mm' to confirm it"),
-        ("time_s,displacement_mm,force_N", "does not tell the length and the width and the thickness of T1; expected "
+        ("time_s,displacement_mm,force_N", "does not give the length and the width and the thickness of T1; expected "
          "--length-mm, --width-mm, --thickness-mm"),
     ],
 )  # fmt: skip
@@ -414,7 +414,7 @@ def test_where_a_displacement_counts_from_and_its_sign_are_asked_once_and_kept(t
         "a.csv: the displacement starts at 37.21 mm but changes by only 0.39 mm; "
         "the start may be an offset of the machine; "
         "count it from its first value? (the answer applies to all files that leave this open)",
-        "a.csv: forces are below 0; tension is positive here, so look at the machine's sign; "
+        "a.csv: forces are negative, but sinew takes tension as positive; check the sign convention of the machine; "
         "which sign should be reversed? (the answer applies to all files that leave this open)",
     ]
     assert [one.curves[0].force_N[-1] for one in made.specimens] == [30.0, 31.0]
@@ -517,7 +517,7 @@ def test_sizes_that_disagree_are_told_with_both_files(tmp_path):
     (new,) = new_specimens(first, other, sizes=replace(BAR, override=True))
     assert new.specimen.width_mm == 8.0
     assert new.notes == tuple(
-        f"width 8 mm by --width-mm; A_{name} mm" for name in ("relax.csv tells 8.5", "cyclic.csv tells 9")
+        f"width 8 mm by --width-mm; A_{name} mm" for name in ("relax.csv gives 8.5", "cyclic.csv gives 9")
     )
 
 
@@ -564,4 +564,4 @@ def test_what_needs_a_size_is_refused_without_it(tmp_path, header):
 
 def test_forces_below_zero_are_remarked_on(tmp_path):
     (new,) = new_specimens(table(tmp_path / "a.csv", scale=-1.0))
-    assert any("forces are below 0" in note for note in new.notes)
+    assert any("forces are negative" in note for note in new.notes)

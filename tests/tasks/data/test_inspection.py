@@ -233,8 +233,8 @@ def test_sizes_in_the_name_of_a_file_are_said_and_not_taken(tmp_path):
     found = inspect(path).content()
     assert (found["length_mm"], found["width_mm"]) == (None, None)
     assert found["ask"] == [
-        "length: the file does not tell it, but its name may: length 10 mm, width 8 mm; --length-mm",
-        "cross-section: the file does not tell it, but its name may: length 10 mm, width 8 mm; --area-mm2",
+        "length: the file does not give it, but its name may: length 10 mm, width 8 mm; --length-mm",
+        "cross-section: the file does not give it, but its name may: length 10 mm, width 8 mm; --area-mm2",
     ]
 
 
@@ -379,7 +379,7 @@ def _seconds(unit: str) -> str:
 
 
 def missed(found: dict[str, Any], expected: dict[str, Any]) -> bool:
-    """Whether something that the file tells was not found."""
+    """Whether something that the file states was not found."""
     sizes = any(found[name] is None and expected.get(name) is not None for name in SIZES)
     return sizes or found["rows"] != expected["rows"] or found["specimens"] != expected["specimens"]
 
@@ -410,5 +410,5 @@ def test_remarks_tell_of_signs_and_of_a_displacement_that_begins_far_off(tmp_pat
     rows = "".join(f"{i},{37.21 + i / 20},{-5 * i}\n" for i in range(6))
     remarks = taken(tmp_path, f"Time (s),Displacement (mm),Force (N)\n{rows}")["remarks"]
     assert [remark for remark in remarks if "starts at 37.21 mm but changes by only 0.25 mm" in remark]
-    assert [remark for remark in remarks if "forces are below 0" in remark]
+    assert [remark for remark in remarks if "forces are negative" in remark]
     assert taken(tmp_path, "Time (s),Displacement (mm),Force (N)\n0,0,1\n1,1,2\n2,2,3\n")["remarks"] == []

@@ -30,6 +30,7 @@ from sinew.tasks.data.names import PROTOCOLS, UNSURE, FileName, names_of, plain_
         (["traccion_T1.csv", "T1_rel\u0061jaci\u00f3n.csv"], ["T1 traccion", "T1 relajacion"]),
         (["A-20260511T1020.asc", "B-20260511.asc"], ["A test", "B test"]),
         (["A_relax_2026-05-11.asc", "A_relax_2026-05-12.asc"], ["A_relax_2026-05-11 test", "A_relax_2026-05-12 test"]),
+        (["relax_2024-05-01.csv", "relax_2024-05-02.csv"], ["2024_05_01 relax", "2024_05_02 relax"]),
         (["A_relax_b_20262811.asc"], ["A_relax_b_20262811 test"]),
         (["d/s/A_2024-05-01.csv", "e/s/A_2024-05-02.csv"], ["s/A_2024-05-01 test", "s/A_2024-05-02 test"]),
         (["muscle1_compression.csv", "film1_tension.csv"], ["muscle1 compression", "film1 tension"]),
@@ -50,7 +51,7 @@ def test_a_number_behind_a_protocol_may_be_that_of_a_specimen():
     [
         (["x_1.csv", "x 1.csv"], "x 1.csv: specimen x_1, protocol test, as x_1.csv; expected names such as"),
         (["T1_relax.csv", "t1_RELAX.txt"], "protocol relax, as T1_relax.csv"),
-        (["___.csv"], "___.csv: a name of which no specimen can be named"),
+        (["___.csv"], "___.csv: a name from which no name of a specimen can be made"),
     ],
 )
 def test_names_that_cannot_be_told_apart(files, words):

@@ -171,3 +171,24 @@ def test_several_tests_in_one_file_are_said_to_be_of_several_specimens(tmp_path)
         f"{path}: its 2 tests are taken for those of 2 specimens; if all are of one specimen, make a cohort first, "
         f"with the same options: sinew import '{path}' --specimen NAME --out COHORT"
     )
+
+
+def test_of_many_files_with_several_tests_one_line_is_said(tmp_path):
+    block = "Time (s),Displacement (mm),Load (N)\n0,0,0\n1,1,5\n2,3,9\n"
+    new = []
+    for name in ("a", "b", "c"):
+        path = tmp_path / f"{name}.csv"
+        path.write_text(f"{block}\n{block}")
+        new += [
+            NewSpecimen(
+                Specimen(f"{name}{i}", 10.0, 8.0, 4.0, (curve_of(one, Bar(10.0, 8.0, 4.0), "test"),)),
+                (ReadFile(one, FileName(f"{name}{i}", "test")),), (), (),
+            )
+            for i, one in enumerate(read_recordings(path, Hints()), 1)
+        ]  # fmt: skip
+    (line,) = [each for each in describe(new) if "are taken for" in each]
+    assert line == (
+        f"{tmp_path / 'a.csv'} and 2 more: their 6 tests are taken for those of 6 specimens; if all in a file are of "
+        f"one specimen, make a cohort first, with the same options: "
+        f"sinew import {tmp_path / 'a.csv'} --specimen NAME --out COHORT"
+    )

@@ -218,10 +218,13 @@ def test_a_stress_becomes_a_force_with_the_cross_section(tmp_path):
     ("content", "words"),
     [
         (PLAIN.replace("\n2,", "\n1,"), "row 4, time: 1 s after 1 s; expected increasing times"),
-        (PLAIN.replace("0.1", "-10"), "row 3, displacement: -10 mm shortens a gauge of 10 mm to nothing"),
-        (PLAIN.replace("displacement_mm", "Stretch"), "row 2, stretch: 0; expected a length over the reference length"),
+        (PLAIN.replace("0.1", "-10"), "row 3, displacement: -10 mm leaves nothing of a gauge length of 10 mm"),
+        (PLAIN.replace("displacement_mm", "Stretch"), "no unit of the strain can be found"),
         (PLAIN.replace("displacement_mm", "Stretch").replace(",0,0", ",114,0"), "row 2, stretch: 114; expected"),
-        (PLAIN.replace("displacement_mm", "strain (1)").replace(",0,0", ",-1,0"), "row 2, strain: -10 mm shortens"),
+        (
+            PLAIN.replace("displacement_mm", "strain (1)").replace(",0,0", ",-1,0"),
+            "row 2, strain: -10 mm leaves nothing",
+        ),
     ],
 )
 def test_curves_that_cannot_be(tmp_path, content, words):
@@ -257,7 +260,7 @@ def test_a_compression_with_forces_above_0_is_remarked_on(tmp_path):
 def test_remarks(tmp_path):
     assert remarks(read(tmp_path, PLAIN)) == []
     (remark,) = remarks(read(tmp_path, PLAIN.replace("5", "-5").replace("9", "-9")))
-    assert "forces are below 0" in remark
+    assert "forces are negative" in remark
     (remark,) = remarks(read(tmp_path, PLAIN.replace("displacement", "position")))
     assert "positions, likely" in remark
     path = tmp_path / "test.csv"
@@ -320,12 +323,16 @@ def test_a_column_without_a_title_is_called_by_what_it_is(tmp_path):
 @pytest.mark.parametrize(
     ("content", "reference", "words"),
     [
-        (PLAIN.replace("\n2,", "\n1,"), None, ": row 4, time: 1 s after 1 s; expected increasing times"),
+        (
+            PLAIN.replace("\n2,", "\n1,"), None,
+            ": row 4, time: 1 s after 1 s; expected increasing times, or --rate-hz where the clock is coarser than the "
+            "rows",
+        ),
         (PLAIN.replace("\n1,", "\n3.5,"), None, ": row 4, time: 2 s after 3.5 s; expected increasing times"),
         (
             PLAIN.replace("0.1", "-10"), None,
-            ": row 3, displacement: -10 mm shortens a gauge of 10 mm to nothing; expected another gauge length, unit "
-            "or column",
+            ": row 3, displacement: -10 mm leaves nothing of a gauge length of 10 mm; expected another gauge length, "
+            "unit or column",
         ),
         (
             PLAIN.replace("displacement_mm", "Stretch").replace(",0,0", ",1,0").replace("0.1", "10.5"), None,
@@ -369,7 +376,8 @@ def test_every_remark_in_words(tmp_path):
     pushed = PLAIN.replace("displacement", "position").replace("5", "-5").replace("9", "-9")
     assert remarks(read(tmp_path, pushed)) == [
         "positions, likely to count from the first one",
-        "forces are below 0; tension is positive here, so look at the machine's sign; --negate force or none",
+        "forces are negative, but sinew takes tension as positive; check the sign convention of the machine; "
+        "--negate force or none",
     ]
     path = tmp_path / "test.csv"
     path.write_text("time_s,disp_mm,Load (N),Load (N),Load (N)\n0,0,0,1,1\n1,1,1,1,1\n2,2,2,1,1\n")
@@ -622,7 +630,7 @@ def test_tables_that_begin_where_the_one_before_ends_are_asked_about(tmp_path):
     (one,) = read_recordings(path, Hints(tables="join"), first_of_alike=True)
     assert one.numbers[:, 0].tolist() == list(range(24))
     assert one.numbers[[0, 8, 23], 1].tolist() == [5.0, 5.5, 6.5]
-    assert "3 tables that begin where the one before ends, as --tables says: read as one test" in one.notes
+    assert "3 tables that go on from each other, as --tables says: read as one test" in one.notes
     assert inspect(path, Reading(hints=Hints(tables="join"))).specimens == 1
 
 

@@ -9,6 +9,7 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.columns import recognise
 from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.several import (
     Block,
     beside,
@@ -181,3 +182,19 @@ def test_times_that_start_again_with_a_cycle_go_on():
     cycles = [Block("1", 0, 3), Block("2", 3, 5), Block("3", 5, 7)]
     assert going_on(times, cycles).tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 8.0, 9.0]
     assert times[3] == 0.0, "a copy"
+
+
+MTS = "Data Acquisition: {}\nRunning Time\tAxial Displacement\tAxial Force\nSec\tmm\tN\n"
+
+
+def test_tables_whose_times_go_on_with_lines_between_them_are_asked_about(tmp_path):
+    path = tmp_path / "test.dat"
+    path.write_text(
+        f"{MTS.format(1)}0\t0\t0\n1\t1\t50\n2\t0.02\t1\n\n{MTS.format(2)}3\t0.01\t0\n4\t1\t48\n5\t0.02\t1\n"
+    )
+    with pytest.raises(BadInput, match="a test begins soon after the end of the table before, by its times; expected"):
+        read_recordings(path, Hints())
+    (joined,) = read_recordings(path, Hints(tables="join"))
+    assert joined.numbers[:, 0].tolist() == [0, 1, 2, 3, 4, 5]
+    assert "2 tables that go on from each other, as --tables says: read as one test" in joined.notes
+    assert len(read_recordings(path, Hints(tables="apart"))) == 2

@@ -62,7 +62,7 @@ def test_what_has_a_zero_of_its_own_is_not_shifted(tmp_path, title):
     [
         (-0.1, -2.0, "a compression, unless the machine counts tension as negative", ("both", "force", "none")),
         (-0.1, 2.0, "the specimen gets shorter, but forces are above 0", ("displacement", "force", "none")),
-        (0.1, -2.0, "forces are below 0; tension is positive here", ("force", "none")),
+        (0.1, -2.0, "forces are negative, but sinew takes tension as positive", ("force", "none")),
     ],
 )
 def test_signs_are_doubtful_until_told(tmp_path, motion, load, words, choices):
@@ -75,7 +75,7 @@ def test_signs_are_doubtful_until_told(tmp_path, motion, load, words, choices):
 @pytest.mark.parametrize(
     ("motion", "force", "words"),
     [
-        (1.0, -1.0, "forces are below 0; tension is positive here"),
+        (1.0, -1.0, "forces are negative, but sinew takes tension as positive"),
         (1.0, 1.0, None),
         (-1.0, -1.0, "a compression, unless the machine counts tension as negative"),
         (-1.0, 1.0, "the specimen gets shorter, but forces are above 0"),
@@ -162,8 +162,8 @@ def test_a_displacement_that_is_set_to_zero_again_after_a_preload_is_doubtful_un
     found = sampled(tmp_path, motion, force)
     (doubt,) = found.doubts
     assert doubt.text == (
-        "the displacement jumps from 5.98 mm to 0 mm at 6 s while the force stays: likely set to zero again after a "
-        "preload of 300 rows"
+        "the displacement jumps from 5.98 mm to 0 mm at 6 s while the force does not change: likely set to zero "
+        "again after a preload of 300 rows"
     )
     assert (doubt.option, doubt.choices) == ("--preload", ("leave-out", "keep"))
     kept = sampled(tmp_path, motion, force, preload="keep")
@@ -197,8 +197,8 @@ def test_a_displacement_that_is_set_to_zero_twice_counts_from_the_last_zero_or_g
     motion = np.where(SAMPLES_S < 3.0, PULL, np.where(LATER, AFTER, PULL - 3.0))
     (doubt,) = sampled(tmp_path, motion, SAMPLES_S).doubts
     assert doubt.text == (
-        "the displacement jumps 2 times, the last time from 2.98 mm to 0 mm at 6 s while the force stays: likely set "
-        "to zero again after a preload of 300 rows"
+        "the displacement jumps 2 times, the last time from 2.98 mm to 0 mm at 6 s while the force does not change: "
+        "likely set to zero again after a preload of 300 rows"
     )
     cut = sampled(tmp_path, motion, SAMPLES_S, preload="leave-out")
     assert (len(cut.numbers), cut.numbers[0].tolist(), cut.doubts) == (101, [6.0, 0.0, 6.0], ())
@@ -234,3 +234,15 @@ def test_what_is_kept_beside_the_force_goes_with_the_rows(tmp_path):
     (recording,) = read_recordings(path, hints)
     found = as_told(recording, hints)
     assert found.further.values["width"].tolist() == found.numbers[:, 0].tolist()
+
+
+def test_a_strain_may_start_at_an_offset_as_well(tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_text("time_s,strain_%,force_N\n" + "".join(f"{i},{12 + i},{i}\n" for i in range(8)))
+    (recording,) = (as_told(one, Hints()) for one in read_recordings(path, Hints()))
+    (doubt,) = recording.doubts
+    assert doubt.text == (
+        "the strain starts at 0.12 but changes by only 0.07; the start may be an offset of the machine"
+    )
+    first = as_told(recording, Hints(zero_displacement="first"))
+    assert first.numbers[0, 1] == 0.0

@@ -43,7 +43,7 @@ def test_a_size_that_the_file_contradicts_is_refused_unless_it_shall_count(tmp_p
     )
     known = known_sizes("a", [measured], Sizes(width_mm=5.0, override=True))
     assert known.mm == {"length": 10.0, "width": 5.0, "thickness": None}
-    assert known.notes == ("width 5 mm by --width-mm; a.csv tells 8.0956 mm",)
+    assert known.notes == ("width 5 mm by --width-mm; a.csv gives 8.0956 mm",)
 
 
 @pytest.mark.parametrize("given", [8.0956, 8.1])
@@ -158,7 +158,9 @@ def test_a_size_without_a_unit_is_told_whatever_is_given(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("Durchmesser : 100.1\nTime (s),Extension (mm),Load (N)\n0,0,0\n1,0.1,5\n2,0.2,9\n")
     (recording,) = read_recordings(path, Hints())
-    said = "a.csv tells a diameter of '100.1' without a unit, which is not taken; if it is in mm: --diameter-mm 100.1"
+    said = (
+        "a.csv gives a diameter of '100.1' without a unit, so it is not used; if it is in mm, give --diameter-mm 100.1"
+    )
     assert said in known_sizes("a", [recording], Sizes()).notes
     assert known_sizes("a", [recording, recording], Sizes(20.0, 10.0, 10.0)).notes == (said,)
 
@@ -176,7 +178,7 @@ def test_a_cross_section_that_contradicts_given_sizes_is_refused(tmp_path, area,
     with pytest.raises(BadInput, match=problem):
         known_sizes("a", [test], Sizes(), {"width": 5.0, "thickness": 1.5})
     found = known_sizes("a", [test], Sizes(**given, override=True))
-    assert any(note.startswith(f"a.csv tells a cross-section of {area:g} mm2, but") for note in found.notes)
+    assert any(note.startswith(f"a.csv gives a cross-section of {area:g} mm2, but") for note in found.notes)
 
 
 def test_a_cross_section_alone_is_that_of_a_square(tmp_path):
@@ -194,20 +196,20 @@ def test_a_cross_section_alone_is_that_of_a_square(tmp_path):
 def test_the_cross_section_of_an_ellipse_is_told(tmp_path):
     test = recording(tmp_path, "Gauge length: 20 mm", "Cross-sectional area: 5.9 mm²")
     found = known_sizes("a", [test], Sizes(width_mm=5.0, thickness_mm=1.5))
-    assert "a.csv tells 5.9 mm2, as of an ellipse 5 x 1.5 mm; the cross-section of the bar is 7.5 mm2" in found.notes
+    assert "a.csv gives 5.9 mm2, as of an ellipse 5 x 1.5 mm; the cross-section of the bar is 7.5 mm2" in found.notes
 
 
 def test_sizes_of_a_file_that_contradict_each_other_are_told(tmp_path):
     test = recording(tmp_path, "Width: 4 mm", "Thickness: 2 mm", "Cross-sectional area: 50 mm²")
     expected = (
-        "tells a cross-section of 50 mm2, but 4 x 2 mm is 8 mm2; expected sizes that agree, or --width-mm and --t"
+        "gives a cross-section of 50 mm2, but 4 x 2 mm is 8 mm2; expected sizes that agree, or --width-mm and --t"
     )
     with pytest.raises(BadInput, match=expected):
         known_sizes("a", [test], Sizes())
     with pytest.raises(BadInput, match=expected):
         known_sizes("a", [test], Sizes(width_mm=4.0, override=True))
     found = known_sizes("a", [test], Sizes(width_mm=4.0, thickness_mm=2.0, override=True))
-    assert found.notes == ("a.csv tells a cross-section of 50 mm2, but 4 x 2 mm is 8 mm2",)
+    assert found.notes == ("a.csv gives a cross-section of 50 mm2, but 4 x 2 mm is 8 mm2",)
     test = recording(tmp_path, "Diameter: 4 mm", "Width: 2 mm", "Thickness: 1 mm")
     with pytest.raises(BadInput, match="a diameter of 4 mm, but 2 x 1 mm is 2 mm2"):
         known_sizes("a", [test], Sizes())
@@ -217,10 +219,10 @@ def test_a_size_that_is_told_in_two_ways_is_left_open_with_a_note(tmp_path):
     test = recording(tmp_path, "Gauge length: 40 mm", "Gauge length: 25 mm")
     found = known_sizes("a", [test], Sizes())
     assert found.mm["length"] is None
-    assert found.notes == ("a.csv tells a length of '40 mm and 25 mm', which is not taken",)
+    assert found.notes == ("a.csv gives a length of '40 mm and 25 mm', which is not used",)
 
 
 def test_thousands_in_a_size_are_told_and_not_taken(tmp_path):
     found = known_sizes("a", [recording(tmp_path, 'Gauge length,"20,000 um"', "Width,5.5,mm")], Sizes())
     assert found.mm == {"length": None, "width": 5.5, "thickness": None}
-    assert found.notes == ("a.csv tells a length of '20,000 um', which is not taken",)
+    assert found.notes == ("a.csv gives a length of '20,000 um', which is not used",)

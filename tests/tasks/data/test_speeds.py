@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data.curves import check_times
 from sinew.tasks.data.exports import Reading
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.init import Files, read_all
@@ -116,7 +117,7 @@ def test_a_speed_tells_no_time_where_a_displacement_is_set_to_zero(tmp_path):
     hints = Hints(preload="keep", speed=0.05)
     (one,) = read_recordings(path, hints)
     with pytest.raises(
-        BadInput, match="set to zero again after 41 rows, so a speed tells no time there; expected --ra"
+        BadInput, match="set to zero again after 41 rows, so a speed gives no time there; expected --ra"
     ):
         as_told(one, hints)
 
@@ -126,7 +127,7 @@ def test_a_speed_that_a_column_contradicts_is_asked_about(tmp_path):
     with pytest.raises(Unclear) as asked:
         lasting(tmp_path, test_column="id", speed=0.1)
     assert str(asked.value).endswith(
-        "'vel' tells other speeds (0.01) than --speed 0.1; expected --speed-column 'vel=1/s' or 'vel=%/s' or "
+        "'vel' gives other speeds (0.01) than --speed 0.1; expected --speed-column 'vel=1/s' or 'vel=%/s' or "
         "'vel=1/min', or --speed-column none to use --speed all the same"
     )
     assert (asked.value.option, asked.value.choices) == ("--speed-column", ("vel=1/s", "vel=%/s", "vel=1/min", "none"))
@@ -184,3 +185,24 @@ def test_a_dry_run_asks_for_times_and_tests(tmp_path):
     assert one["specimens"] == 1
     assert not any("--test-column" in each for each in one["ask"])
     assert any(each.endswith("--rate-hz, --speed or --speed-column") for each in found["ask"])
+
+
+CLOCK = "Time,Disp (mm),Force (N)\n" + "".join(f"10:22:{33 + i // 10:02d},{i / 100},{0.1 + i}\n" for i in range(35))
+
+
+def test_rows_that_share_a_time_are_counted_by_their_rate(tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_text(CLOCK)
+    (recording,) = read_recordings(path, Hints(rate_hz=10.0))
+    assert recording.numbers[:, 0] == pytest.approx(np.arange(35) / 10.0)
+    assert "times by" in " ".join(recording.notes)
+    with pytest.raises(BadInput, match=r"its times span 3 s, its rows at this rate 34 s; expected about 11.33 rows"):
+        read_recordings(path, Hints(rate_hz=1.0))
+
+
+def test_times_of_a_coarse_clock_are_refused_with_the_way_out(tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_text(CLOCK)
+    (recording,) = read_recordings(path, Hints())
+    with pytest.raises(BadInput, match="increasing times, or --rate-hz where the clock is coarser than the rows"):
+        check_times(recording)

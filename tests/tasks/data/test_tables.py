@@ -268,3 +268,19 @@ def test_the_rows_above_the_second_of_two_tables_are_known_where_there_are_many(
     _, second = tables(tmp_path, *lines, "t,u,F", "1,2,3", "2,3,4", "3,4,5", "Length: 7 mm", "t,u,F", "1,2,3")
     assert second.header[second.own :] == (("Length: 7 mm",),)
     assert second.header[: second.own] == tuple((line,) for line in (*lines[:450], *lines[-450:]))
+
+
+def test_quoted_cells_may_have_commas_as_decimal_marks_between_commas(tmp_path):
+    path = tmp_path / "test.csv"
+    rows = "".join(f'"0,{i}","0,0{i}","{i},5"\n' for i in range(1, 6))
+    path.write_text(f'"Zeit (s)","Weg (mm)","Kraft (N)"\n{rows}')
+    (table,) = read_tables(path)
+    assert (table.separator, table.decimal) == (",", ",")
+    assert [table.number(1, place) for place in range(3)] == [0.2, 0.02, 2.5]
+
+
+def test_quoted_cells_with_points_are_read_as_before(tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_text('"Time (s)","Disp (mm)","Force (N)"\n"0","0","1"\n"1","1","2"\n"2","2","4"\n')
+    (table,) = read_tables(path)
+    assert table.decimal == "."

@@ -12,6 +12,7 @@ from sinew.tasks.data.text import (
     HUGE,
     cells,
     check_text,
+    days_after,
     is_blank,
     is_clock,
     is_number,
@@ -250,7 +251,7 @@ def test_clock_times_are_numbers_of_seconds_with_any_decimal_mark(cell, seconds)
 
 
 @pytest.mark.parametrize(
-    "cell", ["10:22", "1:2:3", "10:60:00", "10:00:60", "10:22:33 pm", "-0:00:01", ":", "2024-05-03"]
+    "cell", ["10:22", "1:2:3", "10:60:00", "10:00:60", "10:22:33 xm", "-0:00:01", ":", "2024-05-03"]
 )
 def test_what_is_not_surely_a_clock_time_is_no_number(cell):
     assert not is_clock(cell)
@@ -301,3 +302,26 @@ def test_ends_of_lines_are_read_once(tmp_path):
     with at_most(10):  # it took 100 s
         lines = read_lines(path)
     assert (len(lines), lines[0], lines[-3:]) == (400_003, "a", ["b", "c", "d"])
+
+
+@pytest.mark.parametrize(
+    ("cell", "seconds"),
+    [
+        ("10:22:33 AM", 37353.0), ("1:04:08 PM", 47048.0), ("12:00:01 am", 1.0), ("12:00:01 p.m.", 43201.0),
+        ("2024/05/03 10:22:33.5", 37353.5), ("2024-05-03T10:22:33Z", 37353.0), ("2024-05-03T10:22:33.5+02:00", 37353.5),
+    ],
+)  # fmt: skip
+def test_clock_times_as_other_programs_write_them(cell, seconds):
+    assert is_clock(cell)
+    assert seconds_of(cell) == seconds
+
+
+def test_days_count_between_dates_with_slashes():
+    assert days_after("2024/05/03 23:59:59", "2024/05/04 00:00:01") == 1
+    assert days_after("2024-05-03T23:59:59Z", "2024-05-05T00:00:01Z") == 2
+    assert days_after("2024-05-03 10:00:00", "10:00:01") is None
+
+
+@pytest.mark.parametrize("cell", ["2024/05-03 10:22:33", "10:22:33 XM", "10:61:33", "10:22:33 AM PM"])
+def test_what_is_no_clock_time(cell):
+    assert not is_clock(cell)

@@ -24,7 +24,7 @@ from tests.tasks.data.one_test_file import read
 )
 def test_a_factor_above_the_table_is_told(tmp_path, line, told):
     found = remarks(read(tmp_path, above=line))
-    assert found == ([] if told is None else [f"the file tells {told}; numbers are read as they stand, without it"])
+    assert found == ([] if told is None else [f"the file gives {told}; numbers are read as they stand, without it"])
 
 
 def test_a_unit_above_the_table_may_not_contradict_the_title(tmp_path):

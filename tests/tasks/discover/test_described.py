@@ -74,7 +74,7 @@ def test_damage_that_the_library_was_not_asked_for_becomes_a_law(study, tmp_path
     assert law["gap"]["after"] < 0.5 * law["gap"]["before"]
     assert law["other"] == [] or law["other"] != law["names"]
     assert "A law describes the misfit: S_f -> S_f (1 +" in shown or "Two laws describe the misfit: S_f" in shown
-    assert "no mechanism" in shown and "what would refute it" in shown
+    assert "not a mechanism" in shown and "what would refute it" in shown
     # the study with the law is data, and runs as any study does
     written = yaml.safe_load((out / WITH_LAWS).read_text())
     assert written["model"]["effects"] == law["names"]
@@ -88,7 +88,7 @@ def test_damage_that_the_library_was_not_asked_for_becomes_a_law(study, tmp_path
     assert (out / "verdict.json").read_bytes() == before
     assert yaml.safe_load((out / WITH_LAWS).read_text()) == written
     result = DiscoverResult.read(out)
-    assert of_the_law(result).endswith("no mechanism.")
+    assert of_the_law(result).endswith("not a mechanism.")
 
 
 def test_no_law_is_looked_for_where_the_study_says_so(study, tmp_path, here):

@@ -77,7 +77,7 @@ def test_a_law_is_told_as_a_description():
     assert of_the_law(discovery("OUTSIDE", law=of_largest_strain())) == (
         "A law describes the misfit: S_f -> S_f (1 + a x^b). It takes away 61 % of the misfit (55 to 66 %); the error "
         "on data that were not fitted falls from 5.90 to 1.22 times the noise. That is a description with predictive "
-        "worth, no mechanism."
+        "value, not a mechanism."
     )
     beside = replace(partly("softening"), law=of_largest_strain("softening"))
     assert of_the_law(beside).startswith("A law describes what the named effects leave: S_f")

@@ -5,13 +5,14 @@ import functools
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.special import ndtr
 
 from sinew.tasks.data.noise import noise_of
 from sinew.tasks.data.sites import by_site
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Model
 from sinew.tasks.predict import method
-from sinew.tasks.predict.method import bands_of, coverage, next_curve, noise_of_others, pointwise, simultaneous
+from sinew.tasks.predict.method import bands_of, coverage, next_curve, noise_level, one_more, pointwise, simultaneous
 from sinew.tasks.simulate.evaluation import kept_points
 from sinew.tasks.simulate.uniaxial import Uniaxial
 
@@ -53,7 +54,7 @@ def inside_of_new(specimen, others, parameters):
     for curve in specimen.curves:
         keep = kept_points(curve.protocol, 96)
         simulated = Uniaxial().simulate(Model(), specimen, curve.protocol, rows).force_N[:, keep]
-        noise = noise_of_others([specimen, *others], specimen, curve.name)
+        noise = noise_level(others, curve.name)
         low, high = next_curve(simulated, noise, 0.95)
         shares.append(np.mean((curve.force_N[keep] >= low) & (curve.force_N[keep] <= high)))
     return shares
@@ -102,16 +103,47 @@ def test_bands_of_many_draws_hold_the_noise_and_whole_curves():
     rng = np.random.default_rng(4)
     drawn, new = smooth(rng, 400), smooth(rng, 500)
     measured = new + rng.normal(0, 30.0, new.shape)
-    bands = bands_of({"hdi": drawn[:3], "draws": drawn, "new": drawn}, 30.0, 0.95)
+    bands = bands_of({"hdi": drawn[:3], "draws": drawn, "new": drawn}, 30.0, 0.95, from_population=True)
     inside = {name: (measured >= low) & (measured <= high) for name, (low, high) in bands.items()}
     assert inside["draws"].mean() < inside["new"].mean(), "it knows no noise"
     assert 0.93 <= inside["new"].mean() <= 0.97
     assert 0.92 <= inside["whole"].all(axis=1).mean() <= 0.98
     assert inside["new"].all(axis=1).mean() < 0.8
-    again = bands_of({"hdi": drawn[:3], "draws": drawn, "new": drawn}, 30.0, 0.95)
+    again = bands_of({"hdi": drawn[:3], "draws": drawn, "new": drawn}, 30.0, 0.95, from_population=True)
     np.testing.assert_array_equal(again["whole"], bands["whole"])
-    few = bands_of({"hdi": drawn[:3], "draws": drawn, "new": drawn[:8]}, 30.0, 0.95)
+    few = bands_of({"hdi": drawn[:3], "draws": drawn, "new": drawn[:8]}, 30.0, 0.95, from_population=False)
     assert few["whole"] is None and few["new"] is not None
+    many = bands_of({"hdi": drawn[:3], "draws": drawn, "new": drawn}, 30.0, 0.95, from_population=False)
+    assert many["whole"] is None, "a hundred other specimens are no draws of a population"
+
+
+@pytest.mark.parametrize(("count", "there"), [(38, False), (39, True), (99, True)])
+def test_few_draws_of_a_population_are_no_band_of_95_percent(count, there):
+    drawn = smooth(np.random.default_rng(5), count)
+    bands = bands_of({"hdi": drawn[:3], "draws": drawn, "new": drawn}, 0.0, 0.95, from_population=True)
+    assert (bands["new"] is not None) == there
+    assert bands["whole"] is None
+
+
+@pytest.mark.parametrize("count", [39, 40, 100, 400])
+def test_one_more_draw_of_a_skewed_population_lies_in_the_band_as_often_as_it_says(count):
+    """Over 400 bands of lognormal draws: the share of one more inside, with a standard deviation of 0.2 % or less."""
+    rng = np.random.default_rng(6)
+    low, high = one_more(np.exp(rng.standard_normal((count, 400))), 0.95)
+    inside = ndtr(np.log(high)) - ndtr(np.log(low))
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.006)
+
+
+def test_a_band_of_two_of_three_simulations_is_none():
+    drawn = smooth(np.random.default_rng(7), 40)
+    assert (
+        bands_of({"hdi": drawn[:2], "draws": drawn, "new": drawn[:0]}, 0.0, 0.95, from_population=False)["hdi"] is None
+    )
+
+
+def test_a_specimen_with_its_own_noise_is_enough():
+    (specimen, *_), _ = virtual_cohort(seed=2503, per_site=1, rate_hz=1.0)
+    assert noise_level([specimen], specimen.curves[0].name) > 0.0
 
 
 def test_a_band_of_equal_curves_is_their_curve():

@@ -24,6 +24,11 @@ def change(key: str, value: Any) -> Callable[[Path], None]:
     return damage
 
 
+def mark(out: Path, attributes: dict[str, str]) -> None:
+    path = out / "store.zarr" / "importance" / "zarr.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"attributes": attributes}))
+
+
 DAMAGE: dict[str, Callable[[Path], Any]] = {
     "no array": lambda out: shutil.rmtree(out / "store.zarr" / "importance" / "loss"),
     "no metadata": lambda out: (out / "store.zarr" / "importance" / "loss" / "zarr.json").unlink(),
@@ -32,6 +37,8 @@ DAMAGE: dict[str, Callable[[Path], Any]] = {
     "no file": lambda out: (out / "table.csv").unlink(),
     "an emptied list": change("permutation", []),
     "other inputs": change("inputs", "others"),
+    "unmarked arrays": lambda out: mark(out, {}),
+    "arrays of others": lambda out: mark(out, {"inputs": "others"}),
     "no names": change("names", ["a"]),
 }
 

@@ -90,3 +90,17 @@ def test_links_that_appear_are_not_followed(tmp_path):
         Checkpoint(path, "b")
     assert victim.read_text() == "precious"
     assert not path.is_symlink()
+
+
+def test_a_kill_while_a_checkpoint_is_mended_loses_nothing(tmp_path):
+    """A line was cut short; the file is there as it was until it is there anew."""
+    path = tmp_path / "checkpoint.jsonl"
+    checkpoint = Checkpoint(path, "a")
+    checkpoint.append(np.array([1.0]))
+    before = path.read_bytes() + b"[2.0"
+    path.write_bytes(before)
+    with mock.patch("os.replace", side_effect=KeyboardInterrupt), pytest.raises(KeyboardInterrupt):
+        Checkpoint(path, "a")
+    assert path.read_bytes() == before
+    assert [float(kept[0]) for kept in Checkpoint(path, "a").kept] == [1.0]
+    assert list(tmp_path.iterdir()) == [path]

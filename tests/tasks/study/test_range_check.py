@@ -67,7 +67,9 @@ def test_forces_of_the_other_sign_are_told_as_such(tmp_path):
 def test_one_odd_specimen_of_many_is_remarked_on(tmp_path):
     study, found = looked(tmp_path, [*SPECIMENS[:2], times(SPECIMENS[2], 1000.0)])
     found.refuse(study.path)
-    assert next(found.remarks()).startswith(f"ranges: 1 of 3 specimens are out of reach, such as {SPECIMENS[2].name} ")
+    assert next(found.remarks()).startswith(
+        f"ranges: 1 of 3 specimens are out of reach; for example, {SPECIMENS[2].name} "
+    )
 
 
 def test_peaks_just_beyond_the_ranges_are_remarked_on(tmp_path):
@@ -80,9 +82,9 @@ def test_peaks_just_beyond_the_ranges_are_remarked_on(tmp_path):
     assert found.out_of_reach == []
     (line, *_) = found.remarks()
     assert line.startswith(
-        f"ranges: the peaks of {len(SPECIMENS)} of {len(SPECIMENS)} specimens are beyond them, such as "
+        f"ranges: the peaks of {len(SPECIMENS)} of {len(SPECIMENS)} specimens lie outside what they give; for example, "
     )
-    assert line.endswith("fits will press on their ends (`sinew init` on the cohort chooses others)")
+    assert line.endswith("fits will be pushed against the bounds (`sinew init` on the cohort chooses other ranges)")
 
 
 def test_an_earlier_look_counts_until_something_changes(tmp_path, monkeypatch):

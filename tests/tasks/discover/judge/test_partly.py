@@ -20,7 +20,7 @@ SURE = Worth("softening", (60.0, 70.0), 3.0, (SLOWER,))
         ({"gains": (130.0, -0.1)}, "it shows in 1 of 2 specimens"),
         ({"gains": (130.0,)}, None),
         ({"gains": (130.0, 5.0, -5.0)}, None),
-        ({"ratio": 1.99}, "the others leave hardly more misfit without it"),
+        ({"ratio": 1.99}, "without it, the other effects leave hardly more misfit"),
         ({"ratio": 2.0}, None),
         ({"rivals": (replace(SLOWER, gain=80.1),)}, "time-lag would do nearly as well in its place"),
         ({"rivals": (replace(SLOWER, gain=79.9),)}, None),
@@ -29,7 +29,10 @@ SURE = Worth("softening", (60.0, 70.0), 3.0, (SLOWER,))
         ({"rivals": (SLOWER, InPlace("creep", 100.0, 2.2))}, "creep would do nearly as well in its place"),
         ({"form": Form("creep", 0.0201)}, None),
         ({"form": Form("creep", 0.0136)}, "creep leaves 1.4 % without it, which another form of creep may explain"),
-        ({"pressed": ("softening_loss",)}, "softening_loss ended on a bound: the effect is not what the library has"),
+        (
+            {"pressed": ("softening_loss",)},
+            "softening_loss ended on a bound, so the effect is not the one in the library",
+        ),
     ],
 )
 def test_each_condition_alone_makes_an_effect_doubtful(changes, words):

@@ -191,10 +191,10 @@ def test_rivals_are_named():
         ),
         (
             {"on_bound": ("lag_s", "slip_mm")},
-            "lag_s, slip_mm ended on a bound: the effect is not what the library has",
+            "lag_s, slip_mm ended on a bound, so the effect is not the one in the library",
         ),
         ({"gains": (9.0, -1.0, -2.0)}, "it shows in 1 of 3 specimens"),
-        ({"in_place": InPlace(0.1, 0.5)}, "it improves the fit elsewhere than where model and data disagree"),
+        ({"in_place": InPlace(0.1, 0.5)}, "most of its improvement lies where model and data do not disagree"),
     ],
 )
 def test_a_failed_check_is_said(about, doubt):
@@ -211,8 +211,12 @@ def test_a_small_misfit_that_no_cell_shows_is_doubted():
 @pytest.mark.parametrize(
     ("about", "word", "why"),
     [
-        ({"located": False}, "NONE", "no cell disagrees beyond chance, and no effect improves the fit clearly"),
-        ({"surely": False}, "NONE", "a cell disagrees hardly beyond chance, and no effect improves the fit clearly"),
+        ({"located": False}, "NONE", "no cell disagrees beyond chance, and no effect clearly improves the fit"),
+        (
+            {"surely": False},
+            "NONE",
+            "some cell disagrees beyond chance, but not far beyond it, and no effect clearly improves the fit",
+        ),
         ({"trusted": False}, "AMBIGUOUS", "no two fits of the model as it is agree: more starts are needed"),
         ({}, "OUTSIDE", "model and data disagree, and no effect of the library helps"),
     ],
@@ -227,7 +231,9 @@ def test_a_model_in_the_corner_of_its_ranges_is_not_said_to_be_complete():
     assert judged(weak, located=False, surely=False).word == "NONE"
     found = judged(weak, located=False, surely=False, cornered=("E_f", "E_m"))
     assert (found.word, found.alike) == ("AMBIGUOUS", ())
-    assert found.why == "the data press E_f and E_m of the model as it is against the ends of their ranges: widen these"
+    assert (
+        found.why == "in the model without effects, the data push E_f and E_m to the ends of their ranges: widen these"
+    )
     assert judged(weak, located=True, surely=True, cornered=("E_f",)).word == "OUTSIDE"
     assert judged(LAG, cornered=("E_f",)).word == "NAMED", "an effect may be what presses them"
 

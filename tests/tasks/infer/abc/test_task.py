@@ -190,6 +190,58 @@ def test_what_is_gone_is_made_again_without_a_simulation(inferred, tmp_path, her
     assert contents(out / "store.zarr") == kept
 
 
+def edited(folder, specimen, **changes):
+    path = folder / "cohort" / specimen / "specimen.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+
+@pytest.mark.parametrize("task", ["predict", "compare"])
+def test_what_was_inferred_of_other_data_is_refused(inferred, tmp_path, here, capsys, task):
+    shutil.copytree(inferred, tmp_path, dirs_exist_ok=True)
+    study, out = tmp_path / "study.yaml", tmp_path / "out"
+    sinew(task, study, "--out", out, "--quiet")
+    edited(tmp_path, "distal/1", thickness_mm=3.0)
+    with pytest.raises(SystemExit) as ended:
+        sinew(task, study, "--out", out, "--quiet")
+    assert ended.value.code == 2
+    words = (
+        "infer.json: distal/1: its curves or sizes, the model or its ranges have changed since; expected `sinew infer`"
+    )
+    assert words in capsys.readouterr().err
+
+
+def test_what_was_calibrated_of_other_data_is_no_prior(study, tmp_path, here, capsys):
+    edited(tmp_path, "distal/1", thickness_mm=3.0)
+    with pytest.raises(SystemExit) as ended:
+        sinew("infer", study, "--out", tmp_path / "out", "--quiet")
+    assert ended.value.code == 2
+    words = (
+        "calibrate.json: distal/1: its curves or sizes, the model or its ranges have changed since; expected `sinew c"
+    )
+    assert words in capsys.readouterr().err
+
+
+def test_a_specimen_that_is_called_otherwise_is_so_in_all_results(inferred, tmp_path, here):
+    shutil.copytree(inferred, tmp_path, dirs_exist_ok=True)
+    study, out = tmp_path / "study.yaml", tmp_path / "out"
+    (tmp_path / "cohort" / "distal" / "1").rename(tmp_path / "cohort" / "distal" / "1b")
+    sinew("run", study, "--out", out, "--quiet")
+    assert AbcResult.read(out).sites["distal"].specimens[0] == "distal/1b"
+    assert "distal/1b" in CalibrateResult.read(out).specimens
+
+
+def test_donors_that_become_known_are_those_of_the_correlations(study, tmp_path, here):
+    before = CalibrateResult.read(tmp_path / "out")
+    for number, name in enumerate(("distal/1", "distal/2", "proximal/1", "proximal/2")):
+        edited(tmp_path, name, donor=str(number % 2))
+    sinew("calibrate", study, "--out", tmp_path / "out", "--quiet")
+    after = CalibrateResult.read(tmp_path / "out")
+    assert [one.donor for one in after.specimens.values()] == ["0", "1", "0", "1"]
+    assert new_simulations(tmp_path / "out")[-1] == 0, "fits do not depend on them"
+    fits = [{name: dict(one.parameters) for name, one in found.specimens.items()} for found in (before, after)]
+    assert fits[0] == fits[1]
+
+
 def test_pyabcs_own_sampler_infers_the_same_sites(study, tmp_path, monkeypatch):
     monkeypatch.setattr(pipeline, "_draw", lambda *_: None)
     study.write_text(

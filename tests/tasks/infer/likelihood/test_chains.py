@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.stats import chisquare
+from scipy.stats import chi2, chisquare, kstest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.infer.likelihood import explore
@@ -13,7 +13,7 @@ from sinew.tasks.infer.likelihood.chains import CHAINS, begun, swept
 from sinew.tasks.infer.likelihood.compiled import FARTHEST
 from sinew.tasks.infer.likelihood.effort import FULL
 from sinew.tasks.infer.likelihood.explore import explored
-from sinew.tasks.infer.likelihood.population import from_prior
+from sinew.tasks.infer.likelihood.population import SPREAD_DF, _scatter, from_prior
 from sinew.tasks.infer.likelihood.scores import places
 from sinew.tasks.model.parameters import own_parameter
 
@@ -89,7 +89,7 @@ class Fragile(Line):
 
 def test_a_specimen_that_cannot_be_computed_around_its_fit_is_refused():
     fragile = Fragile(SimpleNamespace(specimen=SimpleNamespace(name="distal/1")))
-    with pytest.raises(BadInput, match=r"infer: distal/1: the model fails nearly everywhere around its best fit"):
+    with pytest.raises(BadInput, match=r"infer: distal/1: nearly all runs of the model around its best fit fail"):
         explored(fragile, (1, 0))
 
 
@@ -103,6 +103,26 @@ def test_blocks_follow_from_their_seed_and_the_state_before():
     second = swept(targets, known, first.state, 3, (3,), heavy=False)
     assert second.state.sweep == 6
     assert not np.array_equal(first.mean, second.mean)
+
+
+def test_the_covariance_of_a_draw_is_that_of_its_specimens():
+    """Given specimens, mean and scales, a precision of one parameter times its scatter is chi-squared distributed.
+
+    Their curves say next to nothing, so the specimens move far in a sweep.
+    """
+    targets = [Line(course(np.array([[0.5, 0.5]]))[0], VARIED, points=6) for _ in range(SPECIMENS)]
+    flat = [replace(target, measured=target.measured) for target in targets]
+    known = [explored(target, (3, i), ROUGH) for i, target in enumerate(flat)]
+    state, places_of = begun(flat, known, (4,), heavy=False), []
+    for _ in range(40):
+        block = swept(flat, known, state, 4, (5,), heavy=False)
+        state = block.state
+        scatter = _scatter(state.population.apart_from_mean(state.scores), state.population.scales)
+        inverse = np.linalg.inv(np.linalg.inv(scatter))
+        df = SPREAD_DF + SIZE - 1.0 + SPECIMENS
+        traces = np.einsum("cjk,ckj->c", state.population.precision, inverse)
+        places_of += list(chi2.cdf(traces, df * SIZE))
+    assert kstest(places_of, "uniform").pvalue > 1e-3
 
 
 def test_few_draws_of_a_specimen_begin_all_chains():

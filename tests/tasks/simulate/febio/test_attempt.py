@@ -381,12 +381,19 @@ def test_a_second_run_meets_nothing_of_the_first(tmp_path, model, left):
     assert len(attempts(simulator)) <= 1
 
 
-@pytest.mark.parametrize("then", ["", "os.symlink('/tmp', here)", "open(here, 'w')"], ids=["gone", "link", "file"])
-def test_a_solver_that_removes_its_own_folder_fails_its_row(tmp_path, model, then):
-    end = "here = os.getcwd(); import shutil; os.chdir('/'); shutil.rmtree(here); " + (then or "pass")
+def test_a_folder_that_is_removed_meanwhile_is_no_fault_of_the_row(tmp_path, model):
+    """As by the end of a job that shares it: the row is tried again elsewhere."""
+    end = "here = os.getcwd(); import shutil; os.chdir('/'); shutil.rmtree(here)"
+    with pytest.raises(external.Stopped, match="the folder of the run was removed meanwhile"):
+        outcome(solver(tmp_path, end), model)
+
+
+@pytest.mark.parametrize("then", ["os.symlink('/tmp', here)", "open(here, 'w')"], ids=["link", "file"])
+def test_a_solver_that_replaces_its_own_folder_fails_its_row(tmp_path, model, then):
+    end = f"here = os.getcwd(); import shutil; os.chdir('/'); shutil.rmtree(here); {then}"
     status, message = outcome(solver(tmp_path, end), model)
     assert status == "crashed"
-    assert message.startswith("the solver removed or replaced its own folder.")
+    assert message.startswith("the solver replaced its own folder.")
 
 
 DEEP = "here = os.getcwd()\nfor i in range(3000): os.mkdir('d'); os.chdir('d')\nos.chdir(here)\n"

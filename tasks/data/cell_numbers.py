@@ -1,0 +1,41 @@
+"""The numbers in the cells of a test: an empty or strange one is refused."""
+
+from collections.abc import Sequence
+
+from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data.columns import NOWHERE, Column
+from sinew.tasks.data.several import FEWEST_ROWS
+from sinew.tasks.data.tables import Table
+from sinew.tasks.data.text import is_clock
+
+
+def filled_rows(table: Table, columns: Sequence[Column]) -> int:
+    """The number of rows up to the last with anything in these columns: the longest of several tests is beside them."""
+    rows = len(table.rows)
+    places = [column.place for column in columns if column.place != NOWHERE]
+    while rows and not any(table.rows[rows - 1][1][place : place + 1] > ("",) for place in places):
+        rows -= 1
+    return rows
+
+
+def number_of(table: Table, row: int, column: Column) -> float:
+    """The number of a column in a row; 0 for times that no column holds. Raises :class:`BadInput`."""
+    if column.place == NOWHERE:
+        return 0.0
+    value = table.number(row, column.place)
+    if value is None:
+        at, cells = table.rows[row]
+        cell = cells[column.place] if column.place < len(cells) else ""
+        where = f"{table.path}: row {at}, {column.title or column.quantity.name}"
+        if not cell:
+            formula = "; a formula needs the value that Excel or LibreOffice saves with it" if table.sheet else ""
+            behind = len(table.rows) - row
+            last = table.rows[-1][0]
+            rest = f"row {at} if it is" if behind == 1 else f"rows {at} to {last} if they are"
+            summary = f"; delete {rest} a summary" if behind < FEWEST_ROWS <= row else ""
+            raise BadInput(where, "an empty cell", f"a finite number, like those above{formula}{summary}")
+        if is_clock(cell) and table.has_clock(column.place):
+            raise BadInput(where, shown(cell), "a time of the same day as those above, or dates such as 2024-05-03")
+        mark = "a point" if table.decimal == "." else "a comma"
+        raise BadInput(where, shown(cell), f"a finite number with {mark} as decimal mark, like those above")
+    return value

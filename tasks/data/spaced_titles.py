@@ -1,0 +1,40 @@
+"""The titles above a table whose columns are apart by spaces."""
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from sinew.tasks.data.heads import Row
+from sinew.tasks.data.text import SEPARATORS, cells, is_number
+
+
+def usual_width(rows: Sequence[tuple[int, Row]], decimal: str) -> int:
+    """How many cells most rows of nothing but numbers have; 0 where there are none."""
+    widths = Counter(len(row) for _, row in rows if row and all(is_number(cell, decimal) for cell in row))
+    return widths.most_common(1)[0][0] if widths else 0
+
+
+def title_cells(line: str, width: int) -> Row:
+    """The titles that a line may hold, above rows of ``width`` cells."""
+    line = line.lstrip("#%/ ")
+    apart = re.split(r" {2,}", line.strip())  # titles of several words
+    if len(apart) == width > 1:
+        return tuple(apart)
+    for other in SEPARATORS:  # titles may be separated in another way than the numbers below them
+        if other in line:
+            return tuple(cells(line, other))
+    return tuple(title.strip('"') for title in _with_units(line))
+
+
+def _with_units(line: str) -> Iterator[str]:
+    """Titles between spaces, each with its unit: ``time (s) force (N)`` are two."""
+    title, open_brackets = "", 0
+    for word in line.split():
+        starts = word[0] in "(["
+        if title and not open_brackets and not starts:
+            yield title
+            title = ""
+        title = f"{title} {word}" if title else word
+        open_brackets += word.count("(") + word.count("[") - word.count(")") - word.count("]")
+    if title:
+        yield title

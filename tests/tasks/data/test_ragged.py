@@ -1,0 +1,47 @@
+"""Rows whose numbers may stand under other titles than their own are refused."""
+
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.recordings import read_recordings
+
+TITLES = "Time (s)\tDisp (mm)\tForce (N)\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        pytest.param(
+            "Temps (s)\tDéplacement (mm)\tForce (N)\n0,0\t0,00\t0,5\n1,0\t0,50\t480,2\n2,0\t1,00\t950,7\n"
+            "3,0\t1,50\t1 420,3\n4,0\t2,00\t1 890,9\n",
+            r"row 5: 4 numbers under 3 columns; expected as many numbers in each row, without marks for thousands",
+            id="a space for thousands",
+        ),
+        pytest.param(
+            "Time (s),Disp (mm),Force (N)\n0.0,0.2,980.1\n0.1,0.4,990.2\n0.2,0.6,1,000.5\n0.3,0.7,1,010.5\n",
+            "row 4: 4 numbers under 3 columns; .*, and another mark between columns than the decimal mark",
+            id="a comma for thousands",
+        ),
+        pytest.param(
+            "Time_s Camera_mm Disp_mm Force_N\n0.0 0.1 0.2 1.5\n0.1 0.1 0.3 2.5\n0.2 0.1 0.4 3.5\n0.3 0.5 4.5\n",
+            "row 5: 3 numbers under 4 columns; .*without blank cells, which nobody sees between spaces",
+            id="a blank cell between spaces",
+        ),
+    ],
+)
+def test_a_row_with_other_columns_is_refused(tmp_path, text, words):
+    path = tmp_path / "test.txt"
+    path.write_text(text)
+    with pytest.raises(BadInput, match=words):
+        read_recordings(path, Hints())
+
+
+@pytest.mark.parametrize(
+    "row", ["0.3\t0.4\t4.5\tbreak", "0.3\t0.4\t4.5\t", "0.3\t0.4\t4.5"], ids=["a comment", "an empty cell", "nothing"]
+)
+def test_what_is_no_number_may_stand_behind_the_last_column(tmp_path, row):
+    path = tmp_path / "test.txt"
+    path.write_text(f"{TITLES}0.0\t0.1\t1.5\n0.1\t0.2\t2.5\n0.2\t0.3\t3.5\n{row}\n")
+    (recording,) = read_recordings(path, Hints())
+    assert recording.numbers[-1].tolist() == [0.3, 0.4, 4.5]

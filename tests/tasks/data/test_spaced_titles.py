@@ -1,0 +1,65 @@
+"""Titles above columns that are apart by spaces: those of several words belong to one column, or are refused."""
+
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.recordings import read_recordings
+from sinew.tasks.data.spaced_titles import title_cells, usual_width
+
+ROWS = "".join(f"{i / 10}   {i / 100:.2f}   {i + 0.5}   21.0   {i}\n" for i in range(6))
+
+
+def read(tmp_path, titles, rows=ROWS):
+    path = tmp_path / "test.txt"
+    path.write_text(f"{titles}\n{rows}")
+    (recording,) = read_recordings(path, Hints())
+    return recording
+
+
+def test_titles_of_several_words_with_two_spaces_between_them(tmp_path):
+    found = read(tmp_path, "Time (s)  Axial Displacement (mm)  Axial Force (N)  Temp (C)  Count")
+    assert [column.title for column in found.columns] == ["Time (s)", "Axial Displacement (mm)", "Axial Force (N)"]
+    assert found.numbers[2].tolist() == [0.2, 0.02, 2.5]
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        "Time (s) Axial Displacement (mm) Axial Force (N) Temp (C) Count",
+        "Elapsed Time (s) Disp (mm) Load (N) Temp (C) Count",
+    ],
+)
+def test_more_titles_than_columns_are_refused(tmp_path, titles):
+    words = r"names above 5 columns of numbers; expected as many; titles of several words need two spaces"
+    with pytest.raises(BadInput, match=words):
+        read(tmp_path, titles)
+
+
+def test_a_mark_of_a_comment_in_a_cell_of_its_own_is_no_title(tmp_path):
+    path = tmp_path / "test.txt"
+    rows = "".join(f"{i / 10}\t{i / 100}\t{i + 0.5}\t21.0\n" for i in range(6))
+    path.write_text(f"#\tTime (s)\tDisp (mm)\tForce (N)\tTemp (C)\n{rows}")
+    (found,) = read_recordings(path, Hints())
+    assert [column.title for column in found.columns] == ["Time (s)", "Disp (mm)", "Force (N)"]
+    assert found.numbers[2].tolist() == [0.2, 0.02, 2.5]
+
+
+@pytest.mark.parametrize(
+    ("line", "width", "titles"),
+    [
+        ("# time  force", 2, ("time", "force")),
+        ("time (s) force (N)", 2, ("time (s)", "force (N)")),
+        ("time of test  force", 2, ("time of test", "force")),
+        ("time of test  force", 4, ("time", "of", "test", "force")),
+        ("time\tforce of cell", 2, ("time", "force of cell")),
+    ],
+)
+def test_a_line_parts_into_as_many_titles_as_there_are_columns(line, width, titles):
+    assert title_cells(line, width) == titles
+
+
+def test_the_usual_width_is_that_of_rows_of_numbers():
+    rows = [(1, ("a", "b")), (2, ("1", "2", "3")), (3, ("1", "2", "3")), (4, ("1", "2", "end"))]
+    assert usual_width(rows, ".") == 3
+    assert usual_width(rows[:1], ".") == 0
