@@ -107,17 +107,17 @@ def _part(cohort: Sequence[SpecimenFits], candidates: Candidates, found: Stepwis
     others = tuple(form for form in found.effects if form is not member.form)
     share, interval = taken_away(cohort, candidates.bare, (others, member.without), (found.effects, found.fits), floor)
     return Part(
-        member.form.slug,
-        member.form.name,
-        share,
-        interval,
-        worth.evidence,
-        worth.ratio,
-        nearest.effect if nearest else None,
-        nearest.gain if nearest else None,
-        nearest.ratio if nearest else None,
-        next(doubts(worth), None),
-        worth.mends,
+        effect=member.form.slug,
+        form=member.form.name,
+        share=share,
+        interval=interval,
+        evidence=worth.evidence,
+        ratio=worth.ratio,
+        rival=nearest.effect if nearest else None,
+        rival_evidence=nearest.gain if nearest else None,
+        rival_ratio=nearest.ratio if nearest else None,
+        doubt=next(doubts(worth), None),
+        mends=worth.mends,
     )
 
 

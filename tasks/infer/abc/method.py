@@ -59,7 +59,7 @@ class Inferred:
 def comparison(kind: str, evaluation: SiteEvaluation, noise: CurveNoise | None = None) -> Comparison:
     """The comparison of ``kind`` ``relative`` or ``adaptive``, for the curves of one site.
 
-    With ``noise``, simulated forces are as noisy as measured ones.
+    With ``noise``, simulations are as noisy as measurements.
     """
     curves = evaluation.curves()
     if kind == "relative":
@@ -67,21 +67,23 @@ def comparison(kind: str, evaluation: SiteEvaluation, noise: CurveNoise | None =
         def errors(values: Mapping[str, Array]) -> dict[str, Any]:
             found = values["relative_error"]
             if noise is not None:
-                forces = len(curves)
-                found = np.concatenate([noise.relative_errors(found[:forces]), found[forces:]])
+                found = noise.relative_errors(found)
             return {"relative_error": found}
 
         nothing = np.zeros(len(curves) + len(evaluation.others()))
         return Comparison(relative_distance, errors, {"relative_error": nothing})
     of, measured = evaluation.points()
     scale = np.array([root_mean_square(curve.force_N) for _, curve in curves])[of]
+    of_others = evaluation.curves_of_others()
 
     def describe(values: Mapping[str, Array]) -> dict[str, Any]:
-        others = {"others": values["others"]} if "others" in values else {}
-        force = values["force"] / scale
+        found = {"force": values["force"] / scale}
+        found |= {"others": values["others"]} if "others" in values else {}
         if noise is not None:
-            force = force + noise.size[of] * np.random.standard_normal(force.size)
-        return {"force": force} | others
+            for name, curve in (("force", of), ("others", of_others)):
+                if name in found:
+                    found[name] = found[name] + noise.size[curve] * np.random.standard_normal(curve.size)
+        return found
 
     observed = {"force": measured / scale} | ({"others": evaluation.points_of_others()} if evaluation.others() else {})
     return Comparison(pyabc.AdaptivePNormDistance(p=2), describe, observed)

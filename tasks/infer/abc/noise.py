@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sinew.tasks.data.noise import Noise
-from sinew.tasks.infer.abc.observations import root_mean_square
-from sinew.tasks.model import Curve
+from sinew.tasks.data.noise import Noise, noise_of
+from sinew.tasks.infer.abc.observations import SiteEvaluation, root_mean_square
+from sinew.tasks.model import Curve, Protocol
 from sinew.tasks.simulate import Array
 
 
 @dataclass(frozen=True, eq=False)
 class CurveNoise:
-    """The noise of ``c`` curves of ``points`` ``[c]``, of a ``size`` ``[c]`` relative to the force's root mean square.
+    """The noise of ``c`` curves of ``points`` ``[c]``, of a ``size`` ``[c]`` relative to the curve's root mean square.
 
     ``smooth`` and ``rough`` ``[c]``: the factors c and k of the module's description.
     """
@@ -40,6 +40,21 @@ class CurveNoise:
         cross = 2.0 * self.size * np.sqrt(factor / self.points) * along
         squares = self.size**2 * np.maximum(1.0 + np.sqrt(2.0 * self.rough / self.points) * own, 0.0)
         return np.asarray(np.sqrt(np.maximum(errors**2 + cross + squares, 0.0)))
+
+
+def noise_of_site(evaluation: SiteEvaluation) -> CurveNoise:
+    """The noise of all relative errors of an evaluation, as the curves themselves show it.
+
+    That of what was measured beside the forces has one level for all curves of a specimen, and no correlation.
+    """
+    forces = [(curve, noise_of(curve, one.curves)) for one, curve in evaluation.curves()]
+    others = []
+    for one, curve, name in evaluation.others():
+        there = np.isfinite(curve.others[name])
+        time_s, moved = curve.protocol.time_s[there], curve.protocol.displacement_mm[there]
+        measured = Curve(Protocol(name, time_s, moved), curve.others[name][there])
+        others.append((measured, Noise(one.noise[name], 0.0)))
+    return noise_of_curves(forces + others)
 
 
 def noise_of_curves(curves: list[tuple[Curve, Noise]]) -> CurveNoise:

@@ -72,6 +72,12 @@ class SiteEvaluation:
             measured.append(curve.force_N[keep])
         return np.concatenate(of), np.concatenate(measured)
 
+    def curves_of_others(self) -> Array:
+        """For each kept point of what was measured beside the forces, the number of its curve in the outcome."""
+        kept = [kept_points(curve.protocol, self.points_per_curve).size for _, curve, _ in self.others()]
+        first = len(self.curves())
+        return np.repeat(np.arange(first, first + len(kept)), kept)
+
     def points_of_others(self) -> Array:
         """What was measured beside the forces at the kept points, as parts of its root mean square.
 
@@ -91,13 +97,9 @@ class SiteEvaluation:
         others = self.others()
         if not others:
             return []
-        first, times, of = len(self.curves()), [], []
-        for number, (_, curve, _) in enumerate(others):
-            keep = kept_points(curve.protocol, self.points_per_curve)
-            times.append(curve.protocol.time_s[keep])
-            of.append(np.full(keep.size, float(first + number)))
+        times = [curve.protocol.time_s[kept_points(curve.protocol, self.points_per_curve)] for _, curve, _ in others]
         return [
-            Coordinate("curve_of_other_point", "other_point", np.concatenate(of), "1"),
+            Coordinate("curve_of_other_point", "other_point", self.curves_of_others().astype(float), "1"),
             Coordinate("time_of_other_point", "other_point", np.concatenate(times), "s"),
             Coordinate("measured_others", "other_point", self.points_of_others(), "1"),
         ]

@@ -109,7 +109,7 @@ class AbcResult(Result):
     """
 
     TASK = "infer"
-    VERSION = 4  # 3: noise is simulated, unless it is the paper's; 4: ess
+    VERSION = 5  # 3: noise is simulated, unless it is the paper's; 4: ess; 5: noise of all quantities
     LIBRARIES = ("pyabc", "arviz")
 
     sampler: str

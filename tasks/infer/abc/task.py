@@ -8,10 +8,9 @@ import numpy as np
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.calibrate.result import CalibrateResult
-from sinew.tasks.data.noise import noise_of
 from sinew.tasks.data.sites import by_site
 from sinew.tasks.infer.abc import files
-from sinew.tasks.infer.abc.noise import CurveNoise, noise_of_curves
+from sinew.tasks.infer.abc.noise import noise_of_site
 from sinew.tasks.infer.abc.observations import SiteEvaluation, observed
 from sinew.tasks.infer.abc.prior import Prior, calibrated, of_others, of_ranges
 from sinew.tasks.infer.abc.result import INTERVAL, AbcResult, particles_group
@@ -31,7 +30,7 @@ def run(workspace: Workspace, settings: Settings) -> AbcResult:
     """
     grouped = by_site(workspace.specimens(settings.specimens, "infer.specimens"))
     evaluations = {site: _evaluation(workspace, settings, site, members) for site, members in grouped.items()}
-    noise = {name: None if settings.paper else _noise(one) for name, one in evaluations.items()}
+    noise = {name: None if settings.paper else noise_of_site(one) for name, one in evaluations.items()}
     sites = [
         Site(name, members, evaluations[name], _prior(workspace, settings, name, members), noise[name])
         for name, members in grouped.items()
@@ -80,11 +79,6 @@ def _evaluation(workspace: Workspace, settings: Settings, site: str, members: tu
             f"{workspace.study.path}: infer.protocols", f"no curve of {missing[0]} is among them", "protocols it has"
         )
     return SiteEvaluation(workspace.model, cut, workspace.simulator, workspace.study.store.points_per_curve, site)
-
-
-def _noise(evaluation: SiteEvaluation) -> CurveNoise:
-    """The noise of the measured forces, as the curves themselves show it."""
-    return noise_of_curves([(curve, noise_of(curve, one.curves)) for one, curve in evaluation.curves()])
 
 
 def _prior(workspace: Workspace, settings: Settings, site: str, members: tuple[Specimen, ...]) -> Prior:
