@@ -119,6 +119,7 @@ def join_allocation(spec: Allocation) -> None:
     of_the_job = os.environ.get(external.SCRATCH)
     if of_the_job:  # tasks on one node share it, and each removes its own
         os.environ[external.SCRATCH] = str(external.scratch(spec.folder) / f"task-{spec.system.task()}")
+        external.scratch(spec.folder)  # now: the first task that ends removes an empty folder of the job
     try:
         with dask.config.set(SETTINGS), open_allocation(spec):
             raise ClusterError("cluster: this task of the allocation should have served")

@@ -32,14 +32,14 @@ from sinew.tasks.cluster.submission import check_scripts, job_scripts
 from sinew.tasks.data.cohort import Cohort
 from sinew.tasks.drawing.blocks import plural, span
 from sinew.tasks.model import FORCE, Specimen
-from sinew.tasks.registry import TASKS
 from sinew.tasks.simulate import Array, Capabilities
 from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
+from sinew.tasks.study.estimate import work_of
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.range_check import look
 from sinew.tasks.study.study import Study
-from sinew.tasks.study.work import Given, Work
+from sinew.tasks.study.work import Given
 from sinew.tasks.study.workspace import attempts_folder, check_cohort
 
 GIB = 2**30
@@ -180,8 +180,7 @@ def _rows(study: Study, cohort: Cohort, simulator: str | None, folder: Path) -> 
     given = Given(study, cohort, model_of(study.model, study.simulator.law), can)
     rows: Counter[str] = Counter()
     for name in study.tasks:
-        work: Work = TASKS[name].module("work").work(given, study.section(TASKS[name].settings))
-        rows.update(work.rows)
+        rows.update(work_of(given, name).rows)
     return rows
 
 

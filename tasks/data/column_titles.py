@@ -75,11 +75,12 @@ def check_width(table: Table) -> None:
     count, row = _width(table.titles), table.rows[0][1]
     numbers = _width([cell if is_number(cell, table.decimal) else "" for cell in row])
     untitled = numbers > len(table.titles) or numbers >= 2 * count
-    fewer = _width(row) < count  # between spaces, no cell is empty
-    shifted = fewer and (table.separator == " " or any(units.is_unit(title) for title in table.titles))
+    shifted = len(row) < count and any(units.is_unit(title) for title in table.titles)
+    if table.separator == " ":  # no cell is empty, and some row has them all
+        shifted = max(len(each) for _, each in table.rows) < count
     if untitled or shifted:
         problem = f"{count} names above {_width(row)} columns of numbers"
         expected = "as many; commas cannot separate columns and be decimal marks at the same time"
         if table.separator == " ":
-            expected = "as many; titles of several words need two spaces between them, or tabs"
+            expected = "as many; titles of several words need two spaces or tabs between them, and each title a column"
         raise BadInput(f"{table.path}: row {table.first}", problem, expected)

@@ -184,7 +184,7 @@ def _choices(
         problem = of_person[0] if of_person else _none_of(table, titles, [role for role, _ in missing], spare=spare)
         problem.alone = all(choice.place == NOWHERE for choice in found)
         free = {place for place, _ in enumerate(titles) if holds_numbers(table, place)} - {one.place for one in found}
-        problem.question = None if of_person else _which_is(table, titles, sorted(free), missing[0][0])
+        problem.question = None if of_person or not free else _which_is(table, titles, sorted(free), missing[0][0])
         raise problem
     return _of_one_clock(table, titles, named, roles, found)
 

@@ -162,7 +162,18 @@ def _plain(recording: Recording) -> str:
 
 def _read(path: Path, reading: Reading) -> list[Recording]:
     hints = reading.all_hints
-    return [as_told(one, hints) for one in read_recordings(path, hints, first_of_alike=True)]
+    return [as_told(_without_zeros(one), hints) for one in read_recordings(path, hints, first_of_alike=True)]
+
+
+def _without_zeros(recording: Recording) -> Recording:
+    """The recording without sizes of 0, which a template left open, where it can do without them."""
+    told = {name: size for name, size in recording.sizes.items() if not is_zero(size)}
+    bare_length = recording.motion.quantity in (STRAIN, STRETCH, LENGTH)
+    bare_area = recording.load.quantity is STRESS or area_told(told) is not None
+    kept = {
+        name: size for name, size in recording.sizes.items() if not (bare_length if name == "length" else bare_area)
+    }
+    return replace(recording, sizes={**kept, **told})
 
 
 def _specimen(recording: Recording, protocol: str | None, name: str | None, reading: Reading) -> Specimen:
@@ -175,7 +186,7 @@ def _specimen(recording: Recording, protocol: str | None, name: str | None, read
 
 def _bar(recording: Recording, reading: Reading) -> Bar:
     length = reading.length_mm or _length(recording)
-    sizes = {name: size for name, size in recording.sizes.items() if not is_zero(size)}  # a template left it open
+    sizes = recording.sizes
     if reading.area_mm2 is not None:
         side = round(math.sqrt(reading.area_mm2), 9)
     elif differs := contradiction_of_areas(recording.sizes):

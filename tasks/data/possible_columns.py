@@ -7,6 +7,8 @@ from sinew.tasks.data.quantities import LENGTH, STRAIN, Quantity
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 
+LOOKED_AT = 200  # rows: a file of many tests is asked many times
+
 
 def in_volts(name: str, unit: str) -> bool:
     """Whether an extensometer has a unit that is not known, such as V of its amplifier."""
@@ -21,8 +23,8 @@ def changes(table: Table, place: int) -> bool:
 
 
 def holds_numbers(table: Table, place: int) -> bool:
-    """Whether most cells of a column that are filled hold numbers."""
-    cells = [row[place] for _, row in table.rows if place < len(row) and row[place]]
+    """Whether most of the first cells of a column that are filled hold numbers."""
+    cells = [row[place] for _, row in table.rows[:LOOKED_AT] if place < len(row) and row[place]]
     return 2 * sum(is_number(cell, table.decimal) for cell in cells) > len(cells)
 
 

@@ -325,7 +325,7 @@ def _recording(
         table.header,
         sizes,
         left_out,
-        titles_of_numbers(table, unused),
+        titles_of_numbers(table, [place for place in unused if table.titles[place] not in used]),
         block.name,
         notes,
         "" if apart is None or not back else f", or {apart.option} {shown(apart.title)}, which changes there",

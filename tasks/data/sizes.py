@@ -144,7 +144,8 @@ def contradiction_without_unit(sizes: Mapping[str, Size]) -> str:
     if area is None or area.mm is None or not area.has_unit or all(size.has_unit for size in others):
         return ""
     both = area_told({name: size for name, size in sizes.items() if name != "area"})
-    if both is None or abs(both - area.mm) <= OFF * area.mm + _rounding(area):
+    ellipse = math.pi / 4 if "diameter" not in sizes else 1.0
+    if both is None or any(abs(part * both - area.mm) <= OFF * area.mm + _rounding(area) for part in (1.0, ellipse)):
         return ""
     return f"a cross-section of {area.mm:.6g} mm2, but sizes without a unit that make {both:.6g} mm2"
 

@@ -19,7 +19,7 @@ def title_cells(line: str, width: int) -> Row:
     line = line.lstrip("#%/ ")
     apart = re.split(r" {2,}", line.strip())  # titles of several words
     if len(apart) == width > 1:
-        return tuple(apart)
+        return tuple(title.strip('"') for title in apart)
     for other in SEPARATORS:  # titles may be separated in another way than the numbers below them
         if other in line:
             return tuple(cells(line, other))

@@ -221,8 +221,8 @@ def days_after(other: str, cell: str) -> int | None:
     if one["date"] == two["date"]:
         return 0
     try:
-        days = (date.fromisoformat((found["date"] or "")[:10].replace("/", "-")) for found in (one, two))
-        return -int((next(days) - next(days)).days)
+        before, after = (date.fromisoformat((found["date"] or "")[:10].replace("/", "-")) for found in (one, two))
+        return (after - before).days
     except ValueError:
         return None
 

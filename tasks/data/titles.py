@@ -16,10 +16,10 @@ _ALONG = re.compile(r"([^()\[\]]+)[(\[][xyzXYZ][)\]] ?, ?([^\s,()\[\]]+)")  # a 
 #: Behind a unit, what makes another quantity of it: ``Force (N) x 1000``, ``Force (N) / width``, ``Force (N) limit``.
 _CHANGING = (
     r"\b(?:true|cauchy|kirchhoff|rate|change|per|set ?point|limit|target|command|demand|peak|valley|max|maximum|"
-    r"minimum|mean|average|avg|amplitude|range|error|rms)\b"
+    r"minimum|mean|amplitude|rms)\b"
 )
 #: Behind a displacement, what says that an extensometer measured it: ``Displacement (Strain 1) (mm)``.
-_EXTENSOMETER = re.compile(r"\b(?:strain ?\d|extensometer|extenso|lvdt|clip[ -]?on|video)\b", re.IGNORECASE)
+_EXTENSOMETER = re.compile(r"\b(?:strain ?\d|extensometer|extenso|clip[ -]?on|video)\b", re.IGNORECASE)
 _CHANGED = re.compile(rf"[x×*·] ?\d|\d ?[x×*·]|(?:^|\s)[/^*]|\^|{_CHANGING}", re.IGNORECASE)
 _MINUS = re.compile(r"[-\u2212] ?(?=[^\W\d])")  # "-Force", which has another sign
 #: Words behind a name that are of a channel, a sensor or its clock; others have a digit, as "U9C", "500N" and "1".

@@ -8,7 +8,7 @@ from pydantic import Field
 from sinew.tasks.study.fields import TaskSettings
 
 HDI = 3  # simulations for its band: a posterior's mean and both ends of its interval
-NEW = 400  # draws of a new specimen, where they cost next to nothing
+NEW, MOST_NEW = 400, 10_000  # draws of a new specimen: where they cost next to nothing, and at most
 
 
 def fewest_of_new(probability: float) -> int:
@@ -25,11 +25,11 @@ class Settings(TaskSettings):
     """
 
     draws: Annotated[int, Field(ge=2, le=10_000)] = 40
-    new: Annotated[int, Field(ge=4, le=10_000)] | None = None
+    new: Annotated[int, Field(ge=4, le=MOST_NEW)] | None = None
     probability: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
 
     def of_new(self, *, quick: bool) -> int:
         """How many draws of a new specimen are simulated."""
         if self.new is not None:
             return self.new
-        return NEW if quick else max(self.draws, fewest_of_new(self.probability))
+        return min(max(NEW if quick else self.draws, fewest_of_new(self.probability)), MOST_NEW)

@@ -90,11 +90,17 @@ def estimate(given: Given, simulator: Simulator, tasks: Sequence[str], out: Path
     found = []
     others = made_for(out) not in (None, digest(identities(given.cohort.specimens)))
     for name in tasks:
-        task = TASKS[name]
-        work: Work = task.module("work").work(given, given.study.section(task.settings))
+        work = work_of(given, name)
         done = not others and (out / f"{name}.json").is_file()
         found.append(TaskEstimate(name, work.evaluations, wall_s(work), done))
     return Estimate(tuple(found), workers, row_s)
+
+
+def work_of(given: Given, name: str) -> Work:
+    """What a task will have to do."""
+    task = TASKS[name]
+    found: Work = task.module("work").work(given, given.study.section(task.settings))
+    return found
 
 
 def _row_s(given: Given, simulator: Simulator, specimen: Specimen) -> float:

@@ -10,14 +10,17 @@ from sinew.tasks.study.workspace import Workspace
 
 
 def data_of(workspace: Workspace, specimens: Sequence[Specimen]) -> dict[str, str]:
-    """A digest for each specimen of its curves and sizes, and of the model with its ranges.
+    """A digest for each specimen of its curves and sizes, and of the model with its effects and ranges.
 
-    The simulators of sinew's own tissue agree with each other, so it does not tell them apart.
+    Whatever is compared with it later must be a part of the key of the result that holds it: otherwise a result that is
+    refused would not be made anew. The simulators of sinew's own tissue agree with each other, so it does not tell
+    them apart; of a model of the user's own, the solver is a part of it.
     """
     model, simulator = workspace.model, workspace.simulator
+    effects = list(workspace.study.model.effects)
     ranges = [[one.name, one.minimum, one.maximum, one.reference] for one in model.parameters]
     own_model = simulator.identity() if simulator.capabilities.outputs else {}
-    return {one.name: digest(one.identity(), model.identity(), ranges, own_model) for one in specimens}
+    return {one.name: digest(one.identity(), model.identity(), effects, ranges, own_model) for one in specimens}
 
 
 def refuse_other_data(
@@ -32,4 +35,6 @@ def refuse_other_data(
         return
     for name, now in data_of(workspace, specimens).items():
         if then.get(name) != now:
-            raise BadInput(path, f"{name}: its curves or sizes, the model or its ranges have changed since", again)
+            raise BadInput(
+                path, f"{name}: its curves or sizes, the model, its ranges or its solver have changed since", again
+            )

@@ -41,8 +41,8 @@ def run(workspace: Workspace, settings: Settings) -> AbcResult:
         for one in (site.prior for site in sites)
     ]
     fixed = [[p.name, p.reference] for p in workspace.model.parameters if p not in workspace.model.free]
-    names = [[one.name for one in members] for members in grouped.values()]
-    inputs = key(AbcResult, settings.of("abc"), workspace.seed, tables, names, priors, fixed)
+    data = data_of(workspace, [one for members in grouped.values() for one in members])
+    inputs = key(AbcResult, settings.of("abc"), workspace.seed, tables, data, priors, fixed)
     arrays = [particles_group(site) for site in grouped]
     if (known := cached(workspace, AbcResult, inputs, arrays, files.names(grouped))) is not None:
         return known
@@ -63,7 +63,7 @@ def run(workspace: Workspace, settings: Settings) -> AbcResult:
         sites={site.name: sampling.summarised(workspace, site, one) for site, one in zip(sites, inferred, strict=True)},
         inputs=inputs,
         ess=settings.ess,
-        data=data_of(workspace, [one for members in grouped.values() for one in members]),
+        data=data,
     )
     files.write_table(workspace.out, result)
     commit(workspace, result, {name: one.particles for name, one in zip(arrays, inferred, strict=True)})

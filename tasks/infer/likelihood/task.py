@@ -58,14 +58,13 @@ class Step(Generic[Found]):
 def run(workspace: Workspace, settings: Settings) -> LikelihoodResult:
     """The posteriors of all sites. Raises :class:`BadInput` for chains that do not converge."""
     specimens = _chosen(workspace, settings)
+    data = data_of(workspace, workspace.cohort.choose([one.name for one in specimens], "infer.specimens"))
     inputs = key(
         LikelihoodResult,
         settings.of("likelihood"),
         workspace.seed,
         [specimen.identity() for specimen in specimens],
-        [specimen.name for specimen in specimens],
-        workspace.model.identity(),
-        [[p.name, p.minimum, p.maximum, p.reference] for p in workspace.model.parameters],
+        data,
         workspace.simulator.identity(),
     )
     grouped = by_site(specimens)
@@ -84,7 +83,7 @@ def run(workspace: Workspace, settings: Settings) -> LikelihoodResult:
         likelihoods, specimens_seen = [targets[one.name] for one in members], [seen[one.name] for one in members]
         site = Site(workspace, settings, inputs, number, likelihoods, specimens_seen, errors)
         found[name] = sampled(site) if _quick(workspace) else sampled_by_rows(site)
-    result = _result(workspace, settings, inputs, found, blind)
+    result = replace(_result(workspace, settings, inputs, found, blind), data=data)
     stored = {name: dataset(one.chains, one.site.specimens, one.site.targets[0].varied) for name, one in found.items()}
     files.write(workspace.out, result, stored, streams.key(workspace.seed, PRIOR))
     commit(workspace, result, dict(zip(arrays, stored.values(), strict=True)))
@@ -208,7 +207,6 @@ def _result(
         sites={name: _site_posterior(one, prior) for name, one in found.items()},
         specimens=specimens,
         inputs=inputs,
-        data=data_of(workspace, [specimen for one in found.values() for specimen in one.site.specimens]),
     )
 
 

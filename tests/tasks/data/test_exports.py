@@ -310,9 +310,10 @@ def test_a_cross_section_with_its_unit_is_not_replaced_by_sizes_without(tmp_path
     assert specimen.area_mm2 == pytest.approx(34.06)
 
 
-def test_a_cross_section_of_an_ellipse_is_remarked_on(tmp_path):
+@pytest.mark.parametrize("unit", ["mm", ""])
+def test_a_cross_section_of_an_ellipse_is_remarked_on(tmp_path, unit):
     path = tmp_path / "test.csv"
-    sizes = "Length,20,mm\nWidth,8,mm\nThickness,4,mm\nArea,25.13,mm2\n"
+    sizes = f"Length,20,mm\nWidth,8,{unit}\nThickness,4,{unit}\nArea,25.13,mm2\n"
     path.write_text(f"{sizes}Time (s),Disp (mm),Force (N)\n0,0,0\n1,0.1,5\n2,0.2,9\n")
     found = read_exports(path)
     words = "the file gives a cross-section of 25.13 mm2, that of the bar is 32 mm2; --area-mm2"
@@ -333,3 +334,11 @@ def test_lengths_that_begin_far_from_the_gauge_length_are_remarked_on(tmp_path):
     path.write_text(f"Length,20,mm\nArea,10,mm2\n{titles}\n0,50.0,0\n1,50.5,5\n2,51.0,9\n")
     words = "its lengths begin at 50 mm, a strain of 150 % of the gauge length, 20 mm"
     assert words in read_exports(path).remarks["test/test"]
+
+
+def test_sizes_of_zero_are_as_if_the_file_gave_none(tmp_path):
+    path = tmp_path / "test.csv"
+    titles = "Time (s),Strain (%),Stress (kPa)"
+    path.write_text(f"Gauge length,0,mm\nWidth,0,mm\nThickness,0,mm\n{titles}\n0,0.1,0\n1,1,5\n2,2,9\n")
+    (specimen,) = read_exports(path).specimens
+    assert (specimen.length_mm, specimen.area_mm2) == (1.0, 1.0)

@@ -45,3 +45,21 @@ def test_what_is_no_number_may_stand_behind_the_last_column(tmp_path, row):
     path.write_text(f"{TITLES}0.0\t0.1\t1.5\n0.1\t0.2\t2.5\n0.2\t0.3\t3.5\n{row}\n")
     (recording,) = read_recordings(path, Hints())
     assert recording.numbers[-1].tolist() == [0.3, 0.4, 4.5]
+
+
+def test_words_in_some_rows_between_spaces_do_no_harm(tmp_path):
+    path = tmp_path / "test.txt"
+    path.write_text(
+        "Time_s Disp_mm Force_N Event\n0.0 0.0 0.5 START\n0.1 0.1 1.5\n0.2 0.2 2.5 ramp up\n"
+        "0.3 0.3 3.5\n0.4 0.4 4.5 end\n"
+    )
+    (recording,) = read_recordings(path, Hints())
+    assert recording.numbers[:, 2].tolist() == [0.5, 1.5, 2.5, 3.5, 4.5]
+
+
+def test_a_blank_cell_between_spaces_does_not_move_the_numbers(tmp_path):
+    path = tmp_path / "test.txt"
+    rows = ("0.0 0.1 0.2 1.5 21", "0.1 0.1 0.3 2.5 21", "0.2 0.1 0.4 3.5 21", "0.3 0.5 4.5 21")
+    path.write_text("\n".join(["Time_s Camera_mm Disp_mm Force_N Temp_C", *rows, ""]))
+    with pytest.raises(BadInput, match="row 5: 4 numbers under 5 columns"):
+        read_recordings(path, Hints())

@@ -53,6 +53,7 @@ def test_a_mark_of_a_comment_in_a_cell_of_its_own_is_no_title(tmp_path):
         ("time of test  force", 2, ("time of test", "force")),
         ("time of test  force", 4, ("time", "of", "test", "force")),
         ("time\tforce of cell", 2, ("time", "force of cell")),
+        ('"Time (s)"  "Axial Force (N)"', 2, ("Time (s)", "Axial Force (N)")),
     ],
 )
 def test_a_line_parts_into_as_many_titles_as_there_are_columns(line, width, titles):

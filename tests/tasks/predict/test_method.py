@@ -13,6 +13,7 @@ from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Model
 from sinew.tasks.predict import method
 from sinew.tasks.predict.method import bands_of, coverage, next_curve, noise_level, one_more, pointwise, simultaneous
+from sinew.tasks.predict.settings import Settings
 from sinew.tasks.simulate.evaluation import kept_points
 from sinew.tasks.simulate.uniaxial import Uniaxial
 
@@ -174,3 +175,14 @@ def test_each_point_counts_once_and_a_band_that_is_not_given_not_at_all():
     assert found["hdi"].curves == 0.75, "four curves of a point each"
     assert (found["draws"].all, found["draws"].points, found["draws"].curves) == (None, 0, None)
     assert (found["new"].all, found["new"].points) == (pytest.approx(2 / 3), 3)
+
+
+@pytest.mark.parametrize(
+    ("told", "quick", "new"),
+    [
+        ({}, True, 400), ({}, False, 40), ({"draws": 10}, False, 39), ({"probability": 0.99}, False, 199),
+        ({"probability": 0.999}, True, 1999), ({"probability": 0.9999}, True, 10_000), ({"new": 7}, True, 7),
+    ],
+)  # fmt: skip
+def test_new_specimens_are_as_many_as_their_band_needs(told, quick, new):
+    assert Settings(**told).of_new(quick=quick) == new

@@ -190,6 +190,9 @@ def test_what_is_gone_is_made_again_without_a_simulation(inferred, tmp_path, her
     assert contents(out / "store.zarr") == kept
 
 
+CHANGED = "its curves or sizes, the model, its ranges or its solver have changed since"
+
+
 def edited(folder, specimen, **changes):
     path = folder / "cohort" / specimen / "specimen.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | changes))
@@ -204,10 +207,33 @@ def test_what_was_inferred_of_other_data_is_refused(inferred, tmp_path, here, ca
     with pytest.raises(SystemExit) as ended:
         sinew(task, study, "--out", out, "--quiet")
     assert ended.value.code == 2
-    words = (
-        "infer.json: distal/1: its curves or sizes, the model or its ranges have changed since; expected `sinew infer`"
-    )
-    assert words in capsys.readouterr().err
+    assert f"infer.json: distal/1: {CHANGED}; expected `sinew infer` again" in capsys.readouterr().err
+    for again in ("calibrate", "infer", task):
+        sinew(again, study, "--out", out, "--quiet")
+
+
+def test_a_curve_that_was_not_inferred_from_may_change_and_the_inference_is_made_anew(study, tmp_path, here, capsys):
+    out = tmp_path / "out"
+    study.write_text(STUDY.replace("infer: {paper: true", "infer: {paper: true, protocols: [one_step]"))
+    for task in ("infer", "predict"):
+        sinew(task, study, "--out", out, "--quiet")
+    curve = tmp_path / "cohort" / "distal" / "1" / "two_step.csv"
+    curve.write_text("\n".join(curve.read_text().splitlines()[:-1]) + "\n")
+    with pytest.raises(SystemExit):
+        sinew("predict", study, "--out", out, "--quiet")
+    assert f"infer.json: distal/1: {CHANGED}" in capsys.readouterr().err
+    for again in ("calibrate", "infer", "predict"):
+        sinew(again, study, "--out", out, "--quiet")
+
+
+@pytest.mark.parametrize("change", ["model: {effects: [preload]}", "model: {parameters: {nu_m: {reference: 0.41}}}"])
+def test_another_model_than_was_inferred_is_refused(inferred, tmp_path, here, capsys, change):
+    shutil.copytree(inferred, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "study.yaml").write_text(f"{STUDY}{change}\n")
+    with pytest.raises(SystemExit) as ended:
+        sinew("compare", tmp_path / "study.yaml", "--out", tmp_path / "out", "--quiet")
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_what_was_calibrated_of_other_data_is_no_prior(study, tmp_path, here, capsys):
@@ -215,10 +241,7 @@ def test_what_was_calibrated_of_other_data_is_no_prior(study, tmp_path, here, ca
     with pytest.raises(SystemExit) as ended:
         sinew("infer", study, "--out", tmp_path / "out", "--quiet")
     assert ended.value.code == 2
-    words = (
-        "calibrate.json: distal/1: its curves or sizes, the model or its ranges have changed since; expected `sinew c"
-    )
-    assert words in capsys.readouterr().err
+    assert f"calibrate.json: distal/1: {CHANGED}; expected `sinew calibrate` again" in capsys.readouterr().err
 
 
 def test_a_specimen_that_is_called_otherwise_is_so_in_all_results(inferred, tmp_path, here):

@@ -106,23 +106,17 @@ def test_blocks_follow_from_their_seed_and_the_state_before():
 
 
 def test_the_covariance_of_a_draw_is_that_of_its_specimens():
-    """Given specimens, mean and scales, a precision of one parameter times its scatter is chi-squared distributed.
-
-    Their curves say next to nothing, so the specimens move far in a sweep.
-    """
-    targets = [Line(course(np.array([[0.5, 0.5]]))[0], VARIED, points=6) for _ in range(SPECIMENS)]
-    flat = [replace(target, measured=target.measured) for target in targets]
-    known = [explored(target, (3, i), ROUGH) for i, target in enumerate(flat)]
-    state, places_of = begun(flat, known, (4,), heavy=False), []
+    """Given specimens, mean and scales, the trace of precision times scatter is chi-squared distributed (Wishart)."""
+    targets = [Line(course(np.array([[0.5, 0.5]]))[0]) for _ in range(SPECIMENS)]
+    known = [explored(target, (3, i), ROUGH) for i, target in enumerate(targets)]
+    state, found = begun(targets, known, (4,), heavy=False), []
     for _ in range(40):
-        block = swept(flat, known, state, 4, (5,), heavy=False)
-        state = block.state
+        state = swept(targets, known, state, 4, (5,), heavy=False).state
         scatter = _scatter(state.population.apart_from_mean(state.scores), state.population.scales)
-        inverse = np.linalg.inv(np.linalg.inv(scatter))
         df = SPREAD_DF + SIZE - 1.0 + SPECIMENS
-        traces = np.einsum("cjk,ckj->c", state.population.precision, inverse)
-        places_of += list(chi2.cdf(traces, df * SIZE))
-    assert kstest(places_of, "uniform").pvalue > 1e-3
+        traces = np.einsum("cjk,ckj->c", state.population.precision, scatter)
+        found += list(chi2.cdf(traces, df * SIZE))
+    assert kstest(found, "uniform").pvalue > 1e-3
 
 
 def test_few_draws_of_a_specimen_begin_all_chains():
