@@ -114,14 +114,17 @@ def new_file(path: Path, mode: int = 0o666) -> BinaryIO:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file, whole or not at all. Raises ``OSError``."""
+    """Write a file, whole or not at all. Raises ``OSError``, which names this file, not a temporary one."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with new_file(temporary) as file:
             file.write(content)
         os.replace(temporary, path)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # the folder may not let it
+            temporary.unlink(missing_ok=True)
 
 
 def append_file(path: Path) -> BinaryIO:

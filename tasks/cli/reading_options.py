@@ -33,8 +33,8 @@ _OPTIONS = (
     click.option("--cycle-column", metavar="NAME", help="Column of cycles, if times start again with a cycle."),
     click.option(
         "--tables",
-        type=click.Choice(["join", "apart"]),
-        help="Whether tables that begin where the one before ends, while times start again, are one test.",
+        type=click.Choice(["join", "apart", "first"]),
+        help="Whether tables that may go on from each other are one test; 'first' leaves out tests with other titles.",
     ),
     click.option(
         "--keep-column",

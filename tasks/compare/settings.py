@@ -1,10 +1,12 @@
 """The section ``compare`` of a study."""
 
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from sinew.tasks.study.fields import TaskSettings
+
+MOST_FITS = 100_000  # of the classifier, for each pair of sites: minutes
 
 
 class Settings(TaskSettings):
@@ -17,3 +19,10 @@ class Settings(TaskSettings):
     folds: Annotated[int, Field(ge=2, le=100)] = 5
     repeats: Annotated[int, Field(ge=1, le=1000)] = 5
     permutations: Annotated[int, Field(ge=20, le=100_000)] = 200
+
+    @model_validator(mode="after")
+    def _of_few_fits(self) -> Self:
+        fits = self.folds * (self.repeats + self.permutations)
+        if fits > MOST_FITS:
+            raise ValueError(f"folds x (repeats + permutations) is {fits:,}; expected at most {MOST_FITS:,}")
+        return self

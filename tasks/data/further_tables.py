@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.columns import recognise
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.questions import NoColumn
-from sinew.tasks.data.several import FEWEST_ROWS
+from sinew.tasks.data.questions import NoColumn, Unclear
+from sinew.tasks.data.several import FEWEST_ROWS, TABLES
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 
@@ -26,6 +26,31 @@ def may_be_test(table: Table, hints: Hints, first: Table) -> bool:
     except BadInput:
         pass
     return True
+
+
+def is_test(table: Table, hints: Hints) -> bool:
+    """Whether a table surely has columns of time, motion and load, of enough rows."""
+    if len(table.rows) < FEWEST_ROWS:
+        return False
+    try:
+        recognise(table, hints)
+    except BadInput:
+        return False
+    return True
+
+
+def unclear_further(table: Table) -> Unclear:
+    """The question on a ``table`` that is a test, but has other titles than the first one."""
+    where = f"sheet '{table.sheet}', " if table.sheet else ""
+    return Unclear(
+        str(table.path),
+        f"the table in {where}row {table.title_row or table.first} has other titles than the first one, and is a test",
+        f"a file for each, or {TABLES} first to leave it out",
+        what="tests",
+        which="read the first table alone?",
+        option=TABLES,
+        choices=("first",),
+    )
 
 
 def left_out_note(tables: Sequence[Table]) -> str:

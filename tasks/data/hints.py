@@ -11,7 +11,7 @@ from sinew.tasks.model.specimen import FORCE
 Zero = Literal["first", "none"]
 Negate = Literal["none", "displacement", "force", "both"]
 Rows = Literal["leave-out", "keep"]
-Tables = Literal["join", "apart"]
+Tables = Literal["join", "apart", "first"]
 NO_COLUMN = "none"
 Title = str | tuple[str, ...]  # several: each file has one of them
 
@@ -44,7 +44,8 @@ class Hints:
     ``cycle_column`` its cycles, if their times start again. ``rate_hz``, ``speed`` and ``speed_column``: see
     :class:`Timing`. ``NO_COLUMN`` for a column of tests or speeds: that which looks like one is none.
     ``zero_displacement`` and ``zero_force``: whether each counts from its ``first`` value. ``negate``: which of
-    them get the other sign. ``tables``: whether tables that begin where the one before ends are one test.
+    them get the other sign. ``tables``: whether tables that may go on from each other are one test; ``first`` leaves
+    out tests with other titles than the first one.
     ``preload``: what becomes of the rows before a motion is set to zero again; ``end``: of those after a break, or
     after a jump of the motion in the last rows.
     ``keep_column``: columns that are kept beside the force, as for :func:`further`.

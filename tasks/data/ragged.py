@@ -1,32 +1,43 @@
-"""Rows with more or fewer numbers than there are columns: marks for thousands, blank cells between spaces."""
+"""Rows with more or fewer cells than there are columns: marks for thousands, cells that are missing."""
 
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Sequence
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 
 
-def refuse_ragged(table: Table, rows: Iterable[int]) -> None:
+def refuse_ragged(table: Table, rows: range) -> None:
     """Raises :class:`BadInput` for the first of ``rows`` whose numbers may stand under other titles than their own.
 
-    A number beyond all titles may be the rest of one that is cut in two. Between spaces, blank cells are not seen: all
-    rows have as many numbers as the first one then.
+    A number beyond all titles may be the rest of one that is cut in two. A row with fewer cells than most may lack one
+    in its middle, unless all rows from there on lack several: then a shorter table beside it has ended. Between
+    spaces, where no cell is empty, numbers count in place of cells.
     """
-    first = table.rows[0][1]
-    most = max(len(table.titles), len(first))
-    usual = _count(first, table.decimal)
-    for at, row in (table.rows[place] for place in rows):
-        fewer = table.separator == " " and _count(row, table.decimal) < usual
+    sizes = [_size(table, table.rows[at][1]) for at in rows]
+    usual = Counter(sizes).most_common(1)[0][0]
+    most = max(len(table.titles), usual)
+    whole = max(at for at, size in enumerate(sizes) if size >= usual)
+    for at, size in enumerate(sizes):
+        number, row = table.rows[rows[at]]
+        fewer = size < usual and (at < whole or usual - size == 1 or table.separator == " ")
         if not fewer and not _count(row[most:], table.decimal):
             continue
-        expected = "as many numbers in each row, without marks for thousands"
+        expected = "as many in each row as it has titles, without marks for thousands"
         if table.separator == " ":
             expected += " and without blank cells, which nobody sees between spaces"
         elif table.separator == table.decimal or table.separator == ",":
             expected += ", and another mark between columns than the decimal mark"
         problem = f"{_count(row, table.decimal)} numbers under {most} columns"
-        raise BadInput(f"{table.path}: row {at}", problem, expected)
+        raise BadInput(f"{table.path}: row {number}", problem, expected)
+
+
+def _size(table: Table, row: Sequence[str]) -> int:
+    """How many cells a row has, without words at its end; between spaces, how many numbers."""
+    if table.separator == " ":
+        return _count(row, table.decimal)
+    return max((at for at, cell in enumerate(row, start=1) if not cell or is_number(cell, table.decimal)), default=0)
 
 
 def _count(cells: Sequence[str], decimal: str) -> int:

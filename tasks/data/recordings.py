@@ -12,7 +12,7 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cell_numbers import filled_rows, number_of
 from sinew.tasks.data.columns import NOWHERE, Column, alike_places, recognise
 from sinew.tasks.data.further import Kept, kept
-from sinew.tasks.data.further_tables import left_out_note, may_be_test
+from sinew.tasks.data.further_tables import is_test, left_out_note, may_be_test, unclear_further
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import Repeats, contradiction, length_beside, lengths_at_zeros, repeats_of
@@ -36,6 +36,7 @@ from sinew.tasks.data.several import (
     going_on,
     names_beside,
     other_test,
+    refuse_results,
     refuse_several,
     rest_of_former,
     told_apart,
@@ -117,7 +118,8 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
     another if ``hints.test_column`` tells them apart. Of other columns with one title, the first counts if
     ``first_of_alike``, with a remark; else they are refused.
 
-    A further table with other titles is left out, with a note where it may be a test.
+    A further table with other titles is left out, with a note where it may be a test; where it surely is one, a person
+    has to say so.
 
     Raises :class:`BadInput` naming file, row and column: :class:`UnknownUnit` for a unit that the file does not tell.
     """
@@ -131,11 +133,14 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
         if found and (not any(table.titles[1:]) or table.titles[1:] != found[0][0].titles[1:]):
             before.append(replace(table, rows=table.rows[:1]))
             inside = table.sheet == end[0] and table.first <= end[1]  # behind words within the first one
+            if hints.tables is None and not inside and is_test(table, hints):
+                raise unclear_further(before[-1])
             other += [before[-1]] if not inside and may_be_test(table, hints, found[0][0]) else []
             continue  # of another kind
         try:
             columns = recognise(table, hints, first_of_alike=True)
             count = 1 if hints.columns_given else beside(table, columns)
+            refuse_results(table, columns, count)
             if count == 1 and not first_of_alike:
                 columns = recognise(table, hints)
         except NoColumn as error:
@@ -277,7 +282,6 @@ def _recording(
     table: Table, columns: Columns, hints: Hints, block: Block, told: Mapping[str, Size], number: int, beside: int
 ) -> Recording:
     """The test in a block of rows of a table; ``told``: its sizes, ``number``: which of the tests ``beside`` others."""
-    refuse_ragged(table, range(block.start, block.end))
     numbers = np.array([[number_of(table, row, column) for column in columns] for row in range(block.start, block.end)])
     raw, numbers = numbers, numbers * [column.factor for column in columns]
     beyond = np.argwhere(~(np.abs(numbers) < HUGE))
@@ -291,6 +295,7 @@ def _recording(
     if len(numbers) < FEWEST_ROWS:
         raise BadInput(table.path, f"{len(numbers)} rows of numbers{_of(block)}", f"at least {FEWEST_ROWS}")
     further = kept(table, range(block.start, block.end), hints.further, number, beside)
+    refuse_ragged(table, range(block.start, block.end))
     places = {*further.places, *(column.place for column in columns)}
     others = {place for column in columns if beside > 1 for place in alike_places(table, column)}  # of other tests
     unused = [place for place, title in enumerate(table.titles) if place not in places | others and title]

@@ -26,6 +26,7 @@ FEWEST_ROWS = 3  # of a test
 GOES_ON = "begins soon after the end of the table before, by its times"
 LABELLED = 2  # cells: a label, and what it is of
 FEWEST_ROWS_OF_A_CYCLE = 3
+FEW_ROWS = 0.5  # of those of another test, with which it shares the times
 BEGINS = 0.05  # of the range of motion and load: a test that begins nearer to the end of another one may go on from it
 SOON = 10.0  # usual steps of time between two tables of one test
 _DECIMAL, _SIZE = re.compile(r"\d+[.,]\d+"), re.compile(r"\d+(?:[.,]\d+)? ?[^\W\d_]?m\b")
@@ -48,6 +49,23 @@ def beside(table: Table, columns: Sequence[Column | None]) -> int:
     Tests that share one column of times have the same titles and units; columns in other units are of one test then.
     """
     return len(_beside(table, columns)[-1])
+
+
+def refuse_results(table: Table, columns: Sequence[Column], count: int) -> None:
+    """Raises :class:`BadInput` where tests beside each other share their times, and one has few of the rows of another.
+
+    It may be a table of results with the same titles, whose rows stand beside times of other rows.
+    """
+    places = _beside(table, columns)
+    if count == 1 or len(places[0]) > 1:
+        return
+    filled = {load: sum(bool(_cell(table, row, load)) for row in range(len(table.rows))) for load in places[-1]}
+    fewest, most = min(filled, key=filled.__getitem__), max(filled.values())
+    if FEWEST_ROWS <= filled[fewest] < FEW_ROWS * most:  # a test of fewer rows is left out anyway
+        named = f"column {fewest + 1} is called as column {columns[2].place + 1}"
+        problem = f"{named}, and has numbers in {filled[fewest]} of {most} rows"
+        one = f"--displacement-column {columns[1].place + 1} --force-column {columns[2].place + 1}"
+        raise BadInput(table.path, problem, f"{one} if these are results, or a file for each test")
 
 
 def columns_of(table: Table, columns: Columns, number: int, hints: Hints | None = None) -> Columns:
@@ -109,7 +127,7 @@ def names_beside(table: Table, tests: Sequence[Sequence[Column]]) -> list[str]:
     Dimensions are no names, and decimal numbers only where nothing else differs. Columns of all tests count for none.
     """
     firsts = list(map(min, own_places(tests)))
-    rows = [_above(row, firsts) for row in ((), *table.header)]
+    rows = [_above(row, firsts) for row in ((), *table.header[table.own :])]  # its own, not those of another sheet
     decimal: list[str] = []
     for above, names in reversed(list(pairwise(rows))):
         if not all(names) or len(set(names)) < len(tests) or any(map(named_in, above)) or any(map(_SIZE.match, names)):

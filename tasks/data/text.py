@@ -37,7 +37,7 @@ _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?")
 _CLOCK = re.compile(
     r"(?P<date>\d{4}([-/])\d\d\2\d\d[T ]|\d{1,2}[./]\d{1,2}[./]\d{4} )?"
     r"(?:(?P<hours>\d{1,4}):(?P<minutes>[0-5]\d):(?P<seconds>[0-5]\d(?:[.,]\d+)?)(?P<half> ?[AaPp]\.?[Mm]\.?)?"
-    r"|(?P<alone>\d{1,3}):(?P<behind>[0-5]\d[.,]\d+))(?:Z|[+-]\d\d:?\d\d)?"
+    r"|(?P<alone>\d{1,3}):(?P<behind>[0-5]\d[.,]\d+))(?:Z|(?P<zone>[+-]\d\d:?\d\d))?"
 )
 _THOUSANDS = {".": re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+"), ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+")}
 
@@ -206,7 +206,13 @@ def tells_mark(cell: str, decimal: str) -> bool | None:
 
 def is_clock(cell: str) -> bool:
     """Whether a cell is a clock time: hours, minutes and seconds, or minutes and seconds with decimals."""
-    return ":" in cell and len(cell) < _LONGEST_CLOCK and bool(_CLOCK.fullmatch(cell))
+    return ":" in cell and len(cell) < _LONGEST_CLOCK and _clock(cell) is not None
+
+
+def _clock(cell: str) -> re.Match[str] | None:
+    """The parts of a clock time; None for anything else. Noon and midnight are 12 in hours of half a day."""
+    found = _CLOCK.fullmatch(cell)
+    return None if found is None or (found["half"] and not 1 <= int(found["hours"]) <= 12) else found
 
 
 def days_after(other: str, cell: str) -> int | None:
@@ -216,7 +222,7 @@ def days_after(other: str, cell: str) -> int | None:
     """
     if not (is_clock(cell) and is_clock(other)):
         return None
-    one, two = _CLOCK.fullmatch(other), _CLOCK.fullmatch(cell)
+    one, two = _clock(other), _clock(cell)
     assert one is not None and two is not None, "is_clock has said so"
     if one["date"] == two["date"]:
         return 0
@@ -228,11 +234,11 @@ def days_after(other: str, cell: str) -> int | None:
 
 
 def seconds_of(clock: str, *, milliseconds: bool = False) -> float:
-    """The seconds of a clock time since midnight, or since the start; a date does not count.
+    """The seconds of a clock time since midnight (of Greenwich, if it has a zone), or since the start.
 
-    ``milliseconds``: the digits behind the seconds count thousandths, without leading zeros.
+    A date does not count. ``milliseconds``: the digits behind the seconds count thousandths, without leading zeros.
     """
-    found = _CLOCK.fullmatch(clock)
+    found = _clock(clock)
     assert found is not None, "the caller has asked is_clock"
     minutes, seconds = found["minutes"] or found["alone"], found["seconds"] or found["behind"]
     hours = int(found["hours"] or 0)
@@ -241,7 +247,10 @@ def seconds_of(clock: str, *, milliseconds: bool = False) -> float:
     whole, _, part = seconds.replace(",", ".").partition(".")
     if milliseconds:
         part = part.zfill(3)
-    return 3600.0 * hours + 60.0 * int(minutes) + float(f"{whole}.{part}")
+    ahead = 0.0
+    if found["zone"]:
+        ahead = 3600.0 * int(found["zone"][:3]) + 60.0 * int(found["zone"][0] + found["zone"][-2:])
+    return 3600.0 * hours - ahead + 60.0 * int(minutes) + float(f"{whole}.{part}")
 
 
 def milliseconds_unpadded(clocks: Sequence[str]) -> bool:
@@ -249,7 +258,7 @@ def milliseconds_unpadded(clocks: Sequence[str]) -> bool:
 
     So it is if times go back as they stand, and do not if these digits count thousandths.
     """
-    found = [_CLOCK.fullmatch(clock) for clock in clocks]
+    found = [_clock(clock) for clock in clocks]
     seconds = [one["seconds"] or one["behind"] for one in found if one is not None]
     digits = {len(each.replace(",", ".").partition(".")[2]) for each in seconds}
     if not {1, 2} & digits or max(digits) != 3:

@@ -23,6 +23,7 @@ DISPLACEMENT = (
     "actuator displacement",
     "ram displacement", "compressive extension", "compressive displacement", "compression",
     "indentation", "change in length", "maschine", "maschinenweg", "kolbenweg", "prüfweg", "verschiebung",
+    "corsa traversa", "spostamento traversa",
     "wegänderung", "längenänderung", "course standard", "course", "course traverse", "course de la traverse",
     "déplacement traverse", "deplacement traverse", "extensión", "carrera", "alargamiento", "spostamento", "corsa",
     "allungamento", "recorrido", "desplazamiento de la cruceta", "course machine",
@@ -50,7 +51,8 @@ ELONGATION = (
 )  # fmt: skip
 POSITION = (
     "position", "pos", "crosshead", "crosshead position", "actuator", "digital position", "crosshead absolute",
-    "absolute crosshead travel", "traverse abs", "traverse absolue", "position traverse", "traverse", "kolbenposition",
+    "absolute crosshead travel", "traverse abs", "traverse absolue", "position traverse", "traverse", "traversa",
+    "kolbenposition",
     "posición",
 )  # fmt: skip
 LENGTH = (
@@ -123,14 +125,19 @@ CYCLES = (
 )  # fmt: skip
 SIZES = {
     "length": ("length", "länge", "l\ufffdnge", "laenge", "messlänge", "longueur", "longitud", "anvil height", "l0",
-               "le", "einspannlänge", "lunghezza", "标距", "標距", "原始标距", "標点距離", "標点間距離",
+               "le", "einspannlänge", "lunghezza", "lunghezza iniziale", "lunghezza utile", "lunghezza libera",
+               "标距", "標距", "原始标距", "標点距離", "標点間距離",
                "chuck distance", "grip distance", "チャック間距離", "つかみ具間距離"),
-    "width": ("width", "breite", "largeur", "anchura", "ancho", "larghezza", "largura", "b0", "宽度", "寬度", "幅"),
-    "thickness": ("thickness", "dicke", "épaisseur", "epaisseur", "espesor", "spessore", "espessura", "a0",
+    "width": ("width", "breite", "largeur", "anchura", "ancho", "larghezza", "larghezza b", "largura", "b0",
+              "宽度", "寬度", "幅"),
+    "thickness": ("thickness", "dicke", "épaisseur", "epaisseur", "espesor", "spessore", "spessore a",
+                  "espessura", "a0",
                   "厚度", "厚さ"),
-    "diameter": ("diameter", "durchmesser", "diamètre", "diametre", "diámetro", "d0", "直径", "直徑", "直径"),
+    "diameter": ("diameter", "durchmesser", "diamètre", "diametre", "diámetro", "diametro", "diametro iniziale",
+                 "d0", "直径", "直徑", "直径"),
     "area": ("area", "cross-section", "cross section", "original cross-section", "cross-sectional area", "section",
-             "querschnitt", "fläche", "sección", "s0", "面积", "截面积", "断面積"),
+             "querschnitt", "fläche", "sección", "sezione",
+             "sezione iniziale", "s0", "面积", "截面积", "断面積"),
 }  # fmt: skip
 #: Titles that are nothing but a unit, in the case that leaves no doubt: ``n`` may be a number of samples.
 UNITS_AS_TITLES = frozenset(

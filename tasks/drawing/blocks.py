@@ -125,6 +125,11 @@ def percent(part: Any, digits: int = 0) -> str:
     return f"{round(100 * part, digits) + 0.0:.{digits}f} %" if part > FAR_BELOW else f"below {100 * FAR_BELOW:.0f} %"
 
 
+def level(probability: float) -> str:
+    """The probability of a band or interval as percent, which is never rounded to all."""
+    return f"{100.0 * probability:.6g} %"
+
+
 def times(above: Any) -> str:
     """How many times a reference something is, from the part of it by which it is ``above``."""
     return "–" if above is None else f"{1.0 + above:.4g}"

@@ -60,7 +60,7 @@ class Settings(TaskSettings):
     quantile: Annotated[float, Field(gt=0, lt=1)] = 0.5
     smallest_epsilon: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
     smallest_acceptance: Annotated[float, Field(gt=0, le=1)] | None = None
-    widening: Positive = 2.0
+    widening: Annotated[float, Field(gt=0, le=100)] = 2.0
     distance: Literal["relative", "adaptive"] = "relative"
     sampler: Literal["store", "dask"] = "store"
     pending: Annotated[int, Field(ge=1, le=100_000)] = 64

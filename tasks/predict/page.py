@@ -14,6 +14,7 @@ from sinew.tasks.drawing.blocks import (
     Table,
     Words,
     behind,
+    level,
     number,
     percent,
     plural,
@@ -56,7 +57,7 @@ def section(folder: ResultFolder) -> Section:
     return Section(
         "prediction", title, question, blocks,
         found=f"measured points inside: {', '.join(shares)}",
-        sure=f"{percent(result.probability)} would be right for a new measurement; {points}",
+        sure=f"{level(result.probability)} would be right for a new measurement; {points}",
         failed=", ".join(
             ([f"{plural(len(result.remarks), 'band')} with too few of the points inside"] if result.remarks else [])
             + ([f"{result.failed:,} of {result.rows:,} simulations failed"] if result.failed else [])
@@ -109,7 +110,7 @@ def _bands(
         ]
         words[name] = f"measured points inside: {', '.join(shares)}" if shares else ""
     caption = (
-        f"Measured curve and {percent(result.probability)} bands. The band of a new specimen is predicted from "
+        f"Measured curve and {level(result.probability)} bands. The band of a new specimen is predicted from "
         f"{'the population' if result.from_population else 'the other specimens of its site'}."
     )
     if quantity != FORCE:

@@ -1,6 +1,6 @@
 """What a methods section says of this task, with the numbers of a result."""
 
-from sinew.tasks.drawing.blocks import percent
+from sinew.tasks.drawing.blocks import level, percent
 from sinew.tasks.predict.result import BANDS, PredictResult
 
 
@@ -16,7 +16,7 @@ def methods(result: PredictResult) -> str:
         else "from the calibrated parameters of the other specimens of its site"
     )  # fmt: skip
     return (
-        f"Bands of {percent(result.probability)} around the curves of each specimen were computed from "
+        f"Bands of {level(result.probability)} around the curves of each specimen were computed from "
         f"{result.draws:,} "
         f"draws of each posterior [@pekedis] and, for a new specimen, {source} "
         f"({result.rows:,} simulations, {result.failed:,} failed). "

@@ -5,6 +5,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from sinew.tasks.drawing.blocks import level
+from sinew.tasks.predict.settings import fewest_of_new
 from sinew.tasks.study.result import OMIT, ROUNDING, Count, Result, Share
 
 SIMULATED = ("hdi", "draws", "new")
@@ -150,9 +152,13 @@ class PredictResult(Result):
 
     @property
     def remarks(self) -> list[str]:
-        """A sentence for each band of each site that holds far fewer points than it should."""
-        return [
-            f"{site}: the {100 * self.probability:.0f} % band of {BANDS[band]} holds {100 * float(one.all):.0f} % of "
+        """A sentence where draws are too few for their band, and for each band that holds far too few points."""
+        fewest = fewest_of_new(self.probability)
+        held = level((self.draws - 1) / (self.draws + 1))
+        few = f"{self.draws} draws hold {held} of a posterior between them, not {level(self.probability)}"
+        few += f": {fewest:,} are needed (predict.draws)"
+        return [few] * (self.draws < fewest) + [
+            f"{site}: the {level(self.probability)} band of {BANDS[band]} holds {100 * float(one.all):.0f} % of "
             f"the points: {WHY_NARROW[band]}"
             for site, prediction in self.sites.items()
             for band, one in prediction.coverage.items()

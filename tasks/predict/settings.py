@@ -26,7 +26,7 @@ class Settings(TaskSettings):
 
     draws: Annotated[int, Field(ge=2, le=10_000)] = 40
     new: Annotated[int, Field(ge=4, le=MOST_NEW)] | None = None
-    probability: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
+    probability: Annotated[float, Field(gt=0.5, le=0.9999)] = 0.95
 
     def of_new(self, *, quick: bool) -> int:
         """How many draws of a new specimen are simulated."""

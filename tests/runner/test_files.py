@@ -20,6 +20,7 @@ from sinew.runner.files import (
     remove_folder,
     strange_entry,
     temporary_folder,
+    write_whole,
 )
 
 
@@ -285,3 +286,11 @@ def test_many_folders_are_removed_by_few_programs(tmp_path, monkeypatch):
     remove_folder(tmp_path / "a")
     assert not (tmp_path / "a").exists()
     assert commands == ["rm"]
+
+
+def test_a_file_that_cannot_be_written_is_named_and_not_its_temporary_one(tmp_path):
+    (tmp_path / "page.html").mkdir()
+    with pytest.raises(OSError, match="directory") as error:
+        write_whole(tmp_path / "page.html", b"a page")
+    assert error.value.filename == str(tmp_path / "page.html")
+    assert [path.name for path in tmp_path.iterdir()] == ["page.html"]

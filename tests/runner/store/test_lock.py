@@ -68,3 +68,15 @@ def test_a_folder_that_cannot_hold_a_lock_is_named(tmp_path):
 def test_everybody_may_read_a_lock_and_only_its_owner_write(tmp_path):
     with lock(tmp_path):
         assert (tmp_path / "lock").stat().st_mode & 0o777 == 0o644
+
+
+def test_a_folder_that_cannot_be_written_to_is_named(tmp_path, monkeypatch):
+    def refused(*_: object) -> int:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("os.open", refused)
+    with (
+        pytest.raises(StoreError, match=f"{tmp_path}: cannot be written to; expected a folder of yours"),
+        lock(tmp_path),
+    ):
+        pass

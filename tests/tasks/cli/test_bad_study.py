@@ -75,6 +75,13 @@ FIELDS = [  # the field that is set, its value, what the line says of this field
     ("model.parameters.E_f.fixed", 200, ": given beside min, max or reference; expected either fixed"),
     ("model.parameters.tau_1f", {"fixed": 0}, "model.parameters.tau_1f.fixed: 0; expected above 0 s"),
     ("model.parameters.nu_m", {"fixed": 0.5}, "nu_m.fixed: 0.5; expected above -1 and below 0.5"),
+    ("infer", {"widening": 1e300}, "infer.widening: 1e+300; expected at most 100"),
+    ("predict", {"probability": 0.99999}, "predict.probability: 0.99999; expected at most 0.9999"),
+    (
+        "compare",
+        {"permutations": 100_000, "repeats": 1000, "folds": 100},
+        "folds x (repeats + permutations) is 10,100,000; expected at most 100,000",
+    ),
     ("simulator", "abaqus", "abaqus'}; expected one of 'uniaxial', 'febio'"),
     ("simulator", None, ": None; expected a name or settings"),
     ("simulator", {"timeout_s": 5.0}, "simulator.name: missing; expected which kind"),

@@ -15,7 +15,7 @@ TITLES = "Time (s)\tDisp (mm)\tForce (N)\n"
         pytest.param(
             "Temps (s)\tDéplacement (mm)\tForce (N)\n0,0\t0,00\t0,5\n1,0\t0,50\t480,2\n2,0\t1,00\t950,7\n"
             "3,0\t1,50\t1 420,3\n4,0\t2,00\t1 890,9\n",
-            r"row 5: 4 numbers under 3 columns; expected as many numbers in each row, without marks for thousands",
+            r"row 5: 4 numbers under 3 columns; expected as many in each row as it has titles, without marks for tho",
             id="a space for thousands",
         ),
         pytest.param(
@@ -25,7 +25,7 @@ TITLES = "Time (s)\tDisp (mm)\tForce (N)\n"
         ),
         pytest.param(
             "Time_s Camera_mm Disp_mm Force_N\n0.0 0.1 0.2 1.5\n0.1 0.1 0.3 2.5\n0.2 0.1 0.4 3.5\n0.3 0.5 4.5\n",
-            "row 5: 3 numbers under 4 columns; .*without blank cells, which nobody sees between spaces",
+            "row 5, Force_N: an empty cell",
             id="a blank cell between spaces",
         ),
     ],
@@ -63,3 +63,30 @@ def test_a_blank_cell_between_spaces_does_not_move_the_numbers(tmp_path):
     path.write_text("\n".join(["Time_s Camera_mm Disp_mm Force_N Temp_C", *rows, ""]))
     with pytest.raises(BadInput, match="row 5: 4 numbers under 5 columns"):
         read_recordings(path, Hints())
+
+
+def short(*places, mark=","):
+    """A table of four columns, of which these rows lack their force."""
+    rows = [[f"{i}.0", f"{i / 50:.2f}", f"{i / 1.5:.2f}", "20"] for i in range(30)]
+    for place in places:
+        del rows[place][2]
+    titles = ["Time (s)", "Displacement (mm)", "Force (N)", "Temp (C)"]
+    return "\n".join(mark.join(row) for row in (titles, *rows)) + "\n"
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t", "|"])
+@pytest.mark.parametrize("places", [(15,), (29,), tuple(range(15, 30))])
+def test_a_row_that_lacks_a_cell_is_refused(tmp_path, places, mark):
+    """Its temperature would be the force."""
+    path = tmp_path / "test.csv"
+    path.write_text(short(*places, mark=mark))
+    with pytest.raises(BadInput, match=f"row {places[0] + 2}: 3 numbers under 4 columns; expected as many in each row"):
+        read_recordings(path, Hints())
+
+
+def test_a_shorter_table_beside_a_test_may_end(tmp_path):
+    path = tmp_path / "test.csv"
+    rows = [f"{i}.0,{i / 50:.2f},{i / 1.5:.2f}" + (f",,{i},9" if i < 4 else "") for i in range(30)]
+    path.write_text("\n".join(["Time (s),Displacement (mm),Force (N),,Cycle,Peak", *rows, ""]))
+    (recording,) = read_recordings(path, Hints())
+    assert recording.numbers.shape == (30, 3)

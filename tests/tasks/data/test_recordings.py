@@ -732,7 +732,11 @@ def test_a_further_table_that_may_be_a_test_is_not_left_out_without_a_word(tmp_p
     none = [["Point", "Load (N)", "Slope"], *([i, 2 * i, i] for i in range(4))]
     short = other[:3]
     path = write_workbook(tmp_path / "a.xlsx", one=test, two=other, three=none, four=short, five=other)
-    (found,) = read_recordings(path, Hints())
+    with pytest.raises(Unclear) as unclear:
+        read_recordings(path, Hints())
+    assert "the table in sheet 'two', row 1 has other titles than the first one, and is a test" in str(unclear.value)
+    assert (unclear.value.option, unclear.value.choices) == ("--tables", ("first",))
+    (found,) = read_recordings(path, Hints(tables="first"))
     words = "the table in sheet '{}', row 1 has other titles and is left out; a test needs a file of its own"
     others = (
         "2 tables, the first in sheet 'two', row 1, have other titles and are left out; a test needs a file of its own"

@@ -23,6 +23,7 @@ from sinew.tasks.data.several import (
     told_apart,
 )
 from sinew.tasks.data.tables import Table
+from tests.tasks.data.test_sheets import write_workbook
 
 
 def table_of(titles: str, *rows: str, units: str = "", header: tuple[tuple[str, ...], ...] = ()) -> Table:
@@ -198,3 +199,29 @@ def test_tables_whose_times_go_on_with_lines_between_them_are_asked_about(tmp_pa
     assert joined.numbers[:, 0].tolist() == [0, 1, 2, 3, 4, 5]
     assert "2 tables that go on from each other, as --tables says: read as one test" in joined.notes
     assert len(read_recordings(path, Hints(tables="apart"))) == 2
+
+
+def with_results(first):
+    """A sheet with a test of 40 rows, and the peaks of its cycles under the same titles beside it."""
+    rows = [[i / 60, (i % 10) / 10, float(i % 10), None, *([i, 0.9, 9.0] if 0 < i < 5 else [])] for i in range(40)]
+    head = [["L0 (mm)", first], ["time", "displacement", "load", None, "cycle", "displacement", "load"],
+            ["min", "mm", "N", None, "-", "mm", "N"]]  # fmt: skip
+    return [*head, *rows]
+
+
+def test_results_beside_a_test_are_no_test_of_its_times(tmp_path):
+    path = write_workbook(tmp_path / "a.xlsx", A=with_results(15.2), B=with_results(15.4))
+    words = r"column 7 is called as column 3, and has numbers in 4 of 40 rows; expected --displacement-column 2 --force"
+    with pytest.raises(BadInput, match=words):
+        read_recordings(path, Hints())
+    found = read_recordings(path, Hints(displacement_column="2", force_column="3"))
+    assert [(one.test, len(one.rows)) for one in found] == [("A", 40), ("B", 40)]
+
+
+def test_names_of_tests_beside_each_other_are_not_those_of_another_sheet(tmp_path):
+    rows = [[i, i / 10, 5 * i, i, i / 5, 6 * i] for i in range(4)]
+    titles = ["Time (s)", "Extension (mm)", "Load (N)"] * 2
+    first = [["left", None, None, "right"], titles, *rows]
+    path = write_workbook(tmp_path / "a.xlsx", A=first, B=[titles, *rows])
+    names = [one.test for one in read_recordings(path, Hints())]
+    assert names == ["A_left", "A_right", "B_1", "B_2"]

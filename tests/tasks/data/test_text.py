@@ -308,7 +308,8 @@ def test_ends_of_lines_are_read_once(tmp_path):
     ("cell", "seconds"),
     [
         ("10:22:33 AM", 37353.0), ("1:04:08 PM", 47048.0), ("12:00:01 am", 1.0), ("12:00:01 p.m.", 43201.0),
-        ("2024/05/03 10:22:33.5", 37353.5), ("2024-05-03T10:22:33Z", 37353.0), ("2024-05-03T10:22:33.5+02:00", 37353.5),
+        ("2024/05/03 10:22:33.5", 37353.5), ("2024-05-03T10:22:33Z", 37353.0), ("2024-05-03T10:22:33.5+02:00", 30153.5),
+        ("2024-05-03T10:22:33-0330", 49953.0),
     ],
 )  # fmt: skip
 def test_clock_times_as_other_programs_write_them(cell, seconds):
@@ -322,6 +323,8 @@ def test_days_count_between_dates_with_slashes():
     assert days_after("2024-05-03 10:00:00", "10:00:01") is None
 
 
-@pytest.mark.parametrize("cell", ["2024/05-03 10:22:33", "10:22:33 XM", "10:61:33", "10:22:33 AM PM"])
+@pytest.mark.parametrize(
+    "cell", ["2024/05-03 10:22:33", "10:22:33 XM", "13:00:05 AM", "0:00:05 pm", "10:61:33", "10:22:33 AM PM"]
+)
 def test_what_is_no_clock_time(cell):
     assert not is_clock(cell)
