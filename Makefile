@@ -21,7 +21,8 @@ demo: $(READY)
 
 # several hundred processes import this package: where the environment forbids compiled files, each would compile it anew
 test: export PYTHONDONTWRITEBYTECODE :=
-# The tests on batch systems use two fifths of a processor. They run beside all others, which leave them what they need.
+# The tests on batch systems wait for jobs now and then. They run beside all others, which leave them what they need:
+# they have deadlines.
 test: SHELL := /bin/bash
 test: $(READY)
 	@beside=$$(mktemp); trap 'kill -INT $$(jobs -p) 2>/dev/null; wait; rm -f "$$beside"' EXIT; \
