@@ -51,7 +51,8 @@ def run(workspace: Workspace, settings: Settings) -> CalibrateResult:
         [evaluation.table().key for evaluation in evaluations],
         [[p.name, p.minimum, p.maximum, p.reference] for p in workspace.model.parameters],
     )
-    inputs = digest(of_fits, [[one.name, one.donor] for one in specimens])  # correlations depend on donors, fits do not
+    data = data_of(workspace, specimens)
+    inputs = digest(of_fits, data, [[one.name, one.donor] for one in specimens])  # fits do not depend on donors
     arrays = [search_group(one.name) for one in specimens] if SEARCHES & set(settings.methods) else []
     if (known := cached(workspace, CalibrateResult, inputs, arrays, TABLES)) is not None:
         return known
@@ -76,7 +77,7 @@ def run(workspace: Workspace, settings: Settings) -> CalibrateResult:
         specimens=fitted,
         inputs=inputs,
         correlations=correlations(fitted, model.free),
-        data=data_of(workspace, specimens),
+        data=data,
     )
     write_text(workspace.out / TABLES[0], _as_csv(result))
     write_text(workspace.out / TABLES[1], sites_table(fitted, model.free))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from weakref import WeakKeyDictionary
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data import units
+from sinew.tasks.data import units, words
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.quantities import OF_A_TEST
 from sinew.tasks.data.tables import Table
@@ -76,8 +76,8 @@ def check_width(table: Table) -> None:
     numbers = _width([cell if is_number(cell, table.decimal) else "" for cell in row])
     untitled = numbers > len(table.titles) or numbers >= 2 * count
     shifted = len(row) < count and any(units.is_unit(title) for title in table.titles)
-    if table.separator == " ":  # no cell is empty, and some row has them all
-        shifted = max(len(each) for _, each in table.rows) < count
+    if table.separator == " " and len(row) < count:  # no cell is empty, but remarks may stand in some rows only
+        shifted = not all(title.casefold() in words.REMARKS for title in table.titles[len(row) : count])
     if untitled or shifted:
         problem = f"{count} names above {_width(row)} columns of numbers"
         expected = "as many; commas cannot separate columns and be decimal marks at the same time"

@@ -1,6 +1,7 @@
 """Tables of a file that are left out: whether they may be tests, and what is said of them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.columns import recognise
@@ -9,6 +10,9 @@ from sinew.tasks.data.questions import NoColumn, Unclear
 from sinew.tasks.data.several import FEWEST_ROWS, TABLES
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
+
+#: What a person says of the columns of one table, which tells nothing of another.
+OF_ONE_TABLE = ("time_column", "displacement_column", "force_column", "rate_hz", "speed", "speed_column")
 
 
 def may_be_test(table: Table, hints: Hints, first: Table) -> bool:
@@ -29,11 +33,11 @@ def may_be_test(table: Table, hints: Hints, first: Table) -> bool:
 
 
 def is_test(table: Table, hints: Hints) -> bool:
-    """Whether a table surely has columns of time, motion and load, of enough rows."""
+    """Whether a table surely has columns of time, motion and load by their titles, of enough rows."""
     if len(table.rows) < FEWEST_ROWS:
         return False
     try:
-        recognise(table, hints)
+        recognise(table, replace(hints, **dict.fromkeys(OF_ONE_TABLE)))
     except BadInput:
         return False
     return True
@@ -47,7 +51,7 @@ def unclear_further(table: Table) -> Unclear:
         f"the table in {where}row {table.title_row or table.first} has other titles than the first one, and is a test",
         f"a file for each, or {TABLES} first to leave it out",
         what="tests",
-        which="read the first table alone?",
+        which="leave out tables with other titles?",
         option=TABLES,
         choices=("first",),
     )

@@ -29,7 +29,7 @@ _STAMP = re.compile(
     r"(?:[_T-]{1,2}[0-2]\d[_-]?[0-5]\d(?:[_-]?[0-5]\d)?)?$"
 )
 _MOST_WORDS = 3  # of a protocol's name
-_NUMBER = re.compile(r"_?(?<!\d)(?!(?:19|20)\d\d$)\d+$")  # of a test; a year is none
+_NUMBER = re.compile(r"_?(?<!\d)(?!(?:19|20)\d\d$)\d{1,4}$")  # of a test; a year or a date is none
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,14 @@
 """Rows with more or fewer cells than there are columns: marks for thousands, cells that are missing."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
+
+_NO_NUMBER = re.compile(r"[-+]?(?:nan|inf)|-+|[*]+", re.IGNORECASE)  # between spaces, in place of a number
 
 
 def refuse_ragged(table: Table, rows: range) -> None:
@@ -22,6 +25,7 @@ def refuse_ragged(table: Table, rows: range) -> None:
     for at, size in enumerate(sizes):
         number, row = table.rows[rows[at]]
         fewer = size < usual and (at < whole or usual - size == 1 or table.separator == " ")
+        fewer = fewer and table.separator != ""  # no cell of a sheet is missing
         if not fewer and not _count(row[most:], table.decimal):
             continue
         expected = "as many in each row as it has titles, without marks for thousands"
@@ -34,10 +38,11 @@ def refuse_ragged(table: Table, rows: range) -> None:
 
 
 def _size(table: Table, row: Sequence[str]) -> int:
-    """How many cells a row has, without words at its end; between spaces, how many numbers."""
+    """How many cells a row has below titles, or up to its last number; between spaces, numbers and marks of none."""
     if table.separator == " ":
-        return _count(row, table.decimal)
-    return max((at for at, cell in enumerate(row, start=1) if not cell or is_number(cell, table.decimal)), default=0)
+        return _count(row, table.decimal) + sum(_NO_NUMBER.fullmatch(cell) is not None for cell in row)
+    last = max((at for at, cell in enumerate(row, start=1) if is_number(cell, table.decimal)), default=0)
+    return max(min(len(row), len(table.titles)), last)
 
 
 def _count(cells: Sequence[str], decimal: str) -> int:

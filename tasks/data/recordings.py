@@ -140,7 +140,7 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
         try:
             columns = recognise(table, hints, first_of_alike=True)
             count = 1 if hints.columns_given else beside(table, columns)
-            refuse_results(table, columns, count)
+            refuse_results(table, columns, count, hints)
             if count == 1 and not first_of_alike:
                 columns = recognise(table, hints)
         except NoColumn as error:
@@ -225,7 +225,7 @@ def _going_on(tests: Sequence[Recording], hints: Hints, *, named: bool) -> list[
         alike = former.columns[1:] == test.columns[1:]
         note = rest_of_former(former.numbers, test.numbers, test.columns) if alike else ""
         note = GOES_ON if alike and not named and _times_go_on([former, test]) else note
-        if note and hints.tables is None:
+        if note and hints.tables in (None, "first"):
             raise unclear_tables(test.path, note, again=bool(test.numbers[0, 0] <= former.numbers[-1, 0]))
         if note and hints.tables == "join":
             groups[-1].append(test)

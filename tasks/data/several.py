@@ -51,21 +51,29 @@ def beside(table: Table, columns: Sequence[Column | None]) -> int:
     return len(_beside(table, columns)[-1])
 
 
-def refuse_results(table: Table, columns: Sequence[Column], count: int) -> None:
-    """Raises :class:`BadInput` where tests beside each other share their times, and one has few of the rows of another.
+def refuse_results(table: Table, columns: Sequence[Column], count: int, hints: Hints) -> None:
+    """Raises :class:`Unclear` where tests beside each other share their times, and one has few of the rows of another.
 
     It may be a table of results with the same titles, whose rows stand beside times of other rows.
     """
     places = _beside(table, columns)
-    if count == 1 or len(places[0]) > 1:
+    if count == 1 or len(places[0]) > 1 or columns[0].place == NOWHERE or hints.tables == "apart":
         return
-    filled = {load: sum(bool(_cell(table, row, load)) for row in range(len(table.rows))) for load in places[-1]}
-    fewest, most = min(filled, key=filled.__getitem__), max(filled.values())
-    if FEWEST_ROWS <= filled[fewest] < FEW_ROWS * most:  # a test of fewer rows is left out anyway
-        named = f"column {fewest + 1} is called as column {columns[2].place + 1}"
-        problem = f"{named}, and has numbers in {filled[fewest]} of {most} rows"
-        one = f"--displacement-column {columns[1].place + 1} --force-column {columns[2].place + 1}"
-        raise BadInput(table.path, problem, f"{one} if these are results, or a file for each test")
+    filled = [sum(bool(_cell(table, row, load)) for row in range(len(table.rows))) for load in places[2]]
+    fewest, most = filled.index(min(filled)), filled.index(max(filled))
+    if not FEWEST_ROWS <= filled[fewest] < FEW_ROWS * filled[most]:  # a test of fewer rows is left out anyway
+        return
+    motion, load = (each[most] + 1 for each in places[1:])
+    called = f"column {places[2][fewest] + 1} is called as column {load}"
+    raise Unclear(
+        str(table.path),
+        f"{called}, and has numbers in {filled[fewest]} of {filled[most]} rows: results, or another test",
+        f"--displacement-column {motion} --force-column {load} beside results, or {TABLES} apart for tests",
+        what="tests",
+        which="are these tests (else name the columns of the one test)?",
+        option=TABLES,
+        choices=("apart",),
+    )
 
 
 def columns_of(table: Table, columns: Columns, number: int, hints: Hints | None = None) -> Columns:

@@ -210,9 +210,12 @@ def is_clock(cell: str) -> bool:
 
 
 def _clock(cell: str) -> re.Match[str] | None:
-    """The parts of a clock time; None for anything else. Noon and midnight are 12 in hours of half a day."""
+    """The parts of a clock time; None for anything else, such as 13 hours in the morning."""
     found = _CLOCK.fullmatch(cell)
-    return None if found is None or (found["half"] and not 1 <= int(found["hours"]) <= 12) else found
+    if found is None or not found["half"]:
+        return found
+    hours, morning = int(found["hours"]), "a" in found["half"].lower()
+    return found if (0 if morning else 1) <= hours <= (12 if morning else 23) else None
 
 
 def days_after(other: str, cell: str) -> int | None:

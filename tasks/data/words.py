@@ -123,6 +123,11 @@ CYCLES = (
     "set name", "phase", "stage", "block", "zyklus", "zyklen", "zyklus nr", "ciclo", "ciclos", "cycle n°", "循环",
     "周期", "サイクル", "사이클",
 )  # fmt: skip
+#: Titles of columns of words that stand in some rows only.
+REMARKS = (
+    "event", "events", "comment", "comments", "note", "notes", "remark", "remarks", "marker", "markers", "message",
+    "status", "flag", "ereignis", "bemerkung", "kommentar", "commentaire", "comentario", "commento", "evento",
+)  # fmt: skip
 SIZES = {
     "length": ("length", "länge", "l\ufffdnge", "laenge", "messlänge", "longueur", "longitud", "anvil height", "l0",
                "le", "einspannlänge", "lunghezza", "lunghezza iniziale", "lunghezza utile", "lunghezza libera",

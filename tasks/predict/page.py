@@ -59,7 +59,7 @@ def section(folder: ResultFolder) -> Section:
         found=f"measured points inside: {', '.join(shares)}",
         sure=f"{level(result.probability)} would be right for a new measurement; {points}",
         failed=", ".join(
-            ([f"{plural(len(result.remarks), 'band')} with too few of the points inside"] if result.remarks else [])
+            ([f"{plural(len(result.narrow), 'band')} with too few of the points inside"] if result.narrow else [])
             + ([f"{result.failed:,} of {result.rows:,} simulations failed"] if result.failed else [])
         ),
     )  # fmt: skip

@@ -152,12 +152,17 @@ class PredictResult(Result):
 
     @property
     def remarks(self) -> list[str]:
-        """A sentence where draws are too few for their band, and for each band that holds far too few points."""
+        """What a person should know of the bands, in a sentence each."""
         fewest = fewest_of_new(self.probability)
         held = level((self.draws - 1) / (self.draws + 1))
         few = f"{self.draws} draws hold {held} of a posterior between them, not {level(self.probability)}"
         few += f": {fewest:,} are needed (predict.draws)"
-        return [few] * (self.draws < fewest) + [
+        return [few] * (self.draws < fewest) + self.narrow
+
+    @property
+    def narrow(self) -> list[str]:
+        """A sentence for each band of each site that holds far fewer points than it should."""
+        return [
             f"{site}: the {level(self.probability)} band of {BANDS[band]} holds {100 * float(one.all):.0f} % of "
             f"the points: {WHY_NARROW[band]}"
             for site, prediction in self.sites.items()

@@ -13,7 +13,7 @@ NEW, MOST_NEW = 400, 10_000  # draws of a new specimen: where they cost next to 
 
 def fewest_of_new(probability: float) -> int:
     """Draws of a new specimen below which no two of them hold one more with this probability."""
-    return math.ceil(2.0 / (1.0 - probability) - 1.0 - 1e-9)
+    return math.ceil(round(2.0 / (1.0 - probability) - 1.0, 6))
 
 
 class Settings(TaskSettings):
@@ -26,7 +26,7 @@ class Settings(TaskSettings):
 
     draws: Annotated[int, Field(ge=2, le=10_000)] = 40
     new: Annotated[int, Field(ge=4, le=MOST_NEW)] | None = None
-    probability: Annotated[float, Field(gt=0.5, le=0.9999)] = 0.95
+    probability: Annotated[float, Field(gt=0.5, le=0.9998)] = 0.95
 
     def of_new(self, *, quick: bool) -> int:
         """How many draws of a new specimen are simulated."""

@@ -76,7 +76,7 @@ FIELDS = [  # the field that is set, its value, what the line says of this field
     ("model.parameters.tau_1f", {"fixed": 0}, "model.parameters.tau_1f.fixed: 0; expected above 0 s"),
     ("model.parameters.nu_m", {"fixed": 0.5}, "nu_m.fixed: 0.5; expected above -1 and below 0.5"),
     ("infer", {"widening": 1e300}, "infer.widening: 1e+300; expected at most 100"),
-    ("predict", {"probability": 0.99999}, "predict.probability: 0.99999; expected at most 0.9999"),
+    ("predict", {"probability": 0.99999}, "predict.probability: 0.99999; expected at most 0.9998"),
     (
         "compare",
         {"permutations": 100_000, "repeats": 1000, "folds": 100},

@@ -32,6 +32,7 @@ from sinew.tasks.data.names import PROTOCOLS, UNSURE, FileName, names_of, plain_
         (["A_relax_2026-05-11.asc", "A_relax_2026-05-12.asc"], ["A_relax_2026-05-11 test", "A_relax_2026-05-12 test"]),
         (["relax_2024-05-01.csv", "relax_2024-05-02.csv"], ["2024_05_01 relax", "2024_05_02 relax"]),
         (["T1_cyclic_0001.csv", "T1_cyclic0002.csv"], ["T1 cyclic_0001", "T1 cyclic0002"]),
+        (["A_relax_20260511.csv", "A_relax_20260512.csv"], ["A_relax_20260511 test", "A_relax_20260512 test"]),
         (["A_relax_b_20262811.asc"], ["A_relax_b_20262811 test"]),
         (["d/s/A_2024-05-01.csv", "e/s/A_2024-05-02.csv"], ["s/A_2024-05-01 test", "s/A_2024-05-02 test"]),
         (["muscle1_compression.csv", "film1_tension.csv"], ["muscle1 compression", "film1 tension"]),

@@ -5,6 +5,7 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.recordings import read_recordings
+from tests.tasks.data.test_sheets import write_workbook
 
 TITLES = "Time (s)\tDisp (mm)\tForce (N)\n"
 
@@ -90,3 +91,31 @@ def test_a_shorter_table_beside_a_test_may_end(tmp_path):
     path.write_text("\n".join(["Time (s),Displacement (mm),Force (N),,Cycle,Peak", *rows, ""]))
     (recording,) = read_recordings(path, Hints())
     assert recording.numbers.shape == (30, 3)
+
+
+EVENTS = [[f"{i / 10}", f"{i / 50:.2f}", f"{i / 2}", "START" if i == 3 else ""] for i in range(9)]
+
+
+@pytest.mark.parametrize("trimmed", [True, False])
+def test_words_below_a_title_in_some_rows_do_no_harm(tmp_path, trimmed):
+    path = tmp_path / "test.csv"
+    rows = [",".join(row) for row in EVENTS]
+    rows = [row.rstrip(",") for row in rows] if trimmed else rows
+    path.write_text("\n".join(["Time_s,Disp_mm,Force_N,Event", *rows, ""]))
+    (recording,) = read_recordings(path, Hints())
+    assert recording.numbers.shape == (9, 3)
+
+
+def test_words_beside_a_sheet_do_no_harm(tmp_path):
+    rows = [[i / 10, i / 50, i / 2, *(["slipped", None, "Smith"] if i == 3 else [])] for i in range(9)]
+    path = write_workbook(tmp_path / "a.xlsx", A=[["Time (s)", "Disp (mm)", "Force (N)"], *rows])
+    (recording,) = read_recordings(path, Hints())
+    assert recording.numbers.shape == (9, 3)
+
+
+def test_a_mark_of_no_number_between_spaces_is_a_cell(tmp_path):
+    path = tmp_path / "test.txt"
+    rows = "0.0 0.1 0.1 0.5\n0.1 0.2 nan 1.5\n0.2 0.3 0.3 2.5\n0.3 0.4 - 3.5\n"
+    path.write_text(f"Time_s Disp_mm Camera_mm Force_N\n{rows}")
+    (recording,) = read_recordings(path, Hints())
+    assert recording.numbers[:, 2].tolist() == [0.5, 1.5, 2.5, 3.5]

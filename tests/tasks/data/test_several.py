@@ -203,7 +203,9 @@ def test_tables_whose_times_go_on_with_lines_between_them_are_asked_about(tmp_pa
 
 def with_results(first):
     """A sheet with a test of 40 rows, and the peaks of its cycles under the same titles beside it."""
-    rows = [[i / 60, (i % 10) / 10, float(i % 10), None, *([i, 0.9, 9.0] if 0 < i < 5 else [])] for i in range(40)]
+    rows = [
+        [i / 60, (i % 10) / 10, float(i % 10), None, *([i + 1, 0.9 + i, 9.0 + i] if i < 4 else [])] for i in range(40)
+    ]
     head = [["L0 (mm)", first], ["time", "displacement", "load", None, "cycle", "displacement", "load"],
             ["min", "mm", "N", None, "-", "mm", "N"]]  # fmt: skip
     return [*head, *rows]
@@ -211,9 +213,13 @@ def with_results(first):
 
 def test_results_beside_a_test_are_no_test_of_its_times(tmp_path):
     path = write_workbook(tmp_path / "a.xlsx", A=with_results(15.2), B=with_results(15.4))
-    words = r"column 7 is called as column 3, and has numbers in 4 of 40 rows; expected --displacement-column 2 --force"
+    words = (
+        r"column 7 is called as column 3, and has numbers in 4 of 40 rows: results, or another test; expected "
+        r"--displacement-column 2 --force-column 3 beside results, or --tables apart for tests"
+    )
     with pytest.raises(BadInput, match=words):
         read_recordings(path, Hints())
+    assert len(read_recordings(path, Hints(tables="apart"))) == 4
     found = read_recordings(path, Hints(displacement_column="2", force_column="3"))
     assert [(one.test, len(one.rows)) for one in found] == [("A", 40), ("B", 40)]
 

@@ -36,6 +36,12 @@ def test_more_titles_than_columns_are_refused(tmp_path, titles):
         read(tmp_path, titles)
 
 
+def test_a_title_too_many_is_refused_though_a_word_stands_in_some_row(tmp_path):
+    rows = "".join(f"{i / 10} {i / 100:.2f} {i + 0.5} 21.0{' START' if i == 3 else ''}\n" for i in range(6))
+    with pytest.raises(BadInput, match="5 names above 4 columns of numbers"):
+        read(tmp_path, "Time_s Axial Disp_mm Force_N Temp_C", rows)
+
+
 def test_a_mark_of_a_comment_in_a_cell_of_its_own_is_no_title(tmp_path):
     path = tmp_path / "test.txt"
     rows = "".join(f"{i / 10}\t{i / 100}\t{i + 0.5}\t21.0\n" for i in range(6))

@@ -24,5 +24,5 @@ def test_more_than_any_task_writes_is_refused(field, value, most):
 
 @pytest.mark.parametrize("version", [99, "1", True, None, 0])
 def test_a_result_of_another_version_is_refused(version):
-    with pytest.raises(BadInput, match=r"sobol\.json: version: .*; expected at most 2, that of this sinew"):
+    with pytest.raises(BadInput, match=r"sobol\.json: version: .*; expected at most 3, that of this sinew"):
         SobolResult.parse({"version": version}, Path("sobol.json"))

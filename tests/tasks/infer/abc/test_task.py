@@ -242,6 +242,18 @@ def test_what_was_calibrated_of_other_data_is_no_prior(study, tmp_path, here, ca
         sinew("infer", study, "--out", tmp_path / "out", "--quiet")
     assert ended.value.code == 2
     assert f"calibrate.json: distal/1: {CHANGED}; expected `sinew calibrate` again" in capsys.readouterr().err
+    for again in ("calibrate", "infer"):
+        sinew(again, study, "--out", tmp_path / "out", "--quiet")
+
+
+def test_digests_that_are_of_nothing_are_made_anew(study, tmp_path, here, capsys):
+    path = CalibrateResult.path(tmp_path / "out")
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps(content | {"data": dict.fromkeys(content["data"], "0"), "inputs": "0"}))
+    with pytest.raises(SystemExit):
+        sinew("infer", study, "--out", tmp_path / "out", "--quiet")
+    for again in ("calibrate", "infer"):
+        sinew(again, study, "--out", tmp_path / "out", "--quiet")
 
 
 def test_a_specimen_that_is_called_otherwise_is_so_in_all_results(inferred, tmp_path, here):
