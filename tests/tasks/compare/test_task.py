@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib import pyplot as plt
 from rich.console import Console
 
@@ -13,7 +14,7 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.compare import figures, show
 from sinew.tasks.compare.result import CompareResult
 from sinew.tasks.compare.settings import Settings
-from sinew.tasks.compare.task import run
+from sinew.tasks.compare.task import FEWEST, _particles, run
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.study.study import read_study
@@ -130,3 +131,16 @@ def test_a_posterior_that_is_one_particle_has_wide_intervals(workspace, settings
     posteriors(workspace, {"distal": 0.0, "middle": 0.5}, weights=heavy)
     low, high = run(workspace, settings).pairs[0].interval
     assert high - low > 0.6, "DeLong's variance alone would take the heaviest particle for certain"
+
+
+def test_draws_of_chains_count_as_many_as_they_are_worth():
+    """Those that follow each other are alike, and copies of one draw are one particle with its weight."""
+    drawn = np.repeat(np.arange(60.0), 10).reshape(2, 300, 1)
+    draws = xr.Dataset({"mean": (("chain", "draw", "parameter"), drawn)}, {"parameter": ["E_f"]})
+    few = _particles(draws, ["E_f"], worth=20.7)
+    assert len(few.weights) == 20
+    assert few.effective == pytest.approx(20.0)
+    every = _particles(draws, ["E_f"], worth=1e9)
+    assert every.values[:, 0].tolist() == list(range(60)), "of 600 draws, 60 are different"
+    assert every.weights == pytest.approx(1 / 60)
+    assert len(_particles(draws, ["E_f"], worth=1.0).weights) == FEWEST
