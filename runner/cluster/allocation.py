@@ -116,18 +116,17 @@ def join_allocation(spec: Allocation) -> None:
     if spec.system.task() in (None, 1):
         return
     logging.getLogger("distributed").setLevel(logging.ERROR)
-    of_the_job = os.environ.get(external.SCRATCH)
-    if of_the_job:  # tasks on one node share it, and each removes its own
+    own: Path | None = None
+    if os.environ.get(external.SCRATCH):  # tasks on one node share it, and each removes its own
         os.environ[external.SCRATCH] = str(external.scratch(spec.folder) / f"task-{spec.system.task()}")
-        external.scratch(spec.folder)  # now: the first task that ends removes an empty folder of the job
+        own = external.scratch(spec.folder)  # now: the first task that ends removes an empty folder of the job
     try:
         with dask.config.set(SETTINGS), open_allocation(spec):
             raise ClusterError("cluster: this task of the allocation should have served")
     except KeyboardInterrupt:  # dask-jobqueue raises it when the cluster is closed
         raise SystemExit(0) from None
     finally:
-        if of_the_job:
-            own = external.scratch(spec.folder)
+        if own is not None:
             shutil.rmtree(own, ignore_errors=True)
             with suppress(OSError):  # others use theirs
                 own.parent.rmdir()

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from distributed import WorkerPlugin
@@ -18,6 +18,7 @@ from sinew.runner.evaluation import external, isolation
 from sinew.runner.store.schema import STATUSES, Array
 from sinew.runner.store.segment import Segment, is_whole
 
+T = TypeVar("T")
 RETRIED = ("crashed", "out_of_memory", "bad_output")
 STOPPED_SOLVERS, AGAIN_S = 5, 2.0  # processes that are stopped from outside, and the pause before the next one
 
@@ -100,39 +101,43 @@ def _run(batch: Batch) -> None:
     if not batch.apart:
         _evaluate_and_write(batch, evaluations[batch.key])
         return
-    death = _death_of(functools.partial(_evaluate_and_write, batch, evaluations[batch.key]))
+    work = functools.partial(_evaluate_and_write, batch, evaluations[batch.key])
+    try:
+        death = _undisturbed(lambda: isolation.run_apart(work))
+    except external.Stopped as stopped:
+        death = f"stopped {STOPPED_SOLVERS} times from outside: {stopped}"
     if death is not None or not is_whole(batch.segment):
         _write_failure(batch, "crashed", f"its process died while it evaluated this row alone ({death})")
 
 
-def _death_of(work: Callable[[], None]) -> str | None:
-    """How a new process that does ``work`` dies, again and again if it is stopped from outside; None if it ends."""
+def _undisturbed(work: Callable[[], T]) -> T:
+    """What ``work`` returns. It is tried again when it is stopped from outside: then this worker is probably next.
+
+    Raises the last ``Stopped`` when that happens every time.
+    """
     for _ in range(STOPPED_SOLVERS):
         try:
-            return isolation.run_apart(work)
+            return work()
         except external.Stopped as stopped:
-            reason = str(stopped)
+            last = stopped
             time.sleep(AGAIN_S)
-    return f"stopped {STOPPED_SOLVERS} times from outside: {reason}"
+    raise last
 
 
 def _evaluate_and_write(batch: Batch, evaluation: Evaluation) -> None:
-    outcome, attempts, seconds = _undisturbed(evaluation, batch)
+    outcome, attempts, seconds = _outcome(evaluation, batch)
     segment = Segment(batch.rows, outcome.status, attempts, seconds, outcome.values, outcome.messages, _worker_name())
     segment.write(batch.segment)
 
 
-def _undisturbed(evaluation: Evaluation, batch: Batch) -> tuple[Outcome, Array, Array]:
-    """Evaluate, and try again when a solver was stopped from outside: then this worker is probably next."""
-    for _ in range(STOPPED_SOLVERS):
-        try:
-            return _attempt(evaluation, batch.parameters, batch.retries)
-        except external.Stopped as stopped:
-            reason = str(stopped)
-            time.sleep(AGAIN_S)
+def _outcome(evaluation: Evaluation, batch: Batch) -> tuple[Outcome, Array, Array]:
+    """As :func:`_attempt`; every row has crashed where the solver was stopped from outside every time."""
+    try:
+        return _undisturbed(lambda: _attempt(evaluation, batch.parameters, batch.retries))
+    except external.Stopped as stopped:
+        words = f"the solver was stopped {STOPPED_SOLVERS} times from outside ({stopped})"
     count = len(batch.parameters)
     status = np.full(count, STATUSES.index("crashed"), dtype=np.int8)
-    words = f"the solver was stopped {STOPPED_SOLVERS} times from outside ({reason})"
     return Outcome({}, status, (words,) * count), np.full(count, STOPPED_SOLVERS, np.int16), np.full(count, np.nan)
 
 

@@ -15,9 +15,9 @@ def lock(folder: Path) -> Iterator[None]:
     """Hold the folder's lock; the system releases it when the process ends, however it ends. Raises ``StoreError``."""
     try:
         descriptor = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
+    except PermissionError:
+        raise StoreError(f"{folder}: cannot be written to; expected a folder of yours") from None
     except OSError as error:
-        if isinstance(error, PermissionError):
-            raise StoreError(f"{folder}: cannot be written to; expected a folder of yours") from None
         raise StoreError(f"{folder / 'lock'}: {error.strerror}; it must be a regular file") from None
     with open(descriptor, "r+", encoding="utf-8") as file:
         try:

@@ -39,7 +39,7 @@ from sinew.tasks.study.estimate import work_of
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.range_check import look
 from sinew.tasks.study.study import Study
-from sinew.tasks.study.work import Given
+from sinew.tasks.study.work import Given, points_kept
 from sinew.tasks.study.workspace import attempts_folder, check_cohort
 
 GIB = 2**30
@@ -186,11 +186,7 @@ def _rows(study: Study, cohort: Cohort, simulator: str | None, folder: Path) -> 
 
 def _numbers(study: Study, cohort: Cohort, rows: Counter[str]) -> int:
     """How many numbers the store keeps of these rows."""
-    most = study.store.points_per_curve
-    kept = {
-        one.name: sum(curve.force_N.size if most == "all" else min(most, curve.force_N.size) for curve in one.curves)
-        for one in cohort.specimens
-    }
+    kept = {one.name: points_kept(one, study.store.points_per_curve) for one in cohort.specimens}
     return sum(count * (kept.get(name, 0) + OTHER_NUMBERS) for name, count in rows.items())
 
 

@@ -44,8 +44,7 @@ def run(workspace: Workspace, settings: Settings) -> CompareResult:
     with believed(path):
         names = _varied(workspace, inferred)
         draws = draws_of_sites(workspace, inferred)
-        worth = {site: _worth(inferred, site, names) for site in draws}
-        sites = {site: _particles(each, names, worth[site]) for site, each in draws.items()}
+        sites = {site: _particles(each, names, _worth(inferred, site, names)) for site, each in draws.items()}
         donors = _donors(workspace, inferred)
     arrays = [part for particles in sites.values() for part in (particles.values, particles.weights)]
     inputs = key(CompareResult, workspace.seed, settings.model_dump(), names, list(sites), donors, *arrays)

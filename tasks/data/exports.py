@@ -23,6 +23,7 @@ from sinew.tasks.data.sizes import (
     SAME,
     SHORTEST_MM,
     area_told,
+    area_told_otherwise,
     contradiction_of_areas,
     contradiction_without_unit,
     is_zero,
@@ -189,7 +190,7 @@ def _bar(recording: Recording, reading: Reading) -> Bar:
     sizes = recording.sizes
     if reading.area_mm2 is not None:
         side = round(math.sqrt(reading.area_mm2), 9)
-    elif differs := contradiction_of_areas(recording.sizes):
+    elif differs := contradiction_of_areas(sizes):
         raise BadInput(recording.path, f"gives {differs}", "sizes that agree, or --area-mm2")
     elif differs := contradiction_without_unit(sizes):
         raise BadInput(recording.path, f"gives {differs}", "sizes with their units, or --area-mm2")
@@ -204,14 +205,9 @@ def _bar(recording: Recording, reading: Reading) -> Bar:
     return Bar(length, side, side)
 
 
-def _told_otherwise(recording: Recording) -> float | None:
-    """The cross-section (mm2) that other sizes of a file make than the one that it gives as such."""
-    return area_told({name: size for name, size in recording.sizes.items() if name != "area"})
-
-
 def _ellipse(recording: Recording, reading: Reading) -> Iterator[str]:
     """A remark where the cross-section that a file gives is that of an ellipse, and the bar's is width x thickness."""
-    area, both = recording.sizes.get("area"), _told_otherwise(recording)
+    area, both = recording.sizes.get("area"), area_told_otherwise(recording.sizes)
     if reading.area_mm2 is None and area is not None and area.mm and both and abs(both - area.mm) > OFF * both:
         yield f"the file gives a cross-section of {area.mm:.6g} mm2, that of the bar is {both:.6g} mm2; --area-mm2"
 

@@ -45,10 +45,9 @@ def is_test(table: Table, hints: Hints) -> bool:
 
 def unclear_further(table: Table) -> Unclear:
     """The question on a ``table`` that is a test, but has other titles than the first one."""
-    where = f"sheet '{table.sheet}', " if table.sheet else ""
     return Unclear(
         str(table.path),
-        f"the table in {where}row {table.title_row or table.first} has other titles than the first one, and is a test",
+        f"the table in {_where(table)} has other titles than the first one, and is a test",
         f"a file for each, or {TABLES} first to leave it out",
         what="tests",
         which="leave out tables with other titles?",
@@ -59,11 +58,14 @@ def unclear_further(table: Table) -> Unclear:
 
 def left_out_note(tables: Sequence[Table]) -> str:
     """A note on tables that may be tests, but have other titles than the first one."""
-    first = tables[0]
-    where = f"sheet '{first.sheet}', " if first.sheet else ""
-    where += f"row {first.title_row or first.first}"
+    where = _where(tables[0])
     if len(tables) == 1:
         told = f"the table in {where} has other titles and is left out"
     else:
         told = f"{len(tables)} tables, the first in {where}, have other titles and are left out"
     return f"{told}; a test needs a file of its own"
+
+
+def _where(table: Table) -> str:
+    sheet = f"sheet '{table.sheet}', " if table.sheet else ""
+    return f"{sheet}row {table.title_row or table.first}"

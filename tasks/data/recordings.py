@@ -321,7 +321,7 @@ def _recording(
         if zeros := new_zeros(numbers):
             lengths = lengths_at_zeros(table, numbers[:, 1], zeros, block.start)
     used = {size.text for size in (sizes.get("length"), lengths[1]) if size is not None and size.column}
-    left_out = tuple(table.titles[place] for place in unused if table.titles[place] not in used)
+    unused = [place for place in unused if table.titles[place] not in used]
     return Recording(
         table.path,
         numbers,
@@ -329,8 +329,8 @@ def _recording(
         at,
         table.header,
         sizes,
-        left_out,
-        titles_of_numbers(table, [place for place in unused if table.titles[place] not in used]),
+        tuple(table.titles[place] for place in unused),
+        titles_of_numbers(table, unused),
         block.name,
         notes,
         "" if apart is None or not back else f", or {apart.option} {shown(apart.title)}, which changes there",

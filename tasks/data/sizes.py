@@ -143,7 +143,7 @@ def contradiction_without_unit(sizes: Mapping[str, Size]) -> str:
     area, others = sizes.get("area"), [sizes[name] for name in ("diameter", "width", "thickness") if name in sizes]
     if area is None or area.mm is None or not area.has_unit or all(size.has_unit for size in others):
         return ""
-    both = area_told({name: size for name, size in sizes.items() if name != "area"})
+    both = area_told_otherwise(sizes)
     ellipse = math.pi / 4 if "diameter" not in sizes else 1.0
     if both is None or any(abs(part * both - area.mm) <= OFF * area.mm + _rounding(area) for part in (1.0, ellipse)):
         return ""
@@ -163,6 +163,11 @@ def area_told(sizes: Mapping[str, Size]) -> float | None:
     if "width" in mm and "thickness" in mm:
         return mm["width"] * mm["thickness"]
     return mm.get("area")
+
+
+def area_told_otherwise(sizes: Mapping[str, Size]) -> float | None:
+    """The cross-section (mm2) that other sizes of a file make than the one that it gives as such."""
+    return area_told({name: size for name, size in sizes.items() if name != "area"})
 
 
 def _rounding(size: Size) -> float:

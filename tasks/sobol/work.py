@@ -2,7 +2,7 @@
 
 from sinew.tasks.simulate.saltelli import base_samples, block_of
 from sinew.tasks.sobol.settings import Settings
-from sinew.tasks.study.work import Given, Work
+from sinew.tasks.study.work import Given, Work, points_kept
 
 FIT_S, FITS_EACH = 0.1, 4  # of polynomials, and how often they are fitted anew as rows are added
 ANALYSIS_S = 1.2e-7  # for each row and kept point of a curve: indices along time with their bootstrap
@@ -26,12 +26,7 @@ def work(given: Given, settings: Settings) -> Work:
     """Evaluations of the whole design, and the analysis of each specimen's curves."""
     specimens = given.specimens(settings.specimens)
     rows = rows_of(given)
-    kept = given.study.store.points_per_curve
-    points = sum(
-        size if kept == "all" else min(kept, size)
-        for one in specimens
-        for size in (curve.protocol.time_s.size for curve in one.curves)
-    )
+    points = sum(points_kept(one, given.study.store.points_per_curve) for one in specimens)
     courses = len(given.can.outputs) or 1
     if settings.method == "surrogate":
         fits = 9 * (courses + len(given.specimens(settings.specimens))) * FITS_EACH

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 from sinew.tasks.data.cohort import Cohort
 from sinew.tasks.model import Model, Specimen
@@ -48,3 +49,9 @@ class Work:
 def points(specimen: Specimen) -> int:
     """Measured points of all curves of a specimen, to which the time of an evaluation is proportional."""
     return sum(curve.protocol.time_s.size for curve in specimen.curves)
+
+
+def points_kept(specimen: Specimen, most: int | Literal["all"]) -> int:
+    """How many points of all curves of a specimen a store keeps, with ``most`` (or all) of each curve."""
+    sizes = (curve.protocol.time_s.size for curve in specimen.curves)
+    return sum(size if most == "all" else min(most, size) for size in sizes)
