@@ -1,4 +1,4 @@
-"""Which estimator answers for the rows of a design, of which some may have failed.
+"""Which estimator answers for the rows of a design, of which some may have failed; and how indices converge.
 
 =============================  ========================================================================================
 nothing failed                 Saltelli's, by SALib

@@ -1,4 +1,4 @@
-"""The rules by which a verdict is given: pure functions of frozen evidence.
+"""The rules and thresholds by which a verdict is given, also to a second effect: pure functions of frozen evidence.
 
 The criterion alone decides little. Nature's form of an effect is not the library's, so even the right effect leaves a
 part of the misfit, and a second effect can feed on what the form of the first one leaves. Hence the rules below.

@@ -1,4 +1,4 @@
-"""The population of a site: specimens scatter normally, with any correlations, as normal scores.
+"""The population of a site and its priors: specimens scatter normally, with any correlations, as normal scores.
 
 A specimen's scores x (:mod:`sinew.tasks.infer.likelihood.scores`) are N(m, C) within the ends of the ranges; or, with
 heavy tails, Student's t with 4 degrees of freedom, as a normal distribution of covariance C / w with w ~ Gamma(2, 2).
