@@ -4,6 +4,7 @@ import json
 import math
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ from sinew.tasks.cli.terminal import (
 
 if TYPE_CHECKING:
     from sinew.tasks.data.init import NewStudy
+    from sinew.tasks.data.new_model_study import Choices
 
 
 @sinew.command()
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
 @click.option("--move", metavar="NAME", help="Of a FEBio model: the displacement that follows the measured one.")
 @click.option("--move-factor", type=float, default=1.0, help="How far it goes for 1 mm of the measured displacement.")
 @click.option("--measure", multiple=True, metavar="NAME=ITEM@SET", help="Of a FEBio model: an output.")
+@click.option("--fibre", metavar="NAME", help="Of a FEBio model: the material that is the fibre, for `discover`.")
+@click.option("--matrix", metavar="NAME", help="Of a FEBio model: the material that is the matrix, for `discover`.")
 @click.option("--json", "as_json", is_flag=True, help="What was made, as a JSON object.")
 def init(
     files: tuple[Path, ...],
@@ -52,6 +56,8 @@ def init(
     move: str | None,
     move_factor: float,
     measure: tuple[str, ...],
+    fibre: str | None,
+    matrix: str | None,
     as_json: bool,
     **hints: Any,
 ) -> None:
@@ -66,9 +72,12 @@ def init(
     """
     asks = _is_dialogue() and not (as_json or yes)
     if len(files) == 1 and files[0].suffix.lower() == ".feb":
-        _init_model(files[0], out, vary, move, move_factor, measure, as_json=as_json, asks=asks)
+        from sinew.tasks.data.new_model_study import Choices
+
+        choices = Choices(vary, move, move_factor, measure, fibre, matrix)
+        _init_model(files[0], out, choices, as_json=as_json, asks=asks)
         return
-    _refuse_without_model(vary, move, measure)
+    _refuse_without_model(vary, move, measure, fibre, matrix)
     from sinew.tasks.data.answers import read_answers
     from sinew.tasks.data.hints import Hints
     from sinew.tasks.data.init import OVERVIEW
@@ -107,27 +116,17 @@ def _tell(made: "NewStudy", overview: Path, *, as_json: bool) -> None:
     say_next(f"fill in what is marked null there, then {run_it}" if made.to_fill_in else run_it)
 
 
-def _init_model(
-    path: Path,
-    out: Path,
-    vary: tuple[str, ...],
-    move: str | None,
-    factor: float,
-    measure: tuple[str, ...],
-    *,
-    as_json: bool,
-    asks: bool,
-) -> None:
-    from sinew.tasks.data.new_model_study import Choices, init_model
+def _init_model(path: Path, out: Path, choices: "Choices", *, as_json: bool, asks: bool) -> None:
+    from sinew.tasks.data.new_model_study import init_model
     from sinew.tasks.simulate.febio.model_file import listing
     from sinew.tasks.simulate.febio.model_file.contents import contents_of
     from sinew.tasks.simulate.febio.model_file.source import read_source
 
-    if not math.isfinite(factor) or factor == 0:
-        raise BadInput("--move-factor", str(factor), "a number that is not 0")
+    if not math.isfinite(choices.factor) or choices.factor == 0:
+        raise BadInput("--move-factor", str(choices.factor), "a number that is not 0")
     source = read_source(path)
     contents = contents_of(source)
-    if not vary:
+    if not choices.vary:
         if as_json:
             put(json.dumps(listing.as_json(source, contents)))
             return
@@ -136,10 +135,11 @@ def _init_model(
         if not asks:
             say_next(command_line("init", path, "--out", out, "--vary", "NAME", "--move", "NAME"))
             return
-        vary = tuple(_several("what varies? (NAME or NAME=MIN:MAX; several with ';')"))
-        move = move or _ask("what is moved by the measured displacement? (empty: nothing)", ()) or None
-        measure = measure or tuple(_several("which outputs beside its force? (NAME=ITEM@SET; empty: none)"))
-    made = init_model(source, contents, Choices(vary, move, factor, measure), out)
+        vary = _several("what varies? (NAME or NAME=MIN:MAX; several with ';')")
+        move = choices.move or _ask("what is moved by the measured displacement? (empty: nothing)", ()) or None
+        measure = choices.measure or _several("which outputs beside its force? (NAME=ITEM@SET; empty: none)")
+        choices = replace(choices, vary=vary, move=move, measure=measure)
+    made = init_model(source, contents, choices, out)
     if as_json:
         put(json.dumps({"study": str(made.study), "told": made.lines}))
         return
@@ -155,7 +155,7 @@ def _drawn(drawn: int, tests: int) -> str:
 
 def _refuse_without_model(*choices: object) -> None:
     if any(choices):
-        raise BadInput("--vary, --move and --measure", "without a FEBio model", "one file model.feb")
+        raise BadInput("--vary, --move, --measure, --fibre and --matrix", "without a FEBio model", "one file model.feb")
 
 
 def _several(question: str) -> list[str]:

@@ -8,7 +8,15 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput, one_line
 from sinew.tasks.data.new_study import write_rendered
-from sinew.tasks.simulate.febio.model_file.choices import Measured, Varied, force_of, measured, moved, varied
+from sinew.tasks.simulate.febio.model_file.choices import (
+    Measured,
+    Varied,
+    constituents,
+    force_of,
+    measured,
+    moved,
+    varied,
+)
 from sinew.tasks.simulate.febio.model_file.contents import Contents, Moved
 from sinew.tasks.simulate.febio.model_file.loading import Loading, loading_of, units
 from sinew.tasks.simulate.febio.model_file.source import Source
@@ -23,6 +31,8 @@ HISTORY = {"displacement_points": "", "step_points": "", "end_s": 1.0, "first_st
 class Choices:
     """What a person says of a model: numbers that vary, a displacement that follows the data, and outputs.
 
+    ``fibre`` and ``matrix``: paths of the materials that effects inside the tissue act on.
+
     ``factor``: how far it goes (mm) for a displacement of 1 mm: -1 where the model pulls in the other direction, 0.5
     where it is half of the specimen.
     """
@@ -31,6 +41,8 @@ class Choices:
     move: str | None = None
     factor: float = 1.0
     measure: Sequence[str] = ()
+    fibre: str | None = None
+    matrix: str | None = None
 
 
 @dataclass(frozen=True)
@@ -54,6 +66,12 @@ def init_model(source: Source, contents: Contents, choices: Choices, out: Path) 
     factor = choices.factor * length
     if part is not None:
         outputs = (force_of(where, contents, part, math.copysign(force, factor)), *outputs)
+    chosen = {"fibre": choices.fibre, "matrix": choices.matrix}
+    if part is None and any(chosen.values()):
+        raise BadInput(
+            f"{where}--fibre and --matrix", "without --move", "--move, which gives the force that is compared"
+        )
+    tissue = {} if part is None else constituents(where, contents, chosen)
     if not outputs:
         raise BadInput(f"{where}--measure", "nothing is measured", "--move, which gives the force, or --measure")
     loading = loading_of(source, part, factor)
@@ -72,11 +90,14 @@ def init_model(source: Source, contents: Contents, choices: Choices, out: Path) 
         "vary": vary,
         "part": part,
         "outputs": [(one, name_of_nodes(one.set) if one.surface else one.set) for one in outputs],
+        "tissue": tissue,
         "protocol": AS_SAVED,
         "loading": loading,
     }
     write_rendered(study, "model_study.yaml.j2", values)
-    return NewModelStudy(study, tuple(_told(vary, part, outputs, loading, system, choices.factor)))
+    lines = _told(vary, part, outputs, loading, system, choices.factor)
+    lines += [f"{name}: {one.path} ({one.law}), for effects inside the tissue" for name, one in tissue.items()]
+    return NewModelStudy(study, tuple(one_line(line)[:300] for line in lines))
 
 
 def _told(
@@ -95,7 +116,7 @@ def _told(
     else:
         far = max(loading.displacement_mm, key=abs)
         told.append(f"moved: {part.name}, {factor:g} mm for a displacement of 1 mm, which goes to {far:g} mm as saved")
-    return [one_line(line)[:300] for line in told]
+    return told
 
 
 def _unit(output: Measured) -> str:

@@ -19,6 +19,7 @@ from sinew.tasks.discover.show import (
     gap_words,
     held_out,
     in_one_sentence,
+    left_out_lines,
     noise_words,
     of_the_law,
     only_describes,
@@ -109,6 +110,8 @@ def _verdict(result: DiscoverResult) -> Facts:
         rows.append(("conflict of protocols", f"{unlikely(conflict.p)}: most of all {worst.parameter}, "
                      f"{number(worst.values[0])} in {worst.curves[0]}, {number(worst.values[1])} in "
                      f"{worst.curves[1]}"))  # fmt: skip
+    if result.left_out:
+        rows.append(("left out", "; ".join(left_out_lines(result))))
     noise = [f"{name} {noise_words(one)}" for name, one in result.noise.items()]
     rows.append(("noise (standard deviation)", ", ".join(noise)))
     if slow := [name for name, one in result.noise.items() if one.ar1 >= SLOW]:

@@ -263,7 +263,8 @@ class DiscoverResult(Result):
     that the verdict is about. Of the last fields, ``next_experiment`` goes with AMBIGUOUS, ``outside`` with OUTSIDE,
     ``model`` and ``remainder`` with NAMED and PARTLY. ``parts``: the effects that were fitted together where one or
     two do not explain all. ``law``, with PARTLY and OUTSIDE: what describes the rest, where something predicts it.
-    ``confidence`` is None for a model of the user's own.
+    ``confidence`` is None for a model of the user's own, of which ``left_out`` are effects that its solver does not
+    have as it should, by name, and why.
 
     ``VERSION`` covers fits, rules, thresholds and the record of :mod:`sinew.tasks.discover.judge.confidence`, and the
     noise that is taken from the curves.
@@ -295,6 +296,7 @@ class DiscoverResult(Result):
     parts: tuple[Part, ...] = ()
     law: Law | None = field(default=None, metadata=OMIT)
     remainder: Remainder | None = field(default=None, metadata=OMIT)
+    left_out: Mapping[str, str] | None = field(default=None, metadata=OMIT)
     after: Cells | None = field(default=None, metadata=OMIT)
 
     def __post_init__(self) -> None:

@@ -35,12 +35,15 @@ class Settings(TaskSettings):
 
 
 def check(study: "Study", out: Path) -> None:
-    """Refuse what cannot act around a user's own model: all else is a part of sinew's own tissue."""
+    """Refuse effects that can neither act around a user's own model nor, as far as the study says, inside it."""
     if study.simulator.law == "tendon":
         return
     study.simulator.refuse_around(f"{study.path}: discover")
     asked = study.section(Settings).effects
-    around = {slug for slug, effect in library().items() if effect.around}
-    if asked != "all" and (inside := [slug for slug in asked if slug not in around]):
-        problem = f"{', '.join(inside)}: not with a template"
-        raise BadInput(f"{study.path}: discover.effects", problem, f"some of {', '.join(sorted(around))}, or all")
+    can = {
+        slug for slug, effect in library().items() if effect.around or (effect.febio and study.simulator.constituents)
+    }
+    if asked != "all" and (others := [slug for slug in asked if slug not in can]):
+        named = "" if study.simulator.constituents else ", or simulator.fibre and simulator.matrix for those inside"
+        problem = f"{', '.join(others)}: not with this template"
+        raise BadInput(f"{study.path}: discover.effects", problem, f"some of {', '.join(sorted(can))}, or all{named}")

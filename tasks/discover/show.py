@@ -149,6 +149,8 @@ def summary(result: DiscoverResult, folder: Path, console: Console) -> None:
         explained = "" if one.explained is None else percent(one.explained)
         grid.add_row(one.name, _whole(one.gain), explained, held_out(one), " ".join(one.on_bound))
     console.print(grid)
+    for line in left_out_lines(result):
+        console.print(line)
     named = f" {result.answer}" if result.answer else ""
     console.print(Text.assemble((result.verdict, "bold"), f"{named}: {result.why}"))
     console.print(in_words(result.confidence))
@@ -162,6 +164,11 @@ def summary(result: DiscoverResult, folder: Path, console: Console) -> None:
         console.print(f"held-out error in units of noise: {words}")
     for line in (*_conflict_lines(result), *_outside_lines(result), *_next_lines(result, folder)):
         console.print(line)
+
+
+def left_out_lines(result: DiscoverResult) -> list[str]:
+    """Effects of the library that the solver of a user's own model does not have as it should."""
+    return [f"{name} is no candidate: {why}" for name, why in (result.left_out or {}).items()]
 
 
 def gap_of(result: DiscoverResult) -> tuple[str, SplitGap] | None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from sinew.runner.errors import BadInput
+from sinew.runner.errors import BadInput, brief
 from sinew.runner.evaluation.adaptive import Session
 from sinew.tasks.data.noise import refuse_none, remark_on_others
 from sinew.tasks.discover.after.added import checks, study_with
@@ -23,7 +23,7 @@ from sinew.tasks.discover.fit.bounds import cornered
 from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.held_out import SquaredErrors, hold_out, hold_out_of
 from sinew.tasks.discover.fit.intervals import Profiled
-from sinew.tasks.discover.fit.search import Candidates, asked, note_fit, search
+from sinew.tasks.discover.fit.search import Candidates, asked, note_fit, reasons, search
 from sinew.tasks.discover.fit.sizes import by_name, library_for
 from sinew.tasks.discover.fit.specimen_fits import (
     Effects,
@@ -214,10 +214,10 @@ def _ready(workspace: Workspace, settings: Settings, specimens: Sequence[Specime
     if study.model.effects:
         raise BadInput(f"{study.path}: model.effects", "is not empty", "a model without effects to begin with")
     cohort = fits_of_each(workspace, specimens)
-    missing = [effect.slug for effect in asked(settings, cohort) if not (effect.febio or effect.around)]
-    if missing and cohort[0].solver is not None:
+    solver = cohort[0].solver
+    if solver is not None and (why := reasons(solver, asked(settings, cohort))):
         expected = "effects that FEBio has or that act around it (docs/effects.md), or simulator: uniaxial"
-        raise BadInput(f"{study.path}: discover.effects", f"{', '.join(missing)}: not in FEBio", expected)
+        raise BadInput(f"{study.path}: discover.effects", brief(why, 200), expected)
     for one in cohort:
         refuse_none(one.measured.noise, workspace.cohort.folder / one.name)
     if remark := remark_on_others(specimens, [one.measured.noise for one in cohort]):
@@ -301,6 +301,7 @@ def _result(
         model=_model(workspace, findings, shown) if decided.named else None,
         inputs=inputs,
         parts=parts,
+        left_out=candidates.left_out or None,
         remainder=_remainder(workspace, findings, judged, shown) if decided.named else None,
         after=dict(zip(names, findings.after[shown], strict=True)) if shown in findings.after else None,
     )

@@ -77,7 +77,8 @@ class Capabilities:
     it to a worker. ``stresses``: the stresses of both constituents, on request. ``effects``: how it has effects of the
     library: ``embedded``, by sinew's own equations; ``solver``, as :class:`TakesEffects`; or not at all. ``outputs``:
     quantities along time, all that are stored besides the force. ``force``: the output that is the force; None when
-    there is no force to compare with a measured one.
+    there is no force to compare with a measured one. ``constituents``: where the fibre and the matrix stand in a model
+    of the user's own, by name, which decides what effects inside it are.
     """
 
     batch_multiple: int = 1
@@ -86,6 +87,7 @@ class Capabilities:
     effects: Literal["none", "embedded", "solver"] = "none"
     outputs: tuple[Output, ...] = ()
     force: str | None = "force"
+    constituents: tuple[tuple[str, str], ...] = ()
 
 
 class Simulator(Interface):
@@ -117,6 +119,10 @@ class TakesEffects(Simulator, Interface):
 
     def can_have(self, effects: tuple[Effect, ...]) -> bool:
         """Whether it can have all of these effects at once."""
+        ...
+
+    def why_not(self, effect: Effect) -> str | None:
+        """Why it cannot have an effect; None where it can."""
         ...
 
     def with_effects(self, effects: tuple[Effect, ...], near: Any = None) -> "Simulator":

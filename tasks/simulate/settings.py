@@ -67,6 +67,11 @@ class SimulatorSettings(Section):
         return {}
 
     @property
+    def constituents(self) -> dict[str, str]:
+        """Where the fibre and the matrix stand in a model of the user's own, as far as the study says it."""
+        return {}
+
+    @property
     def gives_force(self) -> bool:
         """Whether there is a force to compare with a measured one."""
         return True

@@ -125,9 +125,9 @@ def _template_model(settings: ModelSettings) -> Model:
             raise FieldError(f"model.{field}", "with a template", expected)
     effects = effects_of(settings)
     for effect in effects:
-        if not effect.around:
-            around = ", ".join(name for name, one in named().items() if one.around)
-            expected = f"effects of the machine, which act around any model: {around}"
+        if not (effect.around or effect.febio):
+            possible = ", ".join(name for name, one in named().items() if one.around or one.febio)
+            expected = f"effects that act around any model or that FEBio has: {possible}"
             raise FieldError("model.effects", f"{shown(effect.name)} with a template", expected)
     of_effects = {parameter.name: parameter for effect in effects for parameter in effect.parameters}
     parameters = []

@@ -138,12 +138,13 @@ class Candidate:
         ``nearby``: the points are small steps away from the first.
         """
         if self.solver is not None:
-            return self._solved(self.solver, specimen, protocol, at, nearby=nearby).force_N
+            return self.simulated(specimen, protocol, at, nearby=nearby).force_N
         return simulate_with(self.model, self.effects, specimen, protocol, *self.rows(at), nearby=nearby)
 
-    def _solved(
-        self, solver: TakesEffects, specimen: Specimen, protocol: Protocol, at: Array, *, nearby: bool = False
-    ) -> Simulated:
+    def simulated(self, specimen: Specimen, protocol: Protocol, at: Array, *, nearby: bool = False) -> Simulated:
+        """As :meth:`forces`, of the solver, with the status of each row."""
+        solver = self.solver
+        assert solver is not None
         near: dict[str, Any] | None = {} if nearby and self.near is None else self.near
         having = solver.with_effects(self.effects, None if near is None else Near(near))
         model, rows = model_with(self.model, self.effects), np.concatenate(self.rows(at), axis=1)
@@ -154,7 +155,7 @@ class Candidate:
         if self.solver is None:
             return {}
         said = {
-            curve.name: self._solved(self.solver, measured.specimen, curve.protocol, at[np.newaxis]).messages[0]
+            curve.name: self.simulated(measured.specimen, curve.protocol, at[np.newaxis]).messages[0]
             for curve in measured.curves
         }
         return {name: words for name, words in said.items() if words}

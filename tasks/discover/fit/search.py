@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 
 from sinew.runner.evaluation.adaptive import Session
+from sinew.tasks.discover.fit.acting import why_not
 from sinew.tasks.discover.fit.bounds import at_limit
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, starts
 from sinew.tasks.discover.fit.sizes import library_for
@@ -15,7 +16,7 @@ from sinew.tasks.discover.judge.rules import second_effect_possible
 from sinew.tasks.discover.judge.scores import Score, Scores, criterion
 from sinew.tasks.discover.settings import Settings
 from sinew.tasks.model.effect import Effect
-from sinew.tasks.simulate import Array
+from sinew.tasks.simulate import Array, TakesEffects
 from sinew.tasks.study.streams import Stream, generator
 from sinew.tasks.study.workspace import Workspace
 
@@ -30,12 +31,14 @@ class Candidates:
     """The candidates of a cohort: fits, in the order of the specimens, and scores.
 
     ``bare`` holds the best fits of the model without effects, ``floor`` is the loss expected of a true model.
+    ``left_out``: effects that the solver does not have as it should, by name, and why.
     """
 
     bare: list[Fitted]
     fits: dict[Effects, list[Fitted]]
     floor: float
     scored: dict[Effects, Score] = field(default_factory=dict)
+    left_out: dict[str, str] = field(default_factory=dict)
 
     @property
     def ordered(self) -> list[Effects]:
@@ -76,14 +79,28 @@ class Candidates:
 def asked(settings: Settings, cohort: Sequence[SpecimenFits]) -> list[Effect]:
     """The effects that the study asks for, with ranges for specimens of this size.
 
-    All are those of the library and, of a user's own model, those that can act around it.
+    All are those of the library that the simulator can have.
     """
     slugs = settings.effects
     known = library_for([one.measured.specimen for one in cohort])
     if slugs == "all":
         model = cohort[0].candidate().stand_in
-        return [effect for effect in known.values() if model.possible((effect,))]
+        return [effect for effect in known.values() if any(model.possible((form,)) for form in _forms(effect))]
     return [effect for slug, effect in known.items() if slug in slugs]
+
+
+def reasons(solver: TakesEffects, effects: Sequence[Effect]) -> str:
+    """Which of the effects a solver cannot have in any form, and why; empty where it can have all."""
+    by_reason: dict[str, list[str]] = {}
+    for effect in effects:
+        found = [solver.why_not(form) for form in _forms(effect)]
+        if None not in found:
+            by_reason.setdefault(str(found[0]), []).append(effect.slug)
+    return "; ".join(f"{', '.join(slugs)}: {why}" for why, slugs in by_reason.items())
+
+
+def _forms(effect: Effect) -> tuple[Effect, ...]:
+    return (effect, *effect.other_forms)
 
 
 def search(
@@ -91,8 +108,10 @@ def search(
 ) -> Candidates:
     """Fit and score all candidates; ``bare_fits`` holds the best fits of the bare model so far, by specimen."""
     bare = Candidate(workspace.model)
-    forms: list[Effects] = [(form,) for effect in asked(settings, cohort) for form in (effect, *effect.other_forms)]
-    singles = [form for form in forms if _possible(form, cohort)]
+    forms: list[Effects] = [(form,) for effect in asked(settings, cohort) for form in _forms(effect)]
+    could = [form for form in forms if _possible(form, cohort)]
+    left_out = _left_out(workspace, cohort, could, bare_fits[0])
+    singles = [form for form in could if form[0].name not in left_out]
     best = list(bare_fits)
 
     def with_one(i: int, effects: Effects, session: Session) -> Fitted:
@@ -104,7 +123,7 @@ def search(
 
     columns = each_for_all(workspace, cohort, "one effect", singles, with_one)
     floor = float(sum(fitted.points - bare.size for fitted in bare_fits))
-    candidates = Candidates(bare_fits, dict(zip(singles, columns, strict=True)), floor)
+    candidates = Candidates(bare_fits, dict(zip(singles, columns, strict=True)), floor, left_out=left_out)
     candidates.score()
     _note_best(workspace, candidates)
     firsts = candidates.ordered[:MAX_FIRST_EFFECTS]
@@ -127,6 +146,23 @@ def search(
     if pairs and second_effect_possible(candidates.scores):
         _add_pairs(workspace, cohort, candidates, pairs, singles)
     return candidates
+
+
+def _left_out(
+    workspace: Workspace, cohort: Sequence[SpecimenFits], forms: Sequence[Effects], bare: Fitted
+) -> dict[str, str]:
+    """Effects inside a model of the user's own that do not act as they should, by name, and why.
+
+    ``bare``: the best fit of the first specimen, at which single ``forms`` are run.
+    """
+    inside = [form for form in forms if not form[0].around]
+    if workspace.model.law == "tendon" or not inside:
+        return {}
+    found = each_for_all(
+        workspace, cohort[:1], "effects inside the model", inside,
+        lambda i, effects, session: why_not(cohort[i].tried(session, effects, bare)),
+    )  # fmt: skip
+    return {form[0].name: why for form, (why,) in zip(inside, found, strict=True) if why is not None}
 
 
 def _add_pairs(

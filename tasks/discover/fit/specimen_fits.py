@@ -16,7 +16,7 @@ import numpy as np
 from sinew.runner.errors import BadInput, shown
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.tasks.data.noise import noise_of_each
-from sinew.tasks.discover.fit import few_runs
+from sinew.tasks.discover.fit import acting, few_runs
 from sinew.tasks.discover.fit.beside import Beside, blocks_of, first_sizes, fit_beside, promise_beside
 from sinew.tasks.discover.fit.fit import FAR, Candidate, Fitted, errors, extended, fit, look_ahead, starts
 from sinew.tasks.discover.fit.intervals import Profiled, profiled
@@ -26,6 +26,7 @@ from sinew.tasks.model import Model, Specimen, file_name
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, TakesEffects, around, taking_effects
 from sinew.tasks.simulate.effects import VERSION
+from sinew.tasks.simulate.febio import constituents
 from sinew.tasks.study.checkpoint import Checkpoint, Possible, in_unit_cube
 from sinew.tasks.study.files import digest
 from sinew.tasks.study.workspace import Workspace
@@ -70,6 +71,8 @@ class SpecimenFits:
         how = [asdict(self.measured.noise), solver, VERSION, [each.name for each in fields(Fitted)]]
         if self.model.law != "tendon":
             how += [few_runs.VERSION, around.VERSION]
+        if self.solver and (where := dict(self.solver.capabilities.constituents)):
+            how += [constituents.VERSION, where]
         inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, *how, what)
         return Checkpoint(self.folder / f"{file_name(self.name)}.{digest(what)[:12]}.jsonl", inputs, width, possible)
 
@@ -111,6 +114,15 @@ class SpecimenFits:
             self._fitted(checkpoint, i, session, fit, candidate, self.measured, pooled.at, [curve])
             for i, curve in enumerate(self.measured.curves)
         ]
+
+    def tried(self, session: Session, effects: Effects, bare: Fitted) -> Array:
+        """What an effect inside a model of the user's own does, see :func:`sinew.tasks.discover.fit.acting.tried`."""
+        candidate = self.candidate(effects)
+        what = ("tried", _forms(effects), digest(bare.at, *candidate.bounds()))
+        checkpoint = self._checkpoint(3, *what, possible=acting.possible)
+        if not len(checkpoint):
+            checkpoint.append(session.compute(acting.tried, candidate, self.measured.specimen, bare.at))
+        return np.asarray(checkpoint.kept[0])
 
     def extended(self, session: Session, effects: Effects, base: Fitted) -> Fitted:
         """The best fit with ``effects``, of which all but the last were fitted in ``base``."""

@@ -37,9 +37,10 @@ _RELAXED = Effect(
         "fibre_elastic": """\
 <elastic type="prestrain elastic">
   [[ elastic ]]
-  <prestrain type="prestrain gradient">
+  <prestrain type="in-situ stretch">
     <ramp>1</ramp>
-    <F0>1,0,0,0,1,0,0,0,{{ parameters.preload_stretch | full }}</F0>
+    <stretch>{{ parameters.preload_stretch | full }}</stretch>
+    <isochoric>0</isochoric>
   </prestrain>
 </elastic>"""
     },

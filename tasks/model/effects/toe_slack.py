@@ -59,9 +59,10 @@ _TOGETHER = Effect(
         "fibre_elastic": """\
 <elastic type="prestrain elastic">
   [[ elastic ]]
-  <prestrain type="prestrain gradient">
+  <prestrain type="in-situ stretch">
     <ramp>1</ramp>
-    <F0>1,0,0,0,1,0,0,0,{{ parameters.slack_stretch | full }}</F0>
+    <stretch>{{ parameters.slack_stretch | full }}</stretch>
+    <isochoric>0</isochoric>
   </prestrain>
 </elastic>"""
     },

@@ -13,12 +13,13 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.model.effect import model_without
 from sinew.tasks.simulate import Simulator, Summary
 from sinew.tasks.simulate.febio.attempt import program_hash, solver_version
+from sinew.tasks.simulate.febio.constituents import NAMES
 from sinew.tasks.simulate.febio.field_output import FieldOutput
 from sinew.tasks.simulate.febio.files import read_files
 from sinew.tasks.simulate.febio.output import Logged, Reduce
 from sinew.tasks.simulate.febio.renderer import Allowance
 from sinew.tasks.simulate.febio.simulator import FEBio, Template, inside
-from sinew.tasks.simulate.febio.template import OwnTemplate, check_template
+from sinew.tasks.simulate.febio.template import OwnTemplate, check_template, with_constituents
 from sinew.tasks.simulate.febio.tendon import read_template
 from sinew.tasks.simulate.settings import Law, Purpose, SimulatorSettings, SolverMissing
 from sinew.tasks.study.fields import Finite
@@ -30,6 +31,8 @@ Seconds = Annotated[float, Field(gt=0, le=LONGEST_S, allow_inf_nan=False)]
 Executable = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f-][^\x00-\x1f]*$")]
 Unit = Annotated[str, Field(min_length=1, max_length=24, pattern=r"^[^\x00-\x1f]*$")]
 PlotVariable = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9][A-Za-z0-9_ .()*/+=;:'-]*$")]
+
+MaterialPath = Annotated[str, Field(min_length=1, max_length=300, pattern=r"^[^\x00-\x1f]*$")]
 
 FEBIO = "febio4"  # what a study may run without its user's consent
 FIELDS = ("displacement", "stress", "reaction forces")  # what is kept unless the study says what
@@ -202,7 +205,8 @@ class TemplateSettings(SolverSettings):
 
     With ``keep: fields``, the variables ``fields`` of the solver's plot file are kept for every row. ``force`` names
     the output that is compared with measured forces. ``settle_s``: how long the solver waits at the first displacement
-    of a protocol that does not start at rest.
+    of a protocol that does not start at rest. ``fibre`` and ``matrix``: which of the model's materials effects inside
+    the tissue act on, such as ``tendon.solid[2].elastic``; one may be both.
     """
 
     law: ClassVar[Law] = "template"
@@ -214,8 +218,15 @@ class TemplateSettings(SolverSettings):
     force: str | None = None
     max_file_mb: Annotated[int, Field(gt=0, le=1_000_000)] = 1024
     settle_s: Annotated[float, Field(ge=0, le=LONGEST_S, allow_inf_nan=False)] = 0.0
+    fibre: MaterialPath | None = None
+    matrix: MaterialPath | None = None
     keep: Literal["nothing", "fields"] = "nothing"
     fields: Annotated[list[PlotVariable], Field(min_length=1, max_length=50)] = Field(default_factory=lambda: [*FIELDS])
+
+    @property
+    def constituents(self) -> dict[str, str]:
+        """Paths of the materials that are the fibre and the matrix, as far as they are given."""
+        return {name: path for name in NAMES if (path := getattr(self, name)) is not None}
 
     @property
     def output_names(self) -> tuple[str, ...]:
@@ -237,15 +248,15 @@ class TemplateSettings(SolverSettings):
         template = OwnTemplate(files, main, outputs, self.force, self.settle_s, fields)
         if purpose.effects:
             self.refuse_around(f"{purpose.study}: model.effects")
-        check_template(
-            purpose.study,
-            template,
-            model_without(purpose.model, purpose.effects),
-            sized=purpose.sized,
-            moved=self.gives_force,
-            allowance=allowance,
-        )
-        return template
+        bare, sized = model_without(purpose.model, purpose.effects), purpose.sized
+        check_template(purpose.study, template, bare, sized=sized, moved=self.gives_force, allowance=allowance)
+        template = with_constituents(purpose.study, template, bare, self.constituents, sized=sized, allowance=allowance)
+        within = inside(template, purpose.effects)
+        for effect in within:
+            if (why := template.why_not(effect)) is not None:
+                expected = "effects that this template can have (docs/own_model.md)"
+                raise BadInput(f"{purpose.study}: model.effects", f"{effect.name}: {why}", expected)
+        return template.with_effects(within)
 
     def with_solver(
         self, template: Template, executable: str, version: str, scratch: Path, kept: Path | None = None

@@ -78,7 +78,13 @@ class Template(Interface):
 
     def can_have(self, effects: tuple[Effect, ...]) -> bool: ...
 
+    def why_not(self, effect: Effect) -> str | None: ...
+
     def with_effects(self, effects: tuple[Effect, ...]) -> "Template": ...
+
+    def completed(self, text: str, variables: Mapping[str, Any]) -> str:
+        """A rendered input with what the template does not say itself. Raises :class:`Failed`."""
+        ...
 
 
 def inside(template: Template, effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
@@ -136,6 +142,10 @@ class FEBio:
     def can_have(self, effects: tuple[Effect, ...]) -> bool:
         """Whether one input can have all of these effects, but those that act around the specimen."""
         return self.template.can_have(inside(self.template, effects))
+
+    def why_not(self, effect: Effect) -> str | None:
+        """Why it cannot have an effect, inside or around; None where it can."""
+        return None if effect.around else self.template.why_not(effect)
 
     def with_effects(self, effects: tuple[Effect, ...], near: Near | None = None) -> Simulator:
         """The solver with an input that has ``effects``, and around it those that are not in an input.
@@ -216,7 +226,7 @@ class FEBio:
         (text,) = render(template.files, template.main, [variables], outputs)["texts"]
         if len(text) > self.max_file_bytes:
             raise Failed("bad_input", f"{template.main} renders to more than max_file_mb")
-        return str(text)
+        return template.completed(str(text), variables)
 
     def _keeper(self, model: Model, specimen: Specimen, protocol: Protocol) -> "Keeper | None":
         if self.kept is None:

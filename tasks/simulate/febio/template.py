@@ -1,20 +1,24 @@
 """A user's own FEBio model as an input template: any mesh, materials, parameters and outputs of its log file."""
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sinew.runner.errors import BadInput
+from sinew.runner.errors import BadInput, shown
 from sinew.tasks.model import Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, Capabilities
+from sinew.tasks.simulate.febio import constituents
+from sinew.tasks.simulate.febio.constituents import Constituent, NoMaterial, NoUnits, located, why_not
 from sinew.tasks.simulate.febio.field_output import FieldOutput
 from sinew.tasks.simulate.febio.output import Logged
 from sinew.tasks.simulate.febio.renderer import Allowance, WrongTemplate, render
+from sinew.tasks.simulate.febio.units import UNITS
 from sinew.tasks.simulate.febio.variables import history, size
 from sinew.tasks.simulate.row_by_row import Failed
 
@@ -25,7 +29,8 @@ class OwnTemplate:
 
     ``fields`` are outputs that are computed from the plot file instead.
     ``force`` names the output that is compared with measured forces. ``settle_s``: how long the solver waits at the
-    first displacement of a protocol that starts displaced.
+    first displacement of a protocol that starts displaced. ``constituents``: where the fibre and the matrix stand, as
+    far as the study says it; ``effects`` are around them.
     """
 
     files: Mapping[str, str]
@@ -34,15 +39,26 @@ class OwnTemplate:
     force: str | None = None
     settle_s: float = 0.0
     fields: tuple[FieldOutput, ...] = ()
+    constituents: Mapping[str, Constituent] = field(default_factory=dict)
+    effects: tuple[Effect, ...] = ()
 
     name = "template"
-    loaded_at_rest = False
     logs_itself = False
+
+    @property
+    def loaded_at_rest(self) -> bool:
+        return any(effect.loaded_at_rest for effect in self.effects)
 
     @property
     def capabilities(self) -> Capabilities:
         outputs = (*self.outputs, *self.fields)
-        return Capabilities(effects="none" if self.force is None else "solver", outputs=outputs, force=self.force)
+        where = tuple((name, one.path) for name, one in self.constituents.items())
+        return Capabilities(
+            effects="none" if self.force is None else "solver",
+            outputs=outputs,
+            force=self.force,
+            constituents=where,
+        )
 
     @property
     def logs(self) -> tuple[tuple[str, Logged], ...]:
@@ -51,13 +67,25 @@ class OwnTemplate:
     def identity(self, ramp_s: float, hold_growth: float, still_mm: float) -> dict[str, Any]:
         digests = {name: hashlib.blake2b(text.encode(), digest_size=16) for name, text in self.files.items()}
         fields = {"fields": [asdict(output) for output in self.fields]} if self.fields else {}
-        return fields | {
-            "files": {name: digest.hexdigest() for name, digest in digests.items()},
-            "main": self.main,
-            "outputs": [asdict(output) for output in self.outputs],
-            "force": self.force,
-            "time_steps": [ramp_s, hold_growth, still_mm, self.settle_s],
-        }
+        return (
+            fields
+            | self._inside()
+            | {
+                "files": {name: digest.hexdigest() for name, digest in digests.items()},
+                "main": self.main,
+                "outputs": [asdict(output) for output in self.outputs],
+                "force": self.force,
+                "time_steps": [ramp_s, hold_growth, still_mm, self.settle_s],
+            }
+        )
+
+    def _inside(self) -> dict[str, Any]:
+        """What the identity says of effects: nothing where there are none."""
+        if not self.effects:
+            return {}
+        at = {name: one.path for name, one in self.constituents.items()}
+        names = [effect.name for effect in self.effects]
+        return {"inside": {"version": constituents.VERSION, "at": at, "effects": names}}
 
     def settling(self, model: Model, values: Array) -> float:
         """How long the solver waits (s) at the first displacement, after moving there from rest."""
@@ -70,14 +98,29 @@ class OwnTemplate:
         parameters = dict(zip(model.names, values.tolist(), strict=True))
         return parameters | size(specimen) | history(protocol.name, times, displacements)
 
+    def completed(self, text: str, variables: Mapping[str, Any]) -> str:
+        """A rendered input with the effects. Raises :class:`Failed`."""
+        return constituents.with_effects(text, self.constituents, self.effects, variables) if self.effects else text
+
+    def why_not(self, effect: Effect) -> str | None:
+        """Why its input cannot have an effect; None where it can."""
+        return why_not(effect, self.constituents, self.settle_s > 0)
+
     def can_have(self, effects: tuple[Effect, ...]) -> bool:
-        return not effects
+        terms = Counter(
+            place.removesuffix("_memory") for effect in effects for place in effect.febio if "memory" in place
+        )
+        enough = all(
+            name in self.constituents and count <= self.constituents[name].free_terms for name, count in terms.items()
+        )
+        return enough and all(self.why_not(effect) is None for effect in effects)
 
     def with_effects(self, effects: tuple[Effect, ...]) -> "OwnTemplate":
-        """Raises :class:`BadInput` for any effects, which are those of sinew's own tissue."""
-        if effects:
-            raise BadInput("model.effects", "with a template", "it in the template: it is a part of sinew's own tissue")
-        return self
+        """The template with ``effects`` around its constituents. Raises :class:`BadInput`."""
+        for effect in effects:
+            if (why := self.why_not(effect)) is not None:
+                raise BadInput("model.effects", f"{effect.name}: {why}", "effects that the template can have")
+        return replace(self, effects=effects)
 
 
 def check_template(
@@ -93,22 +136,10 @@ def check_template(
 
     ``sized``: the specimen's size is known. ``moved``: the displacement history must be used. Raises :class:`BadInput`.
     """
-    times = np.array([0.0, 1.0, 2.0])
-    protocol = Protocol("check", times, 0.1 * times)
-    specimen = Specimen("check", *((10.0, 8.0, 4.0) if sized else (np.nan,) * 3))
-    middle = template.variables(model, specimen, protocol, model.reference, times, 0.1 * times)
+    middle = _at_the_middle(template, model, sized=sized)
     renders = [middle]
     renders += [middle | {p.name: value} for p in model.free for value in (p.minimum, p.maximum)]
-    outputs = [asdict(output) for output in template.outputs]
-    try:
-        rendered = render(
-            template.files, template.main, renders, outputs, known=list(middle), texts=False, allowance=allowance
-        )
-    except WrongTemplate as wrong:
-        where, problem, expected = wrong.parts
-        raise BadInput(f"{study}: {where}", problem, expected) from None
-    except Failed as failed:
-        raise BadInput(f"{study}: {template.main}", failed.words, "a template that can be rendered") from None
+    rendered = _rendered(study, template, renders, allowance, known=list(middle), texts=False)
     for name in model.names:
         if name not in rendered["used"]:
             where = f"{study}: model.parameters.{name}"
@@ -121,3 +152,64 @@ def check_template(
     if moved and not {"displacement_points", "displacement_mm"} & set(rendered["used"]):
         problem = f"{template.main} does not follow the measured displacement"
         raise BadInput(f"{study}: simulator.file", problem, "{{ displacement_points }} in its load curve")
+
+
+def with_constituents(
+    study: Path,
+    template: OwnTemplate,
+    model: Model,
+    paths: Mapping[str, str],
+    *,
+    sized: bool,
+    allowance: Allowance | None = None,
+) -> OwnTemplate:
+    """The template, in which effects can be around the materials at ``paths``, by the name of the constituent.
+
+    They are looked up in its input at the middle and at both ends of all ranges. Raises :class:`BadInput`.
+    """
+    if not paths:
+        return template
+    middle = _at_the_middle(template, model, sized=sized)
+    ends = [{one.name: getattr(one, end) for one in model.free} for end in ("minimum", "maximum")]
+    renders = [middle, *(middle | values for values in ends)]
+    texts = _rendered(study, template, renders, allowance, texts=True)["texts"]
+    found = {}
+    for name, path in paths.items():
+        try:
+            found[name] = located(texts, path)
+        except NoUnits as error:
+            problem = f"units {shown(error.args[0])} are not known"
+            raise BadInput(f"{study}: {template.main}", problem, f"one of {', '.join(UNITS)}") from None
+        except NoMaterial as error:
+            there = ", ".join(str(each) for each in error.args)
+            problem = f"no material {shown(path)} in {template.main}"
+            raise BadInput(f"{study}: simulator.{name}", problem, f"one of {there}"[:300]) from None
+    return replace(template, constituents=found)
+
+
+def _at_the_middle(template: OwnTemplate, model: Model, *, sized: bool) -> dict[str, Any]:
+    """Variables of the template at the middle of all ranges, of a short test."""
+    times = np.array([0.0, 1.0, 2.0])
+    protocol = Protocol("check", times, 0.1 * times)
+    specimen = Specimen("check", *((10.0, 8.0, 4.0) if sized else (np.nan,) * 3))
+    return template.variables(model, specimen, protocol, model.reference, times, 0.1 * times)
+
+
+def _rendered(
+    study: Path,
+    template: OwnTemplate,
+    renders: Sequence[Mapping[str, Any]],
+    allowance: Allowance | None,
+    *,
+    texts: bool,
+    known: Sequence[str] | None = None,
+) -> dict[str, Any]:
+    """As :func:`sinew.tasks.simulate.febio.renderer.render`, with its outputs. Raises :class:`BadInput`."""
+    outputs = [asdict(output) for output in template.outputs]
+    try:
+        return render(template.files, template.main, renders, outputs, known=known, texts=texts, allowance=allowance)
+    except WrongTemplate as wrong:
+        where, problem, expected = wrong.parts
+        raise BadInput(f"{study}: {where}", problem, expected) from None
+    except Failed as failed:
+        raise BadInput(f"{study}: {template.main}", failed.words, "a template that can be rendered") from None

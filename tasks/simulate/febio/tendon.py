@@ -71,8 +71,16 @@ class TendonTemplate:
             **history(protocol.name, times, displacements),
         }
 
+    def completed(self, text: str, variables: Mapping[str, Any]) -> str:
+        """The input as it is: effects are in the template's own text."""
+        return text
+
     def can_have(self, effects: tuple[Effect, ...]) -> bool:
         return fit_together(effects)
+
+    def why_not(self, effect: Effect) -> str | None:
+        """Why its input cannot have an effect; None where it can."""
+        return None if effect.febio else "not in FEBio"
 
     def with_effects(self, effects: tuple[Effect, ...]) -> "TendonTemplate":
         """The template with the partials of ``effects``. Raises :class:`BadInput`."""

@@ -126,7 +126,15 @@ def test_the_history_as_saved_and_what_was_chosen_are_told(tmp_path):
         "stress: sz of part (element_data, mean), in the model's unit",
         "units: mm-N-s; loaded as saved for 1 s",
         "moved: pull, 0.5 mm for a displacement of 1 mm, which goes to 0.8 mm as saved",
+        "fibre: gel ä.elastic (neo-Hookean), for effects inside the tissue",
+        "matrix: gel ä.elastic (neo-Hookean), for effects inside the tissue",
     )
+    assert made.study.simulator.constituents == {"fibre": "gel ä.elastic", "matrix": "gel ä.elastic"}
+
+
+def test_fibre_and_matrix_can_be_chosen(tmp_path):
+    made = Made(tmp_path, choices=replace(CHOICES, matrix="gel ä"))
+    assert made.study.simulator.constituents == {"matrix": "gel ä"}
 
 
 def test_in_other_units_displacements_and_forces_are_converted(tmp_path):
@@ -141,11 +149,14 @@ def test_in_other_units_displacements_and_forces_are_converted(tmp_path):
 def test_a_model_that_follows_nothing_keeps_its_loading(tmp_path):
     made = Made(tmp_path, choices=Choices(["gel ä.t1"], measure=["side=ux@top"]))
     assert made.study.simulator.force is None
+    assert made.study.simulator.constituents == {}, "effects need a force"
     assert made.study.protocols["as_saved"].displacement_mm == [0.0, 0.0]
     assert "nothing is moved" in made.made.lines[-1]
 
 
 CASES = [
+    (replace(CHOICES, fibre="gel"), CUBE, "--fibre: no material 'gel'; expected one of gel ä, ..."),
+    (Choices(["gel ä.t1"], measure=["side=ux@top"], matrix="gel ä"), CUBE, "--fibre and --matrix: without --move"),
     (Choices(), CUBE, "--vary: nothing is said to vary; expected at least one number"),
     (Choices(["gel ä.E"]), CUBE, "--vary: no number 'gel ä.E'; expected one of gel ä.t1, gel ä.g1, gel ä.elastic.E"),
     (Choices(["gel ä.t1", "gel ä.t1=1:3"]), CUBE, "'gel ä.t1' is given twice"),

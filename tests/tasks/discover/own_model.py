@@ -24,13 +24,18 @@ STIFFENS = 25.0  # per unit of strain
 BAR = Specimen("bone/1", 20.0, 4.0, 2.0)
 RELAX = Protocol("relax", np.linspace(0.0, 40.0, 401), 1.2 * np.minimum(np.linspace(0.0, 10.0, 401), 1.0))
 PULLS = Protocol("pulls", np.linspace(0.0, 24.0, 241), 0.6 * (1.0 - np.abs(np.linspace(0.0, 24.0, 241) % 8 / 4 - 1.0)))
+GROWS = Protocol("grows", PULLS.time_s, PULLS.displacement_mm * (0.5 + PULLS.time_s / 24.0))
 
 
 @dataclass(frozen=True)
 class OwnBar:
-    """The model as a simulator, which effects of the machine can be around; it counts its ``runs``."""
+    """The model as a simulator, which effects of the machine can be around; it counts its ``runs``.
+
+    ``inside``: effects inside it, of which only the softening by the largest strain does anything.
+    """
 
     runs: list[int] = field(default_factory=lambda: [0])
+    inside: tuple[Effect, ...] = ()
 
     name = "template"
     capabilities = Capabilities(effects="solver")
@@ -41,6 +46,9 @@ class OwnBar:
     def can_have(self, effects: tuple[Effect, ...]) -> bool:
         return all(effect.around for effect in effects)
 
+    def why_not(self, effect: Effect) -> str | None:
+        return None if effect.around else "it is a bar"
+
     def with_effects(self, effects: tuple[Effect, ...], near: Near | None = None) -> Any:
         return Around(self, effects, near) if effects else self
 
@@ -48,9 +56,13 @@ class OwnBar:
         self, model: Model, specimen: Specimen, protocol: Protocol, parameters: np.ndarray, *, stresses: bool = False
     ) -> Simulated:
         self.runs[0] += len(parameters)
-        stiff, part, tau = parameters.T[:, :, np.newaxis]
+        stiff, part, tau = parameters.T[:3, :, np.newaxis]
         strain = protocol.displacement_mm / specimen.length_mm
         elastic = specimen.area_mm2 * stiff * np.expm1(STIFFENS * strain) / STIFFENS
+        if self.inside and self.inside[0].name == "softening":
+            loss, shape, scale = parameters.T[3:6, :, np.newaxis]
+            largest = np.maximum.accumulate(np.maximum(strain + 0.5 * strain**2, 0.0))
+            elastic = elastic * (1.0 + loss * np.expm1(-((largest / scale) ** shape)))
         changes, steps, over = np.diff(elastic, axis=1), np.diff(protocol.time_s), np.zeros_like(elastic)
         kept = np.exp(-steps / tau)
         gained = changes * (1.0 - kept) * tau / steps
@@ -61,10 +73,12 @@ class OwnBar:
 
 
 def pulled(effects: tuple[Effect, ...] = (), values: tuple[float, ...] = (), sd_N: float = 0.05) -> Specimen:
-    """A specimen of this model, pulled by a machine with ``effects``; its noise is white."""
+    """A specimen of this model with one effect inside it, or pulled by a machine with ``effects``; white noise."""
+    bar = OwnBar(inside=tuple(effect for effect in effects if not effect.around))
+    around = tuple(effect for effect in effects if effect.around)
     model, rng, curves = model_with(OWN, effects), np.random.default_rng(5), []
     row = np.concatenate([TRUTH, values])[np.newaxis]
-    for protocol in (RELAX, PULLS):
-        force = OwnBar().with_effects(effects).simulate(model, BAR, protocol, row).force_N[0]
+    for protocol in (RELAX, PULLS, GROWS) if bar.inside else (RELAX, PULLS):
+        force = bar.with_effects(around).simulate(model, BAR, protocol, row).force_N[0]
         curves.append(Curve(protocol, force + rng.normal(0.0, sd_N, force.size)))
     return Specimen(BAR.name, BAR.length_mm, BAR.width_mm, BAR.thickness_mm, tuple(curves))

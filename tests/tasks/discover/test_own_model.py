@@ -1,6 +1,7 @@
 """`sinew discover` on a model of a user's own: effects of the machine, around the study's template."""
 
 import json
+import xml.etree.ElementTree as ElementTree
 from pathlib import PurePosixPath
 
 import numpy as np
@@ -12,6 +13,7 @@ from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.model.effects import library
 from sinew.tasks.report.crate.contents import strangers, template_files
 from sinew.tasks.simulate import Simulated
+from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.simulate.febio.simulator import FEBio
 from sinew.tasks.study import pipeline
 from sinew.tasks.study.study import read_study
@@ -43,22 +45,31 @@ discover: {starts: 1}
 LAG = 0.35
 
 
+def bar_of(simulator):
+    return OwnBar(inside=simulator.template.effects)
+
+
 @pytest.fixture
 def study(tmp_path, monkeypatch):
     """A study whose template is solved in this process; returns a function of what to hide in the measurements."""
     monkeypatch.setattr(Workspace, "client", lambda _: None)
     monkeypatch.setattr(pipeline, "_draw", lambda *_: None)
-    monkeypatch.setattr(FEBio, "simulate", lambda _, *arguments, **options: OwnBar().simulate(*arguments, **options))
+    monkeypatch.setattr(
+        FEBio, "simulate", lambda own, *arguments, **options: bar_of(own).simulate(*arguments, **options)
+    )
     text = DOGBONE.read_text().replace("{{ nu }}", "0.3")
     for name, own in {"E_matrix": "E", "g_1": "nu_m", "tau_1": "tau"}.items():
         text = text.replace(f"{{{{ {name} }}}}", f"{{{{ {own} }}}}")
     (tmp_path / "bone").mkdir()
     (tmp_path / "bone" / "dogbone.feb.j2").write_text(text)
 
-    def make(*hidden):
+    def make(*hidden, **changes):
         write_cohort(tmp_path / "cohort", [pulled(*hidden)])
         path = tmp_path / "study.yaml"
-        path.write_text(STUDY.replace("PROGRAM", str(stand_in(tmp_path))))
+        content = yaml.safe_load(STUDY.replace("PROGRAM", str(stand_in(tmp_path))))
+        for section, fields in changes.items():
+            content[section] |= fields
+        path.write_text(yaml.safe_dump(content))
         return trusted(path)
 
     return make
@@ -95,6 +106,53 @@ def test_a_machine_that_lags_is_named_through_a_template(study, tmp_path, capsys
     assert (out / "discover.json").read_bytes() == before
     assert strangers(out) == [], "the template is written anew"
     assert " fits in " not in capsys.readouterr().out, "a verdict that is known"
+
+
+TISSUE = {"fibre": "tissue", "matrix": "tissue.elastic"}
+SOFTENING = (library()["softening"],), (0.3, 2.0, 0.02)
+
+
+def test_damage_inside_the_model_is_named_and_written_into_it(study, tmp_path, capsys):
+    """What the solver has only by name is left out: in this one, damage by the largest energy does nothing."""
+    out = tmp_path / "out"
+    effects = {"effects": ["softening", "time-lag"]}
+    sinew("discover", study(*SOFTENING, simulator=TISSUE, discover=effects), "--out", out)
+    result = json.loads((out / "discover.json").read_text())
+    assert (result["verdict"], result["effects"]) == ("NAMED", ["softening"])
+    assert list(result["left_out"]) == ["softening/simo"]
+    told = " ".join(capsys.readouterr().out.split())
+    assert "softening/simo is no candidate: it does next to nothing here" in told
+    low, high = result["candidates"][0]["parameters"]["bone/1"]["softening_loss"]["interval"]
+    assert low - 0.05 < 0.3 < high + 0.05
+    assert result["model"]["checks"]["at_null_N"] < 1e-6
+    new = read_study(trusted(out / result["model"]["path"]))
+    assert new.model.effects == ["softening"]
+    assert new.simulator.constituents == TISSUE
+    inputs = [ElementTree.parse(out / path) for path in result["model"]["febio"]["inputs"]]
+    assert len(inputs) == 3
+    for one in inputs:
+        damaged = one.find("Material/material/elastic")
+        assert (damaged.get("type"), damaged.find("elastic").get("type")) == ("elastic damage", "neo-Hookean")
+        assert float(damaged.findtext("damage/Dmax")) == pytest.approx(0.3, abs=0.1)
+    built = simulator_of(new, None, tmp_path / "scratch")
+    assert [effect.name for effect in built.template.effects] == ["softening"], "the study with the effect runs with it"
+    before = (out / "discover.json").read_bytes()
+    sinew("discover", tmp_path / "study.yaml", "--out", out)
+    assert (out / "discover.json").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("tissue", "told"),
+    [
+        ({}, "discover.effects: softening: not with this template; expected some of area-error, buckling, "),
+        ({"matrix": "tissue"}, "discover.effects: softening: simulator.fibre does not say which material is the fibre"),
+    ],
+)
+def test_an_effect_that_the_template_cannot_have_is_refused(study, tmp_path, capsys, tissue, told):
+    with pytest.raises(SystemExit) as ended:
+        sinew("discover", study(simulator=tissue, discover={"effects": ["softening"]}), "--out", tmp_path / "out")
+    assert ended.value.code == 2
+    assert told in capsys.readouterr().err
 
 
 def test_where_the_model_is_true_nothing_is_named(study, tmp_path):

@@ -1,12 +1,12 @@
 """What a person says of a FEBio model: which numbers vary, what is moved, and what is measured."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.simulate.febio.model_file.contents import Contents, Moved, Number
+from sinew.tasks.simulate.febio.model_file.contents import Contents, Material, Moved, Number, fibre_and_matrix
 from sinew.tasks.simulate.febio.settings import IDENTIFIER, OF_THE_STORE
 from sinew.tasks.simulate.febio.variables import TAKEN
 
@@ -102,6 +102,23 @@ def moved(where: str, contents: Contents, name: str | None) -> Moved | None:
     if len(found) > 1:
         raise BadInput(f"{where}--move", f"{shown(name)} is the name of {len(found)}", "a model with a name for each")
     return found[0]
+
+
+def constituents(where: str, contents: Contents, chosen: Mapping[str, str | None]) -> dict[str, Material]:
+    """The fibre and the matrix by the paths of their materials, else as far as the model tells.
+
+    Raises :class:`BadInput`.
+    """
+    if not any(chosen.values()):
+        return fibre_and_matrix(contents.laws)
+    by_path = {one.path: one for one in contents.laws}
+    found = {}
+    for name, path in chosen.items():
+        if path is not None and path not in by_path:
+            raise BadInput(f"{where}--{name}", f"no material {shown(path)}", _some(path, list(by_path)))
+        if path is not None:
+            found[name] = by_path[path]
+    return found
 
 
 def force_of(where: str, contents: Contents, moved: Moved, scale: float) -> Measured:

@@ -14,6 +14,7 @@ from sinew.tasks.simulate.febio.model_file.source import Element, Source
 
 SECTIONS = ("Globals", "Initial", "Boundary", "Rigid", "Loads", "Contact", "Constraints", "Discrete")
 STEPS = ("Step", "step")
+PARTS = ("material", "solid", "elastic")  # elements of a material that are materials themselves
 _NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"  # one way to read each text: matching takes linear time
 _NUMBERS = re.compile(rf"\s*{_NUMBER}\s*(?:,\s*{_NUMBER}\s*)*")
 _AXES = ("x", "y", "z")
@@ -48,6 +49,18 @@ class Moved:
 
 
 @dataclass(frozen=True)
+class Material:
+    """A material, or a part of one: its path, such as ``tendon.solid[2].elastic``, and FEBio's type of it.
+
+    ``elementary``: it has no other material inside.
+    """
+
+    path: str
+    law: str
+    elementary: bool
+
+
+@dataclass(frozen=True)
 class Sets:
     """Names that an output can be of. A surface stands for its nodes."""
 
@@ -61,7 +74,8 @@ class Sets:
 class Contents:
     """What a model holds. ``materials`` and ``others``: numbers in materials, and in loads and other sections.
 
-    ``texts``: parts of materials that are no numbers (maps, formulas, options), which cannot vary.
+    ``texts``: parts of materials that are no numbers (maps, formulas, options), which cannot vary. ``laws``: the
+    materials themselves, but those of rigid bodies.
     """
 
     materials: tuple[Number, ...]
@@ -69,6 +83,7 @@ class Contents:
     texts: tuple[str, ...]
     moved: tuple[Moved, ...]
     sets: Sets
+    laws: tuple[Material, ...] = ()
 
     @property
     def numbers(self) -> Mapping[str, Number]:
@@ -98,7 +113,35 @@ def contents_of(source: Source) -> Contents:
         for leaf in _leaves(f"{prefix}{part.tag}.{name}", one)
     )
     others = [number for path, leaf in _few(source, leaves) for number in _numbers(source, path, leaf)]
-    return Contents(tuple(numbers), tuple(others), tuple(texts), tuple(_moved(source)), _sets(source, materials))
+    laws = tuple(law for name, material in _named(materials, "material") for law in _laws(name, material))
+    return Contents(tuple(numbers), tuple(others), tuple(texts), tuple(_moved(source)), _sets(source, materials), laws)
+
+
+# ---- materials
+
+
+def _laws(path: str, element: Element) -> Iterator[Material]:
+    """The material of an element and those inside it."""
+    law = element.attributes.get("type", "")
+    if not law or law == "rigid body":
+        return
+    inside = [one for step, child in _steps(element) if child.tag in PARTS for one in _laws(f"{path}.{step}", child)]
+    yield Material(path, law, not inside)
+    yield from inside
+
+
+def fibre_and_matrix(laws: tuple[Material, ...]) -> dict[str, Material]:
+    """The materials that are the fibre and the matrix, as far as that is certain.
+
+    The only fibre material is the fibre, and the only other elementary one the matrix. A single one is both.
+    """
+    elementary = [one for one in laws if one.elementary]
+    if len(elementary) == 1:
+        return {"fibre": elementary[0], "matrix": elementary[0]}
+    fibres = [one for one in elementary if "fiber" in one.law]
+    others = [one for one in elementary if "fiber" not in one.law]
+    found = {"fibre": fibres, "matrix": others}
+    return {name: each[0] for name, each in found.items() if len(each) == 1 and len(fibres) == 1}
 
 
 # ---- numbers
@@ -117,12 +160,16 @@ def _leaves(path: str, element: Element) -> Iterator[tuple[str, Element]]:
     """The elements without children inside ``element``, with their paths; an element without children is itself one."""
     if not element.children:
         yield path, element
-    tags = Counter(child.tag for child in element.children)
-    seen = Counter[str]()
+    for step, child in _steps(element):
+        yield from _leaves(f"{path}.{step}", child)
+
+
+def _steps(element: Element) -> Iterator[tuple[str, Element]]:
+    """The children of an element, each with its tag, and its number where several have it."""
+    tags, seen = Counter(child.tag for child in element.children), Counter[str]()
     for child in element.children:
         seen[child.tag] += 1
-        step = child.tag if tags[child.tag] == 1 else f"{child.tag}[{seen[child.tag]}]"
-        yield from _leaves(f"{path}.{step}", child)
+        yield (child.tag if tags[child.tag] == 1 else f"{child.tag}[{seen[child.tag]}]"), child
 
 
 def _few(source: Source, leaves: Iterator[tuple[str, Element]]) -> Iterator[tuple[str, Element]]:

@@ -23,6 +23,9 @@ def lines(source: Source, contents: Contents) -> Iterator[str]:
         yield from _listed(contents.texts)
     yield "can be moved by the measured displacement (--move NAME):"
     yield from _listed([_moved(one) for one in contents.moved] or ["nothing"])
+    if contents.laws:
+        yield "materials (--fibre NAME and --matrix NAME, for effects inside the tissue):"
+        yield from _listed([f"{one.path} ({one.law})" for one in contents.laws])
     yield "outputs can be of (--measure NAME=ITEM@SET):"
     sets = contents.sets
     kinds = {"nodes": sets.nodes, "surfaces": sets.surfaces, "elements": sets.elements, "rigid bodies": sets.rigid}
@@ -54,6 +57,7 @@ def as_json(source: Source, contents: Contents) -> dict[str, Any]:
         "materials": {one.path: one.value for one in contents.materials},
         "others": {one.path: one.value for one in contents.others},
         "texts": list(contents.texts),
+        "laws": {one.path: one.law for one in contents.laws},
         "moved": [{"name": one.name, "target": one.target, "axis": one.axis} for one in contents.moved],
         "sets": {
             "nodes": list(contents.sets.nodes),

@@ -9,18 +9,9 @@ from itertools import pairwise
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.simulate.febio.model_file.contents import Moved, is_id
 from sinew.tasks.simulate.febio.model_file.source import Element, Source
+from sinew.tasks.simulate.febio.units import MILLIMETRES, UNITS
 
 MOST_POINTS = 5_000  # of the history in a study
-UNITS = {
-    "mm-N-s": (1.0, 1.0),
-    "SI": (1e-3, 1.0),
-    "CGS": (1e-1, 1e-5),
-    "mm-kg-s": (1.0, 1e-3),
-    "mm-g-s": (1.0, 1e-6),
-    "mm-mg-s": (1.0, 1e-9),
-    "um-nN-s": (1e3, 1e-9),
-}
-"""FEBio's systems of units: a millimetre in the unit of length, and the unit of force in newtons."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +38,7 @@ def units(source: Source) -> tuple[str, float, float]:
     """
     module = source.section("Module")
     named = module.find("units") if module is not None else None
-    name = named.text if named is not None and named.text else "mm-N-s"
+    name = named.text if named is not None and named.text else MILLIMETRES
     if name not in UNITS:
         raise BadInput(source.path, f"units {shown(name)} are not known", f"one of {', '.join(UNITS)}")
     return name, *UNITS[name]

@@ -77,7 +77,9 @@ WRONG = {
     "unknown variable": ("model.parameters.nu", None, "dogbone.feb.j2: unknown variable nu; expected some of E_matrix"),
     "no parameters": ("model.parameters", {}, "no parameter with min and max"),
     "tissue's constant": ("model.beta", 3.0, "model.beta: with a template"),
-    "tissue's effect": ("model.effects", ["toe-slack"], "model.effects: 'toe-slack' with a template; expected ef"),
+    "tissue's effect": ("model.effects", ["rupture"], "model.effects: 'rupture' with a template; expected effects"),
+    "effect of nothing": ("model.effects", ["softening"], "model.effects: softening: simulator.fibre does not say"),
+    "no such material": ("simulator.fibre", "tendon", "simulator.fibre: no material 'tendon' in dogbone.feb.j2; expec"),
     "law": ("model.effects", ["fibres * (1 - a)"], "model.effects: "),
     "effect twice": ("model.effects", ["time-lag", "time-lag/filter"], "time-lag is a duplicate"),
     "range of an effect": ("model.parameters.force_lag", {"min": 0.1, "max": 0.2}, "parameters.force_lag: not used"),
@@ -129,7 +131,7 @@ def test_measured_curves_need_a_force(tmp_path, settings):
 @pytest.mark.parametrize(
     ("section", "keep", "told"),
     [
-        ({"effects": ["time-lag", "softening"]}, "nothing", "discover.effects: softening: not with a template;"),
+        ({"effects": ["time-lag", "softening"]}, "nothing", "discover.effects: softening: not with this template;"),
         ({}, "fields", "discover: with keep: fields; expected keep: nothing"),
     ],
 )

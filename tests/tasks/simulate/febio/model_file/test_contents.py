@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.simulate.febio.model_file.contents import contents_of, nodes_of_surface
+from sinew.tasks.simulate.febio.model_file.contents import contents_of, fibre_and_matrix, nodes_of_surface
 from sinew.tasks.simulate.febio.model_file.listing import as_json, lines
 from sinew.tasks.simulate.febio.model_file.loading import loading_of, units
 from sinew.tasks.simulate.febio.model_file.source import read_source
@@ -65,6 +65,36 @@ def test_names_that_are_there_twice_and_parts_without_a_name_get_numbers(tmp_pat
     assert "material2.E[1]" in paths
     assert "gel ä[2].E[2]" in paths
     assert "gel ä[1].t1" in paths
+
+
+def test_the_only_fibre_is_the_fibre_and_the_only_other_law_the_matrix(tmp_path):
+    def laws(*solids):
+        mixture = "".join(
+            f'<solid type="viscoelastic"><elastic type="{law}"><E>1</E></elastic></solid>' for law in solids
+        )
+        rigid = '<material id="2" name="clamp" type="rigid body"><density>1</density></material>'
+        begin, end = CUBE.index("<Material>"), CUBE.index("</Material>")
+        tendon = f'<Material><material id="1" name="tendon" type="solid mixture">{mixture}</material>{rigid}'
+        return contents_of(read(tmp_path, CUBE[:begin] + tendon + CUBE[end:])).laws
+
+    both = laws("neo-Hookean", "fiber-exp-pow")
+    assert [(one.path, one.elementary) for one in both] == [
+        ("tendon", False),
+        ("tendon.solid[1]", False),
+        ("tendon.solid[1].elastic", True),
+        ("tendon.solid[2]", False),
+        ("tendon.solid[2].elastic", True),
+    ]
+    found = fibre_and_matrix(both)
+    assert {name: one.path for name, one in found.items()} == {
+        "fibre": "tendon.solid[2].elastic",
+        "matrix": "tendon.solid[1].elastic",
+    }
+    assert set(fibre_and_matrix(laws("neo-Hookean", "neo-Hookean", "fiber-exp-pow"))) == {"fibre"}
+    assert fibre_and_matrix(laws("neo-Hookean", "fiber-exp-pow", "fiber-exp-pow")) == {}
+    assert fibre_and_matrix(laws("neo-Hookean", "isotropic elastic")) == {}
+    one = fibre_and_matrix(laws("neo-Hookean"))
+    assert one["fibre"] == one["matrix"]
 
 
 def test_a_rigid_body_can_be_moved(tmp_path):
