@@ -56,6 +56,7 @@ from sinew.tasks.discover.settings import Settings
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.build import febio_of
+from sinew.tasks.simulate.febio import effects_inside
 from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
 from sinew.tasks.study.streams import Stream
@@ -176,6 +177,8 @@ def inputs_of(workspace: Workspace, settings: Settings, specimens: Sequence[Spec
     simulators = [workspace.simulator.identity()]
     if model.law == "tendon":
         simulators.append(febio_of(workspace.study, (), attempts_folder(workspace.out)).identity())
+    elif where := workspace.simulator.capabilities.constituents:
+        simulators.append({"inside": effects_inside.VERSION, "at": dict(where)})
     return key(DiscoverResult, settings.model_dump(), workspace.seed, model.identity(), ranges, data, simulators)
 
 
@@ -359,7 +362,8 @@ def _outside(workspace: Workspace, findings: Findings) -> Outside:
     cohort = findings.cohort
     measured = [one.measured for one in cohort]
     points = [one.at for one in findings.candidates.bare[:MAX_SPECIMENS]]
-    known = library_for([one.specimen for one in measured])
+    every = library_for([one.specimen for one in measured])
+    known = {slug: effect for slug, effect in every.items() if effect.name not in findings.candidates.left_out}
     ask = partial(shape, cohort[0].candidate().stand_in, measured[:MAX_SPECIMENS], points, known)
     return on_a_worker(workspace, cohort, "what the misfit looks like", ask)
 

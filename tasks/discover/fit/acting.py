@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sinew.runner.evaluation.batch import RETRIED
 from sinew.runner.store.schema import STATUSES
 from sinew.tasks.discover.fit.fit import Candidate
 from sinew.tasks.model import Curve, Specimen
@@ -44,6 +45,11 @@ def why_not(numbers: Array) -> str | None:
     if at_typical < max(CHANGED, CLEARLY * at_null):
         return f"it does next to nothing here: at its typical size the force changes by {at_typical:.2g} of its peak"
     return None
+
+
+def by_accident(numbers: Array) -> bool:
+    """Whether a run failed by an accident, which says nothing about the effect."""
+    return STATUSES[int(numbers[0])] in RETRIED
 
 
 def possible(numbers: Array) -> bool:

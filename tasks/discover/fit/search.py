@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 
+from sinew.runner.errors import BadInput, brief
 from sinew.runner.evaluation.adaptive import Session
 from sinew.tasks.discover.fit.acting import why_not
 from sinew.tasks.discover.fit.bounds import at_limit
@@ -112,6 +113,9 @@ def search(
     could = [form for form in forms if _possible(form, cohort)]
     left_out = _left_out(workspace, cohort, could, bare_fits[0])
     singles = [form for form in could if form[0].name not in left_out]
+    if not singles:
+        problem = brief("; ".join(f"{name}: {why}" for name, why in left_out.items()), 200)
+        raise BadInput(f"{workspace.study.path}: discover.effects", problem, "effects that this model can have")
     best = list(bare_fits)
 
     def with_one(i: int, effects: Effects, session: Session) -> Fitted:
@@ -155,14 +159,17 @@ def _left_out(
 
     ``bare``: the best fit of the first specimen, at which single ``forms`` are run.
     """
-    inside = [form for form in forms if not form[0].around]
-    if workspace.model.law == "tendon" or not inside:
+    if workspace.model.law == "tendon":
         return {}
+    own = set(workspace.model.names)
+    taken = {form[0].name: f"the model has a parameter {', '.join(both)}" for form in forms
+             if (both := sorted(own & set(form[0].names)))}  # fmt: skip
+    inside = [form for form in forms if not (form[0].around or form[0].name in taken)]
     found = each_for_all(
         workspace, cohort[:1], "effects inside the model", inside,
         lambda i, effects, session: why_not(cohort[i].tried(session, effects, bare)),
-    )  # fmt: skip
-    return {form[0].name: why for form, (why,) in zip(inside, found, strict=True) if why is not None}
+    ) if inside else []  # fmt: skip
+    return taken | {form[0].name: why for form, (why,) in zip(inside, found, strict=True) if why is not None}
 
 
 def _add_pairs(

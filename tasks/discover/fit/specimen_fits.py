@@ -26,7 +26,7 @@ from sinew.tasks.model import Model, Specimen, file_name
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, TakesEffects, around, taking_effects
 from sinew.tasks.simulate.effects import VERSION
-from sinew.tasks.simulate.febio import constituents
+from sinew.tasks.simulate.febio import effects_inside
 from sinew.tasks.study.checkpoint import Checkpoint, Possible, in_unit_cube
 from sinew.tasks.study.files import digest
 from sinew.tasks.study.workspace import Workspace
@@ -71,14 +71,24 @@ class SpecimenFits:
         how = [asdict(self.measured.noise), solver, VERSION, [each.name for each in fields(Fitted)]]
         if self.model.law != "tendon":
             how += [few_runs.VERSION, around.VERSION]
-        if self.solver and (where := dict(self.solver.capabilities.constituents)):
-            how += [constituents.VERSION, where]
         inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, *how, what)
         return Checkpoint(self.folder / f"{file_name(self.name)}.{digest(what)[:12]}.jsonl", inputs, width, possible)
 
+    def _forms(self, effects: Effects) -> list[str]:
+        """The name and equation of each effect's form, and where those inside a user's own model are in it."""
+        forms = [f"{effect.name}: {effect.equation}" for effect in effects]
+        within = tuple(effect for effect in effects if not effect.around)
+        if self.model.law == "tendon" or not within or self.solver is None:
+            return forms
+        where = dict(self.solver.capabilities.constituents)
+        at = [f"{name}: {where.get(name)}" for name in sorted(effects_inside.used(within))]
+        return [*forms, *at, str(effects_inside.VERSION)]
+
     def _fits_with(self, kind: str, candidate: Candidate, effects: Effects, *starts: Array) -> Checkpoint:
         """The file of fits of one kind with ``effects``, which begin at ``starts``, each ``[k]``."""
-        return self._checkpoint(candidate.fitted_width, kind, _forms(effects), digest(*starts, *candidate.bounds()))
+        return self._checkpoint(
+            candidate.fitted_width, kind, self._forms(effects), digest(*starts, *candidate.bounds())
+        )
 
     def _fitted(self, checkpoint: Checkpoint, number: int, session: Session, *arguments: Any) -> Fitted:
         """Fit ``number`` of a checkpoint: read back, or computed on a worker by a function and its arguments."""
@@ -118,10 +128,13 @@ class SpecimenFits:
     def tried(self, session: Session, effects: Effects, bare: Fitted) -> Array:
         """What an effect inside a model of the user's own does, see :func:`sinew.tasks.discover.fit.acting.tried`."""
         candidate = self.candidate(effects)
-        what = ("tried", _forms(effects), digest(bare.at, *candidate.bounds()))
+        what = ("tried", self._forms(effects), digest(bare.at, *candidate.bounds()))
         checkpoint = self._checkpoint(3, *what, possible=acting.possible)
         if not len(checkpoint):
-            checkpoint.append(session.compute(acting.tried, candidate, self.measured.specimen, bare.at))
+            numbers = session.compute(acting.tried, candidate, self.measured.specimen, bare.at)
+            if acting.by_accident(numbers):
+                return np.asarray(numbers)
+            checkpoint.append(numbers)
         return np.asarray(checkpoint.kept[0])
 
     def extended(self, session: Session, effects: Effects, base: Fitted) -> Fitted:
@@ -142,7 +155,7 @@ class SpecimenFits:
         def possible(numbers: Array) -> bool:
             return in_unit_cube(numbers[:ends]) and Fitted.possible(numbers[ends:])
 
-        what = ("profiled", _forms(effects), digest(fitted.at, *candidate.bounds()))
+        what = ("profiled", self._forms(effects), digest(fitted.at, *candidate.bounds()))
         checkpoint = self._checkpoint(ends + candidate.fitted_width, *what, possible=possible)
         if not len(checkpoint):
             profile = session.compute(profiled, candidate, self.measured, fitted)
@@ -153,7 +166,7 @@ class SpecimenFits:
     def promise(self, session: Session, effects: Effects, base: Fitted) -> float:
         """The loss that a fit with ``effects`` may reach, predicted from ``base``, which lacks the last of them."""
         candidate, before = self.candidate(effects), self.candidate(effects[:-1])
-        what = ("promise", _forms(effects), digest(base.at, *candidate.bounds()))
+        what = ("promise", self._forms(effects), digest(base.at, *candidate.bounds()))
         checkpoint = self._checkpoint(1, *what, possible=None)
         if not len(checkpoint):
             ahead = session.compute(look_ahead, before, base.at, effects[-1], self.measured)
@@ -167,7 +180,7 @@ class SpecimenFits:
         """
         candidate, count = self.candidate(effects).stand_in, blocks_of(self.measured)
         begins = [start] if sizes is None else [start, sizes]
-        what = ("beside", _forms(effects), digest(*begins, *candidate.bounds()))
+        what = ("beside", self._forms(effects), digest(*begins, *candidate.bounds()))
         checkpoint = self._checkpoint(
             1 + count + candidate.fitted_width, *what, possible=lambda numbers: Beside.possible(numbers, count)
         )
@@ -187,7 +200,7 @@ class SpecimenFits:
         candidate, base = self.candidate(effects).stand_in, self.candidate(effects[:-1]).stand_in
         count = before.sizes.size
         begins = [before.fitted.at, before.sizes, *([] if known is None else [known])]
-        what = ("promise beside", _forms(effects), digest(*begins, *candidate.bounds()))
+        what = ("promise beside", self._forms(effects), digest(*begins, *candidate.bounds()))
         checkpoint = self._checkpoint(1 + candidate.size + count, *what, possible=None)
         if not len(checkpoint):
             ahead = session.compute(promise_beside, base, before, effects[-1], self.measured, known)
@@ -233,11 +246,6 @@ class SpecimenFits:
 def _fit_beside(candidate: Candidate, measured: Measured, start: Array, last: int) -> Fitted:
     """A fit with the ``last`` values fixed."""
     return fit(candidate, measured, start, fixed=range(start.size - last, start.size))
-
-
-def _forms(effects: Effects) -> list[str]:
-    """The name and equation of each effect's form."""
-    return [f"{effect.name}: {effect.equation}" for effect in effects]
 
 
 def fits_of_each(workspace: Workspace, chosen: Sequence[Specimen]) -> list[SpecimenFits]:

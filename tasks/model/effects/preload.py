@@ -37,10 +37,9 @@ _RELAXED = Effect(
         "fibre_elastic": """\
 <elastic type="prestrain elastic">
   [[ elastic ]]
-  <prestrain type="in-situ stretch">
+  <prestrain type="prestrain gradient">
     <ramp>1</ramp>
-    <stretch>{{ parameters.preload_stretch | full }}</stretch>
-    <isochoric>0</isochoric>
+    <F0>1,0,0,0,1,0,0,0,{{ parameters.preload_stretch | full }}</F0>
   </prestrain>
 </elastic>"""
     },

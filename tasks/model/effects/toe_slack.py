@@ -59,10 +59,9 @@ _TOGETHER = Effect(
         "fibre_elastic": """\
 <elastic type="prestrain elastic">
   [[ elastic ]]
-  <prestrain type="in-situ stretch">
+  <prestrain type="prestrain gradient">
     <ramp>1</ramp>
-    <stretch>{{ parameters.slack_stretch | full }}</stretch>
-    <isochoric>0</isochoric>
+    <F0>1,0,0,0,1,0,0,0,{{ parameters.slack_stretch | full }}</F0>
   </prestrain>
 </elastic>"""
     },

@@ -1,51 +1,34 @@
-"""Fibre and matrix in a FEBio model of the user's own: where they stand, and effects of the library around them.
+"""Fibre and matrix in a FEBio model of the user's own: where these materials stand, and what they are.
 
-A study names the material that is the fibre, the matrix, or both. An effect wraps that material, or adds terms to its
-Prony series, in the rendered input: no template has to be changed. Materials with an uncoupled volume take FEBio's
-uncoupled kinds of the same wrappers.
+A name is the way to a material in the rendered input, such as ``tendon.solid[2].elastic``.
 """
 
+import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from copy import deepcopy
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
-from xml.etree.ElementTree import Element, SubElement, fromstring, tostring
+from xml.etree.ElementTree import Element
 
-import defusedxml.ElementTree
+import numpy as np
 
-from sinew.tasks.model.effect import Effect, in_order
+from sinew.tasks.simulate.febio.input_text import parsed
+from sinew.tasks.simulate.febio.model_file.contents import NUMBER, PARTS
 from sinew.tasks.simulate.febio.units import MILLIMETRES, UNITS, stress_MPa
-from sinew.tasks.simulate.row_by_row import Failed
 
-VERSION = 1  # of the inputs that are made here
 NAMES = ("fibre", "matrix")
 TERMS = 6  # of a Prony series in FEBio, at most
-SQUARE = 2.0  # the exponent of the fibres' toe where no effect changes it
 MEMORY = ("viscoelastic", "uncoupled viscoelastic")
-UNCOUPLED_KINDS = {
-    "viscoelastic": "uncoupled viscoelastic",
-    "elastic damage": "uncoupled elastic damage",
-    "prestrain elastic": "uncoupled prestrain elastic",
-}
+MOST_LISTED, LONGEST = 20, 60  # materials of a message, and the letters of each
 #: Uncoupled materials of FEBio 4 whose names do not say so.
 UNCOUPLED = {
-    *("2D trans iso Mooney-Rivlin", "Arruda-Boyce", "EFD Mooney-Rivlin", "EFD Veronda-Westmann", "Fung orthotropic"),
-    *(
-        "Gent",
-        "HGO-coronary",
-        "Holzapfel-Gasser-Ogden",
-        "Mooney-Rivlin",
-        "Mooney-Rivlin AD",
-        "Ogden",
-        "Veronda-Westmann",
-    ),
-    *("Mooney-Rivlin von Mises Fibers", "TC nonlinear orthotropic", "Yeoh", "incomp neo-Hookean", "muscle material"),
+    *("2D trans iso Mooney-Rivlin", "2D trans iso Veronda-Westmann", "Arruda-Boyce", "EFD Mooney-Rivlin"),
+    *("EFD Veronda-Westmann", "Fung orthotropic", "Gent", "HGO-coronary", "Holzapfel-Gasser-Ogden", "Mooney-Rivlin"),
+    *("Mooney-Rivlin AD", "Mooney-Rivlin von Mises Fibers", "Ogden", "TC nonlinear orthotropic", "Veronda-Westmann"),
+    *("Yeoh", "damage Mooney-Rivlin", "damage trans iso Mooney-Rivlin", "incomp neo-Hookean", "muscle material"),
     *("tendon material", "trans iso MR-Estrada", "trans iso Mooney-Rivlin", "trans iso Veronda-Westmann"),
 }
-SAME_IN_ONE = {"fluid-flow": "relaxation-mode"}  # one law, where fibre and matrix are one material
+_STEP = re.compile(rf"({'|'.join(PARTS)})(?:\[(\d{{1,4}})\])?")
 
 
 @dataclass(frozen=True)
@@ -53,27 +36,27 @@ class Constituent:
     """A material that an effect can be put around.
 
     ``path``: where it stands, such as ``tendon.solid[2].elastic``. ``law``: FEBio's type of it. ``free_terms``: of the
-    Prony series around it, all of them where there is none. ``exponent``: of its toe, the number in ``<beta>`` if it
-    has one that does not vary. ``modulus``: whether it has a Young's modulus ``<E>``. ``directed``: whether it has
-    fibres along ``<fiber>``. ``stress_MPa``: the model's unit of stress.
+    Prony series around it, all of them where there is none (``in_series`` tells). ``exponent``: of its toe, the number
+    in ``<beta>`` if that does not vary. ``modulus``: whether it has a Young's modulus ``<E>``. ``directed``: whether
+    it has fibres along ``<fiber>``; ``straight``: along one direction of the whole model. ``mapped``: directions are
+    given element by element, by the way to the material. ``stress_MPa``: the model's unit of stress.
     """
 
     path: str
     law: str
     uncoupled: bool
     free_terms: int
+    in_series: bool
     exponent: float | None
     modulus: bool
     directed: bool
+    straight: bool
+    mapped: bool
     stress_MPa: float
 
 
-class NoMaterial(Exception):
-    """There is no material at a path; holds those that there are."""
-
-
-class NoUnits(Exception):
-    """The model's system of units is not known; holds its name."""
+class NotFound(Exception):
+    """There is no such material, or the model's units are not known: the problem, and what was expected."""
 
 
 # ---- where they stand
@@ -82,34 +65,39 @@ class NoUnits(Exception):
 def located(texts: list[str], path: str) -> Constituent:
     """The material at ``path`` of an input, which was rendered with several parameter sets.
 
-    Raises :class:`NoMaterial` and :class:`NoUnits`.
+    Of a material that relaxes, its elastic part. Raises :class:`NotFound`.
     """
     places = []
     for text in texts:
-        root = _root(text)
-        every = dict(_materials(root))
+        root = parsed(text)
         if (system := root.findtext("Module/units", "").strip() or MILLIMETRES) not in UNITS:
-            raise NoUnits(system)
-        if path not in every:
-            raise NoMaterial(*sorted(every))
-        inner, place = _elastic(path, every[path])
+            raise NotFound(f"units {system[:LONGEST]!r} are not known", f"one of {', '.join(UNITS)}")
+        found = list(places_at(root, path))
+        if len(found) != 1:
+            problem = f"{'no material' if not found else 'several materials'} {path[:LONGEST]!r}"
+            raise NotFound(problem, f"one of {', '.join(_listed(root))}")
+        inner, place = _elastic(path, found[0])
         places.append(place)
     first = places[0]
-    exponents = {_number(place.element.findtext("beta")) for place in places}
+    exponents = {number_in(place.element.find("beta")) for place in places}
+    directions = {direction_of(place) for place in places}
     return Constituent(
         inner,
         first.element.get("type", ""),
         first.uncoupled,
-        TERMS if first.series is None else len(_free_terms(first.series)),
+        TERMS if first.series is None else len(free_terms_of(first.series)),
+        first.series is not None,
         exponents.pop() if len(exponents) == 1 else None,
-        all(_number(place.element.findtext("E")) is not None for place in places),
+        all((number_in(place.element.find("E")) or 0.0) > 0.0 for place in places),
         first.element.find("fiber") is not None,
+        directions != {None} and len(directions) == 1,
+        any(part.get("type", "").rpartition(".")[2] in ("fiber", "mat_axis") for part in root.iter("ElementData")),
         stress_MPa(system),
     )
 
 
 @dataclass(frozen=True)
-class _Place:
+class Place:
     """A material in an input, and the materials that it is a part of, the outermost first."""
 
     element: Element
@@ -123,186 +111,89 @@ class _Place:
 
     @property
     def uncoupled(self) -> bool:
-        return any(
-            "uncoupled" in (law := one.get("type", "")) or law in UNCOUPLED for one in (*self.around, self.element)
-        )
+        every = [one.get("type", "") for one in (*self.around, self.element)]
+        return any("uncoupled" in law or law in UNCOUPLED for law in every)
 
 
-def _free_terms(series: Element) -> list[int]:
+def free_terms_of(series: Element) -> list[int]:
     """Numbers of the terms that a Prony series does not have."""
     has = {child.tag for child in series}
     return [number for number in range(1, TERMS + 1) if not {f"g{number}", f"t{number}"} & has]
 
 
-def _root(text: str) -> Element:
-    root: Element = defusedxml.ElementTree.fromstring(text.encode(), forbid_dtd=True)
-    return root
-
-
-def _materials(root: Element) -> Iterator[tuple[str, _Place]]:
-    """Everything with a type in the section of materials, with its path."""
+def _labelled(root: Element) -> Iterator[tuple[str, Element]]:
+    """The materials of an input, each with a name of its own."""
     section = root.find("Material")
     materials = [] if section is None else section.findall("material")
-    names = [one.get("name") or f"material{one.get('id', '')}" for one in materials]
+    names = [one.get("name", "").strip() or f"material{one.get('id', '')}" for one in materials]
     count, seen = Counter(names), Counter[str]()
     for name, one in zip(names, materials, strict=True):
         seen[name] += 1
-        yield from _inside(name if count[name] == 1 else f"{name}[{seen[name]}]", _Place(one, ()))
+        yield (name if count[name] == 1 else f"{name}[{seen[name]}]"), one
 
 
-def _inside(path: str, place: _Place) -> Iterator[tuple[str, _Place]]:
-    if place.element.get("type") is None:
-        return
-    yield path, place
-    tags, seen = Counter(child.tag for child in place.element), Counter[str]()
-    for child in place.element:
-        seen[child.tag] += 1
-        step = child.tag if tags[child.tag] == 1 else f"{child.tag}[{seen[child.tag]}]"
-        yield from _inside(f"{path}.{step}", _Place(child, (*place.around, place.element)))
+def places_at(root: Element, path: str) -> Iterator[Place]:
+    """The materials that ``path`` stands for: one, unless names are such that there are more."""
+    for label, material in _labelled(root):
+        if path == label:
+            found = _down(Place(material, ()), [])
+        elif path.startswith(f"{label}."):
+            found = _down(Place(material, ()), path[len(label) + 1 :].split("."))
+        else:
+            continue
+        if found is not None:
+            yield found
 
 
-def _elastic(path: str, place: _Place) -> tuple[str, _Place]:
+def _down(place: Place, steps: list[str]) -> Place | None:
+    for step in steps:
+        match = _STEP.fullmatch(step)
+        inside = place.element.findall(match[1]) if match else []
+        number = int(match[2]) if match and match[2] else 1
+        if match is None or not 0 < number <= len(inside) or (match[2] is None and len(inside) > 1):
+            return None
+        place = Place(inside[number - 1], (*place.around, place.element))
+    return place if place.element.get("type") else None
+
+
+def _listed(root: Element) -> list[str]:
+    """The first materials of an input, by their paths."""
+    found: list[str] = []
+    waiting = [(label[:LONGEST], material) for label, material in _labelled(root)]
+    while waiting and len(found) < MOST_LISTED:
+        path, element = waiting.pop(0)
+        found += [path] if element.get("type") else []
+        for tag in PARTS:
+            inside = element.findall(tag)[:MOST_LISTED]
+            ways = [tag] if len(inside) == 1 else [f"{tag}[{i}]" for i in range(1, len(inside) + 1)]
+            waiting += [(f"{path}.{way}", one) for way, one in zip(ways, inside, strict=True)]
+    return found or ["none, as there is none"]
+
+
+def _elastic(path: str, place: Place) -> tuple[str, Place]:
     """The elastic part of a material that relaxes, and its path; any other material itself."""
-    inner = place.element.find("elastic")
-    if place.element.get("type") not in MEMORY or inner is None:
-        return path, place
-    return _elastic(f"{path}.elastic", _Place(inner, (*place.around, place.element)))
+    while place.element.get("type") in MEMORY and (inner := place.element.find("elastic")) is not None:
+        path, place = f"{path}.elastic", Place(inner, (*place.around, place.element))
+    return path, place
 
 
-def _number(text: str | None) -> float | None:
-    try:
-        return None if text is None else float(text)
-    except ValueError:
+def number_in(element: Element | None) -> float | None:
+    """The number in an element, if it is one that stays as it is."""
+    if element is None or "lc" in element.attrib or element.get("type", "const") != "const":
         return None
+    text = (element.text or "").strip()
+    return float(text) if re.fullmatch(NUMBER, text) and math.isfinite(float(text)) else None
 
 
-# ---- which effects they can have
-
-
-def why_not(effect: Effect, found: Mapping[str, Constituent], settles: bool) -> str | None:
-    """Why a model with these constituents, by name, cannot have an effect inside; None where it can.
-
-    ``settles``: the solver waits until what is loaded at rest has relaxed.
-    """
-    if not effect.febio or "thickness_mm" in effect.febio:
-        return effect.no_febio or "it acts around the specimen"
-    if effect.loaded_at_rest and not settles:
-        return "simulator.settle_s does not say how long it takes to relax at rest"
-    one = len({constituent.path for constituent in found.values()}) < len(found)
-    if one and effect.slug in SAME_IN_ONE:
-        return f"in a single material it is {SAME_IN_ONE[effect.slug]}"
-    for place, partial in effect.febio.items():
-        name = "fibre" if place == "beta" else place.partition("_")[0]
-        if name not in found:
-            return f"simulator.{name} does not say which material is the {name}"
-        if problem := _problem(place, partial, found[name]):
-            return f"{found[name].path} ({found[name].law}) {problem}"
-    if "parameters.E_m" in "".join(effect.febio.values()) and not found["matrix"].modulus:
-        return f"{found['matrix'].path} ({found['matrix'].law}) has no modulus E"
-    return None
-
-
-def _problem(place: str, partial: str, one: Constituent) -> str | None:
-    if place == "beta":
-        return None if one.exponent == SQUARE else f"has no exponent beta that stays {SQUARE:g}"
-    if place.endswith("memory"):
-        return None if one.free_terms else f"has {TERMS} relaxation times already, FEBio's most"
-    kind = _kind_of(partial)
-    if one.uncoupled and kind not in UNCOUPLED_KINDS:
-        return f"is uncoupled, and FEBio's {kind} is not"
-    if kind == "prestrain elastic" and not one.directed:
-        return "has no fibres along a direction"
-    return None
-
-
-def _kind_of(partial: str) -> str:
-    found = re.match(r'<elastic type="([^"]+)">', partial)
-    assert found is not None, "a partial of the library"
-    return found[1]
-
-
-# ---- inputs with effects
-
-
-def with_effects(
-    text: str, found: Mapping[str, Constituent], effects: tuple[Effect, ...], parameters: Mapping[str, float]
-) -> str:
-    """The input ``text`` with ``effects`` around its constituents, at the effects' ``parameters``.
-
-    Raises :class:`Failed` where these parameters make another input than the template's reference.
-    """
-    root = _root(text)
-    places = dict(_materials(root))
-    missing = [one.path for one in found.values() if one.path not in places]
-    if missing:
-        raise Failed("bad_input", f"there is no material {missing[0]} with these parameters")
-    at = {name: places[one.path] for name, one in found.items()}
-    unit = next(iter(found.values())).stress_MPa
-    values = {one.name: parameters[one.name] / _in_MPa(one.unit, unit) for each in effects for one in each.parameters}
-    if "matrix" in at and (modulus := _number(at["matrix"].element.findtext("E"))) is not None:
-        values["E_m"] = modulus
-    # wrappers that change the fibres' stretch go outside, so that the laws inside get the changed stretch
-    chosen = sorted(in_order(effects), key=lambda effect: effect.fibre_stretch is not None)
-    partials = [(place, partial) for effect in chosen for place, partial in effect.febio.items()]
-    for place, partial in partials:
-        if place == "beta":
-            _set_exponent(at["fibre"].element, _rendered(f"{{{{ {partial} | full }}}}", values))
-    for place, partial in partials:
-        if place.endswith("_elastic"):
-            _wrap(at[place.removesuffix("_elastic")], _element(_rendered(partial, values)))
-    for place, partial in partials:  # around the wrappers, if there is no series yet
-        if place.endswith("_memory"):
-            _remember(at[place.removesuffix("_memory")], _element(f"<terms>{_rendered(partial, values)}</terms>"))
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
-
-
-def _in_MPa(unit: str, stress_MPa: float) -> float:
-    """What one of the model's own units is in ``unit``, which may have a stress in it."""
-    stresses = {"MPa": stress_MPa, "MPa s": stress_MPa, "MPa^0.5": stress_MPa**0.5}
-    assert unit in stresses or "MPa" not in unit, "a unit of an effect that has a partial"
-    return stresses.get(unit, 1.0)
-
-
-def _set_exponent(element: Element, text: str) -> None:
-    exponent = element.find("beta")
-    assert exponent is not None, "checked when the study was read"
-    exponent.text = text
-
-
-def _wrap(place: _Place, wrapper: Element) -> None:
-    """Put ``wrapper`` around a material, which stands where the wrapper says ``<inner/>``."""
-    outer = place.element
-    inner = Element("elastic", {"type": outer.get("type", "")})
-    inner.text, inner[:] = outer.text, list(outer)
-    kind = wrapper.get("type", "")
-    outer[:] = [inner if child.tag == "inner" else child for child in wrapper]
-    outer.set("type", UNCOUPLED_KINDS[kind] if place.uncoupled else kind)
-    if outer.tag == "material" and (density := inner.find("density")) is not None:
-        outer.append(deepcopy(density))  # of the whole, for a body force
-
-
-def _remember(place: _Place, terms: Element) -> None:
-    """Add terms to the Prony series around a material, or put one around it."""
-    if place.series is None and place.element.get("type") not in MEMORY:
-        _wrap(place, _element('<elastic type="viscoelastic"><inner/></elastic>'))
-    series = place.series if place.series is not None else place.element
-    free = _free_terms(series)
-    if not free:
-        raise Failed("bad_input", f"the effects need more than {TERMS} relaxation times, FEBio's most")
-    for number, term in enumerate(terms):
-        SubElement(series, f"{term.tag[0]}{free[number // 2]}").text = term.text
-
-
-def _element(text: str) -> Element:
-    return fromstring(text.replace("[[ elastic ]]", "<inner/>"))  # noqa: S314 - a partial of the library, with numbers
-
-
-def _rendered(partial: str, parameters: Mapping[str, float]) -> str:
-    return str(_template(partial).render(parameters=dict(parameters)))
-
-
-@lru_cache(64)
-def _template(partial: str) -> Any:
-    from sinew.tasks.simulate.febio.rendering import environment  # Jinja2 is slow to import
-
-    return environment({"partial": partial}).get_template("partial")
+def direction_of(place: Place) -> tuple[float, ...] | None:
+    """The direction of straight fibres in the axes of the model, of length 1; None where it may vary in space."""
+    fiber = place.element.find("fiber")
+    turned = any(one.find("mat_axis") is not None for one in (*place.around, place.element))
+    if fiber is None or turned or fiber.get("type", "vector") != "vector" or "lc" in fiber.attrib:
+        return None
+    texts = [part.strip() for part in (fiber.text or "").split(",")]
+    if len(texts) != 3 or not all(re.fullmatch(NUMBER, text) for text in texts):
+        return None
+    along = np.array([float(text) for text in texts])
+    size = float(np.linalg.norm(along))
+    return tuple((along / size).tolist()) if 0.0 < size < math.inf else None

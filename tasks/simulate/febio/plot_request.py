@@ -1,8 +1,8 @@
 """Asking the solver for a plot file: what is added to its input where the fields of a run are read."""
 
-from xml.etree.ElementTree import Element, SubElement, tostring
+from xml.etree.ElementTree import Element, SubElement
 
-import defusedxml.ElementTree
+from sinew.tasks.simulate.febio.input_text import as_text, parsed
 
 PLOT = "model.xplt"  # the solver names it after its input
 
@@ -10,9 +10,10 @@ PLOT = "model.xplt"  # the solver names it after its input
 def with_plot_file(text: str, variables: tuple[str, ...]) -> str:
     """The input ``text`` with a plot file of ``variables`` and of those that it asks for itself.
 
-    Where the log is written at must points only, so are the states, at the same times; else each step has one.
+    Where the log is written at must points only, so are the states, at the same times; else each step has one. Raises
+    :class:`Failed`.
     """
-    root = defusedxml.ElementTree.fromstring(text)
+    root = parsed(text)
     for control in root.iter("Control"):
         _set_levels(control)
     output = root.find("Output")
@@ -27,7 +28,7 @@ def with_plot_file(text: str, variables: tuple[str, ...]) -> str:
     for name in variables:
         if name not in there:
             SubElement(plot, "var", type=name)
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
+    return as_text(root)
 
 
 def _set_levels(control: Element) -> None:

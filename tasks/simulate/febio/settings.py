@@ -269,9 +269,9 @@ class TemplateSettings(SolverSettings):
 
     def refuse_around(self, where: str) -> None:
         if not self.gives_force:
-            raise BadInput(where, "without a force", "simulator.force: the output that effects of the machine act on")
+            raise BadInput(where, "without a force", "simulator.force: the output that effects act on")
         if self.keep == "fields":
-            raise BadInput(where, "with keep: fields", "keep: nothing (effects of the machine keep no fields)")
+            raise BadInput(where, "with keep: fields", "keep: nothing (runs with effects keep no fields)")
 
     @model_validator(mode="after")
     def _names(self) -> Self:

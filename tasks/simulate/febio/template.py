@@ -1,7 +1,6 @@
 """A user's own FEBio model as an input template: any mesh, materials, parameters and outputs of its log file."""
 
 import hashlib
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -9,16 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from sinew.runner.errors import BadInput, shown
+from sinew.runner.errors import BadInput
 from sinew.tasks.model import Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, Capabilities
-from sinew.tasks.simulate.febio import constituents
-from sinew.tasks.simulate.febio.constituents import Constituent, NoMaterial, NoUnits, located, why_not
+from sinew.tasks.simulate.febio import effects_inside
+from sinew.tasks.simulate.febio.constituents import Constituent, NotFound, located
 from sinew.tasks.simulate.febio.field_output import FieldOutput
 from sinew.tasks.simulate.febio.output import Logged
 from sinew.tasks.simulate.febio.renderer import Allowance, WrongTemplate, render
-from sinew.tasks.simulate.febio.units import UNITS
 from sinew.tasks.simulate.febio.variables import history, size
 from sinew.tasks.simulate.row_by_row import Failed
 
@@ -83,9 +81,10 @@ class OwnTemplate:
         """What the identity says of effects: nothing where there are none."""
         if not self.effects:
             return {}
-        at = {name: one.path for name, one in self.constituents.items()}
+        used = effects_inside.used(self.effects)
+        at = {name: one.path for name, one in self.constituents.items() if name in used}
         names = [effect.name for effect in self.effects]
-        return {"inside": {"version": constituents.VERSION, "at": at, "effects": names}}
+        return {"inside": {"version": effects_inside.VERSION, "at": at, "effects": names}}
 
     def settling(self, model: Model, values: Array) -> float:
         """How long the solver waits (s) at the first displacement, after moving there from rest."""
@@ -100,20 +99,15 @@ class OwnTemplate:
 
     def completed(self, text: str, variables: Mapping[str, Any]) -> str:
         """A rendered input with the effects. Raises :class:`Failed`."""
-        return constituents.with_effects(text, self.constituents, self.effects, variables) if self.effects else text
+        return effects_inside.with_effects(text, self.constituents, self.effects, variables) if self.effects else text
 
     def why_not(self, effect: Effect) -> str | None:
         """Why its input cannot have an effect; None where it can."""
-        return why_not(effect, self.constituents, self.settle_s > 0)
+        return effects_inside.why_not(effect, self.constituents, settles=self.settle_s > 0)
 
     def can_have(self, effects: tuple[Effect, ...]) -> bool:
-        terms = Counter(
-            place.removesuffix("_memory") for effect in effects for place in effect.febio if "memory" in place
-        )
-        enough = all(
-            name in self.constituents and count <= self.constituents[name].free_terms for name, count in terms.items()
-        )
-        return enough and all(self.why_not(effect) is None for effect in effects)
+        each = all(self.why_not(effect) is None for effect in effects)
+        return each and effects_inside.fit_together(effects, self.constituents)
 
     def with_effects(self, effects: tuple[Effect, ...]) -> "OwnTemplate":
         """The template with ``effects`` around its constituents. Raises :class:`BadInput`."""
@@ -177,13 +171,9 @@ def with_constituents(
     for name, path in paths.items():
         try:
             found[name] = located(texts, path)
-        except NoUnits as error:
-            problem = f"units {shown(error.args[0])} are not known"
-            raise BadInput(f"{study}: {template.main}", problem, f"one of {', '.join(UNITS)}") from None
-        except NoMaterial as error:
-            there = ", ".join(str(each) for each in error.args)
-            problem = f"no material {shown(path)} in {template.main}"
-            raise BadInput(f"{study}: simulator.{name}", problem, f"one of {there}"[:300]) from None
+        except NotFound as error:
+            problem, expected = error.args
+            raise BadInput(f"{study}: simulator.{name}", f"{problem} in {template.main}", expected[:300]) from None
     return replace(template, constituents=found)
 
 

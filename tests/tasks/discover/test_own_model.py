@@ -155,6 +155,39 @@ def test_an_effect_that_the_template_cannot_have_is_refused(study, tmp_path, cap
     assert told in capsys.readouterr().err
 
 
+def test_a_material_that_is_named_later_is_looked_at(study, tmp_path):
+    out, verdicts, fits = tmp_path / "out", [], []
+    path = study(*SOFTENING, simulator={"fibre": "tissue"}, discover={"effects": ["softening", "time-lag"]})
+    for tissue in ({}, {"matrix": "tissue"}, {}):
+        content = yaml.safe_load(path.read_text())
+        content["simulator"] |= tissue
+        path.write_text(yaml.safe_dump(content))
+        sinew("discover", trusted(path), "--out", out)
+        verdicts.append(json.loads((out / "discover.json").read_text())["inputs"])
+        fits.append({one.name: one.stat().st_mtime_ns for one in (out / "discover").glob("*.jsonl")})
+    assert verdicts[0] != verdicts[1] == verdicts[2]
+    assert fits[0] == fits[1], "fits that it changes nothing of are not made again"
+
+
+def test_where_no_effect_does_anything_there_is_no_verdict(study, tmp_path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        sinew("discover", study(simulator=TISSUE, discover={"effects": ["permanent-set"]}), "--out", tmp_path / "out")
+    assert ended.value.code == 2
+    assert "discover.effects: permanent-set: it does next to nothing here: " in capsys.readouterr().err
+
+
+def test_a_parameter_of_the_model_is_no_parameter_of_an_effect(study, tmp_path):
+    path = study(simulator=TISSUE, discover={"effects": ["softening", "time-lag"]})
+    content = yaml.safe_load(path.read_text())
+    content["model"]["parameters"]["force_lag"] = content["model"]["parameters"].pop("tau")
+    path.write_text(yaml.safe_dump(content))
+    template = tmp_path / "bone" / "dogbone.feb.j2"
+    template.write_text(template.read_text().replace("{{ tau }}", "{{ force_lag }}"))
+    sinew("discover", trusted(path), "--out", tmp_path / "out")
+    left_out = json.loads((tmp_path / "out" / "discover.json").read_text())["left_out"]
+    assert left_out["time-lag"] == "the model has a parameter force_lag"
+
+
 def test_where_the_model_is_true_nothing_is_named(study, tmp_path):
     out = tmp_path / "out"
     sinew("discover", study(), "--out", out)

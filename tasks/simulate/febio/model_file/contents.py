@@ -15,8 +15,8 @@ from sinew.tasks.simulate.febio.model_file.source import Element, Source
 SECTIONS = ("Globals", "Initial", "Boundary", "Rigid", "Loads", "Contact", "Constraints", "Discrete")
 STEPS = ("Step", "step")
 PARTS = ("material", "solid", "elastic")  # elements of a material that are materials themselves
-_NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"  # one way to read each text: matching takes linear time
-_NUMBERS = re.compile(rf"\s*{_NUMBER}\s*(?:,\s*{_NUMBER}\s*)*")
+NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"  # one way to read each text: matching takes linear time
+_NUMBERS = re.compile(rf"\s*{NUMBER}\s*(?:,\s*{NUMBER}\s*)*")
 _AXES = ("x", "y", "z")
 _LONGEST = 1000  # bytes of a list of numbers that can vary: a tensor of fourth order has 21
 MOST_CHARACTERS, MOST_NUMBERS = 2**25, 200_000  # of the paths of all numbers, and of the numbers
@@ -193,7 +193,7 @@ def _numbers(source: Source, path: str, element: Element) -> Iterator[Number]:
     text = source.text[begin:end].decode()
     if not text.isascii() or not _NUMBERS.fullmatch(text):
         return
-    found = list(re.finditer(_NUMBER, text))
+    found = list(re.finditer(NUMBER, text))
     for i, match in enumerate(found, 1):
         if math.isfinite(value := float(match[0])):
             place = f"{path}[{i}]" if len(found) > 1 else path
