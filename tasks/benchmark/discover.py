@@ -9,7 +9,7 @@ import hashlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from sinew.runner.errors import BadInput, shown
@@ -20,6 +20,7 @@ from sinew.tasks.benchmark.selectors import Selected, compare
 from sinew.tasks.discover.result import COPY, DiscoverResult
 from sinew.tasks.report.status import is_seconds
 from sinew.tasks.study.files import digest, read_json, write_json, write_text
+from sinew.tasks.study.own_template import template_texts
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.settings_file import as_yaml, from_yaml
 from sinew.tasks.study.study import read_study
@@ -55,7 +56,7 @@ def benchmark(
     that cannot be used, before any case is run.
     """
     answers = _chosen(_answers(folders), only)
-    base = _base(study or resource(STUDY))
+    base, template = _base(study or resource(STUDY))
     check_folder(out)
     refuse_strange(out)
     for folder in folders:
@@ -64,7 +65,7 @@ def benchmark(
     places = {folder.resolve().name: folder.resolve() for folder in folders}
     runs = []
     for number, answer in enumerate(answers, 1):
-        run = run_case(places[answer.folder] / answer.case, out / answer.folder / answer.case, base, workers)
+        run = run_case(places[answer.folder] / answer.case, out / answer.folder / answer.case, base, template, workers)
         runs.append(run)
         say(f"{number} of {len(answers)}  {answer.name}: {_said(out / answer.folder / answer.case, run)}")
     cases = [
@@ -93,19 +94,24 @@ def _chosen(answers: Sequence[Answer], only: Sequence[str]) -> list[Answer]:
     return [answer for answer in answers if not only or answer.case in only or answer.name in only]
 
 
-def _base(path: Path) -> dict[str, Any]:
-    """The settings of a study as they are written, once it is known that they are right."""
+def _base(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """The settings of a study as they are written, once it is known that they are right; the files of its template.
+
+    These by their paths as seen from the study.
+    """
     study = read_study(path)
     if study.model.effects:
         raise BadInput(f"{path}: model.effects", "is not empty", "a model without effects to begin with")
-    return from_yaml(path.read_text("utf-8"))
+    folder = PurePosixPath(study.simulator.own_template or "").parent
+    template = {str(folder / name): text for name, text in template_texts(study).items()}
+    return from_yaml(path.read_text("utf-8")), template
 
 
-def run_case(cohort: Path, out: Path, base: dict[str, Any], workers: int | None) -> Run:
-    """See to it that a case has a verdict, from its cohort alone."""
+def run_case(cohort: Path, out: Path, base: dict[str, Any], template: dict[str, str], workers: int | None) -> Run:
+    """See to it that a case has a verdict, from its cohort alone. ``template``: texts of files beside the study."""
     settings = {**(base.get("discover") or {}), "laws": False}  # a law changes no verdict
     text = as_yaml({**base, "cohort": str(cohort), "tasks": ["discover"], "discover": settings})
-    inputs, method = digest(_files(cohort), text), digest(DiscoverResult.versions())
+    inputs, method = digest(_files(cohort), text, *([template] if template else [])), digest(DiscoverResult.versions())
     before = read_json(out / LOGGED) or {}
     listed = before.get("codes")
     codes = [one for one in listed if isinstance(one, str)] if isinstance(listed, list) else []
@@ -120,6 +126,9 @@ def run_case(cohort: Path, out: Path, base: dict[str, Any], workers: int | None)
     logged = {"inputs": inputs, "codes": codes, "finished": False}
     write_json(out / LOGGED, logged)
     write_text(out / "study.yaml", text)
+    for name, content in template.items():
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        write_text(out / name, content)
     started = time.monotonic()
     read = read_study(out / "study.yaml")
     error = run_blind(read, read.tasks, out, workers, lambda *_: None)

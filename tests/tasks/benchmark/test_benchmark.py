@@ -35,6 +35,7 @@ from sinew.tasks.discover.result import Gap
 from sinew.tasks.model.effects import library
 from tests.conftest import SHARED
 from tests.hidden.make import Plan, write
+from tests.hidden.mesh import study_of
 from tests.tasks.discover.results import candidate as option
 from tests.tasks.discover.results import discovery
 from tests.tasks.study.test_pipeline import sinew
@@ -521,12 +522,27 @@ def test_links_in_cases_and_results_are_refused(tmp_path, place):
 def test_what_another_run_noted_is_not_believed(tmp_path, seconds, monkeypatch):
     folder = case_folder(tmp_path)
     monkeypatch.setattr(discover, "run_blind", lambda *_: None)
-    base = discover._base(tmp_path / "study.yaml")
+    base, template = discover._base(tmp_path / "study.yaml")
+    assert template == {}
     out = tmp_path / "out"
-    discover.run_case(folder / "case_01", out, base, 1)
+    discover.run_case(folder / "case_01", out, base, {}, 1)
     (out / "verdict.json").write_text("{}")
     noted = json.loads((out / "case.json").read_text())
     (out / "case.json").write_text(json.dumps(noted | {"seconds": json.loads(seconds)}))
-    assert discover.run_case(folder / "case_01", out, base, 1).seconds is None
+    assert discover.run_case(folder / "case_01", out, base, {}, 1).seconds is None
     (out / "case.json").write_text(json.dumps(noted | {"codes": 7}))
-    assert discover.run_case(folder / "case_01", out, base, 1).error is None
+    assert discover.run_case(folder / "case_01", out, base, {}, 1).error is None
+
+
+def test_a_studys_own_template_goes_with_it(tmp_path, monkeypatch):
+    folder = case_folder(tmp_path)
+    monkeypatch.setattr(discover, "run_blind", lambda *_: None)
+    noted = []
+    for words in ("<!-- one -->", "<!-- two -->"):
+        template = study_of(tmp_path / "own").parent / "dogbone" / "dogbone.feb.j2"
+        template.write_text(template.read_text() + words)
+        base, texts = discover._base(tmp_path / "own" / "study.yaml")
+        discover.run_case(folder / "case_01", tmp_path / "out", base, texts, 1)
+        assert (tmp_path / "out" / "dogbone" / "dogbone.feb.j2").read_text().endswith(words)
+        noted.append(json.loads((tmp_path / "out" / "case.json").read_text())["inputs"])
+    assert noted[0] != noted[1]

@@ -290,5 +290,5 @@ def test_effects_inside_the_specimen_are_refused_around_a_model_of_ones_own(tmp_
     own = dogbone(tmp_path)
     assert own.can_have((AROUND["friction"], AROUND["area-error"]))
     assert not own.can_have((named()["softening"],))
-    with pytest.raises(BadInput, match="simulator.fibre does not say which material"):
+    with pytest.raises(BadInput, match=r"simulator\.fibre does not say which material"):
         own.with_effects((named()["softening"], AROUND["friction"]))

@@ -1,0 +1,128 @@
+"""Cohorts that the real solver pulled through a mesh: ``python -m tests.hidden.mesh --out OUT --effect softening``.
+
+The truth is the dog-bone of the tutorial with eight times the study's elements and half its time steps, with an effect
+in the library's own form, of a drawn size, and white noise. ``OUT/cases`` is a folder for ``sinew benchmark discover``,
+``OUT/study.yaml`` the study that knows the coarse mesh and no effect. Needs febio4.
+"""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import yaml
+
+from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.discover.fit.sizes import library_for
+from sinew.tasks.model import Curve, Model, Protocol, Specimen
+from sinew.tasks.model.effect import Effect, model_with
+from sinew.tasks.simulate import Array, Simulator
+from sinew.tasks.simulate.build import simulator_of
+from sinew.tasks.study.model import model_of
+from sinew.tasks.study.resources import resource
+from sinew.tasks.study.study import read_study
+
+RATE_HZ, NOISE = 5.0, 0.003  # of the peak force
+FINER = ("set fineness = 1", "set fineness = 2")
+SIZE_MM, SCATTER = (20.0, 4.0, 2.0), 0.03
+RANGES = {"E_matrix": (12.0, 40.0), "nu": (0.2, 0.4), "g_1": (0.3, 1.2), "tau_1": (4.0, 20.0)}  # of true values
+
+
+def corners(name: str, time_s: list[float], displacement_mm: list[float]) -> Protocol:
+    """A protocol through corners."""
+    time = np.arange(0.0, time_s[-1] + 1e-9, 1.0 / RATE_HZ)
+    return Protocol(name, time, np.interp(time, time_s, displacement_mm))
+
+
+PROTOCOLS = (
+    corners("relaxation", [0, 5, 35], [0, 1.5, 1.5]),
+    corners("cycles", [0, 2, 3.6, 6.4, 8.8, 12.4, 15.6, 20, 24], [0, 0.6, 0.12, 0.96, 0.24, 1.32, 0.36, 1.68, 0.48]),
+)
+
+
+def study_of(out: Path, changes: tuple[str, str] | None = None, **settings: Any) -> Path:
+    """Write the study of the dog-bone without measurements of its own, and its template; returns the study's path."""
+    out.mkdir(parents=True, exist_ok=True)
+    shutil.copytree(str(resource("configs/dogbone")), out / "dogbone", dirs_exist_ok=True)
+    template = out / "dogbone" / "dogbone.feb.j2"
+    if changes is not None:
+        assert template.read_text().count(changes[0]) == 1
+        template.write_text(template.read_text().replace(*changes))
+    content = yaml.safe_load(resource("configs/dogbone.yaml").read_text("utf-8"))
+    for name in ("specimen", "protocols", "sobol", "calibrate"):
+        content.pop(name)
+    content["simulator"] |= {"fibre": "tissue", "matrix": "tissue"} | settings
+    content |= {"cohort": "cohort", "tasks": ["discover"], "discover": {"laws": False}}
+    path = out / "study.yaml"
+    path.write_text(yaml.safe_dump(content, sort_keys=False))
+    return path
+
+
+def pulled(simulator: Simulator, model: Model, specimen: Specimen, row: Array, rng: np.random.Generator) -> Specimen:
+    """The specimen with measured curves of the parameters ``row``."""
+    curves = []
+    for protocol in PROTOCOLS:
+        done = simulator.simulate(model, specimen, protocol, row[np.newaxis])
+        if done.status[0]:
+            raise click.ClickException(f"{specimen.name}, {protocol.name}: {done.messages[0]}")
+        force = done.force_N[0]
+        curves.append(Curve(protocol, force + NOISE * np.abs(force).max() * rng.standard_normal(force.size)))
+    return Specimen(specimen.name, specimen.length_mm, specimen.width_mm, specimen.thickness_mm, tuple(curves))
+
+
+def sizes_of(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
+    """Values between the null and what is typical, or a third beyond."""
+    found = {}
+    for parameter, null in zip(effect.parameters, effect.null_values, strict=True):
+        start = null if parameter.name in effect.null else 0.0
+        value = start + rng.uniform(0.7, 1.3) * (parameter.reference - start)
+        found[parameter.name] = float(np.clip(value, parameter.minimum, parameter.maximum))
+    return found
+
+
+@click.command()
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder to write.")
+@click.option("--effect", "slugs", multiple=True, required=True, help="One case with this effect; none: a null.")
+@click.option("--specimens", type=click.IntRange(1, 4), default=1, show_default=True)
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
+def main(out: Path, slugs: tuple[str, ...], specimens: int, seed: int) -> None:
+    """Write cohorts, answers.json and the study for `sinew benchmark discover`."""
+    if shutil.which("febio4") is None:
+        raise click.ClickException("febio4 is not on the PATH")
+    study_of(out)
+    fine = read_study(study_of(out / "fine", FINER, time_steps={"ramp_s": 0.25, "hold_growth": 0.1}))
+    simulator, bare = simulator_of(fine, None, out / "scratch"), model_of(fine.model, "template")
+    answers = {}
+    for number, slug in enumerate(slugs, 1):
+        rng, case = np.random.default_rng([seed, number]), f"case_{number:02d}"
+        mm = [[float(size * (1 + SCATTER * rng.standard_normal())) for size in SIZE_MM] for _ in range(specimens)]
+        bars = [Specimen(f"s{i:02d}", *size) for i, size in enumerate(mm, 1)]
+        truth = [np.array([rng.uniform(*RANGES[name]) for name in bare.names]) for _ in bars]
+        plain = [pulled(simulator, bare, *each, rng) for each in zip(bars, truth, strict=True)]
+        effects = () if slug == "none" else (library_for(plain)[slug],)
+        values = {name: value for effect in effects for name, value in sizes_of(effect, rng).items()}
+        having, model = simulator.with_effects(effects), model_with(bare, effects)
+        made = [
+            pulled(having, model, bar, np.array([*row, *values.values()]), rng)
+            for bar, row in zip(bars, truth, strict=True)
+        ] if effects else plain  # fmt: skip
+        write_cohort(out / "cases" / case, made)
+        answers[case] = {
+            "case": f"mesh-{slug}",
+            "truth": [effect.slug for effect in effects],
+            "magnitude": values,
+            "specimens": {
+                bar.name: dict(zip(bare.names, row.tolist(), strict=True))
+                for bar, row in zip(bars, truth, strict=True)
+            },
+            "noise_fraction_of_peak": NOISE,
+            "seed": seed,
+        }  # fmt: skip
+        print(f"{case}: {slug} {values}")
+    (out / "cases" / "answers.json").write_text(json.dumps(answers, indent=1) + "\n", "utf-8")
+
+
+if __name__ == "__main__":
+    main()

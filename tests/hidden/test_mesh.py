@@ -1,0 +1,64 @@
+"""The generator of cohorts through a mesh, with the analytic stand-in for the solver."""
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from sinew.tasks.benchmark.answers import read_answers
+from sinew.tasks.data.cohort import read_cohort
+from sinew.tasks.study.study import read_study
+from tests.hidden import mesh
+from tests.tasks.simulate.febio.dogbone import dogbone
+
+
+@pytest.fixture
+def made(tmp_path, monkeypatch):
+    monkeypatch.setattr(mesh, "simulator_of", lambda *_: dogbone(tmp_path))
+    monkeypatch.setattr(mesh.shutil, "which", lambda _: "febio4")
+
+    def make(name, seed=3):
+        words = ("--out", tmp_path / name, "--effect", "none", "--effect", "machine-compliance", "--seed", seed)
+        done = CliRunner().invoke(mesh.main, [str(word) for word in words], catch_exceptions=False)
+        assert done.exit_code == 0, done.output
+        return tmp_path / name
+
+    return make
+
+
+def test_cases_have_answers_and_a_study_that_does_not_know_them(made):
+    folder = made("one")
+    null, given = read_answers(folder / "cases")
+    assert (null.truth, given.truth) == ((), ("machine-compliance",))
+    assert given.magnitude["compliance"] > 0
+    bars = [read_cohort(folder / "cases" / case).specimens[0] for case in ("case_01", "case_02")]
+    for bar in bars:
+        assert [curve.name for curve in bar.curves] == ["cycles", "relaxation"]
+    study = read_study(folder / "study.yaml")
+    assert study.simulator.constituents == {"fibre": "tissue", "matrix": "tissue"}
+    assert study.model.effects == []
+    fine = read_study(folder / "fine" / "study.yaml")
+    assert "set fineness = 2" in (folder / "fine" / "dogbone" / "dogbone.feb.j2").read_text()
+    assert fine.simulator.time_steps.ramp_s < study.simulator.time_steps.ramp_s
+
+
+def test_same_seed_same_bytes(made):
+    def content(folder):
+        return {str(p.relative_to(folder)): p.read_bytes() for p in (folder / "cases").rglob("*") if p.is_file()}
+
+    first = content(made("one"))
+    assert content(made("two")) == first
+    assert content(made("three", seed=4)) != first
+
+
+def test_what_is_hidden_is_in_the_curves(made):
+    folder = made("one")
+    truth = yaml.safe_load((folder / "cases" / "answers.json").read_text())["case_02"]
+    (bar,) = read_cohort(folder / "cases" / "case_02").specimens
+    own = np.array(list(truth["specimens"][bar.name].values()))
+    rng = np.random.default_rng(0)
+    model = mesh.model_of(read_study(folder / "study.yaml").model, "template")
+    plain = mesh.pulled(dogbone(folder), model, bar, own, rng)
+    peaks = [{curve.name: curve.force_N.max() for curve in one.curves} for one in (bar, plain)]
+    lower = [peaks[0][name] / peaks[1][name] for name in peaks[1]]
+    assert all(0.5 < ratio < 0.98 for ratio in lower)
