@@ -14,18 +14,28 @@ from sinew.tasks.simulate import Array
 VERSION = 1  # of the fits that are made here
 ENOUGH, AT_MOST = 0.1, 0.5  # of a sum of squares, twice the log likelihood: smaller gains decide nothing
 PART = 1e-4  # of it: smaller gains are not looked for, up to AT_MOST
-SMALL = 1e-3  # of the unit cube: over smaller steps, residuals show the solver's tolerance and no derivative
+SMALL = 1e-3  # of a unit cube: over smaller steps, residuals show the solver's tolerance and no derivative
 STEPS = 12  # from one renewal to the next, at most
 RENEWALS = 8
 
 
-def least_squares_of_few(
-    residuals: Callable[[Array], Array], derivatives: Callable[[Array], tuple[Array, Array]], start: Array
-) -> OptimizeResult:
-    """The nearest minimum to ``start`` ``[k]`` on the unit cube, of the sum of squares of ``residuals`` ``[t]``.
+def most_runs(size: int, renewals: int = RENEWALS) -> int:
+    """The most runs of a fit of ``size`` parameters whose derivatives are differences to one side."""
+    return (renewals + 1) * (1 + size) + renewals * STEPS
 
-    ``derivatives`` gives residuals and their derivatives ``[t, k]``. As :func:`scipy.optimize.least_squares`; the
-    derivatives of the result are the last that were found anew, near its end.
+
+def least_squares_of_few(
+    residuals: Callable[[Array], Array],
+    derivatives: Callable[[Array], tuple[Array, Array]],
+    start: Array,
+    bounds: tuple[float, float] = (0.0, 1.0),
+    renewals: int = RENEWALS,
+) -> OptimizeResult:
+    """The nearest minimum to ``start`` ``[k]`` within ``bounds``, of the sum of squares of ``residuals`` ``[t]``.
+
+    ``derivatives`` gives residuals and their derivatives ``[t, k]``; they are found anew ``renewals`` times at most. As
+    :func:`scipy.optimize.least_squares`; the derivatives of the result are the last that were found anew, near its end.
+    Raises :class:`ValueError` as that does.
     """
 
     def renewed(at: Array) -> tuple[OptimizeResult, Array]:
@@ -33,10 +43,10 @@ def least_squares_of_few(
         return OptimizeResult(x=at, fun=seen, cost=0.5 * float(seen @ seen)), slopes
 
     found, slopes = renewed(start)
-    for _ in range(RENEWALS):
+    for _ in range(renewals):
         followed = _Followed(residuals, found.x, found.fun, slopes)
         tried = least_squares(
-            followed.residuals, found.x, jac=followed.slopes, bounds=(0.0, 1.0), ftol=1e-5, xtol=1e-5, gtol=1e-7,
+            followed.residuals, found.x, jac=followed.slopes, bounds=bounds, ftol=1e-5, xtol=1e-5, gtol=1e-7,
             max_nfev=STEPS,
         )  # fmt: skip
         gain = 2.0 * (found.cost - tried.cost)

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import chi2
 
-from sinew.tasks.discover.fit.few_runs import least_squares_of_few
 from sinew.tasks.fitting import starts as begins
 from sinew.tasks.fitting.discrepancy import WIDTH
+from sinew.tasks.fitting.few_runs import least_squares_of_few
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Parameter, Protocol, Specimen
 from sinew.tasks.model.effect import Effect, model_with

@@ -16,11 +16,12 @@ import numpy as np
 from sinew.runner.errors import BadInput, shown
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.tasks.data.noise import noise_of_each
-from sinew.tasks.discover.fit import acting, few_runs
+from sinew.tasks.discover.fit import acting
 from sinew.tasks.discover.fit.beside import Beside, blocks_of, first_sizes, fit_beside, promise_beside
 from sinew.tasks.discover.fit.fit import FAR, Candidate, Fitted, errors, extended, fit, look_ahead, starts
 from sinew.tasks.discover.fit.intervals import Profiled, profiled
 from sinew.tasks.discover.measure.splits import SPECIMEN, splits
+from sinew.tasks.fitting import few_runs
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Model, Specimen, file_name
 from sinew.tasks.model.effect import Effect

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.fitting.few_runs import least_squares_of_few
 from sinew.tasks.fitting.starts import starts
 from sinew.tasks.infer.likelihood.compiled import FARTHEST
 from sinew.tasks.infer.likelihood.effort import FULL, Effort
@@ -36,7 +37,7 @@ def best_fit(target: Target, rng: np.random.Generator, begin: Sequence[Array] = 
     """The best of fits from several starts, and from scores ``begin``, each ``[k]``."""
     count = effort.again if begin else effort.starts
     scores = [*begin, *_starts(target, rng, count, effort.candidates)]
-    whole = [one for one in (_fit(target, each, effort.steps) for each in scores) if one is not None]
+    whole = [one for one in (_fit(target, each, effort) for each in scores) if one is not None]
     if not whole:
         raise BadInput(f"infer: {target.measured.specimen.name}", "the model fails at every start", "other ranges")
     return min(whole, key=lambda one: one.loss)
@@ -53,7 +54,7 @@ def _starts(target: Target, rng: np.random.Generator, count: int, candidates: in
     return [scores[number] for number in order[:count]]
 
 
-def _fit(target: Target, start: Array, steps: int) -> Best | None:
+def _fit(target: Target, start: Array, effort: Effort) -> Best | None:
     """The nearest maximum of likelihood and prior to ``start`` ``[k]`` (scores); None where the model fails there."""
     prior = np.eye(start.size)
     last: dict[bytes, tuple[Array, Array]] = {}
@@ -69,13 +70,20 @@ def _fit(target: Target, start: Array, steps: int) -> Best | None:
             )
         return last[scores.tobytes()]
 
+    def alone(scores: Array) -> Array:
+        return np.concatenate([target.errors(places(scores)[np.newaxis])[0], scores])
+
     if not np.isfinite(target.squares(places(start)[np.newaxis])).all():
         return None
+    bounds = (-FARTHEST, FARTHEST)
     try:
-        found = least_squares(
-            lambda scores: both(scores)[0], start, jac=lambda scores: both(scores)[1], ftol=TOLERANCE, xtol=TOLERANCE,
-            gtol=TOLERANCE, max_nfev=steps, bounds=(-FARTHEST, FARTHEST),
-        )  # fmt: skip
+        if effort.few:
+            found = least_squares_of_few(alone, both, start, bounds, effort.steps)
+        else:
+            found = least_squares(
+                lambda scores: both(scores)[0], start, jac=lambda scores: both(scores)[1], ftol=TOLERANCE,
+                xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=effort.steps, bounds=bounds,
+            )  # fmt: skip
     except ValueError:  # the model fails on the way
         return None
     slopes = found.jac

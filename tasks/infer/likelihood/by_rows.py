@@ -32,6 +32,7 @@ from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study import streams
 from sinew.tasks.study.workspace import Workspace
 
+BY_ROWS_VERSION = 1  # of such posteriors
 EARLY = 200  # sweeps, after which emulators are judged
 FIRST = 100  # draws that are computed first
 CLOSE = 0.1  # standard deviations by which posterior means may be off, without weights
@@ -58,7 +59,8 @@ def reopen_failed(workspace: Workspace, specimens: Sequence[Specimen]) -> None:
 
 def asking(target: Target, session: Session) -> RowTarget:
     """The same likelihood, which asks a session for rows."""
-    return RowTarget(target.model, target.varied, target.simulator, target.measured, target.whitening, session=session)
+    own = (target.model, target.varied, target.simulator, target.measured, target.whitening, target.near)
+    return RowTarget(*own, session=session)
 
 
 def of_each(

@@ -44,7 +44,8 @@ class ModelError:
 
     ``rough``: its rough part. What is left of errors without it has a smooth part along orthonormal ``directions``
     ``[g, d]``, of which a share ``taken`` ``[d]`` is taken out. ``size``: root mean square of both as they are
-    expected, and ``misfit``: of what the best fit without any such error leaves, both in units of the noise.
+    expected, and ``misfit``: of what the best fit without any such error leaves, both in units of the noise. ``near``:
+    scores ``[k]`` of the best fit beside it.
     """
 
     rough: Roughness
@@ -52,6 +53,7 @@ class ModelError:
     taken: Array
     size: float
     misfit: float
+    near: Array
 
     def white(self, errors: Array) -> Array:
         """White errors ``[n, g]`` of errors ``[n, g]`` that hold noise and this error."""
@@ -79,7 +81,7 @@ def model_error(
                 best = best_fit(beside, rng, [best.at], effort)
             found = target.slopes(places(best.at))
             sizes, rough = compute(_sized, smooth, lengths, *found, sizes, rough)
-            error = _model_error(smooth, sizes, _roughness(rough, lengths), misfit)
+            error = _model_error(smooth, sizes, _roughness(rough, lengths), misfit, best.at)
             beside = replace(target, whitening=error.white)
         return error
 
@@ -121,8 +123,8 @@ def _sized(
     return best[1], best[2]
 
 
-def _model_error(smooth: Discrepancy, sizes: Array, rough: Roughness, misfit: float) -> ModelError:
+def _model_error(smooth: Discrepancy, sizes: Array, rough: Roughness, misfit: float, near: Array) -> ModelError:
     directions, taken = _through(smooth, rough).directions(sizes)
     worth = taken > NEGLIGIBLE
     size = float(np.sqrt(rough.size**2 + np.exp(2.0 * sizes).sum()))  # each block has unit mean square
-    return ModelError(rough, np.ascontiguousarray(directions[:, worth]), taken[worth], size, misfit)
+    return ModelError(rough, np.ascontiguousarray(directions[:, worth]), taken[worth], size, misfit, near)

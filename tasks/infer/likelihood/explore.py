@@ -79,7 +79,8 @@ def explored(
         size, count = target.size, points_of_a_round(target.size, effort)
         rounds, points, least, most = 1, known, np.inf, None
         if points is None:
-            best = best_fit(target, rng, effort=effort)
+            begin = [target.near] if target.near is not None and effort.few else []
+            best = best_fit(target, rng, begin, effort)
             points = best.at + WIDE * _heavy_tailed(rng, count, size) @ np.linalg.cholesky(best.covariance).T
             rounds, least, most = effort.rounds, best.squares, KEPT_RATIO * count
         seen, errors = np.empty((0, size)), np.empty((0, target.points))

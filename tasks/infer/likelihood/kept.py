@@ -27,9 +27,10 @@ OF_A_BLOCK = ("scores", "squares", "mean", "spread", "new", "correlation", "acce
 
 def read_model_error(path: Path, inputs: str, target: Target) -> ModelError | None:
     """The model's error in a specimen that was found before, if it was with the same inputs."""
-    shapes: Shapes = {"rough": (2,), "directions": (target.points, "d"), "taken": ("d",), "size": (), "misfit": ()}
+    shapes: Shapes = {"rough": (2,), "directions": (target.points, "d"), "taken": ("d",), "size": (), "misfit": (),
+              "near": (target.size,)}  # fmt: skip
     found = KeptArrays(path, inputs).read(shapes)
-    if found is None:
+    if found is None or not _within(found["near"], -FARTHEST, FARTHEST):
         return None
     size, memory = (float(each) for each in found["rough"])
     if not (
@@ -37,14 +38,15 @@ def read_model_error(path: Path, inputs: str, target: Target) -> ModelError | No
     ):
         return None
     rough = Roughness(size, memory, lengths_of(target.measured))
-    return ModelError(rough, found["directions"], found["taken"], float(found["size"]), float(found["misfit"]))
+    size, misfit = float(found["size"]), float(found["misfit"])
+    return ModelError(rough, found["directions"], found["taken"], size, misfit, found["near"])
 
 
 def write_model_error(path: Path, inputs: str, error: ModelError) -> None:
     """Keep the model's error in a specimen."""
     rough = np.array([error.rough.size, error.rough.memory])
     arrays = {"rough": rough, "directions": error.directions, "taken": error.taken, "size": error.size,
-              "misfit": error.misfit}  # fmt: skip
+              "misfit": error.misfit, "near": error.near}  # fmt: skip
     KeptArrays(path, inputs).write({name: np.asarray(array, dtype=np.float64) for name, array in arrays.items()})
 
 

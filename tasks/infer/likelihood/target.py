@@ -24,7 +24,7 @@ from sinew.tasks.model import Model
 from sinew.tasks.model.parameters import Parameter, scaled
 from sinew.tasks.simulate import Array, Simulator
 
-STEP = 1e-5  # of a difference quotient
+STEP, SOLVER_STEP = 1e-5, 3e-3  # of a difference quotient; a solver's forces are less exact
 
 
 class Squares(Interface):
@@ -39,7 +39,8 @@ class Squares(Interface):
 class Target:
     """The likelihood of one specimen's curves, by ``k`` parameters that vary; all others are at their reference.
 
-    ``whitening``: of the noise's whitened errors ``[n, g]``, where the model has an error as well.
+    ``whitening``: of the noise's whitened errors ``[n, g]``, where the model has an error as well; ``near``: scores
+    ``[k]`` of the best fit beside that error.
     """
 
     model: Model
@@ -47,6 +48,9 @@ class Target:
     simulator: Simulator
     measured: Measured
     whitening: Callable[[Array], Array] | None = None
+    near: Array | None = None
+
+    step = STEP
 
     @property
     def size(self) -> int:
@@ -77,7 +81,7 @@ class Target:
 
     def slopes(self, at: Array) -> tuple[Array, Array]:
         """Whitened errors ``[g]`` at a point ``[k]``, and their derivatives ``[g, k]``."""
-        steps = np.where(at + STEP <= 1.0, STEP, -STEP)
+        steps = np.where(at + self.step <= 1.0, self.step, -self.step)
         errors = self.errors(np.concatenate([at[np.newaxis], at + np.diag(steps)]))
         return errors[0], ((errors[1:] - errors[0]) / steps[:, np.newaxis]).T
 
@@ -105,6 +109,8 @@ class RowTarget(Target):
     """A likelihood that asks its ``session`` for rows of the store, which hold forces at all measured points."""
 
     session: Session = field(kw_only=True)
+
+    step = SOLVER_STEP
 
     def forces(self, at: Array) -> Mapping[str, Array]:
         every: list[RowResult] = self.session.ask_all(self.rows(at))

@@ -18,7 +18,7 @@ from sinew.tasks.data.noise import noise_of_each, refuse_none, remark_on_others
 from sinew.tasks.data.sites import by_site
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.infer.likelihood import files
-from sinew.tasks.infer.likelihood.by_rows import of_each, reopen_failed, sampled_by_rows
+from sinew.tasks.infer.likelihood.by_rows import BY_ROWS_VERSION, of_each, reopen_failed, sampled_by_rows
 from sinew.tasks.infer.likelihood.chains import CHAINS
 from sinew.tasks.infer.likelihood.compute import Compute, directly
 from sinew.tasks.infer.likelihood.discrepancy import ModelError, model_error
@@ -66,6 +66,7 @@ def run(workspace: Workspace, settings: Settings) -> LikelihoodResult:
         [specimen.identity() for specimen in specimens],
         data,
         workspace.simulator.identity(),
+        *([] if _quick(workspace) else [BY_ROWS_VERSION]),
     )
     grouped = by_site(specimens)
     arrays = [particles_group(site) for site in grouped]
@@ -76,7 +77,8 @@ def run(workspace: Workspace, settings: Settings) -> LikelihoodResult:
         reopen_failed(workspace, specimens)
     targets, blind = _targets(workspace, specimens)
     errors = _model_errors(workspace, targets, inputs) if settings.discrepancy else {}
-    targets = {**targets, **{name: replace(targets[name], whitening=one.white) for name, one in errors.items()}}
+    beside = {name: replace(targets[name], whitening=one.white, near=one.near) for name, one in errors.items()}
+    targets |= beside
     seen = _explored(workspace, targets, inputs)
     found = {}
     for number, (name, members) in enumerate(grouped.items()):

@@ -132,7 +132,7 @@ def test_an_interrupted_inference_asks_for_no_row_twice(study, slow, tmp_path, m
 
 def test_a_poor_emulator_is_trained_again(study, by_calls, slow, tmp_path, monkeypatch):
     trained, again = [], by_rows.explored
-    poor = Effort(candidates=12, starts=1, again=0, steps=8, rounds=1, fewest=21, ratio=1.0, checked=4)
+    poor = Effort(candidates=12, starts=1, again=0, steps=8, few=False, rounds=1, fewest=21, ratio=1.0, checked=4)
     monkeypatch.setattr(task, "SPARING", poor)
     monkeypatch.setattr(explore, "WIDE", 6.0)  # points are far from where the posterior is
     monkeypatch.setattr(by_rows, "explored", lambda *given: trained.append(given[4]) or again(*given))

@@ -30,6 +30,7 @@ class Line:
     varied: tuple = VARIED
     size: int = SIZE
     points: int = 6
+    near: None = None
 
     def errors(self, at):
         return course(at) - self.measured

@@ -45,7 +45,7 @@ def test_white_errors_are_those_of_the_whole_covariance():
     rough = Roughness(1.5, 0.8, (6, 4))
     directions, _ = np.linalg.qr(rng.standard_normal((10, 2)))
     spreads = np.array([3.0, 0.5])
-    error = ModelError(rough, directions, 1.0 - 1.0 / np.sqrt(1.0 + spreads**2), 2.0, 3.0)
+    error = ModelError(rough, directions, 1.0 - 1.0 / np.sqrt(1.0 + spreads**2), 2.0, 3.0, np.zeros(1))
     back = np.linalg.inv(rough.white(np.eye(10)).T)  # from errors without the rough part
     covariance = back @ (np.eye(10) + (directions * spreads**2) @ directions.T) @ back.T
     white = error.white(np.eye(10)).T

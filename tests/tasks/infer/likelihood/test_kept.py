@@ -107,7 +107,7 @@ def test_an_explored_specimen_that_cannot_be_does_not_count(known, tmp_path, nam
     assert read_explored(tmp_path / "known", "inputs", TARGETS[0]) is None
 
 
-ERROR = ModelError(Roughness(0.5, 0.8, (6,)), np.eye(6)[:, :2], np.array([0.5, 0.9]), 1.0, 2.0)
+ERROR = ModelError(Roughness(0.5, 0.8, (6,)), np.eye(6)[:, :2], np.array([0.5, 0.9]), 1.0, 2.0, np.zeros(2))
 MEASURED = SimpleNamespace(thinned={"pull": SimpleNamespace(target=np.zeros(6))})
 
 
@@ -128,6 +128,8 @@ def test_an_error_of_a_model_is_read_as_it_was_written(tmp_path):
         ("taken", lambda a: a + 1.0),
         ("taken", lambda a: a[:1]),
         ("size", lambda _: np.array(-1.0)),
+        ("near", lambda a: a + 99.0),
+        ("near", lambda a: a[:1]),
     ],
 )
 def test_an_error_of_a_model_that_cannot_be_does_not_count(tmp_path, name, change):
