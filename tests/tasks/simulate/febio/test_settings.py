@@ -78,7 +78,7 @@ WRONG = {
     "no parameters": ("model.parameters", {}, "no parameter with min and max"),
     "tissue's constant": ("model.beta", 3.0, "model.beta: with a template"),
     "tissue's effect": ("model.effects", ["rupture"], "model.effects: 'rupture' with a template; expected effects"),
-    "effect of nothing": ("model.effects", ["softening"], "model.effects: softening: simulator.fibre does not say"),
+    "effect of nothing": ("model.effects", ["toe-exponent"], "model.effects: toe-exponent: tissue.elastic (neo"),
     "no such material": ("simulator.fibre", "tendon", "simulator.fibre: no material 'tendon' in dogbone.feb.j2; expec"),
     "law": ("model.effects", ["fibres * (1 - a)"], "model.effects: "),
     "effect twice": ("model.effects", ["time-lag", "time-lag/filter"], "time-lag is a duplicate"),
@@ -131,7 +131,7 @@ def test_measured_curves_need_a_force(tmp_path, settings):
 @pytest.mark.parametrize(
     ("section", "keep", "told"),
     [
-        ({"effects": ["time-lag", "softening"]}, "nothing", "discover.effects: softening: not with this template;"),
+        ({"effects": ["time-lag", "creep"]}, "nothing", "discover.effects: creep: not with this template;"),
         ({}, "fields", "discover: with keep: fields; expected keep: nothing"),
     ],
 )
