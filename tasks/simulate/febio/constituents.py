@@ -5,7 +5,6 @@ A name is the way to a material in the rendered input, such as ``tendon.solid[2]
 
 import math
 import re
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
@@ -13,7 +12,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from sinew.tasks.simulate.febio.input_text import parsed
-from sinew.tasks.simulate.febio.model_file.contents import NUMBER, PARTS
+from sinew.tasks.simulate.febio.model_file.contents import NUMBER, PARTS, numbered
 from sinew.tasks.simulate.febio.units import MILLIMETRES, UNITS, stress_MPa
 
 NAMES = ("fibre", "matrix")
@@ -126,10 +125,7 @@ def _labelled(root: Element) -> Iterator[tuple[str, Element]]:
     section = root.find("Material")
     materials = [] if section is None else section.findall("material")
     names = [one.get("name", "").strip() or f"material{one.get('id', '')}" for one in materials]
-    count, seen = Counter(names), Counter[str]()
-    for name, one in zip(names, materials, strict=True):
-        seen[name] += 1
-        yield (name if count[name] == 1 else f"{name}[{seen[name]}]"), one
+    yield from zip(numbered(names), materials, strict=True)
 
 
 def places_at(root: Element, path: str) -> Iterator[Place]:

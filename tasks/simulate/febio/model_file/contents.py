@@ -3,7 +3,7 @@
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element as MeshElement
 
@@ -150,10 +150,15 @@ def fibre_and_matrix(laws: tuple[Material, ...]) -> dict[str, Material]:
 def _named(elements: list[Element], kind: str) -> Iterator[tuple[str, Element]]:
     """Elements, each with a name of its own: its name, else its tag and number."""
     names = [one.name or f"{kind or one.tag}{one.attributes.get('id', '')}" for one in elements]
+    yield from zip(numbered(names), elements, strict=True)
+
+
+def numbered(names: Sequence[str]) -> Iterator[str]:
+    """The names, each with its number where several are the same: ``solid[1]``, ``solid[2]``."""
     count, seen = Counter(names), Counter[str]()
-    for name, one in zip(names, elements, strict=True):
+    for name in names:
         seen[name] += 1
-        yield (name if count[name] == 1 else f"{name}[{seen[name]}]"), one
+        yield name if count[name] == 1 else f"{name}[{seen[name]}]"
 
 
 def _leaves(path: str, element: Element) -> Iterator[tuple[str, Element]]:
@@ -166,10 +171,7 @@ def _leaves(path: str, element: Element) -> Iterator[tuple[str, Element]]:
 
 def _steps(element: Element) -> Iterator[tuple[str, Element]]:
     """The children of an element, each with its tag, and its number where several have it."""
-    tags, seen = Counter(child.tag for child in element.children), Counter[str]()
-    for child in element.children:
-        seen[child.tag] += 1
-        yield (child.tag if tags[child.tag] == 1 else f"{child.tag}[{seen[child.tag]}]"), child
+    yield from zip(numbered([child.tag for child in element.children]), element.children, strict=True)
 
 
 def _few(source: Source, leaves: Iterator[tuple[str, Element]]) -> Iterator[tuple[str, Element]]:
