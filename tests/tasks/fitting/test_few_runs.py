@@ -94,3 +94,6 @@ def test_other_bounds_and_fewer_renewals():
     assert found.x[1] == np.clip(found.x[1], -1.5, 1.5)
     assert found.x[0] > 1.0, "outside of a unit cube"
     assert asked.runs <= most_runs(3, 4)
+    renewed.clear()
+    least_squares_of_few(asked.residuals, derivatives_at, np.array([0.5, 0.5, 0.5]), (-1.5, 1.5), 1)
+    assert len(renewed) == 2, "it would go on"
