@@ -65,15 +65,15 @@ def polynomials(share: Array, exponents: Array) -> Array:
     return found
 
 
-def basis(share: Array, outcome: Array, degree: int | None = None) -> Basis:
-    """The polynomials that an outcome ``[n]`` needs, of the best degree, or of a given one."""
+def basis(share: Array, outcome: Array, degree: int | None = None, *, most: int | None = None) -> Basis:
+    """The polynomials that an outcome ``[n]`` needs, of the best degree, or a given one; ``most``: how many at most."""
     best: Basis | None = None
     worse = 0
     for each in (degree,) if degree is not None else range(1, HIGHEST + 1):
         exponents = exponents_up_to(share.shape[1], each)
         if best is not None and len(exponents) > MOST:
             break
-        found = _of_degree(share, outcome, exponents, each)
+        found = _of_degree(share, outcome, exponents, each, most)
         if best is None or found.unexplained < best.unexplained:
             best, worse = found, 0
         else:
@@ -95,13 +95,13 @@ def joined(bases: Sequence[Basis], share: Array, outcomes: Array) -> tuple[Array
     return exponents, coefficients
 
 
-def _of_degree(share: Array, outcome: Array, exponents: Array, degree: int) -> Basis:
+def _of_degree(share: Array, outcome: Array, exponents: Array, degree: int, limit: int | None) -> Basis:
     """The first polynomials on the path of least angle regression, as many as have the least error."""
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.linear_model import lars_path
 
     values = polynomials(share, exponents)
-    most = min(int(PART * len(share)), len(exponents) - 1)
+    most = min(int(PART * len(share)), len(exponents) - 1, limit or len(exponents))
     centred = values[:, 1:] - values[:, 1:].mean(axis=0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # nearly dependent polynomials are dropped, as they should

@@ -6,8 +6,9 @@ from pathlib import Path
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Simulator
+from sinew.tasks.simulate.febio import fidelities
 from sinew.tasks.simulate.febio.attempt import solver_version
-from sinew.tasks.simulate.febio.settings import FEBioSettings, SolverSettings
+from sinew.tasks.simulate.febio.settings import FEBioSettings, SolverSettings, TemplateSettings
 from sinew.tasks.simulate.febio.simulator import FEBio
 from sinew.tasks.simulate.registry import kinds, of_the_tissue
 from sinew.tasks.simulate.settings import Purpose, SimulatorSettings
@@ -32,6 +33,17 @@ def simulator_of(study: Study, name: str | None, scratch: Path, kept: Path | Non
         if lacking := [each for each in study.compared if each not in settings.comparable]:
             raise BadInput("--simulator", f"{name} has no {lacking[0]}, which the study compares", "another simulator")
     return settings.build(replace(_purpose(study, effects_of(study.model), scratch), kept=kept))
+
+
+def cheaper_of(study: Study, fine: Simulator, scratch: Path) -> dict[str, Simulator]:
+    """What stands in for the study's simulator ``fine``, by name, the cheapest first; nothing for most studies.
+
+    Raises :class:`BadInput`.
+    """
+    settings = study.simulator
+    if not isinstance(settings, TemplateSettings) or not settings.cheaper:
+        return {}
+    return fidelities.cheaper_of(settings, _purpose(study, effects_of(study.model), scratch), fine)
 
 
 def febio_of(study: Study, effects: tuple[Effect, ...], scratch: Path) -> FEBio:

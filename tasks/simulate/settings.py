@@ -52,6 +52,21 @@ class SimulatorSettings(Section):
         return None if self.template_field is None else getattr(self, self.template_field)
 
     @property
+    def further_templates(self) -> tuple[str, ...]:
+        """Templates of cheaper versions of the model, in the same folder as the study's own."""
+        return ()
+
+    @property
+    def cheaper(self) -> tuple[str, ...]:
+        """What stands in for the model where a study can use it, the cheapest first."""
+        return ()
+
+    @property
+    def coarse_rows(self) -> int:
+        """How many runs of the coarse version are made for each of the model itself."""
+        return 0
+
+    @property
     def like_embedded(self) -> bool:
         """Whether the embedded simulator gives nearly the same forces."""
         return False

@@ -14,41 +14,39 @@ the first two, and the third. Polynomials are chosen anew without each scramble.
 with polynomials of its own.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from sinew.tasks.fitting.chaos import Basis, basis, joined, polynomials
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.saltelli import Design
 from sinew.tasks.sobol.method import Intervals
+from sinew.tasks.sobol.polynomials import Fitted, Runs, Sum, stacked, together
 from sinew.tasks.sobol.result import KEYS, Analysis, Convergence
 
 CONSTANT = 1e-12  # part of its size by which an outcome varies at least
 LIMIT = 0.05  # of all rows: if more of them failed, polynomials would speak for where there is no model
+FEWEST = 32  # runs of a cheaper version that are worth a fit
 EXPLAINED, COMPONENTS = 1e-4, 8  # part of all curves' variance that is left out, and principal components at most
 
 
 @dataclass(frozen=True, eq=False)
-class Trained:
-    """Polynomials of an outcome, of the ``whole`` design and ``without`` each scramble in turn.
+class Version:
+    """A cheaper version of the model: the design of its runs, plain, and their ``share`` ``[n, free]``."""
 
-    ``unexplained``: the part of its variance that they do not explain, the larger of two estimates: by leave-one-out,
-    and of each scramble by the polynomials without it.
-    """
-
-    whole: Basis
-    without: list[Basis]
-    unexplained: float
+    design: Design
+    share: Array
 
 
 @dataclass(frozen=True, eq=False)
 class ByChaos:
     """Indices of any outcomes of a plain design with ``share`` ``[n, free]``; ``ok`` ``[n]``: its rows that ran.
 
-    ``sizes``: how many rows there were when intervals were looked at. ``fits``: polynomials so far, by the rows that
-    ran and their outcome; a design that grows hands them on.
+    ``sizes``: how many rows there were when intervals were looked at. ``fits``: polynomials so far, by what they were
+    made of; a design that grows hands them on. ``cheaper``: versions of the model, the cheapest first. Outcomes
+    ``[N, ...]`` are those of the model, then those of each of these, NaN where a run of theirs failed.
     """
 
     design: Design
@@ -59,7 +57,8 @@ class ByChaos:
     sizes: tuple[int, ...] = ()
     rule: str = "the emulators were trained with the rows that ran"
     refuses: bool = False
-    fits: dict[tuple[bytes, bytes], Trained] = field(default_factory=dict, repr=False)
+    fits: dict[bytes, Fitted] = field(default_factory=dict, repr=False)
+    cheaper: tuple[Version, ...] = ()
 
     @property
     def whole(self) -> Array:
@@ -67,42 +66,38 @@ class ByChaos:
         return self.ok
 
     def of(self, outcomes: Array) -> dict[str, Array]:
-        """S1, S1_conf, ST, ST_conf ``[d, m]`` of outcomes ``[n, m]`` that change little from one to the next."""
-        used = _moderate(outcomes[self.ok])
+        """S1, S1_conf, ST, ST_conf ``[d, m]`` of outcomes ``[N, m]`` that change little from one to the next."""
+        used = _moderate(outcomes[: self.ok.size][self.ok])
         varies = _varies(used)
         found = {key: np.full((len(self.design.names), outcomes.shape[1]), np.nan) for key in KEYS}
         if varies.any():
             with threadpool_limits(1):  # sums in one order, on whatever machine
-                for key, values in self._of_curves(used[:, varies]).items():
+                for key, values in self._of_curves(outcomes[:, varies]).items():
                     found[key][:, varies] = values
         return found
 
     def analysis(self, outcomes: Array) -> Analysis:
-        """The same of one output ``[n]``, with indices of second order if they were asked for."""
-        values = _moderate(outcomes[self.ok])
-        names = self.design.names
-        if not _varies(values):
-            return Analysis(*(np.full(len(names), np.nan) for _ in KEYS))
-        with threadpool_limits(1):
-            share = self.share[self.ok]
-            known = self._trained(values)
-            every = [_indices(share, values, known.whole, self.design, self.second_order)]
-            every += [
-                _indices(share[kept], values[kept], again, self.design, self.second_order)
-                for kept, again in zip(self._without_each(), known.without, strict=True)
-            ]
+        """The same of one output ``[N]``, with indices of second order if they were asked for."""
+        if (known := self.fitted(outcomes)) is None:
+            return Analysis(*(np.full(len(self.design.names), np.nan) for _ in KEYS))
+        every = [_indices(each, self.design, self.second_order) for each in (known.whole, *known.without.values())]
         found = dict(zip(("S1", "ST", "S2"), zip(*every, strict=True), strict=False))
         parts = {key: each[0] for key, each in found.items()}
         parts |= {f"{key}_conf": self._half(np.array(each[1:]), known.unexplained) for key, each in found.items()}
         return Analysis(**parts)
 
+    def fitted(self, outcomes: Array) -> Fitted | None:
+        """What stands for one output ``[N]``; None where it does not vary."""
+        values = _moderate(outcomes[: self.ok.size][self.ok])
+        if not _varies(values):
+            return None
+        with threadpool_limits(1):
+            return stacked([*self._runs_of_cheaper(outcomes), self._runs(values)], self.fits)
+
     def unexplained(self, outcomes: Array) -> float:
         """The part of one output's variance that its polynomials do not explain."""
-        values = _moderate(outcomes[self.ok])
-        if not _varies(values):
-            return 0.0
-        with threadpool_limits(1):
-            return self._trained(values).unexplained
+        known = self.fitted(outcomes)
+        return 0.0 if known is None else known.unexplained
 
     def first(self, rows: int) -> "ByChaos":
         """That of the first ``rows`` of the design."""
@@ -114,69 +109,76 @@ class ByChaos:
         return {}
 
     def convergence(self, outcomes: Array) -> Convergence:
-        """Indices of one output ``[n]`` from the first rows, of each of the sizes."""
-        every = [self.first(size).analysis(outcomes[:size]) for size in self.sizes]
+        """Indices of one output ``[N]`` from the first rows, of each of the sizes."""
+        others = outcomes[self.ok.size :]
+        every = [self.first(size).analysis(np.concatenate([outcomes[:size], others])) for size in self.sizes]
         shape = (len(self.sizes), len(self.design.names))
         return Convergence(
             list(self.sizes), *(np.array([getattr(one, key) for one in every]).reshape(shape) for key in KEYS)
         )
 
-    def _without_each(self) -> list[Array]:
-        """Rows that ran ``[n]`` without those of each scramble in turn."""
-        scramble = self.design.scramble[self.ok]
-        return [scramble != each for each in np.unique(scramble)]
+    def _runs(self, values: Array) -> Runs:
+        """The rows of the model that ran, with their values ``[n]``."""
+        return Runs(self.share[self.ok], self.design.scramble[self.ok], values)
 
-    def _trained(self, values: Array) -> Trained:
-        """Polynomials for the values ``[n]`` of one outcome, of the rows that ran; fitted once."""
-        key = self.ok.tobytes(), values.tobytes()
-        if key not in self.fits:
-            self.fits[key] = self._fitted(values)
-        return self.fits[key]
+    def _of_cheaper(self, outcomes: Array) -> Iterator[tuple[Version, Array, Array]]:
+        """Cheaper versions that can be used, which of their rows ran ``[n]``, and their outcomes ``[ran, ...]``."""
+        start = self.ok.size
+        for version in self.cheaper:
+            values = outcomes[start : start + len(version.share)]
+            start += len(version.share)
+            ran = np.asarray(np.isfinite(values.reshape(len(values), -1)).all(axis=1))
+            if ran.sum() >= FEWEST and _varies(values[ran]).all():
+                yield version, ran, _moderate(values[ran])
 
-    def _fitted(self, values: Array) -> Trained:
-        share = self.share[self.ok]
-        whole = basis(share, values)
-        without, missed = [], 0.0
-        for kept in self._without_each():
-            again = basis(share[kept], values[kept], whole.degree)
-            predicted = polynomials(share[~kept], again.exponents) @ again.coefficients(share[kept], values[kept])
-            missed += float(np.square(predicted - values[~kept]).sum())
-            without.append(again)
-        return Trained(whole, without, max(whole.unexplained, missed / (len(values) * values.var())))
+    def _runs_of_cheaper(self, outcomes: Array) -> list[Runs]:
+        return [
+            Runs(version.share[ran], version.design.scramble[ran], values)
+            for version, ran, values in self._of_cheaper(outcomes)
+        ]
 
     def _half(self, without: Array, unexplained: Array | float) -> Array:
         """Half-widths of intervals from indices ``[r, ...]`` without each scramble in turn."""
         _, factor = self.intervals.resampled(self.design.scramble[self.ok])
         return np.hypot(factor * without.std(axis=0, ddof=1), unexplained) + 2.0 * (~self.ok).mean()
 
-    def _of_curves(self, curves: Array) -> dict[str, Array]:
-        """Of curves ``[n, m]``: chaos of their principal components, combined point by point."""
-        share, members = self.share[self.ok], self.design.members
-        scale = curves.std(axis=0)
-        scaled = (curves - curves.mean(axis=0)) / scale
+    def _of_curves(self, outcomes: Array) -> dict[str, Array]:
+        """Of curves ``[N, m]``: chaos of their principal components, combined point by point."""
+        members = self.design.members
+        scaled = _standard(_moderate(outcomes[: self.ok.size][self.ok]))
         scores, sizes, directions = np.linalg.svd(scaled, full_matrices=False)
         lost = 1.0 - np.cumsum(sizes**2) / np.sum(sizes**2)
         count = min(int(np.argmax(lost <= EXPLAINED)) + 1, COMPONENTS, len(sizes))
         scores, directions = scores[:, :count] * sizes[:count], directions[:count]
-        trained = [self._trained(each) for each in scores.T]
+        below = [
+            (version.share[ran], version.design.scramble[ran], _standard(values) @ directions.T)
+            for version, ran, values in self._of_cheaper(outcomes)
+        ]
+        known = [
+            stacked([*(Runs(share, of, each[:, j]) for share, of, each in below), self._runs(scores[:, j])], self.fits)
+            for j in range(count)
+        ]
         variances = scores.var(axis=0)[:, np.newaxis] * directions**2  # [components, m]
-        parts = np.array([one.unexplained for one in trained])[:, np.newaxis] * variances
+        parts = np.array([one.unexplained for one in known])[:, np.newaxis] * variances
         left = np.sqrt(parts).sum(axis=0) ** 2 + np.maximum(1.0 - variances.sum(axis=0), 0.0)  # as if all errors agreed
 
-        def indices(bases: list[Basis], kept: Array) -> tuple[Array, Array]:
-            exponents, coefficients = joined(bases, share[kept], scores[kept])
+        def indices(sums: Sequence[Sum]) -> tuple[Array, Array]:
+            exponents, coefficients = together(sums)
             first, total = first_and_total(exponents, coefficients @ directions, members)
             return np.nan_to_num(first), np.nan_to_num(total)
 
-        whole = indices([one.whole for one in trained], np.ones(len(share), dtype=bool))
-        without = [
-            indices([one.without[number] for one in trained], kept) for number, kept in enumerate(self._without_each())
-        ]
+        whole = indices([one.whole for one in known])
+        without = [indices([one.without[each] for one in known]) for each in known[0].without]
         found = {}
         for number, key in enumerate(("S1", "ST")):
             found[key] = whole[number]
             found[f"{key}_conf"] = self._half(np.array([each[number] for each in without]), left)
         return found
+
+
+def _standard(curves: Array) -> Array:
+    """Curves ``[n, m]`` less their mean, in units of the spread of each point."""
+    return np.asarray((curves - curves.mean(axis=0)) / curves.std(axis=0))
 
 
 def _moderate(outcomes: Array) -> Array:
@@ -192,12 +194,11 @@ def _varies(outcomes: Array) -> Array:
     return np.asarray(np.ptp(outcomes, axis=0) > CONSTANT * np.abs(outcomes).max(axis=0))
 
 
-def _indices(share: Array, outcome: Array, known: Basis, design: Design, second_order: bool) -> tuple[Array, ...]:
+def _indices(known: Sum, design: Design, second_order: bool) -> tuple[Array, ...]:
     """First and total order indices, and those of second order if they are asked for; 0 where nothing is explained."""
-    coefficients = known.coefficients(share, outcome)
-    first, total = first_and_total(known.exponents, coefficients, design.members)
+    first, total = first_and_total(known.exponents, known.coefficients, design.members)
     found = (np.nan_to_num(first), np.nan_to_num(total))
-    return (*found, second(known.exponents, coefficients, design.members)) if second_order else found
+    return (*found, second(known.exponents, known.coefficients, design.members)) if second_order else found
 
 
 def first_and_total(exponents: Array, coefficients: Array, members: tuple[tuple[int, ...], ...]) -> tuple[Array, Array]:

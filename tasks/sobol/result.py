@@ -86,16 +86,27 @@ class Failures:
 
 
 @dataclass(frozen=True, eq=False)
+class OfVersion:
+    """Runs of a cheaper version of the model, and how many of them failed; of all specimens."""
+
+    runs: Count
+    failed: Count
+
+
+@dataclass(frozen=True, eq=False)
 class Surrogate:
     """Polynomials that stand for the model: the largest half-width of intervals that was asked for as ``error``.
 
     ``reached``: whether all are smaller. ``unexplained``: part of the variance of each outcome that the polynomials do
-    not explain, by leave-one-out or by cross-validation, whichever is larger.
+    not explain, by leave-one-out or by cross-validation, whichever is larger. ``alone``: the same by leave-one-out
+    without the cheaper ``versions`` of the model.
     """
 
     error: Number
     reached: bool
     unexplained: Mapping[str, Number]
+    alone: Mapping[str, Number] | None = dataclasses.field(default=None, metadata=OMIT)
+    versions: Mapping[str, OfVersion] | None = dataclasses.field(default=None, metadata=OMIT)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 MOST_RUNS, MOST_BASE_SAMPLES, MOST_SCRAMBLES = 10_000, 2**26, 64
 OF_SALTELLI, OF_SURROGATE = {"points", "base_samples", "scrambles", "resamples"}, {"error", "runs"}
+OF_SEVERAL = {"first"}
 
 
 class NormalSettings(Section):
@@ -41,11 +42,14 @@ class Settings(TaskSettings):
 
     With ``method: surrogate``, indices are those of polynomials that are trained with plain rows: more and more of
     them, at most ``runs``, until no interval of the total and of each protocol is wider than ``error`` to either side.
+    ``method: multifidelity`` is the same with the cheaper versions of the model that ``simulator.fidelities`` names;
+    it begins with ``first`` runs of the model itself.
     """
 
-    method: Literal["saltelli", "surrogate"] = "saltelli"
+    method: Literal["saltelli", "surrogate", "multifidelity"] = "saltelli"
     error: Annotated[float, Field(gt=0, lt=1)] = 0.02
     runs: Annotated[int, Field(ge=32, le=MOST_RUNS)] = 400
+    first: Annotated[int, Field(ge=16, le=MOST_RUNS)] = 32
     points: Annotated[int, Field(ge=1, le=10**8)] | None = None
     base_samples: Annotated[int, Field(ge=2, le=MOST_BASE_SAMPLES)] | None = None
     specimens: Specimens = "all"
@@ -60,6 +64,7 @@ class Settings(TaskSettings):
     @model_validator(mode="after")
     def _of_one_method(self) -> Self:
         of_the_other = OF_SURROGATE if self.method == "saltelli" else OF_SALTELLI
+        of_the_other = of_the_other if self.method == "multifidelity" else of_the_other | OF_SEVERAL
         if given := sorted(self.model_fields_set & of_the_other):
             raise FieldError(given[0], f"given with method: {self.method}", f"no {given[0]}, or the other method")
         return self
@@ -75,6 +80,8 @@ class Settings(TaskSettings):
         return self
 
     def check_study(self, study: Study) -> None:
+        if self.method == "multifidelity" and not study.simulator.cheaper:
+            raise FieldError("method", "multifidelity", "simulator.fidelities, or method: surrogate")
         outputs = study.simulator.output_names
         if self.output is not None and self.output not in outputs:
             known = f"one of {', '.join(outputs)}" if outputs else "nothing; only templates have outputs"
@@ -126,8 +133,8 @@ def check(study: Study, out: Path, *, extend: bool = False) -> None:
         raise BadInput(
             f"{study.path}: sobol.groups", "one group of all parameters", "two groups or parameters at least"
         )
-    if extend and study.section(Settings).method == "surrogate":
-        raise BadInput("--extend", "the method is surrogate", "a smaller sobol.error, or more sobol.runs")
+    if extend and (method := study.section(Settings).method) != "saltelli":
+        raise BadInput("--extend", f"the method is {method}", "a smaller sobol.error, or more sobol.runs")
     last = read_json(out / "sobol.json") if extend else None
     if extend and last is None:
         raise BadInput(out / "sobol.json", "is not there", "a finished `sinew sobol` to extend")

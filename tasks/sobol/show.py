@@ -10,7 +10,7 @@ from rich.text import Text
 
 from sinew.runner.console import Console
 from sinew.tasks.drawing.formats import protocols_of
-from sinew.tasks.sobol.result import KEYS, Indices, OfOutput, SobolResult
+from sinew.tasks.sobol.result import KEYS, Indices, OfOutput, SobolResult, Surrogate
 
 
 def table(result: SobolResult) -> pd.DataFrame:
@@ -90,11 +90,19 @@ def surrogate_words(result: SobolResult) -> list[str]:
     if (found := result.surrogate) is None:
         return []
     left = max(found.unexplained.values())
-    words = f"{result.rows:,} runs; polynomials leave at most {100 * left:.2g} % of an outcome's variance unexplained"
+    runs = f"{result.rows:,} runs{_beside(found)}"
+    words = f"{runs}; polynomials leave at most {100 * left:.2g} % of an outcome's variance unexplained"
     asked = f"± {found.error:g}"
     return [
         f"{words}; intervals are " + (f"within {asked}" if found.reached else f"wider than {asked}: more sobol.runs")
     ]
+
+
+def _beside(surrogate: Surrogate) -> str:
+    """Runs of cheaper versions of the model, in words; nothing where there are none."""
+    versions = list((surrogate.versions or {}).items())[::-1]
+    each = [f"{one.runs:,}{'' if number else ' runs'} of {name}" for number, (name, one) in enumerate(versions)]
+    return f", beside {', '.join(each)}" if each else ""
 
 
 def _specimens_summary(result: SobolResult, console: Console) -> None:

@@ -16,7 +16,7 @@ def base_of(settings: Settings, parameters: int) -> int:
 def rows_of(given: Given) -> int:
     """The rows of the study's design, each of which every specimen evaluates."""
     settings = given.study.section(Settings)
-    if settings.method == "surrogate":
+    if settings.method != "saltelli":
         return settings.runs
     parameters = settings.count(given.model)
     return base_of(settings, parameters) * block_of(parameters, settings.second_order)
@@ -28,7 +28,7 @@ def work(given: Given, settings: Settings) -> Work:
     rows = rows_of(given)
     points = sum(points_kept(one, given.study.store.points_per_curve) for one in specimens)
     courses = len(given.can.outputs) or 1
-    if settings.method == "surrogate":
+    if settings.method != "saltelli":
         fits = 9 * (courses + len(given.specimens(settings.specimens))) * FITS_EACH
         return Work({one.name: rows for one in specimens}, here_s=FIT_S * fits)
     return Work({one.name: rows for one in specimens}, here_s=ANALYSIS_S * rows * points * courses)

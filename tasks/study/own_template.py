@@ -7,12 +7,16 @@ from sinew.tasks.study.study import Study
 
 
 def template_texts(study: Study) -> dict[str, str]:
-    """The template and what it includes: texts by their names, as seen from the template's folder; none without one.
+    """The templates and what they include: texts by their names, as seen from the template's folder; none without one.
 
     Raises :class:`sinew.runner.errors.BadInput`.
     """
     name = study.simulator.own_template
-    return {} if name is None else read_files(study.path.parent, name, Allowance())[1]
+    names = () if name is None else (name, *study.simulator.further_templates)
+    found: dict[str, str] = {}
+    for each in names:
+        found |= read_files(study.path.parent, each, Allowance())[1]
+    return found
 
 
 def template_hash(study: Study, simulator: str) -> str:

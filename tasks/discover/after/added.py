@@ -3,7 +3,7 @@
 import difflib
 import os
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import cast
 
 import numpy as np
@@ -16,6 +16,7 @@ from sinew.tasks.discover.result import TEMPLATE, WITH_EFFECTS
 from sinew.tasks.model.effects import effect_named
 from sinew.tasks.simulate.febio.simulator import FEBio
 from sinew.tasks.study.files import write_text
+from sinew.tasks.study.own_template import template_texts
 from sinew.tasks.study.settings_file import as_yaml, from_yaml
 from sinew.tasks.study.workspace import Workspace
 
@@ -43,10 +44,13 @@ def study_with(workspace: Workspace, effects: Effects, where: Path = WITH_EFFECT
     if settings.own_template is not None:
         template = cast(FEBio, workspace.simulator).template
         remove_folder(workspace.out / TEMPLATE)  # of another template, which this one may have replaced
-        for name, text in template.files.items():
+        for name, text in {**template_texts(workspace.study), **template.files}.items():
             (copy := workspace.out / TEMPLATE / name).parent.mkdir(parents=True, exist_ok=True)
             write_text(copy, text)
         new["simulator"] = {**new["simulator"], settings.template_field: f"{TEMPLATE.name}/{template.main}"}
+        if settings.further_templates:
+            coarse = new["simulator"]["coarse"]
+            new["simulator"]["coarse"] = {**coarse, "file": f"{TEMPLATE.name}/{PurePath(coarse['file']).name}"}
     elif workspace.simulator.name != settings.name:  # options of the command replaced these two
         new["simulator"] = workspace.simulator.name
     if workspace.study.seed != old.get("seed", type(workspace.study).model_fields["seed"].default):

@@ -95,6 +95,11 @@ REFERENCES: Mapping[str, Reference] = {
         "Phys 230 (2011).",
         "10.1016/j.jcp.2010.12.021",
     ),
+    "fidelities": Reference(
+        "Kennedy M., O'Hagan A. Predicting the output from a complex computer code when fast approximations are "
+        "available. Biometrika 87 (2000).",
+        "10.1093/biomet/87.1.1",
+    ),
     "vehtari": Reference(
         "Vehtari A., Gelman A., Simpson D., Carpenter B., Bürkner P. Rank-normalization, folding, and localization: an "
         "improved R-hat for assessing convergence of MCMC. Bayesian Analysis 16 (2021).",

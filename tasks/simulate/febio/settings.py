@@ -4,7 +4,7 @@ import re
 import shutil
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
@@ -22,7 +22,8 @@ from sinew.tasks.simulate.febio.simulator import FEBio, Template, inside
 from sinew.tasks.simulate.febio.template import OwnTemplate, check_template, with_constituents
 from sinew.tasks.simulate.febio.tendon import read_template
 from sinew.tasks.simulate.settings import Law, Purpose, SimulatorSettings, SolverMissing
-from sinew.tasks.study.fields import Finite
+from sinew.tasks.simulate.stand_in import given_to_the_bar
+from sinew.tasks.study.fields import Finite, Name
 from sinew.tasks.study.settings_file import FieldError, Section
 from sinew.tasks.study.trust import Request, require
 
@@ -200,13 +201,33 @@ class OutputSettings(Section):
         return FieldOutput(name=name, ids=tuple(self.ids or ()), **fields)
 
 
+class CoarseSettings(Section):
+    """A cheaper version of a model: what is different in it, the template ``file``, ``time_steps`` or some ``outputs``.
+
+    ``rows``: how many of its runs are made for each of the model itself.
+    """
+
+    file: Annotated[str, Field(min_length=1)] | None = None
+    time_steps: TimeSteps | None = None
+    outputs: dict[str, OutputSettings] = Field(default_factory=dict)
+    rows: Annotated[int, Field(ge=1, le=1000)] = 8
+
+    @model_validator(mode="after")
+    def _cheaper(self) -> Self:
+        if self.file is None and self.time_steps is None:
+            raise FieldError("file", "missing", "file or time_steps that make a run cheaper")
+        return self
+
+
 class TemplateSettings(SolverSettings):
     """The user's own model in FEBio: the template ``file``, and the ``outputs`` to read from the solver's log.
 
     With ``keep: fields``, the variables ``fields`` of the solver's plot file are kept for every row. ``force`` names
     the output that is compared with measured forces. ``settle_s``: how long the solver waits at the first displacement
     of a protocol that does not start at rest. ``fibre`` and ``matrix``: which of the model's materials effects inside
-    the tissue act on, such as ``tendon.solid[2].elastic``; one may be both.
+    the tissue act on, such as ``tendon.solid[2].elastic``; one may be both. ``fidelities``: what stands in for the
+    model where a task can use it, the cheapest first and the model itself (``fine``) last: ``bar``, the embedded bar,
+    with numbers or parameters of the model for its own, and ``coarse``, another template or larger time steps.
     """
 
     law: ClassVar[Law] = "template"
@@ -220,6 +241,9 @@ class TemplateSettings(SolverSettings):
     settle_s: Annotated[float, Field(ge=0, le=LONGEST_S, allow_inf_nan=False)] = 0.0
     fibre: MaterialPath | None = None
     matrix: MaterialPath | None = None
+    fidelities: list[Literal["bar", "coarse", "fine"]] = Field(default_factory=list)
+    bar: dict[str, Name | Finite] = Field(default_factory=dict)
+    coarse: CoarseSettings | None = None
     keep: Literal["nothing", "fields"] = "nothing"
     fields: Annotated[list[PlotVariable], Field(min_length=1, max_length=50)] = Field(default_factory=lambda: [*FIELDS])
 
@@ -227,6 +251,40 @@ class TemplateSettings(SolverSettings):
     def constituents(self) -> dict[str, str]:
         """Paths of the materials that are the fibre and the matrix, as far as they are given."""
         return {name: path for name in NAMES if (path := getattr(self, name)) is not None}
+
+    @property
+    def cheaper(self) -> tuple[str, ...]:
+        return tuple(self.fidelities[:-1])
+
+    @property
+    def coarse_rows(self) -> int:
+        return 0 if self.coarse is None else self.coarse.rows
+
+    @property
+    def further_templates(self) -> tuple[str, ...]:
+        return () if self.coarse is None or self.coarse.file is None else (self.coarse.file,)
+
+    def coarser(self) -> "TemplateSettings":
+        """The settings of the coarse version."""
+        assert self.coarse is not None, "it is there where fidelities name it"
+        given = {"file": self.coarse.file, "time_steps": self.coarse.time_steps}
+        changed = {name: value for name, value in given.items() if value is not None}
+        outputs = {name: self.coarse.outputs.get(name, output) for name, output in self.outputs.items()}
+        return self.model_copy(update={**changed, "outputs": outputs, "keep": "nothing", "fidelities": []})
+
+    def of_the_bar(self, purpose: Purpose) -> dict[str, str | float]:
+        """What each parameter of the bar is, by name; effects are left out of it. Raises :class:`BadInput`."""
+        if not purpose.sized:
+            raise BadInput(f"{purpose.study}: simulator.fidelities", "a bar without a size", "specimen: its dimensions")
+        names = model_without(purpose.model, purpose.effects).names
+        return given_to_the_bar(self.bar, names, f"{purpose.study}: simulator.bar")
+
+    def request(self, purpose: Purpose, template: Template) -> Request | None:
+        found = super().request(purpose, template)
+        if found is None or not self.further_templates:
+            return found
+        further = self.coarser().read_template(purpose)
+        return replace(found, contents=(*found.contents, *_as_bytes(further.files)))
 
     @property
     def output_names(self) -> tuple[str, ...]:
@@ -256,6 +314,10 @@ class TemplateSettings(SolverSettings):
             if (why := template.why_not(effect)) is not None:
                 expected = "effects that this template can have (docs/own_model.md)"
                 raise BadInput(f"{purpose.study}: model.effects", f"{effect.name}: {why}", expected)
+        if "coarse" in self.cheaper:
+            self.coarser().read_template(purpose)
+        if "bar" in self.cheaper:
+            self.of_the_bar(purpose)
         return template.with_effects(within)
 
     def with_solver(
@@ -272,6 +334,35 @@ class TemplateSettings(SolverSettings):
             raise BadInput(where, "without a force", "simulator.force: the output that effects act on")
         if self.keep == "fields":
             raise BadInput(where, "with keep: fields", "keep: nothing (runs with effects keep no fields)")
+
+    @model_validator(mode="after")
+    def _fidelities(self) -> Self:
+        order = [name for name in ("bar", "coarse", "fine") if name in self.fidelities]
+        if self.fidelities and (self.fidelities != order or order[-1] != "fine" or len(order) == 1):
+            expected = "some of [bar, coarse, fine] in this order, fine among them"
+            raise FieldError("fidelities", str(self.fidelities), expected)
+        if "bar" in self.fidelities and self.force is None:
+            raise FieldError("fidelities", "bar without a force", "force: the output that is the force")
+        for name in ("bar", "coarse"):
+            if name in self.model_fields_set and name not in self.fidelities:
+                raise FieldError(name, "not among the fidelities", f"{name} in fidelities, or no {name}")
+        if "coarse" in self.fidelities:
+            self._check_coarse()
+        return self
+
+    def _check_coarse(self) -> None:
+        if self.coarse is None:
+            raise FieldError("coarse", "missing", "what is different in it: file or time_steps")
+        for name, output in self.coarse.outputs.items():
+            if name not in self.outputs:
+                raise FieldError(f"coarse.outputs.{name}", "no output", f"one of {', '.join(self.outputs)}")
+            if output.field is not None:
+                raise FieldError(f"coarse.outputs.{name}.field", "of the plot file", "data and item of the log")
+        for name, output in self.coarser().outputs.items():
+            if output.field is not None:
+                raise FieldError("fidelities", f"coarse with {name}, of the plot file", f"coarse.outputs.{name}")
+        if self.coarse.file is not None and PurePath(self.coarse.file).parent != PurePath(self.file).parent:
+            raise FieldError("coarse.file", shown(self.coarse.file), "a template in the folder of file")
 
     @model_validator(mode="after")
     def _names(self) -> Self:

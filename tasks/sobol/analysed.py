@@ -1,0 +1,243 @@
+"""From finished rows of a Sobol study to its committed result."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+
+from sinew.runner.errors import BadInput
+from sinew.runner.evaluation.ensemble import failures
+from sinew.runner.store.table import Table
+from sinew.tasks.model import Specimen
+from sinew.tasks.simulate import Array
+from sinew.tasks.simulate.evaluation import SpecimenEvaluation
+from sinew.tasks.simulate.saltelli import Design
+from sinew.tasks.simulate.studied_quantity import objectives_by_output, quantity
+from sinew.tasks.sobol.by_chaos import ByChaos
+from sinew.tasks.sobol.estimate import Estimator
+from sinew.tasks.sobol.method import column
+from sinew.tasks.sobol.result import (
+    KEYS,
+    Failures,
+    Indices,
+    OfOutput,
+    OfProtocol,
+    OfSpecimen,
+    SobolResult,
+    Surrogate,
+)
+from sinew.tasks.sobol.settings import Settings
+from sinew.tasks.study.cached import cached, commit, key
+from sinew.tasks.study.workspace import Workspace
+
+BYTES_AT_A_TIME = 2**26  # of curves, when indices along time are computed
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluated:
+    """A specimen's evaluations: its table in the store and the row ``at`` ``[n]`` of each row of the design.
+
+    ``cheaper``: the same of cheaper versions of the model, each with a design of its own.
+    """
+
+    evaluation: SpecimenEvaluation
+    table: Table
+    at: Array
+    cheaper: tuple["Evaluated", ...] = ()
+
+    def read(self, field: str, columns: slice = slice(None)) -> Array:
+        """A field ``[N, ...]`` of the rows of the design, then of those of each cheaper version.
+
+        A version that does not have the field gives its force in its place.
+        """
+        others = [one.table.read(self._nearest(field, one), one.at, columns) for one in self.cheaper]
+        return np.concatenate([self.table.read(field, self.at, columns), *others])
+
+    def _nearest(self, field: str, cheaper: "Evaluated") -> str:
+        if field in cheaper.table.fields:
+            return field
+        return self._forces.get(field, f"summary_{cheaper.evaluation.simulator.capabilities.force}")
+
+    @cached_property
+    def _forces(self) -> dict[str, str]:
+        """Fields of the force, by those of a course along the same protocol."""
+        named = [curve.name for curve in self.specimen.curves]
+        return {field: f"force_{name}" for name in named for field in self.evaluation.courses(name)}
+
+    @property
+    def specimen(self) -> Specimen:
+        return self.evaluation.specimen
+
+
+def ran(planned: Sequence[Evaluated]) -> Array:
+    """Rows ``[n]`` of the design that no specimen failed."""
+    return np.asarray((np.stack([one.table.status[one.at] for one in planned]) == 0).all(axis=0))
+
+
+def known(
+    workspace: Workspace, settings: Settings, drawn: str, planned: Sequence[Evaluated]
+) -> tuple[str, SobolResult | None]:
+    """The key of a result, and the result itself if it is there; ``drawn``: digest of the design's rows."""
+    bounds = [[parameter.minimum, parameter.maximum] for parameter in workspace.model.free]
+    every = [*planned, *(other for one in planned for other in one.cheaper)]
+    statuses = [one.table.status[one.at] for one in every]
+    tables = [[one.specimen.name, one.table.key] for one in every]
+    inputs = key(SobolResult, settings.model_dump(), workspace.seed, drawn, bounds, tables, *statuses)
+    return inputs, cached(workspace, SobolResult, inputs, ["sobol", *map(_course_name, planned)])
+
+
+def analysed(
+    workspace: Workspace,
+    settings: Settings,
+    estimate: Estimator | ByChaos,
+    planned: Sequence[Evaluated],
+    inputs: str,
+    surrogate: Surrogate | None = None,
+) -> SobolResult:
+    """Analyse finished rows and commit the result."""
+    design, ok, whole = estimate.design, estimate.ok, estimate.whole
+    failed = int((~ok).sum())
+    if whole.sum() < 2:
+        raise BadInput(
+            workspace.out, f"{failed} of {ok.size} rows failed and no two base samples are whole",
+            "a model that can be evaluated within its bounds (see `sinew status`)",
+        )  # fmt: skip
+    specimens = tuple(one.specimen for one in planned)
+    studied, words = quantity(planned[0].evaluation, settings.output)
+    objectives = [one.read(studied) for one in planned]
+    outcomes = objectives_by_output(specimens, objectives)
+    found = {name: estimate.analysis(values) for name, values in outcomes.items()}
+    total = found.pop("total")
+    outputs, by_output = _of_outputs(workspace, estimate, planned)
+    result = SobolResult(
+        names=list(design.names),
+        bounds=[[parameter.minimum, parameter.maximum] for parameter in workspace.model.free],
+        seed=workspace.seed,
+        **{name: getattr(total, name) for name in (*KEYS, "S2", "S2_conf")},
+        rows=ok.size,
+        failed=failed,
+        base_samples=design.base_samples,
+        scrambles=design.scrambles,
+        base_samples_used=int(whole.sum()),
+        points_asked=settings.points,
+        confidence=settings.confidence,
+        objective=words + (", mean of the specimens" if len(specimens) > 1 else ""),
+        field=studied,
+        evaluations=ok.size * len(specimens),
+        protocols={name: OfProtocol(**vars(each), rows=ok.size, failed=failed, base_samples=design.base_samples)
+                   for name, each in found.items()},
+        specimens=_of_specimens(estimate, planned, objectives),
+        outputs=outputs or None,
+        groups={title: list(members) for title, members in settings.groups.items()} or None,
+        distributions={name: vars(one) for name, one in settings.inputs.distributions.items()} or None,
+        surrogate=surrogate,
+        failures=_failures(estimate, planned, outcomes["total"]),
+        convergence=estimate.convergence(outcomes["total"]),
+        tables={one.specimen.name: one.table.name for one in planned},
+        inputs=inputs,
+    )  # fmt: skip
+
+    def along_time(one: Evaluated) -> None:
+        workspace.store.write_result(_course_name(one), _along_time(estimate, one).assign_attrs(inputs=inputs))
+
+    workspace.each("sobol along time", "analyses", along_time, {one.specimen.name: one for one in planned})
+    commit(workspace, result, {"sobol": _arrays(design, result, {"total": total, **found, **by_output})})
+    return result
+
+
+def _course_name(one: Evaluated) -> str:
+    """What the store calls a specimen's indices along time."""
+    return f"sobol_time/{one.table.name}"
+
+
+def _of_outputs(
+    workspace: Workspace, estimate: Estimator | ByChaos, planned: Sequence[Evaluated]
+) -> tuple[dict[str, OfOutput], dict[str, Indices]]:
+    """Indices of each of a template's outputs, and the same by the name that the store gives them."""
+    outputs: dict[str, OfOutput] = {}
+    named: dict[str, Indices] = {}
+    specimens = tuple(one.specimen for one in planned)
+    can = workspace.simulator.capabilities
+    for output in can.outputs:
+        summaries = [one.read(f"summary_{output.name}") for one in planned]
+        each = {
+            name: column(estimate.of(values[:, np.newaxis]), 0)
+            for name, values in objectives_by_output(specimens, summaries).items()
+        }
+        named |= {f"{output.name} {name}": found for name, found in each.items()}
+        total = vars(each.pop("total"))
+        is_force = output.name == can.force
+        outputs[output.name] = OfOutput(output.summary, output.unit, is_force, **total, protocols=each)
+    return outputs, named
+
+
+def _of_specimens(
+    estimate: Estimator | ByChaos, planned: Sequence[Evaluated], objectives: Sequence[Array]
+) -> dict[str, OfSpecimen]:
+    specimens = {}
+    for one, values in zip(planned, objectives, strict=True):
+        columns = np.column_stack([values.sum(axis=1), values])
+        found = estimate.of(columns)
+        specimens[one.specimen.name] = OfSpecimen(
+            **vars(column(found, 0)),
+            failed=failures(one.table, one.at),
+            protocols={curve.name: column(found, 1 + i) for i, curve in enumerate(one.specimen.curves)},
+        )
+    return specimens
+
+
+def _failures(estimate: Estimator | ByChaos, planned: Sequence[Evaluated], total: Array) -> Failures:
+    return Failures(
+        rule=estimate.rule,
+        rows=int((~estimate.ok).sum()),
+        base_samples_left_out=estimate.design.base_samples - int(estimate.whole.sum()),
+        by_status={one.specimen.name: failures(one.table, one.at) for one in planned},
+        **estimate.if_failed_had(total),
+    )
+
+
+def _arrays(design: Design, result: SobolResult, analyses: Mapping[str, Indices]) -> xr.Dataset:
+    """Indices of all outputs ``[output, parameter]`` and the convergence, for the store."""
+    parts, settled = list(analyses.values()), result.convergence
+    return xr.Dataset(
+        {
+            **{name: (("output", "parameter"), np.stack([getattr(part, name) for part in parts])) for name in KEYS},
+            **{f"convergence_{name}": (("base_samples", "parameter"), getattr(settled, name)) for name in KEYS},
+        },
+        {
+            "parameter": np.array(design.names, dtype=str),
+            "output": list(analyses),
+            "base_samples": settled.base_samples,
+        },
+        {
+            "rows": design.base_samples * design.block,
+            "method": "polynomial chaos" if design.plain else "Saltelli 2010 by SALib",
+            "failed_rows": result.failures.rule,
+        },
+    )
+
+
+def _along_time(estimate: Estimator | ByChaos, one: Evaluated) -> xr.Dataset:
+    """Indices of the force, and of other outputs, at each kept point, a few points at a time: memory stays flat."""
+    variables = {}
+    coordinates: dict[str, object] = {"parameter": np.array(estimate.design.names, dtype=str)}
+    dataset = one.table.dataset()
+    per_pass = max(1, BYTES_AT_A_TIME // (8 * max(1, one.at.size)))
+    for curve in one.specimen.curves:
+        dim = f"time_{curve.name}"
+        points = dataset.sizes[dim]
+        for field, course in one.evaluation.courses(curve.name).items():
+            parts = []
+            for start in range(0, points, per_pass):
+                columns = one.read(field, slice(start, start + per_pass))
+                parts.append(estimate.of(columns))
+            of = curve.name if field == f"force_{curve.name}" else f"{course}_{curve.name}"
+            for name in KEYS:
+                both = np.concatenate([part[name] for part in parts], axis=1)
+                variables[f"{name}_{of}"] = (("parameter", dim), both)
+        for name in (dim, f"displacement_{curve.name}", f"measured_{curve.name}"):
+            if name in dataset:
+                coordinates[name] = (dim, dataset[name].to_numpy(), {"units": dataset[name].attrs["units"]})
+    return xr.Dataset(variables, coordinates, {"specimen": one.specimen.name})
