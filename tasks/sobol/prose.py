@@ -25,8 +25,8 @@ def _by_surrogate(result: SobolResult, surrogate: Surrogate) -> str:
     return (
         f"First and total order Sobol indices of the {result.objective} were taken from sparse polynomial chaos "
         f"[@sudret, @blatman] for {len(result.names)} free {varied}{_normal(result)}, trained with {result.rows:,} "
-        f"rows on scrambled Sobol sequences, of which {result.failed:,} failed{_versions(surrogate)}; the polynomials leave at most "
-        f"{number(100 * max(surrogate.unexplained.values()), 2)} % of an outcome's variance unexplained "
+        f"rows on scrambled Sobol sequences, of which {result.failed:,} failed{_versions(surrogate)}; the polynomials "
+        f"leave at most {number(100 * max(surrogate.unexplained.values()), 2)} % of an outcome's variance unexplained "
         f"(cross-validation). Intervals are Student's at {100 * result.confidence:g} %, from the jackknife of "
         f"{result.scrambles} independent scrambles, widened by the unexplained part{_failed(result)}; they are "
         f"{'within' if surrogate.reached else 'wider than'} ± {surrogate.error:g}. {_largest(result)}"
