@@ -14,7 +14,6 @@ from sinew.tasks.simulate.around import Around
 from sinew.tasks.simulate.febio.settings import TemplateSettings
 from sinew.tasks.simulate.febio.simulator import FEBio
 from sinew.tasks.simulate.settings import Purpose
-from sinew.tasks.simulate.stand_in import StandIn
 
 
 def cheaper_of(settings: TemplateSettings, purpose: Purpose, fine: Simulator) -> dict[str, Simulator]:
@@ -33,5 +32,7 @@ def _coarse(settings: TemplateSettings, purpose: Purpose, fine: Simulator) -> Si
 
 def _bar(settings: TemplateSettings, purpose: Purpose, fine: Simulator) -> Simulator:
     """The bar without the effects that the model may have."""
+    from sinew.tasks.simulate.stand_in import StandIn  # numba is slow to import
+
     given, can = settings.of_the_bar(purpose), fine.capabilities
     return StandIn(tuple(given.items()), next(output for output in can.outputs if output.name == can.force))

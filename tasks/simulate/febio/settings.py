@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.model.effect import model_without
 from sinew.tasks.simulate import Simulator, Summary
+from sinew.tasks.simulate.bar_parameters import given_to_the_bar
 from sinew.tasks.simulate.febio.attempt import program_hash, solver_version
 from sinew.tasks.simulate.febio.constituents import NAMES
 from sinew.tasks.simulate.febio.field_output import FieldOutput
@@ -22,7 +23,6 @@ from sinew.tasks.simulate.febio.simulator import FEBio, Template, inside
 from sinew.tasks.simulate.febio.template import OwnTemplate, check_template, with_constituents
 from sinew.tasks.simulate.febio.tendon import read_template
 from sinew.tasks.simulate.settings import Law, Purpose, SimulatorSettings, SolverMissing
-from sinew.tasks.simulate.stand_in import given_to_the_bar
 from sinew.tasks.study.fields import Finite, Name
 from sinew.tasks.study.settings_file import FieldError, Section
 from sinew.tasks.study.trust import Request, require

@@ -6,7 +6,8 @@ import pytest
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.parameters import own_parameter
 from sinew.tasks.simulate import Output
-from sinew.tasks.simulate.stand_in import StandIn, parameters_of_the_bar
+from sinew.tasks.simulate.bar_parameters import parameters_of_the_bar
+from sinew.tasks.simulate.stand_in import StandIn
 from sinew.tasks.simulate.uniaxial import Uniaxial
 
 OWN = Model((own_parameter("stiffness", "MPa", 5.0, 50.0), own_parameter("E_f", "MPa", 100.0, 200.0)), law="template")
