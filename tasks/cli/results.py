@@ -145,17 +145,26 @@ def repair(folder: Path) -> None:
 
 @sinew.command()
 @click.argument("folder", type=PATH)
-@click.option("--row", "rows", type=click.IntRange(0), multiple=True, required=True, help="A row, as in the store.")
+@click.option("--row", "rows", type=click.IntRange(0), multiple=True, help="A row, as in the store.")
+@click.option("--indices", is_flag=True, help="The Sobol indices of all fields, in place of rows.")
 @click.option("--to", type=PATH, help="Folder for the files (default: FOLDER/vtk).")
 @click.option("--table", help="Table of the store, where rows of several have fields.")
-def fields(folder: Path, rows: tuple[int, ...], to: Path | None, table: str | None) -> None:
-    """Write the kept fields of rows as VTK files for ParaView: open the .pvd files.
+def fields(folder: Path, rows: tuple[int, ...], indices: bool, to: Path | None, table: str | None) -> None:
+    """Write the kept fields of rows, or their Sobol indices, as VTK files for ParaView: open the .pvd files.
 
     Fields are kept by studies with `keep: fields`. There is a .pvd file for each row and protocol, and beside it a
     folder with a .vtu file for each state.
     """
     from sinew.tasks.simulate.febio.field_export import export_rows
 
+    if indices == bool(rows):
+        raise click.UsageError("Either some --row, or --indices.")
+    if indices:
+        from sinew.tasks.sobol.field_export import export_indices
+
+        for path in export_indices(folder, to or folder / "vtk"):
+            put(one_line(str(path)))
+        return
     done = export_rows(folder, rows, to or folder / "vtk", table)
     for path in done.paths:
         put(one_line(str(path)))

@@ -1,23 +1,22 @@
 """From finished rows of a Sobol study to its committed result."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
 
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation.ensemble import failures
-from sinew.runner.store.table import Table
-from sinew.tasks.model import Specimen
+from sinew.tasks.model import Curve
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.simulate.saltelli import Design
 from sinew.tasks.simulate.studied_quantity import objectives_by_output, quantity
 from sinew.tasks.sobol.by_chaos import ByChaos
 from sinew.tasks.sobol.estimate import Estimator
+from sinew.tasks.sobol.evaluated import Evaluated
 from sinew.tasks.sobol.method import column
+from sinew.tasks.sobol.of_fields import kept, of_fields, stored_as
 from sinew.tasks.sobol.result import (
     KEYS,
     Failures,
@@ -35,42 +34,6 @@ from sinew.tasks.study.workspace import Workspace
 BYTES_AT_A_TIME = 2**26  # of curves, when indices along time are computed
 
 
-@dataclass(frozen=True, eq=False)
-class Evaluated:
-    """A specimen's evaluations: its table in the store and the row ``at`` ``[n]`` of each row of the design.
-
-    ``cheaper``: the same of cheaper versions of the model, each with a design of its own.
-    """
-
-    evaluation: SpecimenEvaluation
-    table: Table
-    at: Array
-    cheaper: tuple["Evaluated", ...] = ()
-
-    def read(self, field: str, columns: slice = slice(None)) -> Array:
-        """A field ``[N, ...]`` of the rows of the design, then of those of each cheaper version.
-
-        A version that does not have the field gives its force in its place.
-        """
-        others = [one.table.read(self._nearest(field, one), one.at, columns) for one in self.cheaper]
-        return np.concatenate([self.table.read(field, self.at, columns), *others])
-
-    def _nearest(self, field: str, cheaper: "Evaluated") -> str:
-        if field in cheaper.table.fields:
-            return field
-        return self._forces.get(field, f"summary_{cheaper.evaluation.simulator.capabilities.force}")
-
-    @cached_property
-    def _forces(self) -> dict[str, str]:
-        """Fields of the force, by those of a course along the same protocol."""
-        named = [curve.name for curve in self.specimen.curves]
-        return {field: f"force_{name}" for name in named for field in self.evaluation.courses(name)}
-
-    @property
-    def specimen(self) -> Specimen:
-        return self.evaluation.specimen
-
-
 def ran(planned: Sequence[Evaluated]) -> Array:
     """Rows ``[n]`` of the design that no specimen failed."""
     return np.asarray((np.stack([one.table.status[one.at] for one in planned]) == 0).all(axis=0))
@@ -85,7 +48,9 @@ def known(
     statuses = [one.table.status[one.at] for one in every]
     tables = [[one.specimen.name, one.table.key] for one in every]
     inputs = key(SobolResult, settings.model_dump(), workspace.seed, drawn, bounds, tables, *statuses)
-    return inputs, cached(workspace, SobolResult, inputs, ["sobol", *map(_course_name, planned)])
+    last = SobolResult.read(workspace.out)
+    fields = [] if last is None else [stored_as(*each) for each in last.field_courses().values()]
+    return inputs, cached(workspace, SobolResult, inputs, ["sobol", *map(_course_name, planned), *fields])
 
 
 def analysed(
@@ -143,8 +108,29 @@ def analysed(
         workspace.store.write_result(_course_name(one), _along_time(estimate, one).assign_attrs(inputs=inputs))
 
     workspace.each("sobol along time", "analyses", along_time, {one.specimen.name: one for one in planned})
+    result = replace(result, fields=_of_fields(workspace, estimate, planned, inputs) or None)
     commit(workspace, result, {"sobol": _arrays(design, result, {"total": total, **found, **by_output})})
     return result
+
+
+def _of_fields(
+    workspace: Workspace, estimate: Estimator | ByChaos, planned: Sequence[Evaluated], inputs: str
+) -> dict[str, list[str]]:
+    """Write indices of kept fields; returns the protocols along which there are some, by specimen."""
+    found: dict[str, list[str]] = {}
+
+    def write(each: tuple[Evaluated, Curve]) -> None:
+        one, curve = each
+        indices = of_fields(estimate, one, curve)
+        if isinstance(indices, str):
+            workspace.say(f"{one.specimen.name}, {curve.name}: no indices of fields: {indices}")
+            return
+        workspace.store.write_result(stored_as(one.table.name, curve.name), indices.assign_attrs(inputs=inputs))
+        found.setdefault(one.specimen.name, []).append(curve.name)
+
+    every = {f"{one.specimen.name} {curve.name}": (one, curve) for one in planned if kept(one) for curve in one.curves}
+    workspace.each("sobol of fields", "protocols", write, every)
+    return found
 
 
 def _course_name(one: Evaluated) -> str:

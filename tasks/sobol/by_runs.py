@@ -16,8 +16,9 @@ from sinew.tasks.simulate.build import cheaper_of
 from sinew.tasks.simulate.growing import FIRST, sizes_up_to
 from sinew.tasks.simulate.plain_design import plain_design
 from sinew.tasks.simulate.studied_quantity import objectives_by_output, quantity
-from sinew.tasks.sobol.analysed import Evaluated, analysed, known, ran
+from sinew.tasks.sobol.analysed import analysed, known, ran
 from sinew.tasks.sobol.by_chaos import LIMIT, ByChaos, Version
+from sinew.tasks.sobol.evaluated import Evaluated
 from sinew.tasks.sobol.method import Intervals
 from sinew.tasks.sobol.polynomials import Fitted
 from sinew.tasks.sobol.result import Analysis, OfVersion, SobolResult, Surrogate

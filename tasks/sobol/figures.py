@@ -14,6 +14,8 @@ from sinew.runner.store.store import open_store
 from sinew.tasks.drawing.figures import COLOURS, STYLE, save, symbol
 from sinew.tasks.drawing.formats import protocols_of
 from sinew.tasks.drawing.views import FigureKind
+from sinew.tasks.sobol.field_figures import field_table, on_the_mesh, variables_of
+from sinew.tasks.sobol.of_fields import stored_as
 from sinew.tasks.sobol.result import SobolResult
 from sinew.tasks.sobol.show import beside, convergence_table, stored, table, time_table
 from sinew.tasks.study.workspace import Workspace
@@ -38,6 +40,12 @@ def draw(workspace: Workspace, result: SobolResult) -> None:
         ending = "" if output is None else f"_{output}"
         figure = along_time(dataset, result.names, output, result.leading)
         save(figure, folder, f"sobol_time_{name}{ending}", time_table(dataset, output, result.leading))
+    for specimen, protocol in result.field_courses().values():
+        dataset = workspace.store.read_result(stored_as(specimen, protocol))
+        for variable in variables_of(dataset):
+            if (shown_on := on_the_mesh(dataset, variable)) is not None:
+                name = f"sobol_field_{specimen}_{protocol}_{variable}"
+                save(shown_on, folder, name, field_table(dataset, variable))
 
 
 def _along_time(result: SobolResult, folder: Path, course: str) -> Figure:

@@ -127,7 +127,8 @@ class SobolResult(Result):
     ``names`` are of the ``d`` free parameters or ``groups`` of them, ``bounds`` of the free parameters, which are
     uniform unless they have ``distributions``. Base samples come from ``scrambles`` independent sequences; with a
     ``surrogate``, each is one row. ``field`` is what the store calls the quantity under study and ``objective`` says it
-    in words. ``tables`` names each specimen's evaluations in the store.
+    in words. ``tables`` names each specimen's evaluations in the store; ``fields``: the protocols along which there
+    are indices of its fields.
     """
 
     TASK = "sobol"
@@ -161,6 +162,7 @@ class SobolResult(Result):
         default=None, kw_only=True, metadata=OMIT
     )
     surrogate: Surrogate | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
+    fields: Mapping[str, list[str]] | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
     failures: Failures
     convergence: Convergence
     tables: Mapping[str, str]
@@ -217,6 +219,15 @@ class SobolResult(Result):
     def panels(self) -> dict[str, Any]:
         """Indices by the title under which a person sees them; what would be shown twice is left out."""
         return panels(self, self.protocols, self.outputs or {}, self.field, self.objective)
+
+    def field_courses(self) -> dict[str, tuple[str, str]]:
+        """What has indices of fields, by a name for a person: the table of a specimen, and a protocol."""
+        found = {}
+        for specimen, protocols in (self.fields or {}).items():
+            for protocol in protocols if specimen in self.tables else ():
+                both = f"{specimen}: {protocol}" if len(self.tables) > 1 else protocol
+                found[both] = (self.tables[specimen], protocol)
+        return found
 
     def courses(self) -> dict[str, tuple[str, str | None]]:
         """What has indices along time, by a name for a person: a specimen, and an output (None: the force)."""

@@ -9,9 +9,10 @@ from dataclasses import replace
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.simulate.saltelli import block_of, saltelli, scrambles_of
-from sinew.tasks.sobol.analysed import Evaluated, analysed, known, ran
+from sinew.tasks.sobol.analysed import analysed, known, ran
 from sinew.tasks.sobol.by_runs import by_surrogate
 from sinew.tasks.sobol.estimate import estimator
+from sinew.tasks.sobol.evaluated import Evaluated
 from sinew.tasks.sobol.method import Intervals
 from sinew.tasks.sobol.result import SobolResult
 from sinew.tasks.sobol.settings import Settings

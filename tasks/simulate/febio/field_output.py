@@ -1,5 +1,6 @@
 """Outputs that are computed from the fields of a run: a variable of the plot file, at some of its places."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from sinew.runner.errors import shown
 from sinew.tasks.simulate import Array, Output
 from sinew.tasks.simulate.febio.output import Reduce, reduced
-from sinew.tasks.simulate.febio.plot_file import PlotFile, Variable
+from sinew.tasks.simulate.febio.plot_file import Kind, PlotFile, Variable
 from sinew.tasks.simulate.febio.plot_mesh import Mesh, Region
 from sinew.tasks.simulate.row_by_row import Failed
 
@@ -28,6 +29,24 @@ class FieldOutput(Output):
     reduce: Reduce = "single"
     scale: float = 1.0
     at_rest: float = 0.0
+
+
+def magnitude(values: Array) -> Array:
+    """The length ``[...]`` of vectors ``[..., 3]``."""
+    return np.asarray(np.sqrt((values.astype(np.float64) ** 2).sum(axis=-1)))
+
+
+def von_mises(values: Array) -> Array:
+    """The equivalent ``[...]`` of symmetric tensors ``[..., 6]``, in FEBio's order."""
+    xx, yy, zz, xy, yz, xz = np.moveaxis(values.astype(np.float64), -1, 0)
+    normal = (xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2
+    return np.asarray(np.sqrt(normal / 2 + 3 * (xy**2 + yz**2 + xz**2)))
+
+
+SIZES: dict[str | None, tuple[Kind, Callable[[Array], Array]]] = {
+    "magnitude": ("vec3f", magnitude), "von_mises": ("mat3fs", von_mises),
+}  # fmt: skip
+"""Numbers that do not depend on the axes, by name: of which kind of variable they are, and how they are computed."""
 
 
 def field_course(output: FieldOutput, plot: PlotFile) -> tuple[Array, Array]:
@@ -60,12 +79,8 @@ def _component(output: FieldOutput, variable: Variable, values: Array) -> Array:
     name = output.component
     if name is None and len(variable.components) == 1:
         return values[:, :, 0].astype(np.float64)
-    if name == "magnitude" and variable.kind == "vec3f":
-        return np.asarray(np.sqrt((values.astype(np.float64) ** 2).sum(axis=2)))
-    if name == "von_mises" and variable.kind == "mat3fs":
-        xx, yy, zz, xy, yz, xz = np.moveaxis(values.astype(np.float64), 2, 0)
-        normal = (xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2
-        return np.asarray(np.sqrt(normal / 2 + 3 * (xy**2 + yz**2 + xz**2)))
+    if name in SIZES and variable.kind == SIZES[name][0]:
+        return SIZES[name][1](values)
     if name not in variable.components:
         others = {"vec3f": ["magnitude"], "mat3fs": ["von_mises"]}.get(variable.kind, [])
         expected = ", ".join([*variable.components, *others]) or "no component"

@@ -66,14 +66,15 @@ def write_vtk(path: Path, plot: PlotFile) -> list[str]:
         _write(folder / name, _with_data(plot, frame, state))
         lines.append(f'<DataSet timestep="{float(time)!r}" file={quoteattr(f"{folder.name}/{name}")}/>')
     _write(path, "\n".join([*lines, "</Collection>", "</VTKFile>", ""]))
-    return [name for name, variable in plot.variables.items() if not _has_place(variable)]
+    return [name for name, variable in plot.variables.items() if not has_place(variable)]
 
 
 def _write(path: Path, text: str) -> None:
     write_whole(path, path.with_name(f".{path.name}.partial"), text.encode())
 
 
-def _has_place(variable: Variable) -> bool:
+def has_place(variable: Variable) -> bool:
+    """Whether VTK has a place for it: it is of nodes, or of elements."""
     return variable.where == "node" or (variable.where == "domain" and variable.per != "node")
 
 
@@ -115,8 +116,8 @@ def _with_data(plot: PlotFile, frame: _Frame, state: int) -> str:
     for name, variable in plot.variables.items():
         if variable.where == "node":
             points.append(_array(name, _as_vtk(variable, variable.values[state])))
-        elif _has_place(variable):
-            inside.append(_array(name, _as_vtk(variable, _by_cell(variable, mesh.domains, cells, state))))
+        elif has_place(variable):
+            inside.append(_array(name, _as_vtk(variable, by_cell(variable, mesh.domains, cells, state))))
     return (
         '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" '
         'header_type="UInt64" compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n'
@@ -126,7 +127,7 @@ def _with_data(plot: PlotFile, frame: _Frame, state: int) -> str:
     )
 
 
-def _by_cell(variable: Variable, domains: tuple[Region, ...], cells: int, state: int) -> Array:
+def by_cell(variable: Variable, domains: tuple[Region, ...], cells: int, state: int) -> Array:
     """The values ``[cell, component]`` of a variable of domains: NaN where it has none, the mean of an element's
     corners, and that of a domain for each of its elements.
     """
