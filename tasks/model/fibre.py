@@ -8,8 +8,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numba
 import numpy as np
+
+from sinew.runner.compiled import at_first_call
 
 # np.float_power for powers with an exponent for each bar: ``**`` computes squares another way when there is one bar
 # alone, so that its last digit would depend on its neighbours.
@@ -55,7 +56,7 @@ def _constants(material: Mapping[str, Array]) -> tuple[Array, Array, Array, Arra
     return toe, alpha, beta, square, linear, modulus
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@at_first_call(error_model="numpy")
 def _stress(stretch, toe, alpha, beta, toe_end, linear, modulus, result):  # type: ignore[no-untyped-def]
     for row in range(stretch.shape[0]):
         toe_end_power = (toe_end[row] - 1.0) ** beta[row]

@@ -1,8 +1,8 @@
 """A quantity that follows another one late, as through a filter of first order."""
 
-import numba
 import numpy as np
 
+from sinew.runner.compiled import at_first_call
 from sinew.tasks.model.effect import Array
 
 
@@ -19,7 +19,7 @@ def lagging(time_s: Array, driver: Array, lag_s: Array) -> Array:
     return follows
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@at_first_call(error_model="numpy")
 def _follow(kept, former, latter, driver, follows):  # type: ignore[no-untyped-def]
     """Write ``follows`` ``[n, t]`` behind ``driver`` ``[n, t]``."""
     for row in range(driver.shape[0]):

@@ -2,9 +2,9 @@
 
 from typing import Any
 
-import numba
 import numpy as np
 
+from sinew.runner.compiled import at_first_call
 from sinew.tasks.model.effect import Array, Bars, Effect, Values
 from sinew.tasks.model.parameters import Parameter
 
@@ -29,7 +29,7 @@ def _not_healed(bars: Bars, values: Values) -> Array:
     return left
 
 
-@numba.njit(nogil=True, cache=True)
+@at_first_call()
 def _tire_and_heal(tiring: Any, healing: Any, left: Any) -> None:
     """Write the part of the stiffness that is left ``[n, t]``: exact where both rates are constant in a step."""
     for row in range(tiring.shape[0]):

@@ -2,9 +2,9 @@
 
 from typing import Any
 
-import numba
 import numpy as np
 
+from sinew.runner.compiled import at_first_call
 from sinew.tasks.model.effect import Array, Bars, Effect, Hook, Values
 from sinew.tasks.model.parameters import Parameter
 
@@ -21,7 +21,7 @@ def _against_motion(bars: Bars, values: Values) -> Array:
     return acting
 
 
-@numba.njit(nogil=True, cache=True)
+@at_first_call()
 def _stick_and_slide(steps: Any, distance: Any, acting: Any) -> None:
     """Write the part of the friction that acts ``[n, t]`` after ``steps`` ``[n, t]`` (mm)."""
     for row in range(steps.shape[0]):

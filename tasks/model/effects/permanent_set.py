@@ -1,8 +1,8 @@
 """A matrix that yields, and keeps a part of the strain."""
 
-import numba
 import numpy as np
 
+from sinew.runner.compiled import at_first_call
 from sinew.tasks.model.effect import Array, Bars, Effect, Values
 from sinew.tasks.model.parameters import Parameter
 
@@ -24,7 +24,7 @@ def _matrix_stress(bars: Bars, values: Values) -> Array:
     return stress
 
 
-@numba.njit(nogil=True, cache=True)
+@at_first_call()
 def _slide(elastic, weights, limits, stress):  # type: ignore[no-untyped-def]
     """Each family follows the elastic stress and slides where it would bear more than its limit."""
     for row in range(elastic.shape[0]):
