@@ -63,8 +63,19 @@ def study(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def inferred(study, drawing):
-    """The study with its inference and what builds upon it, drawn."""
+    """The study with its inference and what builds upon it, drawn; in ``kept``, what it had before a fourth block."""
+    calls, swept = [], sampling.swept
+
+    def noted(*arguments, **options):
+        calls.append("swept")
+        if len(calls) == 4:
+            (study.parent / "kept").mkdir()
+            for path in (study.parent / "out" / "infer").glob("*.safetensors"):
+                shutil.copy(path, study.parent / "kept")
+        return swept(*arguments, **options)
+
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sampling, "swept", noted)
         patch.setattr(Workspace, "client", lambda self: None)
         for name, function in drawing.items():
             patch.setattr(pipeline, name, function)
@@ -144,21 +155,20 @@ def test_an_interrupted_inference_goes_on_and_ends_with_the_same_bytes(study, in
     monkeypatch.setattr(Workspace, "client", lambda self: None)
     shutil.copytree(study.parent / "cohort", tmp_path / "cohort")
     shutil.copy(study, tmp_path / "study.yaml")
-    calls, swept, explored = [], sampling.swept, task.explored
+    shutil.copytree(study.parent / "kept", tmp_path / "out" / "infer")
+    kept = [path.name for path in (tmp_path / "out" / "infer").iterdir()]
+    assert sum(name.endswith(".explored.safetensors") for name in kept) == len(TRUTH)
+    assert any(name.endswith(".block.safetensors") for name in kept)
+    monkeypatch.setattr(task, "explored", lambda *_: pytest.fail("a specimen is explored again"))
 
     def interrupted(*arguments, **options):
-        calls.append("swept")
-        if len(calls) == 4:
-            raise KeyboardInterrupt
-        return swept(*arguments, **options)
+        raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
         patch.setattr(sampling, "swept", interrupted)
         with pytest.raises(SystemExit):
             sinew("infer", tmp_path / "study.yaml", "--out", tmp_path / "out", "--quiet")
-    monkeypatch.setattr(task, "explored", lambda *_: pytest.fail("a specimen is explored again"))
     sinew("infer", tmp_path / "study.yaml", "--out", tmp_path / "out")
-    assert explored is not task.explored
     sweeps = round(sum(site.sweeps for site in read_posteriors(inferred).sites.values()) / (1 - WARM_UP))
     assert f"{sweeps:,} sweeps in" in capsys.readouterr().out, "those that were asked for at most do not count"
     assert (tmp_path / "out" / "infer.json").read_bytes() == (inferred / "infer.json").read_bytes()
@@ -175,7 +185,7 @@ def test_what_is_unchanged_is_not_inferred_again(study, inferred, monkeypatch):
 def test_chains_that_do_not_converge_are_refused(study, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(Workspace, "client", lambda self: None)
     shutil.copytree(study.parent / "cohort" / "distal", tmp_path / "cohort" / "distal")
-    text = study.read_text().replace("{ess: 100, sweeps: 1000}", "{ess: 100000, sweeps: 100}")
+    text = study.read_text().replace("{ess: 100, sweeps: 1000}", "{ess: 100000, sweeps: 100, discrepancy: false}")
     (tmp_path / "study.yaml").write_text(text)
     with pytest.raises(SystemExit) as ended:
         sinew("infer", tmp_path / "study.yaml", "--out", tmp_path / "out", "--quiet")
