@@ -13,6 +13,7 @@ Comput. 36, A1895). Otherwise its volume, det dv/dz, belongs to every density of
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -41,7 +42,7 @@ class Chart:
     root: Array
     precision: Array
 
-    @property
+    @cached_property
     def compiled(self) -> Compiled:
         """For compiled code."""
         known, size = self.known, self.root.shape[0]
