@@ -34,8 +34,8 @@ def target(number, effect="", screw=0.0, strength=1.0, rate_hz=10.0):
     return Target(MODEL, FREE, Uniaxial(), measured), scores_of(at)
 
 
-def apart(one, truth):
-    """How far the best fit is from the truth, in standard deviations ``[k]``, and these."""
+def fitted(one, truth):
+    """The best fit, how far it is from the truth in standard deviations ``[k]``, and these."""
     best = best_fit(one, np.random.default_rng(1))
     deviations = np.sqrt(np.diag(best.covariance))
-    return (best.at - truth) / deviations, deviations
+    return best, (best.at - truth) / deviations, deviations

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from sinew.tasks.fitting.roughness import Roughness
-from sinew.tasks.infer.likelihood.best import best_fit
 from sinew.tasks.infer.likelihood.discrepancy import ModelError, lengths_of, model_error
 from sinew.tasks.infer.likelihood.scores import places
-from tests.tasks.infer.likelihood.specimens import apart, target
+from tests.tasks.infer.likelihood.specimens import fitted, target
 
 
 def test_where_the_model_is_right_there_is_next_to_no_error():
@@ -19,7 +18,7 @@ def test_where_the_model_is_right_there_is_next_to_no_error():
         found = model_error(bare, (1,))
         assert found.misfit == pytest.approx(1.0, abs=0.1)
         assert found.size < 0.6
-        wider.append(apart(replace(bare, whitening=found.white), truth)[1] / apart(bare, truth)[1])
+        wider.append(fitted(replace(bare, whitening=found.white), truth)[2] / fitted(bare, truth)[2])
     assert np.mean(wider) < 1.3
 
 
@@ -31,10 +30,10 @@ def test_where_the_model_is_wrong_posteriors_are_wider(effect, screw):
         found = model_error(bare, (1,))
         assert found.misfit > 1.5
         assert found.size > 1.0
-        white = replace(bare, whitening=found.white)
-        without.append(apart(bare, truth)[0])
-        beside.append(apart(white, truth)[0])
-        left.append(best_fit(white, np.random.default_rng(1)).squares / bare.points)
+        best, away, _ = fitted(replace(bare, whitening=found.white), truth)
+        without.append(fitted(bare, truth)[1])
+        beside.append(away)
+        left.append(best.squares / bare.points)
     assert np.sqrt(np.mean(np.square(without))) > 5.0
     assert np.sqrt(np.mean(np.square(beside))) < 3.5
     assert np.sqrt(left) == pytest.approx(np.ones(2), abs=0.1)
