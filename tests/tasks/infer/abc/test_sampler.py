@@ -5,7 +5,6 @@ import pyabc
 import pytest
 from scipy import stats
 
-from sinew.runner.cluster.client import open_client
 from sinew.runner.cluster.local import Local
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.runner.evaluation.ensemble import run_adaptive
@@ -15,6 +14,7 @@ from sinew.tasks.infer.abc.pyabc_priors import Alike, Normals
 from sinew.tasks.infer.abc.sampler import StoredModel, StoreSampler
 from sinew.tasks.infer.abc.stock_sampler import DirectModel, SimulationFailed, stock_sampler
 from sinew.tasks.infer.abc.transitions import DefensiveNormal
+from sinew.tasks.study import workspace
 from tests.runner.stores import contents
 from tests.tasks.analytic import SD, NoisyMean
 
@@ -23,7 +23,8 @@ WIDE = 1e6
 
 @pytest.fixture(scope="module")
 def client():
-    with open_client(Local(2)) as client:
+    """Of the workers that tests of studies share."""
+    with workspace.open_client(Local(2)) as client:
         yield client
 
 
@@ -36,7 +37,7 @@ def distance(x, observed):
 
 
 def inference(
-    store, evaluations, observed, *, seed=1, generations=4, population=60, pending=16, first=2.0, least=0.005
+    store, evaluations, observed, *, seed=1, generations=3, population=60, pending=16, first=2.0, least=0.005
 ):
     """An adaptive run of pyABC with one model for each evaluation.
 
