@@ -16,8 +16,8 @@ from sinew.tasks.simulate.febio import field_export, keeping
 from sinew.tasks.simulate.febio.field_export import export_rows
 from sinew.tasks.simulate.febio.kept_files import files
 from tests.tasks.simulate.febio.dogbone import BAR, OWN, RELAX
+from tests.tasks.simulate.febio.keeping_bar import LATERAL, PLOTTED, ROWS, keeping_bar
 from tests.tasks.simulate.febio.plotting_bar import runs
-from tests.tasks.simulate.febio.test_kept import LATERAL, PLOTTED, ROWS, keeping_bar
 
 FORCE = np.linspace(0.1, 2.0, RELAX.time_s.size)
 SHORT = Protocol("short relax", RELAX.time_s[:9], RELAX.displacement_mm[:9])

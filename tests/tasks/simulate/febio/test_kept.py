@@ -28,25 +28,16 @@ from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace, _no_abandoned_folders
 from tests.tasks.simulate.febio import plot_writer
 from tests.tasks.simulate.febio.dogbone import BAR, OWN, RELAX, dogbone
+from tests.tasks.simulate.febio.keeping_bar import LATERAL, ROWS, keeping_bar
 from tests.tasks.simulate.febio.plotting_bar import plotting_bar, runs
 from tests.tasks.simulate.febio.test_own_model import command, with_cohort
 from tests.tasks.simulate.febio.test_vtk import arrays
 from tests.trusting import trusted
 
-ROWS = OWN.full(("E_matrix", "nu"), np.array([[10.0, 0.2], [30.0, 0.4], [45.0, 0.45]]))
-LATERAL = FieldOutput("lateral", "mm", "max", "displacement", "x", (), "edge", "single", -2.0)
-PLOTTED = ("displacement", "stress", "reaction forces")
-
 
 @pytest.fixture(autouse=True)
 def _no_memory(monkeypatch):
     monkeypatch.setattr(keeping, "_indexes", {})  # as in another process
-
-
-def keeping_bar(folder: Path, *fields: FieldOutput):
-    found = dogbone(folder, program=plotting_bar(folder))
-    template = replace(found.template, fields=fields)
-    return replace(found, template=template, plotted=PLOTTED, kept=folder / "fields")
 
 
 def test_a_new_output_needs_no_new_run(tmp_path):
@@ -243,9 +234,8 @@ KILLED = """
 import os, sys, signal
 sys.path.insert(0, {root!r})
 import numpy as np
-from sinew.runner.store import durable
-from tests.tasks.simulate.febio.dogbone import BAR, RELAX
-from tests.tasks.simulate.febio.test_kept import ROWS, OWN, keeping_bar
+from tests.tasks.simulate.febio.dogbone import BAR, OWN, RELAX
+from tests.tasks.simulate.febio.keeping_bar import ROWS, keeping_bar
 from pathlib import Path
 os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
 keeping_bar(Path({folder!r}))._rows(OWN, BAR, RELAX, ROWS)
