@@ -65,15 +65,21 @@ def polynomials(share: Array, exponents: Array) -> Array:
     return found
 
 
-def basis(share: Array, outcome: Array, degree: int | None = None, *, most: int | None = None) -> Basis:
-    """The polynomials that an outcome ``[n]`` needs, of the best degree, or a given one; ``most``: how many at most."""
+def basis(
+    share: Array, outcome: Array, degree: int | None = None, *, most: int | None = None, beside: Array | None = None
+) -> Basis:
+    """The polynomials that an outcome ``[n]`` needs, of the best degree, or a given one; ``most``: how many at most.
+
+    ``beside`` ``[n, k]``: values of functions of the parameters that are fitted together with them, all of them.
+    """
+    beside = np.empty((len(share), 0)) if beside is None else beside
     best: Basis | None = None
     worse = 0
     for each in (degree,) if degree is not None else range(1, HIGHEST + 1):
         exponents = exponents_up_to(share.shape[1], each)
         if best is not None and len(exponents) > MOST:
             break
-        found = _of_degree(share, outcome, exponents, each, most)
+        found = _of_degree(share, outcome, exponents, each, most, beside)
         if best is None or found.unexplained < best.unexplained:
             best, worse = found, 0
         else:
@@ -95,22 +101,29 @@ def joined(bases: Sequence[Basis], share: Array, outcomes: Array) -> tuple[Array
     return exponents, coefficients
 
 
-def _of_degree(share: Array, outcome: Array, exponents: Array, degree: int, limit: int | None) -> Basis:
+def _of_degree(share: Array, outcome: Array, exponents: Array, degree: int, limit: int | None, beside: Array) -> Basis:
     """The first polynomials on the path of least angle regression, as many as have the least error."""
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.linear_model import lars_path
 
     values = polynomials(share, exponents)
-    most = min(int(PART * len(share)), len(exponents) - 1, limit or len(exponents))
+    count = beside.shape[1]
+    most = min(int(PART * len(share)) - count, len(exponents) - 1, limit or len(exponents))
     centred = values[:, 1:] - values[:, 1:].mean(axis=0)
+    left = outcome - outcome.mean()
+    if count:  # what is beside them is fitted first, so the path is that of what it leaves
+        directions, _ = np.linalg.qr(beside - beside.mean(axis=0))
+        centred = centred - directions @ (directions.T @ centred)
+        left = left - directions @ (directions.T @ left)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # nearly dependent polynomials are dropped, as they should
-        standard = (outcome - outcome.mean()) / outcome.std()  # the path ends at a correlation that has a unit
+        standard = left / outcome.std()  # the path ends at a correlation that has a unit
         path = lars_path(centred / np.linalg.norm(centred, axis=0), standard, method="lar", max_iter=most)
     order = np.array(path[1], dtype=int) + 1
-    errors = _leave_one_out(values[:, order], outcome)
-    count = int(np.argmin(errors))
-    return Basis(exponents[np.concatenate([[0], order[:count]])], degree, float(errors[count]))
+    errors = _leave_one_out(np.column_stack([beside, values[:, order]]), outcome)[count:]
+    best = int(np.argmin(errors)) if errors.size else 0
+    chosen = exponents[np.concatenate([[0], order[:best]])]
+    return Basis(chosen, degree, float(errors[best]) if errors.size else np.inf)
 
 
 def _leave_one_out(values: Array, outcome: Array) -> Array:

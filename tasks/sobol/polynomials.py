@@ -1,14 +1,16 @@
 """Polynomials that stand for an outcome of a model, and for what it has more than cheaper versions of it.
 
 With cheaper versions, an outcome y is r c + d (Kennedy and O'Hagan 2000, Biometrika 87, 1): c are the polynomials of
-the next cheaper version, trained with its own runs, r a factor and d polynomials, both trained with runs of y. That is
-used where it leaves less of y unexplained than polynomials of y alone. How much is left is measured with runs of y, at
-points at which c was not trained: a version that tells nothing, or tells something wrong, costs runs but no truth.
+the next cheaper version, trained with its own runs, r a factor and d polynomials, both trained with runs of y. In a
+cheaper version some parameters do more than in the model and others less, so the own effect of each that matters has a
+factor of its own, and so has the rest of c. That is used where it leaves clearly less of y unexplained than
+polynomials of y alone. How much is left is measured with runs of y, at points at which c was not trained: a version
+that tells nothing, or tells something wrong, costs runs but no truth.
 """
 
 import hashlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +18,8 @@ from sinew.tasks.fitting.chaos import Basis, basis, polynomials
 from sinew.tasks.simulate import Array
 
 MOST_OF_CHEAPER = 300  # polynomials: more of them take long to find, and say little more
-EVEN = 1e-12  # part of its size by which something varies at least
+HELPS = 0.8  # part of what polynomials of the outcome alone leave unexplained: chance alone makes it a little smaller
+LEADING, RUNS_EACH = 0.005, 4  # part of the variance, and runs of the model for each factor
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +42,13 @@ class Sum:
         """Its values ``[n]`` at ``share`` ``[n, d]``."""
         return np.asarray(polynomials(share, self.exponents) @ self.coefficients)
 
+    def parts(self, which: Sequence[int]) -> list["Sum"]:
+        """The effects of ``which`` parameters, each alone, and all that is left but the constant, if anything is."""
+        on = self.exponents > 0
+        of = [on[:, j] & (on.sum(axis=1) == 1) for j in which]
+        left = on.any(axis=1) & ~np.any([np.zeros(len(on), dtype=bool), *of], axis=0)
+        return [Sum(self.exponents[each], self.coefficients[each]) for each in (*of, left) if each.any()]
+
     def plus(self, factor: float, other: "Sum") -> "Sum":
         """The sum of it and ``factor`` times another."""
         exponents, place = np.unique(np.concatenate([self.exponents, other.exponents]), axis=0, return_inverse=True)
@@ -52,14 +62,14 @@ class Fitted:
     """What stands for an outcome: of the ``whole`` design and ``without`` each scramble in turn.
 
     ``unexplained``: the part of its variance that is not explained, the larger of two estimates: by leave-one-out, and
-    of each scramble by the polynomials without it. ``alone``: the same by leave-one-out without cheaper versions, and
-    ``used``: whether one is used.
+    of each scramble by the polynomials without it. ``alone``: the same without cheaper versions, ``used``: whether one
+    is used.
     """
 
     whole: Sum
     without: dict[int, Sum]
     unexplained: float
-    alone: float
+    alone: float = np.nan
     used: bool = False
 
 
@@ -69,41 +79,51 @@ def fitted(runs: Runs, cheaper: Fitted | None = None, *, stands_in: bool = False
     Those of a version that ``stands_in`` for the model are not chosen anew without each scramble: it has many runs.
     """
     own = basis(runs.share, runs.outcome, most=MOST_OF_CHEAPER if stands_in else None)
-    if cheaper is not None and (both := _with_cheaper(runs, cheaper, own)) is not None:
-        return both
     again = None if stands_in else own.degree
-    return _jackknifed(runs, own.unexplained, own.unexplained, lambda kept, _: _alone(runs, kept, own, again))
+    alone = _jackknifed(runs, own.unexplained, lambda kept, _: _alone(runs, kept, own, again))
+    both = None if cheaper is None else _with_cheaper(runs, cheaper)
+    if both is None or both.unexplained >= HELPS * alone.unexplained:
+        return replace(alone, alone=alone.unexplained)
+    return replace(both, alone=alone.unexplained, used=True)
 
 
-def _with_cheaper(runs: Runs, cheaper: Fitted, own: Basis) -> Fitted | None:
-    """None where polynomials of the outcome alone leave less unexplained."""
-    factor = _slope(cheaper.whole.at(runs.share), runs.outcome)
-    if factor is None:
+def _with_cheaper(runs: Runs, cheaper: Fitted) -> Fitted | None:
+    """With the polynomials of the next cheaper version; None where these do not vary."""
+    which = _leading(cheaper.whole, len(runs.outcome))
+    values = _values(cheaper.whole.parts(which), runs.share)
+    if not values.shape[1]:
         return None
-    rest = runs.outcome - factor * cheaper.whole.at(runs.share)
-    degree: int | None = 0
-    part = float(rest.var() / runs.outcome.var()) * len(rest) / (len(rest) - 2)  # two numbers are fitted
-    if np.ptp(rest) > EVEN * np.abs(runs.outcome).max():
-        found = basis(runs.share, rest)
-        if found.unexplained < 1.0:
-            degree, part = found.degree, found.unexplained * part
-    if part >= own.unexplained:
-        return None
+    found = basis(runs.share, runs.outcome, beside=values)
 
     def again(kept: Array, left_out: int | None) -> Sum:
         below = cheaper.whole if left_out is None else cheaper.without.get(left_out, cheaper.whole)
-        lower = below.at(runs.share[kept])
-        slope = _slope(lower, runs.outcome[kept])
-        if slope is None:
-            return _alone(runs, kept, own, own.degree)
-        rest = runs.outcome[kept] - slope * lower
-        if not degree or np.ptp(rest) <= EVEN * np.abs(runs.outcome).max():
-            constant = np.zeros((1, runs.share.shape[1]), dtype=int)
-            return Sum(constant, np.array([rest.mean()])).plus(slope, below)
-        chosen = basis(runs.share[kept], rest, degree)
-        return Sum(chosen.exponents, chosen.coefficients(runs.share[kept], rest)).plus(slope, below)
+        parts, share, outcome = below.parts(which), runs.share[kept], runs.outcome[kept]
+        values = _values(parts, share)
+        chosen = found if left_out is None else basis(share, outcome, found.degree, beside=values)
+        every = np.column_stack([values, polynomials(share, chosen.exponents)])
+        coefficients = np.linalg.lstsq(every, outcome, rcond=None)[0]
+        total = Sum(chosen.exponents, coefficients[len(parts) :])
+        for factor, part in zip(coefficients, parts, strict=False):
+            total = total.plus(float(factor), part)
+        return total
 
-    return _jackknifed(runs, part, own.unexplained, again, used=True)
+    return _jackknifed(runs, found.unexplained, again)
+
+
+def _leading(known: Sum, runs: int) -> list[int]:
+    """The parameters whose own effects have a factor each: those that decide most, few beside the number of runs."""
+    on = known.exponents > 0
+    squares = known.coefficients**2
+    alone = on.sum(axis=1) == 1
+    effects = np.array([squares[alone & each].sum() for each in on.T])
+    total = squares[on.any(axis=1)].sum()
+    order = np.argsort(-effects, kind="stable")[: runs // RUNS_EACH]
+    return [int(j) for j in order if effects[j] > LEADING * total]
+
+
+def _values(parts: Sequence[Sum], share: Array) -> Array:
+    """The values ``[n, k]`` of those of several sums that vary."""
+    return np.column_stack([np.empty((len(share), 0)), *(part.at(share) for part in parts)])
 
 
 def _alone(runs: Runs, kept: Array, own: Basis, again: int | None) -> Sum:
@@ -112,9 +132,7 @@ def _alone(runs: Runs, kept: Array, own: Basis, again: int | None) -> Sum:
     return Sum(chosen.exponents, chosen.coefficients(runs.share[kept], runs.outcome[kept]))
 
 
-def _jackknifed(
-    runs: Runs, part: float, alone: float, fit: Callable[[Array, int | None], Sum], *, used: bool = False
-) -> Fitted:
+def _jackknifed(runs: Runs, part: float, fit: Callable[[Array, int | None], Sum]) -> Fitted:
     """``fit`` of all rows, and of those without each scramble in turn; what is left of each by that without it."""
     whole = fit(np.ones(len(runs.outcome), dtype=bool), None)
     without, missed = {}, 0.0
@@ -122,14 +140,7 @@ def _jackknifed(
         kept = runs.scramble != each
         without[each] = fit(kept, each)
         missed += float(np.square(without[each].at(runs.share[~kept]) - runs.outcome[~kept]).sum())
-    return Fitted(whole, without, max(part, missed / (len(runs.outcome) * runs.outcome.var())), alone, used)
-
-
-def _slope(lower: Array, values: Array) -> float | None:
-    """The factor of least squares; None where the cheaper version does not vary."""
-    centred = lower - lower.mean()
-    size = float(centred @ centred)
-    return None if size <= (EVEN * np.abs(lower).max()) ** 2 * len(lower) else float(centred @ values / size)
+    return Fitted(whole, without, max(part, missed / (len(runs.outcome) * runs.outcome.var())))
 
 
 def stacked(versions: Sequence[Runs], known: dict[bytes, Fitted]) -> Fitted:

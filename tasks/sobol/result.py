@@ -98,8 +98,8 @@ class Surrogate:
     """Polynomials that stand for the model: the largest half-width of intervals that was asked for as ``error``.
 
     ``reached``: whether all are smaller. ``unexplained``: part of the variance of each outcome that the polynomials do
-    not explain, by leave-one-out or by cross-validation, whichever is larger. ``alone``: the same by leave-one-out
-    without the cheaper ``versions`` of the model.
+    not explain, by leave-one-out or by cross-validation, whichever is larger. ``alone``: the same without
+    the cheaper ``versions`` of the model.
     """
 
     error: Number

@@ -1,7 +1,7 @@
 """Benchmarks: ratios measured in one run, medians of several rounds. `make benchmarks`, or name some:
 
 python -m tests.benchmarks kernel study durable memory febio resume scale calibration sampler sobol \\
-    surrogate discrepancy
+    surrogate discrepancy fidelities
 """
 
 import platform
@@ -12,6 +12,7 @@ from tests.benchmarks import (
     discrepancy,
     durable,
     febio,
+    fidelities,
     kernel,
     memory,
     resume,
@@ -35,6 +36,7 @@ ALL = {
     "sobol": sobol.main,
     "surrogate": surrogate.main,
     "discrepancy": discrepancy.main,
+    "fidelities": fidelities.main,
 }
 
 
