@@ -219,7 +219,8 @@ def _ready(workspace: Workspace, settings: Settings, specimens: Sequence[Specime
     cohort = fits_of_each(workspace, specimens)
     solver = cohort[0].solver
     if solver is not None and (why := reasons(solver, asked(settings, cohort))):
-        expected = "effects that FEBio has or that act around it (docs/effects.md), or simulator: uniaxial"
+        instead = "" if study.simulator.own_template is not None else ", or simulator: uniaxial"
+        expected = f"effects that FEBio has or that act around it (docs/effects.md){instead}"
         raise BadInput(f"{study.path}: discover.effects", brief(why, 200), expected)
     for one in cohort:
         refuse_none(one.measured.noise, workspace.cohort.folder / one.name)

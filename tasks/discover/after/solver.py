@@ -78,7 +78,8 @@ def _own_model(workspace: Workspace, one: SpecimenFits, effects: Effects, fitted
     having, model = cast(FEBio, solver.with_effects(within)), model_with(one.model, within)
     inputs = _written(workspace, having, model, one.measured.specimen, np.array([*own, *chosen]))
     others = [effect.slug for effect in effects if effect.around]
-    beside = f"; {', '.join(others)} acts around it and is not in them" if others else ""
+    verbs = "acts around it and is" if len(others) == 1 else "act around it and are"
+    beside = f"; {', '.join(others)} {verbs} not in them" if others else ""
     return SolverCheck(inputs, ran=False, why=f"all forces are those of the study's own model{beside}")
 
 

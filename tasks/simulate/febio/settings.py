@@ -314,6 +314,9 @@ class TemplateSettings(SolverSettings):
             if (why := template.why_not(effect)) is not None:
                 expected = "effects that this template can have (docs/own_model.md)"
                 raise BadInput(f"{purpose.study}: model.effects", f"{effect.name}: {why}", expected)
+        if not template.can_have(within):
+            names = ", ".join(effect.name for effect in within)
+            raise BadInput(f"{purpose.study}: model.effects", f"one input cannot have {names}", "fewer of them at once")
         if "coarse" in self.cheaper:
             self.coarser().read_template(purpose)
         if "bar" in self.cheaper:

@@ -104,6 +104,19 @@ WRONG = {
 }  # fmt: skip
 
 
+def test_effects_of_which_one_input_cannot_have_all_are_refused(tmp_path, settings):
+    """Each needs a term of the Prony series, which has a single one left."""
+    template = tmp_path / "dogbone" / "dogbone.feb.j2"
+    taken = "".join(f"<g{n}>0</g{n}><t{n}>1</t{n}>" for n in range(2, 6))
+    template.write_text(template.read_text().replace("<t1>", f"{taken}<t1>"))
+    for effects in (["rate-viscosity"], ["relaxation-mode"]):
+        checked(tmp_path, changed(settings, "model.effects", effects))
+    with pytest.raises(BadInput) as wrong:
+        checked(tmp_path, changed(settings, "model.effects", ["rate-viscosity", "relaxation-mode"]))
+    expected = "model.effects: one input cannot have rate-viscosity, relaxation-mode; expected fewer of them at once"
+    assert expected in str(wrong.value)
+
+
 @pytest.mark.parametrize("name", WRONG)
 def test_what_is_wrong_is_told_in_one_line(tmp_path, settings, name):
     field, value, told = WRONG[name]
