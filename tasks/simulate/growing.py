@@ -6,7 +6,7 @@ TURN = 8  # scrambles
 
 def sizes_up_to(most: int, first: int = FIRST) -> list[int]:
     """Sizes of a design that grows, each a multiple of ``TURN`` and about half as large again as the one before."""
-    sizes = [min(first, TURN * (most // TURN))]
+    sizes = [TURN * (min(first, most) // TURN)]
     while sizes[-1] + TURN <= most:
         sizes.append(min(TURN * round(GROWTH * sizes[-1] / TURN), TURN * (most // TURN)))
     return sizes

@@ -16,7 +16,7 @@ from sinew.tasks.sobol.by_chaos import ByChaos
 from sinew.tasks.sobol.estimate import Estimator
 from sinew.tasks.sobol.evaluated import Evaluated
 from sinew.tasks.sobol.method import column
-from sinew.tasks.sobol.of_fields import kept, of_fields, stored_as
+from sinew.tasks.sobol.of_fields import kept, missing, of_fields, stored_as
 from sinew.tasks.sobol.result import (
     KEYS,
     Failures,
@@ -40,17 +40,38 @@ def ran(planned: Sequence[Evaluated]) -> Array:
 
 
 def known(
-    workspace: Workspace, settings: Settings, drawn: str, planned: Sequence[Evaluated]
+    workspace: Workspace,
+    settings: Settings,
+    drawn: str,
+    planned: Sequence[Evaluated],
+    versions: Sequence[tuple[str, int]] = (),
 ) -> tuple[str, SobolResult | None]:
-    """The key of a result, and the result itself if it is there; ``drawn``: digest of the design's rows."""
+    """The key of a result, and the result itself if it is there; ``drawn``: digest of the design's rows.
+
+    ``versions``: of each cheaper version its name, and how many rows it has for each of the model's.
+    """
     bounds = [[parameter.minimum, parameter.maximum] for parameter in workspace.model.free]
     every = [*planned, *(other for one in planned for other in one.cheaper)]
     statuses = [one.table.status[one.at] for one in every]
     tables = [[one.specimen.name, one.table.key] for one in every]
-    inputs = key(SobolResult, settings.model_dump(), workspace.seed, drawn, bounds, tables, *statuses)
+    more = [list(versions)] if versions else []
+    inputs = key(SobolResult, settings.model_dump(), workspace.seed, drawn, bounds, tables, *statuses, *more)
     last = SobolResult.read(workspace.out)
-    fields = [] if last is None else [stored_as(*each) for each in last.field_courses().values()]
+    if last is None or _lacks_fields(last, planned):
+        return inputs, None
+    fields = [stored_as(*each) for each in last.field_courses().values()]
     return inputs, cached(workspace, SobolResult, inputs, ["sobol", *map(_course_name, planned), *fields])
+
+
+def _lacks_fields(last: SobolResult, planned: Sequence[Evaluated]) -> bool:
+    """Whether there are kept fields of which the result has no indices."""
+    ok, has = ran(planned), last.fields or {}
+    return any(
+        missing(one, curve, ok)
+        for one in planned
+        for curve in one.curves
+        if curve.name not in has.get(one.specimen.name, [])
+    )
 
 
 def analysed(

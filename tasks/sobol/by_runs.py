@@ -13,11 +13,12 @@ from sinew.runner.evaluation.ensemble import failures
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array, Simulator
 from sinew.tasks.simulate.build import cheaper_of
+from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.simulate.growing import FIRST, sizes_up_to
 from sinew.tasks.simulate.plain_design import plain_design
 from sinew.tasks.simulate.studied_quantity import objectives_by_output, quantity
 from sinew.tasks.sobol.analysed import analysed, known, ran
-from sinew.tasks.sobol.by_chaos import LIMIT, ByChaos, Version
+from sinew.tasks.sobol.by_chaos import FEWEST, LIMIT, ByChaos, Version
 from sinew.tasks.sobol.evaluated import Evaluated
 from sinew.tasks.sobol.method import Intervals
 from sinew.tasks.sobol.polynomials import Fitted
@@ -40,8 +41,8 @@ class Cheaper:
     rows: int | None
 
     def size(self, size: int) -> int:
-        """How many runs it has beside ``size`` of the model."""
-        return OF_BAR if self.rows is None else self.rows * size
+        """How many runs it has beside ``size`` of the model; as many as are worth a fit, at least."""
+        return OF_BAR if self.rows is None else max(self.rows * size, 2 * FEWEST)
 
 
 def by_surrogate(workspace: Workspace, settings: Settings) -> SobolResult:
@@ -55,14 +56,19 @@ def by_surrogate(workspace: Workspace, settings: Settings) -> SobolResult:
     looked: list[int] = []
     fits: dict[bytes, Fitted] = {}
     found: dict[str, Fitted | None] = {}
+    planned: list[Evaluated] = []
     of_cheaper = (
         0  # the size of the design beside which cheaper versions are run; it ends to grow where they are no use
     )
     for size in sizes_up_to(settings.runs, settings.first if versions else FIRST):
         design, share = plain_design(workspace.model, size, workspace.seed, settings.scrambles, settings.inputs)
-        planned = [_evaluated(workspace, one, design.rows) for one in specimens]
         of_cheaper = size if not looked or _help(found.values()) else of_cheaper
-        beside, planned = _with_cheaper(workspace, settings, versions, planned, of_cheaper)
+        beside = tuple(_design(workspace, settings, one, of_cheaper) for one in versions)
+        before: Sequence[Evaluated | None] = planned or [None] * len(specimens)
+        planned = [
+            _with_cheaper(workspace, one, design.rows, list(zip(versions, beside, strict=True)), last)
+            for one, last in zip(specimens, before, strict=True)
+        ]
         looked.append(size)
         ok = ran(planned)
         if (~ok).mean() > LIMIT:
@@ -83,7 +89,7 @@ def by_surrogate(workspace: Workspace, settings: Settings) -> SobolResult:
         workspace.say(f"sobol: {words} ({settings.error:g} asked)")
         if widest <= settings.error:
             break
-    inputs, _ = known(workspace, settings, digest(design.rows), planned)
+    inputs, _ = known(workspace, settings, digest(design.rows), planned, _named(versions))
     return analysed(
         workspace, settings, estimate, planned, inputs, _surrogate(settings, widest, found, versions, planned)
     )
@@ -101,38 +107,49 @@ def _versions(workspace: Workspace) -> tuple[Cheaper, ...]:
 
 
 def _evaluated(
-    workspace: Workspace, specimen: Specimen, rows: Array, simulator: Simulator | None = None, title: str = "sobol"
+    workspace: Workspace, specimen: Specimen, rows: Array, before: Evaluated | None, version: Cheaper | None = None
 ) -> Evaluated:
-    """A specimen's evaluations of a design, with the study's simulator or another one."""
-    planned = _planned(workspace, specimen, rows, simulator)
-    here = planned.evaluation.simulator.capabilities.quick
-    workspace.evaluate(planned.evaluation, planned.table, planned.at, f"{title} {specimen.name}", here=here)
+    """A specimen's evaluations of a design, with the study's simulator or a cheaper version.
+
+    ``before``: those of its first rows, which are not asked for again.
+    """
+    evaluation = _evaluation(workspace, specimen, version)
+    known_rows = np.empty(0, dtype=int) if before is None else before.at
+    if known_rows.size == len(rows) and before is not None:
+        return before
+    table, new = workspace.plan(evaluation, rows[known_rows.size :])
+    planned = Evaluated(evaluation, table, np.concatenate([known_rows, new]))
+    title = "sobol" if version is None else f"sobol, {version.name},"
+    here = evaluation.simulator.capabilities.quick
+    workspace.evaluate(evaluation, table, planned.at, f"{title} {specimen.name}", here=here)
     return planned
 
 
-def _planned(workspace: Workspace, specimen: Specimen, rows: Array, simulator: Simulator | None = None) -> Evaluated:
+def _evaluation(workspace: Workspace, specimen: Specimen, version: Cheaper | None) -> SpecimenEvaluation:
+    """What is asked of a specimen; where a version has no other outputs to compare, its force alone is compared."""
     evaluation = workspace.evaluation(specimen)
-    if simulator is not None:
-        outputs = {output.name for output in simulator.capabilities.outputs}
-        alone = set(specimen.others) <= outputs
-        evaluation = replace(evaluation, simulator=simulator)
-        evaluation = evaluation if alone else replace(evaluation, specimen=replace(specimen, noise={}))
-    return Evaluated(evaluation, *workspace.plan(evaluation, rows))
+    if version is None:
+        return evaluation
+    outputs = {output.name for output in version.simulator.capabilities.outputs}
+    compared = specimen if set(specimen.others) <= outputs else replace(specimen, noise={})
+    return replace(evaluation, simulator=version.simulator, specimen=compared)
 
 
 def _with_cheaper(
-    workspace: Workspace, settings: Settings, versions: Sequence[Cheaper], planned: Sequence[Evaluated], size: int
-) -> tuple[tuple[Version, ...], list[Evaluated]]:
-    """The designs of the cheaper versions, and the evaluations with theirs."""
-    beside = tuple(_design(workspace, settings, one, size) for one in versions)
-    with_cheaper = []
-    for one in planned:
-        others = tuple(
-            _evaluated(workspace, one.specimen, version.design.rows, cheaper.simulator, f"sobol, {cheaper.name},")
-            for cheaper, version in zip(versions, beside, strict=True)
-        )
-        with_cheaper.append(replace(one, cheaper=others))
-    return beside, with_cheaper
+    workspace: Workspace,
+    specimen: Specimen,
+    rows: Array,
+    beside: Sequence[tuple[Cheaper, Version]],
+    before: Evaluated | None,
+) -> Evaluated:
+    """A specimen's evaluations of the design, and those of each cheaper version."""
+    planned = _evaluated(workspace, specimen, rows, before)
+    earlier = [None] * len(beside) if before is None else before.cheaper
+    others = tuple(
+        _evaluated(workspace, specimen, version.design.rows, last, cheaper)
+        for (cheaper, version), last in zip(beside, earlier, strict=True)
+    )
+    return replace(planned, cheaper=others)
 
 
 def _design(workspace: Workspace, settings: Settings, one: Cheaper, size: int) -> Version:
@@ -211,8 +228,23 @@ def _finished(workspace: Workspace, settings: Settings, versions: Sequence[Cheap
         if not 0 < size <= one.size(settings.runs):
             return None
         design, _ = plain_design(workspace.model, size, workspace.seed, settings.scrambles, settings.inputs, one.number)
-        others = [_planned(workspace, each.specimen, design.rows, one.simulator) for each in planned]
-        if any(each.table.pending(each.at).size for each in others):
+        others = [_found(workspace, each.specimen, design.rows, one) for each in planned]
+        planned = [
+            replace(each, cheaper=(*each.cheaper, other))
+            for each, other in zip(planned, others, strict=True) if other is not None
+        ]  # fmt: skip
+        if len(planned) < len(others):
             return None
-        planned = [replace(each, cheaper=(*each.cheaper, other)) for each, other in zip(planned, others, strict=True)]
-    return known(workspace, settings, digest(last.design.rows), planned)[1]
+    return known(workspace, settings, digest(last.design.rows), planned, _named(versions))[1]
+
+
+def _found(workspace: Workspace, specimen: Specimen, rows: Array, version: Cheaper) -> Evaluated | None:
+    """A specimen's finished evaluations by a version; None if some are missing. Nothing is planned."""
+    evaluation = _evaluation(workspace, specimen, version)
+    table = workspace.store.table(evaluation.table())
+    at = table.find(rows)
+    return None if (at < 0).any() or table.pending(at).size else Evaluated(evaluation, table, at)
+
+
+def _named(versions: Sequence[Cheaper]) -> list[tuple[str, int]]:
+    return [(one.name, one.rows or 0) for one in versions]

@@ -50,7 +50,7 @@ def on_the_mesh(dataset: xr.Dataset, variable: str) -> Figure | None:
                 shown.set_array(values)
                 shown.set_clim(0.0, 1.0)
                 axis.add_collection3d(shown)
-                low, high = nodes.min(axis=0), nodes.max(axis=0)
+                low, high = _box(nodes)
                 axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
                 axis.set_box_aspect(np.maximum(high - low, 1e-3 * (high - low).max()), zoom=1.2)
                 axis.set_axis_off()
@@ -62,6 +62,13 @@ def on_the_mesh(dataset: xr.Dataset, variable: str) -> Figure | None:
             f"specimen {dataset.attrs['specimen']}, {dataset.attrs['protocol']}", fontsize=8, x=0.99, ha="right"
         )
     return figure
+
+
+def _box(nodes: Array) -> tuple[Array, Array]:
+    """The corners ``[3]`` of a box around nodes ``[n, 3]``, which is nowhere without depth."""
+    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    pad = np.where(high > low, 0.0, 0.5e-3 * max(float((high - low).max()), 1e-12))
+    return low - pad, high + pad
 
 
 def _strongest(indices: xr.DataArray) -> Array:

@@ -27,6 +27,7 @@ from sinew.tasks.sobol.evaluated import Evaluated
 from sinew.tasks.sobol.result import KEYS
 
 BYTES_AT_A_TIME = 2**26  # of the places that are analysed together
+ROUNDING = 1e-5  # of the largest value of a field: plot files hold seven digits
 MOST = 2**31  # numbers of all runs: of larger fields there are no indices
 MOST_INDICES = 2**25  # of all parameters, moments and places together
 
@@ -42,32 +43,37 @@ def kept(one: Evaluated) -> bool:
     return isinstance(simulator, FEBio) and simulator.kept is not None
 
 
+def missing(one: Evaluated, curve: Curve, ok: Array) -> bool:
+    """Whether there are kept fields along a protocol, of which there could be indices."""
+    return kept(one) and bool(ok.any()) and _Plots.of_kept(one, curve).of(int(np.argmax(ok))) is not None
+
+
 def of_fields(estimate: Estimator | ByChaos, one: Evaluated, curve: Curve) -> xr.Dataset | str:
     """The indices of all fields along a protocol, or why there are none."""
-    folder = cast(FEBio, one.evaluation.simulator).kept
-    assert folder is not None, "kept() was asked"
-    index = Index(folder)
-    index.look()
-    plots = _Plots(index, one, curve)
+    plots = _Plots.of_kept(one, curve)
     first = plots.of(int(np.argmax(estimate.ok)))
     if first is None:
         return "the fields of its rows were not kept"
-    sizes = {name: variable.size for name, variable in _scalars(first, curve).items()}
-    width = sum(sizes.values())
+    shapes = {name: scalars.shape for name, scalars in _scalars(first, curve).items()}
+    width = sum(int(np.prod(shape)) for shape in shapes.values())
+    if not width:
+        return "none of its variables is a number, a vector or a stress of nodes or elements"
     if estimate.ok.size * width > MOST:
         return f"{estimate.ok.size:,} rows with {width:,} numbers each are too many"
     if width * len(estimate.design.names) * len(KEYS) > MOST_INDICES:
         return f"indices of {len(estimate.design.names)} parameters at {width:,} places are too many"
     with tempfile.TemporaryFile() as file:
         shape = (estimate.ok.size, width)
-        values = np.memmap(file, np.float32, "w+", shape=shape) if width else np.zeros(shape, np.float32)
+        values = np.memmap(file, np.float32, "w+", shape=shape)
         for row in np.flatnonzero(estimate.ok):
-            plot = plots.of(int(row))
-            scalars = {} if plot is None else _scalars(plot, curve)
-            if {name: scalar.size for name, scalar in scalars.items()} != sizes:
-                return "not all rows have fields of the same mesh"
+            if (plot := plots.of(int(row))) is None:
+                return f"the fields of row {one.at[row]} are gone, or were not kept"
+            scalars = _scalars(plot, curve)
+            if {name: scalar.shape for name, scalar in scalars.items()} != shapes:
+                return f"row {one.at[row]} has other variables, another mesh or other moments than the first"
             values[row] = np.concatenate([scalar.ravel() for scalar in scalars.values()])
-        found = _analysed(estimate, one, values)
+        blocks = np.repeat(np.arange(len(shapes) * len(moments(first, curve))), _places_of(shapes))
+        found = _analysed(estimate, one, values, blocks)
     dataset = _dataset(estimate.design.names, found, first, curve)
     return dataset.assign_attrs(specimen=one.specimen.name, run=plots.key(int(np.argmax(estimate.ok))))
 
@@ -79,6 +85,15 @@ class _Plots:
         evaluation = one.evaluation
         identities = evaluation.model.identity(), one.specimen.size(), evaluation.simulator.identity()
         self.index, self.one, self.settings = index, one, settings_of(*identities, curve.protocol.digest)
+
+    @classmethod
+    def of_kept(cls, one: Evaluated, curve: Curve) -> "_Plots":
+        """Those in the folder of a simulator that keeps them."""
+        folder = cast(FEBio, one.evaluation.simulator).kept
+        assert folder is not None, "kept() was asked"
+        index = Index(folder)
+        index.look()
+        return cls(index, one, curve)
 
     def key(self, row: int) -> str:
         """The key of the run of a row of the design."""
@@ -128,13 +143,28 @@ def _places(plot: PlotFile, variable: Variable, state: int) -> Array:
     return by_cell(variable, domains, sum(len(region.corners) for region in domains), state)
 
 
-def _analysed(estimate: Estimator | ByChaos, one: Evaluated, values: Array) -> Mapping[str, Array]:
-    """Indices ``[parameter, place]`` by key, some places at a time; NaN where a place has no values."""
+def _places_of(shapes: Mapping[str, tuple[int, ...]]) -> list[int]:
+    """How many places each variable has at each moment, one after the other."""
+    return [places for moment_count, places in shapes.values() for _ in range(moment_count)]
+
+
+def _analysed(estimate: Estimator | ByChaos, one: Evaluated, values: Array, blocks: Array) -> Mapping[str, Array]:
+    """Indices ``[parameter, place]`` by key, some places at a time.
+
+    ``blocks`` ``[place]``: the same number for all places of a variable at a moment. NaN where a place has no values,
+    or where they vary by no more than the rounding of the largest of them.
+    """
+    largest = np.zeros(blocks.max() + 1)
+    for places in _slices(values):
+        seen = np.abs(values[estimate.ok, places]).max(axis=0)
+        np.fmax.at(largest, blocks[places], seen)
     beside = sum(other.at.size for other in one.cheaper)  # cheaper versions keep no fields
     found = {key: np.full((len(estimate.design.names), values.shape[1]), np.nan) for key in KEYS}
     for places in _slices(values):
         part = values[:, places].astype(np.float64)
-        there = np.isfinite(part[estimate.ok]).all(axis=0)
+        ran = part[estimate.ok]
+        there = np.asarray(np.isfinite(ran).all(axis=0))
+        there[there] = np.ptp(ran[:, there], axis=0) > ROUNDING * largest[blocks[places]][there]
         if there.any():
             outcomes = np.concatenate([part[:, there], np.full((beside, there.sum()), np.nan)])
             for key, indices in estimate.of(outcomes).items():
@@ -154,6 +184,7 @@ def _dataset(names: Sequence[str], found: Mapping[str, Array], plot: PlotFile, c
     start = 0
     for name, scalars in _scalars(plot, curve).items():
         variable, plain = plot.variables[name], re.sub(r"[^A-Za-z0-9]", "_", name)[:60]
+        plain = plain if f"{plain}.ST" not in variables else f"{plain}_{len(variables)}"
         about = {"variable": name, "where": variable.where, "of": measured(variable) or "value"}
         for key, indices in found.items():
             of_it = indices[:, start : start + scalars.size].reshape(len(indices), *scalars.shape)

@@ -5,6 +5,7 @@ from sinew.tasks.sobol.settings import Settings
 from sinew.tasks.study.work import Given, Work, points_kept
 
 FIT_S, FITS_EACH = 0.1, 4  # of polynomials, and how often they are fitted anew as rows are added
+FIT_OF_VERSIONS_S = 2.0  # of those of cheaper versions, which have many rows
 ANALYSIS_S = 1.2e-7  # for each row and kept point of a curve: indices along time with their bootstrap
 
 
@@ -22,6 +23,13 @@ def rows_of(given: Given) -> int:
     return base_of(settings, parameters) * block_of(parameters, settings.second_order)
 
 
+def _coarse_rows(given: Given, settings: Settings) -> int:
+    """Runs of a coarse version for each of the model."""
+    simulator = given.study.simulator
+    used = settings.method == "multifidelity" and "coarse" in simulator.cheaper
+    return simulator.coarse_rows if used else 0
+
+
 def work(given: Given, settings: Settings) -> Work:
     """Evaluations of the whole design, and the analysis of each specimen's curves."""
     specimens = given.specimens(settings.specimens)
@@ -29,6 +37,8 @@ def work(given: Given, settings: Settings) -> Work:
     points = sum(points_kept(one, given.study.store.points_per_curve) for one in specimens)
     courses = len(given.can.outputs) or 1
     if settings.method != "saltelli":
-        fits = 9 * (courses + len(given.specimens(settings.specimens))) * FITS_EACH
-        return Work({one.name: rows for one in specimens}, here_s=FIT_S * fits)
+        outcomes = courses + len(given.specimens(settings.specimens))
+        of_versions = FIT_OF_VERSIONS_S * 2 * outcomes if settings.method == "multifidelity" else 0.0
+        rows *= 1 + _coarse_rows(given, settings)  # at most: they take less time
+        return Work({one.name: rows for one in specimens}, here_s=FIT_S * 9 * outcomes * FITS_EACH + of_versions)
     return Work({one.name: rows for one in specimens}, here_s=ANALYSIS_S * rows * points * courses)

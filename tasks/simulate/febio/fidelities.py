@@ -14,6 +14,7 @@ from sinew.tasks.simulate.around import Around
 from sinew.tasks.simulate.febio.settings import TemplateSettings
 from sinew.tasks.simulate.febio.simulator import FEBio
 from sinew.tasks.simulate.settings import Purpose
+from sinew.tasks.study.trust import require
 
 
 def cheaper_of(settings: TemplateSettings, purpose: Purpose, fine: Simulator) -> dict[str, Simulator]:
@@ -26,6 +27,7 @@ def _coarse(settings: TemplateSettings, purpose: Purpose, fine: Simulator) -> Si
     """The same solver, as it was found and confirmed for the model itself."""
     solver = cast(FEBio, fine.inner if isinstance(fine, Around) else fine)
     template = settings.coarser().read_template(purpose)
+    require(settings.request(purpose, solver.template, template))  # of these very texts, which may have changed since
     found = settings.coarser().with_solver(template, solver.executable, solver.version, solver.scratch)
     return replace(found, confirmed=solver.confirmed).surrounded(purpose.effects)
 

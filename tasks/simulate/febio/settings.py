@@ -279,11 +279,11 @@ class TemplateSettings(SolverSettings):
         names = model_without(purpose.model, purpose.effects).names
         return given_to_the_bar(self.bar, names, f"{purpose.study}: simulator.bar")
 
-    def request(self, purpose: Purpose, template: Template) -> Request | None:
+    def request(self, purpose: Purpose, template: Template, coarse: Template | None = None) -> Request | None:
         found = super().request(purpose, template)
         if found is None or not self.further_templates:
             return found
-        further = self.coarser().read_template(purpose)
+        further = coarse or self.coarser().read_template(purpose)
         return replace(found, contents=(*found.contents, *_as_bytes(further.files)))
 
     @property

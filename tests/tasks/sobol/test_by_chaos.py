@@ -139,6 +139,7 @@ def test_designs_grow_by_adding_rows():
     assert ((share >= 0) & (share <= 1)).all()
     assert sizes_up_to(400) == [64, 96, 144, 216, 320, 400]
     assert sizes_up_to(50) == [48]
+    assert sizes_up_to(100, 20) == [16, 24, 32, 48, 72, 96]
     assert all(size % TURN == 0 for size in sizes_up_to(10_000))
 
 

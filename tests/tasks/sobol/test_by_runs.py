@@ -7,6 +7,7 @@ import yaml
 
 from sinew.runner.store.store import open_store
 from sinew.tasks.simulate.febio.simulator import FEBio
+from sinew.tasks.study.workspace import Workspace
 from tests.tasks.simulate.febio.test_own_model import command, settings, written
 
 __all__ = ["settings"]
@@ -39,10 +40,10 @@ def test_bar_and_coarse_version_save_runs_and_none_is_repeated(tmp_path, setting
     said = " ".join(capsys.readouterr().out.split())
     found = read(out)
     assert found["rows"] == 16 and found["surrogate"]["reached"]
-    assert found["surrogate"]["versions"] == {"bar": {"runs": 2048, "failed": 0}, "coarse": {"runs": 32, "failed": 0}}
+    assert found["surrogate"]["versions"] == {"bar": {"runs": 2048, "failed": 0}, "coarse": {"runs": 64, "failed": 0}}
     assert found["surrogate"]["unexplained"]["total"] < 0.1 * found["surrogate"]["alone"]["total"]
     assert "of the total's variance is unexplained with bar and coarse" in said
-    assert "32 runs of coarse, 2,048 of bar" in (out / "report.html").read_text()
+    assert "64 runs of coarse, 2,048 of bar" in (out / "report.html").read_text()
     along = open_store(out).read_result("sobol_time/" + found["tables"]["dogbone"])
     assert along["ST_gauge_stress_relaxation"].sizes["parameter"] == 4
 
@@ -64,7 +65,18 @@ def test_bar_and_coarse_version_save_runs_and_none_is_repeated(tmp_path, setting
             assert abs(known[key][j] - found[key][j]) <= known[f"{key}_conf"][j] + found[f"{key}_conf"][j]
 
 
-def test_another_version_is_another_result(tmp_path, settings, monkeypatch):
+def test_more_runs_of_a_version_are_another_result(tmp_path, settings):
+    found = cheaper(settings, ["coarse"])
+    found["simulator"]["coarse"]["rows"] = 5
+    command("sobol", written(tmp_path, found), "--out", tmp_path / "out", "--quiet")
+    before = read(tmp_path / "out")["surrogate"]["versions"]["coarse"]["runs"]
+    found["simulator"]["coarse"]["rows"] = 6
+    command("sobol", written(tmp_path, found), "--out", tmp_path / "out", "--quiet")
+    after = read(tmp_path / "out")
+    assert before == 5 * after["rows"] and after["surrogate"]["versions"]["coarse"]["runs"] == 6 * after["rows"]
+
+
+def test_another_version_is_another_result(tmp_path, settings):
     study = written(tmp_path, cheaper(settings, ["bar"]))
     command("sobol", study, "--out", tmp_path / "out", "--quiet")
     before = read(tmp_path / "out")
@@ -75,7 +87,9 @@ def test_another_version_is_another_result(tmp_path, settings, monkeypatch):
     assert before["surrogate"]["unexplained"] != after["surrogate"]["unexplained"]
 
 
-def test_a_version_that_does_not_help_is_run_no_more(tmp_path, settings, capsys):
+def test_a_version_that_does_not_help_is_run_no_more(tmp_path, settings, capsys, monkeypatch):
+    plan, planned = Workspace.plan, []
+    monkeypatch.setattr(Workspace, "plan", lambda self, one, rows: planned.append(len(rows)) or plan(self, one, rows))
     found = cheaper(settings, ["coarse"])
     found["simulator"]["coarse"]["outputs"] = {
         name: {
@@ -91,8 +105,9 @@ def test_a_version_that_does_not_help_is_run_no_more(tmp_path, settings, capsys)
     command("sobol", written(tmp_path, found), "--out", tmp_path / "out")
     said = " ".join(capsys.readouterr().out.split())
     result = read(tmp_path / "out")
-    assert result["rows"] == 32 and result["surrogate"]["versions"]["coarse"]["runs"] == 32
+    assert result["rows"] == 32 and result["surrogate"]["versions"]["coarse"]["runs"] == 64
     assert "they do not help" in said
+    assert planned == [16, 64, 8, 8], "no row is asked for twice: with --retry-failed, each would fail again"
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,12 @@ import yaml
 
 from sinew.runner.store.store import open_store
 from sinew.tasks.simulate.febio import keeping
+from sinew.tasks.simulate.plain_design import shares
+from sinew.tasks.simulate.saltelli import Design
 from sinew.tasks.sobol import of_fields
+from sinew.tasks.sobol.by_chaos import ByChaos
+from sinew.tasks.sobol.evaluated import Evaluated
+from sinew.tasks.sobol.method import Intervals
 from sinew.tasks.study import pipeline
 from sinew.tasks.study.resources import resource
 from sinew.tasks.study.workspace import Workspace
@@ -138,6 +143,39 @@ def test_places_are_analysed_some_at_a_time(again, once, monkeypatch):
     some, all_at_once = (fields(folder)[1] for folder in (out, once / "out"))
     apart = np.abs(some["stress.ST"] - all_at_once["stress.ST"])
     assert (apart <= all_at_once["stress.ST_conf"]).all() and not np.isnan(some["stress.ST"]).any()
+
+
+def test_what_varies_by_rounding_alone_has_no_index():
+    """Values are of 32 bits: a place that is held varies in the last of them."""
+    share = shares(2, 64, 1, 8)
+    alone = ((0,), (1,))
+    design = Design(("a", "b"), 64, False, share, scrambles=8, members=alone, plain=True)
+    estimate = ByChaos(design, share, np.ones(64, dtype=bool), Intervals(10, 0.95, 1))
+    rng = np.random.default_rng(3)
+    held = np.nextafter(np.float32(0.3), np.where(rng.random((64, 40)) < 0.5, 0, 1).astype(np.float32))
+    real = np.repeat((5.0 + share[:, :1] + 0.5 * share[:, 1:]).astype(np.float32), 30, axis=1)
+    one = Evaluated(None, None, np.arange(64))
+    found = of_fields._analysed(estimate, one, np.hstack([real, held]), np.zeros(70, dtype=int))
+    assert np.isnan(found["ST"][:, 30:]).all()
+    np.testing.assert_allclose(found["ST"][:, :30], np.array([[0.8], [0.2]]) * np.ones(30), atol=0.001)
+    assert found["ST_conf"][:, :30].max() < 0.01
+
+
+def test_fields_of_surfaces_alone_have_none(again, capsys, monkeypatch):
+    study, out = again
+    monkeypatch.setattr(of_fields, "has_place", lambda _: False)
+    command("sobol", study, "--out", out)
+    assert "none of its variables is a number, a vector or a stress" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_result_without_indices_is_made_again_once_the_fields_are_there(again, once):
+    study, out = again
+    (out / "fields").rename(out / "elsewhere")
+    command("sobol", study, "--out", out, "--quiet")
+    keeping._indexes.clear()
+    (out / "elsewhere").rename(out / "fields")
+    command("sobol", study, "--out", out, "--quiet")
+    np.testing.assert_array_equal(fields(out)[1]["stress.ST"], fields(once / "out")[1]["stress.ST"])
 
 
 def test_either_rows_or_indices(tmp_path, capsys):

@@ -57,6 +57,12 @@ def test_every_face_of_a_brick_is_a_loop_of_neighbours():
         assert all((place[a], place[b]) in neighbours for a, b in zip(face, face[1:] + face[:1], strict=True))
 
 
+def test_a_shell_hides_the_face_below_it():
+    faces, elements = outer_faces(mesh(("hex8", HEX[:1]), ("quad4", HEX[:1, :4])))
+    assert len(faces) == 6
+    assert elements.tolist() == [0, 0, 0, 0, 0, 1]
+
+
 def test_lines_have_no_faces():
     faces, elements = outer_faces(mesh(("line2", np.array([[0, 1]]))))
     assert faces.shape == (0, 4) and not elements.size
