@@ -13,7 +13,7 @@ from tests.supply.lock import LOCK, ROOT, needed, of_the_run, pins, project
 PAGE = (ROOT / "docs" / "dependencies.md").read_text("utf-8")
 RUN, DEV = (part.split("\n## ")[0] for part in re.split(r"## When it runs|## To work on it", PAGE)[1:])
 IMPORTED_AS = {"pyyaml": "yaml", "salib": "SALib", "scikit-learn": "sklearn", "scikit-optimize": "skopt"}
-PARTS = ("cycler", "pydantic_core")  # of matplotlib and pydantic, which have their names in their own interfaces
+PARTS = ("cycler", "mpl_toolkits", "pydantic_core")  # of matplotlib and pydantic, whose interfaces name them
 LOADED_BY = {  # packages that nothing imports, and what loads them
     "cryptography": "Security.temporary()",
     "dask-jobqueue": '"dask_jobqueue.',

@@ -36,7 +36,7 @@ FIELDS = [  # the field that is set, its value, what the line says of this field
     ("simulator", {"name": "febio", "time_steps": {"ramp": 1}}, "simulator.time_steps.ramp: unknown key"),
     ("cluster.shape", 1, ": unknown key; expected one of name, workers"),
     ("store.shape", 1, ": unknown key; expected one of points_per_curve"),
-    ("sobol.shape", 1, ": unknown key; expected one of method, error, runs, points, base_samples"),
+    ("sobol.shape", 1, ": unknown key; expected one of method, error, runs, first, points"),
     ("importance.shape", 1, ": unknown key; expected one of trees, repeats"),
     ("name", MISSING, ": missing; expected a value"),
     ("name", "../evil", ": '../evil'; expected letters, digits"),
