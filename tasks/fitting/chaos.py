@@ -92,12 +92,19 @@ def basis(
 
 def joined(bases: Sequence[Basis], share: Array, outcomes: Array) -> tuple[Array, Array]:
     """All polynomials ``[t, d]`` of several outcomes ``[n, q]``, and their coefficients ``[t, q]`` in each."""
-    exponents, place = np.unique(np.concatenate([one.exponents for one in bases]), axis=0, return_inverse=True)
-    coefficients = np.zeros((len(exponents), len(bases)))
-    ends = np.cumsum([len(one.exponents) for one in bases])
-    for number, (one, end) in enumerate(zip(bases, ends, strict=True)):
-        at = place.ravel()[end - len(one.exponents) : end]
-        coefficients[at, number] = one.coefficients(share, outcomes[:, number])
+    return together([(one.exponents, one.coefficients(share, outcomes[:, j])) for j, one in enumerate(bases)])
+
+
+def together(sums: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """All polynomials ``[t, d]`` of several sums of them, and their coefficients ``[t, q]`` in each.
+
+    A sum is its exponents ``[t, d]`` and its coefficients ``[t]``.
+    """
+    exponents, place = np.unique(np.concatenate([of for of, _ in sums]), axis=0, return_inverse=True)
+    coefficients = np.zeros((len(exponents), len(sums)))
+    ends = np.cumsum([len(of) for of, _ in sums])
+    for number, ((of, values), end) in enumerate(zip(sums, ends, strict=True)):
+        coefficients[place.ravel()[end - len(of) : end], number] = values
     return exponents, coefficients
 
 

@@ -20,10 +20,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from sinew.tasks.fitting.chaos import together
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.saltelli import Design
 from sinew.tasks.sobol.method import Intervals
-from sinew.tasks.sobol.polynomials import Fitted, Runs, Sum, stacked, together
+from sinew.tasks.sobol.polynomials import Fitted, Runs, Sum, stacked
 from sinew.tasks.sobol.result import KEYS, Analysis, Convergence
 
 CONSTANT = 1e-12  # part of its size by which an outcome varies at least
@@ -163,7 +164,7 @@ class ByChaos:
         left = np.sqrt(parts).sum(axis=0) ** 2 + np.maximum(1.0 - variances.sum(axis=0), 0.0)  # as if all errors agreed
 
         def indices(sums: Sequence[Sum]) -> tuple[Array, Array]:
-            exponents, coefficients = together(sums)
+            exponents, coefficients = together([(one.exponents, one.coefficients) for one in sums])
             first, total = first_and_total(exponents, coefficients @ directions, members)
             return np.nan_to_num(first), np.nan_to_num(total)
 

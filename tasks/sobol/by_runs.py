@@ -57,9 +57,7 @@ def by_surrogate(workspace: Workspace, settings: Settings) -> SobolResult:
     fits: dict[bytes, Fitted] = {}
     found: dict[str, Fitted | None] = {}
     planned: list[Evaluated] = []
-    of_cheaper = (
-        0  # the size of the design beside which cheaper versions are run; it ends to grow where they are no use
-    )
+    of_cheaper = 0  # the size of the design beside which cheaper versions are run: it grows while they help
     for size in sizes_up_to(settings.runs, settings.first if versions else FIRST):
         design, share = plain_design(workspace.model, size, workspace.seed, settings.scrambles, settings.inputs)
         of_cheaper = size if not looked or _help(found.values()) else of_cheaper

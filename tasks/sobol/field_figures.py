@@ -35,15 +35,15 @@ def on_the_mesh(dataset: xr.Dataset, variable: str) -> Figure | None:
     faces = dataset["faces"].to_numpy()
     indices = dataset[f"{variable}.ST"]
     chosen = _strongest(indices)
-    moments = [str(each) for each in dataset["moment"].to_numpy()]
+    moments = dataset.sizes["moment"]
     nodes = dataset["nodes"].to_numpy()
     corners = [nodes[face[face >= 0]] for face in faces]
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(
-            len(moments), len(chosen), figsize=(2.4 * len(chosen) + 0.9, 2.5 * len(moments) + 0.5),
+            moments, len(chosen), figsize=(2.4 * len(chosen) + 0.9, 2.5 * moments + 0.5),
             squeeze=False, subplot_kw={"projection": "3d"},
         )  # fmt: skip
-        for row, moment in zip(axes, range(len(moments)), strict=True):
+        for moment, row in enumerate(axes):
             for axis, j in zip(row, chosen, strict=True):
                 values = _of_faces(dataset, indices.to_numpy()[moment, j], indices.attrs["where"])
                 shown = Poly3DCollection(corners, cmap="viridis", edgecolors=(0, 0, 0, 0.2), linewidths=0.1)

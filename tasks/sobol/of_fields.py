@@ -119,7 +119,7 @@ def measured(variable: Variable) -> str | None:
     """What of a variable has indices: ``magnitude``, ``von_mises``, or itself (empty); None if nothing has."""
     if variable.kind == "float":
         return ""
-    return next((str(name) for name, (kind, _) in SIZES.items() if kind == variable.kind), None)
+    return next((name for name, (kind, _) in SIZES.items() if kind == variable.kind), None)
 
 
 def _scalars(plot: PlotFile, curve: Curve) -> dict[str, Array]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sinew.tasks.fitting.chaos import Basis, basis, polynomials
+from sinew.tasks.fitting.chaos import Basis, basis, polynomials, together
 from sinew.tasks.simulate import Array
 
 MOST_OF_CHEAPER = 300  # polynomials: more of them take long to find, and say little more
@@ -51,10 +51,9 @@ class Sum:
 
     def plus(self, factor: float, other: "Sum") -> "Sum":
         """The sum of it and ``factor`` times another."""
-        exponents, place = np.unique(np.concatenate([self.exponents, other.exponents]), axis=0, return_inverse=True)
-        coefficients = np.zeros(len(exponents))
-        np.add.at(coefficients, place.ravel(), np.concatenate([self.coefficients, factor * other.coefficients]))
-        return Sum(exponents, coefficients)
+        every = [(self.exponents, self.coefficients), (other.exponents, factor * other.coefficients)]
+        exponents, coefficients = together(every)
+        return Sum(exponents, coefficients.sum(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,13 +153,3 @@ def stacked(versions: Sequence[Runs], known: dict[bytes, Fitted]) -> Fitted:
         below = known[key]
     assert below is not None, "the model itself is among them"
     return below
-
-
-def together(sums: Sequence[Sum]) -> tuple[Array, Array]:
-    """All polynomials ``[t, d]`` of several sums, and their coefficients ``[t, q]`` in each."""
-    exponents, place = np.unique(np.concatenate([one.exponents for one in sums]), axis=0, return_inverse=True)
-    coefficients = np.zeros((len(exponents), len(sums)))
-    ends = np.cumsum([len(one.exponents) for one in sums])
-    for number, (one, end) in enumerate(zip(sums, ends, strict=True)):
-        coefficients[place.ravel()[end - len(one.exponents) : end], number] = one.coefficients
-    return exponents, coefficients

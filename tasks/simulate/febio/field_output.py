@@ -43,7 +43,7 @@ def von_mises(values: Array) -> Array:
     return np.asarray(np.sqrt(normal / 2 + 3 * (xy**2 + yz**2 + xz**2)))
 
 
-SIZES: dict[str | None, tuple[Kind, Callable[[Array], Array]]] = {
+SIZES: dict[str, tuple[Kind, Callable[[Array], Array]]] = {
     "magnitude": ("vec3f", magnitude), "von_mises": ("mat3fs", von_mises),
 }  # fmt: skip
 """Numbers that do not depend on the axes, by name: of which kind of variable they are, and how they are computed."""
@@ -79,10 +79,10 @@ def _component(output: FieldOutput, variable: Variable, values: Array) -> Array:
     name = output.component
     if name is None and len(variable.components) == 1:
         return values[:, :, 0].astype(np.float64)
-    if name in SIZES and variable.kind == SIZES[name][0]:
+    if name is not None and name in SIZES and variable.kind == SIZES[name][0]:
         return SIZES[name][1](values)
     if name not in variable.components:
-        others = {"vec3f": ["magnitude"], "mat3fs": ["von_mises"]}.get(variable.kind, [])
+        others = [size for size, (kind, _) in SIZES.items() if kind == variable.kind]
         expected = ", ".join([*variable.components, *others]) or "no component"
         raise _wrong(output, f"component {shown(name)} of {variable.name}, which has {expected}")
     return values[:, :, variable.components.index(name)].astype(np.float64)
