@@ -5,11 +5,13 @@ import subprocess
 import sys
 import zipfile
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from sinew.tasks.registry import TASKS
+from tests.benchmarks.__main__ import NAMES
 
 ROOT = Path(__file__).resolve().parents[1]
 LINES, FUNCTION_LINES, ENTRIES = 400, 60, 22
@@ -100,6 +102,14 @@ def test_no_file_and_no_function_is_long():
                 lines = (node.end_lineno or 0) - node.lineno + 1
                 long += [f"{path.relative_to(ROOT)}: {node.name}: {lines} lines"] if lines > FUNCTION_LINES else []
     assert long == []
+
+
+def test_every_benchmark_can_be_run():
+    """They use what tests use, and no test runs them."""
+    places = [path.stem for path in (ROOT / "tests" / "benchmarks").glob("*.py") if not path.stem.startswith("__")]
+    assert {*NAMES, "common"} == set(places)
+    for name in NAMES:
+        assert callable(import_module(f"tests.benchmarks.{name}").main)
 
 
 def test_a_study_and_its_results_are_read_without_the_libraries_of_methods():

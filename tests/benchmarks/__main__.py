@@ -1,43 +1,16 @@
-"""Benchmarks: ratios measured in one run, medians of several rounds. `make benchmarks`, or name some:
+"""Benchmarks: ratios measured in one run, medians of several rounds. `make benchmarks`, or name some.
 
-python -m tests.benchmarks kernel study durable memory febio resume scale calibration sampler sobol \\
-    surrogate discrepancy fidelities
+python -m tests.benchmarks kernel study
 """
 
 import platform
 import sys
+from importlib import import_module
 
-from tests.benchmarks import (
-    calibration,
-    discrepancy,
-    durable,
-    febio,
-    fidelities,
-    kernel,
-    memory,
-    resume,
-    sampler,
-    scale,
-    sobol,
-    study,
-    surrogate,
-)
-
-ALL = {
-    "kernel": kernel.main,
-    "study": study.main,
-    "durable": durable.main,
-    "memory": memory.main,
-    "febio": febio.main,
-    "resume": resume.main,
-    "scale": scale.main,
-    "calibration": calibration.main,
-    "sampler": sampler.main,
-    "sobol": sobol.main,
-    "surrogate": surrogate.main,
-    "discrepancy": discrepancy.main,
-    "fidelities": fidelities.main,
-}
+NAMES = (
+    "kernel", "study", "durable", "memory", "febio", "resume", "scale", "calibration", "sampler", "sobol", "surrogate",
+    "discrepancy", "fidelities",
+)  # fmt: skip
 
 
 def processor() -> str:
@@ -47,11 +20,11 @@ def processor() -> str:
 
 
 if __name__ == "__main__":
-    wanted = sys.argv[1:] or list(ALL)
-    unknown = [name for name in wanted if name not in ALL]
+    wanted = sys.argv[1:] or list(NAMES)
+    unknown = [name for name in wanted if name not in NAMES]
     if unknown:
-        sys.exit(f"no benchmark {', '.join(unknown)}; expected some of {', '.join(ALL)}")
+        sys.exit(f"no benchmark {', '.join(unknown)}; expected some of {', '.join(NAMES)}")
     print(f"machine: {processor()}, Python {platform.python_version()}")
     for name in wanted:
         print(f"\n{name}", flush=True)
-        ALL[name]()
+        import_module(f"tests.benchmarks.{name}").main()

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import norm
 
 from sinew.tasks.infer.likelihood.discrepancy import model_error
-from tests.tasks.infer.likelihood.specimens import apart, target
+from tests.tasks.infer.likelihood.specimens import fitted, target
 
 SPECIMENS, STRENGTH, SCREW, RATE_HZ = 8, 0.5, 0.01, 20.0
 EFFECTS = (
@@ -37,8 +37,8 @@ def found(case: str, number: int) -> Found:
     effect, screw = (case if case in EFFECTS else ""), (SCREW if case == "screw" else 0.0)
     bare, truth = target(number, effect, screw, STRENGTH, RATE_HZ)
     error = model_error(bare, (number,))
-    without, narrow = apart(bare, truth)
-    beside, wide = apart(replace(bare, whitening=error.white), truth)
+    _, without, narrow = fitted(bare, truth)
+    _, beside, wide = fitted(replace(bare, whitening=error.white), truth)
     return Found(error.misfit, without, beside, float(np.median(wide / narrow)))
 
 
