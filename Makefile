@@ -29,7 +29,7 @@ test: $(READY)
 	trap 'exit 130' INT TERM; \
 	$(BIN)/python -m pytest -m slurm -n 7 --dist load --maxschedchunk 1 tests/tasks/cluster tests/runner/cluster \
 		>"$$beside" 2>&1 & slurm=$$!; \
-	others=0; nice -n 5 $(BIN)/python -m pytest -m "not slurm" -n 2 --dist worksteal || others=$$?; \
+	others=0; nice -n 5 $(BIN)/python -m pytest -m "not slurm" -n 3 --dist worksteal || others=$$?; \
 	failed=0; wait $$slurm || failed=$$?; cat "$$beside"; exit $$((others | failed))
 
 # what CI asks of the code beside its tests

@@ -55,7 +55,7 @@ def read_regular(path: Path, max_bytes: int, *, last: int | None = None, follow:
     Links are refused unless ``follow``. Raises ``FileNotFoundError``, :class:`NotReadable` for anything else that is no
     such file, and ``OSError``.
     """
-    descriptor = _open_regular(path, os.O_RDONLY | (0 if follow else os.O_NOFOLLOW))
+    descriptor = open_regular(path, os.O_RDONLY | (0 if follow else os.O_NOFOLLOW))
     status = os.fstat(descriptor)
     with open(descriptor, "rb") as file:
         if last is not None:
@@ -74,7 +74,7 @@ def read_regular(path: Path, max_bytes: int, *, last: int | None = None, follow:
     return b"".join(pieces)
 
 
-def _open_regular(path: Path, flags: int) -> int:
+def open_regular(path: Path, flags: int) -> int:
     """The descriptor of a regular file, whose opening waits for nobody. Raises as :func:`read_regular` does."""
     try:
         descriptor = os.open(path, flags | os.O_CLOEXEC | os.O_NONBLOCK, 0o666)
@@ -130,7 +130,7 @@ def write_whole(path: Path, content: bytes) -> None:
 def append_file(path: Path) -> BinaryIO:
     """A regular file to append to, made where there is none. Raises ``OSError``, also for a link or a pipe."""
     try:
-        return open(_open_regular(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW), "ab")
+        return open(open_regular(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW), "ab")
     except NotReadable as kind:
         raise OSError(errno.EINVAL, f"is {kind}; remove it, it must be a file", str(path)) from None
 

@@ -57,6 +57,7 @@ class Leave(WorkerPlugin):
         self.leaving = False
         self.began = math.inf
         self.first = math.inf
+        self.restarts = False
 
     def setup(self, worker: Any) -> None:
         self.worker = worker
@@ -91,7 +92,12 @@ class Leave(WorkerPlugin):
             await self.worker.close_gracefully(reason="the walltime")
 
     def tell_if_too_short(self, needed_s: float) -> None:
-        """Tell the client if a batch of at least ``needed_s`` seconds cannot end in any job of this walltime."""
+        """Tell the client if a batch of at least ``needed_s`` seconds cannot end in any job of this walltime.
+
+        One that goes on where it was interrupted ends in a later job.
+        """
+        if self.restarts:
+            return
         given_s = walltime_s()
         start_s = self.first - (time.time() + seconds_left() - given_s)  # a job also starts its workers
         start_s = max(start_s, min(60.0, 0.2 * given_s))
@@ -99,16 +105,16 @@ class Leave(WorkerPlugin):
             self.worker.log_event(TOO_SHORT, {"needed_s": needed_s, "walltime_s": given_s})
 
 
-def enter(expected_s: float) -> None:
+def enter(expected_s: float, *, restarts: bool = False) -> None:
     """Called on a worker before a batch: raise ``distributed.Reschedule`` if it cannot end in time.
 
-    ``expected_s``: how long the batch is expected to take (s).
+    ``expected_s``: how long the batch is expected to take (s). ``restarts``: it goes on where it was interrupted.
     """
     if math.isinf(seconds_left()):
         return
     worker: Any = get_worker()
     plugin: Any = worker.plugins[Leave.name]
-    plugin.began = time.time()
+    plugin.began, plugin.restarts = time.time(), restarts
     plugin.first = min(plugin.first, plugin.began)
     if seconds_left() >= expected_s + CLOSING_S:
         return

@@ -15,6 +15,7 @@ from distributed import WorkerPlugin
 from sinew.runner.cluster import drain
 from sinew.runner.cluster.batch_systems import current_job, this_node
 from sinew.runner.evaluation import external, isolation
+from sinew.runner.evaluation.interim import kept_until_written
 from sinew.runner.store.schema import STATUSES, Array
 from sinew.runner.store.segment import Segment, is_whole
 
@@ -37,7 +38,11 @@ class Outcome:
 
 
 class Evaluation(Protocol):
-    """A callable that is pickled, sent to every worker, and evaluates rows of parameters."""
+    """A callable that is pickled, sent to every worker, and evaluates rows of parameters.
+
+    One with an attribute ``restarts`` that is true goes on where it was interrupted: its batches need not end before a
+    walltime does.
+    """
 
     def __call__(self, parameters: Array) -> Outcome:
         """The outcomes of ``parameters`` ``[n, d]``; each must depend on its own row only."""
@@ -47,12 +52,23 @@ class Evaluation(Protocol):
 class Batch:
     """What a worker needs to evaluate some rows. It is small, because the workers have the evaluation already."""
 
-    def __init__(self, key: str, rows: Array, parameters: Array, journal: Path, retries: int, apart: int = 0) -> None:
+    def __init__(
+        self,
+        key: str,
+        rows: Array,
+        parameters: Array,
+        journal: Path,
+        retries: int,
+        apart: int = 0,
+        *,
+        restarts: bool = False,
+    ) -> None:
         self.key = key
         self.rows = rows
         self.parameters = parameters
         self.retries = retries
         self.apart = apart  # how often it was tried in its own process
+        self.restarts = restarts
         self.expected_s = 0.0
         content = hashlib.blake2b(rows.tobytes(), digest_size=6).hexdigest()
         self.segment = journal / f"rows-{rows[0]:09d}-{content}-{rows.size:05d}.safetensors"
@@ -61,7 +77,15 @@ class Batch:
         """Each row as a batch that is evaluated in its own process."""
         journal = self.segment.parent
         return [
-            Batch(self.key, self.rows[i : i + 1], self.parameters[i : i + 1], journal, self.retries, self.apart + 1)
+            Batch(
+                self.key,
+                self.rows[i : i + 1],
+                self.parameters[i : i + 1],
+                journal,
+                self.retries,
+                self.apart + 1,
+                restarts=self.restarts,
+            )
             for i in range(self.rows.size)
         ]
 
@@ -87,7 +111,7 @@ evaluations: dict[str, Evaluation] = {}
 def run_in_time(batch: Batch) -> None:
     """As :func:`run_batch`, but raise ``distributed.Reschedule`` if the batch cannot end before the walltime."""
     if not is_whole(batch.segment):
-        drain.enter(batch.expected_s)
+        drain.enter(batch.expected_s, restarts=batch.restarts)
         _run(batch)
 
 
@@ -125,9 +149,12 @@ def _undisturbed(work: Callable[[], T]) -> T:
 
 
 def _evaluate_and_write(batch: Batch, evaluation: Evaluation) -> None:
-    outcome, attempts, seconds = _outcome(evaluation, batch)
-    segment = Segment(batch.rows, outcome.status, attempts, seconds, outcome.values, outcome.messages, _worker_name())
-    segment.write(batch.segment)
+    with kept_until_written():
+        outcome, attempts, seconds = _outcome(evaluation, batch)
+        written = Segment(
+            batch.rows, outcome.status, attempts, seconds, outcome.values, outcome.messages, _worker_name()
+        )
+        written.write(batch.segment)
 
 
 def _outcome(evaluation: Evaluation, batch: Batch) -> tuple[Outcome, Array, Array]:

@@ -16,7 +16,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +30,7 @@ MARK = "SINEW_SOLVER_OF"
 SCRATCH = "SINEW_SCRATCH"
 SAFE_PATH = "PYTHONSAFEPATH"
 _KILL_GRACE_S = 5.0
+MEANWHILE_S = 1.0
 _KILLED_TOO_S = 1.0
 _FROM_OUTSIDE = ("SIGTERM", "SIGINT", "SIGHUP")
 
@@ -69,12 +70,13 @@ def run(
     timeout_s: float,
     environment: Mapping[str, str] | None = None,
     max_file_bytes: int = 2**31,
+    meanwhile: Callable[[], None] | None = None,
 ) -> Finished:
     """Run ``command`` in ``directory``, in which nothing else has run before, and wait for it.
 
     Its output goes to ``directory/solver-output.txt``, a new file. A file larger than ``max_file_bytes`` ends it
-    (SIGXFSZ). Raises ``OSError`` when the program cannot be started, and :class:`Stopped` when it is ended from
-    outside, as batch systems do with all processes of a job.
+    (SIGXFSZ). ``meanwhile`` is called about once a second while it runs. Raises ``OSError`` when the program cannot be
+    started, and :class:`Stopped` when it is ended from outside, as batch systems do with all processes of a job.
     """
     _start_guard()
     _adopt_orphans()
@@ -94,7 +96,7 @@ def run(
                 start_new_session=True,
             )
         try:
-            timed_out = not _wait(process, timeout_s)
+            timed_out = not _wait(process, timeout_s, meanwhile)
         finally:
             _kill_group(process.pid)
             process.wait(_KILL_GRACE_S)
@@ -142,8 +144,18 @@ def tail(path: Path, size: int = 4000) -> str:
         return ""
 
 
-def _wait(process: subprocess.Popen[bytes], timeout_s: float) -> bool:
+def _wait(process: subprocess.Popen[bytes], timeout_s: float, meanwhile: Callable[[], None] | None) -> bool:
     """Wait until the process ends (True) or the time is up (False)."""
+    until = time.monotonic() + timeout_s
+    while meanwhile is not None and time.monotonic() + MEANWHILE_S < until:
+        if _ends(process, MEANWHILE_S):
+            return True
+        meanwhile()
+    return _ends(process, until - time.monotonic())
+
+
+def _ends(process: subprocess.Popen[bytes], timeout_s: float) -> bool:
+    """Whether the process ends within this time."""
     if hasattr(os, "pidfd_open"):  # Popen.wait polls every 50 ms, a tenth of a short solver run
         descriptor = os.pidfd_open(process.pid)
         try:

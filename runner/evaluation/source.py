@@ -57,8 +57,9 @@ class Source:
         other = np.flatnonzero(rows // self.table.chunk_rows != rows[0] // self.table.chunk_rows)
         rows = rows[: other[0]] if other.size else rows  # so that it is known when a chunk is complete
         self.first += rows.size
-        batch = Batch(self.key, rows, self.table.parameters(rows), self.table.journal, retries)
-        batch.expected_s = self.sizes.expected_s(rows.size)
+        restarts = getattr(self.evaluation, "restarts", False)
+        batch = Batch(self.key, rows, self.table.parameters(rows), self.table.journal, retries, restarts=restarts)
+        batch.expected_s = 0.0 if restarts else self.sizes.expected_s(rows.size)
         return batch
 
     def note(self, batch: Batch) -> int:

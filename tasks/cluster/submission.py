@@ -18,6 +18,7 @@ from sinew.runner.cluster.job_table import COORDINATOR, SLURM, JobRecord, JobTab
 from sinew.runner.cluster.jobs import Jobs, worker_job_script
 from sinew.runner.errors import BadInput, ClusterError, WalltimeReached, shown
 from sinew.runner.evaluation import external
+from sinew.runner.evaluation.interim import STATES
 from sinew.runner.files import read_input
 from sinew.runner.store.schema import PENDING
 from sinew.runner.store.store import open_store, refuse_strange_entries
@@ -284,10 +285,14 @@ def _signals() -> Iterator[None]:
 
 
 def _finished(out: Path) -> tuple[int, tuple[tuple[int, int], ...]]:
-    """How many rows of a result folder have outcomes, and when the files of its tasks were written, and their sizes."""
+    """How many rows of a result folder have outcomes, and when its other files were written, and their sizes.
+
+    These are results and checkpoints of tasks, and states of runs that go on later.
+    """
     rows = 0
     if (out / "store.zarr").is_dir():
         for table in open_store(out).tables():
             rows += int((table.status != PENDING).sum()) + table.waiting()
     kept = [path for task in TASKS for path in (out / f"{task}.json", *(out / task).rglob("*")) if path.is_file()]
+    kept += (attempts_folder(out) / STATES).glob("*.state")
     return rows, tuple(sorted((status.st_mtime_ns, status.st_size) for status in (path.lstat() for path in kept)))

@@ -78,7 +78,8 @@ class Capabilities:
     library: ``embedded``, by sinew's own equations; ``solver``, as :class:`TakesEffects`; or not at all. ``outputs``:
     quantities along time, all that are stored besides the force. ``force``: the output that is the force; None when
     there is no force to compare with a measured one. ``constituents``: where the fibre and the matrix stand in a model
-    of the user's own, by name, which decides what effects inside it are.
+    of the user's own, by name, which decides what effects inside it are. ``restarts``: a row that is
+    interrupted goes on where it was.
     """
 
     batch_multiple: int = 1
@@ -88,6 +89,7 @@ class Capabilities:
     outputs: tuple[Output, ...] = ()
     force: str | None = "force"
     constituents: tuple[tuple[str, str], ...] = ()
+    restarts: bool = False
 
 
 class Simulator(Interface):

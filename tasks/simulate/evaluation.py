@@ -66,6 +66,11 @@ class SpecimenEvaluation:
         return self.simulator.capabilities
 
     @property
+    def restarts(self) -> bool:
+        """Whether a row that is interrupted goes on where it was."""
+        return self._can.restarts
+
+    @property
     def scored(self) -> bool:
         """Whether there are measured forces, and simulated ones to compare with them."""
         return self.specimen.measured and self._can.force is not None

@@ -10,6 +10,8 @@ from typing import Any
 from sinew.runner.cluster.local import Local
 from sinew.runner.console import Console
 from sinew.runner.errors import BadInput, ClusterError, SinewError, StoreError, brief, one_line
+from sinew.runner.evaluation.interim import STATES
+from sinew.runner.files import remove_folder
 from sinew.runner.printing import put
 from sinew.runner.store.repair import Repaired
 from sinew.runner.store.store import Store, open_store
@@ -23,7 +25,7 @@ from sinew.tasks.study.files import digest, read_json, write_json
 from sinew.tasks.study.resources import DISTRIBUTION
 from sinew.tasks.study.study import Study
 from sinew.tasks.study.work import Given
-from sinew.tasks.study.workspace import Workspace, check_folder
+from sinew.tasks.study.workspace import Workspace, attempts_folder, check_folder
 
 DRAWN = ".drawn.json"  # in the folder of the figures: which results they and the page show
 NO_TASK_CAN = (ClusterError, StoreError, OSError)  # no later task would fare better
@@ -94,6 +96,7 @@ def run(workspace: Workspace, tasks: Sequence[str], *, figures: bool = True, **f
         report(workspace.out, console, silent=True)
         _remember(workspace.out, {PAGE: None})  # the page tells of a failure: the next run builds it anew
         raise _to_raise(errors)
+    remove_folder(attempts_folder(workspace.out) / STATES)  # of rows that no task asks for any more
     where = _page(workspace, console) if figures else None
     page = "" if where is None else f"{where.name} to read, "
     console.print(f"results: {workspace.out}  ({page}figures in {workspace.out / 'figures'}, arrays in store.zarr)")

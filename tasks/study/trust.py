@@ -15,6 +15,7 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput
 from sinew.runner.files import NotReadable, new_file, own_folder, read_regular
+from sinew.runner.secret import state_folder
 
 
 @dataclass(frozen=True)
@@ -75,5 +76,4 @@ def require(request: Request | None) -> None:
 
 
 def _folder() -> Path:
-    state = Path(os.environ.get("XDG_STATE_HOME", ""))
-    return (state if state.is_absolute() else Path.home() / ".local" / "state") / "sinew" / "trusted"
+    return state_folder() / "trusted"

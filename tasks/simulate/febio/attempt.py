@@ -3,22 +3,27 @@
 import errno
 import hashlib
 import json
+import logging
 import os
 import re
 import shutil
 import stat
 import tempfile
-from collections.abc import Callable, Mapping
-from functools import lru_cache
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Protocol as Interface
 from typing import TypeVar
 
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation import external
+from sinew.runner.evaluation.interim import STATES
 from sinew.runner.files import remove_folder, what_is
 from sinew.runner.temporary import temporary_folder
+from sinew.tasks.simulate.febio.restarts import GO_ON, KEEP, Interim, NotTheSame, begun
 from sinew.tasks.simulate.row_by_row import Failed
+
+log = logging.getLogger("sinew")
 
 INPUT, LOG = "model.feb", "model.log"
 LARGEST_PROGRAM = 2**31  # bytes; a solver with all of its libraries has a tenth of it
@@ -51,28 +56,48 @@ class Solver(Interface):
     @property
     def keep_failed(self) -> int: ...
 
+    @property
+    def version(self) -> str: ...
+
+    @property
+    def restart_s(self) -> float | None:
+        """How often the state of a run is kept (s), from which it goes on when it is interrupted; None for never."""
+        ...
+
 
 T = TypeVar("T")
 
 
 def attempt(
-    solver: Solver, prepare: Callable[[Path], None], read: Callable[[Path], T], parameters: Mapping[str, float]
+    solver: Solver,
+    prepare: Callable[[Path], None],
+    read: Callable[[Path], T],
+    parameters: Mapping[str, float],
+    logs: Sequence[str],
 ) -> T:
     """Run the solver in a directory of its own, on the input that ``prepare`` writes there; returns what ``read`` says.
 
-    ``parameters`` are written beside a failed attempt that is kept. Raises :class:`Failed`, and ``OSError`` for a full
-    disk.
+    ``parameters`` are written beside a failed attempt that is kept. ``logs``: the files that are read. A run that was
+    interrupted goes on where it was, see :mod:`sinew.tasks.simulate.febio.restarts`; one that fails then is run again
+    from its beginning. Raises :class:`Failed`, and ``OSError`` for a full disk.
     """
     scratch = external.scratch(solver.scratch)
     scratch.mkdir(parents=True, exist_ok=True)
+    run = partial(_in_new_folder, solver, scratch, prepare, read, parameters, logs)
     try:
-        return _in_new_folder(solver, scratch, prepare, read, parameters, "-silent")
+        return run("-silent")
+    except _FromItsBeginning:
+        return run("-silent")
     except _Silent:  # what the first run left is not looked at again
-        return _in_new_folder(solver, scratch, prepare, read, parameters)
+        return run()
 
 
 class _Silent(Exception):
     """The solver refused its input and, with ``-silent``, did not say why."""
+
+
+class _FromItsBeginning(Exception):
+    """A run that went on from where it was interrupted has failed; what was kept of it is removed."""
 
 
 def _in_new_folder(
@@ -81,24 +106,40 @@ def _in_new_folder(
     prepare: Callable[[Path], None],
     read: Callable[[Path], T],
     parameters: Mapping[str, float],
+    logs: Sequence[str],
     *options: str,
 ) -> T:
-    """The same, with these options; raises also :class:`_Silent`."""
+    """The same, with these options; raises also :class:`_Silent` and :class:`_FromItsBeginning`."""
     directory = Path(tempfile.mkdtemp(prefix="attempt-", dir=scratch))
-    folder = _identity(directory)
+    folder, interim = _identity(directory), None
     try:
         prepare(directory)
-        finished = _run(solver, directory, *options)
+        interim = _interim(solver, directory, logs)
+        if interim is not None and interim.restore():
+            found = read(directory)
+            remove_folder(directory)
+            return found
+        finished = _run(solver, directory, interim, *options)
         if not os.path.lexists(directory):  # by somebody who clears up, as at the end of a job
             raise external.Stopped(errno.ENOENT, "the folder of the run was removed meanwhile", str(directory))
         if folder != _identity(directory):
             raise Failed("crashed", f"the solver replaced its own folder. {finished.output}")
         directory.chmod(0o700)  # the solver may have changed it
-        if options and finished.returncode == 1 and not os.path.lexists(directory / LOG):
+        going_on = interim is not None and interim.before is not None
+        if options and not going_on and finished.returncode == 1 and not os.path.lexists(directory / LOG):
             raise _Silent
         _check_end(finished, directory, solver.timeout_s)
+        if interim is not None:
+            interim.join()
         found = read(directory)
-    except Failed as failed:
+    except (Failed, NotTheSame) as failed:
+        if interim is not None:
+            interim.file.unlink(missing_ok=True)
+        if interim is not None and interim.before is not None and not _is_full(scratch):
+            log.warning("restart", extra={"error": f"{INPUT}: {failed}; it starts over"})
+            remove_folder(directory)
+            raise _FromItsBeginning from None
+        assert isinstance(failed, Failed), "only what goes on can go on otherwise"
         if _is_full(scratch):
             remove_folder(directory)
             raise _no_space(scratch) from None
@@ -124,15 +165,30 @@ def _identity(directory: Path) -> tuple[int, int] | None:
     return (status.st_dev, status.st_ino) if stat.S_ISDIR(status.st_mode) else None
 
 
-def _run(solver: Solver, directory: Path, *options: str) -> external.Finished:
+def _interim(solver: Solver, directory: Path, logs: Sequence[str]) -> Interim | None:
+    """What is kept of a run for the case that it is interrupted, if the study asks for it."""
+    if solver.restart_s is None:
+        return None
+    program = {"version": solver.version, "program": program_hash(Path(solver.executable)).hex()}
+    text = (directory / INPUT).read_bytes()
+    folder, most = solver.scratch / STATES, solver.max_file_bytes
+    return begun(folder, solver.restart_s, most, directory, logs, text, program)
+
+
+def _run(solver: Solver, directory: Path, interim: Interim | None, *options: str) -> external.Finished:
     if solver.confirmed is not None and solver.confirmed != program_hash(Path(solver.executable)):
         raise PermissionError(errno.EPERM, "not the program that you confirmed by `sinew trust`", solver.executable)
+    before = None if interim is None else interim.before
+    what = ("-i", INPUT) if before is None else GO_ON
+    kept = () if interim is None else KEEP
+    spent = 0.0 if before is None else before.seconds
     return external.run(
-        [solver.executable, "-i", INPUT, "-o", LOG, *options],
+        [solver.executable, *what, *kept, "-o", LOG, *options],
         directory,
-        timeout_s=solver.timeout_s,
+        timeout_s=max(1.0, solver.timeout_s - spent),
         environment=_ENVIRONMENT,
         max_file_bytes=solver.max_file_bytes,
+        meanwhile=None if interim is None else interim.look,
     )
 
 

@@ -55,13 +55,17 @@ class TimeSteps(Section):
 
 
 class SolverSettings(SimulatorSettings):
-    """The solver: ``executable`` by name or path, where it stops, and how a run is limited."""
+    """The solver: ``executable`` by name or path, where it stops, and how a run is limited.
+
+    ``restart_s``: how often the state of a run is kept (s), from which it goes on when it is interrupted.
+    """
 
     executable: Executable = FEBIO
     timeout_s: Seconds = 600.0
     max_file_mb: Annotated[int, Field(gt=0, le=1_000_000)] = 4096
     time_steps: TimeSteps = TimeSteps()
     keep_failed: Annotated[int, Field(ge=0, le=10_000)] = 20
+    restart_s: Annotated[float, Field(ge=1, le=LONGEST_S, allow_inf_nan=False)] | None = None
 
     def build(self, purpose: Purpose) -> Simulator:
         template = self.read_template(purpose)  # before the solver, which may be on another machine only
@@ -118,6 +122,7 @@ class SolverSettings(SimulatorSettings):
             hold_growth=self.time_steps.hold_growth,
             still_mm=self.time_steps.still_mm,
             keep_failed=self.keep_failed,
+            restart_s=self.restart_s,
         )
 
 
@@ -366,6 +371,12 @@ class TemplateSettings(SolverSettings):
                 raise FieldError("fidelities", f"coarse with {name}, of the plot file", f"coarse.outputs.{name}")
         if self.coarse.file is not None and PurePath(self.coarse.file).parent != PurePath(self.file).parent:
             raise FieldError("coarse.file", shown(self.coarse.file), "a template in the folder of file")
+
+    @model_validator(mode="after")
+    def _no_restarts_with_fields(self) -> Self:
+        if self.restart_s is not None and self.keep == "fields":
+            raise FieldError("restart_s", "given with keep: fields", "one of them: a plot file does not go on")
+        return self
 
     @model_validator(mode="after")
     def _names(self) -> Self:

@@ -109,7 +109,8 @@ class FEBio:
     are kept in ``scratch``, at most ``keep_failed``. ``ramp_s``, ``hold_growth`` and ``still_mm`` say where the solver
     stops, see :func:`sinew.tasks.simulate.febio.stepping.solver_steps`. With ``plotted`` variables, the solver's plot
     file is read as well; the runs are kept in the folder ``kept``, if there is one, and taken from there. ``confirmed``
-    is the hash of a program that its user had to confirm: nothing else is run in its place.
+    is the hash of a program that its user had to confirm: nothing else is run in its place. ``restart_s``: how often
+    the state of a run is kept, for the case that it is interrupted.
     """
 
     executable: str
@@ -125,6 +126,7 @@ class FEBio:
     plotted: tuple[str, ...] = ()
     kept: Path | None = None
     confirmed: bytes | None = None
+    restart_s: float | None = None
 
     @property
     def name(self) -> str:
@@ -132,7 +134,7 @@ class FEBio:
 
     @property
     def capabilities(self) -> Capabilities:
-        can = self.template.capabilities
+        can = replace(self.template.capabilities, restarts=self.restart_s is not None)
         return replace(can, effects="none") if self.plotted else can  # runs with other displacements are not kept
 
     def identity(self) -> dict[str, Any]:
@@ -257,7 +259,8 @@ class FEBio:
             plot = read_plot_file(directory / PLOT, self.max_file_bytes) if self.plotted else None
             return np.array(logged).reshape(len(logged), protocol.time_s.size), plot
 
-        return attempt(self, prepare, read, dict(zip(model.names, values.tolist(), strict=True)))
+        logs = [file for file, _ in self.template.logs]
+        return attempt(self, prepare, read, dict(zip(model.names, values.tolist(), strict=True)), logs)
 
     def _with_fields(
         self, model: Model, specimen: Specimen, protocol: Protocol, keeper: "Keeper | None", values: Array

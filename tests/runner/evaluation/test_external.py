@@ -5,10 +5,14 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 import tracemalloc
 
+import numpy as np
+import psutil
 import pytest
 
+from sinew.runner.evaluation import external
 from sinew.runner.evaluation.external import OUTPUT_FILE, SCRATCH, Stopped, run, scratch, tail
 from tests.runner.evaluation.solver_processes import LINUX, LONG_S, ROOT, becomes, daemon, program, sleeping, zombies
 
@@ -271,6 +275,39 @@ def test_tail(tmp_path):
 
 
 # ---- what others may have put there
+
+
+def test_something_else_is_done_while_it_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr(external, "MEANWHILE_S", 0.05)
+    calls = []
+
+    def meanwhile():
+        calls.append(time.monotonic())
+        if len(calls) == 3:
+            (tmp_path / "end").touch()
+
+    command = [sys.executable, "-c", "import os, time\nwhile not os.path.exists('end'): time.sleep(0.01)"]
+    finished = run(command, tmp_path, timeout_s=60.0, meanwhile=meanwhile)
+    assert finished.returncode == 0
+    assert len(calls) >= 3
+    assert np.diff(calls[:3]).min() >= 0.05
+
+
+def test_an_error_of_what_is_done_meanwhile_ends_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(external, "MEANWHILE_S", 0.01)
+
+    def meanwhile():
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(OSError, match="No space"):
+        run(["sleep", "1000"], tmp_path, timeout_s=60.0, meanwhile=meanwhile)
+    children = [child for child in psutil.Process().children() if child.name() == "sleep"]
+    assert not children
+
+
+def test_the_time_limit_holds_beside_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(external, "MEANWHILE_S", 0.01)
+    assert run(["sleep", "1000"], tmp_path, timeout_s=0.2, meanwhile=lambda: None).timed_out
 
 
 def test_the_guard_imports_nothing_from_the_current_folder(tmp_path):

@@ -38,6 +38,18 @@ def finish(source: Source, size: int, bad: str = "") -> int:
     return source.note(batch)
 
 
+@pytest.mark.parametrize("restarts", [False, True])
+def test_rows_that_go_on_where_they_were_interrupted_need_not_end_before_a_walltime(source, table, restarts):
+    source.sizes.measured(100.0)
+    if restarts:
+        source.evaluation = type("Restarting", (Quick,), {"restarts": True})()
+    source.put(table.plan(some(2)))
+    batch = source.take(2, retries=0)
+    assert batch.restarts == restarts
+    assert [one.restarts for one in batch.rows_apart()] == [restarts] * 2
+    assert (batch.expected_s == 0.0) == restarts
+
+
 def test_batches_are_taken_in_order_and_never_beyond_a_chunk(source, table):
     source.put(table.plan(some(20)))
     assert source.left == 20

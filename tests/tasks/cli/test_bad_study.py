@@ -95,6 +95,7 @@ FIELDS = [  # the field that is set, its value, what the line says of this field
     ("simulator", FEBIO | {"timeout_s": -5.0}, "simulator.timeout_s: -5.0; expected above 0"),
     ("simulator", FEBIO | {"timeout_s": float("inf")}, "simulator.timeout_s: inf; expected "),
     ("simulator", FEBIO | {"timeout_s": float("nan")}, "simulator.timeout_s: nan; expected "),
+    ("simulator", FEBIO | {"restart_s": 0.5}, "simulator.restart_s: 0.5; expected at least 1"),
     ("simulator", FEBIO | {"timeout_s": "600"}, "simulator.timeout_s: '600'; expected a number"),
     ("simulator", FEBIO | {"max_file_mb": 0}, "simulator.max_file_mb: 0; expected above 0"),
     ("simulator", FEBIO | {"time_steps": {"ramp_s": -1}}, "simulator.time_steps.ramp_s: -1; expected at least 0"),

@@ -33,7 +33,9 @@ from tests.tasks.cluster.slurm_studies import (
     worker_jobs,
     working,
 )
+from tests.tasks.simulate.febio.restarting import with_long_runs
 from tests.tasks.stand_in import committed
+from tests.trusting import trusted
 
 ONLY_LEADER = 'case "$SLURM_JOB_NAME" in *-worker) ;; *) {} ;; esac'
 ONLY_WORKERS = 'case "$SLURM_JOB_NAME" in *-worker) {} ;; esac'
@@ -187,6 +189,21 @@ def test_worker_jobs_whose_walltime_is_too_short(tmp_path, slurm_cluster, bed):
     profile = profile_with(worker="1:00", jobs=1, prologue=[ONLY_WORKERS.format("sleep 12")])
     out = submit(prepare(tmp_path, profile, seconds=100, base_samples=2))
     gave_up(out, "the workers' walltime of 60 s is too short: one evaluation takes at least")
+
+
+@pytest.mark.takes(170)
+def test_a_run_that_is_longer_than_a_walltime_goes_on_in_the_next_job(tmp_path, slurm_cluster, bed):
+    study = prepare(tmp_path, profile_with(worker="1:00", jobs=1), base_samples=2)
+    notes = with_long_runs(study, seconds=130.0)
+    out = submit(trusted(study))
+    finished_well(out)
+    said = notes.read_text().splitlines()
+    begins = [int(line.removeprefix("from ")) for line in said if line.startswith("from ")]
+    assert len(begins) > 1, "it needs two jobs"
+    assert begins == sorted(set(begins)), "each run is farther than the one before"
+    steps = [line for line in said if line.startswith("step ")]
+    assert len(steps) - len(set(steps)) < 0.3 * len(set(steps)) * (len(begins) - 1), "little is computed again"
+    assert not list((out / "attempts").rglob("*.state"))
 
 
 @pytest.mark.takes(65)

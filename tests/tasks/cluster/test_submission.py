@@ -256,3 +256,11 @@ def test_what_a_task_keeps_counts_as_finished_work(tmp_path):
     before = submission._finished(tmp_path)
     kept.write_text("{}\n[1.0]\n")
     assert submission._finished(tmp_path) != before
+
+
+def test_a_state_of_a_run_that_goes_on_later_counts_as_finished_work(tmp_path):
+    before = submission._finished(tmp_path)
+    state = tmp_path / "attempts" / "states" / "0a.state"
+    state.parent.mkdir(parents=True)
+    state.write_text("x")
+    assert submission._finished(tmp_path) != before

@@ -162,12 +162,20 @@ def test_other_simulators_cannot_run_a_template(tmp_path, settings):
 
 
 def test_the_settings_reach_the_simulator(tmp_path, settings):
-    settings["simulator"] |= {"timeout_s": 7.0, "max_file_mb": 2, "keep_failed": 3, "settle_s": 4.0}
+    settings["simulator"] |= {"timeout_s": 7.0, "max_file_mb": 2, "keep_failed": 3, "settle_s": 4.0, "restart_s": 30}
     simulator = checked(tmp_path, settings)
+    assert simulator.restart_s == 30.0
+    assert simulator.capabilities.restarts
     assert (simulator.timeout_s, simulator.max_file_bytes, simulator.keep_failed) == (7.0, 2 * 2**20, 3)
     assert simulator.identity()["time_steps"] == [0.5, 0.2, 0.0, 4.0]
     assert [output.name for output in simulator.capabilities.outputs] == list(settings["simulator"]["outputs"])
     assert simulator.capabilities.force == "force"
+
+
+def test_a_plot_file_does_not_go_on(tmp_path, settings):
+    settings["simulator"] |= {"keep": "fields", "restart_s": 30}
+    with pytest.raises(BadInput, match=r"simulator\.restart_s: given with keep: fields; expected one of them"):
+        checked(tmp_path, settings)
 
 
 def test_effects_of_the_machine_act_around_a_template(tmp_path, settings):

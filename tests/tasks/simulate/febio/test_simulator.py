@@ -72,7 +72,9 @@ def test_identity_follows_what_an_outcome_depends_on(tmp_path):
     ]
     identities = [str(one.identity()) for one in (simulator, *others)]
     assert len(set(identities)) == len(identities)
-    same = replace(simulator, timeout_s=1.0, max_file_bytes=10, keep_failed=0, scratch=tmp_path, executable="x")
+    same = replace(
+        simulator, timeout_s=1.0, max_file_bytes=10, keep_failed=0, scratch=tmp_path, executable="x", restart_s=1.0
+    )
     assert same.identity() == simulator.identity()
 
 

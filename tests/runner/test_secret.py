@@ -1,0 +1,41 @@
+"""The user's secret: one for all processes, and nobody else's."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from sinew.runner.secret import BYTES, secret, state_folder
+
+
+@pytest.fixture(autouse=True)
+def _home(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
+def test_all_processes_have_the_same_and_nobody_else_can_read_it():
+    with ThreadPoolExecutor(8) as pool:
+        found = set(pool.map(lambda _: secret(), range(32)))
+    (only,) = found
+    assert len(only) == BYTES
+    assert os.stat(state_folder() / "secret").st_mode & 0o077 == 0
+    assert [path.name for path in state_folder().iterdir()] == ["secret"], "no temporary file is left"
+
+
+def test_another_home_has_another(tmp_path, monkeypatch):
+    first = secret()
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "other"))
+    assert secret() != first
+
+
+def test_a_folder_that_others_can_write_to_is_refused():
+    state_folder().mkdir(parents=True)
+    state_folder().chmod(0o777)
+    with pytest.raises(PermissionError, match="is no folder that only you can write to"):
+        secret()
+
+
+def test_a_relative_place_is_none(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", "state")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert state_folder() == tmp_path / ".local" / "state" / "sinew"
