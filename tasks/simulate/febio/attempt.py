@@ -20,7 +20,7 @@ from sinew.runner.evaluation import external
 from sinew.runner.evaluation.interim import STATES
 from sinew.runner.files import remove_folder, what_is
 from sinew.runner.temporary import temporary_folder
-from sinew.tasks.simulate.febio.restarts import GO_ON, KEEP, Interim, NotTheSame, begun
+from sinew.tasks.simulate.febio.restarts import GO_ON, Interim, NotTheSame, begun
 from sinew.tasks.simulate.row_by_row import Failed
 
 log = logging.getLogger("sinew")
@@ -130,7 +130,7 @@ def _in_new_folder(
             raise _Silent
         _check_end(finished, directory, solver.timeout_s)
         if interim is not None:
-            interim.join()
+            interim.join(external.tail(directory / LOG, 20_000))
         found = read(directory)
     except (Failed, NotTheSame) as failed:
         if interim is not None:
@@ -180,7 +180,7 @@ def _run(solver: Solver, directory: Path, interim: Interim | None, *options: str
         raise PermissionError(errno.EPERM, "not the program that you confirmed by `sinew trust`", solver.executable)
     before = None if interim is None else interim.before
     what = ("-i", INPUT) if before is None else GO_ON
-    kept = () if interim is None else KEEP
+    kept = () if interim is None else interim.options
     spent = 0.0 if before is None else before.seconds
     return external.run(
         [solver.executable, *what, *kept, "-o", LOG, *options],

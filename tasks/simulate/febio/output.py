@@ -136,11 +136,12 @@ def read_records(path: Path, max_bytes: int) -> tuple[Array, Array, bool]:
     if content and not content.endswith(b"\n"):
         raise Failed("bad_output", f"{path.name} ends in the middle of a line")
     _check_size(path, content)
-    content = _BLANK.sub(b"", content)
-    if _LATE_COMMENT.search(content):
+    if any(blank in content for blank in (b"\n\n", b" \n", b"\t\n")) or content.startswith(b"\n"):
+        content = _BLANK.sub(b"", content)
+    if content.count(b"*") != content.count(b"\n*") + content.startswith(b"*") and _LATE_COMMENT.search(content):
         raise Failed("bad_output", f"{path.name} holds something else than numbers ('*' behind a number)")
     # whole-text operations: a loop over the lines of a long run takes as long as some solver runs
-    records = [record.count(b"\n") - record.count(b"\n*") - 1 for record in content.split(b"*Step")[1:]]
+    records = _lines_of_steps(content)
     try:
         found = np.array([float(stamp) for stamp in _STAMP.findall(content)])
         table = pd.read_csv(BytesIO(content), comment="*", header=None, dtype=np.float64).to_numpy()
@@ -148,8 +149,18 @@ def read_records(path: Path, max_bytes: int) -> tuple[Array, Array, bool]:
         table = np.zeros((0, 1))
     except ValueError as error:
         raise Failed("bad_output", f"{path.name} holds something else than numbers ({error})") from None
-    even = len(records) == found.size and len(set(records)) == 1 and sum(records) == len(table)
-    return found, table, even
+    even = records.size == found.size > 0 and np.ptp(records) == 0 and records.sum() == len(table)
+    return found, table, bool(even)
+
+
+def _lines_of_steps(content: bytes) -> Array:
+    """How many lines of numbers each step has ``[t]``, in a text without blank lines."""
+    letters = np.frombuffer(content, dtype=np.uint8)
+    starts = np.append(0, np.flatnonzero(letters == ord("\n"))[:-1] + 1) if content else np.empty(0, dtype=int)
+    numbers = np.append(0, np.cumsum(letters[starts] != ord("*")))
+    steps = [match.start() for match in re.finditer(rb"\*Step", content)]
+    ends = numbers[np.searchsorted(starts, [*steps[1:], letters.size])]
+    return ends - numbers[np.searchsorted(starts, steps)]
 
 
 def _check_size(path: Path, content: bytes) -> None:

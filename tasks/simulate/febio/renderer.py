@@ -13,6 +13,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from threading import Lock, Timer
 from typing import Any
@@ -23,6 +24,7 @@ from sinew.tasks.simulate.row_by_row import Failed
 
 WALL_S = 300.0  # for one job; rendering.SECONDS limits the processor time
 GRACE_S = 5.0
+LONG = ("displacement_points", "step_points")  # texts of many points
 
 
 class WrongTemplate(Failed):
@@ -57,6 +59,30 @@ def render(
     """
     job = {"kind": "render", "main": main, "renders": renders, "outputs": outputs, "known": known, "texts": texts}
     return _asked(job, allowance, dict(files))
+
+
+def render_input(
+    files: Mapping[str, str], main: str, variables: Mapping[str, Any], outputs: Sequence[Mapping[str, Any]] | None
+) -> str:
+    """The input that :func:`render` makes of one mapping of variables. Raises :class:`Failed`.
+
+    Texts of thousands of points, which a template only prints, are put in afterwards: to read them as XML would take
+    longer than all the rest. Nor are lists sent that it does not use.
+    """
+    used, printed = _variables(main, tuple(files.items()))
+    aside = {name: f"@{name}@" for name in LONG if name in printed and name in variables}
+    given = {name: aside.get(name, value) for name, value in variables.items() if name in used}
+    text = str(render(files, main, [given], outputs)["texts"][0])
+    for name, mark in aside.items():
+        text = text.replace(mark, variables[name])
+    return text
+
+
+@lru_cache(maxsize=8)
+def _variables(main: str, files: tuple[tuple[str, str], ...]) -> tuple[frozenset[str], frozenset[str]]:
+    """The variables that templates use, and those that are printed as they are. Raises :class:`Failed`."""
+    found = _asked({"kind": "variables", "main": main}, None, dict(files))
+    return frozenset(found["used"]), frozenset(found["printed"])
 
 
 def included(name: str, text: str, allowance: Allowance) -> list[str | None]:

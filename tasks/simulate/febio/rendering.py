@@ -17,6 +17,7 @@ import resource
 import sys
 import time
 import traceback
+from collections import Counter
 from itertools import zip_longest
 from pathlib import Path, PurePath
 from typing import Any
@@ -28,6 +29,7 @@ import jinja2.meta
 from defusedxml import DefusedXmlException
 from jinja2.bccache import Bucket
 from jinja2.exceptions import SecurityError
+from jinja2.nodes import Name, Output
 from jinja2.runtime import LoopContext
 from jinja2.sandbox import SandboxedEnvironment
 from jinja2.utils import Namespace
@@ -119,9 +121,6 @@ def _full(value: Any) -> str:
     return repr(float(value))
 
 
-# ---- rendering
-
-
 def used_names(files: dict[str, str]) -> set[str]:
     """The variables that templates use and do not set themselves."""
     closed = environment({})
@@ -132,6 +131,16 @@ def used_names(files: dict[str, str]) -> set[str]:
         except jinja2.TemplateSyntaxError as error:
             raise Wrong(f"{name}: line {error.lineno}", error.message or "syntax error", "a Jinja2 template") from None
     return found - set(closed.globals)
+
+
+def variables_of(main: str, files: dict[str, str]) -> dict[str, Any]:
+    """The variables that are ``used``, and those that ``main`` only ``printed`` as they are. Raises :class:`Wrong`."""
+    used = used_names(files)
+    trees = {name: environment({}).parse(text) for name, text in files.items()}
+    every = Counter(node.name for tree in trees.values() for node in tree.find_all(Name))
+    outputs = [node for part in trees[main].body if isinstance(part, Output) for node in part.nodes]
+    printed = Counter(node.name for node in outputs if isinstance(node, Name))
+    return {"used": sorted(used), "printed": sorted(name for name in used if 0 < printed[name] == every[name])}
 
 
 def rendered(
@@ -184,9 +193,6 @@ def check(main: str, root: Element) -> None:
                 raise Wrong(main, f"<{label}> names a path ({value.strip()[:40]})", "nothing outside of the template")
 
 
-# ---- outputs
-
-
 def add_outputs(main: str, root: Element, outputs: list[dict[str, Any]]) -> None:
     """Add the study's outputs to the log file section, each with a file of its own."""
     section = root.find("Output")
@@ -228,14 +234,11 @@ def _ids(main: str, root: Element, output: dict[str, Any]) -> list[int]:
     chosen = output["ids"] if asked is None else sets[asked]
     for number in chosen:
         if number not in there:
-            raise Wrong(_of(output), f"{what} {number} is not in {main}", _range(there, what))
+            expected = f"{what}s from {min(there)} to {max(there)}" if there else f"a model with {what}s"
+            raise Wrong(_of(output), f"{what} {number} is not in {main}", expected)
     if not chosen:
         raise Wrong(_of(output), f"set {asked!r} is empty", f"at least one {what}")
     return chosen
-
-
-def _range(there: set[int], what: str) -> str:
-    return f"{what}s from {min(there)} to {max(there)}" if there else f"a model with {what}s"
 
 
 def _number(main: str, element: Element) -> int:
@@ -255,9 +258,6 @@ def _listed(main: str, element: Element) -> list[int]:
             raise Wrong(main, f"<{element.tag} name={element.get('name')!r}> has {part[:20]!r}", "numbers and commas")
         found += [int(part)] if part else []
     return found
-
-
-# ---- other questions about templates
 
 
 def included(name: str, text: str) -> dict[str, Any]:
@@ -289,9 +289,6 @@ def job_script(name: str, text: str, variables: dict[str, Any]) -> dict[str, Any
         raise Wrong(name, f"{type(error).__name__}: {error}", expected) from None
     _refuse_large(name, script)
     return {"text": script}
-
-
-# ---- the program
 
 
 def answer(job: dict[str, Any], files: dict[str, str], compiled: Compiled | None = None) -> dict[str, Any]:
@@ -356,6 +353,8 @@ def _reply(job: dict[str, Any], files: dict[str, str], compiled: Compiled) -> by
         match job["kind"]:
             case "render":
                 reply = answer(job, files, compiled)
+            case "variables":
+                reply = variables_of(name, files)
             case "included":
                 reply = included(name, job["text"])
             case _:

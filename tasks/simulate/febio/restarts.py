@@ -1,10 +1,10 @@
 """A long run of the solver goes on where it was interrupted.
 
-The solver dumps its state after every step that it has solved (``-dump=1``), each time into the same file. Now and then
-this file is taken away, with what was logged by then, and kept as a state of
-:mod:`sinew.tasks.simulate.febio.states`. A later run of the same input by the same solver starts from there (``-r``),
-logs the steps that are missing, and both logs are joined. Steps that both have must agree: a solver that does not go on
-as it would have gone is not believed, and its run starts over.
+The solver dumps its state after a step that it has solved (``-dump=1``), each time into the same file: after every step
+until it is known how long one takes, then less often (``-dump_stride``). Now and then this file is taken away, with
+what was logged by then, and kept as a state of :mod:`sinew.tasks.simulate.febio.states`. A later run of the same input
+by the same solver starts from there (``-r``), logs the steps that are missing, and both logs are joined. Steps that
+both have must agree: a solver that does not go on as it would have gone is not believed, and its run starts over.
 """
 
 import hashlib
@@ -23,12 +23,16 @@ from sinew.tasks.simulate.febio.output import MAX_TEXT_BYTES
 from sinew.tasks.simulate.febio.states import State, read_state, write_state
 
 DUMP, TAKEN, FROM, PLOT = "state.dmp", "taken.dmp", "from.dmp", "model.xplt"
-KEEP = ("-dump=1", DUMP)  # options of the solver
 GO_ON = ("-r", FROM, "-noappend", "-p", PLOT)  # in place of its input
 WORTH = 20.0  # times as long as it took to keep a state: the least time until the next
+OFTEN = 2.0  # dumps in the time after which a state is due: the one before the last is kept
 SAME = 1e-6  # of the largest number of a step: what two runs of the same input may differ by
 _STEP = re.compile(rb"^(?=\*Step\b)", re.MULTILINE)
+_STEPS = re.compile(r"Number of time steps completed \.* : (\d+)")
 _TIME = re.compile(rb"^\*Time\s*=\s*(\S+)$", re.MULTILINE)
+
+
+_seconds_per_step: dict[Path, float] = {}  # the longest of this process's runs, by the folder of their states
 
 
 class NotTheSame(Exception):
@@ -60,6 +64,12 @@ class Interim:
         """How long the solver has run, before an interruption as well."""
         return (0.0 if self.before is None else self.before.seconds) + time.monotonic() - self.began
 
+    @property
+    def options(self) -> tuple[str, ...]:
+        """Options of the solver that make it dump its state."""
+        stride = int(self.every_s / OFTEN / max(_seconds_per_step.get(self.file.parent, self.every_s), 1e-3))
+        return ("-dump=1", DUMP, *((f"-dump_stride={stride}",) if stride > 1 else ()))
+
     def look(self) -> None:
         """Called while the solver runs: keep its state if one is due.
 
@@ -77,16 +87,20 @@ class Interim:
             ended = time.monotonic()
             self.due, self.taken = ended + max(self.every_s, WORTH * (ended - begun)), False
 
-    def join(self) -> None:
+    def join(self, said: str) -> None:
         """Put the whole logs into the directory of a run that has ended, and keep them if it took long.
 
-        Raises :class:`NotTheSame`, and ``OSError``.
+        ``said``: the end of what the solver says of itself, with the number of steps. Raises :class:`NotTheSame`, and
+        ``OSError``.
         """
         logs = {name: self._joined(name, self._logged(name)) for name in self.logs}
         if self.before is not None:
             for name, content in logs.items():
                 (self.directory / name).unlink(missing_ok=True)
                 (self.directory / name).write_bytes(content)
+        elif steps := _STEPS.findall(said):
+            pace = (time.monotonic() - self.began) / max(int(steps[-1]), 1)
+            _seconds_per_step[self.file.parent] = max(pace, _seconds_per_step.get(self.file.parent, 0.0))
         if self.seconds >= self.every_s:
             write_state(self.file, self.secret, State(self.seconds, logs, ended=True), None)
 

@@ -24,7 +24,7 @@ from sinew.tasks.simulate.febio.field_output import FieldOutput, field_course
 from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at, slack, what_of
 from sinew.tasks.simulate.febio.plot_file import PlotFile, read_plot_file
 from sinew.tasks.simulate.febio.plot_request import PLOT, with_plot_file
-from sinew.tasks.simulate.febio.renderer import render
+from sinew.tasks.simulate.febio.renderer import render_input
 from sinew.tasks.simulate.febio.stepping import at_every_row, from_rest, solver_steps
 from sinew.tasks.simulate.row_by_row import Failed, row_by_row
 
@@ -225,10 +225,10 @@ class FEBio:
         template = self.template
         variables = template.variables(model, specimen, protocol, values, stops.times, stops.displacements)
         outputs = None if template.logs_itself else [asdict(output) for _, output in template.logs]
-        (text,) = render(template.files, template.main, [variables], outputs)["texts"]
+        text = render_input(template.files, template.main, variables, outputs)
         if len(text) > self.max_file_bytes:
             raise Failed("bad_input", f"{template.main} renders to more than max_file_mb")
-        return template.completed(str(text), variables)
+        return template.completed(text, variables)
 
     def _keeper(self, model: Model, specimen: Specimen, protocol: Protocol) -> "Keeper | None":
         if self.kept is None:

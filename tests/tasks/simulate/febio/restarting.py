@@ -23,6 +23,7 @@ if "-r" in args:
     assert "-noappend" in args and "-i" not in args and after("-p")
 else:
     assert after("-i") == "model.feb"
+stride = int(([1] + [word.split("=")[1] for word in args if word.startswith("-dump_stride=")])[-1])
 note("from %d" % begin)
 if "-r" in args and {fails!r}:
     sys.exit(1)
@@ -31,11 +32,13 @@ log = open("force.txt", "w", 1)
 for step in range(begin + 1, {steps} + 1):
     time.sleep({seconds})
     log.write("*Step  = %d\\n*Time  = %r\\n*Data  = force\\n5,%r\\n" % (step, 0.5 * step, step * step + off))
-    if "-dump=1" in args:
+    if "-dump=1" in args and step % stride == 0:
         with open(after("-dump=1"), "w") as file:
             json.dump({{"step": step}}, file)
     note("step %d" % step)
-open(after("-o"), "w").write(" N O R M A L   T E R M I N A T I O N\\n")
+open(after("-o"), "w").write(
+    "\\tNumber of time steps completed .................... : %d\\n N O R M A L   T E R M I N A T I O N\\n" % {steps}
+)
 """
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at, read_records
+from sinew.tasks.simulate.febio.output import Logged, _lines_of_steps, read_output, read_output_at, read_records
 from sinew.tasks.simulate.row_by_row import Failed
 from tests.tasks.simulate.febio.dogbone import FORCE
 
@@ -148,3 +148,26 @@ def test_line_ends_that_are_none_are_refused(tmp_path, odd):
     (tmp_path / "log.txt").write_text(f"*Step  = 1\n*Time  = 1\n{odd}", newline="")
     with pytest.raises(Failed, match=r"log\.txt holds a quotation mark, or half a line end"):
         read_records(tmp_path / "log.txt", 2**28)
+
+
+@given(
+    st.lists(st.sampled_from(["*Step  = 1\n", "*Time  = 2\n", "*Data\n", "1,2\n", "3,4.5\n", " -1,2\n"]), max_size=12)
+)
+def test_lines_of_numbers_are_counted_for_each_step(lines):
+    counts = []
+    for line in lines:
+        if line.startswith("*Step"):
+            counts.append(0)
+        elif counts and not line.startswith("*"):
+            counts[-1] += 1
+    assert _lines_of_steps("".join(lines).encode()).tolist() == counts
+
+
+@pytest.mark.parametrize("blank", ["\n", "  \n", "\t\n", " \t \n"])
+@pytest.mark.parametrize("at", [0, 1, 3, -1])
+def test_blank_lines_do_not_count(tmp_path, blank, at):
+    lines = logged([0.5, 1.0], [1, 2], [[1.0, 2.0], [3.0, 4.0]]).splitlines(keepends=True)
+    path = tmp_path / "q.txt"
+    path.write_text("".join([*lines[:at], blank, *lines[at:]]))
+    times, table, even = read_records(path, 10**6)
+    assert (times.tolist(), table[:, 1].tolist(), even) == ([0.5, 1.0], [1.0, 2.0, 3.0, 4.0], True)

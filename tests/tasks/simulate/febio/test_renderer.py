@@ -4,6 +4,7 @@ import os
 import signal
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
 from threading import Timer
 
 import numpy as np
@@ -12,9 +13,10 @@ import pytest
 from sinew.runner.evaluation.external import Stopped
 from sinew.runner.store.schema import STATUSES
 from sinew.tasks.simulate.febio import rendering
-from sinew.tasks.simulate.febio.renderer import _Renderer, render
+from sinew.tasks.simulate.febio.renderer import _Renderer, render, render_input
 from sinew.tasks.simulate.row_by_row import Failed
 from tests.tasks.simulate.febio.dogbone import BAR, OWN, RELAX, dogbone
+from tests.tasks.simulate.febio.fake_solver import BUILT_IN
 
 
 @pytest.mark.parametrize(
@@ -142,3 +144,34 @@ def test_a_template_that_cannot_be_read_is_bad_input_in_few_words(own, body):
     assert failed.value.status == "bad_input"
     assert len(failed.value.words) < 500
     assert own._process.pid == first, "the process goes on"
+
+
+@pytest.mark.parametrize("kind", ["own", "own without outputs", "built-in"])
+def test_points_that_are_put_in_afterwards_make_the_same_input(tmp_path, model, kind):
+    bar = dogbone(tmp_path)
+    template, of = (BUILT_IN, model) if kind == "built-in" else (bar.template, OWN)
+    outputs = [asdict(output) for _, output in template.logs] if kind == "own" else None
+    times, moved = RELAX.time_s, RELAX.displacement_mm
+    variables = template.variables(of, BAR, RELAX, of.reference, times, moved)
+    (whole,) = render(template.files, template.main, [variables], outputs)["texts"]
+    assert render_input(template.files, template.main, variables, outputs) == whole
+    assert str(moved[3]) in whole
+
+
+def test_a_template_that_does_something_with_the_points_gets_them(own):
+    files = {"a": "<febio_spec>{{ displacement_points | replace('1', '2') }}{{ step_points }}</febio_spec>"}
+    given = {"displacement_points": "<pt>1,1</pt>", "step_points": "<pt>1</pt>", "E": [0.0] * 10}
+    asked = []
+    own_ask = own.ask
+    own.ask = lambda job, files: asked.append(job) or own_ask(job, files)
+    assert render_input(files, "a", given, None) == "<febio_spec><pt>2,2</pt><pt>1</pt></febio_spec>"
+    (sent,) = asked[-1]["renders"]
+    assert sent == {"displacement_points": "<pt>1,1</pt>", "step_points": "@step_points@"}
+    assert (
+        render_input({"a": "<febio_spec>{{ E[0] }}</febio_spec>"}, "a", given, None) == "<febio_spec>0.0</febio_spec>"
+    )
+
+
+def test_a_variable_that_is_not_there_is_named(own):
+    with pytest.raises(Failed, match="'step_points' is undefined"):
+        render_input({"a": "<febio_spec>{{ step_points }}</febio_spec>"}, "a", {}, None)

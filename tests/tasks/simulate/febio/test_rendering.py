@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sinew.tasks.simulate.febio.rendering import Wrong, add_outputs, answer, check, rendered, used_names
+from sinew.tasks.simulate.febio.rendering import Wrong, add_outputs, answer, check, rendered, used_names, variables_of
 
 
 def render(text: str, **variables):
@@ -140,3 +140,28 @@ def test_names_that_a_template_uses():
     assert used_names({"a": text}) == {"E", "nu"}
     with pytest.raises(Wrong, match="unknown variable"):
         answer({"main": "a", "known": ["E"], "renders": []}, {"a": text})
+
+
+@pytest.mark.parametrize(
+    ("text", "printed"),
+    [
+        ("{{ p }} {{ E }}", ["E", "p"]),
+        ("{{ p }}{{ p }}", ["p"]),
+        ("{{ p | replace('a', 'b') }}{{ E }}", ["E"]),
+        ("{{ p }}{{ p | length }}", []),
+        ("{% if p %}{% endif %}{{ p }}", []),
+        ("{% for i in [1, 2] %}{{ p }}{% endfor %}", []),
+        ("{% set q %}{{ p }}{% endset %}{{ q | trim }}", []),
+        ("{% set q = p %}{{ p }}", []),
+        ("{% macro m() %}{{ p }}{% endmacro %}{{ m() }}", []),
+        ("{% filter replace('1', '2') %}{{ p }}{% endfilter %}", []),
+        ("{{ p }}{% include 'b' %}", []),
+        ("{{ p ~ 'a' }}", []),
+        ("{{ p[0] }}", []),
+    ],
+)
+def test_variables_that_are_only_printed_are_known(text, printed):
+    found = variables_of("a", {"a": text, "b": "{{ p }}" if "'b'" in text else ""})
+    assert found["printed"] == printed
+    assert set(printed) <= set(found["used"])
+    assert "p" in found["used"]

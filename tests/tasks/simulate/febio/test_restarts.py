@@ -148,6 +148,24 @@ def test_a_state_is_kept_no_more_often_than_is_asked_for(tmp_path, monkeypatch):
     assert 1 <= kept.count(False) <= 3
 
 
+def test_a_solver_whose_steps_are_known_dumps_less_often(tmp_path, monkeypatch):
+    """At least twice in the time after which a state is due."""
+    monkeypatch.setattr(restarts, "_seconds_per_step", {})
+    solver = replace(solver_in(tmp_path, steps=20, seconds=0.02), restart_s=0.5)
+    given = []
+    limited = external.run
+    monkeypatch.setattr(external, "run", lambda *a, **o: given.append(a[0]) or limited(*a, **o))
+    for _ in range(3):
+        with kept_until_written():
+            np.testing.assert_array_equal(run(solver, end_s=10.0), np.arange(1, 21) ** 2.0)
+    first, *later = ([word for word in command if "stride" in word] for command in given)
+    assert first == []
+    ((pace,),) = [restarts._seconds_per_step.values()]
+    assert 0.02 <= pace < 0.25
+    assert 2 <= int(later[0][0].removeprefix("-dump_stride=")) <= 0.25 / 0.02
+    assert len(later[1]) == 1
+
+
 STEPS = [b"*Step  = %d\n*Time  = %r\n*Data  = f\n1,%r\n2,%r\n" % (n, n / 4, n * 1.0, n * 2.0) for n in range(1, 6)]
 
 

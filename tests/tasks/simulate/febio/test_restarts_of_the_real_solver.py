@@ -49,7 +49,7 @@ def both(simulator, monkeypatch, model, specimen, protocol, row):
             simulator.simulate(model, specimen, protocol, row)
     assert len(list((simulator.scratch / STATES).iterdir())) == 1
     join = restarts.Interim.join
-    monkeypatch.setattr(restarts.Interim, "join", lambda self: went_on.append(self.before) or join(self))
+    monkeypatch.setattr(restarts.Interim, "join", lambda self, said: went_on.append(self.before) or join(self, said))
     with kept_until_written():
         found = simulator.simulate(model, specimen, protocol, row)
     assert found.messages == ("",)
@@ -73,3 +73,12 @@ def test_a_dog_bone_goes_on(tmp_path, monkeypatch):
     real = dogbone(tmp_path, text, Path(str(shutil.which("febio4"))))
     whole, found = both(real, monkeypatch, OWN, BAR, RELAX, OWN.reference[np.newaxis])
     np.testing.assert_allclose(found, whole, rtol=0, atol=1e-9 * np.abs(whole).max())
+    monkeypatch.setattr(restarts, "_seconds_per_step", {})
+    options, kept = [], replace(real, restart_s=1.0)
+    limited = external.run
+    monkeypatch.setattr(external, "run", lambda *given, **o: options.append(given[0]) or limited(*given, **o))
+    for _ in range(2):
+        with kept_until_written():
+            found = kept.simulate(OWN, BAR, RELAX, OWN.reference[np.newaxis])
+        np.testing.assert_array_equal(found.force_N[0], whole)
+    assert any(word.startswith("-dump_stride=") for word in options[1]), "its log says how many steps there were"
