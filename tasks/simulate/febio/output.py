@@ -136,12 +136,16 @@ def read_records(path: Path, max_bytes: int) -> tuple[Array, Array, bool]:
     if content and not content.endswith(b"\n"):
         raise Failed("bad_output", f"{path.name} ends in the middle of a line")
     _check_size(path, content)
-    if any(blank in content for blank in (b"\n\n", b" \n", b"\t\n")) or content.startswith(b"\n"):
-        content = _BLANK.sub(b"", content)
-    if content.count(b"*") != content.count(b"\n*") + content.startswith(b"*") and _LATE_COMMENT.search(content):
-        raise Failed("bad_output", f"{path.name} holds something else than numbers ('*' behind a number)")
     # whole-text operations: a loop over the lines of a long run takes as long as some solver runs
-    records = _lines_of_steps(content)
+    letters, starts = _lines(content)
+    ends = np.append(starts[1:], letters.size) - 1
+    if letters.size and np.isin(letters[ends - 1], _ENDS_BLANK).any():
+        content = _BLANK.sub(b"", content)
+        letters, starts = _lines(content)
+    comments = letters[starts] == _STAR
+    if np.count_nonzero(letters == _STAR) != comments.sum() and _LATE_COMMENT.search(content):
+        raise Failed("bad_output", f"{path.name} holds something else than numbers ('*' behind a number)")
+    records = _numbers_of_steps(content, starts, comments)
     try:
         found = np.array([float(stamp) for stamp in _STAMP.findall(content)])
         table = pd.read_csv(BytesIO(content), comment="*", header=None, dtype=np.float64).to_numpy()
@@ -153,14 +157,19 @@ def read_records(path: Path, max_bytes: int) -> tuple[Array, Array, bool]:
     return found, table, bool(even)
 
 
-def _lines_of_steps(content: bytes) -> Array:
-    """How many lines of numbers each step has ``[t]``, in a text without blank lines."""
+def _lines(content: bytes) -> tuple[Array, Array]:
+    """The letters of a text whose last line ends, and where each of its lines starts."""
     letters = np.frombuffer(content, dtype=np.uint8)
-    starts = np.append(0, np.flatnonzero(letters == ord("\n"))[:-1] + 1) if content else np.empty(0, dtype=int)
-    numbers = np.append(0, np.cumsum(letters[starts] != ord("*")))
+    starts = np.append(0, np.flatnonzero(letters == _NEWLINE)[:-1] + 1) if content else np.empty(0, dtype=int)
+    return letters, starts
+
+
+def _numbers_of_steps(content: bytes, starts: Array, comments: Array) -> Array:
+    """How many lines of numbers each step has ``[t]``, of lines that start at ``starts`` and may be ``comments``."""
+    numbers = np.append(0, np.cumsum(~comments))
     steps = [match.start() for match in re.finditer(rb"\*Step", content)]
-    ends = numbers[np.searchsorted(starts, [*steps[1:], letters.size])]
-    return ends - numbers[np.searchsorted(starts, steps)]
+    ends = numbers[np.searchsorted(starts, [*steps[1:], len(content)])]
+    return np.asarray(ends - numbers[np.searchsorted(starts, steps)])
 
 
 def _check_size(path: Path, content: bytes) -> None:
@@ -176,6 +185,7 @@ def _check_size(path: Path, content: bytes) -> None:
 
 MAX_TEXT_BYTES = 2**28  # of numbers that are logged; plot files may be larger
 LONGEST_LINE, MAX_NUMBERS, MAX_STEPS = 10_000, 2**25, 10**6
+_NEWLINE, _STAR, _ENDS_BLANK = ord("\n"), ord("*"), tuple(b"\n \t")
 _NUMBERS = re.compile(rb"^[ \t]*+[^*\s][^\n]*+$", re.MULTILINE)  # a line that is neither blank nor a comment
 _LATE_COMMENT = re.compile(rb"^[ \t]*+[^*\s][^\n*]*+\*", re.MULTILINE)  # pandas would leave out what follows
 _BLANK = re.compile(rb"^[ \t]*+\n", re.MULTILINE)

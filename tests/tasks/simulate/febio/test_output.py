@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sinew.tasks.simulate.febio.output import Logged, _lines_of_steps, read_output, read_output_at, read_records
+from sinew.tasks.simulate.febio.output import (
+    Logged,
+    _lines,
+    _numbers_of_steps,
+    read_output,
+    read_output_at,
+    read_records,
+)
 from sinew.tasks.simulate.row_by_row import Failed
 from tests.tasks.simulate.febio.dogbone import FORCE
 
@@ -160,7 +167,9 @@ def test_lines_of_numbers_are_counted_for_each_step(lines):
             counts.append(0)
         elif counts and not line.startswith("*"):
             counts[-1] += 1
-    assert _lines_of_steps("".join(lines).encode()).tolist() == counts
+    content = "".join(lines).encode()
+    letters, starts = _lines(content)
+    assert _numbers_of_steps(content, starts, letters[starts] == ord("*")).tolist() == counts
 
 
 @pytest.mark.parametrize("blank", ["\n", "  \n", "\t\n", " \t \n"])
