@@ -369,11 +369,8 @@ def _belongs(process: Path, testbed: Testbed, node: str | None) -> bool:
         return any(str(entry.readlink()) in logs for entry in (process / "fd").iterdir())
     variables = dict(entry.partition(b"=")[::2] for entry in (process / "environ").read_bytes().split(b"\0"))
     name = variables.get(b"SLURMD_NODENAME")  # only what a job started has it
-    return (
-        variables.get(b"SLURM_CONF") == os.fsencode(testbed.configuration)
-        and name is not None
-        and (node is None or name == os.fsencode(node))
-    )
+    ours = variables.get(b"SLURM_CONF") == os.fsencode(testbed.configuration)
+    return ours and name is not None and (node is None or name == os.fsencode(node))
 
 
 def main() -> int:

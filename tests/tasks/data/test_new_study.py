@@ -153,7 +153,7 @@ def test_answers_of_specimens_that_are_not_there_are_said():
     assert "and 80 more;" in line
 
 
-def test_several_tests_in_one_file_are_said_to_be_of_several_specimens(tmp_path):
+def test_recordings_of_several_in_one_file_are_said_to_be_of_several_specimens(tmp_path):
     path = tmp_path / "both tests.csv"
     block = "Time (s),Displacement (mm),Load (N)\n0,0,0\n1,1,5\n2,3,9\n"
     path.write_text(f"{block}\n{block}")

@@ -64,7 +64,7 @@ def test_sizes_that_are_given_and_an_area(tmp_path):
     assert row(tmp_path, f"Area,30,mm2\n{table}", Sizes(10.0))["size"] == "10 mm, 30 mm2"
 
 
-def test_several_tests_in_a_file_and_a_file_that_is_refused(tmp_path):
+def test_recordings_of_several_in_a_file_and_a_file_that_is_refused(tmp_path):
     block = f"Time (s),Disp (mm),Load (N)\n{rows(0.1, 2.0)}"
     assert row(tmp_path, block + block)["file"] == "a.csv (2 tests)"
     found = row(tmp_path, "no numbers")

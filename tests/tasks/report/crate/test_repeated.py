@@ -19,7 +19,7 @@ from sinew.tasks.report.crate.source import read_source
 from sinew.tasks.study import pipeline
 from sinew.tasks.study.study import read_study
 from sinew.tasks.study.workspace import Workspace
-from tests.test_docs import ROOT, dogbone
+from tests.docs_pages import ROOT, dogbone
 
 Sinew = Callable[..., None]
 
