@@ -15,14 +15,14 @@ __all__ = ["settings"]
 BAR = {"E_m": "E_matrix", "nu_m": "nu", "g_1m": "g_1", "tau_1m": "tau_1"}
 
 
-def cheaper(found: dict, names: list[str]) -> dict:
-    """A study whose model has these cheaper versions."""
+def cheaper(found: dict, names: list[str], outputs: tuple[str, ...] = ("force",)) -> dict:
+    """A study whose model has these cheaper versions, and these outputs."""
     found["simulator"] |= {"fidelities": [*names, "fine"]}
     if "bar" in names:
         found["simulator"]["bar"] = dict(BAR)
     if "coarse" in names:
         found["simulator"]["coarse"] = {"time_steps": {"ramp_s": 5.0, "hold_growth": 0.5}, "rows": 2}
-    found["simulator"]["outputs"] = {name: found["simulator"]["outputs"][name] for name in ("force", "gauge_stress")}
+    found["simulator"]["outputs"] = {name: found["simulator"]["outputs"][name] for name in outputs}
     found["tasks"] = ["sobol"]
     found["sobol"] = {"method": "multifidelity", "error": 0.05, "runs": 64, "first": 16}
     return found
@@ -34,7 +34,7 @@ def read(out):
 
 @pytest.mark.page
 def test_bar_and_coarse_version_save_runs_and_none_is_repeated(tmp_path, settings, capsys, monkeypatch):
-    study = written(tmp_path, cheaper(settings, ["bar", "coarse"]))
+    study = written(tmp_path, cheaper(settings, ["bar", "coarse"], ("force", "gauge_stress")))
     out = tmp_path / "out"
     command("run", study, "--out", out)
     said = " ".join(capsys.readouterr().out.split())
@@ -91,16 +91,8 @@ def test_a_version_that_does_not_help_is_run_no_more(tmp_path, settings, capsys,
     plan, planned = Workspace.plan, []
     monkeypatch.setattr(Workspace, "plan", lambda self, one, rows: planned.append(len(rows)) or plan(self, one, rows))
     found = cheaper(settings, ["coarse"])
-    found["simulator"]["coarse"]["outputs"] = {
-        name: {
-            **found["simulator"]["outputs"][name],
-            "data": "node_data",
-            "item": "ux",
-            "set": "edge",
-            "reduce": "mean",
-        }
-        for name in ("force", "gauge_stress")
-    }
+    lateral = {"data": "node_data", "item": "ux", "set": "edge", "reduce": "mean"}
+    found["simulator"]["coarse"]["outputs"] = {"force": found["simulator"]["outputs"]["force"] | lateral}
     found["sobol"] |= {"error": 0.0001, "runs": 32}
     command("sobol", written(tmp_path, found), "--out", tmp_path / "out")
     said = " ".join(capsys.readouterr().out.split())
