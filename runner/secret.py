@@ -1,10 +1,12 @@
 """A secret of this user: what was signed with it was written by this user's own runs, wherever it has been since."""
 
+import errno
 import os
+import secrets
 from contextlib import suppress
 from pathlib import Path
 
-from sinew.runner.files import new_file, own_folder, read_regular
+from sinew.runner.files import NotReadable, new_file, own_folder, read_regular
 
 BYTES = 32
 
@@ -16,16 +18,27 @@ def state_folder() -> Path:
 
 
 def secret() -> bytes:
-    """The user's secret, made when it is first asked for. Raises ``OSError``, and ``NotReadable``."""
-    folder = state_folder()
+    """The user's secret, made when it is first asked for. Raises ``OSError``."""
+    try:
+        folder = state_folder()
+    except RuntimeError as error:  # a user without a home
+        raise OSError(errno.ENOENT, str(error)) from None
     folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     own_folder(folder)
     path = folder / "secret"
-    if not path.exists():
-        temporary = path.with_name(f".secret.{os.getpid()}")
+    if not os.path.lexists(path):
+        temporary = folder / f".secret.{secrets.token_hex(8)}"
         with new_file(temporary, 0o600) as file:
             file.write(os.urandom(BYTES))
+            file.flush()
+            os.fsync(file.fileno())
         with suppress(FileExistsError):  # another process was first
             os.link(temporary, path)
-        temporary.unlink()
-    return read_regular(path, BYTES)
+        temporary.unlink(missing_ok=True)
+    try:
+        found = read_regular(path, BYTES)
+    except NotReadable as kind:
+        raise OSError(errno.EINVAL, f"is {kind}; remove it", str(path)) from None
+    if len(found) != BYTES:
+        raise OSError(errno.EINVAL, f"has {len(found)} bytes, not {BYTES}; remove it", str(path))
+    return found

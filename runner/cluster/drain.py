@@ -10,6 +10,7 @@ import asyncio
 import math
 import os
 import time
+from collections.abc import Callable
 from typing import Any
 
 from distributed import Reschedule, WorkerPlugin, get_worker
@@ -57,7 +58,8 @@ class Leave(WorkerPlugin):
         self.leaving = False
         self.began = math.inf
         self.first = math.inf
-        self.restarts = False
+        self.kept: Callable[[], int] | None = None
+        self.kept_before = 0
 
     def setup(self, worker: Any) -> None:
         self.worker = worker
@@ -94,9 +96,9 @@ class Leave(WorkerPlugin):
     def tell_if_too_short(self, needed_s: float) -> None:
         """Tell the client if a batch of at least ``needed_s`` seconds cannot end in any job of this walltime.
 
-        One that goes on where it was interrupted ends in a later job.
+        One that goes on where it was interrupted ends in a later job, if it has kept a state in this one.
         """
-        if self.restarts:
+        if self.kept is not None and self.kept() > self.kept_before:
             return
         given_s = walltime_s()
         start_s = self.first - (time.time() + seconds_left() - given_s)  # a job also starts its workers
@@ -105,16 +107,18 @@ class Leave(WorkerPlugin):
             self.worker.log_event(TOO_SHORT, {"needed_s": needed_s, "walltime_s": given_s})
 
 
-def enter(expected_s: float, *, restarts: bool = False) -> None:
+def enter(expected_s: float, *, kept: Callable[[], int] | None = None) -> None:
     """Called on a worker before a batch: raise ``distributed.Reschedule`` if it cannot end in time.
 
-    ``expected_s``: how long the batch is expected to take (s). ``restarts``: it goes on where it was interrupted.
+    ``expected_s``: how long the batch is expected to take (s). ``kept``: how many states this process has kept, if the
+    batch goes on where it was interrupted.
     """
     if math.isinf(seconds_left()):
         return
     worker: Any = get_worker()
     plugin: Any = worker.plugins[Leave.name]
-    plugin.began, plugin.restarts = time.time(), restarts
+    plugin.began = time.time()
+    plugin.kept, plugin.kept_before = kept, kept() if kept is not None else 0
     plugin.first = min(plugin.first, plugin.began)
     if seconds_left() >= expected_s + CLOSING_S:
         return

@@ -15,7 +15,7 @@ from distributed import WorkerPlugin
 from sinew.runner.cluster import drain
 from sinew.runner.cluster.batch_systems import current_job, this_node
 from sinew.runner.evaluation import external, isolation
-from sinew.runner.evaluation.interim import kept_until_written
+from sinew.runner.evaluation.interim import kept_count, kept_until_written
 from sinew.runner.store.schema import STATUSES, Array
 from sinew.runner.store.segment import Segment, is_whole
 
@@ -111,7 +111,7 @@ evaluations: dict[str, Evaluation] = {}
 def run_in_time(batch: Batch) -> None:
     """As :func:`run_batch`, but raise ``distributed.Reschedule`` if the batch cannot end before the walltime."""
     if not is_whole(batch.segment):
-        drain.enter(batch.expected_s, restarts=batch.restarts)
+        drain.enter(batch.expected_s, kept=kept_count if batch.restarts else None)
         _run(batch)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 STATES = "states"  # the folder of solvers' states, in that of their runs
 
+_count = 0
 _kept: ContextVar[set[Path] | None] = ContextVar("kept", default=None)
 
 
@@ -30,3 +31,14 @@ def keep_until_written(file: Path) -> bool:
         return False
     files.add(file)
     return True
+
+
+def note_kept() -> None:
+    """Count that a state was kept, from which what is interrupted goes on."""
+    global _count
+    _count += 1
+
+
+def kept_count() -> int:
+    """How many states this process has kept."""
+    return _count

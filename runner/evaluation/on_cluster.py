@@ -182,7 +182,7 @@ class WorkOnCluster:
         if batch.apart < TRIES_APART:
             apart = batch.rows_apart()
             for row in apart:
-                row.expected_s = source.sizes.expected_s(1)
+                row.expected_s = 0.0 if row.restarts else source.sizes.expected_s(1)
             return [(source, row) for row in apart]
         if source.open:
             raise ClusterError(

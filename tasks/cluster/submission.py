@@ -295,4 +295,8 @@ def _finished(out: Path) -> tuple[int, tuple[tuple[int, int], ...]]:
             rows += int((table.status != PENDING).sum()) + table.waiting()
     kept = [path for task in TASKS for path in (out / f"{task}.json", *(out / task).rglob("*")) if path.is_file()]
     kept += (attempts_folder(out) / STATES).glob("*.state")
-    return rows, tuple(sorted((status.st_mtime_ns, status.st_size) for status in (path.lstat() for path in kept)))
+    found = []
+    for path in kept:
+        with suppress(FileNotFoundError):  # a worker has just removed it
+            found.append((path.lstat().st_mtime_ns, path.lstat().st_size))
+    return rows, tuple(sorted(found))

@@ -96,7 +96,8 @@ def run(workspace: Workspace, tasks: Sequence[str], *, figures: bool = True, **f
         report(workspace.out, console, silent=True)
         _remember(workspace.out, {PAGE: None})  # the page tells of a failure: the next run builds it anew
         raise _to_raise(errors)
-    remove_folder(attempts_folder(workspace.out) / STATES)  # of rows that no task asks for any more
+    if set(tasks) >= set(workspace.study.tasks):
+        remove_folder(attempts_folder(workspace.out) / STATES)  # of rows that no task asks for any more
     where = _page(workspace, console) if figures else None
     page = "" if where is None else f"{where.name} to read, "
     console.print(f"results: {workspace.out}  ({page}figures in {workspace.out / 'figures'}, arrays in store.zarr)")

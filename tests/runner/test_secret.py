@@ -15,11 +15,29 @@ def _home(tmp_path, monkeypatch):
 
 def test_all_processes_have_the_same_and_nobody_else_can_read_it():
     with ThreadPoolExecutor(8) as pool:
-        found = set(pool.map(lambda _: secret(), range(32)))
-    (only,) = found
-    assert len(only) == BYTES
+        for _ in range(50):
+            (state_folder() / "secret").unlink(missing_ok=True)
+            (only,) = set(pool.map(lambda _: secret(), range(16)))
+            assert len(only) == BYTES
     assert os.stat(state_folder() / "secret").st_mode & 0o077 == 0
     assert [path.name for path in state_folder().iterdir()] == ["secret"], "no temporary file is left"
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"), [("empty", "has 0 bytes, not 32"), ("link", "is a link"), ("folder", "is a folder")]
+)
+def test_what_is_no_secret_is_refused(tmp_path, kind, words):
+    secret()
+    path = state_folder() / "secret"
+    path.rename(tmp_path / "elsewhere")
+    if kind == "empty":
+        path.touch()
+    elif kind == "link":
+        path.symlink_to(tmp_path / "elsewhere")
+    else:
+        path.mkdir()
+    with pytest.raises(OSError, match=f"{words}.*remove it"):
+        secret()
 
 
 def test_another_home_has_another(tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 from typing import Protocol as Interface
 from typing import TypeVar
@@ -20,12 +20,12 @@ from sinew.runner.evaluation import external
 from sinew.runner.evaluation.interim import STATES
 from sinew.runner.files import remove_folder, what_is
 from sinew.runner.temporary import temporary_folder
-from sinew.tasks.simulate.febio.restarts import GO_ON, Interim, NotTheSame, begun
+from sinew.tasks.simulate.febio.restarts import LOG, Interim, NotTheSame, begun
 from sinew.tasks.simulate.row_by_row import Failed
 
 log = logging.getLogger("sinew")
 
-INPUT, LOG = "model.feb", "model.log"
+INPUT = "model.feb"
 LARGEST_PROGRAM = 2**31  # bytes; a solver with all of its libraries has a tenth of it
 VERSION_TRIES, VERSION_S = 3, 20.0
 DEEPEST = 50  # folders in each other in an attempt that is kept
@@ -78,18 +78,19 @@ def attempt(
     """Run the solver in a directory of its own, on the input that ``prepare`` writes there; returns what ``read`` says.
 
     ``parameters`` are written beside a failed attempt that is kept. ``logs``: the files that are read. A run that was
-    interrupted goes on where it was, see :mod:`sinew.tasks.simulate.febio.restarts`; one that fails then is run again
+    interrupted goes on where it was, see :mod:`sinew.tasks.simulate.febio.restarts`; one that fails then is run once
     from its beginning. Raises :class:`Failed`, and ``OSError`` for a full disk.
     """
     scratch = external.scratch(solver.scratch)
     scratch.mkdir(parents=True, exist_ok=True)
-    run = partial(_in_new_folder, solver, scratch, prepare, read, parameters, logs)
-    try:
-        return run("-silent")
-    except _FromItsBeginning:
-        return run("-silent")
-    except _Silent:  # what the first run left is not looked at again
-        return run()
+    options: tuple[str, ...] = ("-silent",)
+    while True:
+        try:
+            return _in_new_folder(solver, scratch, prepare, read, parameters, logs, *options)
+        except _Silent:  # what that run left is not looked at again
+            options = ()
+        except _FromItsBeginning:
+            continue
 
 
 class _Silent(Exception):
@@ -97,7 +98,7 @@ class _Silent(Exception):
 
 
 class _FromItsBeginning(Exception):
-    """A run that went on from where it was interrupted has failed; what was kept of it is removed."""
+    """A run that went on from where it was interrupted has failed, and is run once from its beginning."""
 
 
 def _in_new_folder(
@@ -130,22 +131,24 @@ def _in_new_folder(
             raise _Silent
         _check_end(finished, directory, solver.timeout_s)
         if interim is not None:
-            interim.join(external.tail(directory / LOG, 20_000))
+            interim.join()
         found = read(directory)
-    except (Failed, NotTheSame) as failed:
-        if interim is not None:
-            interim.file.unlink(missing_ok=True)
-        if interim is not None and interim.before is not None and not _is_full(scratch):
-            log.warning("restart", extra={"error": f"{INPUT}: {failed}; it starts over"})
-            remove_folder(directory)
-            raise _FromItsBeginning from None
-        assert isinstance(failed, Failed), "only what goes on can go on otherwise"
+    except (Failed, NotTheSame) as error:
         if _is_full(scratch):
             remove_folder(directory)
             raise _no_space(scratch) from None
+        if interim is not None and _may_start_over(interim, error):
+            log.warning("restart", extra={"error": f"an interrupted run failed ({error}); it starts over"})
+            interim.start_over()
+            remove_folder(directory)
+            raise _FromItsBeginning from None
+        failed = error if isinstance(error, Failed) else Failed("bad_output", f"after an interruption: {error}")
         if folder == _identity(directory):
+            if interim is not None:
+                interim.file.unlink(missing_ok=True)
+                interim.remove_dumps()
             _keep(solver, directory, failed, parameters)
-        raise
+        raise failed from None
     except BaseException as error:
         full = isinstance(error, OSError) and _is_full(scratch)
         remove_folder(directory)
@@ -154,6 +157,12 @@ def _in_new_folder(
         raise
     remove_folder(directory)
     return found
+
+
+def _may_start_over(interim: Interim, error: Exception) -> bool:
+    """Whether the interruption may be to blame. A run starts over once, and never after the time for all of it."""
+    in_time = not isinstance(error, Failed) or error.status != "timeout"
+    return interim.before is not None and not interim.again and in_time
 
 
 def _identity(directory: Path) -> tuple[int, int] | None:
@@ -179,13 +188,12 @@ def _run(solver: Solver, directory: Path, interim: Interim | None, *options: str
     if solver.confirmed is not None and solver.confirmed != program_hash(Path(solver.executable)):
         raise PermissionError(errno.EPERM, "not the program that you confirmed by `sinew trust`", solver.executable)
     before = None if interim is None else interim.before
-    what = ("-i", INPUT) if before is None else GO_ON
+    given = ("-i", INPUT) if before is None else ()
     kept = () if interim is None else interim.options
-    spent = 0.0 if before is None else before.seconds
     return external.run(
-        [solver.executable, *what, *kept, "-o", LOG, *options],
+        [solver.executable, *given, *kept, "-o", LOG, *options],
         directory,
-        timeout_s=max(1.0, solver.timeout_s - spent),
+        timeout_s=solver.timeout_s if before is None else max(1.0, solver.timeout_s - before.seconds),
         environment=_ENVIRONMENT,
         max_file_bytes=solver.max_file_bytes,
         meanwhile=None if interim is None else interim.look,

@@ -8,6 +8,7 @@ share one :class:`Allowance`. In the evaluation of a row, each input has these b
 import atexit
 import json
 import os
+import secrets
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -70,9 +71,14 @@ def render_input(
     longer than all the rest. Nor are lists sent that it does not use.
     """
     used, printed = _variables(main, tuple(files.items()))
-    aside = {name: f"@{name}@" for name in LONG if name in printed and name in variables}
+    long = [] if any("CDATA" in text for text in files.values()) else [name for name in LONG if name in printed]
+    aside = {name: f"@{secrets.token_hex(8)}@" for name in long if name in variables}
     given = {name: aside.get(name, value) for name, value in variables.items() if name in used}
     text = str(render(files, main, [given], outputs)["texts"][0])
+    size = len(text) + sum(text.count(mark) * len(variables[name]) for name, mark in aside.items())
+    if size > rendering.INPUT_BYTES:
+        most = rendering.INPUT_BYTES / 2**20
+        raise WrongTemplate(main, f"renders to {size / 2**20:,.0f} MB", f"at most {most:.0f} MB")
     for name, mark in aside.items():
         text = text.replace(mark, variables[name])
     return text

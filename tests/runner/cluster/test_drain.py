@@ -168,18 +168,21 @@ def test_a_batch_that_cannot_end_in_time_goes_back_to_the_scheduler(monkeypatch,
         drain.enter(expected_s)
 
 
-@pytest.mark.parametrize("restarts", [False, True])
-def test_a_batch_that_goes_on_later_is_not_too_long_for_a_walltime(monkeypatch, restarts):
+@pytest.mark.parametrize("kept", [None, 0, 1])
+def test_a_batch_that_goes_on_later_is_not_too_long_for_a_walltime(monkeypatch, kept):
+    """If it has kept a state in this job."""
     worker = StandInWorker([1, 1])
     monkeypatch.setattr(drain, "get_worker", lambda: worker)
     monkeypatch.setenv(drain.WALLTIME, "60")
     monkeypatch.setenv(drain.DEADLINE, str(time.time() + 20.0))
-    drain.enter(0.0, restarts=restarts)
+    counts = [3]
+    drain.enter(0.0, kept=None if kept is None else lambda: counts[0])
+    counts[0] += kept or 0
     worker.plugins[drain.Leave.name].first -= 40.0
     worker.plugins[drain.Leave.name].began -= 40.0
     monkeypatch.setenv(drain.DEADLINE, str(time.time() + 1.0))
     leave(worker)
-    assert (drain.TOO_SHORT in worker.calls) == (not restarts)
+    assert (drain.TOO_SHORT in worker.calls) == (not kept)
     assert worker.calls[-1] == "closed"
 
 

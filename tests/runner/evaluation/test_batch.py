@@ -94,14 +94,12 @@ def test_what_is_in_the_journal_is_not_evaluated_again(batch):
 
 def test_a_batch_is_announced_with_its_duration(batch, monkeypatch):
     said = []
-    monkeypatch.setattr(
-        "sinew.runner.cluster.drain.enter", lambda seconds, *, restarts: said.append((seconds, restarts))
-    )
+    monkeypatch.setattr("sinew.runner.cluster.drain.enter", lambda seconds, *, kept: said.append((seconds, kept)))
     evaluations["key"] = Scripted()
     batch.expected_s = 3.5
     run_in_time(batch)
     run_in_time(batch)
-    assert said == [(3.5, False)]
+    assert said == [(3.5, None)]
 
 
 def test_failures_that_may_be_accidental_are_tried_again(batch):

@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-# A step n takes `seconds` and logs n * n. `stop`: a file that ends it by SIGKILL behind that step, once.
+# A step n takes `seconds` and logs n * n.
 PROGRAM = """#!{python} -IS
 import json, os, signal, sys, time
 args = sys.argv[1:]
@@ -20,7 +20,7 @@ if args == ["-info"]:
 begin = 0
 if "-r" in args:
     begin = json.load(open(after("-r")))["step"]
-    assert "-noappend" in args and "-i" not in args and after("-p")
+    assert "-noappend" in args and "-i" not in args and after("-p") and after("-r").endswith(".dmp")
 else:
     assert after("-i") == "model.feb"
 stride = int(([1] + [word.split("=")[1] for word in args if word.startswith("-dump_stride=")])[-1])
@@ -31,14 +31,16 @@ off = {off!r} if "-r" in args else 0.0
 log = open("force.txt", "w", 1)
 for step in range(begin + 1, {steps} + 1):
     time.sleep({seconds})
-    log.write("*Step  = %d\\n*Time  = %r\\n*Data  = force\\n5,%r\\n" % (step, 0.5 * step, step * step + off))
-    if "-dump=1" in args and step % stride == 0:
+    if "-dump=1" in args and step % stride == 0:  # as FEBio does: before it logs the step
         with open(after("-dump=1"), "w") as file:
             json.dump({{"step": step}}, file)
+    log.write("*Step  = %d\\n*Time  = %r\\n*Data  = force\\n5,%r\\n" % (step, 0.5 * step, step * step + off))
+    with open(after("-o"), "a") as said:
+        said.write("------- converged at time : %r\\n" % (0.5 * step))
     note("step %d" % step)
-open(after("-o"), "w").write(
-    "\\tNumber of time steps completed .................... : %d\\n N O R M A L   T E R M I N A T I O N\\n" % {steps}
-)
+    if step == {fails_at}:
+        sys.exit(1)
+open(after("-o"), "a").write(" N O R M A L   T E R M I N A T I O N\\n")
 """
 
 
@@ -62,11 +64,16 @@ class RestartingSolver:
         return self.notes.read_text().splitlines()
 
 
-def restarting(folder: Path, steps: int = 12, seconds: float = 0.1, off: float = 0.0, fails: bool = False) -> Path:
-    """Write the program; ``off``: what a run that goes on is wrong by; ``fails``: it cannot go on."""
+def restarting(
+    folder: Path, steps: int = 12, seconds: float = 0.1, off: float = 0.0, fails: bool = False, fails_at: int = 0
+) -> Path:
+    """Write the program; ``off``: what a run that goes on is wrong by; ``fails``: it cannot go on.
+
+    ``fails_at``: the step behind which every run fails.
+    """
     program = folder / "restarting"
     values = {"notes": str(folder / "notes"), "steps": steps, "seconds": seconds, "off": off, "fails": fails}
-    program.write_text(PROGRAM.format(python=sys.executable, **values))
+    program.write_text(PROGRAM.format(python=sys.executable, fails_at=fails_at, **values))
     program.chmod(program.stat().st_mode | stat.S_IXUSR)
     return program
 
@@ -107,9 +114,9 @@ with open("reaction.txt", "w", 1) as file:
         if slow:
             time.sleep({seconds} / (len(points) - 1))
             note({notes!r}, "step %d" % step)
-        file.write("*Step  = %d\\n*Time  = %s\\n*Data  = reaction\\n5,%r\\n" % (step, t, stiffness * float(u)))
         with open(args[args.index("-dump=1") + 1], "w") as dump:
             json.dump({{"step": step}}, dump)
+        file.write("*Step  = %d\\n*Time  = %s\\n*Data  = reaction\\n5,%r\\n" % (step, t, stiffness * float(u)))
 open("model.log", "w").write(" N O R M A L   T E R M I N A T I O N\\n")
 """
 

@@ -166,9 +166,30 @@ def test_a_template_that_does_something_with_the_points_gets_them(own):
     own.ask = lambda job, files: asked.append(job) or own_ask(job, files)
     assert render_input(files, "a", given, None) == "<febio_spec><pt>2,2</pt><pt>1</pt></febio_spec>"
     (sent,) = asked[-1]["renders"]
-    assert sent == {"displacement_points": "<pt>1,1</pt>", "step_points": "@step_points@"}
+    assert sent.pop("displacement_points") == "<pt>1,1</pt>"
+    assert sent.pop("step_points") != "<pt>1</pt>"
+    assert not sent, "what it does not use is not sent"
     assert (
         render_input({"a": "<febio_spec>{{ E[0] }}</febio_spec>"}, "a", given, None) == "<febio_spec>0.0</febio_spec>"
+    )
+
+
+def test_points_that_are_printed_often_are_bounded(own):
+    """The process that renders has limits of its own; what is put in afterwards has the same."""
+    files = {"a": f"<febio_spec>{'{{ step_points }}' * 100}</febio_spec>"}
+    assert len(render_input(files, "a", {"step_points": "<pt>1</pt>" * 10}, None)) > 10_000
+    with pytest.raises(Failed, match="renders to 95 MB; expected at most 64 MB"):
+        render_input(files, "a", {"step_points": "<pt>1</pt>" * 100_000}, None)
+
+
+def test_points_are_put_nowhere_else(own):
+    text = "<febio_spec><a>@step_points@</a>{{ step_points }}</febio_spec>"
+    found = render_input({"a": text}, "a", {"step_points": "<pt>1</pt>"}, None)
+    assert found == "<febio_spec><a>@step_points@</a><pt>1</pt></febio_spec>"
+    data = {"a": "<febio_spec><![CDATA[{{ step_points }}]]></febio_spec>"}
+    assert (
+        render_input(data, "a", {"step_points": "<pt>1</pt>"}, [])
+        == render(data, "a", [{"step_points": "<pt>1</pt>"}], [])["texts"][0]
     )
 
 

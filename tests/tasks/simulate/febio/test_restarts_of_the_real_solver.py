@@ -49,7 +49,7 @@ def both(simulator, monkeypatch, model, specimen, protocol, row):
             simulator.simulate(model, specimen, protocol, row)
     assert len(list((simulator.scratch / STATES).iterdir())) == 1
     join = restarts.Interim.join
-    monkeypatch.setattr(restarts.Interim, "join", lambda self, said: went_on.append(self.before) or join(self, said))
+    monkeypatch.setattr(restarts.Interim, "join", lambda self: went_on.append(self.before) or join(self))
     with kept_until_written():
         found = simulator.simulate(model, specimen, protocol, row)
     assert found.messages == ("",)
