@@ -16,7 +16,7 @@ from sinew.tasks.simulate.febio.simulator import FEBio
 from tests.benchmarks.common import median_line
 from tests.tasks.simulate.febio.dogbone import BAR, DOGBONE, OWN, RELAX, dogbone
 
-FINENESS, ROUNDS, EVERY_S = 5, 3, 5.0
+FINENESS, ROUNDS, EVERY_S = 4, 3, 2.0
 
 
 class Interrupted(BaseException):

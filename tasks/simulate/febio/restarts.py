@@ -4,7 +4,7 @@ The solver dumps its state after a step that it has solved (``-dump=1``), each t
 until it is known how long one takes, then less often (``-dump_stride``). Now and then this file is taken away, with
 what was logged by then, and kept as a state of :mod:`sinew.tasks.simulate.febio.states`. A later run of the same input
 by the same solver starts from there (``-r``), logs the steps that are missing, and both logs are joined. A state is
-kept only once later steps were logged as well: steps that both logs have must agree. A solver that does not go on as it
+kept only once a later step was logged as well: steps that both logs have must agree. A solver that does not go on as it
 would have gone is not believed, and its run starts over, once.
 """
 
@@ -30,7 +30,6 @@ from sinew.tasks.simulate.febio.states import State, read_state, write_state
 LOG, PLOT = "model.log", "model.xplt"
 WORTH = 20.0  # times as long as it took to keep a state: the least time until the next
 OFTEN = 2.0  # dumps in the time after which a state is due
-LATER = 2  # steps that are logged after a dump was taken: the first may be its own, whose log follows the dump
 SAME = 1e-6  # of the largest number of a step: what two runs of the same input may differ by
 _STEP = re.compile(rb"^(?=\*Step\b)", re.MULTILINE)
 _TIME = re.compile(rb"^\*Time\s*=\s*(\S+)$", re.MULTILINE)
@@ -60,7 +59,8 @@ class Interim:
     again: bool = False
     began: float = field(default_factory=time.monotonic)
     due: float = 0.0
-    taken: dict[str, int] | None = None
+    taken: dict[str, int] | None = None  # by log, the step of the dump that was taken away, or at most one less
+    stamp: int = 0
 
     def __post_init__(self) -> None:
         self.due = self.began + self.every_s
@@ -95,10 +95,10 @@ class Interim:
     def look(self) -> None:
         """Called while the solver runs: keep its state if one is due.
 
-        A dump that is taken away is whole as soon as the solver has begun the next one. Raises :class:`NotTheSame`, and
-        ``OSError``.
+        A dump that is taken away is whole as soon as the solver has begun the next one, and a state is kept once a step
+        behind it is logged. Raises :class:`NotTheSame`, and ``OSError``.
         """
-        if time.monotonic() < self.due or not _is_file(self.dump):
+        if time.monotonic() < self.due:
             return
         try:
             logs = {name: whole_steps(read_regular(self.directory / name, MAX_TEXT_BYTES)) for name in self.logs}
@@ -106,10 +106,23 @@ class Interim:
             return
         steps = {name: len(_STEP.findall(content)) for name, content in logs.items()}
         if self.taken is None:
-            self.dump.rename(self._taken)
-            self.taken = steps
-        elif all(steps[name] >= count + LATER for name, count in self.taken.items()):
+            if _is_file(self.dump):
+                self.dump.rename(self._taken)
+                self.taken = {name: count + 1 for name, count in steps.items()}  # its own step is logged behind it
+        elif not _is_file(self.dump):
+            self._look_again(self.taken, steps)
+        elif all(steps[name] > count for name, count in self.taken.items()):
             self._keep(logs)
+
+    def _look_again(self, taken: dict[str, int], steps: Mapping[str, int]) -> None:
+        """Where the dump is no longer written, and no other has begun, its own step is the last that is logged."""
+        try:
+            stamp = os.lstat(self._taken).st_mtime_ns
+        except OSError:
+            return
+        if stamp == self.stamp:
+            taken.update({name: min(taken[name], count) for name, count in steps.items()})
+        self.stamp = stamp
 
     def _keep(self, logs: Mapping[str, bytes]) -> None:
         begun = time.monotonic()
@@ -121,7 +134,7 @@ class Interim:
             return
         note_kept()
         ended = time.monotonic()
-        self.due, self.taken = ended + max(self.every_s, WORTH * (ended - begun)), None
+        self.due, self.taken, self.stamp = ended + max(self.every_s, WORTH * (ended - begun)), None, 0
 
     def _note_pace(self) -> None:
         """Learn how long a step takes, from what the solver says in its log."""

@@ -230,7 +230,8 @@ def kept(interim):
     return found, copy.read_bytes() if copy.exists() else None
 
 
-def test_a_state_is_kept_when_it_is_due_and_two_more_steps_were_logged(interim, clock):
+def test_a_state_is_kept_when_it_is_due_and_a_later_step_was_logged(interim, clock):
+    """Of a dump that was taken before its own step was logged, as far as is known."""
     solved(interim, 1)
     interim.look()
     assert interim.dump.exists(), "it is not due"
@@ -252,6 +253,31 @@ def test_a_state_is_kept_when_it_is_due_and_two_more_steps_were_logged(interim, 
     clock[0] += 9.0
     interim.look()
     assert interim.dump.exists(), "the next is not due"
+
+
+def test_of_a_dump_that_was_not_written_for_a_while_the_last_step_is_its_own(interim, clock):
+    clock[0] += 10.0
+    solved(interim, 1)
+    for _ in range(3):  # taken away, looked at, unchanged
+        interim.look()
+    solved(interim, 1)
+    interim.look()
+    assert not interim.file.exists()
+    solved(interim, 2)
+    interim.look()
+    assert kept(interim)[1] == b"state 1"
+
+
+def test_a_dump_that_is_still_written_may_be_of_a_step_that_is_not_logged(interim, clock):
+    clock[0] += 10.0
+    solved(interim, 1)
+    interim.look()
+    for number in range(1, 4):
+        os.utime(interim._taken, ns=(number, number))
+        interim.look()
+    solved(interim, 2)
+    interim.look()
+    assert not interim.file.exists()
 
 
 def test_a_log_that_cannot_be_read_keeps_nothing(interim, clock):
