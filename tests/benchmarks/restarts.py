@@ -15,12 +15,9 @@ from sinew.tasks.simulate.febio import restarts
 from sinew.tasks.simulate.febio.simulator import FEBio
 from tests.benchmarks.common import median_line
 from tests.tasks.simulate.febio.dogbone import BAR, DOGBONE, OWN, RELAX, dogbone
+from tests.tasks.simulate.febio.restarting import Interrupted
 
 FINENESS, ROUNDS, EVERY_S = 4, 3, 2.0
-
-
-class Interrupted(BaseException):
-    """As a signal that ends a worker."""
 
 
 def seconds(simulator: FEBio, row: np.ndarray) -> float:

@@ -44,6 +44,10 @@ open(after("-o"), "a").write(" N O R M A L   T E R M I N A T I O N\\n")
 """
 
 
+class Interrupted(BaseException):
+    """As a signal that ends a worker."""
+
+
 @dataclass(frozen=True)
 class RestartingSolver:
     """The solver's settings, as :class:`sinew.tasks.simulate.febio.attempt.Solver` has them, and its ``notes``."""

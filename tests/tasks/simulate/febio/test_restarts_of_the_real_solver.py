@@ -16,10 +16,7 @@ from tests.conftest import reference_parameters
 from tests.tasks.simulate.febio.dogbone import BAR, DOGBONE, OWN, RELAX, dogbone
 from tests.tasks.simulate.febio.fake_solver import BAR as TENDON
 from tests.tasks.simulate.febio.fake_solver import BUILT_IN, attempts
-
-
-class Interrupted(BaseException):
-    """As a signal that ends a worker."""
+from tests.tasks.simulate.febio.restarting import Interrupted
 
 
 @pytest.fixture(autouse=True)
