@@ -17,6 +17,7 @@ from sinew.tasks.discover.judge.scores import Score, misfit_left
 from sinew.tasks.discover.measure.shape import smooth
 from sinew.tasks.discover.result import CellMisfit
 from sinew.tasks.discover.settings import Settings
+from sinew.tasks.model import FORCE
 from sinew.tasks.simulate import Array
 from sinew.tasks.study.workspace import Workspace
 
@@ -180,11 +181,11 @@ def remainder(
     """What fits with ``effects`` leave of the misfit; ``after``: their misfit maps, by specimen."""
     taken, (low, high) = taken_away(cohort, bare, ((), bare), (effects, fits), floor)
     largest = sorted((cell for cells in after for cell in cells), key=lambda cell: -abs(cell.z))
-    names = dict.fromkeys(f"{cell.protocol}: {cell.phase} {cell.number}" for cell in largest if cell.beyond_chance)
+    names = dict.fromkeys(cell.name for cell in largest if cell.beyond_chance)
     most = max(range(len(cohort)), key=lambda i: fits[i].loss - fits[i].points)
     candidate, measured = cohort[most].candidate(effects), cohort[most].measured
     left = -residuals(candidate, measured, fits[most].at[np.newaxis], measured.curves)[0]
-    like = smooth(measured, left, candidate.size).sentence
+    like = smooth(measured, left[measured.places[FORCE]], candidate.size).sentence
     newtons = float(np.sqrt(max(np.mean(np.concatenate(list(_beyond_noise(cohort, effects, fits)))), 0.0)))
     return Remainder(1.0 - taken, (1.0 - high, 1.0 - low), newtons, beyond_noise, tuple(names)[:MAX_CELLS], like)
 

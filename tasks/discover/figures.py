@@ -11,6 +11,7 @@ from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 
 from sinew.runner.store.store import open_store
+from sinew.tasks.discover.quantities import leftovers, quantities_table, rows_of
 from sinew.tasks.discover.result import CellMisfit, DiscoverResult
 from sinew.tasks.discover.show import cells_table, curves_table, gap_of, stack_of
 from sinew.tasks.drawing.figures import COLOURS, MEASURED, STYLE, headline, save
@@ -19,6 +20,8 @@ from sinew.tasks.model import file_name
 from sinew.tasks.study.workspace import Workspace
 
 FAR = 12.0  # units of chance, where colours end
+FAR_LEFT = 8.0  # times the noise, where the axes of what is left end
+MOST_ROWS = 24  # quantities of a figure
 
 
 def draw(workspace: Workspace, result: DiscoverResult) -> None:
@@ -31,6 +34,9 @@ def draw(workspace: Workspace, result: DiscoverResult) -> None:
         kept = workspace.store.read_result(f"discover/{file_name(specimen)}")
         figure = before_and_after(kept, result, specimen)
         save(figure, folder, f"discover_{file_name(specimen)}", curves_table(kept))
+        if result.compared:
+            name = f"discover_{file_name(specimen)}_quantities"
+            save(left_of_quantities(kept, result, specimen), folder, name, quantities_table(kept, result, specimen))
 
 
 def parts(result: DiscoverResult) -> Figure:
@@ -107,10 +113,11 @@ def _headline(result: DiscoverResult) -> str:
 
 
 def cell_map(result: DiscoverResult) -> Figure:
-    """Rows: specimens, before and (with the best effects) after; columns: cells; dots: beyond chance."""
-    rows = [(f"{name}, model as it is", cells) for name, cells in result.cells.items()]
-    effects = result.shown_name
-    rows += [(f"{name}, with {effects}", cells) for name, cells in (result.after or {}).items()]
+    """Rows: specimens, before and (with the best effects) after; columns: cells; dots: beyond chance.
+
+    Where more than the force is compared, each quantity has rows of its own.
+    """
+    rows = rows_of(result)
     labels = list(dict.fromkeys(_label(cell) for _, cells in rows for cell in cells))
     norm = TwoSlopeNorm(0.0, -FAR, FAR)
     with plt.rc_context(STYLE):
@@ -132,6 +139,40 @@ def cell_map(result: DiscoverResult) -> Figure:
     return figure
 
 
+def left_of_quantities(kept: xr.Dataset, result: DiscoverResult, specimen: str) -> Figure:
+    """A row for each quantity beside the force, a column for each protocol: what both models leave, in noise."""
+    every = leftovers(kept, result, specimen)
+    shown = dict(list(every.items())[:MOST_ROWS])
+    protocols = list(next(iter(shown.values())))
+    labels = {"bare": "the model as it is", "having": f"with {result.shown_name}"}
+    with plt.rc_context(STYLE):
+        size = (3.6 * len(protocols), 1.3 + 0.55 * len(shown))
+        figure, axes = plt.subplots(
+            len(shown), len(protocols), figsize=size, sharex="col", sharey=True, squeeze=False, layout="constrained"
+        )
+        for row, (quantity, parts) in enumerate(shown.items()):
+            for column, (protocol, columns) in enumerate(parts.items()):
+                axis = axes[row, column]
+                axis.axhspan(-2.0, 2.0, color="0.88", lw=0, zorder=0)
+                for order, model in enumerate(("bare", "having")):
+                    if model in columns:
+                        left, colour = np.clip(columns[model], -FAR_LEFT, FAR_LEFT), COLOURS[1 - order]
+                        axis.plot(columns["time"], left, color=colour, lw=0.7, label=labels[model])
+                axis.set_ylim(-1.05 * FAR_LEFT, 1.05 * FAR_LEFT)
+                axis.set_yticks([-5, 0, 5])
+                axis.tick_params(labelsize=6)
+                if row == 0:
+                    axis.set_title(protocol.replace("_", " "), loc="left", fontsize=9)
+            axes[row, 0].set_ylabel(quantity, fontsize=6, rotation=0, ha="right", va="center")
+        for axis in axes[-1]:
+            axis.set_xlabel("time (s)")
+        handles, names = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside lower center", ncols=2, fontsize=8)
+        more = "" if len(shown) == len(every) else f" (the first {len(shown)} of {len(every)})"
+        headline(figure, f"{specimen}: measured less model, in units of the noise, beside the force{more}", 10)
+    return figure
+
+
 def _label(cell: CellMisfit) -> str:
     return f"{cell.protocol.replace('_', ' ')}: {cell.phase} {cell.number}"
 
@@ -143,6 +184,12 @@ FIGURES: Mapping[str, FigureKind[DiscoverResult]] = {
             open_store(folder).read_result(f"discover/{file_name(specimen)}"), result, specimen
         ),
         lambda result: list(result.cells),
+    ),
+    "quantities": FigureKind(
+        lambda result, folder, specimen: left_of_quantities(
+            open_store(folder).read_result(f"discover/{file_name(specimen)}"), result, specimen
+        ),
+        lambda result: list(result.compared or {}),
     ),
     "parts": FigureKind(
         lambda result, *_: parts(result), lambda result: ["all specimens"] if result.remainder is not None else []

@@ -10,6 +10,7 @@ from bokeh.models.annotations import ColorBar
 from sinew.tasks.discover.figures import FAR
 from sinew.tasks.discover.follow_up import Part
 from sinew.tasks.discover.judge.confidence import in_words
+from sinew.tasks.discover.quantities import leftovers, mean_words, quantity_words, rows_of, units_of
 from sinew.tasks.discover.result import CandidateResult, DiscoverResult, Estimate
 from sinew.tasks.discover.show import (
     FAR_BEYOND_NOISE,
@@ -73,6 +74,8 @@ def section(found: ResultFolder) -> Section:
         blocks.append(_parts(result))
     if found.store is not None:
         blocks.append(_curves(found, result))
+        if result.compared:
+            blocks.append(_quantities(found, result))
     blocks += [_cells(result), _candidates(result), *_others(result)]
     sure = f"misfit explained: {percent(result.explained)}" if result.explained is not None else ""
     if gap_of(result) is not None:
@@ -112,6 +115,8 @@ def _verdict(result: DiscoverResult) -> Facts:
                      f"{worst.curves[1]}"))  # fmt: skip
     if result.left_out:
         rows.append(("left out", "; ".join(left_out_lines(result))))
+    if words := quantity_words(result):
+        rows.append(("compared beside the force", words))
     noise = [f"{name} {noise_words(one)}" for name, one in result.noise.items()]
     rows.append(("noise (standard deviation)", ", ".join(noise)))
     if slow := [name for name, one in result.noise.items() if one.ar1 >= SLOW]:
@@ -181,11 +186,45 @@ def _curves(found: ResultFolder, result: DiscoverResult) -> Plots:
     return plots.picked("discovery-curves", caption, "Specimen", data, draw, notes)
 
 
+def _quantities(found: ResultFolder, result: DiscoverResult) -> Plots:
+    """What either model leaves of each quantity beside the force."""
+    assert found.store is not None
+    models = {"bare": "the model as it is"} | ({"having": f"with {result.shown_name}"} if result.shown else {})
+    data: dict[str, dict[str, dict[str, Any]]] = {}
+    for specimen in result.compared or {}:
+        kept = found.store.read_result(f"discover/{file_name(specimen)}")
+        for quantity, parts in leftovers(kept, result, specimen).items():
+            data[f"{specimen}, {quantity}"] = {
+                protocol: {name: values[:: -(-values.size // POINTS) or 1] for name, values in columns.items()}
+                for protocol, columns in parts.items()
+            }
+    protocols, more = plots.first(dict.fromkeys(name for parts in data.values() for name in parts), "protocols")
+
+    def draw(sources: plots.Sources) -> list[Plot]:
+        drawn: list[Plot] = []
+        for protocol in protocols:
+            plot = plots.figure(f"time (s), {protocol.replace('_', ' ')}", "measured less model (noise)", height=230)
+            entries = []
+            for key, label in models.items():
+                line = plot.line(
+                    "time", key, source=sources[protocol], color=COLOURS[1] if key == "bare" else COLOURS[0],
+                    line_width=1.0, line_dash="dashed" if key == "bare" else "solid",
+                )  # fmt: skip
+                entries.append((label, [line]))
+                plots.hover(plot, line, [(label, f"@{key}{{0.0}}"), ("time", "@time{0.00} s")])
+            plot.hspan(0.0, line_color=plots.INK, line_width=0.7)
+            plots.legend(plot, entries)
+            label = f"{protocol}: what either model leaves of the quantity, in units of its noise"
+            drawn.append(plots.plot(f"discovery-quantities-{len(drawn)}", plot, label))
+        return drawn
+
+    caption = f"What either model leaves of each quantity beside the force, in units of its noise.{more}"
+    return plots.picked("discovery-quantities", caption, "Specimen and quantity", data, draw)
+
+
 def _cells(result: DiscoverResult) -> Plots:
-    """Misfit by specimen and cell: a row for the model as it is, one with the effects."""
-    effects = result.shown_name
-    rows = [(f"{name}, as it is", cells) for name, cells in result.cells.items()]
-    rows += [(f"{name}, with {effects}", cells) for name, cells in (result.after or {}).items()]
+    """Misfit by specimen, quantity and cell: a row for the model as it is, one with the effects."""
+    rows, units = rows_of(result), units_of(result)
     columns: dict[str, list[Any]] = {key: [] for key in ("cell", "row", "z", "shade", "limit", "mean", "beyond")}
     for name, cells in rows:
         for cell in cells:
@@ -194,7 +233,7 @@ def _cells(result: DiscoverResult) -> Plots:
             columns["z"].append(cell.z)
             columns["shade"].append(float(np.clip(cell.z, -FAR, FAR)))
             columns["limit"].append(cell.limit)
-            columns["mean"].append(cell.mean_N)
+            columns["mean"].append(mean_words(cell, units))
             columns["beyond"].append(0.3 if cell.beyond_chance else 0.0)
     labels = list(dict.fromkeys(columns["cell"]))
     plot = plots.figure(
@@ -216,7 +255,7 @@ def _cells(result: DiscoverResult) -> Plots:
     plot.xaxis.major_label_text_font_size = "9px"
     bar = ColorBar(color_mapper=mapper, title="units of chance", height=10, width=220, location=(0, 0), padding=4)
     plot.add_layout(bar, "above")
-    hover = [("cell", "@cell"), ("", "@row"), ("misfit", "@z{0.0} (limit @limit{0.0})"), ("mean", "@mean{0.0} N")]
+    hover = [("cell", "@cell"), ("", "@row"), ("misfit", "@z{0.0} (limit @limit{0.0})"), ("mean", "@mean")]
     plots.hover(plot, boxes, hover)
     shown = plots.plot(
         "discovery-cells", plot, "Misfit of each part of each test, before and with the effects", wide=True

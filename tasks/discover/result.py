@@ -106,6 +106,15 @@ class NoiseLevel:
 
 
 @dataclass(frozen=True)
+class OtherNoise:
+    """Noise of another quantity than the force: standard deviation in its ``unit``, and lag-one correlation."""
+
+    sd: NotNegative
+    ar1: Correlation
+    unit: str
+
+
+@dataclass(frozen=True)
 class Gain:
     """How much better held-out data are predicted (whitened sum of squares), and the standard ``error`` of that.
 
@@ -177,6 +186,8 @@ class CandidateResult:
 class CellMisfit:
     """The misfit of one part of a test: ``z`` in units of chance, ``mean_N`` (N); measured minus simulated.
 
+    ``quantity``: what is compared, with its ``mean`` in its own unit; None for the force.
+
     ``number`` is that of the step or cycle. Chance alone takes some cell of the cohort beyond ``limit`` with the
     probability of the study's setting, and beyond ``sure`` in one of fifty of these cases.
     """
@@ -188,6 +199,14 @@ class CellMisfit:
     mean_N: Number
     limit: Number
     sure: Number
+    quantity: str | None = field(default=None, metadata=OMIT)
+    mean: float | None = field(default=None, metadata=OMIT)
+
+    @property
+    def name(self) -> str:
+        """What a person calls it: the protocol, the quantity unless it is the force, and the part."""
+        protocol = self.protocol if self.quantity is None else f"{self.protocol}, {self.quantity}"
+        return f"{protocol}: {self.phase} {self.number}"
 
     @property
     def beyond_chance(self) -> bool:
@@ -264,7 +283,7 @@ class DiscoverResult(Result):
     ``model`` and ``remainder`` with NAMED and PARTLY. ``parts``: the effects that were fitted together where one or
     two do not explain all. ``law``, with PARTLY and OUTSIDE: what describes the rest, where something predicts it.
     ``confidence`` is None for a model of the user's own, of which ``left_out`` are effects that its solver does not
-    have as it should, by name, and why.
+    have as it should, by name, and why. ``compared``: what was compared beside the force, and its noise, by specimen.
 
     ``VERSION`` covers fits, rules, thresholds and the record of :mod:`sinew.tasks.discover.judge.confidence`, and the
     noise that is taken from the curves.
@@ -298,6 +317,7 @@ class DiscoverResult(Result):
     remainder: Remainder | None = field(default=None, metadata=OMIT)
     left_out: Mapping[str, str] | None = field(default=None, metadata=OMIT)
     after: Cells | None = field(default=None, metadata=OMIT)
+    compared: Mapping[str, Mapping[str, OtherNoise]] | None = field(default=None, metadata=OMIT)
 
     def __post_init__(self) -> None:
         """Raises :class:`ValueError` for a verdict that its other fields contradict."""

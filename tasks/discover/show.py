@@ -14,6 +14,7 @@ from sinew.tasks.discover.follow_up import NextExperiment, Part
 from sinew.tasks.discover.judge.confidence import in_words
 from sinew.tasks.discover.judge.rules import HELD_OUT
 from sinew.tasks.discover.judge.shared_checks import as_good
+from sinew.tasks.discover.quantities import quantity_words
 from sinew.tasks.discover.result import NAMES, CandidateResult, DiscoverResult, NoiseLevel, SplitGap
 from sinew.tasks.drawing.blocks import listed, number, percent
 
@@ -66,7 +67,7 @@ def clipped(share: float) -> float:
 
 
 def times_the_noise(result: DiscoverResult) -> float:
-    """What the candidate of the verdict leaves of the forces, root mean square in times of the noise; 0 without one."""
+    """What the candidate of the verdict leaves of the forces, root mean square in units of the noise; 0 without one."""
     judged = result.judged
     if judged is None:
         return 0.0
@@ -120,7 +121,8 @@ def cells_table(result: DiscoverResult) -> pd.DataFrame:
     rows = []
     for model, cells in (("as it is", result.cells), (result.shown_name, result.after or {})):
         rows += [{"specimen": name, "model": model, **vars(cell)} for name, every in cells.items() for cell in every]
-    return pd.DataFrame(rows)
+    found = pd.DataFrame(rows)
+    return found if result.compared else found.drop(columns=["quantity", "mean"], errors="ignore")
 
 
 def curves_table(kept: xr.Dataset) -> pd.DataFrame:
@@ -149,6 +151,8 @@ def summary(result: DiscoverResult, folder: Path, console: Console) -> None:
         explained = "" if one.explained is None else percent(one.explained)
         grid.add_row(one.name, _whole(one.gain), explained, held_out(one), " ".join(one.on_bound))
     console.print(grid)
+    if words := quantity_words(result):
+        console.print(f"compared: the force, {words}")
     for line in left_out_lines(result):
         console.print(line)
     named = f" {result.answer}" if result.answer else ""

@@ -24,7 +24,7 @@ from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.held_out import SquaredErrors, hold_out, hold_out_of
 from sinew.tasks.discover.fit.intervals import Profiled
 from sinew.tasks.discover.fit.search import Candidates, asked, note_fit, reasons, search
-from sinew.tasks.discover.fit.sizes import by_name, library_for
+from sinew.tasks.discover.fit.sizes import library_for
 from sinew.tasks.discover.fit.specimen_fits import (
     Effects,
     SpecimenFits,
@@ -38,29 +38,26 @@ from sinew.tasks.discover.judge.confidence import confidence
 from sinew.tasks.discover.judge.partly import partly
 from sinew.tasks.discover.judge.rules import Evidence, Verdict, next_best, rivals, verdict
 from sinew.tasks.discover.judge.scores import Score, Scores, misfit_by_chance
+from sinew.tasks.discover.known import inputs_of, known_verdict
 from sinew.tasks.discover.measure.cells import located_part
 from sinew.tasks.discover.measure.shape import shape
 from sinew.tasks.discover.on_workers import conflicts, gap_of, misfits, on_a_worker
 from sinew.tasks.discover.result import (
-    COPY,
-    NAMES,
-    WITH_LAWS,
     BareFit,
     CandidateResult,
     CellMisfit,
     Conflict,
     DiscoverResult,
     NoiseLevel,
+    OtherNoise,
 )
 from sinew.tasks.discover.settings import Settings
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.build import febio_of
-from sinew.tasks.simulate.febio import effects_inside
 from sinew.tasks.study import streams
-from sinew.tasks.study.cached import cached, commit, key
+from sinew.tasks.study.cached import commit
 from sinew.tasks.study.streams import Stream
-from sinew.tasks.study.workspace import Workspace, attempts_folder
+from sinew.tasks.study.workspace import Workspace
 
 MAX_RIVALS = 4  # candidates that the next experiment has to separate
 LEFT_OVER = ("PARTLY", "OUTSIDE")  # words of verdicts after which a law is looked for
@@ -100,7 +97,7 @@ class Findings:
             located=any(cell.beyond_chance for cell in cells),
             surely=any(cell.far_beyond_chance for cell in cells),
             trusted=all(ended),
-            cornered=cornered(self.cohort[0].model, self.candidates.bare),
+            cornered=cornered(self.cohort[0].candidate().free, self.candidates.bare),
         )
 
 
@@ -110,10 +107,9 @@ def run(workspace: Workspace, settings: Settings) -> DiscoverResult:
     Raises :class:`BadInput` when the study's model has effects already, for effects that its simulator does not have,
     and when the noise cannot be estimated from the curves.
     """
-    workspace.say_what_is_left_out("discover")
     specimens = workspace.specimens(settings.specimens, "discover.specimens")
     inputs = inputs_of(workspace, settings, specimens)
-    if (known := _known(workspace, specimens, inputs)) is not None:
+    if (known := known_verdict(workspace, specimens, inputs)) is not None:
         return known
     cohort = _ready(workspace, settings, specimens)
     findings = _findings(workspace, settings, cohort)
@@ -160,52 +156,6 @@ def _several(decided: Verdict, scores: Scores) -> bool:
     return bool(decided.judged) and (
         decided.word == "OUTSIDE" or (decided.word == "AMBIGUOUS" and len(decided.judged) > 1)
     )
-
-
-# ---- a verdict that is known already
-
-
-def inputs_of(workspace: Workspace, settings: Settings, specimens: Sequence[Specimen]) -> str:
-    """The key of all that a verdict depends on, and of nothing else.
-
-    These are the settings and the seed, the model with its ranges, the curves, the simulator, the solver that checks
-    the effect, and the method's version. Where files lie, and how the code is written, are not among them.
-    """
-    model = workspace.model
-    ranges = [[one.name, one.minimum, one.maximum, one.reference] for one in model.parameters]
-    data = [[specimen.name, specimen.identity()] for specimen in specimens]
-    simulators = [workspace.simulator.identity()]
-    if model.law == "tendon":
-        simulators.append(febio_of(workspace.study, (), attempts_folder(workspace.out)).identity())
-    elif where := workspace.simulator.capabilities.constituents:
-        simulators.append({"inside": effects_inside.VERSION, "at": dict(where)})
-    return key(DiscoverResult, settings.model_dump(), workspace.seed, model.identity(), ranges, data, simulators)
-
-
-def _known(workspace: Workspace, specimens: Sequence[Specimen], inputs: str) -> DiscoverResult | None:
-    """The verdict on the same inputs, if all of its files are there and nothing is to be tried again."""
-    if workspace.retry_failed:
-        return None
-    known = cached(workspace, DiscoverResult, inputs, [stored_as(one.name) for one in specimens], [COPY])
-    if known is None or (workspace.out / COPY).read_bytes() != DiscoverResult.path(workspace.out).read_bytes():
-        return None
-    if known.verdict in NAMES and (known.model is None or known.judged is None):
-        return None  # a name comes with its study; what lies in its place may be anybody's
-    if known.model is not None and not all((workspace.out / path).is_file() for path in known.model.febio.inputs):
-        return None
-    # where the study was renamed or moved, the studies with the effects and with the laws change as well
-    model, law = known.model, known.law
-    if model is not None and known.judged is not None:
-        path, difference = study_with(workspace, by_name(known.judged.forms, specimens))
-        model = replace(model, path=path, difference=difference)
-    if law is not None:
-        path, difference = study_with(workspace, by_name((*law.beside, *law.names), specimens), WITH_LAWS)
-        law = replace(law, path=path, difference=difference)
-    if (model, law) == (known.model, known.law):
-        return known
-    moved = replace(known, model=model, law=law)
-    moved.write(workspace.out)
-    return moved
 
 
 # ---- fits and measures
@@ -294,6 +244,7 @@ def _result(
         located=evidence.located,
         surely=evidence.surely,
         noise={name: NoiseLevel(one.sd_N, one.ar1, one.proportional) for name, one in noise.items()},
+        compared=_compared(workspace, cohort),
         candidates=_candidates(workspace, findings, decided, shown),
         cells=dict(zip(names, findings.before, strict=True)),
         shown=judged.effects,
@@ -309,6 +260,18 @@ def _result(
         remainder=_remainder(workspace, findings, judged, shown) if decided.named else None,
         after=dict(zip(names, findings.after[shown], strict=True)) if shown in findings.after else None,
     )
+
+
+def _compared(workspace: Workspace, cohort: Sequence[SpecimenFits]) -> Mapping[str, Mapping[str, OtherNoise]] | None:
+    """The noise of what is compared beside the force, by specimen; None where the force is all."""
+    if not workspace.study.compared:
+        return None
+    units = {output.name: output.unit for output in workspace.simulator.capabilities.outputs}
+    every = {one.name: one.measured.others for one in cohort}
+    return {
+        name: {each: OtherNoise(noise.sd_N, noise.ar1, units[each]) for each, noise in others.items()}
+        for name, others in every.items()
+    }
 
 
 def _curves(workspace: Workspace, findings: Findings, shown: Effects) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What no effect explains: a random smooth course of the force, whose size is estimated with the parameters.
+"""What no effect explains: a random smooth course of a quantity, whose size is estimated with the parameters.
 
 Every model of tissue is wrong in some smooth way. Judged against noise alone, any effect that follows the error a
 little would be certain. So the error has a prior of its own (Kennedy and O'Hagan 2001, J R Stat Soc B 63): three sums
@@ -12,6 +12,9 @@ size:
 The sizes are those of the largest evidence (Rasmussen and Williams 2006, Gaussian processes for machine learning,
 section 5.4). The evidence also counts how closely the data determine the parameters (Laplace's approximation), so a
 candidate with more parameters needs no further penalty.
+
+Where more than the force is compared, each quantity has a discrepancy of its own
+(:mod:`sinew.tasks.fitting.discrepancies`).
 """
 
 from collections.abc import Callable, Sequence
@@ -24,6 +27,7 @@ from scipy.optimize import minimize
 
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.fitting.splines import COEFFICIENTS, KINDS, piece_of, ranges_of, spline_forces
+from sinew.tasks.model import FORCE
 from sinew.tasks.simulate import Array
 
 WIDTH = 12.0  # precision of a parameter that is anywhere on the unit cube
@@ -32,7 +36,7 @@ SMALLEST, LARGEST = -4.6, 7.0  # logarithm of a size, in units of the noise
 
 @dataclass(frozen=True, eq=False)
 class Discrepancy:
-    """The sums of splines of one specimen, as whitened forces.
+    """The sums of splines of one quantity of a specimen, whitened.
 
     ``blocks``: each ``[g, c]``, of unit mean square; ``basis`` ``[g, q]``: orthonormal columns that span all of them;
     ``grams``: of each block, ``[q, q]``.
@@ -55,23 +59,37 @@ class Discrepancy:
         ``sizes`` ``[blocks]`` are logarithms, ``slopes`` ``[g, k]`` the derivatives of the residuals by the parameters
         (unit cube). Constants that all models have in common are left out.
         """
-        return self._evidence(sizes, *_reduced(self.basis, error, slopes))
+        alone, precision = self.terms(sizes, error, slopes)
+        return alone + determined(precision)
 
-    def _evidence(self, sizes: Array, error: Array, slopes: Array, beside: float, rest: Array) -> float:
+    def terms(self, sizes: Array, error: Array, slopes: Array) -> tuple[float, Array]:
+        """The evidence but for how closely the parameters are determined, and their precision ``[k, k]``."""
+        return self._terms(sizes, *_reduced(self.basis, error, slopes))
+
+    def _terms(self, sizes: Array, error: Array, slopes: Array, beside: float, rest: Array) -> tuple[float, Array]:
         covariance = np.eye(self.basis.shape[1])
         for size, gram in zip(sizes, self.grams, strict=True):
             covariance += np.exp(2.0 * size) * gram
         root = np.linalg.cholesky(covariance)
         white = solve_triangular(root, np.column_stack([error, slopes]), lower=True, check_finite=False)
         precision = rest + white[:, 1:].T @ white[:, 1:]
-        known = np.linalg.slogdet(precision / WIDTH + np.eye(len(precision)))[1]
-        return float(beside + white[:, 0] @ white[:, 0] + 2.0 * np.log(np.diag(root)).sum() + known)
+        return float(beside + white[:, 0] @ white[:, 0] + 2.0 * np.log(np.diag(root)).sum()), precision
 
-    def sized(self, error: Array, slopes: Array, begin: Array, iterations: int = 30) -> tuple[Array, float]:
-        """The sizes ``[blocks]`` of the largest evidence, found from ``begin``, and that evidence."""
+    def sized(
+        self, error: Array, slopes: Array, begin: Array, iterations: int = 30, others: Array | float = 0.0
+    ) -> tuple[Array, float]:
+        """The sizes ``[blocks]`` of the largest evidence, found from ``begin``, and that evidence.
+
+        ``others`` ``[k, k]``: the precision that other quantities give the parameters.
+        """
         reduced = _reduced(self.basis, error, slopes)
+
+        def evidence(sizes: Array) -> float:
+            alone, precision = self._terms(sizes, *reduced)
+            return alone + determined(precision + others)
+
         best = minimize(
-            lambda sizes: self._evidence(sizes, *reduced), begin, method="L-BFGS-B",
+            evidence, begin, method="L-BFGS-B",
             bounds=[(SMALLEST, LARGEST)] * len(self.blocks), options={"maxiter": iterations},
         )  # fmt: skip
         return best.x, float(best.fun)
@@ -96,14 +114,19 @@ class Discrepancy:
         return white
 
 
+def determined(precision: Array) -> float:
+    """What the evidence counts for parameters that the data determine with this ``precision`` ``[k, k]``."""
+    return float(np.linalg.slogdet(precision / WIDTH + np.eye(len(precision)))[1])
+
+
 def _reduced(basis: Array, error: Array, slopes: Array) -> tuple[Array, Array, float, Array]:
     """Residuals and slopes within the basis, the square of the residuals beside it, and the slopes' products there."""
     within, along = basis.T @ error, basis.T @ slopes
     return within, along, float(error @ error - within @ within), slopes.T @ slopes - along.T @ along
 
 
-def discrepancy_of(measured: Measured, root: Array | None = None) -> Discrepancy:
-    """The discrepancy of a specimen.
+def discrepancy_of(measured: Measured, root: Array | None = None, quantity: str = FORCE) -> Discrepancy:
+    """The discrepancy of a ``quantity`` of a specimen.
 
     ``root`` ``[coefficients, coefficients]``: of the covariance of each spline's coefficients; without, these are
     independent.
@@ -112,7 +135,7 @@ def discrepancy_of(measured: Measured, root: Array | None = None) -> Discrepancy
     pieces = [piece_of(measured, curve) for curve in curves]
     ranges = ranges_of(pieces)
     white = [
-        measured.thinned[curve.name].weights @ spline_forces(piece, ranges)
+        measured.thinned[curve.name].quantities[quantity].weights @ spline_forces(piece, ranges)
         for curve, piece in zip(curves, pieces, strict=True)
     ]
     grows = np.tile(np.repeat([False, True], COEFFICIENTS), len(KINDS))

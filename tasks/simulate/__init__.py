@@ -1,6 +1,6 @@
 """Simulators: from parameters to the force along a protocol. All have the same signature and are interchangeable."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, cast
 from typing import Protocol as Interface
@@ -8,11 +8,14 @@ from typing import Protocol as Interface
 import numpy as np
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.model import Curve, Model, Protocol, Specimen
+from sinew.tasks.model import FORCE, Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
+
+Courses = Mapping[str, Array]
+"""What a model gives along a protocol, ``[n, t]`` by quantity: the force (N), and others in their own units."""
 
 Summary = Literal["max", "min", "mean", "last"]
 
@@ -40,7 +43,8 @@ class Simulated:
 
     ``force_N`` ``[n, t]`` (N; NaN where a row failed), ``status`` ``[n]`` (positions in
     :data:`sinew.runner.store.schema.STATUSES`), ``messages`` (``n`` texts), and on request the second Piola-Kirchhoff
-    stresses of both constituents, ``matrix_MPa`` and ``fibre_MPa`` ``[n, t]`` (MPa).
+    stresses of both constituents, ``matrix_MPa`` and ``fibre_MPa`` ``[n, t]`` (MPa). ``outputs``: those of the
+    simulator besides the force, by name, ``[n, t]``.
     """
 
     force_N: Array
@@ -48,6 +52,11 @@ class Simulated:
     messages: tuple[str, ...]
     matrix_MPa: Array | None = None
     fibre_MPa: Array | None = None
+    outputs: Courses = field(default_factory=dict)
+
+    def courses(self, others: Iterable[str]) -> Courses:
+        """The force, and these of the other outputs."""
+        return {FORCE: self.force_N, **{name: self.outputs[name] for name in others}}
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,16 +88,20 @@ class Around:
         if stresses:
             raise BadInput("simulator", "with effects there are no stresses of the constituents", "a model without")
 
+        others = self._others
+
         def run(own: Model, values: Array, moved: Protocol) -> Array:
             done = self.inner.simulate(own, specimen, moved, values)
-            return _first(done, done.force_N)
+            return _first(done, done.force_N, *(done.outputs[name] for name in others))
 
-        found, status, messages = self._rows(model, specimen, protocol, parameters, run, 1)
-        return Simulated(found[:, 0], status, messages)
+        found, status, messages = self._rows(model, specimen, protocol, parameters, run, 1 + len(others))
+        return Simulated(
+            found[:, 0], status, messages, outputs=dict(zip(others, found[:, 1:].swapaxes(0, 1), strict=True))
+        )
 
     def compare(self, model: Model, specimen: Specimen, curve: Curve, parameters: Array, keep: Array) -> Compared:
         outputs, every = self.inner.capabilities.outputs, np.arange(curve.protocol.time_s.size)
-        others = [output.name for output in outputs if output.name != self.inner.capabilities.force]
+        others = self._others
 
         def run(own: Model, values: Array, moved: Protocol) -> Array:
             done = self.inner.compare(own, specimen, replace(curve, protocol=moved), values, every)
@@ -116,6 +120,12 @@ class Around:
             {output.name: output.summarised(values[output.name]) for output in outputs},
             {name: rmse_of(values[name], measured) for name, measured in curve.others.items() if name in values},
         )
+
+    @property
+    def _others(self) -> list[str]:
+        """The outputs besides the force."""
+        can = self.inner.capabilities
+        return [output.name for output in can.outputs if output.name != can.force]
 
     def _rows(
         self,

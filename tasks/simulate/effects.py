@@ -19,7 +19,7 @@ from sinew.tasks.model.effect import Bars, Branch, Effect, Law, Values, model_wi
 from sinew.tasks.model.effects import effect_named
 from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, impossible, memory, rmse_of
 from sinew.tasks.simulate.in_time import balanced_in_time
-from sinew.tasks.simulate.lateral import OUTPUTS, laterals
+from sinew.tasks.simulate.lateral import OUTPUTS, laterals, widths
 from sinew.tasks.simulate.uniaxial import without_width
 
 VERSION = 6  # of the forces that are computed here
@@ -57,7 +57,8 @@ class UniaxialWith:
     ) -> Simulated:
         if stresses:
             raise ValueError("with effects there are no stresses of the constituents")
-        return self._pulled(model, specimen, protocol, parameters)[0]
+        done, strain = self._pulled(model, specimen, protocol, parameters)
+        return replace(done, outputs=widths(self.compared, model, specimen, parameters, strain, done.force_N))
 
     def _pulled(
         self, model: Model, specimen: Specimen, protocol: Protocol, parameters: Array

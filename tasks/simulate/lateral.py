@@ -30,6 +30,14 @@ def lateral(name: str, model: Model, specimen: Specimen, parameters: Array, stra
     return np.asarray(values * (specimen.width_mm if name == "width_change_mm" else 1.0))
 
 
+def widths(
+    names: Sequence[str], model: Model, specimen: Specimen, parameters: Array, strain: Array, force_N: Array
+) -> dict[str, Array]:
+    """Each output by name, as :func:`lateral`; NaN in rows that failed, whose ``force_N`` ``[n, t]`` is NaN."""
+    there = np.isfinite(force_N[:, :1])
+    return {name: np.where(there, lateral(name, model, specimen, parameters, strain), np.nan) for name in names}
+
+
 def laterals(
     names: Sequence[str],
     model: Model,

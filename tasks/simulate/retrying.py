@@ -48,4 +48,7 @@ def _merged(done: Simulated, at: Array, new: Simulated) -> Simulated:
         if (values := getattr(done, name)) is not None:
             changed[name] = values.copy()
             changed[name][at] = getattr(new, name)
+    changed["outputs"] = {name: values.copy() for name, values in done.outputs.items()}
+    for name, values in changed["outputs"].items():
+        values[at] = new.outputs[name]
     return replace(done, **changed)

@@ -21,7 +21,7 @@ import numpy as np
 from sinew.runner.store.schema import STATUSES
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, impossible
-from sinew.tasks.simulate.lateral import OUTPUTS, laterals
+from sinew.tasks.simulate.lateral import OUTPUTS, laterals, widths
 
 # A term in a long hold decays into the subnormal numbers and stays there, as the smallest of them times any decay
 # above one half is itself again. A processor takes some hundred cycles for each product with one.
@@ -53,7 +53,8 @@ class Uniaxial:
         status, messages = _judge(model, parameters, force)
         for array in (force, matrix, fibre):
             array[status[: len(array)] > 0] = np.nan
-        return Simulated(force, status, messages, matrix if stresses else None, fibre if stresses else None)
+        outputs = widths(self.compared, model, specimen, parameters, _strain(specimen, protocol), force)
+        return Simulated(force, status, messages, matrix if stresses else None, fibre if stresses else None, outputs)
 
     def compare(self, model: Model, specimen: Specimen, curve: Curve, parameters: Array, keep: Array) -> Compared:
         force, _, _, squares = _run(model, specimen, curve.protocol, parameters, keep, curve.force_N)
@@ -67,9 +68,15 @@ class Uniaxial:
     def _with_outputs(
         self, done: Compared, model: Model, specimen: Specimen, curve: Curve, parameters: Array, keep: Array
     ) -> Compared:
-        strain = 0.5 * (specimen.stretch(curve.protocol) ** 2 - 1.0)
+        strain = _strain(specimen, curve.protocol)
         values, summaries, rmse = laterals(self.compared, model, specimen, dict(curve.others), parameters, strain, keep)
         return without_width(replace(done, outputs=values, summaries=summaries, rmse=rmse))
+
+
+def _strain(specimen: Specimen, protocol: Protocol) -> Array:
+    """The Green-Lagrange strain ``[t]`` along the bar."""
+    strain: Array = 0.5 * (specimen.stretch(protocol) ** 2 - 1.0)
+    return strain
 
 
 def without_width(done: Compared) -> Compared:

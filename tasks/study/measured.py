@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -30,6 +30,11 @@ class QuantitySettings(Section):
 
 
 Quantities = Annotated[dict[str, QuantitySettings], Field(min_length=1, max_length=100)]
+
+
+def key_of_quantities(compared: Sequence[str], force_noise: float | None) -> list[Any]:
+    """What the key of a result has of ``compared`` quantities besides their curves; nothing where the force is all."""
+    return [["with quantities", force_noise]] if compared else []
 
 
 def check_quantities(measured: Mapping[str, QuantitySettings], units: Mapping[str, str], gives_force: bool) -> None:

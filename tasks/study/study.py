@@ -183,6 +183,12 @@ class StudyFields(Section):
         return tuple(name for name in self.measured or () if name != FORCE)
 
     @property
+    def force_noise(self) -> float | None:
+        """The standard deviation of the force's noise (N), where the study gives it."""
+        given = (self.measured or {}).get(FORCE)
+        return given.noise if given is not None and given.noise != "estimated" else None
+
+    @property
     def cohort_path(self) -> Path:
         """The cohort's folder; relative paths start at the study file."""
         if self.cohort is None:

@@ -187,11 +187,6 @@ class Workspace:
         """A line for a person."""
         self.console.print(words)
 
-    def say_what_is_left_out(self, task: str) -> None:
-        """A line for a person where the study compares quantities beside the force, which ``task`` does not."""
-        if names := self.study.compared:
-            self.say(f"{task} compares the force alone, not {', '.join(names)}")
-
     def event(self, event: str, **facts: Any) -> None:
         """A JSON line for a program that looks on."""
         if self.show == "json":

@@ -2,7 +2,8 @@
 
 The truth is the dog-bone of the tutorial with eight times the study's elements and half its time steps, with an effect
 in the library's own form, of a drawn size, and white noise. ``OUT/cases`` is a folder for ``sinew benchmark discover``,
-``OUT/study.yaml`` the study that knows the coarse mesh and no effect. Needs febio4.
+``OUT/study.yaml`` the study that knows the coarse mesh and no effect. Needs febio4. With ``--points``, a camera follows
+ten points of the gauge (``dic_1_mm`` to ``dic_10_mm``, along the pull), and the study compares them, too.
 """
 
 import json
@@ -25,6 +26,7 @@ from sinew.tasks.study.resources import resource
 from sinew.tasks.study.study import read_study
 
 RATE_HZ, NOISE = 5.0, 0.003  # of the peak force
+POINTS, POINT_NOISE_MM, PICTURES_EVERY = 10, 0.002, 2  # that a camera follows; rows from one picture to the next
 FINER = ("set fineness = 1", "set fineness = 2")
 SIZE_MM, SCATTER = (20.0, 4.0, 2.0), 0.03
 RANGES = {"E_matrix": (12.0, 40.0), "nu": (0.2, 0.4), "g_1": (0.3, 1.2), "tau_1": (4.0, 20.0)}  # of true values
@@ -42,7 +44,19 @@ PROTOCOLS = (
 )
 
 
-def study_of(out: Path, changes: tuple[str, str] | None = None, **settings: Any) -> Path:
+def outputs_of_points(fineness: int) -> dict[str, dict[str, Any]]:
+    """Where ten points of the gauge's surface go, along the pull: five heights on the middle line and on the edge."""
+    across, sheet = 3 * fineness + 1, (3 * fineness + 1) * (2 * fineness + 1)
+    first = 1 + 2 * fineness * across
+    nodes = [first + i + k * fineness * sheet for i in (0, across - 1) for k in range(1, 6)]
+    names = [f"dic_{number}_mm" for number in range(1, POINTS + 1)]
+    return {
+        name: {"data": "node_data", "item": "uz", "ids": [node], "unit": "mm"}
+        for name, node in zip(names, nodes, strict=True)
+    }
+
+
+def study_of(out: Path, changes: tuple[str, str] | None = None, *, points: bool = False, **settings: Any) -> Path:
     """Write the study of the dog-bone without measurements of its own, and its template; returns the study's path."""
     out.mkdir(parents=True, exist_ok=True)
     shutil.copytree(str(resource("configs/dogbone")), out / "dogbone", dirs_exist_ok=True)
@@ -54,6 +68,10 @@ def study_of(out: Path, changes: tuple[str, str] | None = None, **settings: Any)
     for name in ("specimen", "protocols", "sobol", "calibrate"):
         content.pop(name)
     content["simulator"] |= {"fibre": "tissue", "matrix": "tissue"} | settings
+    if points:
+        outputs = outputs_of_points(1 if changes is None else 2)
+        content["simulator"]["outputs"] = {"force": content["simulator"]["outputs"]["force"]} | outputs
+        content["measured"] = {"force": {}} | {name: {} for name in outputs}
     content |= {"cohort": "cohort", "tasks": ["discover"], "discover": {"laws": False}}
     path = out / "study.yaml"
     path.write_text(yaml.safe_dump(content, sort_keys=False))
@@ -68,7 +86,13 @@ def pulled(simulator: Simulator, model: Model, specimen: Specimen, row: Array, r
         if done.status[0]:
             raise click.ClickException(f"{specimen.name}, {protocol.name}: {done.messages[0]}")
         force = done.force_N[0]
-        curves.append(Curve(protocol, force + NOISE * np.abs(force).max() * rng.standard_normal(force.size)))
+        noisy = force + NOISE * np.abs(force).max() * rng.standard_normal(force.size)
+        others = {}
+        for name, course in done.outputs.items():
+            if name.startswith("dic_"):
+                others[name] = course[0] + POINT_NOISE_MM * rng.standard_normal(force.size)
+                others[name][np.arange(force.size) % PICTURES_EVERY > 0] = np.nan
+        curves.append(Curve(protocol, noisy, others))
     return Specimen(specimen.name, specimen.length_mm, specimen.width_mm, specimen.thickness_mm, tuple(curves))
 
 
@@ -86,13 +110,14 @@ def sizes_of(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder to write.")
 @click.option("--effect", "slugs", multiple=True, required=True, help="One case with this effect; none: a null.")
 @click.option("--specimens", type=click.IntRange(1, 4), default=1, show_default=True)
+@click.option("--points", is_flag=True, help="Ten points of the gauge are followed by a camera.")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
-def main(out: Path, slugs: tuple[str, ...], specimens: int, seed: int) -> None:
+def main(out: Path, slugs: tuple[str, ...], specimens: int, points: bool, seed: int) -> None:
     """Write cohorts, answers.json and the study for `sinew benchmark discover`."""
     if shutil.which("febio4") is None:
         raise click.ClickException("febio4 is not on the PATH")
-    study_of(out)
-    fine = read_study(study_of(out / "fine", FINER, time_steps={"ramp_s": 0.25, "hold_growth": 0.1}))
+    study_of(out, points=points)
+    fine = read_study(study_of(out / "fine", FINER, points=points, time_steps={"ramp_s": 0.25, "hold_growth": 0.1}))
     simulator, bare = simulator_of(fine, None, out / "scratch"), model_of(fine.model, "template")
     answers = {}
     for number, slug in enumerate(slugs, 1):

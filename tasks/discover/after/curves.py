@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits
-from sinew.tasks.model import Specimen, file_name
+from sinew.tasks.model import FORCE, Specimen, file_name
 from sinew.tasks.simulate import Array
 
 if TYPE_CHECKING:
@@ -18,28 +18,40 @@ def stored_as(specimen: str) -> str:
 
 
 def simulated(one: SpecimenFits, bare_fit: Fitted, effects: Effects, fitted: Fitted | None) -> dict[str, Array]:
-    """Forces (N) of every curve: ``bare_CURVE`` and, where there are ``effects``, ``having_CURVE``."""
+    """Forces (N) of every curve: ``bare_CURVE`` and, where there are ``effects``, ``having_CURVE``.
+
+    Other quantities that are compared are ``bare_QUANTITY_CURVE`` and ``having_QUANTITY_CURVE``.
+    """
     specimen, models = one.measured.specimen, {"bare": (one.candidate(), bare_fit)}
     if fitted is not None:
         models["having"] = one.candidate(effects), fitted
     return {
-        f"{name}_{curve.name}": candidate.forces(specimen, curve.protocol, at.at[None])[0]
+        _name(name, quantity, curve.name): course[0]
         for curve in specimen.curves
         for name, (candidate, at) in models.items()
+        for quantity, course in candidate.courses(specimen, curve.protocol, at.at[None]).items()
     }
 
 
-def stored(specimen: Specimen, effects: Effects, forces: Mapping[str, Array]) -> "xr.Dataset":
-    """What is kept of a specimen: displacements (mm), and measured and simulated ``forces`` (N), of every curve."""
+def _name(model: str, quantity: str, curve: str) -> str:
+    """What a course is called in the store."""
+    return f"{model}_{curve}" if quantity == FORCE else f"{model}_{quantity}_{curve}"
+
+
+def stored(specimen: Specimen, effects: Effects, courses: Mapping[str, Array]) -> "xr.Dataset":
+    """What is kept of a specimen: displacements (mm), and measured and simulated ``courses``, of every curve."""
     import xarray as xr
 
     variables: dict[str, Any] = {}
     for curve in specimen.curves:
         dimension = f"time_{curve.name}"
         variables[f"displacement_{curve.name}"] = (dimension, curve.protocol.displacement_mm)
-        variables[f"measured_{curve.name}"] = (dimension, curve.force_N)
-        for name in ("bare", "having"):
-            if (force := forces.get(f"{name}_{curve.name}")) is not None:
-                variables[f"{name}_{curve.name}"] = (dimension, force)
+        for quantity in (FORCE, *specimen.others):
+            measured = curve.force_N if quantity == FORCE else curve.others[quantity]
+            variables[_name("measured", quantity, curve.name)] = (dimension, measured)
+            for model in ("bare", "having"):
+                name = _name(model, quantity, curve.name)
+                if (course := courses.get(name)) is not None:
+                    variables[name] = (dimension, course)
     times = {f"time_{curve.name}": curve.protocol.time_s for curve in specimen.curves}
     return xr.Dataset(variables, coords=times, attrs={"effects": [effect.slug for effect in effects]})

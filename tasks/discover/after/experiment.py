@@ -175,7 +175,7 @@ class _Before:
 class _After:
     """A rival in a test to come: forces ``[t]`` (N) at ``time_s`` ``[t]``, derivatives ``[t, k]``, both whitened, too.
 
-    ``white`` ``[g, k + 1]``: derivatives and forces in units of the noise.
+    ``white`` ``[g, k + 1]``: derivatives and courses of all that is compared, in units of the noise.
     """
 
     time_s: Array
@@ -186,32 +186,48 @@ class _After:
     @classmethod
     def of(cls, candidate: Candidate, pulled: Measured, at: Array) -> "_After":
         thin = pulled.thinned[pulled.curves[0].name]
+        points = thin.protocol.time_s.size
         with np.errstate(all="ignore"):  # a model that fails leaves NaN
-            force, slopes = derivatives(candidate, pulled, at, pulled.curves, _forces)
-            white = thin.weights @ np.column_stack([slopes, force])
-        return cls(thin.protocol.time_s, force, slopes, white)
+            courses, slopes = derivatives(candidate, pulled, at, pulled.curves, _courses)
+            both = np.split(np.column_stack([slopes, courses]), len(thin.quantities))
+            white = np.concatenate([one.weights @ own for one, own in zip(thin.quantities.values(), both, strict=True)])
+        return cls(thin.protocol.time_s, courses[:points], slopes[:points], white)
 
 
 def _pulled(test: Test, measured: Measured, candidate: Candidate, at: Array) -> Measured:
     """A specimen in a test to come, and the noise it will have.
 
-    Noise that grows with the force is that of the first rival's: one level, so that rivals are weighed alike.
+    Noise that grows with the force is that of the first rival's: one level, so that rivals are weighed alike. Other
+    quantities are measured as often as they were so far.
     """
     specimen = test.specimen(measured.specimen)
     protocol = test.protocol(specimen.length_mm)
     level = np.zeros(protocol.time_s.size)
     if measured.noise.proportional:
         level = candidate.forces(specimen, protocol, at[np.newaxis])[0]
-    return Measured(replace(specimen, curves=(Curve(protocol, level),)), measured.noise)
+    others = {name: _seldom(protocol.time_s, _interval(measured.curves, name)) for name in measured.others}
+    return replace(measured, specimen=replace(specimen, curves=(Curve(protocol, level, others),)))
 
 
-def _forces(
+def _interval(curves: Sequence[Curve], name: str) -> float:
+    """The time (s) from one measurement of a quantity to the next, as it mostly was."""
+    times = [curve.protocol.time_s[np.isfinite(curve.others[name])] for curve in curves]
+    return float(np.median(np.concatenate([np.diff(each) for each in times])))
+
+
+def _seldom(time_s: Array, interval_s: float) -> Array:
+    """Values ``[t]`` that are there every ``interval_s`` at most, and NaN in between."""
+    number = np.floor((time_s - time_s[0]) / interval_s + 1e-9)
+    return np.where(np.diff(number, prepend=-1.0) > 0.0, 0.0, np.nan)
+
+
+def _courses(
     candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve], *, nearby: bool = False
 ) -> Array:
-    """Forces ``[n, t]`` (N) at the points at which fits ask the model."""
+    """All that is compared ``[n, quantities x t]``, at the points at which fits ask the model."""
     asked = [measured.thinned[curve.name].protocol for curve in curves]
-    parts = [candidate.forces(measured.specimen, protocol, at, nearby=nearby) for protocol in asked]
-    return np.concatenate(parts, axis=1)
+    every = [candidate.courses(measured.specimen, protocol, at, nearby=nearby) for protocol in asked]
+    return np.concatenate([course for courses in every for course in courses.values()], axis=1)
 
 
 def _separation(

@@ -13,7 +13,10 @@ from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.simulate import Array
 
 Expected = Mapping[str, Sequence[Array]]
-"""By kind of split: the expected squared errors ``[t]`` of a true model on each held-out curve of a specimen."""
+"""By kind of split: the expected squared errors of a true model on each held-out curve of a specimen.
+
+``[quantities, t]``; NaN where nothing was measured.
+"""
 
 
 def gap(errors: SquaredErrors, effects: Effects, expected: Sequence[Expected], before: Effects = ()) -> Gap:
@@ -46,7 +49,7 @@ def _split_gap(bare: Mapping[str, Array], extended: Mapping[str, Array], expecte
 
 
 def _root_mean_square(squares: Iterable[Array]) -> float:
-    return float(np.sqrt(np.mean(np.concatenate(list(squares)))))
+    return float(np.sqrt(np.mean(np.concatenate([one[np.isfinite(one)] for one in squares]))))
 
 
 def expected_errors(candidate: Candidate, measured: Measured, fitted: Fitted) -> Expected:
@@ -58,6 +61,6 @@ def expected_errors(candidate: Candidate, measured: Measured, fitted: Fitted) ->
         for curve in measured.curves:
             if curve.name in split.judged:
                 _, slopes = derivatives(candidate, measured, fitted.at, [curve], errors)
-                own = slopes[split.judged[curve.name] :]
-                variances[split.kind].append(1.0 + np.sum((own @ spread) * own, axis=1))
+                own = measured.by_row(curve, slopes)[:, split.judged[curve.name] :]
+                variances[split.kind].append(1.0 + np.sum((own @ spread) * own, axis=-1))
     return variances

@@ -5,13 +5,14 @@ must give the embedded force, and at their null values, which must give another.
 """
 
 import shutil
+from dataclasses import replace
 from functools import partial
 from typing import cast
 
 import numpy as np
 
 from sinew.runner.evaluation.adaptive import Session
-from sinew.tasks.discover.fit.fit import Candidate, Fitted
+from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
 from sinew.tasks.discover.follow_up import SolverCheck, SolverRun
 from sinew.tasks.model import Curve, Model, Specimen, file_name
@@ -36,7 +37,7 @@ def in_febio(workspace: Workspace, one: SpecimenFits, effects: Effects, fitted: 
     if missing:
         return SolverCheck((), ran=False, why="; ".join(missing))
     solver = febio_of(workspace.study, effects, attempts_folder(workspace.out))
-    specimen, candidate = one.measured.specimen, Candidate(one.model, effects)
+    specimen, candidate = one.measured.specimen, replace(one.candidate(effects), solver=None)
     model = model_with(one.model, effects)
     null = np.concatenate([fitted.at[: fitted.at.size - candidate.null().size], candidate.null()])
     rows = np.concatenate(candidate.rows(np.array([fitted.at, null])), axis=1)
@@ -71,7 +72,7 @@ def _own_model(workspace: Workspace, one: SpecimenFits, effects: Effects, fitted
     if not within:
         return SolverCheck((), ran=False, why="the effects act around the study's own model; all forces are its own")
     solver = cast(FEBio, workspace.simulator)
-    candidate = Candidate(one.model, effects)
+    candidate = one.candidate(effects)
     own, values = (each[0] for each in candidate.rows(fitted.at[np.newaxis]))
     names = [name for effect in effects for name in effect.names]
     chosen = [values[names.index(name)] for effect in within for name in effect.names]

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares, lsq_linear
 from threadpoolctl import threadpool_limits
 
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, derivatives, pulls, spreads, together
-from sinew.tasks.fitting.discrepancy import Discrepancy, discrepancy_of
+from sinew.tasks.fitting.discrepancies import discrepancies_of
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array
@@ -53,7 +53,7 @@ class Beside:
 def fit_beside(candidate: Candidate, measured: Measured, start: Array, sizes: Array) -> Beside:
     """The fit nearest to ``start`` ``[k]`` on the unit cube, from a discrepancy of log ``sizes`` ``[blocks]``."""
     with threadpool_limits(1):  # matrices are small: threads would wait for each other
-        discrepancy = discrepancy_of(measured)
+        discrepancy = discrepancies_of(measured)
         at = start
         for _ in range(ROUNDS):
             at, fitted, error, slopes = _fit(candidate, measured, at, discrepancy.whitening(sizes))
@@ -72,7 +72,7 @@ def promise_beside(
     model has bent far to follow a missing effect.
     """
     with threadpool_limits(1):
-        discrepancy = discrepancy_of(measured)
+        discrepancy = discrepancies_of(measured)
         white = discrepancy.whitening(before.sizes)
         candidate, alone = base.having(*base.effects, effect), base.having(effect)
         null, typical = alone.null(), alone.typical()
@@ -94,14 +94,14 @@ def promise_beside(
 def first_sizes(candidate: Candidate, measured: Measured, at: Array) -> Array:
     """The log sizes ``[blocks]`` of the discrepancy that a fit without one left at ``at`` ``[k]``."""
     with threadpool_limits(1):
-        discrepancy: Discrepancy = discrepancy_of(measured)
+        discrepancy = discrepancies_of(measured)
         error, slopes = derivatives(candidate, measured, at, measured.curves)
-        return discrepancy.sized(error, slopes, np.zeros(len(discrepancy.blocks)))[0]
+        return discrepancy.sized(error, slopes, np.zeros(discrepancy.count))[0]
 
 
 def blocks_of(measured: Measured) -> int:
     """How many sizes a discrepancy of the specimen has."""
-    return len(discrepancy_of(measured).blocks)
+    return discrepancies_of(measured).count
 
 
 def _step(error: Array, slopes: Array, point: Array) -> Array:

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
-from sinew.tasks.discover.fit.fit import Fitted, seen_by_force
-from sinew.tasks.model import Model, Parameter
+from sinew.tasks.discover.fit.fit import Fitted
+from sinew.tasks.model import Parameter
 
 
 def at_limit(parameter: Parameter, at: float, null: Mapping[str, float]) -> bool:
@@ -26,8 +26,7 @@ def pressed_in_most(
     )
 
 
-def cornered(model: Model, bare: Sequence[Fitted]) -> tuple[str, ...]:
-    """The parameters of the bare model that are pressed in most specimens, if these are most of its parameters."""
-    varied = seen_by_force(model)
+def cornered(varied: Sequence[Parameter], bare: Sequence[Fitted]) -> tuple[str, ...]:
+    """Those of the ``varied`` parameters of the bare model that are pressed in most specimens, if these are most."""
     names = pressed_in_most(varied, 0, bare, {})
     return names if 2 * len(names) > len(varied) else ()

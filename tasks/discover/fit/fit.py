@@ -13,11 +13,12 @@ from sinew.tasks.fitting import starts as begins
 from sinew.tasks.fitting.discrepancy import WIDTH
 from sinew.tasks.fitting.few_runs import least_squares_of_few
 from sinew.tasks.fitting.measured import Measured
-from sinew.tasks.model import Curve, Model, Parameter, Protocol, Specimen
+from sinew.tasks.model import FORCE, Curve, Model, Parameter, Protocol, Specimen
 from sinew.tasks.model.effect import Effect, model_with
-from sinew.tasks.simulate import Array, Simulated, TakesEffects
+from sinew.tasks.simulate import Array, Courses, Simulated, TakesEffects
 from sinew.tasks.simulate.around import Near
-from sinew.tasks.simulate.effects import simulate_with
+from sinew.tasks.simulate.effects import bars_with
+from sinew.tasks.simulate.lateral import widths
 from sinew.tasks.simulate.retrying import simulate_patiently
 from sinew.tasks.study.checkpoint import in_unit_cube
 
@@ -79,7 +80,7 @@ class Candidate:
 
     Forces are those of the embedded simulator or, where there is one, of the ``solver``, without which there are none
     of a user's own model. Its runs that fail by accident are repeated up to ``retries`` times. ``near``: what runs of
-    nearly the same parameters leave for each other.
+    nearly the same parameters leave for each other. ``compared``: outputs that are compared beside the force.
     """
 
     model: Model
@@ -87,6 +88,7 @@ class Candidate:
     solver: TakesEffects | None = None
     retries: int = 0
     near: dict[str, Any] | None = None
+    compared: tuple[str, ...] = ()
 
     @property
     def stand_in(self) -> "Candidate":
@@ -103,7 +105,12 @@ class Candidate:
 
     @property
     def varied(self) -> tuple[str, ...]:
-        return tuple(p.name for p in seen_by_force(self.model))
+        return tuple(p.name for p in self.free)
+
+    @property
+    def free(self) -> tuple[Parameter, ...]:
+        """The free parameters on which what is compared depends."""
+        return self.model.free if self.compared else seen_by_force(self.model)
 
     @property
     def size(self) -> int:
@@ -121,7 +128,7 @@ class Candidate:
 
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds ``[k]``: the model's, then the effects'."""
-        every = [*seen_by_force(self.model), *(p for effect in self.effects for p in effect.parameters)]
+        every = [*self.free, *(p for effect in self.effects for p in effect.parameters)]
         low = [p.minimum if p.possible(p.minimum) else p.minimum + 1e-6 * (p.maximum - p.minimum) for p in every]
         return np.array(low), np.array([p.maximum for p in every])
 
@@ -137,9 +144,18 @@ class Candidate:
 
         ``nearby``: the points are small steps away from the first.
         """
+        return self.courses(specimen, protocol, at, nearby=nearby)[FORCE]
+
+    def courses(self, specimen: Specimen, protocol: Protocol, at: Array, *, nearby: bool = False) -> Courses:
+        """As :meth:`forces`, of all that is compared."""
         if self.solver is not None:
-            return self.simulated(specimen, protocol, at, nearby=nearby).force_N
-        return simulate_with(self.model, self.effects, specimen, protocol, *self.rows(at), nearby=nearby)
+            return self.simulated(specimen, protocol, at, nearby=nearby).courses(self.compared)
+        parameters, values = self.rows(at)
+        bars = bars_with(self.model, self.effects, specimen, protocol, parameters, values, nearby=nearby)
+        return {
+            FORCE: bars.force_N,
+            **widths(self.compared, self.model, specimen, parameters, bars.strain, bars.force_N),
+        }
 
     def simulated(self, specimen: Specimen, protocol: Protocol, at: Array, *, nearby: bool = False) -> Simulated:
         """As :meth:`forces`, of the solver, with the status of each row."""
@@ -186,8 +202,7 @@ def errors(
     """Whitened errors ``[n, all measured points]`` at points ``[n, k]``; what fails is far away."""
     parts = []
     for curve in curves:
-        force = candidate.forces(measured.specimen, curve.protocol, at, nearby=nearby)
-        white = measured.whitened(curve, force - curve.force_N)
+        white = measured.whitened(curve, candidate.courses(measured.specimen, curve.protocol, at, nearby=nearby))
         parts.append(np.where(np.isfinite(white), white, FAR))
     return np.concatenate(parts, axis=1)
 
@@ -199,7 +214,7 @@ def residuals(
     parts = []
     for curve in curves:
         thin = measured.thinned[curve.name]
-        white = thin.residuals(candidate.forces(measured.specimen, thin.protocol, at, nearby=nearby))
+        white = thin.residuals(candidate.courses(measured.specimen, thin.protocol, at, nearby=nearby))
         parts.append(np.where(np.isfinite(white), white, FAR))
     return np.concatenate(parts, axis=1)
 

@@ -18,7 +18,7 @@ from sinew.tasks.study.workspace import Workspace
 BLOCK = 50  # points: errors that are farther apart count as independent
 
 Kinds = Mapping[str, Mapping[str, Array]]
-"""Whitened squared errors ``[t]`` by kind of split and by curve of a specimen."""
+"""Whitened squared errors by kind of split and by curve of a specimen: ``[quantities, t]``, NaN where unmeasured."""
 
 SquaredErrors = Mapping[Effects, Kinds]
 """The same by candidate; ``()`` is the bare model."""

@@ -10,7 +10,7 @@ from sinew.runner.errors import BadInput, brief
 from sinew.runner.evaluation.adaptive import Session
 from sinew.tasks.discover.fit.acting import why_not
 from sinew.tasks.discover.fit.bounds import at_limit
-from sinew.tasks.discover.fit.fit import Candidate, Fitted, starts
+from sinew.tasks.discover.fit.fit import Fitted, starts
 from sinew.tasks.discover.fit.sizes import library_for
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
 from sinew.tasks.discover.judge.rules import second_effect_possible
@@ -108,7 +108,7 @@ def search(
     workspace: Workspace, settings: Settings, cohort: Sequence[SpecimenFits], bare_fits: list[Fitted]
 ) -> Candidates:
     """Fit and score all candidates; ``bare_fits`` holds the best fits of the bare model so far, by specimen."""
-    bare = Candidate(workspace.model)
+    bare = cohort[0].candidate()
     forms: list[Effects] = [(form,) for effect in asked(settings, cohort) for form in _forms(effect)]
     could = [form for form in forms if _possible(form, cohort)]
     left_out = _left_out(workspace, cohort, could, bare_fits[0])
@@ -134,7 +134,7 @@ def search(
     elsewhere = starts(bare, generator(workspace.seed, Stream.FRESH_FIT_STARTS), FRESH_STARTS.stop)[FRESH_STARTS]
 
     def begin(effects: Effects, at: Array, part: float) -> Array:
-        candidate = Candidate(workspace.model, effects)
+        candidate = bare.having(*effects)
         return np.concatenate([at, candidate.null() + part * (candidate.typical() - candidate.null())])
 
     _improve(workspace, cohort, candidates, firsts, lambda _, effects: [begin(effects, at, 1.0) for at in elsewhere])
@@ -204,7 +204,7 @@ def _add_pairs(
     _note_best(workspace, candidates)
     # a pair must not be preferred because one of its effects alone was fitted badly
     pair = next(effects for effects in candidates.ordered if len(effects) == 2)
-    size = Candidate(workspace.model).size
+    size = cohort[0].candidate().size
     ends = size + len(pair[0].parameters)
     own: dict[Effects, slice] = {pair[:1]: slice(size, ends), pair[1:]: slice(ends, None)}
 
@@ -243,7 +243,7 @@ def _bare_again(
     workspace: Workspace, cohort: Sequence[SpecimenFits], candidates: Candidates, chosen: Sequence[Effects]
 ) -> None:
     """Refit the bare model, started from its parameters in the fits with the chosen effects."""
-    size = Candidate(workspace.model).size
+    size = cohort[0].candidate().size
     (candidates.bare,) = each_for_all(
         workspace, cohort, "the model as it is, again", [None],
         lambda i, _, session: cohort[i].refitted(

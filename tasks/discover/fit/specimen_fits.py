@@ -15,14 +15,13 @@ import numpy as np
 
 from sinew.runner.errors import BadInput, shown
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
-from sinew.tasks.data.noise import noise_of_each
 from sinew.tasks.discover.fit import acting
 from sinew.tasks.discover.fit.beside import Beside, blocks_of, first_sizes, fit_beside, promise_beside
 from sinew.tasks.discover.fit.fit import FAR, Candidate, Fitted, errors, extended, fit, look_ahead, starts
 from sinew.tasks.discover.fit.intervals import Profiled, profiled
 from sinew.tasks.discover.measure.splits import SPECIMEN, splits
 from sinew.tasks.fitting import few_runs
-from sinew.tasks.fitting.measured import Measured
+from sinew.tasks.fitting.measured import Measured, measured_of_each
 from sinew.tasks.model import Model, Specimen, file_name
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, TakesEffects, around, taking_effects
@@ -63,13 +62,19 @@ class SpecimenFits:
 
     def candidate(self, effects: Effects = ()) -> Candidate:
         """The model with ``effects``."""
-        return Candidate(self.model, effects, self.solver, self.retries)
+        return Candidate(self.model, effects, self.solver, self.retries, compared=tuple(self.measured.others))
 
     def _checkpoint(self, width: int, *what: Any, possible: Possible | None = Fitted.possible) -> Checkpoint:
         """The file of one kind of fits, with ``width`` numbers of each, which are ``possible``."""
         bounds = [[p.minimum, p.maximum] for p in self.model.parameters]
         solver = self.solver.identity() if self.solver else None
-        how = [asdict(self.measured.noise), solver, VERSION, [each.name for each in fields(Fitted)]]
+        how = [
+            asdict(self.measured.noise),
+            *_noise_of(self.measured),
+            solver,
+            VERSION,
+            [each.name for each in fields(Fitted)],
+        ]
         if self.model.law != "tendon":
             how += [few_runs.VERSION, around.VERSION]
         inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, *how, what)
@@ -217,7 +222,10 @@ class SpecimenFits:
         return min(fits, key=lambda one: one.loss)
 
     def held_out(self, session: Session, effects: Effects, start: Array) -> dict[str, dict[str, Array]]:
-        """By kind of split and curve: whitened squared errors ``[t]`` of what a fit of the rest predicts."""
+        """By kind of split and curve: squared errors ``[quantities, t]``, whitened, of what a fit of the rest predicts.
+
+        NaN where nothing was measured.
+        """
         candidate = self.candidate(effects)
         checkpoint = self._fits_with("held out", candidate, effects, start)
         squares: dict[str, dict[str, Array]] = {}
@@ -226,7 +234,8 @@ class SpecimenFits:
             for curve in self.measured.curves:
                 if curve.name in split.judged:
                     white = session.compute(errors, candidate, self.measured, fitted.at[np.newaxis], [curve])[0]
-                    squares.setdefault(split.kind, {})[curve.name] = white[split.judged[curve.name] :] ** 2
+                    every = self.measured.by_row(curve, white**2)
+                    squares.setdefault(split.kind, {})[curve.name] = every[:, split.judged[curve.name] :]
         return squares
 
     def of_others(self, session: Session, effects: Effects, start: Array, values: Array) -> dict[str, dict[str, Array]]:
@@ -236,12 +245,11 @@ class SpecimenFits:
         checkpoint = self._fits_with("of others", candidate, effects, begin)
         how = (_fit_beside, candidate, self.measured, begin, values.size)
         fitted = self._fitted(checkpoint, 0, session, *how)
-        return {
-            SPECIMEN: {
-                curve.name: session.compute(errors, candidate, self.measured, fitted.at[np.newaxis], [curve])[0] ** 2
-                for curve in self.measured.curves
-            }
-        }
+        squares: dict[str, Array] = {}
+        for curve in self.measured.curves:
+            white = session.compute(errors, candidate, self.measured, fitted.at[np.newaxis], [curve])[0]
+            squares[curve.name] = self.measured.by_row(curve, white**2)
+        return {SPECIMEN: squares}
 
 
 def _fit_beside(candidate: Candidate, measured: Measured, start: Array, last: int) -> Fitted:
@@ -249,15 +257,18 @@ def _fit_beside(candidate: Candidate, measured: Measured, start: Array, last: in
     return fit(candidate, measured, start, fixed=range(start.size - last, start.size))
 
 
+def _noise_of(measured: Measured) -> list[dict[str, Any]]:
+    """The noise of what is compared beside the force; nothing where the force is all."""
+    others = {name: asdict(noise) for name, noise in measured.others.items()}
+    return [others] if others else []
+
+
 def fits_of_each(workspace: Workspace, chosen: Sequence[Specimen]) -> list[SpecimenFits]:
     """The fits of each specimen, with the noise of all of its curves together."""
     folder = workspace.out / "discover"
-    noise = noise_of_each([one.curves for one in chosen])
-    solver = taking_effects(workspace.simulator)
-    return [
-        SpecimenFits(Measured(one, level), workspace.model, folder, solver, workspace.study.retries)
-        for one, level in zip(chosen, noise, strict=True)
-    ]
+    solver, retries = taking_effects(workspace.simulator), workspace.study.retries
+    every = measured_of_each(chosen, workspace.study.force_noise)
+    return [SpecimenFits(measured, workspace.model, folder, solver, retries) for measured in every]
 
 
 def profiled_each(

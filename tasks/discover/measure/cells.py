@@ -1,12 +1,12 @@
 """Cells of a test in which model and measurement can disagree, and how large a disagreement is by chance.
 
-A cell is a part of one curve: the toe, ramp or peak of a loading, the early, middle or late part of a hold, an
-unloading, or the valley after it, each with the number of its step or cycle. Its misfit is the sum of the whitened
-residuals in it over the root of their number: about standard normal where the model is true, and a little less because
-parameters were fitted to the same points. What the fit takes away is taken from the simulated noise, too: residuals of
-a fit are the noise without its projection on the derivatives (the parametric bootstrap with refit, linearised at the
-fit). The largest misfit over all cells of that noise gives the limit that is crossed by chance in one of twenty tests
-of a whole cohort (Westfall and Young 1993, max T).
+A cell is a part of one curve, or of another quantity along it: the toe, ramp or peak of a loading, the early, middle or
+late part of a hold, an unloading, or the valley after it, each with the number of its step or cycle. Its misfit is the
+sum of the whitened residuals in it over the root of their number: about standard normal where the model is true, and a
+little less because parameters were fitted to the same points. What the fit takes away is taken from the simulated
+noise, too: residuals of a fit are the noise without its projection on the derivatives (the parametric bootstrap with
+refit, linearised at the fit). The largest misfit over all cells of that noise gives the limit that is crossed by chance
+in one of twenty tests of a whole cohort (Westfall and Young 1993, max T).
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ import numpy as np
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, derivatives, errors
 from sinew.tasks.discover.result import CellMisfit, InPlace
 from sinew.tasks.fitting.measured import Measured
-from sinew.tasks.model import Curve
+from sinew.tasks.model import FORCE, Curve
 from sinew.tasks.model.phases import Phase, phases
 from sinew.tasks.simulate import Array
 
@@ -95,31 +95,43 @@ def limits_by_chance(
 def misfit_map(
     measured: Measured, candidate: Candidate, fitted: Fitted, chance: float, far: float, seed: tuple[int, ...]
 ) -> tuple[CellMisfit, ...]:
-    """The misfit in every cell of a specimen, in newton and in units of chance.
+    """The misfit in every cell of a specimen, in the unit of its quantity and in units of chance.
 
     ``limit`` is crossed by chance in some cell with the probability ``chance``, ``sure`` with ``far`` times that.
     """
-    every: list[Cell] = []
+    every: list[tuple[Cell, str]] = []
     inside: list[Array] = []
-    newtons: list[float] = []
-    total, first = sum(curve.force_N.size for curve in measured.curves), 0
-    for curve in measured.curves:
-        error = curve.force_N - candidate.forces(measured.specimen, curve.protocol, fitted.at[np.newaxis])[0]
-        for cell in cells(curve):
-            every.append(cell)
-            row = np.zeros(total)
-            row[first + cell.points] = 1.0
-            inside.append(row)
-            newtons.append(float(error[cell.points].mean()))
-        first += curve.force_N.size
-    which = np.array(inside)
+    means: list[float] = []
     white, slopes = derivatives(candidate, measured, fitted.at, measured.curves, errors)
+    first = 0
+    for curve in measured.curves:
+        courses = candidate.courses(measured.specimen, curve.protocol, fitted.at[np.newaxis])
+        parts = cells(curve)
+        for quantity, rows in measured.rows(curve).items():
+            values = curve.force_N if quantity == FORCE else curve.others[quantity]
+            for cell in parts:
+                points = np.flatnonzero(np.isin(rows, cell.points, assume_unique=True))
+                if points.size >= MIN_POINTS:
+                    every.append((cell, quantity))
+                    row = np.zeros(white.size)
+                    row[first + points] = 1.0
+                    inside.append(row)
+                    means.append(float((values - courses[quantity][0])[rows[points]].mean()))
+            first += rows.size
+    which = np.array(inside)
     z = -misfits(which, white)  # measured minus simulated
     limit, sure = limits_by_chance(which, slopes, [chance, far * chance], np.random.default_rng(seed))
     return tuple(
-        CellMisfit(cell.protocol, cell.phase, cell.number, float(z[c]), newtons[c], limit, sure)
-        for c, cell in enumerate(every)
+        CellMisfit(cell.protocol, cell.phase, cell.number, float(z[c]), *_mean(means[c], quantity, limit, sure))
+        for c, (cell, quantity) in enumerate(every)
     )
+
+
+def _mean(
+    mean: float, quantity: str, limit: float, sure: float
+) -> tuple[float, float, float, str | None, float | None]:
+    """The last fields of a :class:`CellMisfit`."""
+    return (mean, limit, sure, None, None) if quantity == FORCE else (float("nan"), limit, sure, quantity, mean)
 
 
 def located_part(before: Sequence[Sequence[CellMisfit]], after: Sequence[Sequence[CellMisfit]]) -> InPlace | None:

@@ -26,6 +26,7 @@ from sinew.tasks.fitting.splines import (
     spline_forces,
     splines_at,
 )
+from sinew.tasks.model import FORCE
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array
 
@@ -119,11 +120,11 @@ def _without(vector: Array, basis: Array) -> Array:
 def correction(bare: Candidate, measured: Measured, at: Array) -> Correction:
     """The smooth correction of the forces of a model that fits at ``at`` ``[k]``."""
     wrong = -residuals(bare, measured, at[np.newaxis], measured.curves)[0]  # measured minus simulated
-    return smooth(measured, wrong, bare.size)
+    return smooth(measured, wrong[measured.places[FORCE]], bare.size)
 
 
 def smooth(measured: Measured, wrong: Array, parameters: int) -> Correction:
-    """The smooth correction for whitened residuals ``wrong`` ``[g]``, measured minus simulated.
+    """The smooth correction for whitened residuals ``wrong`` ``[g]`` of the forces, measured minus simulated.
 
     ``parameters``: how many were fitted to the same measurements.
     """
@@ -139,14 +140,14 @@ def _smooth(measured: Measured, wrong: Array, parameters: int) -> Correction:
     ranges = ranges_of(pieces)
     design = np.concatenate(
         [
-            measured.thinned[curve.name].weights @ spline_forces(piece, ranges)
+            measured.thinned[curve.name].quantities[FORCE].weights @ spline_forces(piece, ranges)
             for curve, piece in zip(measured.curves, pieces, strict=True)
         ]
     )
     offsets = np.cumsum([0, *(piece.phase.max() + 1 for piece in pieces)])
     phase = np.concatenate(
         [
-            offset + piece.phase[: measured.thinned[curve.name].target.size]
+            offset + piece.phase[: measured.thinned[curve.name].quantities[FORCE].target.size]
             for offset, curve, piece in zip(offsets, measured.curves, pieces, strict=False)
         ]
     )

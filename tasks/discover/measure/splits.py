@@ -4,7 +4,7 @@ An effect that is really there predicts the held-out data; one that merely fits 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,16 +34,12 @@ def splits(measured: Measured) -> list[Split]:
     if len(curves) > 1:
         for curve in curves:
             others = tuple(one for one in curves if one is not curve)
-            possible.append(Split(PROTOCOL, _with(measured, others), {curve.name: 0}))
+            possible.append(Split(PROTOCOL, measured.having(others), {curve.name: 0}))
     cuts = {curve.name: cut for curve in curves if (cut := _second_half(curve.protocol)) is not None}
     if cuts:
         earlier = tuple(_until(curve, cuts[curve.name]) if curve.name in cuts else curve for curve in curves)
-        possible.append(Split(LATER, _with(measured, earlier), cuts))
+        possible.append(Split(LATER, measured.having(earlier), cuts))
     return possible
-
-
-def _with(measured: Measured, curves: tuple[Curve, ...]) -> Measured:
-    return Measured(replace(measured.specimen, curves=curves), measured.noise)
 
 
 def _second_half(protocol: Protocol) -> int | None:
@@ -54,16 +50,18 @@ def _second_half(protocol: Protocol) -> int | None:
 
 def _until(curve: Curve, stop: int) -> Curve:
     protocol = curve.protocol
-    return Curve(Protocol(protocol.name, protocol.time_s[:stop], protocol.displacement_mm[:stop]), curve.force_N[:stop])
+    until = Protocol(protocol.name, protocol.time_s[:stop], protocol.displacement_mm[:stop])
+    return Curve(until, curve.force_N[:stop], {name: values[:stop] for name, values in curve.others.items()})
 
 
 def gain(losses: Mapping[str, tuple[Array, Array]], block: int) -> Gain:
     """How much better held-out data are predicted with an effect than without, and the standard error.
 
-    ``losses``: by curve, whitened squared errors ``[t]`` without and with. Neighbouring errors are
-    correlated, so the standard error is that of sums over blocks of ``block`` points.
+    ``losses``: by curve, whitened squared errors ``[quantities, t]`` without and with, NaN where nothing was measured.
+    Neighbouring errors are correlated, and so are those of several quantities at the same time, so the standard error
+    is that of sums over blocks of ``block`` points.
     """
-    gains = [without - having for without, having in losses.values()]
+    gains = [np.nansum(without - having, axis=0) for without, having in losses.values()]
     total = float(sum(one.sum() for one in gains))
     sums = np.concatenate([np.add.reduceat(one, np.arange(0, one.size, block)) for one in gains])
     if sums.size < 2:

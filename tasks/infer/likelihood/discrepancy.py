@@ -5,12 +5,14 @@ noise, an error of the model with a prior of its own (Kennedy and O'Hagan 2001).
 over the phases of a test (:mod:`sinew.tasks.fitting.discrepancy`) whose coefficients are random walks, so that most of
 it is slow. Its rough part is a process along each curve (:mod:`sinew.tasks.fitting.roughness`). Each part's size is
 that of the largest evidence beside the parameters that fit best with it, found in turn; logarithms of sizes have a flat
-prior. Then both parts are integrated out: whitened errors are made white once more.
+prior. Then both parts are integrated out: whitened errors are made white once more. Where more than the force is
+compared, each quantity has such an error of its own.
 
 An error that other parameters imitate leaves nothing behind by which it could be seen, and no such term helps against
 it (Brynjarsdottir and O'Hagan 2014, Inverse Problems 30, 114007).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +29,7 @@ from sinew.tasks.infer.likelihood.compute import Compute, directly
 from sinew.tasks.infer.likelihood.effort import FULL, Effort
 from sinew.tasks.infer.likelihood.scores import places
 from sinew.tasks.infer.likelihood.target import Target
+from sinew.tasks.model import FORCE
 from sinew.tasks.simulate import Array
 
 ROUNDS = 3  # of parameters and sizes
@@ -39,21 +42,16 @@ NEGLIGIBLE = 1e-3  # part of a direction that is not worth taking out
 
 
 @dataclass(frozen=True, eq=False)
-class ModelError:
-    """The error of a model in ``g`` whitened errors of one specimen.
+class QuantityError:
+    """The error of a model in ``g`` whitened errors of one quantity of a specimen.
 
     ``rough``: its rough part. What is left of errors without it has a smooth part along orthonormal ``directions``
-    ``[g, d]``, of which a share ``taken`` ``[d]`` is taken out. ``size``: root mean square of both as they are
-    expected, and ``misfit``: of what the best fit without any such error leaves, both in units of the noise. ``near``:
-    scores ``[k]`` of the best fit beside it.
+    ``[g, d]``, of which a share ``taken`` ``[d]`` is taken out.
     """
 
     rough: Roughness
     directions: Array
     taken: Array
-    size: float
-    misfit: float
-    near: Array
 
     def white(self, errors: Array) -> Array:
         """White errors ``[n, g]`` of errors ``[n, g]`` that hold noise and this error."""
@@ -61,6 +59,66 @@ class ModelError:
         if self.taken.size:
             found -= ((found @ self.directions) * self.taken) @ self.directions.T
         return found
+
+
+@dataclass(frozen=True, eq=False)
+class ModelError:
+    """The error of a model in one specimen: of ``each`` quantity, with its ``places`` among all errors.
+
+    ``size``: root mean square as it is expected, and ``misfit``: of what the best fit without any such error leaves,
+    both in units of the noise. ``near``: scores ``[k]`` of the best fit beside it.
+    """
+
+    each: tuple[QuantityError, ...]
+    places: tuple[Array, ...]
+    size: float
+    misfit: float
+    near: Array
+
+    def white(self, errors: Array) -> Array:
+        """White errors ``[n, g]`` of errors ``[n, g]`` that hold noise and this error."""
+        if len(self.each) == 1:
+            return self.each[0].white(errors)
+        found = np.empty_like(errors)
+        for own, one in zip(self.places, self.each, strict=True):
+            found[:, own] = one.white(errors[:, own])
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Sizes:
+    """How large the error of one quantity is.
+
+    ``smooth``: its smooth part, whose log sizes are ``sizes``; ``rough``: the logarithm of the size of the rough part,
+    and the log-odds of its memory, along curves of ``lengths`` errors.
+    """
+
+    smooth: Discrepancy
+    lengths: tuple[int, ...]
+    sizes: Array
+    rough: Array
+
+    @property
+    def roughness(self) -> Roughness:
+        size = np.exp(np.clip(self.rough[0], SMALLEST, LARGEST))
+        return Roughness(float(size), float(expit(np.clip(self.rough[1], -FARTHEST, FARTHEST))), self.lengths)
+
+    def precision(self, slopes: Array) -> Array:
+        """The precision ``[k, k]`` that the quantity gives parameters, by slopes ``[g, k]``."""
+        rough = self.roughness
+        white = rough.white(slopes.T).T
+        return _through(self.smooth, rough).terms(self.sizes, white[:, 0], white)[1]
+
+    def error(self) -> QuantityError:
+        rough = self.roughness
+        directions, taken = _through(self.smooth, rough).directions(self.sizes)
+        worth = taken > NEGLIGIBLE
+        return QuantityError(rough, np.ascontiguousarray(directions[:, worth]), taken[worth])
+
+    @property
+    def variance(self) -> float:
+        """The mean square of the error as it is expected; each block has unit mean square."""
+        return float(self.roughness.size**2 + np.exp(2.0 * self.sizes).sum())
 
 
 def model_error(
@@ -74,27 +132,26 @@ def model_error(
         rng = np.random.default_rng(seed)
         beside, best = target, best_fit(target, rng, effort=effort)
         misfit = float(np.sqrt(best.squares / target.points))
-        smooth, lengths = discrepancy_of(target.measured, WALK), lengths_of(target.measured)
-        sizes, rough = np.zeros(len(smooth.blocks)), np.array(FIRST)
+        where = tuple(target.measured.places.values())
+        known = [_at_first(target.measured, quantity) for quantity in target.measured.quantities]
         for number in range(ROUNDS):
             if number > 0:
                 best = best_fit(beside, rng, [best.at], effort)
-            found = target.slopes(places(best.at))
-            sizes, rough = compute(_sized, smooth, lengths, *found, sizes, rough)
-            error = _model_error(smooth, sizes, _roughness(rough, lengths), misfit, best.at)
-            beside = replace(target, whitening=error.white)
-        return error
+            error, slopes = target.slopes(places(best.at))
+            known = compute(_sized_each, known, [(error[own], slopes[own]) for own in where])
+            found = _model_error(known, where, misfit, best.at)
+            beside = replace(target, whitening=found.white)
+        return found
 
 
-def lengths_of(measured: Measured) -> tuple[int, ...]:
-    """How many whitened errors each curve has."""
-    return tuple(one.target.size for one in measured.thinned.values())
+def lengths_of(measured: Measured, quantity: str = FORCE) -> tuple[int, ...]:
+    """How many whitened errors of a quantity each curve has."""
+    return tuple(one.quantities[quantity].target.size for one in measured.thinned.values())
 
 
-def _roughness(at: Array, lengths: tuple[int, ...]) -> Roughness:
-    """The rough part by the logarithm of its size and the log-odds of its memory."""
-    size = np.exp(np.clip(at[0], SMALLEST, LARGEST))
-    return Roughness(float(size), float(expit(np.clip(at[1], -FARTHEST, FARTHEST))), lengths)
+def _at_first(measured: Measured, quantity: str) -> _Sizes:
+    smooth = discrepancy_of(measured, WALK, quantity)
+    return _Sizes(smooth, lengths_of(measured, quantity), np.zeros(len(smooth.blocks)), np.array(FIRST))
 
 
 def _through(smooth: Discrepancy, rough: Roughness) -> Discrepancy:
@@ -102,29 +159,47 @@ def _through(smooth: Discrepancy, rough: Roughness) -> Discrepancy:
     return Discrepancy.of([rough.white(block.T).T for block in smooth.blocks])
 
 
-def _sized(
-    smooth: Discrepancy, lengths: tuple[int, ...], error: Array, slopes: Array, sizes: Array, begin: Array
-) -> tuple[Array, Array]:
-    """The sizes of the largest evidence of errors ``[g]`` with slopes ``[g, k]``: of the smooth and the rough part."""
-    best = (np.inf, sizes, begin)
+def _sized_each(known: Sequence[_Sizes], found: Sequence[tuple[Array, Array]]) -> list[_Sizes]:
+    """The sizes of the largest evidence, of each quantity in turn; ``found``: its errors ``[g]`` and slopes ``[g, k]``.
+
+    Quantities depend on each other through the parameters alone, which each helps to determine.
+    """
+    with threadpool_limits(1):
+        if len(known) == 1:
+            return [_sized(known[0], *found[0])]
+        sized, precisions = list(known), [one.precision(slopes) for one, (_, slopes) in zip(known, found, strict=True)]
+        for number, (error, slopes) in enumerate(found):
+            others = np.sum(precisions, axis=0) - precisions[number]
+            sized[number] = _sized(known[number], error, slopes, others)
+            precisions[number] = sized[number].precision(slopes)
+        return sized
+
+
+def _sized(known: _Sizes, error: Array, slopes: Array, others: Array | float = 0.0) -> _Sizes:
+    """The sizes of the largest evidence of errors ``[g]`` with slopes ``[g, k]``.
+
+    ``others`` ``[k, k]``: the precision that other quantities give the parameters.
+    """
+    best = (np.inf, known)
 
     def evidence(at: Array) -> float:
         nonlocal best
-        rough = _roughness(at, lengths)
+        tried = replace(best[1], rough=at)
+        rough = tried.roughness
         white = rough.white(np.column_stack([error, slopes]).T).T
-        sizes, found = _through(smooth, rough).sized(white[:, 0], white[:, 1:], best[1])
+        smooth = _through(known.smooth, rough)
+        sizes, found = smooth.sized(white[:, 0], white[:, 1:], best[1].sizes, others=others)
         found += rough.log_determinant
         if found < best[0]:
-            best = (found, sizes, at)
+            best = (found, replace(tried, sizes=sizes))
         return found
 
-    simplex = begin + np.array(SIMPLEX)
-    minimize(evidence, begin, method="Nelder-Mead", options={"maxfev": EVALUATIONS, "initial_simplex": simplex})
-    return best[1], best[2]
+    simplex = known.rough + np.array(SIMPLEX)
+    minimize(evidence, known.rough, method="Nelder-Mead", options={"maxfev": EVALUATIONS, "initial_simplex": simplex})
+    return best[1]
 
 
-def _model_error(smooth: Discrepancy, sizes: Array, rough: Roughness, misfit: float, near: Array) -> ModelError:
-    directions, taken = _through(smooth, rough).directions(sizes)
-    worth = taken > NEGLIGIBLE
-    size = float(np.sqrt(rough.size**2 + np.exp(2.0 * sizes).sum()))  # each block has unit mean square
-    return ModelError(rough, np.ascontiguousarray(directions[:, worth]), taken[worth], size, misfit, near)
+def _model_error(known: Sequence[_Sizes], where: tuple[Array, ...], misfit: float, near: Array) -> ModelError:
+    points = [own.size for own in where]
+    size = float(np.sqrt(np.average([one.variance for one in known], weights=points)))
+    return ModelError(tuple(one.error() for one in known), where, size, misfit, near)

@@ -5,6 +5,7 @@ A file whose numbers cannot be those of what it claims to be does not count: wha
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from sinew.tasks.fitting.roughness import Roughness
 from sinew.tasks.infer.likelihood.chains import CHAINS, Block, State
 from sinew.tasks.infer.likelihood.chart import Chart
 from sinew.tasks.infer.likelihood.compiled import FARTHEST
-from sinew.tasks.infer.likelihood.discrepancy import ModelError, lengths_of
+from sinew.tasks.infer.likelihood.discrepancy import ModelError, QuantityError, lengths_of
 from sinew.tasks.infer.likelihood.emulator import Emulator
 from sinew.tasks.infer.likelihood.explore import LENGTHS, Explored
 from sinew.tasks.infer.likelihood.population import Population
@@ -27,26 +28,32 @@ OF_A_BLOCK = ("scores", "squares", "mean", "spread", "new", "correlation", "acce
 
 def read_model_error(path: Path, inputs: str, target: Target) -> ModelError | None:
     """The model's error in a specimen that was found before, if it was with the same inputs."""
-    shapes: Shapes = {"rough": (2,), "directions": (target.points, "d"), "taken": ("d",), "size": (), "misfit": (),
-              "near": (target.size,)}  # fmt: skip
+    places = target.measured.places
+    shapes: Shapes = {"size": (), "misfit": (), "near": (target.size,)}
+    for n, own in enumerate(places.values()):
+        shapes |= {f"rough_{n}": (2,), f"directions_{n}": (own.size, f"d_{n}"), f"taken_{n}": (f"d_{n}",)}
     found = KeptArrays(path, inputs).read(shapes)
     if found is None or not _within(found["near"], -FARTHEST, FARTHEST):
         return None
-    size, memory = (float(each) for each in found["rough"])
-    if not (
-        size >= 0.0 <= memory < 1.0 and _within(found["taken"], 0.0, 1.0) and min(found["size"], found["misfit"]) >= 0.0
-    ):
-        return None
-    rough = Roughness(size, memory, lengths_of(target.measured))
+    each = []
+    for n, quantity in enumerate(places):
+        size, memory = (float(one) for one in found[f"rough_{n}"])
+        if not (size >= 0.0 <= memory < 1.0 and _within(found[f"taken_{n}"], 0.0, 1.0)):
+            return None
+        rough = Roughness(size, memory, lengths_of(target.measured, quantity))
+        each.append(QuantityError(rough, found[f"directions_{n}"], found[f"taken_{n}"]))
     size, misfit = float(found["size"]), float(found["misfit"])
-    return ModelError(rough, found["directions"], found["taken"], size, misfit, found["near"])
+    if min(size, misfit) < 0.0:
+        return None
+    return ModelError(tuple(each), tuple(places.values()), size, misfit, found["near"])
 
 
 def write_model_error(path: Path, inputs: str, error: ModelError) -> None:
     """Keep the model's error in a specimen."""
-    rough = np.array([error.rough.size, error.rough.memory])
-    arrays = {"rough": rough, "directions": error.directions, "taken": error.taken, "size": error.size,
-              "misfit": error.misfit, "near": error.near}  # fmt: skip
+    arrays: dict[str, Any] = {"size": error.size, "misfit": error.misfit, "near": error.near}
+    for n, one in enumerate(error.each):
+        rough = np.array([one.rough.size, one.rough.memory])
+        arrays |= {f"rough_{n}": rough, f"directions_{n}": one.directions, f"taken_{n}": one.taken}
     KeptArrays(path, inputs).write({name: np.asarray(array, dtype=np.float64) for name, array in arrays.items()})
 
 

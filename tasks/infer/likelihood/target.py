@@ -22,7 +22,7 @@ from sinew.runner.evaluation.adaptive import RowResult, Session
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Model
 from sinew.tasks.model.parameters import Parameter, scaled
-from sinew.tasks.simulate import Array, Simulator
+from sinew.tasks.simulate import Array, Courses, Simulator
 
 STEP, SOLVER_STEP = 1e-5, 3e-3  # of a difference quotient; a solver's forces are less exact
 
@@ -59,12 +59,12 @@ class Target:
     @property
     def points(self) -> int:
         """How many whitened errors there are."""
-        return sum(one.target.size for one in self.measured.thinned.values())
+        return sum(one.size for one in self.measured.thinned.values())
 
     def errors(self, at: Array) -> Array:
         """Whitened errors ``[n, g]`` at points ``[n, k]``; NaN where the model fails."""
-        forces = self.forces(at)
-        every = [one.residuals(forces[name]) for name, one in self.measured.thinned.items()]
+        courses = self.courses(at)
+        every = [one.residuals(courses[name]) for name, one in self.measured.thinned.items()]
         errors = np.concatenate(every, axis=1)
         return errors if self.whitening is None else self.whitening(errors)
 
@@ -73,10 +73,11 @@ class Target:
         if self.whitening is not None:
             total = np.square(self.errors(at)).sum(axis=1)
             return np.where(np.isfinite(total), total, np.inf)
-        total, forces = np.zeros(len(at)), self.forces(at)
-        for name, one in self.measured.thinned.items():
-            weights = one.weights
-            total += _squares(weights.data, weights.indices, weights.indptr, one.target, forces[name])
+        total, courses = np.zeros(len(at)), self.courses(at)
+        for name, curve in self.measured.thinned.items():
+            for quantity, one in curve.quantities.items():
+                weights = one.weights
+                total += _squares(weights.data, weights.indices, weights.indptr, one.target, courses[name][quantity])
         return np.where(np.isfinite(total), total, np.inf)
 
     def slopes(self, at: Array) -> tuple[Array, Array]:
@@ -93,11 +94,13 @@ class Target:
         errors = self.errors(np.concatenate([here[np.newaxis], moved]))
         return np.asarray((errors[1:] == errors[0]).all(axis=1))
 
-    def forces(self, at: Array) -> Mapping[str, Array]:
-        """Forces ``[n, t]`` (N) along each curve by its name, at the points of fits; NaN where the model fails."""
-        rows, specimen = self.rows(at), self.measured.specimen
-        every = self.measured.thinned.items()
-        return {name: self.simulator.simulate(self.model, specimen, one.protocol, rows).force_N for name, one in every}
+    def courses(self, at: Array) -> Mapping[str, Courses]:
+        """What is compared along each curve by its name, at the points of fits; NaN where the model fails."""
+        rows, specimen, found = self.rows(at), self.measured.specimen, {}
+        for name, one in self.measured.thinned.items():
+            done = self.simulator.simulate(self.model, specimen, one.protocol, rows)
+            found[name] = done.courses(self.measured.others)
+        return found
 
     def rows(self, at: Array) -> Array:
         """Parameter sets ``[n, d]`` of the model at points ``[n, k]``."""
@@ -106,16 +109,19 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class RowTarget(Target):
-    """A likelihood that asks its ``session`` for rows of the store, which hold forces at all measured points."""
+    """A likelihood that asks its ``session`` for rows of the store, which hold courses at all measured points."""
 
     session: Session = field(kw_only=True)
 
     step = SOLVER_STEP
 
-    def forces(self, at: Array) -> Mapping[str, Array]:
+    def courses(self, at: Array) -> Mapping[str, Courses]:
         every: list[RowResult] = self.session.ask_all(self.rows(at))
         return {
-            name: np.array([row.values[f"force_{name}"][one.rows] for row in every])
+            name: {
+                quantity: np.array([row.values[f"{quantity}_{name}"][one.rows] for row in every])
+                for quantity in self.measured.quantities
+            }
             for name, one in self.measured.thinned.items()
         }
 

@@ -14,9 +14,9 @@ from typing import Generic, TypeVar
 
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
-from sinew.tasks.data.noise import noise_of_each, refuse_none, remark_on_others
+from sinew.tasks.data.noise import refuse_none, remark_on_others
 from sinew.tasks.data.sites import by_site
-from sinew.tasks.fitting.measured import Measured
+from sinew.tasks.fitting.measured import measured_of_each
 from sinew.tasks.infer.likelihood import files
 from sinew.tasks.infer.likelihood.by_rows import BY_ROWS_VERSION, of_each, reopen_failed, sampled_by_rows
 from sinew.tasks.infer.likelihood.chains import CHAINS
@@ -34,6 +34,7 @@ from sinew.tasks.infer.settings import Settings
 from sinew.tasks.model import Specimen, file_name
 from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
+from sinew.tasks.study.measured import key_of_quantities
 from sinew.tasks.study.same_data import data_of
 from sinew.tasks.study.workspace import Workspace
 
@@ -67,12 +68,12 @@ def run(workspace: Workspace, settings: Settings) -> LikelihoodResult:
         data,
         workspace.simulator.identity(),
         *([] if _quick(workspace) else [BY_ROWS_VERSION]),
+        *key_of_quantities(workspace.study.compared, workspace.study.force_noise),
     )
     grouped = by_site(specimens)
     arrays = [particles_group(site) for site in grouped]
     if (known := cached(workspace, LikelihoodResult, inputs, arrays, files.names(grouped))) is not None:
         return known
-    workspace.say_what_is_left_out("infer")
     if workspace.retry_failed and not _quick(workspace):
         reopen_failed(workspace, specimens)
     targets, blind = _targets(workspace, specimens)
@@ -109,16 +110,13 @@ def _chosen(workspace: Workspace, settings: Settings) -> tuple[Specimen, ...]:
 
 def _targets(workspace: Workspace, specimens: Sequence[Specimen]) -> tuple[dict[str, Target], list[str]]:
     """The likelihood of each specimen, by its name, and the parameters that no curve depends on."""
-    noise = noise_of_each([one.curves for one in specimens])
+    measured = measured_of_each(specimens, workspace.study.force_noise)
     free = workspace.model.free
-    for one, level in zip(specimens, noise, strict=True):
-        refuse_none(level, workspace.cohort.folder / one.name)
-    if remark := remark_on_others(specimens, noise):
+    for one in measured:
+        refuse_none(one.noise, workspace.cohort.folder / one.specimen.name)
+    if remark := remark_on_others(specimens, [one.noise for one in measured]):
         workspace.say(f"infer: {remark}")
-    every = [
-        Target(workspace.model, free, workspace.simulator, Measured(one, level))
-        for one, level in zip(specimens, noise, strict=True)
-    ]
+    every = [Target(workspace.model, free, workspace.simulator, one) for one in measured]
     if _quick(workspace):
         blind = [target.blind() for target in every]
     else:

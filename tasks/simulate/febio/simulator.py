@@ -172,7 +172,8 @@ class FEBio:
         if self.capabilities.force is None:
             raise BadInput("simulator", "no output is the force", "simulator.force: the name of an output")
         found, status, messages = self._rows(model, specimen, protocol, parameters)
-        return Simulated(found[:, self._force], status, messages)
+        outputs = {output.name: found[:, number] for number, output in enumerate(self.capabilities.outputs)}
+        return Simulated(found[:, self._force], status, messages, outputs=outputs)
 
     def compare(self, model: Model, specimen: Specimen, curve: Curve, parameters: Array, keep: Array) -> Compared:
         found, status, messages = self._rows(model, specimen, curve.protocol, parameters)

@@ -12,10 +12,10 @@ import xarray as xr
 from sinew.runner.cluster.local import Local
 from sinew.runner.store.store import Store
 from sinew.tasks.data.cohort import write_cohort
-from sinew.tasks.discover import task
+from sinew.tasks.discover import known as known_module
+from sinew.tasks.discover.known import inputs_of, known_verdict
 from sinew.tasks.discover.result import DiscoverResult
 from sinew.tasks.discover.settings import Settings
-from sinew.tasks.discover.task import inputs_of
 from sinew.tasks.model import Curve, Protocol, Specimen
 from sinew.tasks.model.effects import library, named
 from sinew.tasks.study.result import plain
@@ -123,16 +123,16 @@ def test_a_verdict_is_kept_with_all_that_goes_with_it(tmp_path, monkeypatch, spo
     found.write(tmp_path)
     (tmp_path / "one.feb").write_text("input")
     specimens = [SimpleNamespace(name="a/1")]
-    monkeypatch.setattr(task, "by_name", lambda *_: ())
-    monkeypatch.setattr(task, "study_with", lambda _, effects: (MODEL.path, MODEL.difference))
+    monkeypatch.setattr(known_module, "by_name", lambda *_: ())
+    monkeypatch.setattr(known_module, "study_with", lambda _, effects: (MODEL.path, MODEL.difference))
     arrays = xr.Dataset({"force": ("point", np.ones(3))}, attrs={"inputs": "these"})
     with Store.writing(tmp_path, "study") as store:
         store.write_result("discover/a_1", arrays)
     work = SimpleNamespace(out=tmp_path, retry_failed=False, store=store)
     spoil(tmp_path, work)
-    known = task._known(work, specimens, "these")
-    assert (known is not None and plain(known) == plain(found)) is kept
-    assert task._known(work, specimens, "others") is None
+    found_again = known_verdict(work, specimens, "these")
+    assert (found_again is not None and plain(found_again) == plain(found)) is kept
+    assert known_verdict(work, specimens, "others") is None
 
 
 @pytest.mark.parametrize("without", [{"model": None}, {"candidates": ()}])
@@ -141,6 +141,6 @@ def test_a_name_without_its_study_or_candidate_is_judged_again(tmp_path, monkeyp
     whole = {"model": MODEL, "candidates": (candidate("toe-slack", loss=1010.0),)} | without
     discovery(word, effects=("toe-slack",), shown=("toe-slack",), **whole).write(tmp_path)
     (tmp_path / "one.feb").write_text("input")
-    monkeypatch.setattr(task, "cached", lambda workspace, kind, *_: kind.read(workspace.out))
-    monkeypatch.setattr(task, "study_with", lambda *_: pytest.fail("not reached"))
-    assert task._known(SimpleNamespace(out=tmp_path, retry_failed=False), [], "these") is None
+    monkeypatch.setattr(known_module, "cached", lambda workspace, kind, *_: kind.read(workspace.out))
+    monkeypatch.setattr(known_module, "study_with", lambda *_: pytest.fail("not reached"))
+    assert known_verdict(SimpleNamespace(out=tmp_path, retry_failed=False), [], "these") is None

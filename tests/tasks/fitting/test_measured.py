@@ -1,5 +1,7 @@
 """Curves as fits see them: fewer points, the same likelihood."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 
 from sinew.tasks.data.noise import Noise
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, errors, fit, residuals, spreads
-from sinew.tasks.fitting.measured import Measured, groups, thinned
+from sinew.tasks.fitting.measured import Measured, groups, measured_of_each, thinned
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effects import library
 from sinew.tasks.model.protocols import STANDARD
@@ -74,7 +76,7 @@ def test_whitened_noise_is_white(ar1, seed):
     parameters[:, model.names.index("alpha_f")] = 900.0
     force = simulate_with(model, (), bare, curve.protocol, parameters, np.zeros((1, 0)))[0]
     noise = Curve(curve.protocol, curve.force_N - force)
-    white = thinned(noise, Noise(1.0, ar1)).target
+    white = thinned(noise, {"force": Noise(1.0, ar1)}).quantities["force"].target
     assert np.mean(white**2) == pytest.approx(1.0, abs=6 * np.sqrt(2 / white.size))
     assert abs(np.mean(white[1:] * white[:-1])) < 6 / np.sqrt(white.size)
 
@@ -98,3 +100,67 @@ def test_a_fit_finds_an_effect_and_says_how_well():
 
 def test_without_data_everything_is_possible():
     assert spreads(np.zeros((5, 2))) == pytest.approx(np.full(2, np.sqrt(1 / 12)))
+
+
+def several(rng, gaps=3):
+    """A specimen whose width was measured at every third point, and its noise."""
+    one, sd = specimen(rng), {"lateral_strain": 2e-3}
+    curves = []
+    for curve in one.curves:
+        seen = -0.3 * curve.protocol.displacement_mm / 10.0
+        seen = seen + 2e-3 * rng.standard_normal(seen.size)
+        seen[np.arange(seen.size) % gaps > 0] = np.nan
+        curves.append(replace(curve, others={"lateral_strain": seen}))
+    return replace(one, curves=tuple(curves), noise={"force": 1.0} | sd)
+
+
+def test_what_is_compared_beside_the_force_is_whitened_by_its_own_noise_where_it_was_measured():
+    (one,) = measured_of_each([several(np.random.default_rng(4))])
+    assert one.others["lateral_strain"].sd_N == 2e-3
+    assert abs(one.others["lateral_strain"].ar1) < 0.1
+    alone = Measured(one.specimen, one.noise)
+    for name, thin in one.thinned.items():
+        curve = next(each for each in one.curves if each.name == name)
+        still = {"force": np.zeros((1, thin.rows.size)), "lateral_strain": np.zeros((1, thin.rows.size))}
+        forces = alone.thinned[name].residuals(still)
+        both = thin.residuals(still)[0]
+        np.testing.assert_array_equal(both[: forces.size], forces[0])
+        away = curve.others["lateral_strain"][np.isfinite(curve.others["lateral_strain"])] / 2e-3
+        white = one.whitened(curve, {key: np.zeros((1, curve.force_N.size)) for key in still})[0]
+        assert white.size == curve.force_N.size + away.size
+        assert np.mean(white[curve.force_N.size :] ** 2) == pytest.approx(np.mean(away**2), rel=0.1)
+        forces_at, widths_at = one.by_row(curve, white)
+        np.testing.assert_array_equal(forces_at, white[: curve.force_N.size])
+        np.testing.assert_array_equal(np.isfinite(widths_at), np.isfinite(curve.others["lateral_strain"]))
+        np.testing.assert_array_equal(widths_at[np.isfinite(widths_at)], white[curve.force_N.size :])
+    every = np.concatenate([np.zeros(0), *one.places.values()])
+    assert sorted(every) == list(range(sum(thin.size for thin in one.thinned.values())))
+
+
+def test_residuals_of_a_quantity_that_is_right_are_white():
+    (one,) = measured_of_each([several(np.random.default_rng(5))])
+    right = {}
+    for name, thin in one.thinned.items():
+        moved = thin.protocol.displacement_mm[np.newaxis]
+        right[name] = thin.residuals({"force": 0.0 * moved, "lateral_strain": -0.03 * moved})[0]
+    left = np.concatenate(list(right.values()))[one.places["lateral_strain"]]
+    assert np.mean(left**2) == pytest.approx(1.0, abs=6 * np.sqrt(2 / left.size))
+
+
+def test_noise_of_the_force_that_is_known_is_taken():
+    one = several(np.random.default_rng(6))
+    (given,), (seen,) = measured_of_each([one], 2.5), measured_of_each([one])
+    assert given.noise == Noise(2.5, seen.noise.ar1)
+
+
+def test_a_quantity_that_was_hardly_measured_in_a_part_of_a_curve_has_hardly_any_residuals_there():
+    (one,) = measured_of_each([several(np.random.default_rng(7))])
+    curve = one.curves[0]
+    for count in (0, 1, 2):
+        seen = np.full(curve.force_N.size, np.nan)
+        seen[:count] = 2e-3
+        cut = one.having((replace(curve, others={"lateral_strain": seen}),))
+        (thin,) = cut.thinned.values()
+        assert thin.quantities["lateral_strain"].target.size == count
+        still = {name: np.zeros((1, thin.rows.size)) for name in cut.quantities}
+        assert np.isfinite(thin.residuals(still)).all()

@@ -108,6 +108,27 @@ def test_outputs_and_errors_are_those_along_the_displacement_that_is_left():
         np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-6)
 
 
+def test_a_simulation_gives_the_outputs_of_a_comparison():
+    effects = (AROUND["machine-compliance"],)
+    model, protocol = model_with(Model(), effects), STANDARD[0](10.0, 2.0)
+    curve, rows = Curve(protocol, np.zeros(protocol.time_s.size)), rows_of(model, 1)
+    rows = np.concatenate([rows, rows[:1]])
+    rows[-1, 0] = -1.0
+    everywhere = np.arange(protocol.time_s.size)
+    for simulator in (
+        Uniaxial(compared=("lateral_strain",)),
+        UniaxialWith(("machine-compliance",), compared=("lateral_strain",)),
+        Around(Uniaxial(compared=("lateral_strain",)), effects),
+    ):
+        own, values = (Model(), rows[:, :-1]) if isinstance(simulator, Uniaxial) else (model, rows)
+        done = simulator.simulate(own, BONE, protocol, values)
+        compared = simulator.compare(own, BONE, curve, values, everywhere)
+        assert list(done.outputs) == ["lateral_strain"]
+        np.testing.assert_array_equal(done.outputs["lateral_strain"], compared.outputs["lateral_strain"])
+        assert np.isnan(done.outputs["lateral_strain"][-1]).all(), "of a row that failed"
+        np.testing.assert_array_equal(done.courses(["lateral_strain"])["force"], done.force_N)
+
+
 def test_rows_that_fail_say_why_and_leave_the_others():
     effect = AROUND["machine-compliance"]
     model = model_with(Model(), (effect,))

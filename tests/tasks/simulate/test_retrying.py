@@ -30,7 +30,8 @@ class Fragile:
         status = np.array([STATUSES.index(each.pop(0)) if each else 0 for each in failing], dtype=np.int8)
         force = np.where(status[:, np.newaxis] > 0, np.nan, parameters[:, :1] * np.ones(3))
         messages = tuple("an accident" if one else "" for one in status)
-        return Simulated(force, status, messages, force if stresses else None, force if stresses else None)
+        width = {"width": -force}
+        return Simulated(force, status, messages, force if stresses else None, force if stresses else None, width)
 
     def with_effects(self, effects: tuple[Effect, ...]):
         return self
@@ -46,6 +47,7 @@ def test_accidents_are_repaired_row_by_row(status):
     fragile = Fragile({2.0: [status, status], 3.0: [status]})
     done = simulated(fragile, 5)
     assert done.force_N[:, 0].tolist() == [1.0, 2.0, 3.0]
+    assert done.outputs["width"][:, 0].tolist() == [-1.0, -2.0, -3.0]
     assert done.status.tolist() == [0, 0, 0]
     assert done.messages == ("", "", "")
     assert fragile.asked == [[1.0, 2.0, 3.0], [2.0, 3.0], [2.0]]

@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from sinew.tasks.data.noise import Noise
+from sinew.tasks.discover.after import experiment
 from sinew.tasks.discover.after.experiment import Rival, believed, next_experiment
 from sinew.tasks.discover.after.menu import Leg, Test, Usual, menu, usual
 from sinew.tasks.discover.fit.fit import Candidate, derivatives, fit, residuals
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Specimen
 from sinew.tasks.model.effects import library
 from sinew.tasks.model.protocols import cyclic, one_step
@@ -200,3 +203,32 @@ def test_tests_are_built_from_what_was_done():
     assert (half.length_mm, half.width_mm, half.curves) == (10.0, 8.0, ())
     assert "hold for 1000 s" in tests["longer hold"].words
     assert "stretch to 4 % strain at 6 % per second" in tests["faster ramp"].words
+
+
+def test_what_a_camera_will_see_counts_and_is_seen_as_often_as_so_far():
+    """A bar whose Poisson's ratio is unknown: the force says nothing of the width, and the width of the modulus."""
+    model = model_with_free("E_f", "nu_m")
+    true = replace(Candidate(model, (library()["machine-compliance"],)), compared=("lateral_strain",))
+    at = np.array([0.5, 0.5, 0.02])
+    protocol, rng = one_step(10.0, 2.0), np.random.default_rng(1)
+    courses = true.courses(BAR, protocol, at[np.newaxis])
+    seen = np.where(np.arange(protocol.time_s.size) % 4, np.nan, courses["lateral_strain"][0])
+    force = courses["force"][0] + rng.standard_normal(protocol.time_s.size)
+    specimen = replace(BAR, curves=(Curve(protocol, force, {"lateral_strain": seen}),))
+    gains = {}
+    for name, others in (("force", {}), ("both", {"lateral_strain": Noise(1e-5, 0.0)})):
+        measured = Measured(specimen, Noise(1.0, 0.0), others)
+        bare = replace(true, effects=(), compared=tuple(others))
+        effects = {"machine-compliance": true.effects, "toe-slack": (library()["toe-slack"],)}
+        rivals = []
+        for rival in effects.values():
+            candidate = bare.having(*rival)
+            starts = [np.concatenate([np.full(len(bare.varied), 0.5), part(candidate, share)]) for share in (0.1, 0.6)]
+            found = min((fit(candidate, measured, one) for one in starts), key=lambda one: one.loss)
+            rivals.append(Rival(rival, (found.at,)))
+        found = next_experiment(bare, rivals, [measured], [BRIEF])
+        gains[name] = found.best.hardest.gain
+    assert gains["both"] > 1.15 * gains["force"]
+    pulled_again = experiment._pulled(BRIEF, measured, bare, rivals[0].at[0])
+    often = np.isfinite(pulled_again.curves[0].others["lateral_strain"]).mean()
+    assert often == pytest.approx(0.25, abs=0.02)

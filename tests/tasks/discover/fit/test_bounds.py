@@ -18,15 +18,15 @@ def fitted(at: float, pressed: int) -> Fitted:
 def test_most_parameters_in_most_specimens_count():
     names = tuple(parameter.name for parameter in VARIED)
     half = len(names) // 2
-    assert cornered(Model(), [fitted(1.0, len(names))]) == names
-    assert cornered(Model(), [fitted(1.0, half + 1)]) == names[: half + 1]
-    assert cornered(Model(), [fitted(1.0, half)]) == ()
-    assert cornered(Model(), [fitted(0.5, len(names))]) == (), "on no bound"
-    assert cornered(Model(), [fitted(1.0, len(names)), fitted(0.5, 0)]) == (), "in one of two"
+    assert cornered(VARIED, [fitted(1.0, len(names))]) == names
+    assert cornered(VARIED, [fitted(1.0, half + 1)]) == names[: half + 1]
+    assert cornered(VARIED, [fitted(1.0, half)]) == ()
+    assert cornered(VARIED, [fitted(0.5, len(names))]) == (), "on no bound"
+    assert cornered(VARIED, [fitted(1.0, len(names)), fitted(0.5, 0)]) == (), "in one of two"
 
 
 def test_an_end_with_nothing_beyond_does_not_count():
     beyond = tuple(parameter.name for parameter in VARIED if parameter.minimum not in (0.0, parameter.floor))
     expected = beyond if 2 * len(beyond) > len(VARIED) else ()
-    assert cornered(Model(), [fitted(0.0, len(VARIED))]) == expected
+    assert cornered(VARIED, [fitted(0.0, len(VARIED))]) == expected
     assert len(beyond) < len(VARIED)

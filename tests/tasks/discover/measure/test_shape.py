@@ -34,7 +34,7 @@ def measured_with(errors, protocols=(one_step, two_step, cyclic), seed=0):
 
 def seen(measured):
     """Whitened errors of a model that has no force at all."""
-    return np.concatenate([measured.thinned[curve.name].target for curve in measured.curves])
+    return np.concatenate([measured.thinned[curve.name].quantities["force"].target for curve in measured.curves])
 
 
 def unloading(protocol, size, growth=0.0):

@@ -44,11 +44,20 @@ def test_the_error_of_a_gain_counts_blocks():
     gains, errors = [], []
     for _ in range(300):
         shared = np.repeat(rng.standard_normal(40), 50)
-        found = gain({"curve": (shared, np.zeros(2000))}, 50)
+        found = gain({"curve": (shared[np.newaxis], np.zeros((1, 2000)))}, 50)
         gains.append(found.gain)
         errors.append(found.error)
     assert np.median(errors) == pytest.approx(np.std(gains), rel=0.15)
 
 
 def test_a_single_block_says_nothing():
-    assert gain({"curve": (np.ones(10), np.zeros(10))}, 50) == Gain(10.0, np.inf)
+    assert gain({"curve": (np.ones((1, 10)), np.zeros((1, 10)))}, 50) == Gain(10.0, np.inf)
+
+
+def test_a_quantity_that_says_nothing_makes_a_gain_no_less_sure():
+    rng = np.random.default_rng(2)
+    force = 1.0 + rng.standard_normal(1000)
+    width = np.where(np.arange(1000) % 3 == 0, 0.0, np.nan)  # seen at every third point, and predicted alike by both
+    alone = gain({"curve": (force[np.newaxis], np.zeros((1, 1000)))}, 50)
+    both = gain({"curve": (np.stack([force, width]), np.stack([np.zeros(1000), width]))}, 50)
+    assert both == alone

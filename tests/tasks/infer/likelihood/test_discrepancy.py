@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sinew.tasks.fitting.roughness import Roughness
-from sinew.tasks.infer.likelihood.discrepancy import ModelError, lengths_of, model_error
+from sinew.tasks.infer.likelihood.discrepancy import ModelError, QuantityError, lengths_of, model_error
 from sinew.tasks.infer.likelihood.scores import places
 from tests.tasks.infer.likelihood.specimens import fitted, target
 
@@ -44,7 +44,8 @@ def test_white_errors_are_those_of_the_whole_covariance():
     rough = Roughness(1.5, 0.8, (6, 4))
     directions, _ = np.linalg.qr(rng.standard_normal((10, 2)))
     spreads = np.array([3.0, 0.5])
-    error = ModelError(rough, directions, 1.0 - 1.0 / np.sqrt(1.0 + spreads**2), 2.0, 3.0, np.zeros(1))
+    one = QuantityError(rough, directions, 1.0 - 1.0 / np.sqrt(1.0 + spreads**2))
+    error = ModelError((one,), (np.arange(10),), 2.0, 3.0, np.zeros(1))
     back = np.linalg.inv(rough.white(np.eye(10)).T)  # from errors without the rough part
     covariance = back @ (np.eye(10) + (directions * spreads**2) @ directions.T) @ back.T
     white = error.white(np.eye(10)).T

@@ -9,7 +9,7 @@ import safetensors.numpy
 
 from sinew.tasks.fitting.roughness import Roughness
 from sinew.tasks.infer.likelihood.chains import Block, begun, swept
-from sinew.tasks.infer.likelihood.discrepancy import ModelError
+from sinew.tasks.infer.likelihood.discrepancy import ModelError, QuantityError
 from sinew.tasks.infer.likelihood.explore import Explored, explored
 from sinew.tasks.infer.likelihood.kept import (
     read_block,
@@ -34,6 +34,8 @@ def known() -> tuple[list[Explored], Block]:
 def same(one: object, other: object) -> bool:
     if isinstance(one, np.ndarray | float | int):
         return np.array_equal(one, other)
+    if isinstance(one, tuple):
+        return isinstance(other, tuple) and len(one) == len(other) and all(map(same, one, other))
     if hasattr(one, "__dataclass_fields__"):
         return all(same(getattr(one, name), getattr(other, name)) for name in one.__dataclass_fields__)
     return one == other
@@ -107,15 +109,17 @@ def test_an_explored_specimen_that_cannot_be_does_not_count(known, tmp_path, nam
     assert read_explored(tmp_path / "known", "inputs", TARGETS[0]) is None
 
 
-ERROR = ModelError(Roughness(0.5, 0.8, (6,)), np.eye(6)[:, :2], np.array([0.5, 0.9]), 1.0, 2.0, np.zeros(2))
-MEASURED = SimpleNamespace(thinned={"pull": SimpleNamespace(target=np.zeros(6))})
+OF_THE_FORCE = QuantityError(Roughness(0.5, 0.8, (6,)), np.eye(6)[:, :2], np.array([0.5, 0.9]))
+ERROR = ModelError((OF_THE_FORCE,), (np.arange(6),), 1.0, 2.0, np.zeros(2))
+QUANTITIES = {"force": SimpleNamespace(target=np.zeros(6))}
+MEASURED = SimpleNamespace(thinned={"pull": SimpleNamespace(quantities=QUANTITIES)}, places={"force": np.arange(6)})
 
 
 def test_an_error_of_a_model_is_read_as_it_was_written(tmp_path):
     target = replace(TARGETS[0], measured=MEASURED)
     write_model_error(tmp_path / "error", "inputs", ERROR)
     assert same(read_model_error(tmp_path / "error", "inputs", target), ERROR)
-    nothing = replace(ERROR, directions=np.empty((6, 0)), taken=np.empty(0))
+    nothing = replace(ERROR, each=(replace(OF_THE_FORCE, directions=np.empty((6, 0)), taken=np.empty(0)),))
     write_model_error(tmp_path / "error", "inputs", nothing)
     assert same(read_model_error(tmp_path / "error", "inputs", target), nothing)
 
@@ -123,10 +127,10 @@ def test_an_error_of_a_model_is_read_as_it_was_written(tmp_path):
 @pytest.mark.parametrize(
     ("name", "change"),
     [
-        ("rough", lambda _: np.array([-1.0, 0.5])),
-        ("rough", lambda _: np.array([1.0, 1.0])),
-        ("taken", lambda a: a + 1.0),
-        ("taken", lambda a: a[:1]),
+        ("rough_0", lambda _: np.array([-1.0, 0.5])),
+        ("rough_0", lambda _: np.array([1.0, 1.0])),
+        ("taken_0", lambda a: a + 1.0),
+        ("taken_0", lambda a: a[:1]),
         ("size", lambda _: np.array(-1.0)),
         ("near", lambda a: a + 99.0),
         ("near", lambda a: a[:1]),

@@ -176,7 +176,7 @@ def test_an_interrupted_inference_goes_on_and_ends_with_the_same_bytes(study, in
 
 
 def test_what_is_unchanged_is_not_inferred_again(study, inferred, monkeypatch):
-    monkeypatch.setattr(task, "noise_of_each", lambda *_: pytest.fail("inferred again"))
+    monkeypatch.setattr(task, "measured_of_each", lambda *_: pytest.fail("inferred again"))
     before = contents(inferred / "store.zarr" / "infer")
     sinew("infer", study, "--out", inferred, "--quiet")
     assert contents(inferred / "store.zarr" / "infer") == before

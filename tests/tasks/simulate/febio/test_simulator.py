@@ -137,6 +137,9 @@ def test_an_evaluation_gives_all_outputs(tmp_path):
     assert [STATUSES[status] for status in found.status] == ["ok", "ok", "ok", "bad_input"]
     assert "E_matrix = -1; expected from 5 to 50" in found.messages[3]
     assert set(found.outputs) == set(found.summaries) == {"force", "stress", "narrowing"}
+    done = simulator.simulate(OWN, GAUGE, RELAX, rows)
+    for name, values in found.outputs.items():
+        np.testing.assert_array_equal(done.outputs[name][:, keep], values)
     assert np.allclose(found.force_N[1], 2 * found.force_N[0], rtol=1e-12)  # linear in the modulus
     assert (found.outputs["narrowing"][2][1:] < found.outputs["narrowing"][0][1:]).all()
     assert np.isclose(found.summaries["force"][0], found.force_N[0, 1])
