@@ -128,6 +128,15 @@ def noise_of_each(groups: Sequence[Sequence[Curve]]) -> list[Noise]:
     return [found.get(number, usual) for number in pieces]
 
 
+def correlation_of(groups: Sequence[Sequence[Curve]]) -> float:
+    """The correlation of neighbouring points that the noise of all groups of curves has in common.
+
+    0 where no group has enough points to show one.
+    """
+    pieces = [each for curves in groups if not _too_few(each := _chosen(curves)) and not _smooth(each)]
+    return _correlation_and_growth(pieces, proportional=False)[0] if pieces else 0.0
+
+
 def remark_on_others(specimens: Sequence[Specimen], noise: Sequence[Noise]) -> str:
     """A line on the specimens whose ``noise`` is that of others; empty where there are none."""
     names = [one.name for one, level in zip(specimens, noise, strict=True) if level.of_others]

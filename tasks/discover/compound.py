@@ -15,7 +15,7 @@ from sinew.tasks.discover.follow_up import Part, Remainder
 from sinew.tasks.discover.judge.partly import Form, InPlace, Worth, doubts, outdone
 from sinew.tasks.discover.judge.scores import Score, misfit_left
 from sinew.tasks.discover.measure.shape import smooth
-from sinew.tasks.discover.result import CellMisfit
+from sinew.tasks.discover.misfit_map import CellMisfit
 from sinew.tasks.discover.settings import Settings
 from sinew.tasks.model import FORCE
 from sinew.tasks.simulate import Array
@@ -164,8 +164,12 @@ def taken_away(
 def _squares(one: SpecimenFits, effects: Effects, fitted: Fitted) -> Array:
     """Whitened squared residuals ``[b]`` of a specimen, summed over blocks."""
     measured = one.measured
-    white = residuals(one.candidate(effects), measured, fitted.at[np.newaxis], measured.curves)[0]
-    sums: Array = np.add.reduceat(white**2, np.arange(0, white.size, BLOCK))
+    squares = residuals(one.candidate(effects), measured, fitted.at[np.newaxis], measured.curves)[0] ** 2
+    every = measured.thinned.values()
+    own = np.split(squares, np.cumsum([each.size for each in every])[:-1])
+    # what several quantities have in common at a time is one error
+    groups = np.concatenate([each.by_group(part) for each, part in zip(every, own, strict=True)])
+    sums: Array = np.add.reduceat(groups, np.arange(0, groups.size, BLOCK))
     return sums
 
 

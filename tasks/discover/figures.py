@@ -11,8 +11,9 @@ from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 
 from sinew.runner.store.store import open_store
+from sinew.tasks.discover.misfit_map import CellMisfit
 from sinew.tasks.discover.quantities import leftovers, quantities_table, rows_of
-from sinew.tasks.discover.result import CellMisfit, DiscoverResult
+from sinew.tasks.discover.result import DiscoverResult
 from sinew.tasks.discover.show import cells_table, curves_table, gap_of, stack_of
 from sinew.tasks.drawing.figures import COLOURS, MEASURED, STYLE, headline, save
 from sinew.tasks.drawing.views import FigureKind
@@ -117,7 +118,7 @@ def cell_map(result: DiscoverResult) -> Figure:
 
     Where more than the force is compared, each quantity has rows of its own.
     """
-    rows = rows_of(result)
+    rows = rows_of(result, "model as it is")
     labels = list(dict.fromkeys(_label(cell) for _, cells in rows for cell in cells))
     norm = TwoSlopeNorm(0.0, -FAR, FAR)
     with plt.rc_context(STYLE):

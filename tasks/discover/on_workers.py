@@ -10,7 +10,8 @@ from sinew.tasks.discover.fit.held_out import SquaredErrors
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
 from sinew.tasks.discover.measure.cells import misfit_map
 from sinew.tasks.discover.measure.conflict import conflict, together
-from sinew.tasks.discover.result import CellMisfit, Conflict, Gap
+from sinew.tasks.discover.misfit_map import CellMisfit
+from sinew.tasks.discover.result import Conflict, Gap
 from sinew.tasks.study import streams
 from sinew.tasks.study.streams import Stream
 from sinew.tasks.study.workspace import Workspace

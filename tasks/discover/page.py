@@ -119,7 +119,14 @@ def _verdict(result: DiscoverResult) -> Facts:
         rows.append(("compared beside the force", words))
     noise = [f"{name} {noise_words(one)}" for name, one in result.noise.items()]
     rows.append(("noise (standard deviation)", ", ".join(noise)))
-    if slow := [name for name, one in result.noise.items() if one.ar1 >= SLOW]:
+    slow = [name for name, one in result.noise.items() if one.ar1 >= SLOW]
+    slow += [
+        f"{name}, {quantity}"
+        for name, others in (result.compared or {}).items()
+        for quantity, one in others.items()
+        if one.ar1 >= SLOW
+    ]
+    if slow:
         words = f"that of {listed(slow)} changes so slowly that it may hold a part of what the model lacks"
         rows.append(("mind the noise", words))
     return Facts(rows)
@@ -199,6 +206,8 @@ def _quantities(found: ResultFolder, result: DiscoverResult) -> Plots:
                 for protocol, columns in parts.items()
             }
     protocols, more = plots.first(dict.fromkeys(name for parts in data.values() for name in parts), "protocols")
+    nothing = {name: np.zeros(0) for name in ("time", *models)}
+    data = {option: {name: parts.get(name, nothing) for name in protocols} for option, parts in data.items()}
 
     def draw(sources: plots.Sources) -> list[Plot]:
         drawn: list[Plot] = []
@@ -224,7 +233,7 @@ def _quantities(found: ResultFolder, result: DiscoverResult) -> Plots:
 
 def _cells(result: DiscoverResult) -> Plots:
     """Misfit by specimen, quantity and cell: a row for the model as it is, one with the effects."""
-    rows, units = rows_of(result), units_of(result)
+    rows, units = rows_of(result, "as it is"), units_of(result)
     columns: dict[str, list[Any]] = {key: [] for key in ("cell", "row", "z", "shade", "limit", "mean", "beyond")}
     for name, cells in rows:
         for cell in cells:

@@ -18,10 +18,11 @@ def methods(result: DiscoverResult) -> str:
     if law := of_the_law(result):
         part += f" {law}"
     words = quantity_words(result)
+    given = ", but for what is given" if "as given" in words else ""
     compared = f" Beside the force, the fits compare {words}." if words else ""
     return (
         f"To find out whether the model lacks an effect, it was fitted to {plural(len(result.noise), 'specimen')} with "
         f"and without each of {plural(len(result.candidates), 'candidate')} from a library of effects. The fits use "
-        f"generalised least squares; the noise was estimated from the curves alone [@patterson].{compared} "
+        f"generalised least squares; the noise was estimated from the curves alone{given} [@patterson].{compared} "
         f"Verdict: {result.headline}: {result.why}.{first}{part} How far to trust it: {in_words(result.confidence)}."
     )

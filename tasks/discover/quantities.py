@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from sinew.tasks.discover.result import CellMisfit, Cells, DiscoverResult
+from sinew.tasks.discover.misfit_map import CellMisfit, Cells
+from sinew.tasks.discover.result import DiscoverResult
 from sinew.tasks.drawing.blocks import number
 from sinew.tasks.simulate import Array
 
@@ -19,7 +20,7 @@ def quantity_words(result: DiscoverResult) -> str:
     for others in (result.compared or {}).values():
         for name, noise in others.items():
             every.setdefault(name, []).append(noise.sd)
-            units[name] = "" if noise.unit == "1" else f" {noise.unit}"
+            units[name] = ("" if noise.unit == "1" else f" {noise.unit}") + (", as given" if noise.given else "")
     return ", ".join(f"{name} (noise {_range(levels)}{units[name]})" for name, levels in every.items())
 
 
@@ -28,10 +29,10 @@ def _range(levels: Sequence[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def rows_of(result: DiscoverResult) -> list[tuple[str, list[CellMisfit]]]:
-    """Cells by specimen, model and quantity, each with a title: the model as it is, then that with the effects."""
+def rows_of(result: DiscoverResult, bare: str) -> list[tuple[str, list[CellMisfit]]]:
+    """Cells by specimen, model and quantity, each with a title: the ``bare`` model, then that with the effects."""
     models: Sequence[tuple[str, Cells]] = (
-        ("as it is", result.cells),
+        (bare, result.cells),
         (f"with {result.shown_name}", result.after or {}),
     )
     found: dict[str, list[CellMisfit]] = {}

@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from sinew.tasks.discover.follow_up import AddedModel, NextExperiment, Outside, Part, Remainder
+from sinew.tasks.discover.misfit_map import Cells, NoiseLevel, OtherNoise, check_compared
 from sinew.tasks.model.effects import named
 from sinew.tasks.study.files import digest, write_json
-from sinew.tasks.study.result import OMIT, Correlation, Count, NotNegative, Number, Result, Share, plain
+from sinew.tasks.study.result import OMIT, Count, Number, Result, Share, plain
 
 Word = Literal["NONE", "NAMED", "PARTLY", "AMBIGUOUS", "OUTSIDE"]
 NAMES: tuple[Word, ...] = ("NAMED", "PARTLY")  # words of verdicts that name effects
@@ -97,24 +98,6 @@ class Conflict:
 
 
 @dataclass(frozen=True)
-class NoiseLevel:
-    """Noise of a specimen's curves: standard deviation at rest (N), lag-one correlation, growth with the force."""
-
-    sd_N: NotNegative
-    ar1: Correlation
-    proportional: NotNegative
-
-
-@dataclass(frozen=True)
-class OtherNoise:
-    """Noise of another quantity than the force: standard deviation in its ``unit``, and lag-one correlation."""
-
-    sd: NotNegative
-    ar1: Correlation
-    unit: str
-
-
-@dataclass(frozen=True)
 class Gain:
     """How much better held-out data are predicted (whitened sum of squares), and the standard ``error`` of that.
 
@@ -180,44 +163,6 @@ class CandidateResult:
     @property
     def name(self) -> str:
         return " + ".join(self.effects)
-
-
-@dataclass(frozen=True)
-class CellMisfit:
-    """The misfit of one part of a test: ``z`` in units of chance, ``mean_N`` (N); measured minus simulated.
-
-    ``quantity``: what is compared, with its ``mean`` in its own unit; None for the force.
-
-    ``number`` is that of the step or cycle. Chance alone takes some cell of the cohort beyond ``limit`` with the
-    probability of the study's setting, and beyond ``sure`` in one of fifty of these cases.
-    """
-
-    protocol: str
-    phase: str
-    number: Count
-    z: Number
-    mean_N: Number
-    limit: Number
-    sure: Number
-    quantity: str | None = field(default=None, metadata=OMIT)
-    mean: float | None = field(default=None, metadata=OMIT)
-
-    @property
-    def name(self) -> str:
-        """What a person calls it: the protocol, the quantity unless it is the force, and the part."""
-        protocol = self.protocol if self.quantity is None else f"{self.protocol}, {self.quantity}"
-        return f"{protocol}: {self.phase} {self.number}"
-
-    @property
-    def beyond_chance(self) -> bool:
-        return abs(self.z) > self.limit
-
-    @property
-    def far_beyond_chance(self) -> bool:
-        return abs(self.z) > self.sure
-
-
-Cells = Mapping[str, tuple[CellMisfit, ...]]
 
 
 @dataclass(frozen=True)
@@ -327,6 +272,7 @@ class DiscoverResult(Result):
         for what, effects in (("effects", self.effects), ("shown", self.shown)):
             if effects and known and set(effects) not in known:
                 raise ValueError(f"{what}: {' + '.join(effects)}, which is no candidate")
+        check_compared(self.compared, self.cells, self.after)
         misfit = self.null.loss - self.null.floor
         if self.explained is not None and not self.explained * misfit <= self.null.loss * (1.0 + 1e-6):
             raise ValueError(f"explained: {self.explained:g} of a misfit of {misfit:g}")

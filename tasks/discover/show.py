@@ -14,8 +14,9 @@ from sinew.tasks.discover.follow_up import NextExperiment, Part
 from sinew.tasks.discover.judge.confidence import in_words
 from sinew.tasks.discover.judge.rules import HELD_OUT
 from sinew.tasks.discover.judge.shared_checks import as_good
+from sinew.tasks.discover.misfit_map import NoiseLevel
 from sinew.tasks.discover.quantities import quantity_words
-from sinew.tasks.discover.result import NAMES, CandidateResult, DiscoverResult, NoiseLevel, SplitGap
+from sinew.tasks.discover.result import NAMES, CandidateResult, DiscoverResult, SplitGap
 from sinew.tasks.drawing.blocks import listed, number, percent
 
 SHOWN = 6  # candidates

@@ -41,17 +41,11 @@ from sinew.tasks.discover.judge.scores import Score, Scores, misfit_by_chance
 from sinew.tasks.discover.known import inputs_of, known_verdict
 from sinew.tasks.discover.measure.cells import located_part
 from sinew.tasks.discover.measure.shape import shape
+from sinew.tasks.discover.misfit_map import CellMisfit, NoiseLevel, OtherNoise
 from sinew.tasks.discover.on_workers import conflicts, gap_of, misfits, on_a_worker
-from sinew.tasks.discover.result import (
-    BareFit,
-    CandidateResult,
-    CellMisfit,
-    Conflict,
-    DiscoverResult,
-    NoiseLevel,
-    OtherNoise,
-)
+from sinew.tasks.discover.result import BareFit, CandidateResult, Conflict, DiscoverResult
 from sinew.tasks.discover.settings import Settings
+from sinew.tasks.fitting.measured import remark_on_few
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
 from sinew.tasks.study import streams
@@ -176,6 +170,8 @@ def _ready(workspace: Workspace, settings: Settings, specimens: Sequence[Specime
         refuse_none(one.measured.noise, workspace.cohort.folder / one.name)
     if remark := remark_on_others(specimens, [one.measured.noise for one in cohort]):
         workspace.say(f"discover: {remark}")
+    if remark := remark_on_few([one.measured for one in cohort], study.noise_given):
+        workspace.say(f"discover: {remark}")
     return cohort
 
 
@@ -232,7 +228,7 @@ def _result(
         effects=decided.effects,
         set=decided.alike,
         why=decided.why,
-        confidence=confidence(decided.word, workspace.model.law),
+        confidence=confidence(decided.word, workspace.model.law, workspace.study.compared),
         explained=decided.explained,
         null=BareFit(
             candidates.scores.bare.loss,
@@ -267,9 +263,10 @@ def _compared(workspace: Workspace, cohort: Sequence[SpecimenFits]) -> Mapping[s
     if not workspace.study.compared:
         return None
     units = {output.name: output.unit for output in workspace.simulator.capabilities.outputs}
+    given = workspace.study.noise_given
     every = {one.name: one.measured.others for one in cohort}
     return {
-        name: {each: OtherNoise(noise.sd_N, noise.ar1, units[each]) for each, noise in others.items()}
+        name: {each: OtherNoise(one.sd_N, one.ar1, units[each], each in given) for each, one in others.items()}
         for name, others in every.items()
     }
 

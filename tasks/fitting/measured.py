@@ -11,20 +11,21 @@ Where more than the force is compared, each quantity is whitened by a noise of i
 measured. Residuals stand curve by curve, and within each curve quantity by quantity, the force first.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array
 
-from sinew.tasks.data.noise import Noise, noise_of_all, noise_of_each
+from sinew.tasks.data.noise import Noise, correlation_of, noise_of_each
 from sinew.tasks.model import FORCE, Curve, Protocol, Specimen
 from sinew.tasks.model.phases import phases
 from sinew.tasks.simulate import Array, Courses
 
 ALONE, LONGER = 16, 0.06  # first points of a hold, kept single; and the growth of groups, as part of the time before
 OF_A_RAMP = 400  # groups, at most
+FEW = 50  # points of a quantity in a specimen, below which its noise is hardly known
 STRAIGHT = 1e-4  # of the range of the displacement: largest deviation from a straight line within a group
 
 
@@ -33,11 +34,12 @@ class Weighed:
     """A quantity along a thinned curve of ``k`` points.
 
     ``weights`` ``[g, k]`` makes of its values there what ``target`` ``[g]`` is of the measured ones: whitened, and
-    summed over groups.
+    summed over ``groups`` ``[g]``, by number, of those of the curve.
     """
 
     weights: csr_matrix
     target: Array
+    groups: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +53,11 @@ class Thinned:
     protocol: Protocol
     rows: Array
     quantities: Mapping[str, Weighed]
+
+    def by_group(self, squares: Array) -> Array:
+        """Squared residuals ``[g]`` of all quantities, summed over those of the same group."""
+        groups = np.concatenate([one.groups for one in self.quantities.values()])
+        return np.bincount(groups, weights=squares)
 
     @property
     def size(self) -> int:
@@ -122,21 +129,32 @@ def measured_of_each(specimens: Sequence[Specimen], force_sd: float | None = Non
     """Specimens with the noise of all that is compared, as their curves show it.
 
     ``force_sd``: the standard deviation of the force's noise (N), where it is known; that of other quantities is
-    their level in ``noise`` of the specimen.
+    their level in ``noise`` of the specimen. All of these have one correlation, in all specimens, as of one camera:
+    that of few points is hardly known.
     """
+    courses = [[curve.of(name) for curve in one.curves] for one in specimens for name in one.others]
+    ar1 = correlation_of(courses) if courses else 0.0
     found = []
     for one, noise in zip(specimens, noise_of_each([one.curves for one in specimens]), strict=True):
-        others = {name: _of_level(one.noise[name], [curve.of(name) for curve in one.curves]) for name in one.others}
         if force_sd is not None:
             noise = Noise(force_sd, 0.0 if np.isnan(noise.ar1) else noise.ar1)
-        found.append(Measured(one, noise, others))
+        found.append(Measured(one, noise, {name: Noise(one.noise[name], ar1) for name in one.others}))
     return found
 
 
-def _of_level(level: float, curves: Sequence[Curve]) -> Noise:
-    """Noise of a ``level``, with the correlation that curves show, if they have enough points for one."""
-    correlation = noise_of_all(curves, proportional=False).ar1
-    return Noise(level, 0.0 if np.isnan(correlation) else correlation)
+def remark_on_few(every: Sequence[Measured], given: Iterable[str]) -> str:
+    """A line on quantities beside the force whose noise rests on few points, but those ``given``; empty without."""
+    known, few = set(given), dict[str, int]()
+    for one in every:
+        for name in set(one.others) - known:
+            points = sum(int(np.isfinite(curve.others[name]).sum()) for curve in one.curves)
+            if points < FEW:
+                few[name] = min(points, few.get(name, points))
+    if not few:
+        return ""
+    name = min(few, key=lambda each: (few[each], each))
+    more = f" (and {len(few) - 1} more)" if len(few) > 1 else ""
+    return f"the noise of {name}{more} is estimated from {few[name]} points; measured.{name}.noise can give it"
 
 
 def _places(curves: Sequence[Mapping[str, Weighed]]) -> Iterator[Array]:
@@ -173,11 +191,11 @@ def thinned(curve: Curve, quantities: Mapping[str, Noise]) -> Thinned:
     weighed = {}
     for name, noise in quantities.items():
         own, there = _measured(curve, name)
-        _, group, sizes = np.unique(which[there], return_inverse=True, return_counts=True)
+        groups_there, group, sizes = np.unique(which[there], return_inverse=True, return_counts=True)
         shape = (sizes.size, there.size)
         sums = csr_matrix((1.0 / np.sqrt(sizes[group]), (group, np.arange(there.size))), shape=shape)
         white = sums @ _whitening(own, noise)
-        weighed[name] = Weighed(csr_matrix(white @ between[there]), white @ own.force_N)
+        weighed[name] = Weighed(csr_matrix(white @ between[there]), white @ own.force_N, groups_there)
     protocol = Protocol(curve.name, time[nodes], curve.protocol.displacement_mm[nodes])
     return Thinned(protocol, nodes, weighed)
 

@@ -34,6 +34,12 @@ def posteriors_of(workspace: Workspace) -> Posteriors:
     members = [name for posterior in inferred.sites.values() for name in posterior.specimens]
     chosen = workspace.cohort.choose(members, str(path))
     refuse_other_data(workspace, path, inferred.data, chosen, "`sinew infer` again")
+    compared = workspace.study.compared
+    if isinstance(inferred, LikelihoodResult) and tuple(inferred.compared or ()) != compared:
+        was = f"was inferred from {', '.join(('the force', *(inferred.compared or ())))}"
+        raise BadInput(
+            path, was, f"all that the study compares (the force, {', '.join(compared)}); `sinew infer` again"
+        )
     return inferred
 
 

@@ -33,8 +33,11 @@ Quantities = Annotated[dict[str, QuantitySettings], Field(min_length=1, max_leng
 
 
 def key_of_quantities(compared: Sequence[str], force_noise: float | None) -> list[Any]:
-    """What the key of a result has of ``compared`` quantities besides their curves; nothing where the force is all."""
-    return [["with quantities", force_noise]] if compared else []
+    """What the key of a result has of ``compared`` quantities besides their curves; nothing where the force is all.
+
+    What is kept of an unfinished result has them in this order.
+    """
+    return [["with quantities", list(compared), force_noise]] if compared else []
 
 
 def check_quantities(measured: Mapping[str, QuantitySettings], units: Mapping[str, str], gives_force: bool) -> None:

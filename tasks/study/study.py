@@ -189,6 +189,11 @@ class StudyFields(Section):
         return given.noise if given is not None and given.noise != "estimated" else None
 
     @property
+    def noise_given(self) -> tuple[str, ...]:
+        """What is compared whose noise the study gives."""
+        return tuple(name for name, one in (self.measured or {}).items() if one.noise != "estimated")
+
+    @property
     def cohort_path(self) -> Path:
         """The cohort's folder; relative paths start at the study file."""
         if self.cohort is None:

@@ -26,7 +26,7 @@ from sinew.tasks.study.resources import resource
 from sinew.tasks.study.study import read_study
 
 RATE_HZ, NOISE = 5.0, 0.003  # of the peak force
-POINTS, POINT_NOISE_MM, PICTURES_EVERY = 10, 0.002, 2  # that a camera follows; rows from one picture to the next
+POINTS, POINT_NOISE_MM, PICTURES_EVERY = 10, 0.005, 2  # that a camera follows; rows from one picture to the next
 FINER = ("set fineness = 1", "set fineness = 2")
 SIZE_MM, SCATTER = (20.0, 4.0, 2.0), 0.03
 RANGES = {"E_matrix": (12.0, 40.0), "nu": (0.2, 0.4), "g_1": (0.3, 1.2), "tau_1": (4.0, 20.0)}  # of true values
@@ -78,15 +78,17 @@ def study_of(out: Path, changes: tuple[str, str] | None = None, *, points: bool 
     return path
 
 
-def pulled(simulator: Simulator, model: Model, specimen: Specimen, row: Array, rng: np.random.Generator) -> Specimen:
-    """The specimen with measured curves of the parameters ``row``."""
+def pulled(
+    simulator: Simulator, model: Model, specimen: Specimen, row: Array, rng: np.random.Generator, noise: float = NOISE
+) -> Specimen:
+    """The specimen with measured curves of the parameters ``row``; ``noise`` of the force: in parts of its peak."""
     curves = []
     for protocol in PROTOCOLS:
         done = simulator.simulate(model, specimen, protocol, row[np.newaxis])
         if done.status[0]:
             raise click.ClickException(f"{specimen.name}, {protocol.name}: {done.messages[0]}")
         force = done.force_N[0]
-        noisy = force + NOISE * np.abs(force).max() * rng.standard_normal(force.size)
+        noisy = force + noise * np.abs(force).max() * rng.standard_normal(force.size)
         others = {}
         for name, course in done.outputs.items():
             if name.startswith("dic_"):
@@ -96,12 +98,12 @@ def pulled(simulator: Simulator, model: Model, specimen: Specimen, row: Array, r
     return Specimen(specimen.name, specimen.length_mm, specimen.width_mm, specimen.thickness_mm, tuple(curves))
 
 
-def sizes_of(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
-    """Values between the null and what is typical, or a third beyond."""
+def sizes_of(effect: Effect, rng: np.random.Generator, times: float = 1.0) -> dict[str, float]:
+    """So many ``times`` values between the null and what is typical, or a third beyond."""
     found = {}
     for parameter, null in zip(effect.parameters, effect.null_values, strict=True):
         start = null if parameter.name in effect.null else 0.0
-        value = start + rng.uniform(0.7, 1.3) * (parameter.reference - start)
+        value = start + times * rng.uniform(0.7, 1.3) * (parameter.reference - start)
         found[parameter.name] = float(np.clip(value, parameter.minimum, parameter.maximum))
     return found
 
@@ -111,8 +113,12 @@ def sizes_of(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
 @click.option("--effect", "slugs", multiple=True, required=True, help="One case with this effect; none: a null.")
 @click.option("--specimens", type=click.IntRange(1, 4), default=1, show_default=True)
 @click.option("--points", is_flag=True, help="Ten points of the gauge are followed by a camera.")
+@click.option("--times", type=click.FloatRange(0.1, 10.0), default=1.0, show_default=True, help="Of the usual sizes.")
+@click.option("--noise", type=click.FloatRange(1e-4, 0.1), default=NOISE, show_default=True, help="Of the peak force.")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
-def main(out: Path, slugs: tuple[str, ...], specimens: int, points: bool, seed: int) -> None:
+def main(
+    out: Path, slugs: tuple[str, ...], specimens: int, points: bool, times: float, noise: float, seed: int
+) -> None:
     """Write cohorts, answers.json and the study for `sinew benchmark discover`."""
     if shutil.which("febio4") is None:
         raise click.ClickException("febio4 is not on the PATH")
@@ -125,12 +131,12 @@ def main(out: Path, slugs: tuple[str, ...], specimens: int, points: bool, seed: 
         mm = [[float(size * (1 + SCATTER * rng.standard_normal())) for size in SIZE_MM] for _ in range(specimens)]
         bars = [Specimen(f"s{i:02d}", *size) for i, size in enumerate(mm, 1)]
         truth = [np.array([rng.uniform(*RANGES[name]) for name in bare.names]) for _ in bars]
-        plain = [pulled(simulator, bare, *each, rng) for each in zip(bars, truth, strict=True)]
+        plain = [pulled(simulator, bare, *each, rng, noise) for each in zip(bars, truth, strict=True)]
         effects = () if slug == "none" else (library_for(plain)[slug],)
-        values = {name: value for effect in effects for name, value in sizes_of(effect, rng).items()}
+        values = {name: value for effect in effects for name, value in sizes_of(effect, rng, times).items()}
         having, model = simulator.with_effects(effects), model_with(bare, effects)
         made = [
-            pulled(having, model, bar, np.array([*row, *values.values()]), rng)
+            pulled(having, model, bar, np.array([*row, *values.values()]), rng, noise)
             for bar, row in zip(bars, truth, strict=True)
         ] if effects else plain  # fmt: skip
         write_cohort(out / "cases" / case, made)
@@ -142,7 +148,7 @@ def main(out: Path, slugs: tuple[str, ...], specimens: int, points: bool, seed: 
                 bar.name: dict(zip(bare.names, row.tolist(), strict=True))
                 for bar, row in zip(bars, truth, strict=True)
             },
-            "noise_fraction_of_peak": NOISE,
+            "noise_fraction_of_peak": noise,
             "seed": seed,
         }  # fmt: skip
         print(f"{case}: {slug} {values}")

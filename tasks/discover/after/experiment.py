@@ -125,7 +125,7 @@ def next_experiment(
             [_After.of(candidate, one, known.at) for one, known in zip(pulled, each, strict=True)]
             for candidate, each in zip(candidates, before, strict=True)
         ]
-        if not all(np.isfinite(one.force).all() and np.isfinite(one.slopes).all() for each in new for one in each):
+        if not all(np.isfinite(one.white).all() and np.isfinite(one.slopes).all() for each in new for one in each):
             continue
         separations = [
             _separation(rivals[a].slugs, rivals[b].slugs, measured, new[a], new[b], before[b]) for a, b in pairs

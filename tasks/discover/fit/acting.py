@@ -14,15 +14,15 @@ from sinew.tasks.discover.fit.fit import Candidate
 from sinew.tasks.model import Curve, Specimen
 from sinew.tasks.simulate import Array
 
-SAME = 1e-3  # of the peak force: what a solver's tolerance may change
-CHANGED, CLEARLY = 1e-4, 10.0  # of the peak force, and times the change at the null value: the least that is a change
+SAME = 1e-3  # of the peak: what a solver's tolerance may change
+CHANGED, CLEARLY = 1e-4, 10.0  # of the peak, and times the change at the null value: the least that is a change
 
 
 def tried(candidate: Candidate, specimen: Specimen, at: Array) -> Array:
-    """What the effect of a candidate does to the force, at a fit ``at`` ``[k]`` of the model without it.
+    """What the effect of a candidate does to all that is compared, at a fit ``at`` ``[k]`` of the model without it.
 
     ``[3]``: the status of a run that failed, or 0; the change at the null value and at the typical one, in parts of the
-    peak force, or 0 where a run failed.
+    peak of the force or of another quantity, whichever changes more, or 0 where a run failed.
     """
     protocol = _telling(specimen.curves).protocol
     without = candidate.having().simulated(specimen, protocol, at[np.newaxis])
@@ -31,8 +31,10 @@ def tried(candidate: Candidate, specimen: Specimen, at: Array) -> Array:
     status = np.concatenate([without.status, having.status])
     if status.any():
         return np.array([float(status[status > 0][0]), 0.0, 0.0])
-    peak = max(float(np.abs(without.force_N).max()), np.finfo(float).tiny)
-    return np.array([0.0, *(np.abs(having.force_N - without.force_N).max(axis=1) / peak)])
+    before, after = (done.courses(candidate.compared) for done in (without, having))
+    peaks = {name: float(np.abs(course).max()) for name, course in before.items()}
+    changes = [np.abs(after[name] - before[name]).max(axis=1) / peak for name, peak in peaks.items() if peak > 0.0]
+    return np.array([0.0, *np.max(changes, axis=0)]) if changes else np.zeros(3)
 
 
 def why_not(numbers: Array) -> str | None:
@@ -41,9 +43,10 @@ def why_not(numbers: Array) -> str | None:
     if failed:
         return f"the solver does not run with it ({STATUSES[int(failed)]})"
     if at_null > SAME:
-        return f"at its null value the force changes by {at_null:.2g} of its peak"
+        return f"at its null value what is compared changes by {at_null:.2g} of its peak"
     if at_typical < max(CHANGED, CLEARLY * at_null):
-        return f"it does next to nothing here: at its typical size the force changes by {at_typical:.2g} of its peak"
+        changes = f"what is compared changes by {at_typical:.2g} of its peak"
+        return f"it does next to nothing here: at its typical size {changes}"
     return None
 
 

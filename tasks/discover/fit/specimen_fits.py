@@ -257,10 +257,9 @@ def _fit_beside(candidate: Candidate, measured: Measured, start: Array, last: in
     return fit(candidate, measured, start, fixed=range(start.size - last, start.size))
 
 
-def _noise_of(measured: Measured) -> list[dict[str, Any]]:
-    """The noise of what is compared beside the force; nothing where the force is all."""
-    others = {name: asdict(noise) for name, noise in measured.others.items()}
-    return [others] if others else []
+def _noise_of(measured: Measured) -> list[list[Any]]:
+    """What is compared beside the force, in order, with its noise; nothing where the force is all."""
+    return [[name, asdict(noise)] for name, noise in measured.others.items()]
 
 
 def fits_of_each(workspace: Workspace, chosen: Sequence[Specimen]) -> list[SpecimenFits]:

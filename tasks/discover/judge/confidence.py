@@ -5,7 +5,7 @@ blind benchmark (docs/discover_benchmark.md) counts how verdicts of each word di
 other cases than the rules were tuned on. The counts hold for cohorts like those.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from scipy.stats import binomtest
 
@@ -30,9 +30,12 @@ RECORD: Mapping[str, tuple[int, int]] = {
 }
 
 
-def confidence(word: str, law: str = "tendon") -> Confidence | None:
-    """What the record says of verdicts with this word; nothing of those on other models than sinew's own tissue."""
-    if law != "tendon":
+def confidence(word: str, law: str = "tendon", compared: Sequence[str] = ()) -> Confidence | None:
+    """What the record says of verdicts with this word.
+
+    Nothing of those on other models than sinew's own tissue, and where more than the force is ``compared``.
+    """
+    if law != "tendon" or compared:
         return None
     true, of = RECORD[word]
     cases = SEVERAL if word == "PARTLY" else SINGLE
@@ -48,7 +51,9 @@ def clopper_pearson(count: int, of: int) -> tuple[float, float]:
 def in_words(record: Confidence | None) -> str:
     """A confidence in one line."""
     if record is None:
-        return "how often such a verdict is true of a model of one's own has not been counted"
+        return (
+            "how often such a verdict is true of a model of one's own, or of more than the force, has not been counted"
+        )
     low, high = record.interval
     return (
         f"{record.true} of {record.of} such verdicts were true in {record.cases} "

@@ -13,9 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, derivatives, errors
-from sinew.tasks.discover.result import CellMisfit, InPlace
+from sinew.tasks.discover.misfit_map import CellMisfit
+from sinew.tasks.discover.result import InPlace
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import FORCE, Curve
 from sinew.tasks.model.phases import Phase, phases
@@ -25,6 +27,7 @@ TOE, PEAK = 0.3, 0.1  # fractions of a loading: its beginning, and its end
 HOLD_PARTS = ("early hold", "middle hold", "late hold")  # thirds of the logarithm of the time
 MIN_POINTS = 3  # of a cell
 DRAWS = 20_000
+AT_ONCE = 20_000_000  # numbers: of many cells, not all draws are in memory together
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,25 +73,26 @@ def _parts(phase: Phase, curve: Curve, points: Array) -> list[tuple[str, Array]]
     return [("unload", points[way < 1 - TOE]), ("valley", points[way >= 1 - TOE])]
 
 
-def misfits(inside: Array, errors: Array) -> Array:
+def misfits(inside: csr_array, errors: Array) -> Array:
     """Misfit ``[c]`` of cells, from whitened residuals ``errors`` ``[t]``; ``inside`` ``[c, t]``: where they are."""
     z: Array = (inside @ errors) / np.sqrt(inside.sum(axis=1))
     return z
 
 
 def limits_by_chance(
-    inside: Array, derivatives: Array, chances: Sequence[float], rng: np.random.Generator
+    inside: csr_array, derivatives: Array, chances: Sequence[float], rng: np.random.Generator
 ) -> list[float]:
     """The limits that the largest of all misfits exceeds with probabilities ``chances`` if the model is true.
 
-    ``derivatives`` ``[t, k]`` are those of the whitened residuals at the fit.
+    ``derivatives`` ``[t, k]`` are those of the whitened residuals at the fit. No point is in two cells.
     """
     basis, _ = np.linalg.qr(derivatives)
     # only the sums of the noise over cells and along the basis matter; they are few, however many points there are
-    shares = inside / np.sqrt(inside.sum(axis=1))[:, np.newaxis]
-    left = shares - (shares @ basis) @ basis.T
-    root = np.linalg.cholesky(left @ left.T + 1e-9 * np.eye(len(left)))
-    largest = np.abs(root @ rng.standard_normal((len(left), DRAWS))).max(axis=0)
+    along = (inside @ basis) / np.sqrt(inside.sum(axis=1))[:, np.newaxis]
+    root = np.linalg.cholesky((1.0 + 1e-9) * np.eye(len(along)) - along @ along.T)
+    each = max(AT_ONCE // len(along), 1)
+    parts = (rng.standard_normal((len(along), min(each, DRAWS - begun))) for begun in range(0, DRAWS, each))
+    largest = np.concatenate([np.abs(root @ part).max(axis=0) for part in parts])
     return [float(np.quantile(largest, 1.0 - chance)) for chance in chances]
 
 
@@ -100,7 +104,7 @@ def misfit_map(
     ``limit`` is crossed by chance in some cell with the probability ``chance``, ``sure`` with ``far`` times that.
     """
     every: list[tuple[Cell, str]] = []
-    inside: list[Array] = []
+    inside: list[Array] = []  # numbers of the errors in each cell
     means: list[float] = []
     white, slopes = derivatives(candidate, measured, fitted.at, measured.curves, errors)
     first = 0
@@ -113,12 +117,13 @@ def misfit_map(
                 points = np.flatnonzero(np.isin(rows, cell.points, assume_unique=True))
                 if points.size >= MIN_POINTS:
                     every.append((cell, quantity))
-                    row = np.zeros(white.size)
-                    row[first + points] = 1.0
-                    inside.append(row)
+                    inside.append(first + points)
                     means.append(float((values - courses[quantity][0])[rows[points]].mean()))
             first += rows.size
-    which = np.array(inside)
+    which = csr_array(
+        (np.ones(sum(map(len, inside))), np.concatenate(inside), np.cumsum([0, *map(len, inside)])),
+        shape=(len(inside), white.size),
+    )
     z = -misfits(which, white)  # measured minus simulated
     limit, sure = limits_by_chance(which, slopes, [chance, far * chance], np.random.default_rng(seed))
     return tuple(

@@ -98,11 +98,12 @@ def _trace(candidate: Candidate, measured: Measured, at: Array, number: int) -> 
     index = at.size + number
     having[index] += TRACE_PART * (candidate.typical()[number] - candidate.null()[number])
     before, after = residuals(candidate, measured, np.array([without, having]), measured.curves)
-    forces = [
-        candidate.forces(measured.specimen, measured.thinned[curve.name].protocol, np.array([without, having]))
+    found = [
+        candidate.courses(measured.specimen, measured.thinned[curve.name].protocol, np.array([without, having]))
         for curve in measured.curves
     ]
-    return after - before if all(np.isfinite(force).all() for force in forces) else np.zeros_like(before)
+    whole = all(np.isfinite(course).all() for courses in found for course in courses.values())
+    return after - before if whole else np.zeros_like(before)
 
 
 def _basis(slopes: Array, seen: float) -> Array:

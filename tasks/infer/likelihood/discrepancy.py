@@ -132,7 +132,7 @@ def model_error(
         rng = np.random.default_rng(seed)
         beside, best = target, best_fit(target, rng, effort=effort)
         misfit = float(np.sqrt(best.squares / target.points))
-        where = tuple(target.measured.places.values())
+        where = target.parts
         known = [_at_first(target.measured, quantity) for quantity in target.measured.quantities]
         for number in range(ROUNDS):
             if number > 0:
@@ -200,6 +200,7 @@ def _sized(known: _Sizes, error: Array, slopes: Array, others: Array | float = 0
 
 
 def _model_error(known: Sequence[_Sizes], where: tuple[Array, ...], misfit: float, near: Array) -> ModelError:
-    points = [own.size for own in where]
-    size = float(np.sqrt(np.average([one.variance for one in known], weights=points)))
+    points = sum(own.size for own in where)
+    variances = [one.variance * (own.size / points) for one, own in zip(known, where, strict=True)]
+    size = float(np.sqrt(sum(variances)))
     return ModelError(tuple(one.error() for one in known), where, size, misfit, near)

@@ -5,7 +5,7 @@ the emulator good where the posterior is: chains walk on the emulator, the model
 emulator is fitted again.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -41,7 +41,8 @@ class Explored:
     ``chart``: coordinates of the posterior, with the emulator; ``length`` of steps that leads farthest on it; draws
     ``begin`` ``[n, k]`` of it, as scores; ``determined`` ``[k]``: whether the specimen's own data say where a parameter
     is in its range; ``error``: standard deviation of the emulator's log likelihoods; ``least``: smallest sum of squares
-    that was found; ``seen`` ``[m, k]``: scores with which the emulator was trained.
+    that was found; ``left`` ``[quantities]``: root mean square of the errors of each quantity at the likeliest of the
+    points ``seen`` ``[m, k]``, the scores with which the emulator was trained.
     """
 
     chart: Chart
@@ -50,6 +51,7 @@ class Explored:
     determined: Array
     error: float
     least: float
+    left: Array
     seen: Array
 
 
@@ -99,7 +101,8 @@ def explored(
             seen, errors = seen[kept], errors[kept]
             rng, led = compute(_led, rng, seen, errors, losses[kept], count)
             points = led.points
-        return _judged(target, rng, led, seen, least, effort, compute)
+        left = [float(np.sqrt(np.mean(errors[0, own] ** 2))) for own in target.parts]
+        return replace(_judged(target, rng, led, seen, least, effort, compute), left=np.array(left))
 
 
 def _led(
@@ -144,6 +147,7 @@ def _judged(
         determined=places(ends).std(axis=0) < DETERMINED / np.sqrt(12.0),
         error=float(np.std(apart)) / 2,
         least=float(min(squares.min(), least)),
+        left=np.empty(0),
         seen=np.concatenate([seen, checked[np.isfinite(squares)]]),
     )
 

@@ -64,6 +64,7 @@ def read_explored(path: Path, inputs: str, target: Target) -> Explored | None:
     shapes: Shapes = {"centre": (k,), "scale": (k,), "coefficients": (terms, "q"), "rest": (),
               "frame": ("q + k", k), "root": (k, k), "precision": (k, k),
               "length": (), "begin": ("begin", k), "determined": (k,), "error": (), "least": (),
+              "left": (len(target.parts),),
               "seen": ("seen", k)}  # fmt: skip
     found = KeptArrays(path, inputs).read(shapes)
     if found is None or not _of_an_explored(found):
@@ -72,7 +73,8 @@ def read_explored(path: Path, inputs: str, target: Target) -> Explored | None:
     chart = Chart(known, found["frame"], found["root"], found["precision"])
     determined = found["determined"] == 1.0
     error, least = float(found["error"]), float(found["least"])
-    return Explored(chart, float(found["length"]), found["begin"], determined, error, least, found["seen"])
+    begin, left, seen = found["begin"], found["left"], found["seen"]
+    return Explored(chart, float(found["length"]), begin, determined, error, least, left, seen)
 
 
 def _of_an_explored(found: Mapping[str, Array]) -> bool:
@@ -83,7 +85,7 @@ def _of_an_explored(found: Mapping[str, Array]) -> bool:
         and all(len(found[name]) and _within(found[name], -FARTHEST, FARTHEST) for name in ("begin", "seen"))
         and (found["scale"] > 0.0).all()
         and np.isin(found["determined"], (0.0, 1.0)).all()
-        and min(found["error"], found["least"]) >= 0.0
+        and min(found["error"], found["least"], *found["left"]) >= 0.0
         and found["length"] in LENGTHS
         and np.linalg.matrix_rank(found["root"]) == k
         and _positive(found["precision"])
@@ -97,6 +99,7 @@ def write_explored(path: Path, inputs: str, explored: Explored) -> None:
               "frame": chart.frame, "root": chart.root, "precision": chart.precision, "length": explored.length,
               "begin": explored.begin,
               "determined": explored.determined, "error": explored.error, "least": explored.least,
+              "left": explored.left,
               "seen": explored.seen}  # fmt: skip
     KeptArrays(path, inputs).write({name: np.asarray(array, dtype=np.float64) for name, array in arrays.items()})
 

@@ -145,11 +145,18 @@ def _specimens(result: LikelihoodResult) -> Table:
 
 
 def _misfit(result: LikelihoodResult) -> Table:
+    quantities = ["force", *result.compared] if result.compared else []
     rows = [
-        [name, number(one.bare), *([number(one.discrepancy), number(one.left)] if result.discrepancy else [])]
+        [
+            name,
+            number(one.bare),
+            *([number(one.discrepancy), number(one.left)] if result.discrepancy else []),
+            *(number((one.quantities or {}).get(quantity, float("nan"))) for quantity in quantities),
+        ]
         for name, one in result.misfit.items()
     ]
     header = ["specimen", "left by the model", *(["discrepancy", "left beside it"] if result.discrepancy else [])]
+    header += [f"of {quantity}" for quantity in quantities]
     return Table("What the best fit leaves, in units of the noise (1: nothing but noise)", header, rows, words=(0,))
 
 

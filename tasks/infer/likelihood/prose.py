@@ -29,11 +29,12 @@ def methods(result: LikelihoodResult) -> str:
         f"run {runs_of_each(result)} times for each specimen; draws were checked by the simulator, and weighted where "
         f"posterior means could have been off by more than a tenth of a standard deviation [@vihola]"
     )
+    of = f" (the force, {', '.join(result.compared)})" if result.compared else ""
     return (
         f"Posteriors of {len(result.names)} parameters were inferred by a hierarchical model: the curves of each "
-        f"specimen have a Gaussian likelihood with autoregressive noise as estimated from the curves, and the scores "
-        f"of the parameters within their ranges are {tails} distributed in each site's population, with half-t priors "
-        f"of the spreads and uniform ones of the correlations [@huang]. {result.chains} chains were run by Gibbs "
-        f"sampling, with specimens moved by {emulated}; convergence was judged with ArviZ [@vehtari]. Intervals hold "
-        f"{percent(result.interval)}.{wrong} {sites}.{blind}"
+        f"specimen{of} have a Gaussian likelihood with autoregressive noise as estimated from the curves, and the "
+        f"scores of the parameters within their ranges are {tails} distributed in each site's population, with half-t "
+        f"priors of the spreads and uniform ones of the correlations [@huang]. {result.chains} chains were run by "
+        f"Gibbs sampling, with specimens moved by {emulated}; convergence was judged with ArviZ [@vehtari]. Intervals "
+        f"hold {percent(result.interval)}.{wrong} {sites}.{blind}"
     )

@@ -63,11 +63,18 @@ class Misfit:
 
     ``bare``: of a fit without a discrepancy, 1 where the model describes the curves. ``discrepancy``: of the model's
     error as it is expected, 0 where none is. ``left``: beside that error, 1 where both together describe the curves.
+    ``quantities``: what is left of each, where more than the force is compared.
     """
 
     bare: Number
     discrepancy: Number
     left: Number
+    quantities: Mapping[str, Number] | None = field(default=None, metadata=OMIT)
+
+    @property
+    def worst(self) -> float:
+        """What is left of all quantities together, or of that of which most is left: one may hide among others."""
+        return max(self.left, *(self.quantities or {}).values(), 0.0)
 
 
 @dataclass(frozen=True)
@@ -125,7 +132,7 @@ class LikelihoodResult(Result):
     """Posteriors of populations and specimens. ``names``, ``units`` and ``meanings`` are of the free parameters.
 
     ``blind``: parameters on which no curve depends; their posterior is their prior. ``data``: what it is of, by
-    specimen (:func:`sinew.tasks.study.same_data.data_of`).
+    specimen (:func:`sinew.tasks.study.same_data.data_of`). ``compared``: what was compared beside the force.
     """
 
     TASK = "infer"
@@ -145,6 +152,7 @@ class LikelihoodResult(Result):
     specimens: Mapping[str, Mapping[str, SpecimenMarginal]]
     inputs: str
     data: Mapping[str, str] | None = field(default=None, metadata=OMIT)
+    compared: tuple[str, ...] | None = field(default=None, metadata=OMIT)
 
     def __post_init__(self) -> None:
         """Raises :class:`ValueError` for names, units and marginals that do not belong together."""
@@ -159,7 +167,7 @@ class LikelihoodResult(Result):
     @property
     def misfitting(self) -> dict[str, float]:
         """Specimens of which clearly more than noise is left, also beside a discrepancy; how many times the noise."""
-        return {name: one.left for name, one in self.misfit.items() if one.left > MISFIT}
+        return {name: one.worst for name, one in self.misfit.items() if one.worst > MISFIT}
 
     @property
     def discrepant(self) -> dict[str, float]:

@@ -86,7 +86,10 @@ class Sampled:
         for known, target, specimen in zip(site.explored, site.targets, site.specimens, strict=True):
             left = float(np.sqrt(known.least / target.points))
             error = site.errors.get(specimen.name)
-            found[specimen.name] = Misfit(error.misfit, error.size, left) if error else Misfit(left, 0.0, left)
+            names = target.measured.quantities
+            each = dict(zip(names, known.left.tolist(), strict=True)) if len(names) > 1 else None
+            bare, size = (error.misfit, error.size) if error else (left, 0.0)
+            found[specimen.name] = Misfit(bare, size, left, each)
         return found
 
 

@@ -61,6 +61,11 @@ class Target:
         """How many whitened errors there are."""
         return sum(one.size for one in self.measured.thinned.values())
 
+    @property
+    def parts(self) -> tuple[Array, ...]:
+        """Where each quantity that is compared stands among the whitened errors."""
+        return tuple(self.measured.places.values())
+
     def errors(self, at: Array) -> Array:
         """Whitened errors ``[n, g]`` at points ``[n, k]``; NaN where the model fails."""
         courses = self.courses(at)

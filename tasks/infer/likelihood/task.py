@@ -16,7 +16,7 @@ from sinew.runner.errors import BadInput
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.tasks.data.noise import refuse_none, remark_on_others
 from sinew.tasks.data.sites import by_site
-from sinew.tasks.fitting.measured import measured_of_each
+from sinew.tasks.fitting.measured import measured_of_each, remark_on_few
 from sinew.tasks.infer.likelihood import files
 from sinew.tasks.infer.likelihood.by_rows import BY_ROWS_VERSION, of_each, reopen_failed, sampled_by_rows
 from sinew.tasks.infer.likelihood.chains import CHAINS
@@ -116,6 +116,8 @@ def _targets(workspace: Workspace, specimens: Sequence[Specimen]) -> tuple[dict[
         refuse_none(one.noise, workspace.cohort.folder / one.specimen.name)
     if remark := remark_on_others(specimens, [one.noise for one in measured]):
         workspace.say(f"infer: {remark}")
+    if remark := remark_on_few(measured, workspace.study.noise_given):
+        workspace.say(f"infer: {remark}")
     every = [Target(workspace.model, free, workspace.simulator, one) for one in measured]
     if _quick(workspace):
         blind = [target.blind() for target in every]
@@ -207,6 +209,7 @@ def _result(
         sites={name: _site_posterior(one, prior) for name, one in found.items()},
         specimens=specimens,
         inputs=inputs,
+        compared=workspace.study.compared or None,
     )
 
 

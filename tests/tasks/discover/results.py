@@ -5,17 +5,16 @@ from typing import Any
 
 from sinew.tasks.discover.follow_up import AddedModel, Checks, SolverCheck
 from sinew.tasks.discover.judge.confidence import confidence
+from sinew.tasks.discover.misfit_map import CellMisfit, NoiseLevel
 from sinew.tasks.discover.result import (
     Apart,
     BareFit,
     CandidateResult,
-    CellMisfit,
     Conflict,
     DiscoverResult,
     Estimate,
     Gain,
     Gap,
-    NoiseLevel,
     SpecimenConflict,
     SplitGap,
 )

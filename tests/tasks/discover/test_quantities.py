@@ -2,6 +2,8 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -9,16 +11,23 @@ import pytest
 import xarray as xr
 
 from sinew.tasks.data.cohort import write_cohort
+from sinew.tasks.data.noise import Noise
 from sinew.tasks.data.virtual import autoregressive
-from sinew.tasks.discover import prose
+from sinew.tasks.discover import compound, page, prose
+from sinew.tasks.discover.fit.fit import Fitted
+from sinew.tasks.discover.fit.specimen_fits import SpecimenFits
+from sinew.tasks.discover.misfit_map import OtherNoise
 from sinew.tasks.discover.result import DiscoverResult
+from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Specimen
 from sinew.tasks.model.effects import library
 from sinew.tasks.model.protocols import cyclic, one_step
 from sinew.tasks.simulate.effects import bars_with
 from sinew.tasks.simulate.lateral import lateral
 from sinew.tasks.study import pipeline
+from sinew.tasks.study.measured import key_of_quantities
 from sinew.tasks.study.workspace import Workspace
+from tests.tasks.discover.results import CELL, discovery
 from tests.tasks.study.test_pipeline import sinew
 
 TRUTH = {"E_m": 30.0, "E_f": 150.0, "alpha_f": 1500.0, "nu_m": 0.3}
@@ -79,6 +88,8 @@ def test_the_effect_is_named_by_force_and_width_together(out):
     after = [cell.beyond_chance for cell in found.after["a/1"]]
     assert np.mean(after) < 0.05
     assert found.gap.closed > 0.9
+    assert found.confidence is None
+    assert "of more than the force, has not been counted" in prose.methods(found)
     assert "Beside the force, the fits compare lateral_strain (noise 9.6e-05)" in prose.methods(found)
 
 
@@ -116,3 +127,79 @@ def test_where_the_force_is_all_nothing_else_is_told(out, tmp_path, monkeypatch)
     both = json.loads((out / "discover.json").read_text())
     assert alone["inputs"] != both["inputs"]
     assert both["null"]["floor"] > 1.3 * alone["null"]["floor"]
+
+
+def test_an_error_that_quantities_share_counts_once(monkeypatch):
+    """Courses that are wrong together make a share no surer than the force alone does."""
+    one = pulled()
+    every_row = tuple(replace(c, others={f"w{n}": c.force_N for n in range(8)}) for c in one.curves)
+    noise = {f"w{n}": Noise(1.0, 0.0) for n in range(8)}
+    alone, both = (Measured(replace(one, curves=every_row), Noise(1.0, 0.0), others) for others in ({}, noise))
+    rng, found = np.random.default_rng(3), {}
+    force = {name: rng.normal(size=thin.size) + 3.0 for name, thin in alone.thinned.items()}
+
+    def residuals(candidate, measured, at, curves):
+        times = 0.5 if candidate.effects else 1.0
+        return times * np.concatenate([np.tile(force[c.name], len(measured.quantities)) for c in curves])[np.newaxis]
+
+    monkeypatch.setattr(compound, "residuals", residuals)
+    for measured in (alone, both):
+        cohort = [SpecimenFits(measured, MODEL, Path())]
+        floor = float(sum(thin.size for thin in measured.thinned.values()))
+        fits = [Fitted(np.zeros(1), 0.0, 1)]
+        effects = (library()["time-lag"],)
+        found[len(measured.quantities)] = compound.taken_away(cohort, fits, ((), fits), (effects, fits), floor)
+    (share, ends), (same, wider) = found[1], found[9]
+    assert same == pytest.approx(share)
+    assert np.diff(wider) == pytest.approx(np.diff(ends), rel=1e-6)
+
+
+NOISE = OtherNoise(0.1, 0.0, "mm", given=False)
+
+
+@pytest.mark.parametrize(
+    ("compared", "quantity", "words"),
+    [
+        ({}, None, "compared: other specimens"),
+        ({"a/1": {}}, None, "compared: other specimens"),
+        ({"b/1": {"w": NOISE}}, None, "compared: other specimens"),
+        ({"a/1": {"w": NOISE}}, "v", "a quantity of a/1 that was not compared"),
+        (None, "w", "a quantity of a/1 that was not compared"),
+    ],
+)
+def test_a_result_that_contradicts_itself_is_none(compared, quantity, words):
+    with pytest.raises(ValueError, match=words):
+        discovery(compared=compared, cells={"a/1": (replace(CELL, quantity=quantity),)})
+
+
+def test_noise_of_nothing_is_none():
+    with pytest.raises(ValueError, match="noise of 0"):
+        OtherNoise(0.0, 0.0, "mm", given=True)
+
+
+def test_specimens_with_other_protocols_have_empty_plots_of_those(monkeypatch):
+    """What is picked must replace all that was drawn before."""
+    times = {"x": np.arange(3.0), "y": np.arange(4.0)}
+    left = {
+        name: {"w": {each: {"time": times[each], "bare": times[each]} for each in protocols}}
+        for name, protocols in (("b/1", "x"), ("a/1", "xy"))
+    }
+    monkeypatch.setattr(page, "leftovers", lambda kept, result, specimen: left[specimen])
+    found = discovery(compared={name: {"w": NOISE} for name in left}, cells=dict.fromkeys(left, ()))
+    store = SimpleNamespace(read_result=lambda _: None)
+    shown = page._quantities(SimpleNamespace(store=store), found)
+    assert list(shown.options) == ["b/1, w", "a/1, w"]
+    assert len(shown.plots) == 2
+
+
+def test_the_order_of_quantities_is_a_part_of_what_is_kept(tmp_path):
+    keys = [key_of_quantities(names, None) for names in ((), ("a", "b"), ("b", "a"))]
+    assert keys[0] == []
+    assert keys[1] != keys[2]
+    specimen = replace(BAR, curves=pulled().curves)
+    noises = [dict.fromkeys(names, Noise(1.0, 0.0)) for names in (("a", "b"), ("b", "a"))]
+    both = [SpecimenFits(Measured(specimen, Noise(1.0, 0.0), each), MODEL, tmp_path) for each in noises]
+    first, second = both
+    first._checkpoint(2, "bare", possible=None).append(np.array([1.0, 2.0]))
+    assert len(first._checkpoint(2, "bare", possible=None)) == 1
+    assert len(second._checkpoint(2, "bare", possible=None)) == 0

@@ -7,7 +7,8 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.discover.follow_up import SolverCheck, SolverRun
-from sinew.tasks.discover.result import DiscoverResult, Gain, Gap, NoiseLevel
+from sinew.tasks.discover.misfit_map import NoiseLevel
+from sinew.tasks.discover.result import DiscoverResult, Gain, Gap
 from sinew.tasks.discover.show import noise_words
 from sinew.tasks.study.result import plain
 from tests.tasks.discover.results import MODEL, candidate, discovery

@@ -8,9 +8,10 @@ import pytest
 
 from sinew.runner.console import Console
 from sinew.tasks.discover.follow_up import NextExperiment, Part, Remainder, RivalPair
+from sinew.tasks.discover.misfit_map import NoiseLevel
 from sinew.tasks.discover.page import section
 from sinew.tasks.discover.prose import methods
-from sinew.tasks.discover.result import Gap, Law, NoiseLevel, SplitGap
+from sinew.tasks.discover.result import Gap, Law, SplitGap
 from sinew.tasks.discover.show import in_one_sentence, of_the_law, stack_of, standing, summary
 from sinew.tasks.drawing.blocks import Facts
 from tests.tasks.discover.results import candidate, discovery

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sinew.tasks.data.noise import Noise
+from sinew.tasks.data.virtual import autoregressive
 from sinew.tasks.discover.fit.fit import Candidate, Fitted, errors, fit, residuals, spreads
-from sinew.tasks.fitting.measured import Measured, groups, measured_of_each, thinned
+from sinew.tasks.fitting.measured import Measured, groups, measured_of_each, remark_on_few, thinned
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effects import library
 from sinew.tasks.model.protocols import STANDARD
@@ -164,3 +165,37 @@ def test_a_quantity_that_was_hardly_measured_in_a_part_of_a_curve_has_hardly_any
         assert thin.quantities["lateral_strain"].target.size == count
         still = {name: np.zeros((1, thin.rows.size)) for name in cut.quantities}
         assert np.isfinite(thin.residuals(still)).all()
+
+
+def test_what_stands_in_the_same_group_is_summed_over_the_quantities():
+    (one,) = measured_of_each([several(np.random.default_rng(8))])
+    for name, thin in one.thinned.items():
+        squares = np.random.default_rng(9).uniform(size=thin.size)
+        found = thin.by_group(squares)
+        assert found.sum() == pytest.approx(squares.sum())
+        assert found.size == thin.quantities["force"].target.size
+        alone = Measured(one.specimen, one.noise).thinned[name]
+        force = squares[: alone.size]
+        np.testing.assert_array_equal(alone.by_group(force), force)
+        first = thin.quantities["lateral_strain"].groups[0]
+        assert found[first] == pytest.approx(force[first] + squares[alone.size])
+
+
+def test_specimens_share_the_correlation_of_what_was_measured_beside_the_force():
+    long, short = several(np.random.default_rng(10), gaps=1), several(np.random.default_rng(11), gaps=40)
+    correlated = []
+    for curve in long.curves:
+        noise = 2e-3 * autoregressive(np.random.default_rng(12), curve.force_N.size, 0.6)
+        correlated.append(replace(curve, others={"lateral_strain": -0.03 * curve.protocol.displacement_mm + noise}))
+    every = measured_of_each([replace(long, curves=tuple(correlated)), short])
+    found = {one.others["lateral_strain"].ar1 for one in every}
+    assert len(found) == 1
+    assert found.pop() == pytest.approx(0.6, abs=0.05)
+
+
+def test_noise_of_few_points_is_told_unless_it_is_given():
+    (one,) = measured_of_each([several(np.random.default_rng(13), gaps=400)])
+    told = remark_on_few([one], ["force"])
+    assert told == "the noise of lateral_strain is estimated from 21 points; measured.lateral_strain.noise can give it"
+    assert remark_on_few([one], ["lateral_strain"]) == ""
+    assert remark_on_few(measured_of_each([several(np.random.default_rng(13))]), []) == ""

@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
+from sinew.tasks.discover.measure import cells as cells_module
 from sinew.tasks.discover.measure.cells import cells, limits_by_chance, located_part, misfits
 from sinew.tasks.discover.result import InPlace
 from sinew.tasks.model import Curve
@@ -32,14 +34,17 @@ def test_cells_have_the_names_of_what_happens_there():
     assert names[-1] == ("valley", 12)
 
 
-def test_a_true_model_is_called_wrong_as_often_as_was_asked():
+def test_a_true_model_is_called_wrong_as_often_as_was_asked(monkeypatch):
     """A linear model, fitted again to each of many data sets."""
     rng = np.random.default_rng(1)
     size, count = 400, 20
-    inside = np.kron(np.eye(count), np.ones(size // count))
+    inside = csr_array(np.kron(np.eye(count), np.ones(size // count)))
     time = np.linspace(0, 1, size)
     derivatives = np.column_stack([np.ones(size), time, time**2, np.exp(-5 * time)])
     limit = limits_by_chance(inside, derivatives, [0.05], rng)[0]
+    with monkeypatch.context() as patch:
+        patch.setattr(cells_module, "AT_ONCE", 3000 * count)  # draws in several parts
+        assert limits_by_chance(inside, derivatives, [0.05], rng)[0] == pytest.approx(limit, rel=0.02)
     basis, _ = np.linalg.qr(derivatives)
     crossed = 0
     for _ in range(2000):

@@ -31,6 +31,7 @@ class Line:
     size: int = SIZE
     points: int = 6
     near: None = None
+    parts: tuple = (np.arange(6),)
 
     def errors(self, at):
         return course(at) - self.measured

@@ -10,9 +10,12 @@ from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.noise import Noise
 from sinew.tasks.data.virtual import autoregressive, virtual_specimen
 from sinew.tasks.fitting.measured import Measured
+from sinew.tasks.infer.likelihood import prose
 from sinew.tasks.infer.likelihood.best import best_fit
 from sinew.tasks.infer.likelihood.discrepancy import model_error
+from sinew.tasks.infer.likelihood.explore import explored
 from sinew.tasks.infer.likelihood.kept import read_model_error, write_model_error
+from sinew.tasks.infer.likelihood.result import Misfit
 from sinew.tasks.infer.likelihood.scores import places, scores_of
 from sinew.tasks.infer.likelihood.target import Target
 from sinew.tasks.infer.result import LikelihoodResult, read_posteriors
@@ -141,3 +144,32 @@ def test_rows_of_a_solver_give_the_posterior_of_calls(study, tmp_path, monkeypat
     for name in VARIED:
         assert abs(rows[name].mean - called[name].mean) < 0.2 * called[name].sd
         assert rows[name].sd == pytest.approx(called[name].sd, rel=0.12)
+
+
+def test_a_misfit_of_one_quantity_is_told_though_the_others_have_none():
+    one, _ = target(wrong=4.0 * SD)
+    found = explored(one, (1,))
+    names = list(one.measured.quantities)
+    left = dict(zip(names, found.left.tolist(), strict=True))
+    assert left["force"] == pytest.approx(1.0, abs=0.1)
+    assert left["lateral_strain"] > 2.0
+    misfit = Misfit(1.1, 0.0, 1.1, left)
+    assert misfit.worst == left["lateral_strain"]
+    assert Misfit(1.1, 0.0, 1.1).worst == 1.1
+
+
+def test_posteriors_of_the_force_alone_are_refused_where_more_is_compared(study, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(Workspace, "client", lambda self: None)
+    out = tmp_path / "out"
+    sinew("infer", study, "--out", out, "--quiet")
+    found = read_posteriors(out)
+    assert found.compared == ("lateral_strain",)
+    assert set(found.misfit["distal/1"].quantities) == {"force", "lateral_strain"}
+    assert "(the force, lateral_strain)" in prose.methods(found)
+    replace(found, compared=None).write(out)
+    with pytest.raises(SystemExit) as problem:
+        sinew("predict", study, "--out", out, "--quiet")
+    assert problem.value.code == 2
+    assert "was inferred from the force; expected all that the study compares (the force, lateral_strain)" in " ".join(
+        capsys.readouterr().err.split()
+    )
