@@ -8,7 +8,7 @@ import numpy as np
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect, model_with
 from sinew.tasks.model.parameters import own_parameter
-from sinew.tasks.simulate import Capabilities, Simulated
+from sinew.tasks.simulate import Capabilities, Output, Simulated
 from sinew.tasks.simulate.around import Around, Near
 
 OWN = Model(
@@ -31,14 +31,25 @@ GROWS = Protocol("grows", PULLS.time_s, PULLS.displacement_mm * (0.5 + PULLS.tim
 class OwnBar:
     """The model as a simulator, which effects of the machine can be around; it counts its ``runs``.
 
-    ``inside``: effects inside it, of which only the softening by the largest strain does anything.
+    ``inside``: effects inside it, of which only the softening by the largest strain does anything. ``points``: how many
+    points along it a camera follows (``dic_1_mm``, ...), evenly spread.
     """
 
     runs: list[int] = field(default_factory=lambda: [0])
     inside: tuple[Effect, ...] = ()
+    points: int = 0
 
     name = "template"
-    capabilities = Capabilities(effects="solver")
+
+    @property
+    def capabilities(self) -> Capabilities:
+        force = (Output("force", "N"),) if self.points else ()
+        return Capabilities(effects="solver", outputs=force + tuple(Output(name, "mm") for name in self.followed))
+
+    @property
+    def followed(self) -> tuple[str, ...]:
+        """What the points are called."""
+        return tuple(f"dic_{number}_mm" for number in range(1, self.points + 1))
 
     def identity(self) -> dict[str, Any]:
         return {"name": "own bar"}
@@ -69,16 +80,31 @@ class OwnBar:
         for i in range(steps.size):
             over[:, i + 1] = over[:, i] * kept[:, i] + gained[:, i]
         count = len(parameters)
-        return Simulated(elastic + part * over, np.zeros(count, np.int8), ("",) * count)
+        parts = {name: (k + 1) / self.points * protocol.displacement_mm for k, name in enumerate(self.followed)}
+        outputs = {name: np.tile(course, (count, 1)) for name, course in parts.items()}
+        return Simulated(elastic + part * over, np.zeros(count, np.int8), ("",) * count, outputs=outputs)
 
 
-def pulled(effects: tuple[Effect, ...] = (), values: tuple[float, ...] = (), sd_N: float = 0.05) -> Specimen:
-    """A specimen of this model with one effect inside it, or pulled by a machine with ``effects``; white noise."""
-    bar = OwnBar(inside=tuple(effect for effect in effects if not effect.around))
+def pulled(
+    effects: tuple[Effect, ...] = (),
+    values: tuple[float, ...] = (),
+    sd_N: float = 0.05,
+    *,
+    points: int = 0,
+    sd_mm: float = 0.002,
+) -> Specimen:
+    """A specimen of this model with one effect inside it, or pulled by a machine with ``effects``; white noise.
+
+    ``points`` that a camera follows are seen in every fifth row, with white noise of ``sd_mm``.
+    """
+    bar = OwnBar(inside=tuple(effect for effect in effects if not effect.around), points=points)
     around = tuple(effect for effect in effects if effect.around)
     model, rng, curves = model_with(OWN, effects), np.random.default_rng(5), []
     row = np.concatenate([TRUTH, values])[np.newaxis]
     for protocol in (RELAX, PULLS, GROWS) if bar.inside else (RELAX, PULLS):
-        force = bar.with_effects(around).simulate(model, BAR, protocol, row).force_N[0]
-        curves.append(Curve(protocol, force + rng.normal(0.0, sd_N, force.size)))
+        done = bar.with_effects(around).simulate(model, BAR, protocol, row)
+        force = done.force_N[0] + rng.normal(0.0, sd_N, protocol.time_s.size)
+        seen = np.where(np.arange(force.size) % 5, np.nan, 1.0)
+        others = {name: seen * (done.outputs[name][0] + rng.normal(0.0, sd_mm, force.size)) for name in bar.followed}
+        curves.append(Curve(protocol, force, others))
     return Specimen(BAR.name, BAR.length_mm, BAR.width_mm, BAR.thickness_mm, tuple(curves))
