@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 
 from sinew.tasks.data.cohort import write_cohort
-from sinew.tasks.discover.fit.sizes import library_for
+from sinew.tasks.discover.fit.sizes import by_name
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect, model_with
 from sinew.tasks.simulate import Array, Simulator
@@ -110,10 +110,10 @@ def sizes_of(effect: Effect, rng: np.random.Generator, times: float = 1.0) -> di
 
 @click.command()
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder to write.")
-@click.option("--effect", "slugs", multiple=True, required=True, help="One case with this effect; none: a null.")
+@click.option("--effect", "slugs", multiple=True, required=True, help="One case with this effect or form, or none.")
 @click.option("--specimens", type=click.IntRange(1, 4), default=1, show_default=True)
 @click.option("--points", is_flag=True, help="Ten points of the gauge are followed by a camera.")
-@click.option("--times", type=click.FloatRange(0.1, 10.0), default=1.0, show_default=True, help="Of the usual sizes.")
+@click.option("--times", type=click.FloatRange(0.01, 10.0), default=1.0, show_default=True, help="Of the usual sizes.")
 @click.option("--noise", type=click.FloatRange(1e-4, 0.1), default=NOISE, show_default=True, help="Of the peak force.")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
 def main(
@@ -132,7 +132,7 @@ def main(
         bars = [Specimen(f"s{i:02d}", *size) for i, size in enumerate(mm, 1)]
         truth = [np.array([rng.uniform(*RANGES[name]) for name in bare.names]) for _ in bars]
         plain = [pulled(simulator, bare, *each, rng, noise) for each in zip(bars, truth, strict=True)]
-        effects = () if slug == "none" else (library_for(plain)[slug],)
+        effects = () if slug == "none" else by_name([slug], plain)
         values = {name: value for effect in effects for name, value in sizes_of(effect, rng, times).items()}
         having, model = simulator.with_effects(effects), model_with(bare, effects)
         made = [

@@ -1,5 +1,7 @@
 """The generator of cohorts through a mesh, with the analytic stand-in for the solver."""
 
+import xml.etree.ElementTree as ElementTree
+
 import numpy as np
 import pytest
 import yaml
@@ -9,7 +11,7 @@ from sinew.tasks.benchmark.answers import read_answers
 from sinew.tasks.data.cohort import read_cohort
 from sinew.tasks.study.study import read_study
 from tests.hidden import mesh
-from tests.tasks.simulate.febio.dogbone import dogbone
+from tests.tasks.simulate.febio.dogbone import BAR, DOGBONE, OWN, RELAX, dogbone
 
 
 @pytest.fixture
@@ -62,3 +64,17 @@ def test_what_is_hidden_is_in_the_curves(made):
     peaks = [{curve.name: curve.force_N.max() for curve in one.curves} for one in (bar, plain)]
     lower = [peaks[0][name] / peaks[1][name] for name in peaks[1]]
     assert all(0.5 < ratio < 0.98 for ratio in lower)
+
+
+def test_the_points_of_a_camera_are_at_the_same_places_in_both_meshes(tmp_path):
+    seen = []
+    for fineness, text in ((1, DOGBONE.read_text()), (2, DOGBONE.read_text().replace(*mesh.FINER))):
+        rendered = dogbone(tmp_path, text).rendered(OWN, BAR, RELAX, OWN.reference)
+        nodes = {int(node.get("id")): node.text for node in ElementTree.fromstring(rendered).iter("node")}
+        outputs = mesh.outputs_of_points(fineness)
+        assert list(outputs) == [f"dic_{number}_mm" for number in range(1, mesh.POINTS + 1)]
+        seen.append([np.fromstring(nodes[output["ids"][0]], sep=",") for output in outputs.values()])
+    np.testing.assert_allclose(seen[0], seen[1], atol=1e-9)
+    x, y, z = np.transpose(seen[0])
+    assert set(x.round(6)) == {0.0, BAR.width_mm / 2} and (y == BAR.thickness_mm / 2).all()
+    assert (np.unique(z).size, z.max()) == (5, BAR.length_mm / 2)

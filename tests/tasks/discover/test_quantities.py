@@ -18,6 +18,7 @@ from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.specimen_fits import SpecimenFits
 from sinew.tasks.discover.misfit_map import OtherNoise
 from sinew.tasks.discover.result import DiscoverResult
+from sinew.tasks.discover.show import cells_table
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Specimen
 from sinew.tasks.model.effects import library
@@ -113,7 +114,6 @@ def test_the_width_is_kept_and_shown(out):
     assert "What either model leaves of each quantity beside the force" in text
 
 
-@pytest.mark.figures
 def test_where_the_force_is_all_nothing_else_is_told(out, tmp_path, monkeypatch):
     monkeypatch.setattr(Workspace, "client", lambda _: None)
     study = tmp_path / "study.yaml"
@@ -122,8 +122,7 @@ def test_where_the_force_is_all_nothing_else_is_told(out, tmp_path, monkeypatch)
     alone = json.loads((tmp_path / "out" / "discover.json").read_text())
     assert "compared" not in alone
     assert not any("quantity" in cell or "mean" in cell for cell in alone["cells"]["a/1"])
-    assert "quantity" not in pd.read_csv(tmp_path / "out" / "figures" / "discover_cells.csv")
-    assert not list((tmp_path / "out" / "figures").glob("*_quantities*"))
+    assert "quantity" not in cells_table(DiscoverResult.read(tmp_path / "out"))
     both = json.loads((out / "discover.json").read_text())
     assert alone["inputs"] != both["inputs"]
     assert both["null"]["floor"] > 1.3 * alone["null"]["floor"]

@@ -1,6 +1,7 @@
 """Posteriors of what is measured beside the force: a camera that sees the width determines Poisson's ratio."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -133,9 +134,18 @@ def inferred(study, out):
     return found.specimens["distal/1"]
 
 
-def test_rows_of_a_solver_give_the_posterior_of_calls(study, tmp_path, monkeypatch):
+@pytest.fixture(scope="module")
+def calls(study):
+    """The result folder of an inference whose simulator is called."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Workspace, "client", lambda self: None)
+        inferred(study, study.parent / "calls")
+    return study.parent / "calls"
+
+
+def test_rows_of_a_solver_give_the_posterior_of_calls(study, calls, tmp_path, monkeypatch):
     monkeypatch.setattr(Workspace, "client", lambda self: None)
-    called = inferred(study, tmp_path / "calls")
+    called = read_posteriors(calls).specimens["distal/1"]
     assert called["nu_m"].mean == pytest.approx(VARIED["nu_m"], abs=4.0 * called["nu_m"].sd)
     assert called["nu_m"].sd < 0.02
     can = Uniaxial.capabilities.fget
@@ -158,10 +168,9 @@ def test_a_misfit_of_one_quantity_is_told_though_the_others_have_none():
     assert Misfit(1.1, 0.0, 1.1).worst == 1.1
 
 
-def test_posteriors_of_the_force_alone_are_refused_where_more_is_compared(study, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(Workspace, "client", lambda self: None)
+def test_posteriors_of_the_force_alone_are_refused_where_more_is_compared(study, calls, tmp_path, capsys):
     out = tmp_path / "out"
-    sinew("infer", study, "--out", out, "--quiet")
+    shutil.copytree(calls, out)
     found = read_posteriors(out)
     assert found.compared == ("lateral_strain",)
     assert set(found.misfit["distal/1"].quantities) == {"force", "lateral_strain"}
