@@ -25,6 +25,7 @@ POINTS_PER_COEFFICIENT = 6  # of a spline
 MOST_COEFFICIENTS = 12  # of a hold; ramps may have one more for every POINTS_PER_EXTRA points
 POINTS_PER_EXTRA = 400
 FEWEST_POINTS = 12  # of a phase that is used, and of the remainder that noise is estimated from
+NOTHING = 1e-100  # N: squares of errors in units of less are no numbers
 ENOUGH_IN_HOLDS = 150  # points; ramps are left out then
 CORRELATION_BOUNDS = (-0.5, 0.995)
 SUSPECT = 0.9  # correlation from which on finer splines are tried
@@ -78,8 +79,10 @@ class _Piece:
 
 def refuse_none(noise: Noise, where: Path) -> None:
     """Raises :class:`BadInput` for curves in which no noise can be seen: misfit is told in times of it."""
-    if not noise.sd_N > 0:
-        expected = "measured curves" if noise.sd_N == 0 else "curves of more points, of this specimen or another one"
+    if not noise.sd_N > NOTHING:
+        expected = (
+            "measured curves" if noise.sd_N <= NOTHING else "curves of more points, of this specimen or another one"
+        )
         raise BadInput(where, "no noise can be seen in its curves", expected)
 
 

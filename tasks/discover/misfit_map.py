@@ -3,7 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from sinew.tasks.study.result import OMIT, Correlation, Count, NotNegative, Number
+
+LONGEST_UNIT = 24  # letters, as in a study
 
 
 @dataclass(frozen=True)
@@ -29,8 +33,10 @@ class OtherNoise:
 
     def __post_init__(self) -> None:
         """Raises :class:`ValueError` where there is no noise, in times of which misfit is told."""
-        if not self.sd > 0.0:
+        if not 0.0 < self.sd < np.inf:
             raise ValueError(f"noise of {self.sd:g}")
+        if len(self.unit) > LONGEST_UNIT:
+            raise ValueError(f"a unit of {len(self.unit)} letters")
 
 
 @dataclass(frozen=True)
@@ -80,3 +86,5 @@ def check_compared(compared: Mapping[str, Mapping[str, OtherNoise]] | None, cell
         for name, parts in every.items():
             if not {cell.quantity for cell in parts} <= known.get(name, set()) | {None}:
                 raise ValueError(f"cells: of a quantity of {name} that was not compared")
+            if any((cell.quantity is None) != (cell.mean is None) for cell in parts):
+                raise ValueError(f"cells: a mean of {name} without a quantity, or the other way round")

@@ -48,7 +48,8 @@ def mean_words(cell: CellMisfit, units: Mapping[str, str]) -> str:
     """The mean misfit of a cell in the unit of its quantity."""
     if cell.quantity is None:
         return f"{cell.mean_N:.1f} N"
-    return f"{number(cell.mean or 0.0, 2)} {units.get(cell.quantity, '')}".strip()
+    assert cell.mean is not None, "a result whose cells have none is refused"
+    return f"{number(cell.mean, 2)} {units.get(cell.quantity, '')}".strip()
 
 
 def units_of(result: DiscoverResult) -> dict[str, str]:

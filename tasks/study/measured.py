@@ -15,6 +15,7 @@ from sinew.tasks.study.fields import Positive
 from sinew.tasks.study.settings_file import FieldError, Section
 
 FEWEST = 3  # points of a quantity along a protocol
+MOST_TIMES = 1e9  # that noise is larger or smaller than the range of what was measured
 UNITS = ("mm", "um", "cm", "m", "N", "mN", "kN", "Pa", "kPa", "MPa", "GPa", "deg", "rad", "s", "ms", "percent")
 """Endings of column names that say a unit."""
 
@@ -113,11 +114,17 @@ def _chosen(folder: Path, curve: Curve, wanted: Mapping[str, QuantitySettings]) 
 
 def _level(study: Path, specimen: Specimen, name: str, quantity: QuantitySettings) -> float:
     """The noise level of a quantity: one number for all curves of a specimen."""
-    if quantity.noise != "estimated":
-        return quantity.noise
+    where = f"{study}: measured.{name}.noise"
     curves = [curve if name == FORCE else curve.of(name) for curve in specimen.curves]
-    level = noise_of_all(curves, proportional=False).sd_N
-    if not level > 0.0:
-        problem = f"cannot be estimated from the curves of {specimen.name}"
-        raise BadInput(f"{study}: measured.{name}.noise", problem, "a standard deviation in the unit of the quantity")
+    if quantity.noise != "estimated":
+        level = quantity.noise
+    else:
+        level = noise_of_all(curves, proportional=False).sd_N
+        if not level > 0.0:
+            problem = f"cannot be estimated from the curves of {specimen.name}"
+            raise BadInput(where, problem, "a standard deviation in the unit of the quantity")
+    moved = max(float(np.ptp(curve.force_N[np.isfinite(curve.force_N)])) for curve in curves)
+    if not moved / MOST_TIMES <= level <= MOST_TIMES * moved:  # squares of such errors are no numbers
+        problem = f"{level:.3g}, in {specimen.name}, where {name} moves by {moved:.3g}"
+        raise BadInput(where, problem, f"from {1 / MOST_TIMES:.0e} to {MOST_TIMES:.0e} times that")
     return level

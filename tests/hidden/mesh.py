@@ -99,11 +99,13 @@ def pulled(
 
 
 def sizes_of(effect: Effect, rng: np.random.Generator, times: float = 1.0) -> dict[str, float]:
-    """So many ``times`` values between the null and what is typical, or a third beyond."""
+    """Values between the null and what is typical, or a third beyond; so many ``times`` of what can be null."""
     found = {}
     for parameter, null in zip(effect.parameters, effect.null_values, strict=True):
         start = null if parameter.name in effect.null else 0.0
-        value = start + times * rng.uniform(0.7, 1.3) * (parameter.reference - start)
+        value = start + (times if parameter.name in effect.null else 1.0) * rng.uniform(0.7, 1.3) * (
+            parameter.reference - start
+        )
         found[parameter.name] = float(np.clip(value, parameter.minimum, parameter.maximum))
     return found
 

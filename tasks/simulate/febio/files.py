@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
-from sinew.runner.files import read_input
+from sinew.runner.files import read_input, what_is
 from sinew.tasks.simulate.febio.renderer import Allowance, WrongTemplate, included
 from sinew.tasks.simulate.row_by_row import Failed
 
@@ -58,7 +58,8 @@ def checked_path(path: Path, folder: Path, field: str, what: str) -> Path:
     if not inside:
         raise BadInput(path, f"lies outside {what}", "a file inside it")
     if not path.is_file():
-        raise BadInput(path, "is not there", "a FEBio input template")
+        problem = f"is {what_is(path.stat().st_mode)}" if path.exists() else "is not there"
+        raise BadInput(path, problem, "a FEBio input template")
     return path
 
 

@@ -16,13 +16,14 @@ import secrets
 import stat
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from sinew.runner.evaluation.interim import keep_until_written, note_kept
-from sinew.runner.files import NotReadable, read_regular
+from sinew.runner.files import NotReadable, read_regular, what_is
 from sinew.runner.secret import secret
 from sinew.tasks.simulate.febio.output import MAX_TEXT_BYTES
 from sinew.tasks.simulate.febio.states import State, read_state, write_state
@@ -206,9 +207,11 @@ def begun(
     file = folder / f"{hashlib.blake2b(of, digest_size=16).hexdigest()}.state"
     if not keep_until_written(file):
         return None
-    folder.mkdir(parents=True, exist_ok=True)
-    if not stat.S_ISDIR(os.lstat(folder).st_mode):
-        raise OSError(errno.ENOTDIR, "is a link; remove it, it must be a folder", str(folder))
+    with suppress(FileExistsError):
+        folder.mkdir(parents=True, exist_ok=True)
+    if not stat.S_ISDIR(mode := os.lstat(folder).st_mode):
+        kind = "a regular file" if stat.S_ISREG(mode) else what_is(mode)
+        raise OSError(errno.ENOTDIR, f"is {kind}; remove it, it must be a folder", str(folder))
     interim = Interim(directory, file, every_s, max_bytes, logs, secret())
     before = read_state(file, interim.secret, interim.start, max_bytes + len(logs) * 2 * MAX_TEXT_BYTES)
     if before is not None:

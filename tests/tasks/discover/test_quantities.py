@@ -168,12 +168,21 @@ NOISE = OtherNoise(0.1, 0.0, "mm", given=False)
 )
 def test_a_result_that_contradicts_itself_is_none(compared, quantity, words):
     with pytest.raises(ValueError, match=words):
-        discovery(compared=compared, cells={"a/1": (replace(CELL, quantity=quantity),)})
+        discovery(compared=compared, cells={"a/1": (replace(CELL, quantity=quantity, mean=0.1),)})
+
+
+def test_a_cell_of_a_quantity_has_its_mean():
+    for quantity, mean in (("w", None), (None, 0.1)):
+        with pytest.raises(ValueError, match="a mean of a/1"):
+            discovery(compared={"a/1": {"w": NOISE}}, cells={"a/1": (replace(CELL, quantity=quantity, mean=mean),)})
 
 
 def test_noise_of_nothing_is_none():
-    with pytest.raises(ValueError, match="noise of 0"):
-        OtherNoise(0.0, 0.0, "mm", given=True)
+    for sd in (0.0, np.inf):
+        with pytest.raises(ValueError, match="noise of"):
+            OtherNoise(sd, 0.0, "mm", given=True)
+    with pytest.raises(ValueError, match="a unit of 25 letters"):
+        OtherNoise(0.1, 0.0, 25 * "m", given=True)
 
 
 def test_specimens_with_other_protocols_have_empty_plots_of_those(monkeypatch):

@@ -1,10 +1,12 @@
 """What a study compares beside the force, how noisy it is, and what is wrong with a column."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.cohort import read_cohort
+from sinew.tasks.data.cohort import read_cohort, write_cohort
 from sinew.tasks.model import Model
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.simulate.uniaxial import Uniaxial
@@ -33,6 +35,29 @@ def test_further_columns_are_read_back_with_their_gaps(tmp_path):
 
 def read_back_without(curve) -> str:
     return type(curve)(curve.protocol, curve.force_N).digest
+
+
+@pytest.mark.parametrize("quantity", ["force", "lateral_strain"])
+@pytest.mark.parametrize("noise", ["1e-300", "5e-324", "1e300"])
+def test_noise_in_units_of_which_errors_are_no_numbers_is_refused(tmp_path, quantity, noise):
+    write_measured(tmp_path)
+    given = {"force": "{}", "lateral_strain": "{}"} | {quantity: f"{{noise: {noise}}}"}
+    text = ", ".join(f"{name}: {one}" for name, one in given.items())
+    study = read_study(study_of(tmp_path, "", f"measured: {{{text}}}"))
+    words = refused(lambda: cohort_of(study))
+    assert f"measured.{quantity}.noise: {float(noise):.3g}, in distal/1, where {quantity} moves by" in words
+    assert "expected from 1e-09 to 1e+09 times that" in words
+
+
+def test_a_column_of_the_smallest_numbers_is_refused(tmp_path):
+    (written,), _ = measured_laterally()
+    curves = []
+    for curve in written.curves:
+        tiny = np.where(np.arange(curve.force_N.size) % 2, 5e-324, 0.0)
+        curves.append(replace(curve, others={"lateral_strain": tiny}))
+    write_cohort(tmp_path / "cohort", [replace(written, curves=tuple(curves))])
+    words = refused(lambda: cohort_of(read_study(study_of(tmp_path, ""))))
+    assert "measured.lateral_strain.noise" in words
 
 
 def test_the_noise_of_a_column_is_estimated_as_that_of_the_force(tmp_path):

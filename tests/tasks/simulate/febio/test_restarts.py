@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -164,6 +165,14 @@ def test_a_link_in_place_of_the_folder_is_refused(solver, tmp_path):
     with pytest.raises(OSError, match="is a link; remove it"), kept_until_written():
         run(solver)
     assert not list((tmp_path / "elsewhere").iterdir())
+
+
+@pytest.mark.parametrize(("make", "kind"), [(os.mkfifo, "a named pipe"), (Path.touch, "a regular file")])
+def test_what_is_no_folder_in_its_place_is_told(solver, make, kind):
+    solver.scratch.mkdir()
+    make(solver.scratch / STATES)
+    with pytest.raises(OSError, match=f"is {kind}; remove it, it must be a folder"), kept_until_written():
+        run(solver)
 
 
 def test_without_restarts_or_a_batch_nothing_is_kept(tmp_path):
