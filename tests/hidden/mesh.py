@@ -8,6 +8,7 @@ ten points of the gauge (``dic_1_mm`` to ``dic_10_mm``, along the pull), and the
 
 import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -79,11 +80,17 @@ def study_of(out: Path, changes: tuple[str, str] | None = None, *, points: bool 
 
 
 def pulled(
-    simulator: Simulator, model: Model, specimen: Specimen, row: Array, rng: np.random.Generator, noise: float = NOISE
+    simulator: Simulator,
+    model: Model,
+    specimen: Specimen,
+    row: Array,
+    rng: np.random.Generator,
+    noise: float = NOISE,
+    protocols: Sequence[Protocol] = PROTOCOLS,
 ) -> Specimen:
     """The specimen with measured curves of the parameters ``row``; ``noise`` of the force: in parts of its peak."""
     curves = []
-    for protocol in PROTOCOLS:
+    for protocol in protocols:
         done = simulator.simulate(model, specimen, protocol, row[np.newaxis])
         if done.status[0]:
             raise click.ClickException(f"{specimen.name}, {protocol.name}: {done.messages[0]}")
@@ -113,13 +120,21 @@ def sizes_of(effect: Effect, rng: np.random.Generator, times: float = 1.0) -> di
 @click.command()
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder to write.")
 @click.option("--effect", "slugs", multiple=True, required=True, help="One case with this effect or form, or none.")
+@click.option("--protocol", "names", multiple=True, type=click.Choice([one.name for one in PROTOCOLS]), help="All.")
 @click.option("--specimens", type=click.IntRange(1, 4), default=1, show_default=True)
 @click.option("--points", is_flag=True, help="Ten points of the gauge are followed by a camera.")
 @click.option("--times", type=click.FloatRange(0.01, 10.0), default=1.0, show_default=True, help="Of the usual sizes.")
 @click.option("--noise", type=click.FloatRange(1e-4, 0.1), default=NOISE, show_default=True, help="Of the peak force.")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
 def main(
-    out: Path, slugs: tuple[str, ...], specimens: int, points: bool, times: float, noise: float, seed: int
+    out: Path,
+    slugs: tuple[str, ...],
+    names: tuple[str, ...],
+    specimens: int,
+    points: bool,
+    times: float,
+    noise: float,
+    seed: int,
 ) -> None:
     """Write cohorts, answers.json and the study for `sinew benchmark discover`."""
     if shutil.which("febio4") is None:
@@ -127,18 +142,18 @@ def main(
     study_of(out, points=points)
     fine = read_study(study_of(out / "fine", FINER, points=points, time_steps={"ramp_s": 0.25, "hold_growth": 0.1}))
     simulator, bare = simulator_of(fine, None, out / "scratch"), model_of(fine.model, "template")
-    answers = {}
+    answers, how = {}, (noise, [one for one in PROTOCOLS if one.name in (names or one.name)])
     for number, slug in enumerate(slugs, 1):
         rng, case = np.random.default_rng([seed, number]), f"case_{number:02d}"
         mm = [[float(size * (1 + SCATTER * rng.standard_normal())) for size in SIZE_MM] for _ in range(specimens)]
         bars = [Specimen(f"s{i:02d}", *size) for i, size in enumerate(mm, 1)]
         truth = [np.array([rng.uniform(*RANGES[name]) for name in bare.names]) for _ in bars]
-        plain = [pulled(simulator, bare, *each, rng, noise) for each in zip(bars, truth, strict=True)]
+        plain = [pulled(simulator, bare, *each, rng, *how) for each in zip(bars, truth, strict=True)]
         effects = () if slug == "none" else by_name([slug], plain)
         values = {name: value for effect in effects for name, value in sizes_of(effect, rng, times).items()}
         having, model = simulator.with_effects(effects), model_with(bare, effects)
         made = [
-            pulled(having, model, bar, np.array([*row, *values.values()]), rng, noise)
+            pulled(having, model, bar, np.array([*row, *values.values()]), rng, *how)
             for bar, row in zip(bars, truth, strict=True)
         ] if effects else plain  # fmt: skip
         write_cohort(out / "cases" / case, made)
