@@ -87,6 +87,8 @@ def options(group: click.Group) -> set[str]:
 FOREIGN = {
     "--form",
     "--cases",
+    "--points",
+    "--times",
     "--lifetime",
     "--from",
     "--minutes",
