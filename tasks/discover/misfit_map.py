@@ -77,6 +77,11 @@ class CellMisfit:
 Cells = Mapping[str, tuple[CellMisfit, ...]]
 
 
+def course_name(model: str, quantity: str | None, protocol: str) -> str:
+    """What a course of a ``model``, or what was ``measured``, is called in the store; None for the force."""
+    return f"{model}_{protocol}" if quantity is None else f"{model}_{quantity}_{protocol}"
+
+
 def check_compared(compared: Mapping[str, Mapping[str, OtherNoise]] | None, cells: Cells, after: Cells | None) -> None:
     """Raises :class:`ValueError` for cells of quantities, or noise of specimens, that do not belong together."""
     known = {name: set(others) for name, others in (compared or {}).items()}

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from sinew.tasks.discover.misfit_map import CellMisfit, Cells
+from sinew.tasks.discover.misfit_map import CellMisfit, Cells, course_name
 from sinew.tasks.discover.result import DiscoverResult
 from sinew.tasks.drawing.blocks import number
 from sinew.tasks.simulate import Array
@@ -67,11 +67,11 @@ def leftovers(kept: xr.Dataset, result: DiscoverResult, specimen: str) -> dict[s
     protocols = list(dict.fromkeys(cell.protocol for cell in result.cells[specimen]))
     for quantity, noise in (result.compared or {}).get(specimen, {}).items():
         for protocol in protocols:
-            measured = kept[f"measured_{quantity}_{protocol}"].to_numpy()
+            measured = kept[course_name("measured", quantity, protocol)].to_numpy()
             there = np.isfinite(measured)
             columns = {"time": kept[f"time_{protocol}"].to_numpy()[there]}
             for model in ("bare", "having"):
-                if (name := f"{model}_{quantity}_{protocol}") in kept:
+                if (name := course_name(model, quantity, protocol)) in kept:
                     columns[model] = ((measured - kept[name].to_numpy()) / noise.sd)[there]
             found.setdefault(quantity, {})[protocol] = columns
     return found
@@ -85,6 +85,6 @@ def quantities_table(kept: xr.Dataset, result: DiscoverResult, specimen: str) ->
             columns: dict[str, Any] = {"quantity": quantity, "unit": noise.unit, "protocol": protocol}
             columns |= {"time_s": kept[f"time_{protocol}"].to_numpy()}
             named = (("measured", "measured"), ("bare", "as_it_is"), ("having", "with_effects"))
-            there = [(f"{kind}_{quantity}_{protocol}", name) for kind, name in named]
+            there = [(course_name(kind, quantity, protocol), name) for kind, name in named]
             parts.append(pd.DataFrame(columns | {name: kept[key].to_numpy() for key, name in there if key in kept}))
     return pd.concat(parts, ignore_index=True).dropna(subset="measured")

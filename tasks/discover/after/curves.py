@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits
+from sinew.tasks.discover.misfit_map import course_name
 from sinew.tasks.model import FORCE, Specimen, file_name
 from sinew.tasks.simulate import Array
 
@@ -34,8 +35,7 @@ def simulated(one: SpecimenFits, bare_fit: Fitted, effects: Effects, fitted: Fit
 
 
 def _name(model: str, quantity: str, curve: str) -> str:
-    """What a course is called in the store."""
-    return f"{model}_{curve}" if quantity == FORCE else f"{model}_{quantity}_{curve}"
+    return course_name(model, None if quantity == FORCE else quantity, curve)
 
 
 def stored(specimen: Specimen, effects: Effects, courses: Mapping[str, Array]) -> "xr.Dataset":
