@@ -86,3 +86,17 @@ def test_where_the_force_is_all_it_is_the_discrepancy_of_the_force(measured):
     np.testing.assert_array_equal(sizes, expected)
     assert found == known
     np.testing.assert_array_equal(one.whitening(sizes)(error), single.whitening(sizes)(error))
+
+
+def test_a_size_is_judged_with_what_the_other_quantity_says_of_the_parameters(measured):
+    """Of a parameter that the width determines, the force's discrepancy cannot be an error."""
+    several, rng = discrepancies_of(measured), np.random.default_rng(2)
+    slopes = np.zeros((sum(place.size for place in several.places), 6))
+    slopes[several.places[0]] = 2.0 * several.each[0].blocks[0][:, :6]
+    slopes[several.places[1], :6] = 40.0 * rng.standard_normal((several.places[1].size, 6))
+    error = drawn(several, [(0.3, SMALL, SMALL), (SMALL, SMALL, SMALL)], rng)
+    sizes, found = several.sized(error, slopes, np.zeros(6))
+    for step in (-0.1, 0.1):
+        assert evidence(several, sizes + step * (np.arange(6) == 0), error, slopes) > found
+    alone, _ = several.each[0].sized(error[several.places[0]], slopes[several.places[0]], np.zeros(3))
+    assert abs(alone[0] - sizes[0]) > 0.02, "without the width it would be another"
