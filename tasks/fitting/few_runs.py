@@ -1,22 +1,41 @@
-"""Least squares where each evaluation is a run of a solver: derivatives are renewed seldom, and updated in between.
+"""Least squares where each evaluation is a run of a solver: steps are those of an approximation, which runs correct.
 
-Between renewals, the derivatives follow the residuals that steps have shown (Broyden 1965, Math Comp 19). They are
-found anew where steps no longer help; the search ends where new derivatives do not lead any further.
+A trust-region method (Conn, Gould and Toint 2000, Trust-Region Methods). The approximation is linear, with derivatives
+that follow the residuals which steps have shown (Broyden 1965, Math Comp 19), or one that the caller has. Derivatives
+are found anew where it is poor, and at the end.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
-from scipy.optimize import OptimizeResult, least_squares
+from scipy.optimize import OptimizeResult, least_squares, lsq_linear
 
 from sinew.tasks.simulate import Array
 
-VERSION = 1  # of the fits that are made here
+VERSION = 2  # of the fits that are made here
 ENOUGH, AT_MOST = 0.1, 0.5  # of a sum of squares, twice the log likelihood: smaller gains decide nothing
 PART = 1e-4  # of it: smaller gains are not looked for, up to AT_MOST
 SMALL = 1e-3  # of a unit cube: over smaller steps, residuals show the solver's tolerance and no derivative
 STEPS = 12  # from one renewal to the next, at most
 RENEWALS = 8
+POOR, GOOD = 0.25, 0.75  # of a promised gain: less is a poor approximation, more a good one
+POORLY = 2  # poor steps after which derivatives are found anew
+INNER, APART = 20, 1e-3  # iterations of an approximation of the caller's, and steps of its derivatives
+
+Residuals = Callable[[Array], Array]
+"""Residuals ``[t]`` at a point ``[k]``."""
+
+
+class Approximation(Protocol):
+    """Residuals ``[n, t]`` at points ``[n, k]`` without a run, of what is like the model where it was run last."""
+
+    def __call__(self, at: Array) -> Array: ...
+
+    def go_back(self) -> None:
+        """Leave the place where it was run last for the one before, which was better."""
+        ...
 
 
 def most_runs(size: int, renewals: int = RENEWALS) -> int:
@@ -25,60 +44,103 @@ def most_runs(size: int, renewals: int = RENEWALS) -> int:
 
 
 def least_squares_of_few(
-    residuals: Callable[[Array], Array],
+    residuals: Residuals,
     derivatives: Callable[[Array], tuple[Array, Array]],
     start: Array,
     bounds: tuple[float, float] = (0.0, 1.0),
     renewals: int = RENEWALS,
+    nearly: Approximation | None = None,
 ) -> OptimizeResult:
     """The nearest minimum to ``start`` ``[k]`` within ``bounds``, of the sum of squares of ``residuals`` ``[t]``.
 
-    ``derivatives`` gives residuals and their derivatives ``[t, k]``; they are found anew ``renewals`` times at most. As
-    :func:`scipy.optimize.least_squares`; the derivatives of the result are the last that were found anew, near its end.
-    Raises :class:`ValueError` as that does.
+    ``derivatives`` gives residuals and their derivatives ``[t, k]``; they are found anew ``renewals`` times at most.
+    ``nearly``: what takes the place of a linear approximation. As :func:`scipy.optimize.least_squares`; the derivatives
+    of the result are the last that were found anew, near its end.
+    Raises :class:`ValueError` for a start that is not within the bounds.
     """
-
-    def renewed(at: Array) -> tuple[OptimizeResult, Array]:
-        seen, slopes = derivatives(at)
-        return OptimizeResult(x=at, fun=seen, cost=0.5 * float(seen @ seen)), slopes
-
-    found, slopes = renewed(start)
-    for _ in range(renewals):
-        followed = _Followed(residuals, found.x, found.fun, slopes)
-        tried = least_squares(
-            followed.residuals, found.x, jac=followed.slopes, bounds=bounds, ftol=1e-5, xtol=1e-5, gtol=1e-7,
-            max_nfev=STEPS,
-        )  # fmt: skip
-        gain = 2.0 * (found.cost - tried.cost)
-        if tried.cost < found.cost:
-            found = tried
-        if gain < max(ENOUGH, min(2.0 * PART * found.cost, AT_MOST)):
+    if not np.all((start >= bounds[0]) & (start <= bounds[1])):
+        raise ValueError(f"the start {start} is not within {bounds}")
+    best = renewed = _Point(start, *derivatives(start))
+    radius, steps, poor = bounds[1] - bounds[0], 0, 0
+    while True:
+        step, promised = best.step(bounds, radius, nearly)
+        worth = max(ENOUGH, min(PART * best.loss, AT_MOST))
+        ends = promised < worth and np.abs(step).max() < 0.99 * radius  # nor would a longer step be worth it
+        moved = not np.array_equal(best.at, renewed.at)
+        if moved and (ends or steps == STEPS or poor == POORLY):
+            if renewals == 0:
+                break
+            best = renewed = _Point(best.at, *derivatives(best.at))
+            renewals, steps, poor = renewals - 1, 0, 0
+            continue
+        if steps == STEPS or not (promised > 0.0 and np.any(step)):
             break
-        found, slopes = renewed(found.x)
-    found.jac, found.grad = slopes, slopes.T @ found.fun
-    return found
+        tried = best.after(step, residuals(best.at + step))
+        gain = best.loss - tried.loss
+        if gain > 0.0:
+            best = tried
+        else:
+            best = replace(best, slopes=tried.slopes) if moved else best
+            if nearly is not None:
+                nearly.go_back()
+        if ends:  # what little is left has been taken, if it was there
+            break
+        steps += 1
+        if gain < POOR * promised:
+            radius, poor = 0.5 * float(np.abs(step).max()), poor + 1
+        elif gain > GOOD * promised and np.abs(step).max() > 0.99 * radius:
+            radius = 2.0 * radius
+    slopes = renewed.slopes
+    return OptimizeResult(x=best.at, fun=best.seen, cost=0.5 * best.loss, jac=slopes, grad=slopes.T @ best.seen)
 
 
-class _Followed:
-    """Residuals, and derivatives that follow them."""
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """A point ``at`` ``[k]`` with the residuals ``seen`` there and, as they follow from runs, ``slopes`` ``[t, k]``."""
 
-    def __init__(self, ask: Callable[[Array], Array], at: Array, seen: Array, slopes: Array) -> None:
-        self._ask = ask
-        self._last = self._at = at
-        self._last_seen = self._seen = seen
-        self._slopes = slopes
+    at: Array
+    seen: Array
+    slopes: Array
 
-    def residuals(self, at: Array) -> Array:
-        """``[t]`` at a point ``[k]``."""
-        if not np.array_equal(at, self._last):
-            self._last, self._last_seen = at.copy(), self._ask(at)
-        return self._last_seen
+    @property
+    def loss(self) -> float:
+        """The sum of squares."""
+        return float(self.seen @ self.seen)
 
-    def slopes(self, at: Array) -> Array:
-        """``[t, k]`` at the point ``[k]`` that residuals were asked of last."""
-        step = at - self._at
+    def after(self, step: Array, seen: Array) -> "_Point":
+        """The point a ``step`` ``[k]`` away, where residuals were ``seen`` which the slopes follow."""
+        slopes = self.slopes
         if np.linalg.norm(step) > SMALL:
-            wrong = self.residuals(at) - self._seen - self._slopes @ step
-            self._slopes = self._slopes + np.outer(wrong, step / (step @ step))
-            self._at, self._seen = at.copy(), self._last_seen
-        return self._slopes
+            slopes = slopes + np.outer(seen - self.seen - slopes @ step, step / (step @ step))
+        return _Point(self.at + step, seen, slopes)
+
+    def step(self, bounds: tuple[float, float], radius: float, nearly: Approximation | None) -> tuple[Array, float]:
+        """The best step ``[k]`` within ``bounds`` and a ``radius``, by the approximation, and its promised gain."""
+        low, high = (np.clip(bound, self.at - radius, self.at + radius) for bound in bounds)
+        if nearly is not None:
+            return self._by(nearly, low, high)
+        basis, upper = np.linalg.qr(self.slopes)
+        along = basis.T @ self.seen
+        found = lsq_linear(upper, -along, bounds=(low - self.at, high - self.at), method="bvls")
+        return np.clip(self.at + found.x, low, high) - self.at, float(along @ along - 2.0 * found.cost)
+
+    def _by(self, nearly: Approximation, low: Array, high: Array) -> tuple[Array, float]:
+        """As :meth:`step`, by an approximation of the caller's, corrected to be exact at this point."""
+        wrong = self.seen - nearly(self.at[np.newaxis])[0]
+
+        def slopes(at: Array) -> Array:
+            steps = np.where(at + APART <= high, APART, -APART)
+            there, *moved = nearly(np.concatenate([at[np.newaxis], at + np.diag(steps)]))
+            return ((np.array(moved) - there) / steps[:, np.newaxis]).T
+
+        found = least_squares(
+            lambda at: nearly(at[np.newaxis])[0] + wrong,
+            self.at,
+            jac=slopes,
+            bounds=(low, high),
+            ftol=1e-4,
+            xtol=1e-4,
+            gtol=1e-6,
+            max_nfev=INNER,
+        )
+        return found.x - self.at, self.loss - 2.0 * float(found.cost)

@@ -19,7 +19,8 @@ from scipy.signal import savgol_filter
 import sinew
 from sinew.tasks.data.cohort import read_cohort, write_cohort
 from sinew.tasks.data.noise import noise_of_all
-from sinew.tasks.discover.fit.fit import WIDTH, Candidate, derivatives, fit, residuals, starts
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import WIDTH, derivatives, fit, residuals, starts
 from sinew.tasks.discover.fit.sizes import library_for
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Specimen

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.noise import Noise
-from sinew.tasks.discover.fit.fit import Candidate
+from sinew.tasks.discover.fit.candidate import Candidate
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effects import library

@@ -6,7 +6,8 @@ from itertools import repeat
 import numpy as np
 from scipy.stats import chi2
 
-from sinew.tasks.discover.fit.fit import Candidate, Fitted
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.discover.fit.intervals import Profiled
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits
 from sinew.tasks.discover.judge.scores import Score, Scores, explained

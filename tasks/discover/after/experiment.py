@@ -19,7 +19,8 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from sinew.tasks.discover.after.menu import Test, menu, usual
-from sinew.tasks.discover.fit.fit import Candidate, derivatives, residuals, spreads
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import derivatives, residuals, spreads
 from sinew.tasks.discover.follow_up import MenuEntry, NextExperiment, PairSeparation, RivalPair
 from sinew.tasks.fitting.discrepancy import WIDTH
 from sinew.tasks.fitting.measured import Measured

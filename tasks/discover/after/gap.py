@@ -4,7 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from sinew.tasks.discover.fit.fit import Candidate, Fitted, covariance, derivatives, errors
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import Fitted, covariance, derivatives, errors
 from sinew.tasks.discover.fit.held_out import SquaredErrors
 from sinew.tasks.discover.fit.specimen_fits import Effects
 from sinew.tasks.discover.measure.splits import LATER, PROTOCOL, SPECIMEN, splits

@@ -10,7 +10,7 @@ import numpy as np
 
 from sinew.runner.evaluation.batch import RETRIED
 from sinew.runner.store.schema import STATUSES
-from sinew.tasks.discover.fit.fit import Candidate
+from sinew.tasks.discover.fit.candidate import Candidate
 from sinew.tasks.model import Curve, Specimen
 from sinew.tasks.simulate import Array
 

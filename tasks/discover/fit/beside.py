@@ -11,7 +11,8 @@ import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 from threadpoolctl import threadpool_limits
 
-from sinew.tasks.discover.fit.fit import Candidate, Fitted, derivatives, pulls, spreads, together
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import Fitted, derivatives, pulls, spreads, together
 from sinew.tasks.fitting.discrepancies import discrepancies_of
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model.effect import Effect

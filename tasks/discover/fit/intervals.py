@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sinew.tasks.discover.fit.fit import RISE, Candidate, Fitted, covariance, derivatives, fit, starts
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import RISE, Fitted, covariance, derivatives, fit, starts
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.simulate import Array
 

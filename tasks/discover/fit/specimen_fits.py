@@ -17,7 +17,8 @@ from sinew.runner.errors import BadInput, shown
 from sinew.runner.evaluation.adaptive import AdaptiveRun, Session
 from sinew.tasks.discover.fit import acting
 from sinew.tasks.discover.fit.beside import Beside, blocks_of, first_sizes, fit_beside, promise_beside
-from sinew.tasks.discover.fit.fit import FAR, Candidate, Fitted, errors, extended, fit, look_ahead, starts
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import FAR, Fitted, errors, extended, fit, look_ahead, starts
 from sinew.tasks.discover.fit.intervals import Profiled, profiled
 from sinew.tasks.discover.measure.splits import SPECIMEN, splits
 from sinew.tasks.fitting import few_runs

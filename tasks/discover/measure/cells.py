@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from sinew.tasks.discover.fit.fit import Candidate, Fitted, derivatives, errors
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import Fitted, derivatives, errors
 from sinew.tasks.discover.misfit_map import CellMisfit
 from sinew.tasks.discover.result import InPlace
 from sinew.tasks.fitting.measured import Measured

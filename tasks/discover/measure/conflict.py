@@ -15,7 +15,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.stats import chi2
 
-from sinew.tasks.discover.fit.fit import SEEN, Candidate, Fitted, derivatives, spreads
+from sinew.tasks.discover.fit.candidate import SEEN, Candidate
+from sinew.tasks.discover.fit.fit import Fitted, derivatives, spreads
 from sinew.tasks.discover.result import Apart, Conflict, SpecimenConflict
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.simulate import Array

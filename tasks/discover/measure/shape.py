@@ -14,7 +14,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from sinew.tasks.discover.fit.fit import Candidate, derivatives, residuals
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import derivatives, residuals
 from sinew.tasks.discover.follow_up import Correction, Outside, Row, Similarity
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.fitting.splines import (

@@ -18,7 +18,7 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, Simulator, rmse_of
-from sinew.tasks.simulate.around import Around, Near
+from sinew.tasks.simulate.around import Around
 from sinew.tasks.simulate.febio.attempt import INPUT, attempt
 from sinew.tasks.simulate.febio.field_output import FieldOutput, field_course
 from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at, slack, what_of
@@ -26,6 +26,7 @@ from sinew.tasks.simulate.febio.plot_file import PlotFile, read_plot_file
 from sinew.tasks.simulate.febio.plot_request import PLOT, with_plot_file
 from sinew.tasks.simulate.febio.renderer import render_input
 from sinew.tasks.simulate.febio.stepping import at_every_row, from_rest, solver_steps
+from sinew.tasks.simulate.near import Near
 from sinew.tasks.simulate.row_by_row import Failed, row_by_row
 
 if TYPE_CHECKING:

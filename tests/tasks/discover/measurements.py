@@ -7,7 +7,7 @@ import numpy as np
 
 from sinew.tasks.data.noise import Noise
 from sinew.tasks.data.virtual import autoregressive
-from sinew.tasks.discover.fit.fit import Candidate
+from sinew.tasks.discover.fit.candidate import Candidate
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 

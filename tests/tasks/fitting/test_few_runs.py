@@ -1,6 +1,7 @@
 """Least squares with derivatives that are renewed seldom ends where ordinary least squares does, in fewer runs."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
@@ -50,22 +51,55 @@ def test_it_ends_where_least_squares_does(truth, start, seed):
 
 def test_derivatives_follow_the_steps_that_tell_them():
     """After a step, they give its change exactly (Broyden); a tiny one shows the tolerance of a solver only."""
-    rng, here = np.random.default_rng(4), np.array([0.4, 0.5, 0.3])
-    rough = {here.tobytes(): relaxing(here)}
-
-    def ask(at):
-        return rough.setdefault(at.tobytes(), relaxing(at) + rng.normal(0.0, 0.002, TIME.size))
-
-    first = Asked(np.zeros(TIME.size)).derivatives(here)[1]
-    followed = few_runs._Followed(ask, here, ask(here), first)
+    here = np.array([0.4, 0.5, 0.3])
+    seen, first = Asked(np.zeros(TIME.size)).derivatives(here)
+    point = few_runs._Point(here, seen, first)
     for step in ([1e-9, 0.0, 0.0], [0.0, -1e-5, 1e-6]):
-        assert followed.residuals(here + step) is rough[(here + step).tobytes()]
-        assert followed.slopes(here + step) is first
+        assert point.after(np.array(step), seen + 0.1).slopes is first
     for step in ([0.02, 0.0, 0.01], [0.0, 0.03, 0.0]):
-        before, here = followed.residuals(here), here + step
-        change = followed.residuals(here) - before
-        np.testing.assert_allclose(followed.slopes(here) @ step, change, atol=1e-9)
-    assert np.abs(followed.slopes(here) - first).max() < 0.5 * np.abs(first).max()
+        there = point.after(np.array(step), relaxing(point.at + step))
+        np.testing.assert_allclose(there.slopes @ step, there.seen - point.seen, atol=1e-9)
+        np.testing.assert_array_equal(there.at, point.at + step)
+        point = there
+    assert np.abs(point.slopes - first).max() < 0.5 * np.abs(first).max()
+
+
+class Nearly:
+    """A relaxation like the model's but for a force that is too large, and how often one went back."""
+
+    def __init__(self, target, wrong):
+        self.target, self.wrong, self.back = target, wrong, 0
+
+    def __call__(self, at):
+        return np.array([self.wrong * relaxing(each) for each in at]) - self.target
+
+    def go_back(self):
+        self.back += 1
+
+
+@pytest.mark.parametrize("wrong", [1.0, 1.1, 0.7])
+def test_what_is_like_the_model_leads_to_its_minimum(wrong):
+    """It need not be exact: it is corrected to be so at the last point."""
+    truth = np.array([0.3, 0.6, 0.1])
+    asked = Asked(relaxing(truth) + np.random.default_rng(1).normal(0.0, 1.0, TIME.size))
+    reference = least_squares(lambda at: relaxing(at) - asked.target, truth, bounds=(0.0, 1.0))
+    nearly = Nearly(asked.target, wrong)
+    found = least_squares_of_few(asked.residuals, asked.derivatives, np.array([0.9, 0.1, 0.9]), nearly=nearly)
+    assert 2.0 * found.cost <= 2.0 * reference.cost + ENOUGH
+    if wrong == 1.0:
+        assert (asked.runs, nearly.back) <= (2 * 4 + 3, 1), "one step, derivatives, and what little is left"
+    assert asked.runs < 60
+
+
+def test_where_it_misleads_it_is_gone_back():
+    """A step that makes things worse is not taken; the next is shorter."""
+    asked = Asked(relaxing(np.array([0.3, 0.6, 0.1])))
+    nearly = Nearly(asked.target, -1.0)
+    start = np.array([0.5, 0.5, 0.5])
+    found = least_squares_of_few(asked.residuals, asked.derivatives, start, nearly=nearly)
+    assert nearly.back > 2
+    assert found.cost <= 0.5 * np.sum((relaxing(start) - asked.target) ** 2) * (1.0 + 1e-12)
+    np.testing.assert_allclose(found.fun, relaxing(found.x) - asked.target)
 
 
 def test_derivatives_are_renewed_until_they_lead_no_further():

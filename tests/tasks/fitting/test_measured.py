@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from sinew.tasks.data.noise import Noise
 from sinew.tasks.data.virtual import autoregressive
-from sinew.tasks.discover.fit.fit import Candidate, Fitted, errors, fit, residuals, spreads
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import Fitted, errors, fit, residuals, spreads
 from sinew.tasks.fitting.measured import Measured, groups, measured_of_each, remark_on_few, thinned
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effects import library

@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,10 @@ from sinew.tasks.model.effect import model_with, model_without
 from sinew.tasks.model.effects import named
 from sinew.tasks.model.protocols import STANDARD
 from sinew.tasks.simulate import Capabilities, Simulated
-from sinew.tasks.simulate.around import RUNS, Around, Near
+from sinew.tasks.simulate.around import Around
+from sinew.tasks.simulate.balance import RUNS
 from sinew.tasks.simulate.effects import UniaxialWith
+from sinew.tasks.simulate.near import Near, go_back
 from sinew.tasks.simulate.retrying import simulate_patiently
 from sinew.tasks.simulate.uniaxial import Uniaxial
 from tests.tasks.simulate.febio.dogbone import BAR, OWN, RELAX, dogbone
@@ -185,40 +188,81 @@ def test_near_a_balance_others_are_found_in_fewer_runs(name):
     model, protocol = model_with(Model(), (effect,)), STANDARD[0](10.0, 5.0)
     rows = np.tile(model.reference, (4, 1))
     rows[1:] *= 1.0 + 0.003 * np.eye(3, rows.shape[1], rows.shape[1] - 3)
-    alone, together, balances = Counting(Uniaxial()), Counting(Uniaxial()), {}
+    alone, together, known = Counting(Uniaxial()), Counting(Uniaxial()), {}
     expected = Around(alone, (effect,)).simulate(model, BONE, protocol, rows).force_N
-    found = Around(together, (effect,), Near(balances)).simulate(model, BONE, protocol, rows).force_N
+    found = Around(together, (effect,), Near(known)).simulate(model, BONE, protocol, rows).force_N
     assert np.abs(found - expected).max() < 2e-4 * np.abs(expected).max()
     assert together.runs < 0.7 * alone.runs
-    assert list(balances) == [protocol.digest]
+    assert list(known) == [protocol.digest]
     begun = together.runs
-    Around(together, (effect,), Near(balances)).simulate(model, BONE, protocol, rows[:1])
-    assert together.runs <= begun + 2 + effect.asks_rigid, "it begins where the first row ended"
+    Around(together, (effect,), Near(known)).simulate(model, BONE, protocol, rows[:1])
+    assert together.runs <= begun + 1 + effect.asks_rigid, "it begins where the first row ended"
 
 
-def test_near_a_balance_small_steps_change_the_force():
+@pytest.mark.parametrize("part", [5e-6, 5e-4])
+def test_near_a_balance_small_steps_change_the_force(part):
     """A step that moves the specimen by less than what a balance may leave still tells a derivative."""
     effect = AROUND["machine-compliance"]
     model, protocol = model_with(Model(), (effect,)), STANDARD[0](10.0, 5.0)
     rows = np.tile(model.reference, (2, 1))
     exact = UniaxialWith((effect.name,)).simulate(model, BONE, protocol, rows).force_N[0]
-    rows[1, -1] += 5e-6 * protocol.displacement_mm.max() / exact.max()
+    rows[1, -1] += part * protocol.displacement_mm.max() / exact.max()
     expected = np.diff(UniaxialWith((effect.name,)).simulate(model, BONE, protocol, rows).force_N, axis=0)[0]
     found = np.diff(Around(Uniaxial(), (effect,), Near({})).simulate(model, BONE, protocol, rows).force_N, axis=0)[0]
-    assert np.abs(found - expected).max() < 0.3 * np.abs(expected).max()
+    assert np.abs(found - expected).max() < 0.02 * np.abs(expected).max()
 
 
 def test_a_balance_that_is_not_near_misleads_nobody():
     effect = AROUND["machine-compliance"]
     model, protocol = model_with(Model(), (effect,)), STANDARD[0](10.0, 5.0)
-    row, balances = model.reference[np.newaxis], {}
-    expected = Around(Uniaxial(), (effect,), Near(balances)).simulate(model, BONE, protocol, row).force_N
-    (balance,) = balances.values()
-    for wrong in (np.full_like(balance.displacement_mm, np.nan), -9.0 * balance.displacement_mm):
-        balances[protocol.digest] = replace(balance, displacement_mm=wrong)
-        found = Around(Uniaxial(), (effect,), Near(balances)).simulate(model, BONE, protocol, row)
+    row, known = model.reference[np.newaxis], {}
+    expected = Around(Uniaxial(), (effect,), Near(known)).simulate(model, BONE, protocol, row).force_N
+    (right,) = known.values()
+    for wrong in (np.full_like(right.run.displacement_mm, np.nan), -9.0 * right.run.displacement_mm):
+        run = replace(right.run, displacement_mm=wrong)
+        known[protocol.digest] = replace(right, values=right.values + 0.01, run=run)
+        found = Around(Uniaxial(), (effect,), Near(known)).simulate(model, BONE, protocol, row)
         assert found.messages == ("",)
         assert np.abs(found.force_N - expected).max() < 2e-4 * np.abs(expected).max()
+
+
+def test_without_a_run_outputs_are_those_of_a_specimen_that_is_linear_nearby():
+    """The effect acts as it does, however large its change; what follows from the tissue is linear."""
+    effects = (AROUND["machine-compliance"], AROUND["time-lag"])
+    model, protocol = model_with(Model(), effects), STANDARD[0](10.0, 5.0)
+    row, known = model.reference, {}
+    steps = 0.01 * np.eye(row.size) * [p.maximum - p.minimum for p in model.parameters]
+    counting = Counting(Uniaxial(compared=("lateral_strain",)))
+    around = Around(counting, effects, Near(known))
+    assert around.nearly(model, BONE, protocol, row[np.newaxis]) is None, "nothing is known yet"
+    around.simulate(model, BONE, protocol, np.concatenate([row[np.newaxis], row + steps]))
+    begun = counting.runs
+    there = np.array([row, row + 0.5 * steps[0], row + 0.5 * steps[3], row * [*np.ones(16), 1.5, 3.0]])
+    found = around.nearly(model, BONE, protocol, there)
+    assert counting.runs == begun
+    whole = UniaxialWith(tuple(one.name for one in effects), compared=("lateral_strain",))
+    expected = whole.simulate(model, BONE, protocol, there)
+    for force, truth in zip(found["force"], expected.force_N, strict=True):
+        assert np.abs(force - truth).max() < 2e-3 * np.abs(truth).max()
+    assert np.abs(found["force"][3] - found["force"][0]).max() > 0.02 * np.abs(found["force"][0]).max()
+    lateral = expected.outputs["lateral_strain"]
+    assert np.abs(found["lateral_strain"] - lateral).max() < 2e-3 * np.abs(lateral).max()
+
+
+def test_one_may_go_back_to_the_run_before():
+    effect = AROUND["machine-compliance"]
+    model, protocol = model_with(Model(), (effect,)), STANDARD[0](10.0, 5.0)
+    rows, known = np.tile(model.reference, (3, 1)), {}
+    rows[1:, 0] *= [1.05, 1.2]
+    forces = []
+    for row in rows:
+        Around(Uniaxial(), (effect,), Near(known)).simulate(model, BONE, protocol, row[np.newaxis])
+        forces.append(known[protocol.digest].run.courses[0])
+    assert known[protocol.digest].slopes[0].any(), "a step of one parameter tells its slope"
+    go_back(known)
+    np.testing.assert_array_equal(known[protocol.digest].run.courses[0], forces[1])
+    go_back(known)
+    np.testing.assert_array_equal(known[protocol.digest].run.courses[0], forces[1])
 
 
 @dataclass
@@ -242,13 +286,16 @@ def test_a_run_that_is_killed_changes_no_number(at):
     rows[1:] *= 1.0 + 0.003 * np.eye(2, rows.shape[1], rows.shape[1] - 2)
     results, left = [], []
     for simulator in (Counting(Uniaxial()), Accident(Uniaxial(), at=at)):
-        balances: dict[str, Any] = {}
-        around = Around(simulator, (effect,), Near(balances))
+        known: dict[str, Any] = {}
+        around = Around(simulator, (effect,), Near(known))
         results.append(simulate_patiently(around, model, BONE, protocol, rows, retries=2))
-        left.append(balances[protocol.digest].displacement_mm)
+        left.append(known[protocol.digest])
     assert results[1].messages == ("", "", "")
     assert results[0].force_N.tobytes() == results[1].force_N.tobytes()
-    assert left[0].tobytes() == left[1].tobytes()
+    assert results[0].messages == ("", "", "")
+    for name in ("run.displacement_mm", "run.courses", "slopes", "response.shown.changes"):
+        one, other = map(attrgetter(name), left)
+        assert one.tobytes() == other.tobytes()
 
 
 def test_rows_that_differ_in_their_effects_alone_share_runs():
@@ -304,7 +351,7 @@ def test_a_model_of_ones_own_is_in_balance_with_the_machine(tmp_path, solver):
     assert np.abs(own.simulate(OWN, BAR, RELAX, row[:, :-1]).force_N[0] - force).max() > 0.01 * force.max()
     stops = own._stops(OWN, replace(RELAX, displacement_mm=left, paced_by=RELAX), row[0, :-1])
     assert stops.rows.tolist() == own._stops(OWN, RELAX, row[0, :-1]).rows.tolist()
-    assert around.identity() == own.identity() | {"around": {"version": 1, "effects": ["machine-compliance"]}}
+    assert around.identity() == own.identity() | {"around": {"version": 2, "effects": ["machine-compliance"]}}
 
 
 def test_effects_inside_the_specimen_are_refused_around_a_model_of_ones_own(tmp_path):

@@ -11,7 +11,8 @@ from sinew.tasks.data.noise import Noise
 from sinew.tasks.discover.after import experiment
 from sinew.tasks.discover.after.experiment import Rival, believed, next_experiment
 from sinew.tasks.discover.after.menu import Leg, Test, Usual, menu, usual
-from sinew.tasks.discover.fit.fit import Candidate, derivatives, fit, residuals
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import derivatives, fit, residuals
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Specimen
 from sinew.tasks.model.effects import library

@@ -6,7 +6,8 @@ import pytest
 from sinew.tasks.data.noise import Noise
 from sinew.tasks.data.virtual import autoregressive
 from sinew.tasks.discover.fit.beside import Beside, first_sizes, fit_beside, promise_beside
-from sinew.tasks.discover.fit.fit import Candidate, Fitted, extended, fit, gentle
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import Fitted, extended, fit, gentle
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Specimen
 from sinew.tasks.model.effects import library

@@ -3,7 +3,8 @@
 import numpy as np
 
 from sinew.tasks.discover.fit.bounds import cornered
-from sinew.tasks.discover.fit.fit import BLIND, Fitted
+from sinew.tasks.discover.fit.candidate import BLIND
+from sinew.tasks.discover.fit.fit import Fitted
 from sinew.tasks.model import Model
 
 VARIED = [parameter for parameter in Model().free if parameter.name != BLIND]

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from sinew.tasks.data.noise import Noise
-from sinew.tasks.discover.fit.fit import WIDTH, Candidate, Fitted, covariance, fit, gentle, spreads, together
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import WIDTH, Fitted, covariance, fit, gentle, spreads, together
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Specimen
 from sinew.tasks.model.protocols import cyclic, one_step

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sinew.tasks.data.noise import Noise
-from sinew.tasks.discover.fit.fit import Candidate, Fitted, fit
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import Fitted, fit
 from sinew.tasks.discover.fit.intervals import profiled
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Protocol, Specimen

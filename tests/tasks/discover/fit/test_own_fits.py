@@ -7,7 +7,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from sinew.tasks.data.noise import Noise
-from sinew.tasks.discover.fit.fit import SOLVER_STEP, Candidate, Fitted, derivatives, fit, look_ahead, residuals, starts
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import SOLVER_STEP, Fitted, derivatives, fit, look_ahead, residuals, starts
 from sinew.tasks.discover.fit.sizes import library_for
 from sinew.tasks.discover.measure.conflict import conflict, rank
 from sinew.tasks.fitting.measured import Measured

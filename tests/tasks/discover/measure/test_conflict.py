@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from sinew.tasks.discover.fit.fit import Candidate, fit
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import fit
 from sinew.tasks.discover.measure.conflict import conflict, degrees_of_freedom, rank, together
 from sinew.tasks.discover.result import SpecimenConflict
 from sinew.tasks.model.effects import library

@@ -8,7 +8,8 @@ import pytest
 
 from sinew.tasks.data.noise import Noise
 from sinew.tasks.data.virtual import autoregressive
-from sinew.tasks.discover.fit.fit import Candidate, fit, residuals
+from sinew.tasks.discover.fit.candidate import Candidate
+from sinew.tasks.discover.fit.fit import fit, residuals
 from sinew.tasks.discover.measure.shape import shape, similarities, smooth
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Specimen
