@@ -12,6 +12,7 @@ from sinew.runner.console import Console
 from sinew.tasks.calibrate.result import CalibrateResult, Correlations, SpecimenFit
 from sinew.tasks.drawing.blocks import listed, plural, span, times
 from sinew.tasks.drawing.formats import DRAWN
+from sinew.tasks.drawing.matrix import print_matrix
 from sinew.tasks.drawing.thinning import drawn_points
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
@@ -157,13 +158,12 @@ def correlations_table(found: Correlations) -> pd.DataFrame:
 
 def summary(result: CalibrateResult, folder: Path, console: Console) -> None:
     """Print how far each fit stopped above the noise, and what it does not determine."""
-    others = list(next(iter(result.specimens.values())).sums())
-    several = [name.removeprefix("rmse_") for name in others] + ["objective"] if others else []
+    others = [name.removeprefix("rmse_") for name in next(iter(result.specimens.values())).sums()]
     grid = Grid(
         Column("specimen", overflow="fold"),
         "sum of RMSEs (N)",
         "sum of noise (N)",
-        *several,
+        *(["objective"] if others else []),
         "RMSE / noise",
         "on a bound",
         "not determined",
@@ -171,7 +171,7 @@ def summary(result: CalibrateResult, folder: Path, console: Console) -> None:
     )
     for name, fit in result.specimens.items():
         noise = "unknown" if fit.noise_N is None else f"{fit.noise_N:.4g}"
-        more = [f"{value:.4g}" for value in (*fit.sums().values(), fit.total)] if others else []
+        more = [f"{fit.total:.4g}"] if others else []
         cells = (
             f"{fit.total_N:.4g}",
             noise,
@@ -184,6 +184,14 @@ def summary(result: CalibrateResult, folder: Path, console: Console) -> None:
     console.print(grid)
     console.print("RMSEs and noise are summed over protocols; RMSE / noise is their ratio, 1 for a perfect fit")
     if others:
+        sums = [list(fit.sums().values()) for fit in result.specimens.values()]
+        print_matrix(
+            console,
+            "RMSE of each quantity, summed over protocols",
+            ("specimen", list(result.specimens)),
+            ("quantity", others),
+            lambda i, k: f"{sums[i][k]:.4g}",
+        )
         console.print(
             "objective: the sum of RMSE / noise over protocols and quantities; the ratio is that of objectives"
         )

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from sinew.runner.console import Console
 from sinew.tasks.drawing.formats import protocols_of
+from sinew.tasks.drawing.matrix import print_matrix
 from sinew.tasks.sobol.result import KEYS, Indices, OfOutput, SobolResult, Surrogate
 
 
@@ -150,12 +151,15 @@ def _moved(result: SobolResult) -> str:
 
 
 def _outputs_summary(result: SobolResult, console: Console) -> None:
-    outputs = result.outputs or {}
-    heads = [f"{name} ({one.summary}, {one.unit})" for name, one in outputs.items()]
-    grid = Grid("parameter", *heads, title="Total order Sobol indices of each output, summed over the protocols")
-    for j, name in enumerate(result.names):
-        grid.add_row(name, *(_with_interval(one, "ST", j) for one in outputs.values()))
-    console.print(grid)
+    every = list((result.outputs or {}).values())
+    heads = [f"{name} ({one.summary}, {one.unit})" for name, one in (result.outputs or {}).items()]
+    print_matrix(
+        console,
+        "Total order Sobol indices of each output, summed over the protocols",
+        ("parameter", result.names),
+        ("output", heads),
+        lambda j, k: _with_interval(every[k], "ST", j),
+    )
 
 
 def _with_interval(values: Indices | OfOutput | SobolResult, key: str, j: int) -> str:

@@ -77,12 +77,10 @@ def study(tmp_path, monkeypatch):
 
 def test_a_machine_that_lags_is_named_through_a_template(study, tmp_path, capsys):
     out = tmp_path / "out"
-    sinew("discover", study((library()["time-lag"],), (LAG,)), "--out", out)
+    effects = {"effects": ["time-lag", "force-drift", "machine-compliance"]}
+    sinew("discover", study((library()["time-lag"],), (LAG,), discover=effects), "--out", out)
     result = json.loads((out / "discover.json").read_text())
     assert (result["verdict"], result["effects"]) == ("NAMED", ["time-lag"])
-    assert {slug for one in result["candidates"] for slug in one["effects"]} == {
-        slug for slug, effect in library().items() if effect.around
-    }, "all that can act around it, and nothing else"
     best = result["candidates"][0]
     low, high = best["parameters"]["bone/1"]["force_lag"]["interval"]
     assert low - 0.01 < LAG < high + 0.01
@@ -194,6 +192,9 @@ def test_where_the_model_is_true_nothing_is_named(study, tmp_path):
     result = json.loads((out / "discover.json").read_text())
     assert result["verdict"] == "NONE"
     assert result["effects"] == []
+    assert {slug for one in result["candidates"] for slug in one["effects"]} == {
+        slug for slug, effect in library().items() if effect.around
+    }, "all that can act around it, and nothing else"
     free = sum(len(OWN.names) for _ in result["cells"])
     assert result["null"]["loss"] / (result["null"]["floor"] + free) == pytest.approx(1.0, abs=0.3)
     assert TRUTH.size == free
