@@ -3,10 +3,11 @@
 import errno
 import os
 import secrets
+import stat
 from contextlib import suppress
 from pathlib import Path
 
-from sinew.runner.files import NotReadable, new_file, own_folder, read_regular
+from sinew.runner.files import NotReadable, new_file, open_regular, own_folder
 
 BYTES = 32
 
@@ -36,9 +37,12 @@ def secret() -> bytes:
             os.link(temporary, path)
         temporary.unlink(missing_ok=True)
     try:
-        found = read_regular(path, BYTES)
+        with open(open_regular(path, os.O_RDONLY | os.O_NOFOLLOW), "rb") as file:
+            status, found = os.fstat(file.fileno()), file.read(BYTES + 1)
     except NotReadable as kind:
         raise OSError(errno.EINVAL, f"is {kind}; remove it", str(path)) from None
     if len(found) != BYTES:
         raise OSError(errno.EINVAL, f"has {len(found)} bytes, not {BYTES}; remove it", str(path))
+    if status.st_uid != os.geteuid() or status.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise PermissionError(errno.EACCES, "may be known to others (its owner or its mode); remove it", str(path))
     return found

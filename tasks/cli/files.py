@@ -122,8 +122,8 @@ def _init_model(path: Path, out: Path, choices: "Choices", *, as_json: bool, ask
     from sinew.tasks.simulate.febio.model_file.contents import contents_of
     from sinew.tasks.simulate.febio.model_file.source import read_source
 
-    if not math.isfinite(choices.factor) or choices.factor == 0:
-        raise BadInput("--move-factor", str(choices.factor), "a number that is not 0")
+    if not 1e-100 <= abs(choices.factor) <= 1e100:
+        raise BadInput("--move-factor", str(choices.factor), "a number that is not 0, of at most 1e100")
     source = read_source(path)
     contents = contents_of(source)
     if not choices.vary:

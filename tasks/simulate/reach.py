@@ -61,7 +61,12 @@ class Reach:
     def possible(self) -> bool:
         """Whether these numbers can come from :func:`reach`; a file may hold others."""
         numbers = (self.measured_N, self.least_N, self.most_N, self.area_mm2)
-        return bool(np.isfinite(numbers).all()) and self.measured_N != 0 and self.largest_N > 0 and self.area_mm2 > 0
+        return bool(np.isfinite(numbers).all()) and self.measured_N != 0 and self.area_mm2 > 0
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether no row of the ranges has any force: the test does not move the specimen."""
+        return self.largest_N == 0.0
 
     @property
     def distance(self) -> float:
@@ -73,7 +78,7 @@ class Reach:
     def scale(self) -> float:
         """The factor of all moduli that brings the middle of the simulated forces to the measured one."""
         low, high = self.ratios
-        return float(1.0 / np.sqrt(max(low, high / 100.0) * high))
+        return float(1.0 / np.sqrt(max(low, high / 100.0) * high)) if high > 0.0 else 1.0
 
     @property
     def stresses_MPa(self) -> tuple[float, float, float]:
@@ -97,7 +102,7 @@ def reach(simulator: Simulator, model: Model, specimen: Specimen) -> tuple[Reach
             continue
         force = simulator.simulate(model, specimen, thin.protocol, rows).force_N[:, peak]
         force = force[np.isfinite(force)]
-        if force.any():
+        if force.size:
             low, high = float(force.min()), float(force.max())
             found.append(Reach(specimen.name, curve.name, measured, low, high, specimen.area_mm2))
     largest = max((one.largest_N for one in found), default=0.0)

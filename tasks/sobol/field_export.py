@@ -16,6 +16,7 @@ from sinew.tasks.simulate.febio.vtk import write_vtk
 from sinew.tasks.sobol.field_figures import parameters_of, variables_of
 from sinew.tasks.sobol.of_fields import stored_as
 from sinew.tasks.sobol.result import KEYS, SobolResult
+from sinew.tasks.study.result import believed
 
 
 def export_indices(folder: Path, to: Path) -> list[Path]:
@@ -31,9 +32,10 @@ def export_indices(folder: Path, to: Path) -> list[Path]:
         raise BadInput(SobolResult.path(folder), "no indices of fields", expected)
     store, paths = open_store(folder), []
     for table, protocol in courses.values():
-        dataset = store.read_result(stored_as(table, protocol))
+        with believed(SobolResult.path(folder)):
+            plot = _as_plot(folder, store.read_result(stored_as(table, protocol)))
         paths.append(to / f"sobol_{table}_{protocol}.pvd")
-        write_vtk(paths[-1], _as_plot(folder, dataset))
+        write_vtk(paths[-1], plot)
     return paths
 
 
@@ -52,7 +54,7 @@ def _as_plot(folder: Path, dataset: xr.Dataset) -> PlotFile:
                 title = f"{key} {parameter}: {about['variable']}"
                 values = dataset[f"{name}.{key}"].to_numpy()[:, j, :, np.newaxis].astype(np.float32)
                 variables[title] = _variable(title, str(about["where"]), values, mesh)
-    return PlotFile(dataset["time_s"].to_numpy(), mesh, variables)
+    return PlotFile(dataset["time_s"].to_numpy().astype(np.float64), mesh, variables)
 
 
 def _variable(title: str, where: str, values: Array, mesh: Mesh) -> Variable:

@@ -102,7 +102,7 @@ class _Plots:
 
     def of(self, row: int) -> PlotFile | None:
         """The fields of a row of the design; of several runs, the latest was asked for more."""
-        run = max(self.index.runs(self.key(row)), key=lambda each: len(each.plot.variables), default=None)
+        run = self.index.best(self.key(row))
         return None if run is None else run.plot
 
 

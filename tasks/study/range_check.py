@@ -72,6 +72,12 @@ class Ranges(BaseModel):
         if not self.hopeless:
             return
         far = self.out_of_reach
+        if all(one.at_rest for one in far):
+            first = far[0]
+            problem = (
+                f"{first.specimen} {first.protocol} has {first.measured_N:.3g} N, but its displacement pulls nothing"
+            )
+            raise BadInput(study, problem, "a displacement in mm that moves the specimen, or another column")
         if all(one.other_sign for one in far):
             raise BadInput(study, words(far[0]), "forces of the other sign (tension is positive), or another column")
         ranges = ", ".join(f"{name}: {{min: {low:g}, max: {high:g}}}" for name, low, high in self.advice)

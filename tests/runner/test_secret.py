@@ -40,6 +40,23 @@ def test_what_is_no_secret_is_refused(tmp_path, kind, words):
         secret()
 
 
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o620, 0o666])
+def test_a_secret_that_others_may_know_is_refused(mode):
+    secret()
+    (state_folder() / "secret").chmod(mode)
+    with pytest.raises(PermissionError, match=r"may be known to others.*remove it"):
+        secret()
+
+
+def test_a_secret_of_somebody_else_is_refused(monkeypatch):
+    """Who could once write into the folder may have left one."""
+    secret()
+    monkeypatch.setattr("sinew.runner.secret.own_folder", lambda folder: folder)
+    monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
+    with pytest.raises(PermissionError, match=r"may be known to others.*remove it"):
+        secret()
+
+
 def test_another_home_has_another(tmp_path, monkeypatch):
     first = secret()
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "other"))

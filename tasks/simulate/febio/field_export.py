@@ -71,8 +71,7 @@ def export_rows(folder: Path, rows: Sequence[int], to: Path, name: str | None = 
     paths: list[Path] = []
     left_out: dict[str, None] = {}
     for stem, key in chosen.items():
-        # a later one was asked for more
-        run = max(index.runs(key), key=lambda one: len(one.plot.variables), default=None)
+        run = index.best(key)
         if run is None:
             missing.append(f"{stem}: its fields are in a file that is damaged")
             continue

@@ -7,7 +7,7 @@ from pathlib import Path
 from sinew.runner.errors import StoreError
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.febio.kept import Entry, Run, entry_of, key_of, write_runs
-from sinew.tasks.simulate.febio.kept_files import Place, contents, files, read_run
+from sinew.tasks.simulate.febio.kept_files import Place, contents, count_variables, files, read_run
 
 log = logging.getLogger("sinew")
 
@@ -45,6 +45,21 @@ class Index:
             except StoreError as error:
                 self._note(place.path, error)
 
+    def best(self, key: str) -> Run | None:
+        """The run with this key of which most was asked; None where no file has one that is sound."""
+        counted = []
+        for place in self.places.get(key, ()):
+            try:
+                counted.append((count_variables(place), place))
+            except StoreError as error:
+                self._note(place.path, error)
+        for _, place in sorted(counted, key=lambda one: -one[0]):  # one after the other: each may be large
+            try:
+                return read_run(place)
+            except StoreError as error:
+                self._note(place.path, error)
+        return None
+
     def _note(self, path: Path, error: StoreError) -> None:
         self.damaged[path] = str(error)
         log.warning("fields", extra={"error": str(error)})
@@ -65,8 +80,12 @@ class Keeper:
 
     def find(self, values: Array, enough: Callable[[Run], bool]) -> Run | None:
         """The run with parameter ``values`` ``[d]``, if one is kept that is ``enough``."""
-        key = key_of(self.of, self.names, values)
-        return next((run for run in self.index.runs(key) if enough(run)), None)
+        run: Run | None = None
+        for run in self.index.runs(key_of(self.of, self.names, values)):
+            if enough(run):
+                return run
+            del run  # before the next is read: each may be large
+        return None
 
     def add(self, values: Array, run: Run) -> None:
         """Keep a run. Raises ``OSError``."""

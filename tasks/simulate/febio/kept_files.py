@@ -19,8 +19,8 @@ from sinew.runner.store.damage import words
 from sinew.runner.zip_end import directory_of
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.febio.kept import ENDING, FORMAT, Entry, Run, as_zarr, key_of
-from sinew.tasks.simulate.febio.plot_file import PlotFile, Variable, fits
-from sinew.tasks.simulate.febio.plot_mesh import MAX_PART, SHAPES, Mesh, Region
+from sinew.tasks.simulate.febio.plot_file import MAX_VARIABLES, PlotFile, Variable, fits
+from sinew.tasks.simulate.febio.plot_mesh import MAX_PART, MAX_REGIONS, SHAPES, Mesh, Region
 
 MAX_MEMBERS, MAX_DIRECTORY = 200_000, 2**25  # entries of a zip, and the bytes that all of them take
 MAX_ARRAY_BYTES = 2**28
@@ -69,7 +69,7 @@ def read_run(place: Place) -> Run:
     with _sound(place.path) as (archive, root):
         read = _Reader(archive, root)
         group = f"run_{place.number}"
-        names = [name for name in read.names(group) if name not in ("time_s", "logged")]
+        names = _variables(read, group)
         courses = read.array(f"{group}/logged", "f8", 2)
         logged = [str(name) for name in read.about(f"{group}/logged")["names"]]
         if len(logged) != len(courses):
@@ -81,6 +81,12 @@ def read_run(place: Place) -> Run:
         numbered = [_variable(read, f"{group}/{name}", mesh, time_s.size) for name in names]
         variables = {variable.name: variable for _, variable in sorted(numbered, key=lambda one: one[0])}
         return Run(dict(zip(logged, courses, strict=True)), PlotFile(time_s, mesh, variables))
+
+
+def count_variables(place: Place) -> int:
+    """How many variables of the plot file are kept of a run. Raises :class:`StoreError`."""
+    with _sound(place.path) as (archive, root):
+        return len(_variables(_Reader(archive, root), f"run_{place.number}"))
 
 
 @contextmanager
@@ -168,6 +174,14 @@ class _Reader:
         return np.asarray(array[...])
 
 
+def _variables(read: _Reader, group: str) -> list[str]:
+    """The names of the arrays of a run that are variables."""
+    names = [name for name in read.names(group) if name not in ("time_s", "logged")]
+    if len(names) > MAX_VARIABLES:
+        raise ValueError(f"a run has {len(names):,} variables")
+    return names
+
+
 def _variable(read: _Reader, name: str, mesh: Mesh, states: int) -> tuple[int, Variable]:
     about = read.about(name)
     values = read.array(name, "f4", 3)
@@ -189,9 +203,15 @@ def _mesh(read: _Reader, group: str) -> Mesh:
     if not np.isfinite(nodes).all():
         raise ValueError("coordinates of nodes are not finite")
 
+    def numbers(kind: str) -> range:
+        count = int(about[f"{kind}s"])
+        if count > MAX_REGIONS:
+            raise ValueError(f"a mesh has {count:,} {kind.replace('_', ' ')}s")
+        return range(count)
+
     def regions(kind: str) -> tuple[Region, ...]:
         found = []
-        for number in range(int(about[f"{kind}s"])):
+        for number in numbers(kind):
             name = f"{group}/{kind}_{number}"
             table, own = read.array(name, "i4", 2), read.about(name)
             corners = table[:, 1:]
@@ -207,7 +227,7 @@ def _mesh(read: _Reader, group: str) -> Mesh:
 
     def sets(kind: str, below: float) -> dict[str, Array]:
         found = {}
-        for number in range(int(about[f"{kind}s"])):
+        for number in numbers(kind):
             name = f"{group}/{kind}_{number}"
             items = read.array(name, "i4", 1)
             if items.size and not (items.min() >= 0 and items.max() < below):

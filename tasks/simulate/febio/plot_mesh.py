@@ -16,7 +16,7 @@ SHAPES = (
     ("tet15", 15), ("hex27", 27), ("tri6", 6), ("quad8", 8), ("quad9", 9), ("penta15", 15), ("tet20", 20),
     ("tri10", 10), ("pyra5", 5), ("tet5", 5), ("pyra13", 13), ("line3", 3),
 )  # fmt: skip
-MAX_REGIONS = 100_000
+MAX_REGIONS = 1_500  # of each kind: a model has a few, and each of those that are kept takes a millisecond to read
 MAX_CORNERS = 27
 MAX_PART = 2**31 - 1
 

@@ -147,6 +147,10 @@ def test_in_a_dialogue_the_choices_are_asked_for(init, monkeypatch):
         (("cube.feb", "--vary", "gel.E"), "sinew: cube.feb: --vary: no number 'gel.E'; expected one of gel ä."),
         (("cube.feb", "--vary", "gel ä.t1", "--move-factor", "0"), "sinew: --move-factor: 0.0; expected a number that"),
         (
+            ("cube.feb", "--vary", "gel ä.t1", "--move-factor", "1e-300"),
+            "sinew: --move-factor: 1e-300; expected a numb",
+        ),
+        (
             ("a.csv", "--vary", "E"),
             "sinew: --vary, --move, --measure, --fibre and --matrix: without a FEBio model; expected one file",
         ),

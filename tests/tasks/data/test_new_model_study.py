@@ -163,6 +163,7 @@ CASES = [
     (Choices(["gel ä.t1=3:1"]), CUBE, "'gel ä.t1=3:1' holds no range; expected gel ä.t1=MIN:MAX"),
     (Choices(["gel ä.t1=3:4"]), CUBE, "'gel ä.t1' is 2.5, outside of 3 to 4; expected a range with the model's own"),
     (Choices(["gel ä.elastic.mat_axis.a[2]"]), CUBE, "is 0; expected its range: gel ä.elastic.mat_axis.a[2]=MIN:MAX"),
+    (Choices(["gel ä.elastic.E"]), CUBE.replace(">1e1</E>", ">1e308</E>"), "is 1e+308; expected its range: gel ä"),
     (Choices(["gel ä.t1"], "push"), CUBE, "--move: no prescribed displacement 'push'; expected one of pull"),
     (Choices(["gel ä.t1"]), CUBE, "--measure: nothing is measured; expected --move, which gives"),
     (Choices(["gel ä.t1"], measure=["side"]), CUBE, "'side' cannot be read; expected NAME=ITEM@SET"),

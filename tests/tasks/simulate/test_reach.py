@@ -122,7 +122,9 @@ def test_a_test_at_rest_beside_others_tells_nothing():
     shaken = Curve(Protocol("shaken", time, 1e-5 * rng.standard_normal(500)), 0.01 * rng.standard_normal(500))
     found = reach(Uniaxial(), Model(), replace(specimen, curves=(*specimen.curves, rest, shaken)))
     assert [one.protocol for one in found] == ["relax"]
-    assert reach(Uniaxial(), Model(), replace(specimen, curves=(rest,))) == ()
+    (alone,) = reach(Uniaxial(), Model(), replace(specimen, curves=(rest,)))
+    assert (alone.at_rest, alone.reached, alone.other_sign, alone.scale) == (True, False, False, 1.0)
+    assert not found[0].at_rest
 
 
 def test_many_fast_cycles_are_reached_by_the_ranges_that_made_them():
@@ -143,7 +145,7 @@ def test_many_fast_cycles_are_reached_by_the_ranges_that_made_them():
         ((0.0, 0.5, 2.0, 10.0), False),
         ((1.0, np.nan, 2.0, 10.0), False),
         ((1.0, 0.5, np.inf, 10.0), False),
-        ((1.0, 0.0, 0.0, 10.0), False),
+        ((1.0, 0.0, 0.0, 10.0), True),
         ((1.0, 0.5, 2.0, 0.0), False),
     ],
 )

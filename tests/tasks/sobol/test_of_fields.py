@@ -97,6 +97,27 @@ def test_indices_are_exported_with_the_mesh(once, tmp_path, capsys):
     assert "the run whose mesh is needed is gone" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("damage", ["no variable", "no time", "no intervals", "no dimension"])
+def test_indices_that_somebody_damaged_are_refused_in_one_line(once, tmp_path, capsys, damage):
+    out = shutil.copytree(once / "out", tmp_path / "out")
+    (group,) = (out / "store.zarr" / "sobol_fields").glob("*/displacement.ST")
+    if damage in ("no time", "no intervals"):
+        shutil.rmtree(group.with_name("time_s" if damage == "no time" else "displacement.S1_conf"))
+    else:
+        about = json.loads((group / "zarr.json").read_text())
+        if damage == "no variable":
+            del about["attributes"]["variable"]
+        else:
+            about["shape"] = about["shape"][:2]
+            about["chunk_grid"]["configuration"]["chunk_shape"] = about["shape"]
+            about["dimension_names"] = about["dimension_names"][:2]
+        (group / "zarr.json").write_text(json.dumps(about))
+    command("fields", out, "--indices", "--to", tmp_path / "vtk", expect=2)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert len(line) < 300 + len(str(out))
+    assert not list((tmp_path / "vtk").rglob("*.vtu"))
+
+
 def test_nothing_is_run_or_analysed_again(once, monkeypatch):
     monkeypatch.setattr(Workspace, "client", lambda _: None)
     before, count = (once / "out" / "sobol.json").read_bytes(), runs(once)

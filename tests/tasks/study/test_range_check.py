@@ -64,6 +64,17 @@ def test_forces_of_the_other_sign_are_told_as_such(tmp_path):
         found.refuse(study.path)
 
 
+@pytest.mark.parametrize("moved", [0.0, 2e-17])
+def test_a_displacement_that_moves_no_specimen_is_refused(tmp_path, moved):
+    curves = [
+        replace(curve, protocol=replace(curve.protocol, displacement_mm=moved * np.ones(curve.force_N.size)))
+        for curve in SPECIMENS[0].curves
+    ]
+    study, found = looked(tmp_path, [replace(SPECIMENS[0], curves=tuple(curves))])
+    with pytest.raises(BadInput, match="N, but its displacement pulls nothing; expected a displacement in mm"):
+        found.refuse(study.path)
+
+
 def test_one_odd_specimen_of_many_is_remarked_on(tmp_path):
     study, found = looked(tmp_path, [*SPECIMENS[:2], times(SPECIMENS[2], 1000.0)])
     found.refuse(study.path)

@@ -77,8 +77,10 @@ def _first_range(where: str, number: Number) -> tuple[float, float]:
         raise BadInput(f"{where}--vary", f"{shown(number.path)} is 0", f"its range: {number.path}=MIN:MAX")
     if POISSON.fullmatch(number.path) and 0 < value < 0.499:
         return max(0.0, round(value - 0.1, 6)), min(0.499, round(value + 0.1, 6))
-    ends = value / 2, value * 2
-    return min(ends), max(ends)
+    low, high = sorted((value / 2, value * 2))
+    if not -1e300 < low < high < 1e300:
+        raise BadInput(f"{where}--vary", f"{shown(number.path)} is {value:g}", f"its range: {number.path}=MIN:MAX")
+    return low, high
 
 
 def _name(path: str, taken: Sequence[str]) -> str:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from sinew.runner.errors import StoreError
+from sinew.tasks.simulate.febio import kept_files
 from sinew.tasks.simulate.febio.kept import Run, entry_of, write_runs
-from sinew.tasks.simulate.febio.kept_files import contents, read_run
+from sinew.tasks.simulate.febio.kept_files import contents, count_variables, read_run
 from sinew.tasks.simulate.febio.plot_file import plot_file_of
 from tests.tasks.simulate.febio import plot_writer
 
@@ -60,6 +61,20 @@ def test_a_run_is_listed_with_the_parameters_of_its_key(tmp_path):
     wrong = replace(entry, parameters={"a": 7.0, "b": 0.0})
     with pytest.raises(StoreError, match="it lists a run with parameters that are not those of its key"):
         contents(write_runs(tmp_path / "wrong", [(wrong, Run({}, PLOT))]))
+
+
+def test_variables_and_parts_of_a_mesh_are_few(tmp_path, monkeypatch):
+    """Each takes about a millisecond to read, however little it holds."""
+    ((_, place),) = contents(write(tmp_path, 1.0))
+    assert count_variables(place) == len(PLOT.variables)
+    monkeypatch.setattr(kept_files, "MAX_VARIABLES", len(PLOT.variables) - 1)
+    for read in (read_run, count_variables):
+        with pytest.raises(StoreError, match=f"a run has {len(PLOT.variables)} variables"):
+            read(place)
+    monkeypatch.undo()
+    monkeypatch.setattr(kept_files, "MAX_REGIONS", len(PLOT.mesh.domains) - 1)
+    with pytest.raises(StoreError, match=f"a mesh has {len(PLOT.mesh.domains)} domains"):
+        read_run(place)
 
 
 def test_a_run_is_listed_once(tmp_path):

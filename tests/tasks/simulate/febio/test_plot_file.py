@@ -233,7 +233,7 @@ def test_a_part_has_a_number_that_files_can_hold():
 def test_the_same_material_again_and_again_is_refused():
     part = w.chunk(0x01045100, w.whole(0x01045101, 1), w.padded(0x01045102, ""))
     mesh = w.chunk(0x01040000, NODES, w.chunk(0x01045000, part * 100_001))
-    with pytest.raises(Failed, match="more than 100,000 parts"):
+    with pytest.raises(Failed, match="more than 1,500 parts"):
         plot_file_of(w.plot_file(()).replace(w.mesh(), mesh), 64 * MB)
 
 
