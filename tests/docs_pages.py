@@ -73,6 +73,7 @@ NOT_RUN = {
     "sinew completion fish > ~/.config/fish/completions/sinew.fish": "writes to the reader's home",
     "sinew watch /shared/me/study1": NEEDS_SLURM,
     "sinew discover configs/rattail.yaml": LONG,
+    "sinew run configs/dogbone_measured.yaml": LONG,
     "sinew discover configs/titin.yaml": LONG,
     "sinew discover configs/titin_fibres.yaml": LONG,
 }

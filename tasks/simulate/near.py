@@ -139,7 +139,7 @@ class Near:
         known = self.known.get(key)
         if known is not None and key in self.first:
             if key not in self.afresh:  # what was seen of other parameters would mislead the differences
-                known = known.afresh()
+                known = self.known[key] = known.afresh()
                 self.afresh.add(key)
             first = self.first[key]
             known = self.known[key] = known.beside(
