@@ -6,7 +6,7 @@ are found anew where it is poor, and at the end.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -29,12 +29,18 @@ Residuals = Callable[[Array], Array]
 
 
 class Approximation(Protocol):
-    """Residuals ``[n, t]`` at points ``[n, k]`` without a run, of what is like the model where it was run last."""
+    """What is like the model where it was run last."""
 
-    def __call__(self, at: Array) -> Array: ...
+    def __call__(self, at: Array) -> Array | None:
+        """Residuals ``[n, t]`` at points ``[n, k]`` without a run; None where too little is known for it."""
+        ...
+
+    def keep(self) -> None:
+        """Remember what it is like now, before the model is run elsewhere."""
+        ...
 
     def go_back(self) -> None:
-        """Leave the place where it was run last for the one before, which was better."""
+        """Be like that again: where the model was run since, it was no better."""
         ...
 
 
@@ -61,33 +67,35 @@ def least_squares_of_few(
     if not np.all((start >= bounds[0]) & (start <= bounds[1])):
         raise ValueError(f"the start {start} is not within {bounds}")
     best = renewed = _Point(start, *derivatives(start))
+    if not np.isfinite(best.loss):
+        raise ValueError("the residuals at the start are not finite")
     radius, steps, poor = bounds[1] - bounds[0], 0, 0
     while True:
         step, promised = best.step(bounds, radius, nearly)
         worth = max(ENOUGH, min(PART * best.loss, AT_MOST))
         ends = promised < worth and np.abs(step).max() < 0.99 * radius  # nor would a longer step be worth it
         moved = not np.array_equal(best.at, renewed.at)
-        if moved and (ends or steps == STEPS or poor == POORLY):
-            if renewals == 0:
-                break
+        if moved and (ends or steps == STEPS or poor >= POORLY):
             best = renewed = _Point(best.at, *derivatives(best.at))
             renewals, steps, poor = renewals - 1, 0, 0
+            if renewals == 0:
+                break
             continue
         if steps == STEPS or not (promised > 0.0 and np.any(step)):
             break
+        if nearly is not None:
+            nearly.keep()
         tried = best.after(step, residuals(best.at + step))
-        gain = best.loss - tried.loss
+        gain = best.loss - tried.loss if np.isfinite(tried.loss) else -np.inf
         if gain > 0.0:
             best = tried
-        else:
-            best = replace(best, slopes=tried.slopes) if moved else best
-            if nearly is not None:
-                nearly.go_back()
+        elif nearly is not None:
+            nearly.go_back()
         if ends:  # what little is left has been taken, if it was there
             break
         steps += 1
         if gain < POOR * promised:
-            radius, poor = 0.5 * float(np.abs(step).max()), poor + 1
+            radius, poor = 0.5 * float(np.abs(step).max()), poor + moved
         elif gain > GOOD * promised and np.abs(step).max() > 0.99 * radius:
             radius = 2.0 * radius
     slopes = renewed.slopes
@@ -117,24 +125,31 @@ class _Point:
     def step(self, bounds: tuple[float, float], radius: float, nearly: Approximation | None) -> tuple[Array, float]:
         """The best step ``[k]`` within ``bounds`` and a ``radius``, by the approximation, and its promised gain."""
         low, high = (np.clip(bound, self.at - radius, self.at + radius) for bound in bounds)
-        if nearly is not None:
-            return self._by(nearly, low, high)
+        if nearly is not None and (there := nearly(self.at[np.newaxis])) is not None:
+            return self._by(nearly, self.seen - there[0], bounds[1], low, high)
         basis, upper = np.linalg.qr(self.slopes)
         along = basis.T @ self.seen
         found = lsq_linear(upper, -along, bounds=(low - self.at, high - self.at), method="bvls")
         return np.clip(self.at + found.x, low, high) - self.at, float(along @ along - 2.0 * found.cost)
 
-    def _by(self, nearly: Approximation, low: Array, high: Array) -> tuple[Array, float]:
-        """As :meth:`step`, by an approximation of the caller's, corrected to be exact at this point."""
-        wrong = self.seen - nearly(self.at[np.newaxis])[0]
+    def _by(self, nearly: Approximation, wrong: Array, most: float, low: Array, high: Array) -> tuple[Array, float]:
+        """As :meth:`step`, by an approximation of the caller's from ``low`` to ``high``, each ``[k]``.
+
+        It is ``wrong`` ``[t]`` at this point, and corrected by that. No coordinate may be above ``most``.
+        """
+
+        def ask(at: Array) -> Array:
+            found = nearly(at)
+            assert found is not None, "it was known a moment ago"
+            return found
 
         def slopes(at: Array) -> Array:
-            steps = np.where(at + APART <= high, APART, -APART)
-            there, *moved = nearly(np.concatenate([at[np.newaxis], at + np.diag(steps)]))
+            steps = np.where(at + APART <= most, APART, -APART)
+            there, *moved = ask(np.concatenate([at[np.newaxis], at + np.diag(steps)]))
             return ((np.array(moved) - there) / steps[:, np.newaxis]).T
 
         found = least_squares(
-            lambda at: nearly(at[np.newaxis])[0] + wrong,
+            lambda at: ask(at[np.newaxis])[0] + wrong,
             self.at,
             jac=slopes,
             bounds=(low, high),

@@ -139,7 +139,7 @@ class TakesEffects(Simulator, Interface):
     def with_effects(self, effects: tuple[Effect, ...], near: Any = None) -> "Simulator":
         """The same with ``effects``, for models of :func:`sinew.tasks.model.effect.model_with`.
 
-        ``near``: a :class:`sinew.tasks.simulate.around.Near`, where calls have nearly the same parameters.
+        ``near``: a :class:`sinew.tasks.simulate.near.Near`, where calls have nearly the same parameters.
         """
         ...
 

@@ -17,7 +17,7 @@ from sinew.tasks.simulate.row_by_row import Failed
 
 RUNS = 60  # of the simulator for one curve, at most
 EXACT, LINEAR = 1e-5, 3e-6  # of the largest displacement, which may remain: of a run, and of a step from one
-SHOWN, GUESSED = 0.03, 0.3  # relative errors of the answer to a step as runs have shown it, and without them; roughly
+KNOWN, GUESSED = 0.03, 0.3  # relative errors of the answer to a step as runs have shown it, and without them; roughly
 NOT_SO_NEAR = ("diverged", "bad_input")  # where a start from another balance may be to blame
 
 Ask = Callable[[Array], Array]
@@ -56,29 +56,31 @@ def balance(machine: Machines, ask: Ask, start: Start | None = None, *, linear: 
 
 
 def _balanced(machine: Machines, ask: Ask, start: Start | None, *, linear: bool) -> Balance:
+    """As :func:`balance`, with a start or without. Raises :class:`Failed`."""
     if not machine.gives_way:
-        run = _run(ask, machine.at_rest()[0])
+        run = run_along(ask, machine.at_rest()[0])
         return _ended(machine, run, run, Response.first(run, machine.largest_mm))
     largest = machine.largest_mm
     if start is None or machine.asks_rigid:
-        run = _run(ask, machine.at_grips()[0])
+        run = run_along(ask, machine.at_grips()[0])
         machine, response = machine.with_rigid(run.courses[:1]), Response.first(run, largest)
     if start is not None:
-        run, response = _run(ask, start[0]), start[1]
+        run, response = run_along(ask, start[0]), start[1]
     residual = _residual(machine, run)
     part, runs = 1.0, 1
     while np.abs(residual).max() > (0.0 if linear else EXACT) * largest:
         specimen = LinearSpecimens.of(run, response)
         to = machine.in_balance(specimen)
-        step = to[0] - run.displacement_mm
-        if linear and _uncertain(response, step) < LINEAR * largest:
-            return _ended(machine, Run(to[0], specimen.along(to)[0]), run, response)
+        step, there = to[0] - run.displacement_mm, specimen.along(to)
+        remains = float(np.abs(machine.left(to, there[:, 0])).max())  # a machine that runs away has no balance
+        if linear and remains + _uncertain(response, step) < LINEAR * largest:
+            return _ended(machine, Run(to[0], there[0]), run, response)
         if runs == RUNS:
             raise Failed("diverged", f"no balance of force and displacement in {RUNS} runs of the simulator")
         runs += 1
         step = part * step
         try:
-            moved = _run(ask, run.displacement_mm + step)
+            moved = run_along(ask, run.displacement_mm + step)
             left = _residual(machine, moved)
         except Failed as failed:  # a step too far
             if failed.status in RETRIED:
@@ -96,11 +98,11 @@ def _balanced(machine: Machines, ask: Ask, start: Start | None, *, linear: bool)
 
 def _uncertain(response: Response, step: Array) -> float:
     """About the largest error of a ``step`` ``[t]`` (mm) that is not run."""
-    return float(np.max(SHOWN * np.abs(step) + GUESSED * np.abs(response.to(step[np.newaxis])[1])))
+    return float(np.max(KNOWN * np.abs(step) + GUESSED * np.abs(response.to(step[np.newaxis])[1])))
 
 
-def _run(ask: Ask, displacement: Array) -> Run:
-    """A run of the specimen. Raises :class:`Failed`."""
+def run_along(ask: Ask, displacement: Array) -> Run:
+    """A run of the specimen along a displacement ``[t]`` (mm). Raises :class:`Failed`."""
     if not np.isfinite(displacement).all():
         raise Failed("diverged", "with its effects, the displacement is not a number")
     return Run(displacement, ask(displacement))

@@ -6,14 +6,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.balance import Ask, Balance, balance
+from sinew.tasks.simulate.balance import Ask, Balance, balance, run_along
 from sinew.tasks.simulate.linear_specimens import LinearSpecimens, Response, Run
 from sinew.tasks.simulate.machines import Machines
+from sinew.tasks.simulate.row_by_row import Failed
 
 SMALL = 1e-3  # of a unit cube: over smaller steps, outputs show the solver's tolerance and no slope
 FAR = 0.1  # of the largest displacement: what happens there says nothing of slopes here
 PROBES, PROBE = 4, 3e-3  # runs for one direction of displacement, at most; their length, of the largest displacement
 UNKNOWN = 1e-2  # of a step: what no run has shown of it may be so large
+KEPT = 0.02  # of a unit cube: with parameters farther away, the answer to other displacements is another
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +24,7 @@ class Known:
 
     ``response``: of its outputs, the force (N) first, to the displacement; ``slopes`` ``[d, 1 + k, t]``: by the
     parameters along the same displacement; ``followed``: whether they are known. ``rigid_N`` ``[1, t]``: the force if
-    the machine did not give way, where asked. ``former``: the one before it.
+    the machine did not give way, where asked, and its ``rigid_slopes`` ``[d, t]``.
     """
 
     values: Array
@@ -30,14 +32,14 @@ class Known:
     response: Response
     slopes: Array
     rigid_N: Array | None
+    rigid_slopes: Array
     followed: bool = False
-    former: "Known | None" = None
 
     @classmethod
     def of(cls, values: Array, balance: Balance) -> "Known":
         """What a first balance shows."""
         slopes = np.zeros((values.size, *balance.courses.shape))
-        return cls(values, balance.last, balance.response, slopes, balance.machine.rigid_N)
+        return cls(values, balance.last, balance.response, slopes, balance.machine.rigid_N, np.zeros_like(slopes[:, 0]))
 
     def at(self, values: Array) -> LinearSpecimens:
         """Specimens with other ``values`` ``[n, d]`` of the parameters."""
@@ -66,9 +68,10 @@ class Known:
         """What is known where a balance with other ``values`` was run last."""
         moved = np.abs(balance.last.displacement_mm - self.run.displacement_mm).max()
         tells = np.linalg.norm(values - self.values) > SMALL and moved < FAR * balance.machine.largest_mm
-        slopes = self._following(values, balance.last) if tells else self.slopes
-        former = replace(self, former=None)
-        return Known(values, balance.last, balance.response, slopes, balance.machine.rigid_N, self.followed, former)
+        rigid = balance.machine.rigid_N
+        known = self._following(values, balance.last, rigid) if tells else self
+        return replace(known, values=values, run=balance.last, response=balance.response, rigid_N=rigid,
+                       followed=self.followed)  # fmt: skip
 
     def beside(self, machine: Machines, values: Array, there_in: Machines, ask: Ask, ask_there: Ask) -> "Known":
         """The same after the runs that tell what a ``machine`` reads where ``values`` ``[d]`` are a small step away.
@@ -78,15 +81,16 @@ class Known:
         """
         known, there = self, self.run
         if not np.array_equal(values, self.values):
-            run = Run(there.displacement_mm, ask(there.displacement_mm))
-            known = replace(self, slopes=self._following(values, run), followed=True)
-        for _ in range(PROBES if machine.gives_way else 0):
+            run = run_along(ask, there.displacement_mm)
+            rigid = run_along(ask, machine.at_grips()[0]).courses[:1] if machine.asks_rigid else None
+            known = replace(self._following(values, run, rigid), followed=True)
+        for _ in range(PROBES):
             step = known._displacement(machine, values[np.newaxis])
             step = step - known._displacement(there_in, self.values[np.newaxis])
             if np.linalg.norm(known.response.to(step)[1]) <= UNKNOWN * np.linalg.norm(step):
                 break
             probe = step[0] * (PROBE * machine.largest_mm / float(np.abs(step).max()))
-            changed = ask_there(there.displacement_mm + probe) - there.courses
+            changed = run_along(ask_there, there.displacement_mm + probe).courses - there.courses
             known = replace(known, response=known.response.after(probe, changed, machine.largest_mm))
         return known
 
@@ -99,15 +103,22 @@ class Known:
         if not machines.gives_way:
             return machines.at_rest()
         if machines.asks_rigid and self.rigid_N is not None:
-            machines = machines.with_rigid(self.rigid_N + np.tensordot(values - self.values, self.slopes[:, 0], 1))
+            machines = machines.with_rigid(self.rigid_N + (values - self.values) @ self.rigid_slopes)
         return machines.in_balance(self.at(values))
 
-    def _following(self, values: Array, run: Run) -> Array:
-        """The slopes with what a ``run`` with other ``values`` ``[d]`` shows."""
-        # Broyden (1965): of many changes of the slopes, the smallest that explains the run
+    def _following(self, values: Array, run: Run, rigid: Array | None) -> "Known":
+        """The same with slopes that explain a ``run`` with other ``values`` ``[d]``: the nearest (Broyden 1965).
+
+        ``rigid``: its force ``[1, t]`` if the machine did not give way, where asked.
+        """
         step = values - self.values
+        weights = step / (step @ step)
         wrong = run.courses - self.at(values[np.newaxis]).along(run.displacement_mm[np.newaxis])[0]
-        return np.asarray(self.slopes + np.multiply.outer(step, wrong) / (step @ step))
+        known = replace(self, slopes=self.slopes + np.multiply.outer(weights, wrong))
+        if rigid is None or self.rigid_N is None:
+            return known
+        wrong = rigid[0] - self.rigid_N[0] - step @ self.rigid_slopes
+        return replace(known, rigid_slopes=self.rigid_slopes + np.multiply.outer(weights, wrong))
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,28 +149,35 @@ class Near:
         """
         known = self.known.get(key)
         if known is not None and key in self.first:
-            if key not in self.afresh:  # what was seen of other parameters would mislead the differences
-                known = self.known[key] = known.afresh()
-                self.afresh.add(key)
-            first = self.first[key]
-            known = self.known[key] = known.beside(
-                machine, at, first.balance.machine, along(values), along(first.values)
-            )
-            # differences of what is linear alike: the first row was balanced with what was known before
-            change = known.pulled(machine, at[np.newaxis]) - known.pulled(first.balance.machine, first.at[np.newaxis])
-            return np.asarray(first.balance.courses + change[0])
+            with np.errstate(all="ignore"):  # what is no number fails
+                courses = self._beside(key, machine, at, values, along)
+            if not np.isfinite(courses).all():
+                raise Failed("diverged", "with its effects, an output is not a number")
+            return courses
 
         def ask(displacement: Array) -> Array:
             there = None if known is None else known.courses(at, displacement)
             return along(values)(displacement) if there is None else there
 
-        start = (known.begin(machine, at), known.response) if known is not None and machine.gives_way else None
+        start = None
+        if known is not None and machine.gives_way:
+            near = np.linalg.norm(at - known.values) <= KEPT
+            with np.errstate(all="ignore"):
+                begin = known.begin(machine, at)
+            start = begin, known.response if near else known.afresh().response
         found = balance(machine, ask, start, linear=True)
         self.known[key] = Known.of(at, found) if known is None else known.then(at, found)
         self.first[key] = First(values, at, found)
         return found.courses
 
-
-def go_back(known: dict[str, Known]) -> None:
-    """Leave the last specimen that was run for the one before it."""
-    known.update({key: one.former for key, one in known.items() if one.former is not None})
+    def _beside(self, key: str, machine: Machines, at: Array, values: Array, along: Callable[[Array], Ask]) -> Array:
+        """As :meth:`row`, of a small step from the first row."""
+        if key not in self.afresh:  # what was seen of other parameters would mislead the differences
+            self.known[key] = self.known[key].afresh()
+            self.afresh.add(key)
+        first, known = self.first[key], self.known[key]
+        known = known.beside(machine, at, first.balance.machine, along(values), along(first.values))
+        self.known[key] = known
+        # differences of what is linear alike: the first row was balanced with what was known before
+        change = known.pulled(machine, at[np.newaxis]) - known.pulled(first.balance.machine, first.at[np.newaxis])
+        return np.asarray(first.balance.courses + change[0])

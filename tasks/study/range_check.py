@@ -22,7 +22,7 @@ from sinew.tasks.study.model import model_of
 from sinew.tasks.study.study import Study
 
 RANGES = "ranges.json"
-VERSION = 2  # of what is looked at
+VERSION = 3  # of what is looked at
 LARGEST_MPA = 1e9  # of a modulus that is proposed
 Advice = tuple[str, float, float]  # a parameter and the ends of its range
 MOST = 0.5  # of the specimens out of reach: with more of them, the ranges are wrong and not the specimens

@@ -79,7 +79,7 @@ class Candidate:
     def rows(self, at: Array) -> tuple[Array, Array]:
         """Parameters ``[n, d]`` and effects' values ``[n, m]`` of points ``[n, k]`` of the unit cube."""
         low, high = self.bounds()
-        values = low + (high - low) * at
+        values = np.clip(low + (high - low) * at, low, high)
         count = len(self.varied)
         return self.model.full(self.varied, values[:, :count]), values[:, count:]
 

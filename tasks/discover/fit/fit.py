@@ -16,7 +16,7 @@ from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.near import go_back
+from sinew.tasks.simulate.near import Known
 from sinew.tasks.study.checkpoint import in_unit_cube
 
 STEP, SOLVER_STEP = 1e-5, 3e-3  # of the unit cube, for derivatives; a solver's forces are less exact
@@ -94,26 +94,41 @@ def residuals(
 
 @dataclass(frozen=True, eq=False)
 class _Nearly:
-    """As :func:`residuals` at points ``[n, k]``, without a run, by what earlier ones have shown."""
+    """As :func:`residuals`, without a run, by what earlier ones have shown of a candidate with effects around it.
+
+    ``whole`` makes all parameters of those that are not fixed. See :class:`Approximation`.
+    """
 
     candidate: Candidate
     measured: Measured
     curves: Sequence[Curve]
     whole: Callable[[Array], Array]
+    kept: dict[str, Known] = field(default_factory=dict)
 
-    def __call__(self, at: Array) -> Array:
+    def __call__(self, at: Array) -> Array | None:
         parts = []
         every = np.array([self.whole(each) for each in at])
         for curve in self.curves:
             thin = self.measured.thinned[curve.name]
             courses = self.candidate.nearly(self.measured.specimen, thin.protocol, every)
-            assert courses is not None, "derivatives come first"
+            if courses is None:  # it failed there
+                return None
             white = thin.residuals(courses)
             parts.append(np.where(np.isfinite(white), white, FAR))
         return np.concatenate(parts, axis=1)
 
+    def keep(self) -> None:
+        self.kept.clear()
+        self.kept.update(self._known)
+
     def go_back(self) -> None:
-        go_back(self.candidate.near or {})
+        self._known.clear()
+        self._known.update(self.kept)
+
+    @property
+    def _known(self) -> dict[str, Known]:
+        assert self.candidate.near is not None
+        return self.candidate.near
 
 
 class Whitened(Callback):

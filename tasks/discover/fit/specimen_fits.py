@@ -77,7 +77,9 @@ class SpecimenFits:
             [each.name for each in fields(Fitted)],
         ]
         if self.model.law != "tendon":
-            how += [few_runs.VERSION, around.VERSION]
+            how += [few_runs.VERSION]
+        if self.solver is not None:
+            how += [around.VERSION]
         inputs = digest(self.measured.specimen.identity(), self.model.identity(), bounds, *how, what)
         return Checkpoint(self.folder / f"{file_name(self.name)}.{digest(what)[:12]}.jsonl", inputs, width, possible)
 

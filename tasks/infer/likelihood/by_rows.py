@@ -32,7 +32,7 @@ from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study import streams
 from sinew.tasks.study.workspace import Workspace
 
-BY_ROWS_VERSION = 1  # of such posteriors
+BY_ROWS_VERSION = 2  # of such posteriors
 EARLY = 200  # sweeps, after which emulators are judged
 FIRST = 100  # draws that are computed first
 CLOSE = 0.1  # standard deviations by which posterior means may be off, without weights

@@ -153,7 +153,7 @@ class FEBio:
     def with_effects(self, effects: tuple[Effect, ...], near: Near | None = None) -> Simulator:
         """The solver with an input that has ``effects``, and around it those that are not in an input.
 
-        ``near``: balances with these to start from. Raises :class:`BadInput` where there is no such input.
+        ``near``: what earlier runs with these have shown. Raises :class:`BadInput` where there is no such input.
         """
         within = self.template.with_effects(inside(self.template, effects))
         return replace(self, template=within).surrounded(effects, near)

@@ -68,13 +68,17 @@ class Nearly:
     """A relaxation like the model's but for a force that is too large, and how often one went back."""
 
     def __init__(self, target, wrong):
-        self.target, self.wrong, self.back = target, wrong, 0
+        self.target, self.wrong, self.kept, self.back = target, wrong, 0, 0
 
     def __call__(self, at):
         return np.array([self.wrong * relaxing(each) for each in at]) - self.target
 
+    def keep(self):
+        self.kept += 1
+
     def go_back(self):
         self.back += 1
+        assert self.back <= self.kept
 
 
 @pytest.mark.parametrize("wrong", [1.0, 1.1, 0.7])
@@ -89,6 +93,53 @@ def test_what_is_like_the_model_leads_to_its_minimum(wrong):
     if wrong == 1.0:
         assert (asked.runs, nearly.back) <= (2 * 4 + 3, 1), "one step, derivatives, and what little is left"
     assert asked.runs < 60
+
+
+def test_where_too_little_is_known_steps_are_linear():
+    asked = Asked(relaxing(np.array([0.3, 0.6, 0.1])))
+    nearly = Nearly(asked.target, 1.0)
+    nearly.__class__ = type("Unknown", (Nearly,), {"__call__": lambda *_: None})
+    found = least_squares_of_few(asked.residuals, asked.derivatives, np.array([0.9, 0.1, 0.9]), nearly=nearly)
+    assert found.cost < ENOUGH
+
+
+@pytest.mark.parametrize("failure", [np.nan, 1e3])
+def test_a_step_that_fails_is_a_step_too_far(failure):
+    """Nothing is learned of residuals that are none; half the step is tried next."""
+    asked = Asked(relaxing(np.array([0.3, 0.6, 0.1])))
+
+    def failing(at):
+        asked.runs += 1
+        return np.full(TIME.size, failure) if np.abs(at - 0.3).max() > 0.45 else relaxing(at) - asked.target
+
+    def derivatives_at(at):
+        seen = failing(at)
+        return seen, np.stack([(failing(at + step) - seen) / 1e-4 for step in 1e-4 * np.eye(3)], axis=1)
+
+    found = least_squares_of_few(failing, derivatives_at, np.array([0.7, 0.1, 0.7]))
+    assert found.cost < ENOUGH
+    assert asked.runs <= most_runs(3)
+
+
+def test_a_start_that_fails_is_refused():
+    nothing = np.full(TIME.size, np.nan)
+    with pytest.raises(ValueError, match="the residuals at the start are not finite"):
+        least_squares_of_few(lambda _: nothing, lambda _: (nothing, np.zeros((TIME.size, 3))), np.full(3, 0.5))
+
+
+def test_derivatives_are_those_near_the_end():
+    """The last are found anew where the search ends, after however many renewals."""
+    asked, renewed = Asked(relaxing(np.array([0.3, 0.6, 0.1]))), []
+
+    def derivatives_at(at):
+        renewed.append(at)
+        return asked.derivatives(at)
+
+    for renewals in (1, 2, 5):
+        found = least_squares_of_few(asked.residuals, derivatives_at, np.array([0.9, 0.1, 0.9]), renewals=renewals)
+        assert np.abs(renewed[-1] - found.x).max() < 0.01
+        assert asked.runs <= most_runs(3, renewals)
+        asked.runs = 0
 
 
 def test_where_it_misleads_it_is_gone_back():

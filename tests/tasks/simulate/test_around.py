@@ -19,7 +19,7 @@ from sinew.tasks.simulate import Capabilities, Simulated
 from sinew.tasks.simulate.around import Around
 from sinew.tasks.simulate.balance import RUNS
 from sinew.tasks.simulate.effects import UniaxialWith
-from sinew.tasks.simulate.near import Near, go_back
+from sinew.tasks.simulate.near import Near
 from sinew.tasks.simulate.retrying import simulate_patiently
 from sinew.tasks.simulate.uniaxial import Uniaxial
 from tests.tasks.simulate.febio.dogbone import BAR, OWN, RELAX, dogbone
@@ -249,20 +249,51 @@ def test_without_a_run_outputs_are_those_of_a_specimen_that_is_linear_nearby():
     assert np.abs(found["lateral_strain"] - lateral).max() < 2e-3 * np.abs(lateral).max()
 
 
-def test_one_may_go_back_to_the_run_before():
+def test_a_step_of_one_parameter_tells_its_slope():
     effect = AROUND["machine-compliance"]
     model, protocol = model_with(Model(), (effect,)), STANDARD[0](10.0, 5.0)
-    rows, known = np.tile(model.reference, (3, 1)), {}
-    rows[1:, 0] *= [1.05, 1.2]
-    forces = []
+    rows, known = np.tile(model.reference, (2, 1)), {}
+    rows[1, 0] *= 1.05
     for row in rows:
         Around(Uniaxial(), (effect,), Near(known)).simulate(model, BONE, protocol, row[np.newaxis])
-        forces.append(known[protocol.digest].run.courses[0])
-    assert known[protocol.digest].slopes[0].any(), "a step of one parameter tells its slope"
-    go_back(known)
-    np.testing.assert_array_equal(known[protocol.digest].run.courses[0], forces[1])
-    go_back(known)
-    np.testing.assert_array_equal(known[protocol.digest].run.courses[0], forces[1])
+    found = known[protocol.digest]
+    moved = replace(protocol, displacement_mm=found.run.displacement_mm)
+    ends = Uniaxial().simulate(Model(), BONE, moved, rows[:, :16]).force_N
+    step = found.values[0] - (rows[0, 0] - model.parameters[0].minimum) / (
+        model.parameters[0].maximum - model.parameters[0].minimum
+    )
+    expected = np.diff(ends, axis=0)[0] / step
+    assert np.abs(found.slopes[0, 0] - expected).max() < 0.1 * np.abs(expected).max()
+    assert not found.slopes[1:].any()
+
+
+def test_what_the_grips_hold_follows_the_parameters():
+    """It is a part of the force along the grips, not of that along what slip leaves."""
+    effect = AROUND["grip-slip/threshold"]
+    model, protocol = model_with(Model(), (effect,)), STANDARD[0](10.0, 5.0)
+    row, known = model.reference.copy(), {}
+    row[-2] *= 4.0
+    steps = np.zeros((1, row.size))
+    steps[0, 0] = 0.005 * (model.parameters[0].maximum - model.parameters[0].minimum)
+    around = Around(Uniaxial(), (effect,), Near(known))
+    found = np.diff(around.simulate(model, BONE, protocol, np.array([row, row + steps[0]])).force_N, axis=0)[0]
+    whole = UniaxialWith((effect.name,))
+    ends = whole.simulate(model, BONE, protocol, np.array([row, row + steps[0]])).force_N
+    expected = np.diff(ends, axis=0)[0]
+    assert np.abs(found - expected).max() < 0.03 * np.abs(expected).max()
+    rigid = Uniaxial().simulate(Model(), BONE, protocol, np.array([row, row + steps[0]])[:, :16]).force_N
+    np.testing.assert_allclose(
+        known[protocol.digest].rigid_slopes[0], np.diff(rigid, axis=0)[0] / 0.005, rtol=1e-6, atol=1e-6
+    )
+
+
+def test_a_machine_that_runs_away_has_no_balance():
+    """Where a linear specimen has none, the nearest displacement is none either, however well its answer is known."""
+    effect = AROUND["grip-slip"]
+    model, protocol = model_with(Model(), (effect,)), STANDARD[0](10.0, 5.0)
+    row, contrary = np.append(model.reference[:-2], [5e-4, 1e-6]), Contrary()
+    done = Around(contrary, (effect,), Near({})).simulate(model, BONE, protocol, row[np.newaxis])
+    assert STATUSES[done.status[0]] == "diverged"
 
 
 @dataclass
@@ -294,7 +325,7 @@ def test_a_run_that_is_killed_changes_no_number(at):
     assert results[1].messages == ("",) * 4
     assert results[0].force_N.tobytes() == results[1].force_N.tobytes()
     assert killed.runs > at, "one run was killed"
-    for name in ("run.displacement_mm", "run.courses", "slopes", "response.shown.changes"):
+    for name in ("run.displacement_mm", "run.courses", "slopes", "response.shown.changes", "rigid_slopes"):
         one, other = map(attrgetter(name), left)
         assert one.tobytes() == other.tobytes()
 
