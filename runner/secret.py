@@ -42,7 +42,7 @@ def secret() -> bytes:
     except NotReadable as kind:
         raise OSError(errno.EINVAL, f"is {kind}; remove it", str(path)) from None
     if len(found) != BYTES:
-        raise OSError(errno.EINVAL, f"has {len(found)} bytes, not {BYTES}; remove it", str(path))
+        raise OSError(errno.EINVAL, f"has {status.st_size} bytes, not {BYTES}; remove it", str(path))
     if status.st_uid != os.geteuid() or status.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise PermissionError(errno.EACCES, "may be known to others (its owner or its mode); remove it", str(path))
     return found

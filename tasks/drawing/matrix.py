@@ -7,7 +7,7 @@ from rich.table import Table as Grid
 
 from sinew.runner.console import Console
 
-COLUMNS = 4  # beside the names of the rows, which a terminal of 80 columns has room for
+COLUMNS = 4  # beside the names of the rows: on a terminal of 80 columns, names up to about 12 letters stay in a line
 
 
 def print_matrix(
@@ -28,7 +28,8 @@ def print_matrix(
     what, names = rows
     for first in range(0, len(columns[1]), COLUMNS):
         shown = range(first, min(first + COLUMNS, len(columns[1])))
-        grid = Grid(Column(what, overflow="fold"), *(columns[1][j] for j in shown), title="" if first else title)
+        heads = [Column(head, overflow="fold") for head in (what, *(columns[1][j] for j in shown))]
+        grid = Grid(*heads, title="" if first else title)
         for i, name in enumerate(names):
             grid.add_row(name, *(cell(i, j) for j in shown))
         console.print(grid)

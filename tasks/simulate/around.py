@@ -138,7 +138,8 @@ class Around:
                 raise
 
         found = np.full((len(parameters), count, protocol.time_s.size), np.nan)
-        return found, *row_by_row(model, parameters, solve, found)
+        with np.errstate(all="ignore"):  # what is no number fails
+            return found, *row_by_row(model, parameters, solve, found)
 
     def nearly(self, model: Model, specimen: Specimen, protocol: Protocol, parameters: Array) -> Courses | None:
         """All outputs ``[n, t]`` without a run, of a specimen that is linear near the last one that was run.

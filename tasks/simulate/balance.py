@@ -46,13 +46,12 @@ def balance(machine: Machines, ask: Ask, start: Start | None = None, *, linear: 
 
     ``linear``: a last small step is taken without a run where its answer is known. Raises :class:`Failed`.
     """
-    with np.errstate(all="ignore"):  # what is no number fails
-        try:
-            return _balanced(machine, ask, start, linear=linear)
-        except Failed as failed:
-            if start is None or failed.status not in NOT_SO_NEAR:
-                raise
-            return _balanced(machine, ask, None, linear=linear)
+    try:
+        return _balanced(machine, ask, start, linear=linear)
+    except Failed as failed:
+        if start is None or failed.status not in NOT_SO_NEAR:
+            raise
+        return _balanced(machine, ask, None, linear=linear)
 
 
 def _balanced(machine: Machines, ask: Ask, start: Start | None, *, linear: bool) -> Balance:

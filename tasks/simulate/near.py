@@ -70,8 +70,7 @@ class Known:
         tells = np.linalg.norm(values - self.values) > SMALL and moved < FAR * balance.machine.largest_mm
         rigid = balance.machine.rigid_N
         known = self._following(values, balance.last, rigid) if tells else self
-        return replace(known, values=values, run=balance.last, response=balance.response, rigid_N=rigid,
-                       followed=self.followed)  # fmt: skip
+        return replace(known, values=values, run=balance.last, response=balance.response, rigid_N=rigid)
 
     def beside(self, machine: Machines, values: Array, there_in: Machines, ask: Ask, ask_there: Ask) -> "Known":
         """The same after the runs that tell what a ``machine`` reads where ``values`` ``[d]`` are a small step away.
@@ -123,10 +122,9 @@ class Known:
 
 @dataclass(frozen=True, eq=False)
 class First:
-    """The balance of a first row with parameters ``values`` ``[d]``, ``at`` on the unit cube."""
+    """The balance of a first row with parameters ``values`` ``[d]``."""
 
     values: Array
-    at: Array
     balance: Balance
 
 
@@ -149,8 +147,7 @@ class Near:
         """
         known = self.known.get(key)
         if known is not None and key in self.first:
-            with np.errstate(all="ignore"):  # what is no number fails
-                courses = self._beside(key, machine, at, values, along)
+            courses = self._beside(key, machine, at, values, along)
             if not np.isfinite(courses).all():
                 raise Failed("diverged", "with its effects, an output is not a number")
             return courses
@@ -162,12 +159,10 @@ class Near:
         start = None
         if known is not None and machine.gives_way:
             near = np.linalg.norm(at - known.values) <= KEPT
-            with np.errstate(all="ignore"):
-                begin = known.begin(machine, at)
-            start = begin, known.response if near else known.afresh().response
+            start = known.begin(machine, at), known.response if near else known.afresh().response
         found = balance(machine, ask, start, linear=True)
         self.known[key] = Known.of(at, found) if known is None else known.then(at, found)
-        self.first[key] = First(values, at, found)
+        self.first[key] = First(values, found)
         return found.courses
 
     def _beside(self, key: str, machine: Machines, at: Array, values: Array, along: Callable[[Array], Ask]) -> Array:
@@ -179,5 +174,5 @@ class Near:
         known = known.beside(machine, at, first.balance.machine, along(values), along(first.values))
         self.known[key] = known
         # differences of what is linear alike: the first row was balanced with what was known before
-        change = known.pulled(machine, at[np.newaxis]) - known.pulled(first.balance.machine, first.at[np.newaxis])
+        change = known.pulled(machine, at[np.newaxis]) - known.pulled(first.balance.machine, known.values[np.newaxis])
         return np.asarray(first.balance.courses + change[0])

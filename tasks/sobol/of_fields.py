@@ -101,8 +101,8 @@ class _Plots:
         return key_of(self.settings, tuple(self.one.table.names), values)
 
     def of(self, row: int) -> PlotFile | None:
-        """The fields of a row of the design; of several runs, the latest was asked for more."""
-        run = self.index.best(self.key(row))
+        """The fields of a row of the design; of several runs, those of which most was asked."""
+        run = next(self.index.runs(self.key(row)), None)
         return None if run is None else run.plot
 
 

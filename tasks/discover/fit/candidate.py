@@ -107,8 +107,12 @@ class Candidate:
         assert solver is not None
         near: dict[str, Known] | None = {} if nearby and self.near is None else self.near
         having = self._having(near)
-        model, rows = model_with(self.model, self.effects), np.concatenate(self.rows(at), axis=1)
-        return simulate_patiently(having, model, specimen, protocol, rows, retries=self.retries)
+        return simulate_patiently(having, *self._asked(specimen, protocol, at), retries=self.retries)
+
+    def _asked(self, specimen: Specimen, protocol: Protocol, at: Array) -> tuple[Model, Specimen, Protocol, Array]:
+        """What a simulator is asked for at points ``[n, k]`` of the unit cube."""
+        rows = np.concatenate(self.rows(at), axis=1)
+        return model_with(self.model, self.effects), specimen, protocol, rows
 
     def _having(self, near: dict[str, Known] | None) -> Simulator:
         """The solver with the effects, which starts from what is known ``near``."""
@@ -125,8 +129,7 @@ class Candidate:
         having = None if self.solver is None or self.near is None else self._having(self.near)
         if not isinstance(having, Around):
             return None
-        model, rows = model_with(self.model, self.effects), np.concatenate(self.rows(at), axis=1)
-        return having.nearly(model, specimen, protocol, rows)
+        return having.nearly(*self._asked(specimen, protocol, at))
 
     def failures(self, measured: Measured, at: Array) -> dict[str, str]:
         """By curve, what the solver says where it fails at a point ``[k]`` of the unit cube."""

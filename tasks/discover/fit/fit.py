@@ -12,10 +12,10 @@ from sinew.tasks.discover.fit.candidate import Candidate
 from sinew.tasks.fitting import starts as begins
 from sinew.tasks.fitting.discrepancy import WIDTH
 from sinew.tasks.fitting.few_runs import least_squares_of_few
-from sinew.tasks.fitting.measured import Measured
+from sinew.tasks.fitting.measured import Measured, Thinned
 from sinew.tasks.model import Curve
 from sinew.tasks.model.effect import Effect
-from sinew.tasks.simulate import Array
+from sinew.tasks.simulate import Array, Courses
 from sinew.tasks.simulate.near import Known
 from sinew.tasks.study.checkpoint import in_unit_cube
 
@@ -84,12 +84,15 @@ def residuals(
     candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve], *, nearby: bool = False
 ) -> Array:
     """Whitened residuals ``[n, groups of all curves]`` at points ``[n, k]``; what fails is far away."""
-    parts = []
-    for curve in curves:
-        thin = measured.thinned[curve.name]
-        white = thin.residuals(candidate.courses(measured.specimen, thin.protocol, at, nearby=nearby))
-        parts.append(np.where(np.isfinite(white), white, FAR))
-    return np.concatenate(parts, axis=1)
+    thinned = [measured.thinned[curve.name] for curve in curves]
+    every = [candidate.courses(measured.specimen, thin.protocol, at, nearby=nearby) for thin in thinned]
+    return _white(thinned, every)
+
+
+def _white(thinned: Sequence[Thinned], every: Sequence[Courses]) -> Array:
+    """Whitened residuals ``[n, groups of all curves]`` of the courses along ``every`` curve; what fails is far away."""
+    whites = [thin.residuals(courses) for thin, courses in zip(thinned, every, strict=True)]
+    return np.concatenate([np.where(np.isfinite(white), white, FAR) for white in whites], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,16 +109,11 @@ class _Nearly:
     kept: dict[str, Known] = field(default_factory=dict)
 
     def __call__(self, at: Array) -> Array | None:
-        parts = []
-        every = np.array([self.whole(each) for each in at])
-        for curve in self.curves:
-            thin = self.measured.thinned[curve.name]
-            courses = self.candidate.nearly(self.measured.specimen, thin.protocol, every)
-            if courses is None:  # it failed there
-                return None
-            white = thin.residuals(courses)
-            parts.append(np.where(np.isfinite(white), white, FAR))
-        return np.concatenate(parts, axis=1)
+        points, specimen = np.array([self.whole(each) for each in at]), self.measured.specimen
+        thinned = [self.measured.thinned[curve.name] for curve in self.curves]
+        every = [self.candidate.nearly(specimen, thin.protocol, points) for thin in thinned]
+        known = [courses for courses in every if courses is not None]
+        return _white(thinned, known) if len(known) == len(every) else None  # else it failed there
 
     def keep(self) -> None:
         self.kept.clear()

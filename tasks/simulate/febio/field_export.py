@@ -71,7 +71,7 @@ def export_rows(folder: Path, rows: Sequence[int], to: Path, name: str | None = 
     paths: list[Path] = []
     left_out: dict[str, None] = {}
     for stem, key in chosen.items():
-        run = index.best(key)
+        run = next(index.runs(key), None)
         if run is None:
             missing.append(f"{stem}: its fields are in a file that is damaged")
             continue

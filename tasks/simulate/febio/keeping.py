@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypeVar
 
 from sinew.runner.errors import StoreError
 from sinew.tasks.simulate import Array
@@ -10,6 +11,8 @@ from sinew.tasks.simulate.febio.kept import Entry, Run, entry_of, key_of, write_
 from sinew.tasks.simulate.febio.kept_files import Place, contents, count_variables, files, read_run
 
 log = logging.getLogger("sinew")
+
+T = TypeVar("T")
 
 WRITTEN_BYTES = 2**27  # of runs that are written together
 
@@ -38,27 +41,28 @@ class Index:
                     self._note(path, error)
 
     def runs(self, key: str) -> Iterator[Run]:
-        """The runs with this key, from sound files. There are several if a later one was asked for more."""
-        for place in self.places.get(key, ()):
-            try:
-                yield read_run(place)
-            except StoreError as error:
-                self._note(place.path, error)
+        """The runs with this key, from sound files, one after the other: each may be large.
 
-    def best(self, key: str) -> Run | None:
-        """The run with this key of which most was asked; None where no file has one that is sound."""
-        counted = []
-        for place in self.places.get(key, ()):
-            try:
-                counted.append((count_variables(place), place))
-            except StoreError as error:
-                self._note(place.path, error)
-        for _, place in sorted(counted, key=lambda one: -one[0]):  # one after the other: each may be large
-            try:
-                return read_run(place)
-            except StoreError as error:
-                self._note(place.path, error)
-        return None
+        There are several if a later one was asked for more; that of which most was asked comes first.
+        """
+        places = self.places.get(key, [])
+        if len(places) > 1:
+            counted = [(self._read(count_variables, place), place) for place in places]
+            sound = [(count, place) for count, place in counted if count is not None]
+            places = [place for _, place in sorted(sound, key=lambda one: -one[0])]
+        for place in places:
+            run = self._read(read_run, place)
+            if run is not None:
+                yield run
+            del run
+
+    def _read(self, read: Callable[[Place], T], place: Place) -> T | None:
+        """What is at a place; None, and a note of its file, where that is damaged."""
+        try:
+            return read(place)
+        except StoreError as error:
+            self._note(place.path, error)
+            return None
 
     def _note(self, path: Path, error: StoreError) -> None:
         self.damaged[path] = str(error)
@@ -80,12 +84,7 @@ class Keeper:
 
     def find(self, values: Array, enough: Callable[[Run], bool]) -> Run | None:
         """The run with parameter ``values`` ``[d]``, if one is kept that is ``enough``."""
-        run: Run | None = None
-        for run in self.index.runs(key_of(self.of, self.names, values)):
-            if enough(run):
-                return run
-            del run  # before the next is read: each may be large
-        return None
+        return next(filter(enough, self.index.runs(key_of(self.of, self.names, values))), None)
 
     def add(self, values: Array, run: Run) -> None:
         """Keep a run. Raises ``OSError``."""

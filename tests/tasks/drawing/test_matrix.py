@@ -45,3 +45,12 @@ def test_a_few_columns_stay_columns():
     (head,) = (line for line in said(3, 3).splitlines() if "┃" in line)
     assert "parameter" in head
     assert "column_2" in head
+
+
+def test_long_names_are_whole():
+    out = io.StringIO()
+    names = [f"stress_of_the_gauge_section_{i}_MPa" for i in range(4)]
+    print_matrix(Console(file=out, width=80), "Indices", ("parameter", names), ("output", names), lambda i, j: "0.5")
+    columns = zip(*(line.replace("┃", "│").split("│")[1:-1] for line in out.getvalue().splitlines()
+                    if "┃" in line), strict=True)  # fmt: skip
+    assert ["".join(part.strip() for part in column) for column in columns] == ["parameter", *names]

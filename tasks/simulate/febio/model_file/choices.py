@@ -65,20 +65,23 @@ def _range(where: str, path: str, text: str) -> tuple[float, float]:
         bounds = float(low), float(high)
     except ValueError:
         bounds = 0.0, 0.0
-    if not -1e300 < bounds[0] < bounds[1] < 1e300:
+    if not _is_range(*bounds):
         raise BadInput(f"{where}--vary", f"{shown(f'{path}={text}')} holds no range", f"{path}=MIN:MAX")
     return bounds
+
+
+def _is_range(low: float, high: float) -> bool:
+    """Whether numbers can be the ends of a range, with room to compute its width."""
+    return -1e300 < low < high < 1e300
 
 
 def _first_range(where: str, number: Number) -> tuple[float, float]:
     """From half of the value to twice the value; for Poisson's ratios, 0.1 to both sides, from 0 to 0.499."""
     value = number.value
-    if value == 0:
-        raise BadInput(f"{where}--vary", f"{shown(number.path)} is 0", f"its range: {number.path}=MIN:MAX")
     if POISSON.fullmatch(number.path) and 0 < value < 0.499:
         return max(0.0, round(value - 0.1, 6)), min(0.499, round(value + 0.1, 6))
     low, high = sorted((value / 2, value * 2))
-    if not -1e300 < low < high < 1e300:
+    if not _is_range(low, high):
         raise BadInput(f"{where}--vary", f"{shown(number.path)} is {value:g}", f"its range: {number.path}=MIN:MAX")
     return low, high
 
