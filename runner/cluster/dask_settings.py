@@ -1,4 +1,4 @@
-"""Dask's settings for all clusters, where a scheduler keeps its files, and how long to wait for workers."""
+"""Dask's settings and the environment variables of workers on all clusters; where a scheduler keeps its files."""
 
 from sinew.runner.errors import ClusterError
 from sinew.runner.files import temporary_folder

@@ -30,7 +30,8 @@ from sinew.tasks.calibrate.panels import (
     star,
 )
 from sinew.tasks.drawing.figures import COLOURS, STYLE
-from sinew.tasks.fitting.bayesian import Process, fitted, informative
+from sinew.tasks.fitting.bayesian import informative
+from sinew.tasks.fitting.gaussian_process import Process, fitted
 from sinew.tasks.model.parameters import bounds, unscaled
 from sinew.tasks.simulate import Array
 

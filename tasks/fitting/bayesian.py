@@ -16,22 +16,19 @@ Parameters are on the unit cube here.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
+from sinew.tasks.fitting.gaussian_process import fitted
 from sinew.tasks.simulate import Array
 
 COMPONENTS = 12  # principal components of the residuals; the remainder is far below any noise
 DRAWS = 32  # samples for one expected improvement
 CANDIDATES, NEAR, POLISHED = 500, 2000, 2
-FIT_STEPS, POLISH_STEPS = 40, 15
+POLISH_STEPS = 15
 SLOPE_STEP = 1e-5
 REFIT_EVERY = 2  # proposals between two fits of the length scales
-SCALE_BOUNDS = (0.05, 30.0)
-NOISE, NOISE_BOUNDS = 1e-4, (1e-8, 1e-1)
 TIE = 1e-6  # weight of the expected objective itself, which decides where no sample improves
 
 
@@ -52,8 +49,8 @@ class Search:
 class Surrogate:
     """What is known when a point is proposed: ``points`` ``[n, d]`` with the components ``scores`` ``[n, m]`` of their
     residuals, ``roots`` ``[p, r, m + 1]`` that make an objective of those (see :func:`totals_of`), ``failed``
-    ``[f, d]``, ``pending`` ``[k, d]``, the kernel's last ``theta`` (see :func:`fitted`; None: not fitted yet), and
-    whether to fit it again.
+    ``[f, d]``, ``pending`` ``[k, d]``, the kernel's last ``theta`` (of :func:`.gaussian_process.fitted`;
+    None: not fitted yet), and whether to fit it again.
     """
 
     points: Array
@@ -63,27 +60,6 @@ class Surrogate:
     pending: Array
     theta: Array | None
     refit: bool
-
-
-@dataclass(frozen=True)
-class Process:
-    """A Gaussian process of ``m`` values with one kernel: ``scale`` times the regressor's, about ``centre`` ``[m]``."""
-
-    regressor: Any  # skopt.learning.GaussianProcessRegressor
-    centre: Array
-    scale: float
-
-    def mean(self, at: Array) -> Array:
-        """``[g, m]`` at points ``[g, d]``."""
-        return np.asarray(self.centre + self.scale * self.regressor.predict(at))
-
-    def mean_and_sd(self, at: Array) -> tuple[Array, Array]:
-        """``[g, m]``, and ``[g]``, which is the same for all values, at points ``[g, d]``."""
-        regressor = self.regressor
-        across = regressor.kernel_(at, regressor.X_train_)
-        known = solve_triangular(regressor.L_, across.T, lower=True, check_finite=False)
-        variance = np.maximum(regressor.kernel_.diag(at) - np.sum(known**2, axis=0), 0.0)
-        return self.centre + self.scale * (across @ regressor.alpha_), self.scale * np.sqrt(variance)
 
 
 def propose(surrogate: Surrogate, seed: tuple[int, ...]) -> tuple[Array, Array]:
@@ -143,44 +119,6 @@ def _drawn_totals(mean: Array, sd: Array, draws: Array, roots: Array) -> Array:
     squares = np.sum(middle**2, axis=-1)[:, :, np.newaxis] + 2.0 * sd[:, np.newaxis] * both
     squares += sd[:, np.newaxis] ** 2 * np.sum(moved**2, axis=-1)[:, np.newaxis]
     return np.asarray(np.sqrt(np.maximum(squares, 0.0)).sum(axis=0))
-
-
-def fitted(points: Array, values: Array, theta: Array | None, *, refit: bool = True) -> tuple[Process, Array]:
-    """The process for ``values`` ``[n, m]`` at ``points`` ``[n, d]``, and its ``theta`` ``[d + 2]``.
-
-    ``theta`` holds logarithms: of the variance, of the length scales, and of the noise's variance, in units of the
-    largest variance of a column of ``values``. It is fitted with ``refit``, from where it was before.
-    """
-    from skopt.learning import GaussianProcessRegressor
-    from skopt.learning.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
-
-    size = points.shape[1]
-    centre = values.mean(axis=0)
-    scale = float(values.std(axis=0).max()) or 1.0
-    scaled = (values - centre) / scale
-    kernel = ConstantKernel(1.0, (1e-2, 1e3)) * Matern(np.full(size, 1.0), [SCALE_BOUNDS] * size, nu=2.5)
-    if refit or theta is None:
-        noisy = kernel + WhiteKernel(NOISE, NOISE_BOUNDS)
-        noisy = noisy if theta is None else noisy.clone_with_theta(theta)
-        theta = _likeliest(noisy, points, scaled)
-    kernel, noise = kernel.clone_with_theta(theta[:-1]), float(np.exp(theta[-1]))
-    regressor = GaussianProcessRegressor(kernel, alpha=noise, optimizer=None)
-    return Process(regressor.fit(points, scaled), centre, scale), theta
-
-
-def _likeliest(kernel: Any, points: Array, values: Array) -> Array:
-    """The ``theta`` with the largest marginal likelihood, searched from the kernel's present one."""
-    from skopt.learning import GaussianProcessRegressor
-
-    regressor = GaussianProcessRegressor(kernel, alpha=0.0, optimizer=None).fit(points, values)
-
-    def loss(theta: Array) -> tuple[float, Array]:
-        value, slope = regressor.log_marginal_likelihood(theta, eval_gradient=True, clone_kernel=False)
-        return -float(value), -slope
-
-    options = {"maxiter": FIT_STEPS}
-    found = minimize(loss, kernel.theta, jac=True, method="L-BFGS-B", bounds=kernel.bounds, options=options)
-    return np.asarray(found.x)
 
 
 def _alive(surrogate: Surrogate, theta: Array) -> Callable[[Array], Array]:

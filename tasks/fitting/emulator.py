@@ -8,7 +8,7 @@ kind              what it is
 ================  ====================================================================================================
 ``chaos``         few orthonormal polynomials (:mod:`sinew.tasks.fitting.chaos`)
 ``process``       a Gaussian process, Matern 5/2 with a length scale for each parameter
-                  (:mod:`sinew.tasks.fitting.bayesian`)
+                  (:mod:`sinew.tasks.fitting.gaussian_process`)
 ================  ====================================================================================================
 
 What is left out of a process follows from its covariance without a new fit (Dubrule 1983, Math. Geol. 15, 687).
@@ -20,9 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sinew.tasks.fitting.bayesian import Process, fitted
 from sinew.tasks.fitting.chaos import basis, polynomials
 from sinew.tasks.fitting.folds import folds_of, some_of
+from sinew.tasks.fitting.gaussian_process import Process, fitted
 from sinew.tasks.fitting.limits import COMPONENTS, KINDS, Kind
 from sinew.tasks.simulate import Array
 
@@ -36,8 +36,8 @@ class Fit:
     """How a principal component is emulated: the better ``kind``, and what each kind needs to be made again.
 
     ``degree``: of polynomials, the highest that was tried. ``theta``: of the process, see
-    :func:`sinew.tasks.fitting.bayesian.fitted`. ``error``: root mean square of left-out errors, in standard deviations
-    of the component.
+    :func:`.gaussian_process.fitted`. ``error``: root mean square of left-out errors, in standard deviations of the
+    component.
     """
 
     kind: Kind

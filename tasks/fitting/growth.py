@@ -8,8 +8,8 @@ taken for done, which changes the covariances but needs no outcome.
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from sinew.tasks.fitting.bayesian import Process
 from sinew.tasks.fitting.emulator import Emulator
+from sinew.tasks.fitting.gaussian_process import Process
 from sinew.tasks.simulate import Array
 
 LIKELY = 0.5  # of a run that does not fail

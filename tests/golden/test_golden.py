@@ -41,7 +41,7 @@ def test_a_changed_result_needs_another_version(golden_run, tmp_path, monkeypatc
     assert list(json.loads(golden.ACCEPTED.read_text())["sobol"]) == ["3", "4", "5"]
 
 
-A = {"a": [1, 2.0, None, "x"], "b": {"c": True}}
+A = {"a": [1, 2.0, None, "x"], "b": {"c": True, "factor": 1.0}}
 
 
 @pytest.mark.parametrize(
@@ -52,8 +52,10 @@ A = {"a": [1, 2.0, None, "x"], "b": {"c": True}}
         (lambda new: new["a"].__setitem__(0, 2), "a[0]: 1 became 2"),
         (lambda new: new["a"].__setitem__(2, 0.0), "a[2]: None became 0.0"),
         (lambda new: new["a"].pop(), "a: 4 items became 3"),
-        (lambda new: new["b"].__setitem__("d", 1), "b: keys ['c'] became ['c', 'd']"),
+        (lambda new: new["b"].__setitem__("d", 1), "b: keys ['c', 'factor'] became ['c', 'factor', 'd']"),
         (lambda new: new["b"].__setitem__("c", 1), "b.c: True became 1"),
+        (lambda new: new["b"].__setitem__("factor", 1.01), None),
+        (lambda new: new["b"].__setitem__("factor", 1.03), "b.factor: 1.0 became 1.03"),
         (lambda new: new.__setitem__("b", new.pop("b")), None),
         (lambda new: new.__setitem__("a", new.pop("a")), "top: keys ['a', 'b'] became ['b', 'a']"),
     ],

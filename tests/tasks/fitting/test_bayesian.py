@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sinew.tasks.data.virtual import virtual_cohort
-from sinew.tasks.fitting.bayesian import Search, Surrogate, bayesian, components, fitted, propose, totals_of
+from sinew.tasks.fitting.bayesian import Search, Surrogate, bayesian, components, propose, totals_of
 from sinew.tasks.fitting.fits import residuals_of
 from sinew.tasks.model import Model
 from sinew.tasks.model.parameters import from_unit
@@ -127,22 +127,6 @@ def test_components_give_the_objective_back():
     assert totals_of(scores, roots) == pytest.approx(expected)
     few, roots = components(along[:2])
     assert totals_of(few, roots) == pytest.approx(expected[:2])
-
-
-def test_the_process_is_that_of_scikit_optimize():
-    rng = np.random.default_rng(0)
-    points, at = rng.random((30, 4)), rng.random((5, 4))
-    values = np.array([curves(point)[:, 20] for point in points])
-    process, theta = fitted(points, values, None)
-    assert theta.shape == (6,)
-    assert process.mean(points) == pytest.approx(values, abs=0.05 * values.std())
-    assert process.mean(at) == pytest.approx(np.array([curves(point)[:, 20] for point in at]), abs=0.2)
-    alone, _ = fitted(points, values[:, :1], theta, refit=False)
-    mean, sd = alone.regressor.predict(at, return_std=True)
-    told = alone.mean_and_sd(at)
-    assert told[0] == pytest.approx(alone.mean(at))
-    assert told[0] == pytest.approx(alone.centre + alone.scale * mean)
-    assert told[1] == pytest.approx(alone.scale * sd, rel=1e-3)
 
 
 def test_a_surrogate_is_small_enough_to_travel():

@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
 
-from sinew.tasks.fitting.bayesian import fitted
 from sinew.tasks.fitting.emulator import SDS, Emulator, LeftOut, taken_apart, trained, widening
 from sinew.tasks.fitting.emulator import _process_without as process_without
 from sinew.tasks.fitting.folds import folds_of
+from sinew.tasks.fitting.gaussian_process import fitted
 from sinew.tasks.simulate.growing import TURN
 from sinew.tasks.simulate.plain_design import shares
 
