@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from sinew.tasks.discover.judge.partly import Form, InPlace, Worth, doubts, outd
 from sinew.tasks.discover.judge.scores import Score, misfit_left
 from sinew.tasks.discover.measure.shape import smooth
 from sinew.tasks.discover.misfit_map import CellMisfit
+from sinew.tasks.discover.on_workers import on_a_worker
 from sinew.tasks.discover.settings import Settings
 from sinew.tasks.model import FORCE
 from sinew.tasks.simulate import Array
@@ -38,8 +40,8 @@ def compound(
 ) -> Compound:
     """Build up a set of effects and judge each; fits of the certain ones together are added to the candidates."""
     forms = [form for effect in asked(settings, cohort) for form in (effect, *effect.other_forms)]
-    found = stepwise(workspace, cohort, candidates, forms)
-    parts = tuple(_part(cohort, candidates, found, member) for member in found.members)
+    found = stepwise(workspace, cohort, candidates, [form for form in forms if form.name not in candidates.left_out])
+    parts = tuple(_part(workspace, cohort, candidates, found, member) for member in found.members)
     certain = tuple(member.form for member, part in zip(found.members, parts, strict=True) if part.doubt is None)
     while certain:
         starts = [_only(cohort[0], found, certain, one.at) for one in found.fits]
@@ -90,7 +92,9 @@ def _only(one: SpecimenFits, found: Stepwise, certain: Effects, at: Array) -> Ar
     return np.concatenate(parts)
 
 
-def _part(cohort: Sequence[SpecimenFits], candidates: Candidates, found: Stepwise, member: Member) -> Part:
+def _part(
+    workspace: Workspace, cohort: Sequence[SpecimenFits], candidates: Candidates, found: Stepwise, member: Member
+) -> Part:
     """What one of the effects is worth, in the words of the result."""
     floor = candidates.floor
 
@@ -106,7 +110,8 @@ def _part(cohort: Sequence[SpecimenFits], candidates: Candidates, found: Stepwis
         worth = replace(worth, rivals=tuple(InPlace(one.effect, one.gain, ratio(one.fits)) for one in rivals))
     nearest = worth.nearest
     others = tuple(form for form in found.effects if form is not member.form)
-    share, interval = taken_away(cohort, candidates.bare, (others, member.without), (found.effects, found.fits), floor)
+    what = (cohort, candidates.bare, (others, member.without), (found.effects, found.fits), floor)
+    share, interval = on_a_worker(workspace, cohort, "what an effect takes away", partial(taken_away, *what))
     return Part(
         effect=member.form.slug,
         form=member.form.name,

@@ -235,7 +235,7 @@ class DiscoverResult(Result):
     """
 
     TASK = "discover"
-    VERSION = 13
+    VERSION = 14
     LIBRARIES = ("scikit-learn",)
 
     verdict: Word

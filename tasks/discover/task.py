@@ -109,7 +109,7 @@ def run(workspace: Workspace, settings: Settings) -> DiscoverResult:
     findings = _findings(workspace, settings, cohort)
     decided = verdict(findings.evidence)
     parts: tuple[Part, ...] = ()
-    if _several(decided, findings.candidates.scores) and cohort[0].solver is None:
+    if _several(decided, findings.candidates.scores):
         found = compound(workspace, settings, cohort, findings.candidates)
         parts = found.parts
         certain = found.certain

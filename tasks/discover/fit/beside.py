@@ -5,14 +5,23 @@ what a smooth error cannot do as well (:mod:`sinew.tasks.fitting.discrepancy`).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 from threadpoolctl import threadpool_limits
 
 from sinew.tasks.discover.fit.candidate import Candidate
-from sinew.tasks.discover.fit.fit import Fitted, derivatives, pulls, spreads, together
+from sinew.tasks.discover.fit.fit import (
+    FAR,
+    Fitted,
+    by_runs,
+    derivatives,
+    further_derivatives,
+    pulls,
+    spreads,
+    together,
+)
 from sinew.tasks.fitting.discrepancies import discrepancies_of
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model.effect import Effect
@@ -70,7 +79,8 @@ def promise_beside(
     Also returns where on the unit cube ``[k + m]``, and from which log sizes, its fit is to begin. One bounded step of
     linear least squares from a part of the effect's typical size predicts the residuals; or the fit begins at a
     ``known`` fit without a discrepancy ``[k + m]``, if that promises more. Steps alone are not enough where the bare
-    model has bent far to follow a missing effect.
+    model has bent far to follow a missing effect. Of a user's own model, derivatives by what ``base`` has are those
+    without the effect.
     """
     with threadpool_limits(1):
         discrepancy = discrepancies_of(measured)
@@ -78,9 +88,12 @@ def promise_beside(
         candidate, alone = base.having(*base.effects, effect), base.having(effect)
         null, typical = alone.null(), alone.typical()
         attempts = []
+        at, own = before.fitted.at, None
+        if candidate.solver is not None:
+            own = derivatives(base, measured, np.clip(at, 1e-6, 1.0 - 1e-6), measured.curves)[1]
         for part in PARTS:
-            point = np.clip(np.concatenate([before.fitted.at, null + part * (typical - null)]), 1e-6, 1.0 - 1e-6)
-            error, slopes = derivatives(candidate, measured, point, measured.curves)
+            point = np.clip(np.concatenate([at, null + part * (typical - null)]), 1e-6, 1.0 - 1e-6)
+            error, slopes = further_derivatives(candidate, measured, point, measured.curves, own)
             step = _step(white(error), white(slopes), point)
             sizes, evidence = discrepancy.sized(error + slopes @ step, slopes, before.sizes, ITERATIONS)
             attempts.append((evidence, np.clip(point + step, 0.0, 1.0), sizes))
@@ -117,15 +130,22 @@ def _fit(
 ) -> tuple[Array, Fitted, Array, Array]:
     """Where a fit to whitened residuals ended, the fit, and the residuals and slopes there as they are."""
 
+    def far_or_white(vectors: Array) -> Array:  # a smooth discrepancy would take where the model fails for near
+        return np.where(vectors == FAR, FAR, white(vectors))
+
     def both(at: Array) -> tuple[Array, Array]:
         error, slopes = derivatives(candidate, measured, at, measured.curves)
-        return white(error), white(slopes)
+        return far_or_white(error), far_or_white(slopes)
 
-    loss, slope = together(both)
-    solution = least_squares(
-        loss, np.clip(start, 1e-6, 1.0 - 1e-6), jac=slope, bounds=(0.0, 1.0), ftol=CLOSE, xtol=1e-5, gtol=1e-7,
-        max_nfev=EVALUATIONS,
-    )  # fmt: skip
+    begin = np.clip(start, 1e-6, 1.0 - 1e-6)
+    if candidate.solver is None:
+        loss, slope = together(both)
+        solution = least_squares(
+            loss, begin, jac=slope, bounds=(0.0, 1.0), ftol=CLOSE, xtol=1e-5, gtol=1e-7, max_nfev=EVALUATIONS
+        )
+    else:
+        candidate = replace(candidate, near={})
+        solution = by_runs(candidate, measured, begin, measured.curves, white=far_or_white)
     at, pull = solution.x, pulls(solution.x, solution.grad, solution.jac)
     fitted = Fitted(at, float(2.0 * solution.cost), int(solution.fun.size), spreads(solution.jac), pull)
     return at, fitted, *derivatives(candidate, measured, at, measured.curves)

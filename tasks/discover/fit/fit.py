@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol as Callback
 
 import numpy as np
-from scipy.optimize import least_squares, lsq_linear
+from scipy.optimize import OptimizeResult, least_squares, lsq_linear
 from scipy.stats import chi2
 
 from sinew.tasks.discover.fit.candidate import Candidate
@@ -99,13 +99,15 @@ def _white(thinned: Sequence[Thinned], every: Sequence[Courses]) -> Array:
 class _Nearly:
     """As :func:`residuals`, without a run, by what earlier ones have shown of a candidate with effects around it.
 
-    ``whole`` makes all parameters of those that are not fixed. See :class:`Approximation`.
+    ``whole`` makes all parameters of those that are not fixed; ``white``: see :func:`by_runs`. See
+    :class:`Approximation`.
     """
 
     candidate: Candidate
     measured: Measured
     curves: Sequence[Curve]
     whole: Callable[[Array], Array]
+    white: Callable[[Array], Array]
     kept: dict[str, Known] = field(default_factory=dict)
 
     def __call__(self, at: Array) -> Array | None:
@@ -113,7 +115,9 @@ class _Nearly:
         thinned = [self.measured.thinned[curve.name] for curve in self.curves]
         every = [self.candidate.nearly(specimen, thin.protocol, points) for thin in thinned]
         known = [courses for courses in every if courses is not None]
-        return _white(thinned, known) if len(known) == len(every) else None  # else it failed there
+        if len(known) < len(every):  # it failed there
+            return None
+        return self.white(_white(thinned, known).T).T
 
     def keep(self) -> None:
         self.kept.clear()
@@ -156,6 +160,15 @@ def derivatives(
     moved = of(near, measured, np.concatenate([at[np.newaxis], at + moves]), curves, nearby=True)
     slopes = ((moved[1:] - moved[0]) / steps[:, np.newaxis]).T
     return moved[0] if near is candidate else of(candidate, measured, at[np.newaxis], curves)[0], slopes
+
+
+def further_derivatives(
+    candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve], known: Array | None
+) -> tuple[Array, Array]:
+    """As :func:`derivatives`, where those by the first parameters are ``known`` ``[t, k]``; None: all are found."""
+    fixed = range(0 if known is None else known.shape[1])
+    seen, slopes = derivatives(candidate, measured, at, curves, fixed=fixed)
+    return seen, slopes if known is None else np.column_stack([known, slopes])
 
 
 def together(both: Callable[[Array], tuple[Array, Array]]) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
@@ -204,17 +217,42 @@ def fit(
             loss, begin, jac=slope, bounds=(0.0, 1.0), ftol=TOLERANCE, xtol=1e-7, gtol=1e-7, max_nfev=EVALUATIONS
         )
     else:
-        candidate = replace(candidate, near={})
-        solution = least_squares_of_few(
-            lambda at: residuals(candidate, measured, whole(at)[np.newaxis], chosen)[0],
-            lambda at: derivatives(candidate, measured, whole(at), chosen, fixed=fixed),
-            begin,
-            nearly=_Nearly(candidate, measured, chosen, whole) if candidate.surrounded else None,
-        )
+        solution = by_runs(replace(candidate, near={}), measured, begin, chosen, whole, fixed)
     spread, pull = np.zeros((2, start.size))
     spread[free] = spreads(solution.jac)
     pull[free] = pulls(solution.x, solution.grad, solution.jac)
     return Fitted(whole(solution.x), float(2.0 * solution.cost), int(solution.fun.size), spread, pull)
+
+
+def _as_it_is(vectors: Array) -> Array:
+    return vectors
+
+
+def by_runs(
+    candidate: Candidate,
+    measured: Measured,
+    begin: Array,
+    curves: Sequence[Curve],
+    whole: Callable[[Array], Array] = _as_it_is,
+    fixed: Sequence[int] = (),
+    white: Callable[[Array], Array] = _as_it_is,
+) -> OptimizeResult:
+    """The nearest minimum to ``begin`` ``[v]`` where each evaluation is a run of the candidate's solver.
+
+    The candidate is one that remembers what is ``near``. ``whole`` makes all parameters ``[k]`` of those that are not
+    ``fixed``; ``white`` whitens residuals ``[t]``, or several ``[t, n]``, further.
+    """
+
+    def both(at: Array) -> tuple[Array, Array]:
+        seen, slopes = derivatives(candidate, measured, whole(at), curves, fixed=fixed)
+        return white(seen), white(slopes)
+
+    return least_squares_of_few(
+        lambda at: white(residuals(candidate, measured, whole(at)[np.newaxis], curves)[0]),
+        both,
+        begin,
+        nearly=_Nearly(candidate, measured, curves, whole, white) if candidate.surrounded else None,
+    )
 
 
 def on_bound(at: Array) -> Array:
@@ -272,9 +310,7 @@ def look_ahead(
         known = derivatives(base, measured, np.clip(at, 1e-6, 1.0 - 1e-6), chosen)[1]
     for part in PARTS if known is None else PARTS_BY_SOLVER:
         point = np.clip(np.concatenate([at, null + part * (typical - null)]), 1e-6, 1.0 - 1e-6)
-        seen, slopes = derivatives(candidate, measured, point, chosen, fixed=() if known is None else range(at.size))
-        if known is not None:
-            slopes = np.column_stack([known, slopes])
+        seen, slopes = further_derivatives(candidate, measured, point, chosen, known)
         basis, upper = np.linalg.qr(slopes)
         along = basis.T @ seen
         step = lsq_linear(upper, -along, bounds=(-point - 1e-9, 1.0 - point + 1e-9))

@@ -75,7 +75,8 @@ class _Search:
     ) -> dict[Effects, list[tuple[Array, Array | None]]]:
         """The most promising sets with one effect more, with the starts of their fits; so many forms of one effect."""
         there = {effect.slug for effect in effects}
-        several: list[Effects] = [(*effects, form) for form in self.forms if form.slug not in there]
+        longer: list[Effects] = [(*effects, form) for form in self.forms if form.slug not in there]
+        several = [each for each in longer if self.cohort[0].candidate().possible(each)]
         before, plain = self.known[effects], self.candidates.fits
 
         def work(i: int, wanted: Effects, session: Session) -> tuple[float, Array, Array]:

@@ -92,10 +92,12 @@ def pulled(
     *,
     points: int = 0,
     sd_mm: float = 0.002,
+    wrong_N: float = 0.0,
 ) -> Specimen:
     """A specimen of this model with one effect inside it, or pulled by a machine with ``effects``; white noise.
 
-    ``points`` that a camera follows are seen in every fifth row, with white noise of ``sd_mm``.
+    ``points`` that a camera follows are seen in every fifth row, with white noise of ``sd_mm``. ``wrong_N``: of a
+    smooth error of the force that no effect describes.
     """
     bar = OwnBar(inside=tuple(effect for effect in effects if not effect.around), points=points)
     around = tuple(effect for effect in effects if effect.around)
@@ -103,7 +105,8 @@ def pulled(
     row = np.concatenate([TRUTH, values])[np.newaxis]
     for protocol in (RELAX, PULLS, GROWS) if bar.inside else (RELAX, PULLS):
         done = bar.with_effects(around).simulate(model, BAR, protocol, row)
-        force = done.force_N[0] + rng.normal(0.0, sd_N, protocol.time_s.size)
+        wrong = wrong_N * np.sin(150.0 * protocol.displacement_mm / BAR.length_mm)
+        force = done.force_N[0] + wrong + rng.normal(0.0, sd_N, protocol.time_s.size)
         seen = np.where(np.arange(force.size) % 5, np.nan, 1.0)
         others = {name: seen * (done.outputs[name][0] + rng.normal(0.0, sd_mm, force.size)) for name in bar.followed}
         curves.append(Curve(protocol, force, others))

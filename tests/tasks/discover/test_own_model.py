@@ -63,8 +63,8 @@ def study(tmp_path, monkeypatch):
     (tmp_path / "bone").mkdir()
     (tmp_path / "bone" / "dogbone.feb.j2").write_text(text)
 
-    def make(*hidden, **changes):
-        write_cohort(tmp_path / "cohort", [pulled(*hidden)])
+    def make(*hidden, wrong_N=0.0, **changes):
+        write_cohort(tmp_path / "cohort", [pulled(*hidden, wrong_N=wrong_N)])
         path = tmp_path / "study.yaml"
         content = yaml.safe_load(STUDY.replace("PROGRAM", str(stand_in(tmp_path))))
         for section, fields in changes.items():
@@ -104,6 +104,21 @@ def test_a_machine_that_lags_is_named_through_a_template(study, tmp_path, capsys
     assert (out / "discover.json").read_bytes() == before
     assert strangers(out) == [], "the template is written anew"
     assert " fits in " not in capsys.readouterr().out, "a verdict that is known"
+
+
+def test_an_effect_is_named_beside_what_no_effect_explains(study, tmp_path, capsys):
+    out = tmp_path / "out"
+    effects = {"effects": ["time-lag", "force-drift"]}
+    sinew("discover", study((library()["time-lag"],), (LAG,), wrong_N=0.6, discover=effects), "--out", out)
+    result = json.loads((out / "discover.json").read_text())
+    assert (result["verdict"], result["effects"]) == ("PARTLY", ["time-lag"])
+    (part,) = result["parts"]
+    low, high = part["interval"]
+    assert low < part["share"] < high < 1.0
+    assert result["remainder"]["share"] == pytest.approx(1.0 - result["explained"], abs=0.02)
+    (form,) = read_study(out / result["model"]["path"]).model.effects
+    assert form.startswith("time-lag"), "with a filter it may come nearer"
+    assert "has not been counted" in " ".join(capsys.readouterr().out.split())
 
 
 TISSUE = {"fibre": "tissue", "matrix": "tissue.elastic"}
