@@ -191,14 +191,15 @@ def samples(folder: Path, name: str) -> pd.DataFrame:
 
 def particles(folder: Path, site: str) -> pd.DataFrame:
     """Every particle of every generation of a site: parameters, weight and distance."""
-    kept = open_store(folder).read_result(f"infer/{site}")
-    parts = []
-    for generation in range(kept.sizes["generation"]):
-        one = kept.isel(generation=generation)
-        frame = pd.DataFrame(one["parameters"].to_numpy(), columns=[str(name) for name in one["parameter"].to_numpy()])
-        frame.insert(0, "generation", generation)
-        parts.append(frame.assign(weight=one["weight"].to_numpy(), distance=one["distance"].to_numpy()))
-    return pd.concat(parts, ignore_index=True)
+    kept, parts = open_store(folder).read_result(f"infer/{site}"), []
+    with believed(folder / "infer.json"):
+        for generation in range(kept.sizes["generation"]):
+            one = kept.isel(generation=generation)
+            names = [str(name) for name in one["parameter"].to_numpy()]
+            frame = pd.DataFrame(one["parameters"].transpose("particle", "parameter").to_numpy(), columns=names)
+            frame.insert(0, "generation", generation)
+            parts.append(frame.assign(weight=one["weight"].to_numpy(), distance=one["distance"].to_numpy()))
+        return pd.concat(parts, ignore_index=True)
 
 
 def _table(folder: Path, name: str) -> Table:

@@ -316,9 +316,12 @@ def test_a_result_that_contradicts_itself_is_one_line_where_another_task_uses_it
         sinew.run(sinew.read_study(folder.parent / "study.yaml"), task, out=str(copied_run))
 
 
-def test_a_result_that_contradicts_itself_is_one_line_in_a_notebook(copied_run):
+def test_a_result_that_contradicts_itself_is_one_line_in_a_notebook(copied_run, monkeypatch):
+    monkeypatch.setattr("sinew.tasks.sobol.show.headline", lambda result: result.protocols["of another study"])
+    with pytest.raises(BadInput, match=r"sobol\.json: contradicts itself, or the store \(KeyError"):
+        repr(sinew.results(copied_run).sobol)
     edit(copied_run / "sobol.json", lambda one: one.update(ST=[]))
-    with pytest.raises(BadInput, match=r"sobol\.json: contradicts itself, or the store \("):
+    with pytest.raises(BadInput, match=r"sobol\.json: content: ST: 0 numbers for 3 names"):
         repr(sinew.results(copied_run).sobol)
 
 
@@ -343,7 +346,17 @@ IMPOSSIBLE = [
     ),
     ("infer", lambda one: one.update(names=["x"]), "content: units: 3 of 1 parameters"),
     ("calibrate", lambda one: one.update(free=["x"] * 1001), "free: 1,001 entries; expected at most 1,000"),
+    ("predict", lambda one: first_site(one).update(stresses_of="\ud800"), "contradicts itself .UnicodeEncodeError"),
+    ("compare", lambda one: first_site(one).update(particles=10**400), "contradicts itself .OverflowError"),
+    ("sobol", lambda one: one["S1"].pop(), "content: S1: 2 numbers for 3 names"),
+    ("sobol", lambda one: one["protocols"]["cyclic"]["ST_conf"].append(0.1), "content: ST_conf: 4 numbers for 3 names"),
+    ("sobol", lambda one: one["convergence"]["S1"].pop(), "content: convergence: not one number for each size"),
+    ("surrogate", lambda one: first_fit(one).update(errors=5), "errors: 5: expected a list of numbers"),
 ]
+
+
+def first_site(one):
+    return next(iter(one["sites"].values()))
 
 
 def first_fit(one):
@@ -357,12 +370,37 @@ def test_a_result_that_cannot_be_is_one_line(copied_run, task, change, problem):
         getattr(sinew.results(copied_run), task)
 
 
-def test_a_result_that_cannot_be_drawn_is_one_line_in_a_notebook(copied_run):
-    edit(copied_run / "sobol.json", lambda one: one.update(ST_conf=one["ST_conf"][1:]))
+def test_a_result_that_cannot_be_drawn_is_one_line_in_a_notebook(copied_run, monkeypatch):
+    monkeypatch.setattr("sinew.tasks.sobol.figures.indices", lambda _: np.zeros(2) + np.zeros(3))
     with pytest.raises(BadInput, match=r"sobol\.json: contradicts itself, or the store \(ValueError: "):
         sinew.results(copied_run).sobol.plot()
     with pytest.raises(BadInput, match="sobol: figure"):
         sinew.results(copied_run).sobol.plot("nothing")
+
+
+def without(name):
+    def change(group):
+        shutil.rmtree(group / name)
+        edit(group / "zarr.json", lambda one: one["attributes"]["arrays"].remove(name))
+
+    return change
+
+
+def of_other_dimensions(name):
+    def change(group):
+        edit(group / name / "zarr.json", lambda one: one.update(dimension_names=list("abc")[: len(one["shape"])]))
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "change",
+    [without("weight"), without("parameters"), of_other_dimensions("weight"), of_other_dimensions("parameters")],
+)
+def test_particles_that_contradict_each_other_are_one_line_in_a_notebook(copied_run, change):
+    change(copied_run / "store.zarr" / "infer" / "distal")
+    with pytest.raises(BadInput, match=r"infer\.json: contradicts itself, or the store"):
+        sinew.results(copied_run).particles("distal")
 
 
 @pytest.mark.parametrize(

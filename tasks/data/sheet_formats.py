@@ -28,6 +28,14 @@ HAS_UNIT = re.compile(r"[^\W\d_]|[%°]")  # a letter
 IN_THOUSANDS = re.compile(r"[0#?](,+)(?![0#?,])")  # in a number format: each comma divides by a thousand
 REFERENCE = re.compile(r"([A-Z]{1,3})([0-9]{1,7})")  # of a cell
 ERROR = re.compile(r"#[A-Z]|Err:[0-9]")  # begin of what an open document shows for an error
+#: Within a cell, up to its value, however long its formula is.
+WITHIN = rb"(?:(?!</?(?:\w+:)?c[\s/>])[\s\S]){0,16384}?"
+#: A number that is written in parts, of which the library reads the first, and a cell with two values.
+IN_PARTS = re.compile(
+    rb"<(?:\w+:)?c(?:\s(?![^>]*\bt=[\"']str[\"'])[^>]*)?>" + WITHIN
+    + rb"<((?:\w+:)?v)(?:\s[^>]*)?>[^<&]*(?:&|<(?!/\1\s*>))"
+)  # fmt: skip
+TWICE = re.compile(rb"</(?:\w+:)?v\s*>" + WITHIN + rb"<(?:\w+:)?v[\s/>]")
 HIDDEN_ROW = re.compile(rb"<(?:\w+:)?row\b[^>]*\bhidden=")
 HIDDEN = ("collapse", "filter")  # rows of an open document that are not shown
 Cells = dict[int, dict[int, str]]  # by row and column, both from 0: how the number is shown
@@ -114,9 +122,26 @@ def _looks_of_xlsx(archive: zipfile.ZipFile, members: dict[str, str]) -> dict[st
         link = next((value for key, value in sheet.attrib.items() if _local(key) == "id"), None)
         if (path := targets.get(link)) not in members:
             raise TooMuch("one of its sheets is not found", "a spreadsheet as Excel saves it")
-        if styles or HIDDEN_ROW.search(archive.read(members[str(path)])):
+        content = archive.read(members[str(path)])
+        _refuse_what_is_read_otherwise(content)
+        if styles or HIDDEN_ROW.search(content):
             found[sheet.get("name", "")] = _look_of_sheet(archive, members[str(path)], styles)
     return found
+
+
+def _refuse_what_is_read_otherwise(content: bytes) -> None:
+    """Refuse what no spreadsheet program writes, and the library does not read as it is. Raises :class:`TooMuch`.
+
+    Of a number in parts (a character by its code, a comment) it reads the first part; texts of formulas it reads whole.
+    """
+    if b"\0" in content[:200]:
+        raise TooMuch("a sheet that is not in UTF-8", "a spreadsheet as Excel saves it")
+    if b"<!DOCTYPE" in content:
+        raise TooMuch("a sheet with a document type", "a spreadsheet as Excel saves it")
+    if IN_PARTS.search(content):
+        raise TooMuch("a cell whose number is written in parts", "a spreadsheet as Excel saves it")
+    if TWICE.search(content):
+        raise TooMuch("a cell with two values", "a spreadsheet as Excel saves it")
 
 
 def _scaling_styles(archive: zipfile.ZipFile, path: str) -> dict[int, str]:

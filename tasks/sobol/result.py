@@ -9,7 +9,7 @@ import numpy as np
 
 from sinew.tasks.simulate.studied_quantity import panels
 from sinew.tasks.sobol.settings import MOST_BASE_SAMPLES, MOST_RUNS, MOST_SCRAMBLES
-from sinew.tasks.study.result import OMIT, Count, NotNegatives, Number, Numbers, Result, Share
+from sinew.tasks.study.result import OMIT, Count, NotNegatives, Number, Numbers, Result, Share, check_lengths
 
 Array = np.ndarray[Any, Any]
 KEYS = ("S1", "S1_conf", "ST", "ST_conf")
@@ -178,6 +178,16 @@ class SobolResult(Result):
             raise ValueError("bounds: not two numbers in order")
         if self.groups is None and len(self.bounds) != len(self.names):
             raise ValueError(f"{len(self.names)} names, {len(self.bounds)} ranges")
+        each = [*self.protocols.values(), *(self.outputs or {}).values(), *self.specimens.values()]
+        within = [one for specimen in self.specimens.values() for one in specimen.protocols.values()]
+        for one in (self, *each, *within):
+            check_lengths(self.names, one, KEYS)
+        sizes = len(self.convergence.base_samples), len(self.names)
+        every = [getattr(self.convergence, key) for key in KEYS]
+        if any(array.shape != sizes and (array.size or sizes[0]) for array in every):  # without sizes, [] in the file
+            raise ValueError("convergence: not one number for each size and name")
+        if any(one.shape != sizes[1:] for key in ("S1", "ST") for one in self.failures.outcomes(key)):
+            raise ValueError(f"failures: not {len(self.names)} numbers")
 
     @property
     def sample(self) -> str:

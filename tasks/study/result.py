@@ -27,15 +27,29 @@ MOST_NAMES, MOST_ENTRIES = 1_000, 20_000  # parameters; specimens, protocols and
 ROUNDING = 1e-9  # by which a number may leave its range
 NAMED = ("names", "free", "bounds", "units", "meanings", "methods")  # fields with an entry for each parameter, or few
 
+#: What fields that do not fit each other, or what is done with them, may raise.
+CONTRADICTIONS = (
+    LookupError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    ArithmeticError,
+    RecursionError,
+    AssertionError,
+)
+
 OMIT = {"omit": True}
 """Metadata of a field that is left out of the file where it is None: ``field(default=None, metadata=OMIT)``."""
 
 
 def _array(value: Any) -> np.ndarray[Any, Any]:
     try:
-        return np.array(value, dtype=np.float64)  # null becomes NaN
+        array = np.array(value, dtype=np.float64)  # null becomes NaN
     except (TypeError, OverflowError):
         raise ValueError("expected numbers in lists of equal lengths") from None
+    if array.ndim == 0:
+        raise ValueError("expected a list of numbers")
+    return array
 
 
 Numbers = Annotated[
@@ -105,15 +119,7 @@ def believed(path: Path) -> Iterator[None]:
     """
     try:
         yield
-    except (
-        LookupError,
-        ValueError,
-        TypeError,
-        AttributeError,
-        ArithmeticError,
-        RecursionError,
-        AssertionError,
-    ) as error:
+    except CONTRADICTIONS as error:
         words = brief(f"contradicts itself, or the store ({type(error).__name__}: {error})", 150)
         raise BadInput(path, words, f"what `sinew {path.stem}` writes; run it again") from error
 
@@ -154,6 +160,9 @@ class Result:
             problem = _problem(first)
             expected = f"what this version's `sinew {cls.TASK}` writes; run it again"
             raise BadInput(f"{where}: {field}", problem, expected) from None
+        except CONTRADICTIONS as error:  # half a character of a text, or a number of hundreds of digits
+            problem = brief(f"contradicts itself ({type(error).__name__}: {error})", 150)
+            raise BadInput(where, problem, f"what `sinew {cls.TASK}` writes; run it again") from None
 
     @classmethod
     def read(cls, folder: Path) -> Self | None:

@@ -92,7 +92,7 @@ class SurrogateResult(Result):
             if one.failed > one.runs or one.runs > MOST_RUNS:
                 raise ValueError(f"{name}: {one.failed} of {one.runs} runs failed")
             rises = all(before < after for before, after in pairwise(one.sizes))
-            if len(one.sizes) != len(one.errors) or one.sizes[-1:] != [one.runs] or not rises:
+            if one.errors.shape != (len(one.sizes),) or one.sizes[-1:] != [one.runs] or not rises:
                 raise ValueError(f"{name}: {one.runs} runs, sizes {one.sizes[-3:]}")
             if not one.courses:
                 raise ValueError(f"{name}: no courses")

@@ -98,6 +98,38 @@ def test_two_cells_far_apart_are_refused_in_one_line(tmp_path, last, problem):
         list(read_sheets(path))
 
 
+@pytest.mark.parametrize(
+    "value",
+    ["1&#48;5", "1<!--x-->05", "1<![CDATA[05]]>", "1<?x y?>05", "1<x/>05", "<![CDATA[105]]>", "1</v><v>105",
+     "1</v><f>2</f><v>105"],
+)  # fmt: skip
+@pytest.mark.parametrize("before", ["", '<c r="A1" t="str"><f>B1&amp;"x"</f><v>a &amp; b</v></c>'])
+def test_a_number_that_the_library_would_cut_is_refused(tmp_path, before, value):
+    """It reads 1 for 105."""
+    path = write_workbook(tmp_path / "a.xlsx", one=f'<row r="1">{before}<c r="B1"><v>{value}</v></c></row>')
+    with pytest.raises(BadInput, match=r"a cell whose number is written in parts|a cell with two values"):
+        list(read_sheets(path))
+
+
+def test_texts_of_formulas_are_read_whole(tmp_path):
+    cells = '<c r="A1" t="str"><f>B1&amp;C1</f><v>Kraft &#38; Weg</v></c><c r="B1"><f>1&amp;05</f><v>105</v></c>'
+    path = write_workbook(tmp_path / "a.xlsx", one=f'<row r="1">{cells}</row>')
+    assert rows_of(path) == {"one": [("Kraft & Weg", "105")]}
+
+
+def test_a_sheet_with_a_document_type_or_in_another_encoding_is_refused(tmp_path):
+    for number, (change, problem) in enumerate(
+        (
+            (lambda text: text.replace(b"<worksheet", b'<!DOCTYPE x [<!ENTITY k "0">]><worksheet'), "a document type"),
+            (lambda text: text.decode().encode("utf-16"), "not in UTF-8"),
+        )
+    ):
+        path = write_workbook(tmp_path / f"{number}.xlsx", one=[[1, 2]])
+        rewritten(path, lambda name, text, change=change: (name, change(text) if "sheet1" in name else text))
+        with pytest.raises(BadInput, match=problem):
+            list(read_sheets(path))
+
+
 def test_cells_of_all_sheets_count(tmp_path, monkeypatch):
     monkeypatch.setattr(sheet_reading, "MAX_CELLS", 20)
     path = write_workbook(tmp_path / "a.xlsx", one=[[1] * 15], two=[[1] * 15])

@@ -77,7 +77,7 @@ def study(tmp_path, monkeypatch):
 
 def test_a_machine_that_lags_is_named_through_a_template(study, tmp_path, capsys):
     out = tmp_path / "out"
-    effects = {"effects": ["time-lag", "force-drift", "machine-compliance"]}
+    effects = {"effects": ["time-lag", "force-drift"]}
     sinew("discover", study((library()["time-lag"],), (LAG,), discover=effects), "--out", out)
     result = json.loads((out / "discover.json").read_text())
     assert (result["verdict"], result["effects"]) == ("NAMED", ["time-lag"])

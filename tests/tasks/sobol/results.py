@@ -17,7 +17,7 @@ def sobol_result(**changed: Any) -> SobolResult:
         "base_samples": 4, "scrambles": 1, "base_samples_used": 4, "points_asked": None, "confidence": 0.95,
         "objective": "sum over protocols of the RMSE in N", "field": "objective", "evaluations": 16,
         "protocols": {"pull": OfProtocol(**ZEROS)}, "specimens": {}, "failures": Failures("", 0, 0, {}),
-        "convergence": Convergence([], **ZEROS), "tables": {"s01": "s01-table"}, "inputs": "",
+        "convergence": Convergence([], *(np.empty((0, 2)),) * 4), "tables": {"s01": "s01-table"}, "inputs": "",
     }  # fmt: skip
     return SobolResult(**{**fields, **changed})
 
