@@ -128,8 +128,16 @@ def test_results_that_contradict_themselves_hide_no_others(whole_run, run_folder
     edit(run_folder / "sobol.json", lambda told: told.update(ST=[]))
     found, trouble = sections(whole_run, run_folder, tmp_path)
     assert len(trouble) == 1
-    assert "sensitivity" not in found
+    assert "sobol.json: content: ST: 0 numbers for " in trouble[0]
     assert "sum of RMSEs" in found["calibration"]
+
+
+def test_what_cannot_be_compared_hides_no_others(whole_run, run_folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("sinew.tasks.report.comparison.hypot", lambda *_: {}["of another study"])
+    found, trouble = sections(whole_run, run_folder, tmp_path)
+    assert "sensitivity cannot be compared" in [line.partition(" (")[0] for line in trouble]
+    assert "sensitivity" not in found
+    assert {"setup", "discovery"} <= found.keys()
 
 
 def test_names_from_a_folder_are_words(whole_run, run_folder, tmp_path):
@@ -183,7 +191,8 @@ def test_the_command(whole_run, tmp_path, monkeypatch, capsys):
 
 def test_what_bokeh_says_of_a_damaged_result_is_not_printed(run_folder, monkeypatch):
     """Dask, once it is imported, gives Bokeh's logger a way to the terminal."""
-    edit(run_folder / "sobol.json", lambda told: told.update(names=["\x1b[31m" * 100] * len(told["names"])))
+    long = "\x1b[31m" * 100
+    edit(run_folder / "sobol.json", lambda told: told.update(names=[f"{long}{i}" for i in range(len(told["names"]))]))
     monkeypatch.setattr(sys, "argv", ["sinew", "report", str(run_folder)])
     said = io.StringIO()
     handler = logging.StreamHandler(said)
