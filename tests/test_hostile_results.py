@@ -20,7 +20,7 @@ from sinew import interop
 from sinew.runner.errors import BadInput, StoreError
 from sinew.runner.store.store import open_store
 from tests.tasks.calibrations import calibration_of, fit_of
-from tests.test_results import copied_run, folder, no_figures_left_open
+from tests.test_results import copied_run, edit, folder, no_figures_left_open
 
 __all__ = ["copied_run", "folder", "no_figures_left_open"]
 
@@ -80,13 +80,37 @@ def test_words_from_a_result_do_not_steer_the_terminal(tmp_path):
     assert not {"\x1b", "\x07"} & set(repr(one) + repr(one.calibrate))
 
 
-@pytest.mark.parametrize("names", [["E_f"] * 2, ["E_f", "x"]], ids=["twice", "unknown"])
-def test_samples_of_other_parameters_are_not_drawn(copied_run, names):
+def test_samples_of_other_parameters_are_not_drawn(copied_run):
     """A gigabyte of them would be, before they are looked for."""
     result = sinew.results(copied_run).sobol.result
-    other = replace(result, names=tuple(names), bounds=result.bounds[:2])
-    with pytest.raises(BadInput, match=rf"names: .*{names[1]}"):
+    other = replace(result, names=[*result.names[:-1], "x"])
+    with pytest.raises(BadInput, match=r"names: .*x"):
         interop.salib_samples(other, copied_run, "distal/1")
+
+
+def without(name):
+    def change(group):
+        shutil.rmtree(group / name)
+        edit(group / "zarr.json", lambda one: one["attributes"]["arrays"].remove(name))
+
+    return change
+
+
+def of_other_dimensions(name):
+    def change(group):
+        edit(group / name / "zarr.json", lambda one: one.update(dimension_names=list("abc")[: len(one["shape"])]))
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "change",
+    [without("weight"), without("parameters"), of_other_dimensions("weight"), of_other_dimensions("parameters")],
+)
+def test_particles_that_contradict_each_other_are_one_line_in_a_notebook(copied_run, change):
+    change(copied_run / "store.zarr" / "infer" / "distal")
+    with pytest.raises(BadInput, match=r"infer\.json: contradicts itself, or the store"):
+        sinew.results(copied_run).particles("distal")
 
 
 def change_posterior(folder: Path, change: Callable[[h5py.File], object]) -> None:

@@ -378,31 +378,6 @@ def test_a_result_that_cannot_be_drawn_is_one_line_in_a_notebook(copied_run, mon
         sinew.results(copied_run).sobol.plot("nothing")
 
 
-def without(name):
-    def change(group):
-        shutil.rmtree(group / name)
-        edit(group / "zarr.json", lambda one: one["attributes"]["arrays"].remove(name))
-
-    return change
-
-
-def of_other_dimensions(name):
-    def change(group):
-        edit(group / name / "zarr.json", lambda one: one.update(dimension_names=list("abc")[: len(one["shape"])]))
-
-    return change
-
-
-@pytest.mark.parametrize(
-    "change",
-    [without("weight"), without("parameters"), of_other_dimensions("weight"), of_other_dimensions("parameters")],
-)
-def test_particles_that_contradict_each_other_are_one_line_in_a_notebook(copied_run, change):
-    change(copied_run / "store.zarr" / "infer" / "distal")
-    with pytest.raises(BadInput, match=r"infer\.json: contradicts itself, or the store"):
-        sinew.results(copied_run).particles("distal")
-
-
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
