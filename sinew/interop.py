@@ -69,8 +69,8 @@ def salib_samples(result: SobolResult, folder: Path, specimen: str) -> tuple[Arr
     table = _table(folder, result.tables[specimen])
     names, asked = _parameters(table), problem["names"]
     unknown = [name for name in asked if name not in names]
-    if unknown or len(set(asked)) < len(asked):
-        raise BadInput(f"{where}: names", shown(", ".join(unknown or asked)), f"some of {', '.join(names)}, each once")
+    if unknown:
+        raise BadInput(f"{where}: names", shown(", ".join(unknown)), f"some of {', '.join(names)}, each once")
     rows_drawn = result.base_samples * block_of(len(result.names), second)
     if result.base_samples > len(table) or rows_drawn * len(names) > MOST_NUMBERS:
         raise BadInput(where, f"{result.base_samples:,} base samples of {len(table):,} rows", "those of the store")

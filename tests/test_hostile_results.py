@@ -83,6 +83,8 @@ def test_words_from_a_result_do_not_steer_the_terminal(tmp_path):
 def test_samples_of_other_parameters_are_not_drawn(copied_run):
     """A gigabyte of them would be, before they are looked for."""
     result = sinew.results(copied_run).sobol.result
+    with pytest.raises(ValueError, match=r"names: .*E_f, of which one comes twice"):
+        replace(result, names=["E_f"] * len(result.names))
     other = replace(result, names=[*result.names[:-1], "x"])
     with pytest.raises(BadInput, match=r"names: .*x"):
         interop.salib_samples(other, copied_run, "distal/1")

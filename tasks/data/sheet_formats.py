@@ -28,14 +28,21 @@ HAS_UNIT = re.compile(r"[^\W\d_]|[%°]")  # a letter
 IN_THOUSANDS = re.compile(r"[0#?](,+)(?![0#?,])")  # in a number format: each comma divides by a thousand
 REFERENCE = re.compile(r"([A-Z]{1,3})([0-9]{1,7})")  # of a cell
 ERROR = re.compile(r"#[A-Z]|Err:[0-9]")  # begin of what an open document shows for an error
+AS_EXCEL = "a spreadsheet as Excel saves it"
 #: Within a cell, up to its value, however long its formula is.
 WITHIN = rb"(?:(?!</?(?:\w+:)?c[\s/>])[\s\S]){0,16384}?"
-#: A number that is written in parts, of which the library reads the first, and a cell with two values.
+#: A number in parts, such as a character by its code. The library reads the first; texts of formulas it reads whole.
 IN_PARTS = re.compile(
     rb"<(?:\w+:)?c(?:\s(?![^>]*\bt=[\"']str[\"'])[^>]*)?>" + WITHIN
     + rb"<((?:\w+:)?v)(?:\s[^>]*)?>[^<&]*(?:&|<(?!/\1\s*>))"
 )  # fmt: skip
-TWICE = re.compile(rb"</(?:\w+:)?v\s*>" + WITHIN + rb"<(?:\w+:)?v[\s/>]")
+#: What no spreadsheet program writes in a sheet, and the library does not read as it is.
+READ_OTHERWISE = {
+    re.compile(rb"\A[\s\S]{0,199}\0"): "a sheet that is not in UTF-8",
+    re.compile(rb"<!DOCTYPE"): "a sheet with a document type",
+    IN_PARTS: "a cell whose number is written in parts",
+    re.compile(rb"</(?:\w+:)?v\s*>" + WITHIN + rb"<(?:\w+:)?v[\s/>]"): "a cell with two values",
+}
 HIDDEN_ROW = re.compile(rb"<(?:\w+:)?row\b[^>]*\bhidden=")
 HIDDEN = ("collapse", "filter")  # rows of an open document that are not shown
 Cells = dict[int, dict[int, str]]  # by row and column, both from 0: how the number is shown
@@ -104,7 +111,7 @@ def _unit(section: str) -> str:
 
 def _looks_of_xlsx(archive: zipfile.ZipFile, members: dict[str, str]) -> dict[str, Look]:
     if "xl/_rels/workbook.xml.rels" not in members:
-        raise TooMuch("its sheets are not found", "a spreadsheet as Excel saves it")
+        raise TooMuch("its sheets are not found", AS_EXCEL)
     relations = _elements(archive, members["xl/_rels/workbook.xml.rels"], "Relationship")
     targets = {
         one.get("Id"): posixpath.normpath(posixpath.join("/xl", one.get("Target", "").replace("\\", "/")))
@@ -115,33 +122,20 @@ def _looks_of_xlsx(archive: zipfile.ZipFile, members: dict[str, str]) -> dict[st
     of_styles = [targets[one.get("Id")] for one in relations if one.get("Type", "").endswith("/styles")]
     style_path = next((path for path in (*of_styles, "xl/styles.xml") if path in members), None)
     if style_path is None and of_styles:
-        raise TooMuch("the formats of its cells are not found", "a spreadsheet as Excel saves it")
+        raise TooMuch("the formats of its cells are not found", AS_EXCEL)
     styles = _scaling_styles(archive, members[style_path]) if style_path else {}
     found = {}
     for sheet in _elements(archive, members["xl/workbook.xml"], "sheet"):
         link = next((value for key, value in sheet.attrib.items() if _local(key) == "id"), None)
         if (path := targets.get(link)) not in members:
-            raise TooMuch("one of its sheets is not found", "a spreadsheet as Excel saves it")
+            raise TooMuch("one of its sheets is not found", AS_EXCEL)
         content = archive.read(members[str(path)])
-        _refuse_what_is_read_otherwise(content)
+        for pattern, words in READ_OTHERWISE.items():
+            if pattern.search(content):
+                raise TooMuch(words, AS_EXCEL)
         if styles or HIDDEN_ROW.search(content):
-            found[sheet.get("name", "")] = _look_of_sheet(archive, members[str(path)], styles)
+            found[sheet.get("name", "")] = _look_of_sheet(content, styles)
     return found
-
-
-def _refuse_what_is_read_otherwise(content: bytes) -> None:
-    """Refuse what no spreadsheet program writes, and the library does not read as it is. Raises :class:`TooMuch`.
-
-    Of a number in parts (a character by its code, a comment) it reads the first part; texts of formulas it reads whole.
-    """
-    if b"\0" in content[:200]:
-        raise TooMuch("a sheet that is not in UTF-8", "a spreadsheet as Excel saves it")
-    if b"<!DOCTYPE" in content:
-        raise TooMuch("a sheet with a document type", "a spreadsheet as Excel saves it")
-    if IN_PARTS.search(content):
-        raise TooMuch("a cell whose number is written in parts", "a spreadsheet as Excel saves it")
-    if TWICE.search(content):
-        raise TooMuch("a cell with two values", "a spreadsheet as Excel saves it")
 
 
 def _scaling_styles(archive: zipfile.ZipFile, path: str) -> dict[int, str]:
@@ -163,26 +157,25 @@ def _scaling_styles(archive: zipfile.ZipFile, path: str) -> dict[int, str]:
     return styles
 
 
-def _look_of_sheet(archive: zipfile.ZipFile, path: str, styles: dict[int, str]) -> Look:
+def _look_of_sheet(content: bytes, styles: dict[int, str]) -> Look:
     found = Look()
     row, column = -1, -1
     before = (-1, -1)
-    with archive.open(path) as file:
-        for event, element in _parsed(file):
-            name = _local(element.tag)
-            if event == "start" and name == "row":
-                row, column = int(element.get("r", str(row + 2))) - 1, -1
-                if element.get("hidden") in ("1", "true"):
-                    found.rows.add(row + 1)
-            elif event == "start" and name == "c":
-                row, column = _place(element.get("r", "")) if element.get("r") else (row, column + 1)
-                if (row, column) <= before:
-                    raise TooMuch(f"two cells in row {row + 1}, column {column + 1}, or one out of order", "one")
-                before = row, column
-                if (style := int(element.get("s", "0"))) in styles:
-                    found.cells.setdefault(row, {})[column] = styles[style]
-            elif event == "end" and name in ("row", "c"):
-                element.clear()
+    for event, element in _parsed(io.BytesIO(content)):
+        name = _local(element.tag)
+        if event == "start" and name == "row":
+            row, column = int(element.get("r", str(row + 2))) - 1, -1
+            if element.get("hidden") in ("1", "true"):
+                found.rows.add(row + 1)
+        elif event == "start" and name == "c":
+            row, column = _place(element.get("r", "")) if element.get("r") else (row, column + 1)
+            if (row, column) <= before:
+                raise TooMuch(f"two cells in row {row + 1}, column {column + 1}, or one out of order", "one")
+            before = row, column
+            if (style := int(element.get("s", "0"))) in styles:
+                found.cells.setdefault(row, {})[column] = styles[style]
+        elif event == "end" and name in ("row", "c"):
+            element.clear()
     return found
 
 

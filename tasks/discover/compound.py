@@ -9,7 +9,7 @@ import numpy as np
 from sinew.runner.evaluation.adaptive import Session
 from sinew.tasks.discover.after.estimates import NORMAL_90
 from sinew.tasks.discover.fit.fit import Fitted, residuals
-from sinew.tasks.discover.fit.search import Candidates, asked
+from sinew.tasks.discover.fit.search import Candidates
 from sinew.tasks.discover.fit.specimen_fits import Effects, SpecimenFits, each_for_all
 from sinew.tasks.discover.fit.stepwise import Member, Stepwise, stepwise
 from sinew.tasks.discover.follow_up import Part, Remainder
@@ -18,7 +18,6 @@ from sinew.tasks.discover.judge.scores import Score, misfit_left
 from sinew.tasks.discover.measure.shape import smooth
 from sinew.tasks.discover.misfit_map import CellMisfit
 from sinew.tasks.discover.on_workers import on_a_worker
-from sinew.tasks.discover.settings import Settings
 from sinew.tasks.model import FORCE
 from sinew.tasks.simulate import Array
 from sinew.tasks.study.workspace import Workspace
@@ -35,12 +34,9 @@ class Compound:
     certain: Effects
 
 
-def compound(
-    workspace: Workspace, settings: Settings, cohort: Sequence[SpecimenFits], candidates: Candidates
-) -> Compound:
+def compound(workspace: Workspace, cohort: Sequence[SpecimenFits], candidates: Candidates) -> Compound:
     """Build up a set of effects and judge each; fits of the certain ones together are added to the candidates."""
-    forms = [form for effect in asked(settings, cohort) for form in (effect, *effect.other_forms)]
-    found = stepwise(workspace, cohort, candidates, [form for form in forms if form.name not in candidates.left_out])
+    found = stepwise(workspace, cohort, candidates, [effects[0] for effects in candidates.fits if len(effects) == 1])
     parts = tuple(_part(workspace, cohort, candidates, found, member) for member in found.members)
     certain = tuple(member.form for member, part in zip(found.members, parts, strict=True) if part.doubt is None)
     while certain:

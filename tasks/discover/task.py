@@ -110,7 +110,7 @@ def run(workspace: Workspace, settings: Settings) -> DiscoverResult:
     decided = verdict(findings.evidence)
     parts: tuple[Part, ...] = ()
     if _several(decided, findings.candidates.scores):
-        found = compound(workspace, settings, cohort, findings.candidates)
+        found = compound(workspace, cohort, findings.candidates)
         parts = found.parts
         certain = found.certain
         if certain and covers(certain, parts, decided.effects):

@@ -27,17 +27,6 @@ MOST_NAMES, MOST_ENTRIES = 1_000, 20_000  # parameters; specimens, protocols and
 ROUNDING = 1e-9  # by which a number may leave its range
 NAMED = ("names", "free", "bounds", "units", "meanings", "methods")  # fields with an entry for each parameter, or few
 
-#: What fields that do not fit each other, or what is done with them, may raise.
-CONTRADICTIONS = (
-    LookupError,
-    ValueError,
-    TypeError,
-    AttributeError,
-    ArithmeticError,
-    RecursionError,
-    AssertionError,
-)
-
 OMIT = {"omit": True}
 """Metadata of a field that is left out of the file where it is None: ``field(default=None, metadata=OMIT)``."""
 
@@ -119,7 +108,15 @@ def believed(path: Path) -> Iterator[None]:
     """
     try:
         yield
-    except CONTRADICTIONS as error:
+    except (
+        LookupError,
+        ValueError,
+        TypeError,
+        AttributeError,
+        ArithmeticError,
+        RecursionError,
+        AssertionError,
+    ) as error:
         words = brief(f"contradicts itself, or the store ({type(error).__name__}: {error})", 150)
         raise BadInput(path, words, f"what `sinew {path.stem}` writes; run it again") from error
 
@@ -152,17 +149,15 @@ class Result:
         """A result from the content of its file. Raises :class:`BadInput` for the first field that is wrong."""
         _check_version(content, where, cls.VERSION)
         _check_size(content, where)
-        try:
-            return cast(Self, _adapter(cls).validate_python(content))
-        except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            field = ".".join(str(part) for part in first["loc"]) or "content"
-            problem = _problem(first)
-            expected = f"what this version's `sinew {cls.TASK}` writes; run it again"
-            raise BadInput(f"{where}: {field}", problem, expected) from None
-        except CONTRADICTIONS as error:  # half a character of a text, or a number of hundreds of digits
-            problem = brief(f"contradicts itself ({type(error).__name__}: {error})", 150)
-            raise BadInput(where, problem, f"what `sinew {cls.TASK}` writes; run it again") from None
+        with believed(where):  # half a character of a text, or a number of hundreds of digits, is no ValidationError
+            try:
+                return cast(Self, _adapter(cls).validate_python(content))
+            except ValidationError as error:
+                first = error.errors(include_url=False)[0]
+                field = ".".join(str(part) for part in first["loc"]) or "content"
+                problem = _problem(first)
+                expected = f"what this version's `sinew {cls.TASK}` writes; run it again"
+                raise BadInput(f"{where}: {field}", problem, expected) from None
 
     @classmethod
     def read(cls, folder: Path) -> Self | None:

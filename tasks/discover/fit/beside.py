@@ -5,22 +5,23 @@ what a smooth error cannot do as well (:mod:`sinew.tasks.fitting.discrepancy`).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from scipy.optimize import least_squares, lsq_linear
+from scipy.optimize import lsq_linear
 from threadpoolctl import threadpool_limits
 
 from sinew.tasks.discover.fit.candidate import Candidate
 from sinew.tasks.discover.fit.fit import (
     FAR,
     Fitted,
-    by_runs,
     derivatives,
     further_derivatives,
+    known_derivatives,
+    minimum,
     pulls,
     spreads,
-    together,
 )
 from sinew.tasks.fitting.discrepancies import discrepancies_of
 from sinew.tasks.fitting.measured import Measured
@@ -87,10 +88,8 @@ def promise_beside(
         white = discrepancy.whitening(before.sizes)
         candidate, alone = base.having(*base.effects, effect), base.having(effect)
         null, typical = alone.null(), alone.typical()
-        attempts = []
-        at, own = before.fitted.at, None
-        if candidate.solver is not None:
-            own = derivatives(base, measured, np.clip(at, 1e-6, 1.0 - 1e-6), measured.curves)[1]
+        attempts, at = [], before.fitted.at
+        own = known_derivatives(base, measured, at, measured.curves)
         for part in PARTS:
             point = np.clip(np.concatenate([at, null + part * (typical - null)]), 1e-6, 1.0 - 1e-6)
             error, slopes = further_derivatives(candidate, measured, point, measured.curves, own)
@@ -118,6 +117,11 @@ def blocks_of(measured: Measured) -> int:
     return discrepancies_of(measured).count
 
 
+def far_or_white(white: Callable[[Array], Array], vectors: Array) -> Array:
+    """White residuals; those of a model that fails stay far away, where a smooth discrepancy would bring them near."""
+    return np.where(vectors == FAR, FAR, white(vectors))
+
+
 def _step(error: Array, slopes: Array, point: Array) -> Array:
     """The step ``[k]`` within the unit cube that linear least squares would take from ``point``."""
     basis, upper = np.linalg.qr(slopes)
@@ -129,23 +133,11 @@ def _fit(
     candidate: Candidate, measured: Measured, start: Array, white: Callable[[Array], Array]
 ) -> tuple[Array, Fitted, Array, Array]:
     """Where a fit to whitened residuals ended, the fit, and the residuals and slopes there as they are."""
-
-    def far_or_white(vectors: Array) -> Array:  # a smooth discrepancy would take where the model fails for near
-        return np.where(vectors == FAR, FAR, white(vectors))
-
-    def both(at: Array) -> tuple[Array, Array]:
-        error, slopes = derivatives(candidate, measured, at, measured.curves)
-        return far_or_white(error), far_or_white(slopes)
-
-    begin = np.clip(start, 1e-6, 1.0 - 1e-6)
-    if candidate.solver is None:
-        loss, slope = together(both)
-        solution = least_squares(
-            loss, begin, jac=slope, bounds=(0.0, 1.0), ftol=CLOSE, xtol=1e-5, gtol=1e-7, max_nfev=EVALUATIONS
-        )
-    else:
-        candidate = replace(candidate, near={})
-        solution = by_runs(candidate, measured, begin, measured.curves, white=far_or_white)
+    candidate, begin = candidate.remembering(), np.clip(start, 1e-6, 1.0 - 1e-6)
+    solution = minimum(
+        candidate, measured, begin, measured.curves, white=partial(far_or_white, white), ftol=CLOSE, xtol=1e-5,
+        evaluations=EVALUATIONS,
+    )  # fmt: skip
     at, pull = solution.x, pulls(solution.x, solution.grad, solution.jac)
     fitted = Fitted(at, float(2.0 * solution.cost), int(solution.fun.size), spreads(solution.jac), pull)
     return at, fitted, *derivatives(candidate, measured, at, measured.curves)

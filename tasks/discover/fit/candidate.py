@@ -39,6 +39,10 @@ class Candidate:
         """The same with the embedded simulator, which is nearly the solver; of a user's own model, the same."""
         return self if self.solver is None or self.model.law != "tendon" else replace(self, solver=None)
 
+    def remembering(self) -> "Candidate":
+        """The same for one fit, whose runs remember what is near if its derivatives are those of its solver."""
+        return self if self.stand_in.solver is None else replace(self, near={})
+
     def having(self, *effects: Effect) -> "Candidate":
         """The same with these effects instead."""
         return replace(self, effects=effects)

@@ -1,7 +1,7 @@
 """Fits of one specimen, with or without effects, by generalised least squares on whitened residuals."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol as Callback
 
 import numpy as np
@@ -99,7 +99,7 @@ def _white(thinned: Sequence[Thinned], every: Sequence[Courses]) -> Array:
 class _Nearly:
     """As :func:`residuals`, without a run, by what earlier ones have shown of a candidate with effects around it.
 
-    ``whole`` makes all parameters of those that are not fixed; ``white``: see :func:`by_runs`. See
+    ``whole`` makes all parameters of those that are not fixed; ``white``: see :func:`minimum`. See
     :class:`Approximation`.
     """
 
@@ -162,6 +162,16 @@ def derivatives(
     return moved[0] if near is candidate else of(candidate, measured, at[np.newaxis], curves)[0], slopes
 
 
+def known_derivatives(base: Candidate, measured: Measured, at: Array, curves: Sequence[Curve]) -> Array | None:
+    """Derivatives ``[t, k]`` at the fit ``at`` ``[k]`` of a user's own model, for fits with one more effect.
+
+    They are nearly those with the effect, and cost fewer runs. None where derivatives are the embedded simulator's.
+    """
+    if base.stand_in.solver is None:
+        return None
+    return derivatives(base, measured, np.clip(at, 1e-6, 1.0 - 1e-6), curves)[1]
+
+
 def further_derivatives(
     candidate: Candidate, measured: Measured, at: Array, curves: Sequence[Curve], known: Array | None
 ) -> tuple[Array, Array]:
@@ -211,13 +221,7 @@ def fit(
         every[free] = at
         return every
 
-    if candidate.stand_in.solver is None:
-        loss, slope = together(lambda at: derivatives(candidate, measured, whole(at), chosen, fixed=fixed))
-        solution = least_squares(
-            loss, begin, jac=slope, bounds=(0.0, 1.0), ftol=TOLERANCE, xtol=1e-7, gtol=1e-7, max_nfev=EVALUATIONS
-        )
-    else:
-        solution = by_runs(replace(candidate, near={}), measured, begin, chosen, whole, fixed)
+    solution = minimum(candidate.remembering(), measured, begin, chosen, whole=whole, fixed=fixed)
     spread, pull = np.zeros((2, start.size))
     spread[free] = spreads(solution.jac)
     pull[free] = pulls(solution.x, solution.grad, solution.jac)
@@ -228,25 +232,36 @@ def _as_it_is(vectors: Array) -> Array:
     return vectors
 
 
-def by_runs(
+def minimum(
     candidate: Candidate,
     measured: Measured,
     begin: Array,
     curves: Sequence[Curve],
+    *,
     whole: Callable[[Array], Array] = _as_it_is,
     fixed: Sequence[int] = (),
     white: Callable[[Array], Array] = _as_it_is,
+    ftol: float = TOLERANCE,
+    xtol: float = 1e-7,
+    evaluations: int = EVALUATIONS,
 ) -> OptimizeResult:
-    """The nearest minimum to ``begin`` ``[v]`` where each evaluation is a run of the candidate's solver.
+    """The nearest minimum to ``begin`` ``[v]`` of the sum of squared residuals, as of SciPy's ``least_squares``.
 
-    The candidate is one that remembers what is ``near``. ``whole`` makes all parameters ``[k]`` of those that are not
-    ``fixed``; ``white`` whitens residuals ``[t]``, or several ``[t, n]``, further.
+    ``whole`` makes all parameters ``[k]`` of those that are not ``fixed``; ``white`` whitens residuals ``[t]``, or
+    several ``[t, n]``, further. Tolerances and the number of ``evaluations`` are those of a candidate whose derivatives
+    are the embedded simulator's. Others are fitted with few runs, see :mod:`sinew.tasks.fitting.few_runs`, and must be
+    :meth:`Candidate.remembering`.
     """
 
     def both(at: Array) -> tuple[Array, Array]:
         seen, slopes = derivatives(candidate, measured, whole(at), curves, fixed=fixed)
         return white(seen), white(slopes)
 
+    if candidate.stand_in.solver is None:
+        loss, slope = together(both)
+        return least_squares(
+            loss, begin, jac=slope, bounds=(0.0, 1.0), ftol=ftol, xtol=xtol, gtol=1e-7, max_nfev=evaluations
+        )
     return least_squares_of_few(
         lambda at: white(residuals(candidate, measured, whole(at)[np.newaxis], curves)[0]),
         both,
@@ -305,9 +320,7 @@ def look_ahead(
     null, typical = alone.null(), alone.typical()
     chosen = measured.curves if curves is None else curves
     attempts = []
-    known: Array | None = None
-    if candidate.solver is not None:
-        known = derivatives(base, measured, np.clip(at, 1e-6, 1.0 - 1e-6), chosen)[1]
+    known = known_derivatives(base, measured, at, chosen)
     for part in PARTS if known is None else PARTS_BY_SOLVER:
         point = np.clip(np.concatenate([at, null + part * (typical - null)]), 1e-6, 1.0 - 1e-6)
         seen, slopes = further_derivatives(candidate, measured, point, chosen, known)

@@ -43,12 +43,11 @@ def test_effects_that_are_outdone_are_not_certain_and_the_rest_is_looked_at_agai
     members = [SimpleNamespace(form=form) for form in (SLIP, LAG, DRIFT)]
     found = {"grip-slip": part("grip-slip"), "time-lag": part("time-lag"), "force-drift": part("force-drift", "why")}
     done = []
-    monkeypatch.setattr(module, "asked", lambda *_: [])
     monkeypatch.setattr(module, "stepwise", lambda *_: SimpleNamespace(members=members, fits=[]))
     monkeypatch.setattr(module, "_part", lambda _, __, ___, ____, member: found[member.form.slug])
     monkeypatch.setattr(module, "_added", lambda _, __, ___, effects, ____: done.append(effects) or effects)
     scores = Scores(Score((), 9000.0, 9000.0), (*ALONE, BOTH, *others), 1000.0)
-    result = compound(None, None, [None], SimpleNamespace(scores=scores))
+    result = compound(None, [None], SimpleNamespace(scores=scores, fits={}))
     assert result.certain == certain
     assert [one.doubt for one in result.parts] == doubts
     assert done == fitted

@@ -5,9 +5,10 @@ import pytest
 
 from sinew.tasks.data.noise import Noise
 from sinew.tasks.data.virtual import autoregressive
-from sinew.tasks.discover.fit.beside import Beside, first_sizes, fit_beside, promise_beside
+from sinew.tasks.discover.fit.beside import Beside, far_or_white, first_sizes, fit_beside, promise_beside
 from sinew.tasks.discover.fit.candidate import Candidate
-from sinew.tasks.discover.fit.fit import Fitted, extended, fit, gentle
+from sinew.tasks.discover.fit.fit import FAR, Fitted, extended, fit, gentle
+from sinew.tasks.fitting.discrepancies import discrepancies_of
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model import Curve, Model, Specimen
 from sinew.tasks.model.effects import library
@@ -48,6 +49,18 @@ def worth(measured, slug):
     promised, start, sizes = promise_beside(bare, before, effect, measured, known)
     found = fit_beside(bare.having(effect), measured, start, sizes)
     return before.evidence - found.evidence, before.evidence - promised, found
+
+
+def test_where_the_model_fails_is_far_although_a_discrepancy_is_smooth():
+    """A discrepancy as large as the error makes most of a constant residual its own."""
+    measured, _ = measured_with(0.985, WRONG_N)
+    _, before = bare_beside(measured)
+    white = discrepancies_of(measured).whitening(before.sizes)
+    failed = np.full(sum(each.size for each in measured.thinned.values()), FAR)
+    assert np.sum(white(failed) ** 2) < 0.1 * np.sum(failed**2)
+    assert (far_or_white(white, failed) == FAR).all()
+    seen = np.linspace(-1.0, 1.0, failed.size)
+    assert (far_or_white(white, seen) == white(seen)).all()
 
 
 def test_a_true_effect_is_worth_more_than_others_beside_an_error():
