@@ -169,7 +169,7 @@ class SobolResult(Result):
     inputs: str
 
     def __post_init__(self) -> None:
-        """Raises :class:`ValueError` for counts that contradict each other."""
+        """Raises :class:`ValueError` for counts that contradict each other, and indices of others than ``names``."""
         if self.base_samples_used > self.base_samples:
             raise ValueError(f"base_samples_used: {self.base_samples_used} of {self.base_samples}")
         if self.failed > self.rows:
@@ -178,9 +178,9 @@ class SobolResult(Result):
             raise ValueError("bounds: not two numbers in order")
         if self.groups is None and len(self.bounds) != len(self.names):
             raise ValueError(f"{len(self.names)} names, {len(self.bounds)} ranges")
-        each = [*self.protocols.values(), *(self.outputs or {}).values(), *self.specimens.values()]
-        within = [one for specimen in self.specimens.values() for one in specimen.protocols.values()]
-        for one in (self, *each, *within):
+        wholes: list[SobolResult | OfOutput | OfSpecimen] = [self, *self.specimens.values()]
+        wholes += (self.outputs or {}).values()
+        for one in (*wholes, *(part for whole in wholes for part in whole.protocols.values())):
             check_lengths(self.names, one, KEYS)
         sizes = len(self.convergence.base_samples), len(self.names)
         every = [getattr(self.convergence, key) for key in KEYS]

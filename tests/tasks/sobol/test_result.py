@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.sobol.result import Failures, OfProtocol, SobolResult
+from sinew.tasks.sobol.result import Convergence, Failures, Indices, OfOutput, OfProtocol, OfSpecimen, SobolResult
 from tests.tasks.changed_results import refused
 from tests.tasks.sobol.results import ZEROS, of_output, sobol_result
 
@@ -79,6 +79,28 @@ def test_numbers_that_cannot_be_are_refused(tmp_path, field, value, problem):
     ],
 )
 def test_counts_that_contradict_each_other_are_refused(changed, words):
+    with pytest.raises(ValueError, match=words):
+        sobol_result(**changed)
+
+
+THREE = dict.fromkeys(ZEROS, np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"ST": np.zeros(3)}, "ST: 3 numbers for 2 names"),
+        ({"protocols": {"pull": OfProtocol(**THREE)}}, "S1: 3 numbers for 2 names"),
+        ({"specimens": {"s": OfSpecimen(**THREE, failed={}, protocols={})}}, "S1: 3 numbers for 2 names"),
+        ({"specimens": {"s": OfSpecimen(**ZEROS, failed={}, protocols={"p": Indices(**THREE)})}}, "S1: 3 numbers"),
+        ({"outputs": {"o": OfOutput("max", "N", False, **THREE, protocols={})}}, "S1: 3 numbers for 2 names"),
+        ({"outputs": {"o": OfOutput("max", "N", False, **ZEROS, protocols={"p": Indices(**THREE)})}}, "S1: 3 numbers"),
+        ({"convergence": Convergence([4], *(np.zeros((1, 3)),) * 4)}, "convergence: not one number for each"),
+        ({"convergence": Convergence([4], *(np.empty(0),) * 4)}, "convergence: not one number for each"),
+        ({"failures": Failures("", 0, 0, {}, ST_if_mean=np.zeros(3))}, "failures: not 2 numbers"),
+    ],
+)
+def test_indices_of_other_parameters_than_the_names_are_refused(changed, words):
     with pytest.raises(ValueError, match=words):
         sobol_result(**changed)
 

@@ -37,6 +37,31 @@ def rivals(search, chosen, form, monkeypatch):
     return {one.effect: one.gain for one in stepwise._rivals(search, chosen, form)}
 
 
+class Alone:
+    """A specimen whose simulator has any one effect, and none beside ``a``."""
+
+    def candidate(self):
+        return self
+
+    def possible(self, effects):
+        return len(effects) == 1 or A not in effects
+
+    def promise_beside(self, _, wanted, before, known):
+        return float(len(wanted)), before, known
+
+
+def test_what_a_simulator_cannot_have_at_once_is_not_tried(monkeypatch):
+    def each(_, cohort, __, several, work):
+        return [[work(i, wanted, None) for i in range(len(cohort))] for wanted in several]
+
+    monkeypatch.setattr(stepwise, "each_for_all", each)
+    known = {(): fits(1.0), (A,): fits(1.0), (B,): fits(1.0)}
+    search = stepwise._Search(None, [Alone()], SimpleNamespace(fits={}), [A, B, TRIED], known)
+    assert set(search.promising((), 3, 1)) == {(A,), (B,), (TRIED,)}
+    assert set(search.promising((B,), 3, 1)) == {(B, TRIED)}
+    assert not search.promising((A,), 3, 1)
+
+
 def test_what_was_tried_in_the_place_of_an_effect_is_a_rival(monkeypatch):
     known = {(): fits(100.0), (A,): fits(5.0), (TRIED,): fits(30.0), (B, TRIED): fits(3.0)}
     search = Search(dict(known), {(PROMISING,): None, (A,): None})
