@@ -1,7 +1,8 @@
 """The fibres' elastic law, "fiber-exp-pow-linear" (Maas et al., FEBio theory manual, section 5), for many bars.
 
 With I = stretch^2 and I0 = lambda_0^2: no stress up to I = 1, then 2 xi exp(alpha (I-1)^beta) (I-1)^(beta-1), and
-2 B - E_f / stretch beyond I0; continuity of stress and stiffness at I0 gives xi and B.
+2 B - E_f / stretch beyond I0; continuity of stress and stiffness at I0 gives xi and B. Models with effects use it; the
+kernel of those without has the same law (:mod:`sinew.tasks.simulate.uniaxial`), and the two must agree.
 """
 
 import math
