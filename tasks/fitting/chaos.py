@@ -125,7 +125,8 @@ def _of_degree(share: Array, outcome: Array, exponents: Array, degree: int, limi
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # nearly dependent polynomials are dropped, as they should
         standard = left / outcome.std()  # the path ends at a correlation that has a unit
-        path = lars_path(centred / np.linalg.norm(centred, axis=0), standard, method="lar", max_iter=most)
+        scaled = centred / np.linalg.norm(centred, axis=0)
+        path = lars_path(scaled, standard, Gram="auto", method="lar", max_iter=most)
     order = np.array(path[1], dtype=int) + 1
     errors = _leave_one_out(np.column_stack([beside, values[:, order]]), outcome)[count:]
     best = int(np.argmin(errors)) if errors.size else 0
@@ -139,7 +140,8 @@ def _leave_one_out(values: Array, outcome: Array) -> Array:
     Corrected for the number of polynomials (Chapelle, Vapnik and Bengio 2002, Mach. Learn. 48, 9).
     """
     count = len(outcome)
-    directions = np.full((count, 1), 1 / np.sqrt(count))
+    directions, size = np.empty((count, values.shape[1] + 1), order="F"), 1
+    directions[:, 0] = 1 / np.sqrt(count)
     left, leverage, variance = outcome - outcome.mean(), np.full(count, 1 / count), outcome.var()
     errors = []
     for column in range(values.shape[1] + 1):
@@ -147,13 +149,13 @@ def _leave_one_out(values: Array, outcome: Array) -> Array:
         if column:
             new = values[:, column - 1]
             for _ in range(2):  # once more, for what rounding has left
-                new = new - directions @ (directions.T @ new)
+                new = new - directions[:, :size] @ (directions[:, :size].T @ new)
             length = np.linalg.norm(new)
             if length < DEPENDENT * np.linalg.norm(values[:, column - 1]):
                 errors.append(np.inf)
                 continue
             new = new / length
-            directions = np.column_stack([directions, new])
+            directions[:, size], size = new, size + 1
             left, leverage = left - new * (new @ left), leverage + new**2
         if used >= count - 1 or leverage.max() > 1 - DEPENDENT:
             break

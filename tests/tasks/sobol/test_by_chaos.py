@@ -16,6 +16,7 @@ from sinew.tasks.simulate.inputs import Inputs
 from sinew.tasks.simulate.plain_design import plain_design, shares
 from sinew.tasks.simulate.saltelli import Design
 from sinew.tasks.simulate.uniaxial import Uniaxial
+from sinew.tasks.sobol import by_chaos
 from sinew.tasks.sobol.by_chaos import ByChaos, first_and_total, second
 from sinew.tasks.sobol.method import Intervals
 from sinew.tasks.study import pipeline
@@ -172,6 +173,7 @@ def study(tmp_path_factory):
 def out(study, drawing):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Workspace, "client", lambda self: None)
+        patch.setattr(by_chaos, "COMPONENTS", 2)  # polynomials of each component take most of the time
         for name, function in drawing.items():
             patch.setattr(pipeline, name, function)
         sinew("run", study, "--out", study.parent / "out", "--quiet")

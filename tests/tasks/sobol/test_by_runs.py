@@ -7,12 +7,19 @@ import yaml
 
 from sinew.runner.store.store import open_store
 from sinew.tasks.simulate.febio.simulator import FEBio
+from sinew.tasks.sobol import by_chaos
 from sinew.tasks.study.workspace import Workspace
 from tests.tasks.simulate.febio.test_own_model import command, settings, written
 
 __all__ = ["settings"]
 
 BAR = {"E_m": "E_matrix", "nu_m": "nu", "g_1m": "g_1", "tau_1m": "tau_1"}
+
+
+@pytest.fixture(autouse=True)
+def few_components(monkeypatch):
+    """Curves of two principal components: polynomials of each take most of the time."""
+    monkeypatch.setattr(by_chaos, "COMPONENTS", 2)
 
 
 def cheaper(found: dict, names: list[str], outputs: tuple[str, ...] = ("force",)) -> dict:
@@ -67,6 +74,7 @@ def test_bar_and_coarse_version_save_runs_and_none_is_repeated(tmp_path, setting
 
 def test_more_runs_of_a_version_are_another_result(tmp_path, settings):
     found = cheaper(settings, ["coarse"])
+    found["sobol"]["runs"] = 16
     found["simulator"]["coarse"]["rows"] = 5
     command("sobol", written(tmp_path, found), "--out", tmp_path / "out", "--quiet")
     before = read(tmp_path / "out")["surrogate"]["versions"]["coarse"]["runs"]
@@ -77,7 +85,9 @@ def test_more_runs_of_a_version_are_another_result(tmp_path, settings):
 
 
 def test_another_version_is_another_result(tmp_path, settings):
-    study = written(tmp_path, cheaper(settings, ["bar"]))
+    found = cheaper(settings, ["bar"])
+    found["sobol"]["runs"] = 16
+    study = written(tmp_path, found)
     command("sobol", study, "--out", tmp_path / "out", "--quiet")
     before = read(tmp_path / "out")
     settings["simulator"]["bar"] = BAR | {"g_1m": 0.1}
