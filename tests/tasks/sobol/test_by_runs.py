@@ -74,7 +74,7 @@ def test_bar_and_coarse_version_save_runs_and_none_is_repeated(tmp_path, setting
 
 def test_more_runs_of_a_version_are_another_result(tmp_path, settings):
     found = cheaper(settings, ["coarse"])
-    found["sobol"]["runs"] = 16
+    found["sobol"] |= {"error": 0.5, "runs": 32}
     found["simulator"]["coarse"]["rows"] = 5
     command("sobol", written(tmp_path, found), "--out", tmp_path / "out", "--quiet")
     before = read(tmp_path / "out")["surrogate"]["versions"]["coarse"]["runs"]
@@ -86,7 +86,7 @@ def test_more_runs_of_a_version_are_another_result(tmp_path, settings):
 
 def test_another_version_is_another_result(tmp_path, settings):
     found = cheaper(settings, ["bar"])
-    found["sobol"]["runs"] = 16
+    found["sobol"] |= {"error": 0.5, "runs": 32}
     study = written(tmp_path, found)
     command("sobol", study, "--out", tmp_path / "out", "--quiet")
     before = read(tmp_path / "out")
