@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sinew.runner.errors import BadInput
+from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.columns import Column, partly
 from sinew.tasks.data.curves import check_times
 from sinew.tasks.data.exports import Reading, first_length
@@ -19,6 +19,7 @@ from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, 
 from sinew.tasks.data.recordings import Recording, read_recordings
 from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.roles import TIMED
+from sinew.tasks.data.rows_of_words import says_more
 from sinew.tasks.data.several import FEWEST_ROWS, beside, blocks_of_tests, go_on, told_apart
 from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import SIZES, read_sizes
@@ -87,9 +88,9 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         if count > recognised:
             recognised, table, (columns, problems) = count, one, found
     if recognised == 0 and any(table.titles):
-        raise BadInput(
-            path, f"no columns of a test: {'; '.join(problems)}", "time, displacement and force, with titles"
-        )
+        listed = ", ".join(title or "(no name)" for title in table.titles[:12])
+        expected = "titles of time, displacement and force, or --time-column, --displacement-column and --force-column"
+        raise BadInput(path, f"no columns of a test among {shown(listed, 80)}", f"{expected} NAME or NUMBER")
     numbers, rows = _numbers(table, columns)
     values = _sizes(table, columns, numbers[:rows], hints)
     given = {"length": reading.length_mm, "area": reading.area_mm2}
@@ -144,7 +145,7 @@ def _go_on(source: Source, table: Table, columns: Sequence[Column | None]) -> bo
     for one in tables_of(source):
         if one.titles[1:] != table.titles[1:] or len(one.rows) < FEWEST_ROWS:
             continue
-        between = any(cell for row in one.header[one.own :] for cell in row) if times else False
+        between = says_more(one.header[one.own :], table.header) if times else False
         named = one.titles[0] != table.titles[0] and time.place != 0
         if one.sheet != table.sheet or between or named:
             return False

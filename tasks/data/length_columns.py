@@ -1,7 +1,7 @@
 """What two columns of a file tell together of a specimen's size: a length and a displacement, a force and a stress."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -70,15 +70,17 @@ def contradiction(table: Table, rows: range, moved: Column, length_mm: float) ->
 class Repeats:
     """What a table says once more: how far the ``strain`` goes, and the ``area_mm2`` that force and stress tell.
 
-    Each with the title of its column; None where there is none.
+    Each with the title of its column; None where there is none. ``falls``: the title of current lengths that fall as
+    the motion rises, empty where there are none.
     """
 
     strain: tuple[str, float] | None = None
     area_mm2: tuple[str, float] | None = None
+    falls: str = ""
 
 
 def repeats_of(table: Table, rows: range, moved: Column, load: Column) -> Repeats:
-    """What strains and stresses beside a displacement and a force say."""
+    """What strains, stresses and lengths beside a motion and a force say."""
     strain = area = None
     strains, stresses = (_column_of(table, each) for each in (STRAIN, STRESS))
     if moved.quantity is DISPLACEMENT and strains is not None and strains.place != moved.place:
@@ -89,7 +91,12 @@ def repeats_of(table: Table, rows: range, moved: Column, load: Column) -> Repeat
     if load.quantity is FORCE and load.unit and stresses is not None and stresses.place != load.place:
         slope = _slope(table, rows, load, stresses)
         area = None if slope is None else (stresses.title, slope)
-    return Repeats(strain, area)
+    lengths = _column_of(table, LENGTH)
+    falls = ""
+    if moved.quantity in (DISPLACEMENT, STRAIN) and lengths is not None and lengths.place != moved.place:
+        opposite = replace(lengths, factor=-lengths.factor)
+        falls = "" if _slope(table, rows, opposite, moved) is None else lengths.title
+    return Repeats(strain, area, falls)
 
 
 def _column_of(table: Table, quantity: Quantity) -> Column | None:

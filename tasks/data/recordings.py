@@ -11,6 +11,7 @@ import numpy as np
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cell_numbers import filled_rows, number_of
 from sinew.tasks.data.columns import NOWHERE, Column, alike_places, recognise
+from sinew.tasks.data.first_rows import before_clock
 from sinew.tasks.data.further import Kept, kept
 from sinew.tasks.data.further_tables import is_test, left_out_note, may_be_test, unclear_further
 from sinew.tasks.data.heads import Row
@@ -21,7 +22,7 @@ from sinew.tasks.data.possible_columns import titles_of_numbers
 from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.questions import Doubt, NoColumn
 from sinew.tasks.data.ragged import refuse_ragged
-from sinew.tasks.data.rows_of_words import cut_off, names_test, without_words
+from sinew.tasks.data.rows_of_words import cut_off, names_test, says_more, without_words
 from sinew.tasks.data.several import (
     FEWEST_ROWS,
     GOES_ON,
@@ -188,7 +189,8 @@ def _named(found: Sequence[tuple[Table, list[Recording]]], hints: Hints) -> list
     apart = not taken and all(firsts) and len(set(firsts)) == len(found)
     alone = [tests[0] for _, tests in found if len(tests) == 1]
     one_sheet = len({table.sheet for table, _ in found}) == 1
-    nothing_between = not any(cell for table, _ in found[1:] for row in table.header[table.own :] for cell in row)
+    top = found[0][0].header
+    nothing_between = not any(says_more(table.header[table.own :], top) for table, _ in found[1:])
     if not apart and one_sheet and nothing_between and len(alone) == len(found) and _times_go_on(alone):
         return [_joined(alone, "whose times go on")]
     if one_sheet and len(alone) == len(found):
@@ -270,7 +272,7 @@ def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Rec
         blocks = [Block("", 0, rows)] if hints.tests_by is None else blocks_of_tests(table, rows, hints.tests_by)
         for block in blocks:
             both = replace(block, name="_".join(filter(None, (name, block.name))))
-            found.append(_recording(table, ours, hints, both, sizes[number], number, count))
+            found.append(_begun(_recording(table, ours, hints, both, sizes[number], number, count)))
         if cut:
             at, row = table.rows[rows]
             note = f"row {at} ends within a number, {shown(row[-1])}, and is left out"
@@ -338,6 +340,16 @@ def _recording(
         lengths=lengths,
         repeats=repeats_of(table, range(block.start, block.end), *columns[1:]) if beside == 1 else Repeats(),
     )
+
+
+def _begun(recording: Recording) -> Recording:
+    """The recording without the rows before its clock runs, and a note on them."""
+    early = before_clock(recording.numbers)
+    if not early or recording.columns[0].place == NOWHERE:
+        return recording
+    same = f"{recording.numbers[0, 0]:g} s"
+    note = f"the first {early + 1} rows have the same time, {same}: the test begins with the last of them"
+    return replace(recording.part(slice(early, None), note), repeats=recording.repeats)
 
 
 def _over_cycles(

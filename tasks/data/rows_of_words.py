@@ -15,6 +15,7 @@ from sinew.tasks.data.text import is_number
 from sinew.tasks.data.told_lines import tells_factor, tells_unit
 
 FEWEST_ROWS = 10  # in which the same decimals tell that a last number is cut off
+_OF_TIMES = re.compile(r"\d|\b[AP]M\b")
 _COMMENT = re.compile(r"#|%|//|;")
 _TEST = re.compile(rf"\b(?:{'|'.join(word for word in words.TESTS if len(word) > 2)})\b", re.IGNORECASE)
 
@@ -22,6 +23,20 @@ _TEST = re.compile(rf"\b(?:{'|'.join(word for word in words.TESTS if len(word) >
 def names_test(rows: Sequence[Row]) -> bool:
     """Whether a row names a test, a specimen or the like: ``Specimen B``."""
     return any(_TEST.search(cell) for row in rows for cell in row)
+
+
+def says_more(above: Sequence[Row], first: Sequence[Row]) -> bool:
+    """Whether the rows ``above`` a further table say more than those above the ``first`` one, but for the time.
+
+    Some programs write a long record in tables, with the same words above each of them, and when that one was written.
+    """
+    known = {_without_time(row) for row in first}
+    return any(_without_time(row) not in known for row in above if any(row))
+
+
+def _without_time(row: Row) -> str:
+    told = any(cell.rstrip(": ").lower() in words.TIME for cell in row)
+    return _OF_TIMES.sub("", joined(row)) if told else joined(row)
 
 
 def without_words(table: Table, columns: Sequence[Column], hints: Hints) -> tuple[Table, tuple[str, ...]]:

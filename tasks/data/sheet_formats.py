@@ -14,6 +14,7 @@ from typing import IO
 from xml.etree.ElementTree import Element
 
 MAX_CELLS = 4 * 10**6  # of all sheets, with those that are empty
+MAX_REPEATED = 10**6  # cells with a value, which a few bytes of an open document may repeat
 OF_DOCUMENTS = "{urn:oasis:names:tc:opendocument:xmlns:"  # begin of names that an open document gives a meaning
 ARCHIVE, OLE = b"PK", bytes.fromhex("d0cf11e0")  # what a file begins with: all kinds but .xls, and .xls
 KINDS = ("xl/workbook.xml", "xl/workbook.bin", "content.xml")  # the part that only one kind has
@@ -27,7 +28,8 @@ SHOWN_TEXT = re.compile(r'"([^"]*)"|\\(.)|([0#?.,%]|General|_.|\*.|\[[^\]]*\])')
 HAS_UNIT = re.compile(r"[^\W\d_]|[%°]")  # a letter
 IN_THOUSANDS = re.compile(r"[0#?](,+)(?![0#?,])")  # in a number format: each comma divides by a thousand
 REFERENCE = re.compile(r"([A-Z]{1,3})([0-9]{1,7})")  # of a cell
-ERROR = re.compile(r"#[A-Z]|Err:[0-9]")  # begin of what an open document shows for an error
+#: What an open document shows for an error, in any language: "#DIV/0!", "Err:502", "Fehler:502", "#N/A", "nv".
+ERROR = re.compile(r"#[^\W\d_]|[^\W\d_]{2,12}\.?\s?:\s?\d{3}\b|\D+\Z")
 AS_EXCEL = "a spreadsheet as Excel saves it"
 #: Within a cell, up to its value, however long its formula is.
 WITHIN = rb"(?:(?!</?(?:\w+:)?c[\s/>])[\s\S]){0,16384}?"
@@ -193,7 +195,7 @@ def _place(reference: str) -> tuple[int, int]:
 def _looks_of_ods(archive: zipfile.ZipFile, path: str) -> dict[str, Look]:
     found: dict[str, Look] = {}
     look = Look()
-    row = column = depth = 0
+    row = column = depth = filled = 0
     with archive.open(path) as file:
         for event, element in _parsed(file):
             name = _local(element.tag)
@@ -208,9 +210,10 @@ def _looks_of_ods(archive: zipfile.ZipFile, path: str) -> dict[str, Look]:
             elif depth > 1:
                 continue
             elif event == "start" and name == "table-row":
-                column = 0
+                column = filled = 0
             elif event == "end" and name in ("table-cell", "covered-table-cell"):
                 many = int(about.get("number-columns-repeated", "1"))
+                filled += many if "value-type" in about else 0
                 if (shown := _shown_in_ods(element, about.get("value-type", ""))) is not None:
                     if many > MAX_CELLS:
                         raise TooMuch(f"{many:,} cells that are the same", f"at most {MAX_CELLS:,}")
@@ -219,6 +222,8 @@ def _looks_of_ods(archive: zipfile.ZipFile, path: str) -> dict[str, Look]:
                 element.clear()
             elif event == "end" and name == "table-row":
                 many = int(about.get("number-rows-repeated", "1"))
+                if many > 1 and many * filled > MAX_REPEATED:
+                    raise TooMuch(f"{many:,} rows that are the same", f"at most {MAX_REPEATED:,} cells of them")
                 if row in look.cells and many > 1:
                     if many * len(look.cells[row]) > MAX_CELLS:
                         raise TooMuch(f"{many:,} rows that are the same", f"at most {MAX_CELLS:,} cells")

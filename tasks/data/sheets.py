@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -24,12 +25,26 @@ MAX_UNPACKED_BYTES = 512 * 2**20
 MAX_MEMBERS, MAX_LIST_BYTES = 20_000, 2**22  # files of an archive, and the list of them
 # the process imports nothing from the current folder; where sinew is not installed, it is found by its place, the last
 START = "import sys; sys.path.append(sys.argv[1]); from sinew.tasks.data.sheet_reading import main; main()"
+FIRST_BYTES = 4096
+_NO_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 WALL_S = 600.0  # of the process that reads, whose processor time is limited as well
 
 
 def is_sheet(path: Path) -> bool:
-    """Whether a file is a spreadsheet, by its name."""
-    return path.suffix.lower() in SUFFIXES
+    """Whether a file is a spreadsheet, by its name; LabVIEW and others write tables of text as .xls."""
+    return path.suffix.lower() in SUFFIXES and not (path.suffix.lower() == ".xls" and _is_text(path))
+
+
+def _is_text(path: Path) -> bool:
+    """Whether a file begins as a text, and not as a web page either, which some programs write as .xls."""
+    if not path.is_file():
+        return False
+    try:
+        with open(path, "rb") as file:
+            start = file.read(FIRST_BYTES)
+    except OSError:
+        return False  # whoever reads it says why
+    return bool(start) and not start.lstrip().startswith(b"<") and not _NO_TEXT.search(start)
 
 
 @dataclass(frozen=True)

@@ -53,8 +53,13 @@ def counted(where: str, columns: Sequence[Column], numbers: Array, hints: Hints)
     return found, tuple(notes)
 
 
-def doubts(columns: Sequence[Column], numbers: Array, texts: Iterable[str], hints: Hints) -> Iterator[Doubt]:
-    """What is doubtful in numbers ``[t, 3]`` that are counted as ``hints`` say; ``texts``: titles and lines above."""
+def doubts(
+    columns: Sequence[Column], numbers: Array, texts: Iterable[str], hints: Hints, *, falls: str = ""
+) -> Iterator[Doubt]:
+    """What is doubtful in numbers ``[t, 3]`` that are counted as ``hints`` say.
+
+    ``texts``: titles and lines above. ``falls``: the title of lengths that fall as the motion rises.
+    """
     if hints.zero_displacement is None and columns[1].quantity in (DISPLACEMENT, STRAIN):
         start, way = float(numbers[0, 1]), float(np.ptp(numbers[:, 1]))
         if abs(start) > OFFSET * way:
@@ -67,7 +72,7 @@ def doubts(columns: Sequence[Column], numbers: Array, texts: Iterable[str], hint
     if hints.preload is None:
         yield from _preload(columns, numbers)
     if hints.negate is None:
-        yield from _sign(columns, numbers, texts)
+        yield from _sign(columns, numbers, texts, falls)
 
 
 def new_zeros(numbers: Array) -> tuple[int, ...]:
@@ -106,7 +111,7 @@ def _preload(columns: Sequence[Column], numbers: Array) -> Iterator[Doubt]:
         yield Doubt(text, "leave out these rows?", PRELOAD, ("leave-out", "keep"))
 
 
-def _sign(columns: Sequence[Column], numbers: Array, texts: Iterable[str]) -> Iterator[Doubt]:
+def _sign(columns: Sequence[Column], numbers: Array, texts: Iterable[str], falls: str) -> Iterator[Doubt]:
     """Where the specimen gets shorter or is pushed, or a compression is told."""
     motion, force = numbers[:, 1], numbers[:, 2]
     has_sign = columns[1].quantity not in (LENGTH, STRETCH)
@@ -124,6 +129,11 @@ def _sign(columns: Sequence[Column], numbers: Array, texts: Iterable[str]) -> It
     elif shorter:
         text = "the specimen gets shorter, but forces are above 0; in a compression they should be below 0"
         yield Doubt(text, _TURNED, NEGATE, ("displacement", *either[1:]) if has_sign else either)
+    elif falls:
+        name = f"{columns[1].quantity.name} rises"
+        forces = "and forces are negative" if pushed else "and forces are above 0, which is the sign of tension"
+        text = f"a compression: {shown(falls)} falls as the {name}, {forces}"
+        yield Doubt(text, _TURNED, NEGATE, ("displacement", "none") if pushed else either)
     elif pushed:
         text = "forces are negative, but sinew takes tension as positive; check the sign convention of the machine"
         yield Doubt(text, _TURNED, NEGATE, ("force", "none"))

@@ -34,7 +34,7 @@ _UNIT = "|".join(re.escape(unit) for unit in sorted([*units.LENGTH, "μm"], key=
 #: What may stand in front of a colon: with any other word, a line tells the size of something else.
 _BEFORE = (
     r"(?:specimen|sample|test ?piece|test|properties|property|geometry|dimensions?|sizes?|parameters?|inputs?|general|"
-    r"initial|original|proben?|abmessungen|éprouvette|name|nr|no|\d+)"
+    r"initial|original|proben?|abmessungen|éprouvette|właściwości|próbki|name|nr|no|\d+)"
 )
 _OF_SPECIMEN = rf"(?:(?:{_BEFORE}[ _]+)*{_BEFORE} ?: ?)?"
 _ALLOWED = re.compile(rf"(?:{_BEFORE}[ _]+)*{_BEFORE} ?", re.IGNORECASE)

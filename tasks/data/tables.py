@@ -287,8 +287,9 @@ def _stops(heads: Sequence[Head]) -> list[int | None]:
 
 def _last_numbers(rows: Sequence[tuple[int, Row]], start: int, stop: int, decimal: str) -> int:
     """Where the rows from ``start`` to ``stop`` end that are not blank or titles of what comes next."""
-    while stop > start and len(_numeric(rows[stop - 1][1], decimal)) < FEWEST_COLUMNS[-1]:  # "Length,20,mm" has one
-        stop -= 1
+    columns = _numeric(rows[start][1], decimal)
+    while stop > start and len(_numeric(rows[stop - 1][1], decimal) & columns) < FEWEST_COLUMNS[-1]:
+        stop -= 1  # "Length,20,mm" has one number, and one with the time of a record in columns of its own
     return stop
 
 

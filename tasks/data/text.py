@@ -22,7 +22,7 @@ MAX_TEXT_BYTES = 64 * 2**20  # reading takes several times as much memory
 BINARY = {".pkl", ".pickle", ".p", ".npy", ".npz", ".joblib", ".dill", ".pt", ".mat"}
 SEPARATORS = "\t;,|"
 #: Of text that is not UTF-8: that of Western Windows first, which can read nearly every file.
-ENCODINGS = ("cp1252", "gb18030", "shift_jis", "big5", "euc_kr")
+ENCODINGS = ("cp1252", "cp1250", "gb18030", "shift_jis", "big5", "euc_kr")
 _BYTES_WITH_WORDS = 2**20  # where lines with letters that English has not are looked for, which tell an encoding
 _LINES_WITH_WORDS = 50  # the most of them
 _QUOTED_LINES = 5  # the most lines of one quoted cell

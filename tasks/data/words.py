@@ -1,7 +1,7 @@
 """The words by which exports of testing machines call their columns and sizes, in several languages.
 
-In lower case, the usual words first. English, German, French, Spanish, Italian, Portuguese, Chinese, Japanese and
-Korean.
+In lower case, the usual words first. English, German, French, Spanish, Italian, Portuguese, Polish, Chinese, Japanese
+and Korean.
 """
 
 import unicodedata
@@ -11,7 +11,8 @@ TIME = (
     "running time", "step time", "time elapsed", "run time", "elapsed", "scan time", "machine time", "laufzeit",
     "testzeit", "messzeit", "pruefzeit", "gesamtzeit", "temps d'essai", "temps essai", "temps d’essai", "temps écoulé",
     "durée", "tiempo de ensayo", "tiempo total", "tempo", "tempo di prova", "时间", "试验时间", "测试时间", "总时间",
-    "時間", "試験時間", "経過時間", "시간", "time since start of test", "time since start", "timestamp", "time stamp",
+    "czas", "godzina", "時間", "試験時間", "経過時間", "시간",
+    "time since start of test", "time since start", "timestamp", "time stamp",
     "zeitstempel", "(s)", "(sec)", "(Sec)", "(seconds)", "(Seconds)", "(ms)", "(min)",
 )  # fmt: skip
 DISPLACEMENT = (
@@ -33,7 +34,7 @@ DISPLACEMENT = (
     "拉伸位移", "压缩位移", "行程", "伸长", "伸长量", "伸長", "変位", "ストローク", "변위", "신장",
     "クロスヘッド変位",
     "displ", "axial disp", "machine extension", "extension from preload",
-    "elong", "crosshead disp", "cross head displacement", "distance",
+    "elong", "crosshead disp", "cross head displacement", "distance", "desplaz", "przemieszczenie", "wydłużenie",
     "(mm)", "(µm)", "(um)", "(μm)",
 )  # fmt: skip
 #: Displacements and strains of the specimen itself, which count before those of the machine.
@@ -57,7 +58,8 @@ POSITION = (
 )  # fmt: skip
 LENGTH = (
     "length", "gauge length", "len", "länge", "longueur", "l", "size", "current length", "gap", "grip separation",
-    "grip to grip separation", "écartement entre outils", "ecartement entre outils", "longitud",
+    "grip to grip separation", "écartement entre outils", "ecartement entre outils", "longitud", "tool distance",
+    "tool separation", "werkzeugabstand",
 )  # fmt: skip
 STRAIN = (
     "strain", "tensile strain", "engineering strain", "nominal strain", "dehnung", "eps", "epsilon", "ε",
@@ -66,7 +68,7 @@ STRAIN = (
     "déformation en traction", "déformation en compression",
     "deformación por tracción", "deformação", "allongement",
     "deformación", "deformazione", "应变", "拉伸应变", "压缩应变", "應變", "ひずみ",
-    "ストロークひずみ", "行程应变", "歪み", "변형률",
+    "ストロークひずみ", "行程应变", "歪み", "변형률", "odkształcenie",
 )  # fmt: skip
 #: Words for a stretch that some use for a strain.
 STRETCH_OR_STRAIN = ("stretch", "streckung")
@@ -76,6 +78,7 @@ FORCE = (
     "load cell", "axial force", "axial load", "standard force", "tensile load", "compressive load", "compressive force",
     "reaction force", "rf", "normal force", "zugkraft", "druckkraft", "force standard", "effort", "carga", "forza",
     "carico", "força", "static force", "force feedback", "axial force feedback", "load feedback", "axial load feedback",
+    "machine load", "obciążenie", "siła",
     "力", "载荷", "负荷", "负载", "力值", "试验力", "拉力", "压力", "載荷", "荷重", "試験力", "하중", "힘",
     "(N)", "(kN)", "(mN)", "(lbf)", "(kgf)", "(gf)",
 )  # fmt: skip
@@ -84,7 +87,7 @@ STRESS = (
     "tension", "axial stress", "eng stress", "compressive stress", "esfuerzo", "sforzo",
     "contrainte en traction", "contrainte en compression", "esfuerzo de tracción", "esfuerzo a tracción", "tensão",
     "应力", "應力", "応力", "응력",
-    "拉伸应力", "压缩应力", "(MPa)", "(kPa)", "(Pa)", "(GPa)", "(psi)", "(ksi)",
+    "naprężenie", "拉伸应力", "压缩应力", "(MPa)", "(kPa)", "(Pa)", "(GPa)", "(psi)", "(ksi)",
 )  # fmt: skip
 #: By which a title or a line above a table tells of a compression.
 COMPRESSION = (
@@ -132,14 +135,14 @@ SIZES = {
     "length": ("length", "länge", "l\ufffdnge", "laenge", "messlänge", "longueur", "longitud", "anvil height", "l0",
                "le", "einspannlänge", "lunghezza", "lunghezza iniziale", "lunghezza utile", "lunghezza libera",
                "标距", "標距", "原始标距", "標点距離", "標点間距離",
-               "chuck distance", "grip distance", "チャック間距離", "つかみ具間距離"),
+               "longitud inicial", "długość", "chuck distance", "grip distance", "チャック間距離", "つかみ具間距離"),
     "width": ("width", "breite", "largeur", "anchura", "ancho", "larghezza", "larghezza b", "largura", "b0",
-              "宽度", "寬度", "幅"),
+              "szerokość", "宽度", "寬度", "幅"),
     "thickness": ("thickness", "dicke", "épaisseur", "epaisseur", "espesor", "spessore", "spessore a",
-                  "espessura", "a0",
+                  "espessura", "grubość", "a0",
                   "厚度", "厚さ"),
     "diameter": ("diameter", "durchmesser", "diamètre", "diametre", "diámetro", "diametro", "diametro iniziale",
-                 "d0", "直径", "直徑", "直径"),
+                 "średnica", "d0", "直径", "直徑", "直径"),
     "area": ("area", "cross-section", "cross section", "original cross-section", "cross-sectional area", "section",
              "querschnitt", "fläche", "sección", "sezione",
              "sezione iniziale", "s0", "面积", "截面积", "断面積"),

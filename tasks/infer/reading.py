@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -9,13 +10,22 @@ import xarray as xr
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.sites import site_of
 from sinew.tasks.data.text import HUGE
-from sinew.tasks.infer.result import InferResult, LikelihoodResult, Posteriors, particles_group, read_posteriors
+from sinew.tasks.infer.result import (
+    InferResult,
+    LikelihoodResult,
+    Posteriors,
+    draws_of_mean,
+    particles_group,
+    read_posteriors,
+)
 from sinew.tasks.model import Parameter
 from sinew.tasks.study.same_data import refuse_other_data
 from sinew.tasks.study.workspace import Workspace
 
 MOST_BYTES = 2**29  # of the draws of all sites together
-ROUNDING = 1e-6  # of a sum of weights
+ROUNDING = 1e-6  # of a sum of weights, and of a mean in standard deviations
+SOME = 0.4  # standard deviations, by which the mean of the draws that are kept may differ from that of all
+Array = np.ndarray[Any, np.dtype[Any]]
 
 
 def posteriors_of(workspace: Workspace) -> Posteriors:
@@ -89,12 +99,15 @@ def draws_of(workspace: Workspace, inferred: Posteriors, site: str) -> xr.Datase
         spread = kept["spread"]
         if not ((spread >= 0.0).all() and (spread.max(("chain", "draw")) > 0.0).all()):
             raise ValueError(f"{site}: a population has no spread")
+        _refuse_others(site, inferred, draws_of_mean(kept).mean(axis=0), kept, SOME)
         return kept
     last = kept[["parameters", "weight"]].isel(generation=-1).copy(deep=True)
     _check(site, last, ("parameters", "weight"))
     weight = last["weight"].to_numpy()
     if not (weight >= 0.0).all() or not abs(weight.sum() - 1.0) < ROUNDING:
         raise ValueError(f"{site}: the weights of the particles do not sum to 1")
+    values = last["parameters"].transpose("particle", "parameter").to_numpy()
+    _refuse_others(site, inferred, weight @ values, last, ROUNDING)
     return last
 
 
@@ -107,6 +120,18 @@ def draws_of_sites(workspace: Workspace, inferred: Posteriors) -> dict[str, xr.D
         if size > MOST_BYTES:
             raise ValueError(f"the draws of {site} and the sites before it take more than {MOST_BYTES:,} bytes")
     return found
+
+
+def _refuse_others(site: str, inferred: Posteriors, means: Array, kept: xr.Dataset, tolerance: float) -> None:
+    """Raises ``ValueError`` for draws whose ``means`` ``[k]`` are not those of the result: they are of another site.
+
+    ``tolerance``: in standard deviations.
+    """
+    told = inferred.sites[site].parameters
+    for name, mean in zip(kept["parameter"].to_numpy().tolist(), np.asarray(means).tolist(), strict=True):
+        one = told.get(name)
+        if one is not None and abs(mean - one.mean) > tolerance * max(one.sd, ROUNDING * abs(one.mean)):
+            raise ValueError(f"{site}: the mean {name} is {one.mean:g}, but {mean:g} of the draws in the store")
 
 
 def _check(site: str, kept: xr.Dataset, names: tuple[str, ...]) -> None:

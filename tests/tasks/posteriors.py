@@ -1,6 +1,7 @@
 """Results of inferences for tests of the tasks that read them, made from numbers that are known."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -28,7 +29,10 @@ def write_inference(
     sites: Mapping[str, Posterior],
     particles: Mapping[str, tuple[np.ndarray, np.ndarray]],
 ) -> AbcResult:
-    """Leave what an inference leaves; ``particles`` holds values ``[g, n, d]`` and weights ``[g, n]`` by site."""
+    """Leave what an inference leaves; ``particles`` holds values ``[g, n, d]`` and weights ``[g, n]`` by site.
+
+    Posteriors get the means of their particles.
+    """
     for site, (values, weight) in particles.items():
         dataset = xr.Dataset(
             {
@@ -38,6 +42,7 @@ def write_inference(
             coords={"parameter": names},
         )
         workspace.store.write_result(particles_group(site), dataset)
+    sites = {site: _with_means(one, *particles.get(site, ())) for site, one in sites.items()}
     units = {parameter.name: parameter.unit for parameter in workspace.model.parameters}
     texts = [units.get(name, "1") for name in names], [""] * len(names)
     result = AbcResult(
@@ -53,3 +58,15 @@ def write_inference(
     )
     result.write(workspace.out)
     return result
+
+
+def _with_means(posterior: Posterior, *particles: np.ndarray) -> Posterior:
+    """The posterior with the means of the last generation of ``particles`` (values and weights), if there are any."""
+    if not particles or not (particles[1][-1] >= 0.0).all() or not np.isfinite(particles[0][-1]).all():
+        return posterior
+    means = particles[1][-1] @ particles[0][-1]
+    marginals = {
+        name: replace(one, mean=float(mean), hdi=one.hdi - one.mean + mean)
+        for (name, one), mean in zip(posterior.parameters.items(), means, strict=True)
+    }
+    return replace(posterior, parameters=marginals)

@@ -292,8 +292,11 @@ def test_many_tables_take_no_memory_of_the_square_of_their_number(tmp_path):
 
 
 def test_what_is_no_test_is_refused(tmp_path):
-    with pytest.raises(BadInput, match="no columns of a test"):
-        taken(tmp_path, "Temperature,Humidity,Pressure\n1,2,3\n1,2,3\n1,2,3\n")
+    titles = ",".join(f"{one} of the room" for one in ("Temperature", "Humidity", "Pressure", "Brightness", "Noise"))
+    with pytest.raises(BadInput, match="no columns of a test among 'Temperature of the room, Hum") as refused:
+        taken(tmp_path, f"{titles}\n" + "1,2,3,4,5\n" * 3)
+    assert len(str(refused.value).removeprefix(str(tmp_path))) < 300
+    assert "--time-column, --displacement-column and --force-column NAME or NUMBER" in str(refused.value)
 
 
 @pytest.mark.shared

@@ -83,6 +83,29 @@ def test_tests_with_something_between_them_are_not_joined(tmp_path):
     assert [name for name, _ in names_and_loads(tmp_path, ONE + pause)] == ["1", "2"]
 
 
+ABOVE = "{more}\t\tTime:\t{end}\ts\t10/19/2023 11:59:35 {half}\nStation\t{station}\n"
+RECORD = ABOVE + "Time\tCh 1 Disp\tCh 1 Force\ns\tmm\tN\n"
+
+
+@pytest.mark.parametrize(
+    ("more", "station", "one"),
+    [("Data Acquisition", "a40", True), ("Data Acquisition", "a41", False), ("Second Acquisition", "a40", False)],
+)
+def test_tables_of_one_record_have_the_same_words_above_but_for_the_time(tmp_path, more, station, one):
+    rows = [f"{i / 10}\t{i / 100}\t{i}\n" for i in range(40)]
+    first = RECORD.format(more="Data Acquisition", end=2.0, half="AM", station="a40") + "".join(rows[:20])
+    second = RECORD.format(more=more, end=4.0, half="PM", station=station) + "".join(rows[20:])
+    path = tmp_path / "record.dat"
+    path.write_text(f"MTS793|MPT\n\n{first}\n{second}")
+    assert inspect(path).specimens == (1 if one else 2)
+    if not one:
+        with pytest.raises(Unclear, match="--tables join for one test, or --tables apart"):
+            read_recordings(path, Hints())
+        assert len(read_recordings(path, Hints(tables="apart"))) == 2
+    (joined,) = read_recordings(path, Hints() if one else Hints(tables="join"))
+    assert joined.numbers[:, 0].tolist() == [i / 10 for i in range(40)]
+
+
 def test_many_tests_in_a_file_take_no_time_of_the_square_of_their_number(tmp_path):
     path = tmp_path / "test.csv"
     path.write_text(("Time (s),Extension (mm),Load (N)\n" + "".join(f"{i},{i},{i}\n" for i in range(50))) * 100)

@@ -9,7 +9,7 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.recordings import read_recordings
-from sinew.tasks.data.sheets import read_sheets
+from sinew.tasks.data.sheets import is_sheet, read_sheets
 
 MAIN = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
 OFFICE = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
@@ -371,3 +371,14 @@ def test_dates_and_durations_are_clock_times(tmp_path):
 
 def replaced(path: Path, old: str, new: str) -> None:
     rewritten(path, lambda name, content: (name, content.replace(old.encode(), new.encode())))
+
+
+def test_a_text_that_is_called_xls_is_read_as_a_text(tmp_path):
+    path = tmp_path / "a.xls"
+    path.write_text("Time (s)\tDisplacement (mm)\tForce (N)\n0\t0\t0\n1\t0.1\t2\n2\t0.2\t4\n")
+    (found,) = read_recordings(path, Hints())
+    assert found.numbers[:, 2].tolist() == [0.0, 2.0, 4.0]
+    for start in (b"<html><table>", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", b"\t\x08\x10\x00", b""):
+        path.write_bytes(start)
+        assert is_sheet(path), start
+    assert is_sheet(tmp_path / "none.xls")

@@ -134,6 +134,29 @@ def test_a_compression_counted_as_positive_is_doubtful(tmp_path, above, titles):
     assert doubt.choices == ("both", "force", "none")
 
 
+@pytest.mark.parametrize("title", ["Size (mm)", "Ecartement entre outils (mm)", "Tool distance (mm)"])
+@pytest.mark.parametrize(
+    ("load", "words", "choices"),
+    [
+        (2.0, "forces are above 0, which is the sign of tension", ("both", "force", "none")),
+        (-2.0, "forces are negative", ("displacement", "none")),
+    ],
+)
+def test_a_length_that_falls_as_the_displacement_rises_tells_of_a_compression(tmp_path, title, load, words, choices):
+    path = tmp_path / "test.csv"
+
+    def doubts(sign, **told):
+        rows = "".join(f"{i},{0.1 * i:g},{load * i:g},{20 + sign * 0.1 * i:g}\n" for i in range(6))
+        path.write_text(f"{TITLES},{title}\n{rows}")
+        return as_told(read_recordings(path, Hints())[0], Hints(**told)).doubts
+
+    (doubt,) = doubts(-1)
+    assert doubt.text == f"a compression: '{title}' falls as the displacement rises, and {words}"
+    assert doubt.choices == choices
+    assert doubts(-1, negate=choices[0]) == ()
+    assert not any("compression" in one.text for one in doubts(1))
+
+
 @pytest.mark.parametrize("above", ["Load cell: tension/compression 50 N", "Tensile test", "Zug-Druckversuch"])
 def test_a_line_on_both_directions_tells_of_none(tmp_path, above):
     assert read(tmp_path, 0.1, 2.0, above=above).doubts == ()

@@ -265,3 +265,8 @@ def test_two_numbers_in_a_row_tell_no_size():
 def test_a_long_line_of_digits_takes_no_time():
     with at_most(5):
         read_sizes([("1" * 190,), ("1 " * 95,), ("test " * 38,)])
+
+
+def test_sizes_in_polish():
+    rows = [("Właściwości próbki : Długość", "25,0", "mm"), ("Odkształcenie : Odkształcenie 1 długość", "10,0", "mm")]
+    assert {name: size.mm for name, size in read_sizes(rows, decimal=",").items()} == {"length": 25.0}

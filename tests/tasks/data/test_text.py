@@ -227,6 +227,7 @@ def test_thousands_may_be_marked(cell, decimal):
         ("cp1252", "Prüfzeit,Standardweg,Kraft"),
         ("cp1252", "Index,Force [ kN ],Déplacement [ mm ]"),
         ("cp1252", "Section,7.335,mm²"),
+        ("cp1250", "Godzina;Przemieszczenie;Obciążenie"),
         ("gb18030", "时间,位移,力"),
         ("big5", "時間,位移,載荷"),
         ("shift_jis", "時間,ストローク,試験力"),

@@ -118,3 +118,11 @@ def test_a_title_with_a_minus_is_none_of_a_force(tmp_path, title):
 def test_a_true_stress_is_no_engineering_stress(tmp_path):
     with pytest.raises(BadInput, match="no column of force or stress"):
         read(tmp_path, titles="Time (s),Extension (mm),Stress (MPa) true")
+
+
+@pytest.mark.parametrize(
+    ("title", "name"),
+    [("Ch Force", "force"), ("Ch 1 Force", "force"), ("Station 1 Displacement", "displacement"), ("Ch Disp.", "disp")],
+)
+def test_words_for_channels_in_front_are_none_of_the_name(title, name):
+    assert name_and_unit(title)[0] == name

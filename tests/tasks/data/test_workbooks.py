@@ -227,7 +227,7 @@ def test_numbers_of_an_open_document_whose_style_shows_them_as_percent_are_asked
     assert rows_of(path)["one"][0] == ("Time [s]", "Strain [partly percent]", "Force [N]")
 
 
-@pytest.mark.parametrize("shown", ["#DIV/0!", "Err:502", "#VALUE!"])
+@pytest.mark.parametrize("shown", ["#DIV/0!", "Err:502", "Err :502", "Fehler:502", "#VALUE!", "N/A"])
 def test_an_error_of_an_open_document_is_no_force_of_zero(tmp_path, shown):
     more = (
         ods_row(ods_number(10), ods_number(0.1), ods_number(0, shown=shown)),
@@ -237,6 +237,15 @@ def test_an_error_of_an_open_document_is_no_force_of_zero(tmp_path, shown):
     assert rows_of(path)["one"][-2] == ("10", "0.1", "")
     with pytest.raises(BadInput, match=r"row 12, Force \[N\]: an empty cell"):
         read_recordings(path, Hints(displacement_unit="1"))
+
+
+def test_rows_that_a_few_bytes_repeat_have_a_limit(tmp_path):
+    numbers = [ods_number(number) for number in (1, 2, 3)]
+    path = write_ods(tmp_path / "a.ods", ods_test("one", ods_row(*numbers, many=400_000)))
+    with pytest.raises(BadInput, match="400,000 rows that are the same; expected at most 1,000,000 cells of them"):
+        list(read_sheets(path))
+    few = write_ods(tmp_path / "a.ods", ods_test("one", ods_row(*numbers, many=40)))
+    assert rows_of(few)["one"].count(("1", "2", "3")) == 40
 
 
 @pytest.mark.parametrize(

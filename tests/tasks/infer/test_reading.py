@@ -12,6 +12,7 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.infer import reading
+from sinew.tasks.infer.likelihood.result import PopulationMarginal, SitePosterior
 from sinew.tasks.infer.reading import draws_of, draws_of_sites, posteriors_of
 from sinew.tasks.infer.result import LikelihoodResult, particles_group
 from sinew.tasks.study.workspace import open_workspace
@@ -118,6 +119,24 @@ def test_a_parameter_that_is_there_twice_is_refused(workspace):
         draws_of(workspace, found, "distal")
 
 
+def test_draws_of_another_site_are_refused(workspace):
+    particles = {"distal": (VALUES, EQUAL), "proximal": (1.5 * VALUES, EQUAL)}
+    sites = {site: posterior_of([f"{site}/1"], NAMES, MEAN) for site in SITES}
+    found = write_inference(workspace, NAMES, sites, particles)
+    assert set(draws_of_sites(workspace, found)) == set(SITES)
+    sites = {"distal": found.sites["proximal"], "proximal": found.sites["distal"]}
+    with pytest.raises(ValueError, match=r"distal: the mean E_f is .*, but .* of the draws in the store"):
+        draws_of_sites(workspace, replace(found, sites=sites))
+    result, dataset = by_likelihood(np.ones((1, 3, 2)))
+    for mean, is_one in ((1.1, True), (2.0, False)):
+        workspace.store.write_result(particles_group("distal"), dataset.assign(mean=mean * dataset["mean"]))
+        if is_one:
+            draws_of(workspace, result, "distal")
+        else:
+            with pytest.raises(ValueError, match="distal: the mean E_f is 1, but 2 of the draws in the store"):
+                draws_of(workspace, result, "distal")
+
+
 def test_sites_together_have_a_limit(workspace, monkeypatch):
     found = left(workspace)
     monkeypatch.setattr(reading, "MOST_BYTES", 150)
@@ -127,7 +146,10 @@ def test_sites_together_have_a_limit(workspace, monkeypatch):
 
 def by_likelihood(spread):
     """A result by likelihood, and what the store then holds of a site."""
-    result = LikelihoodResult("likelihood", NAMES, ["MPa"] * 2, ["", ""], [], 0.95, "normal", True, 1, {}, {}, "known")
+    population = dict.fromkeys(NAMES, PopulationMarginal(1.0, 0.5, 2.0, 0.2, 0.1, 0.3, 400.0, 1.0))
+    sites = {"distal": SitePosterior(["distal/1"], population, 400.0, 1.0, 3, 0.0, {}, {})}
+    units = ["MPa"] * 2, ["", ""]
+    result = LikelihoodResult("likelihood", NAMES, *units, [], 0.95, "normal", True, 1, sites, {}, "known")
     dims, ones = ("chain", "draw"), np.ones((1, 3, 2))
     arrays = dict.fromkeys(("mean", "new"), ((*dims, "parameter"), ones))
     arrays |= {"spread": ((*dims, "parameter"), spread)}
