@@ -9,9 +9,8 @@ from sinew.tasks.data import units, words
 #: Titles of columns with the spread of a mean.
 SPREADS = ("sd", "std", "se", "sem", "standard deviation", "standard error")
 _CHANNELS = "c|ch|chan|channel|kanal|canal|voie|station"
-_CHANNEL = re.compile(
-    rf"(?:(?:{_CHANNELS}) ?\d+|ch) (?=\D)"
-)  # "C_1_Force", "Ch 1 Kraft", "Station 1 Force", "Ch Force"
+#: "C_1_Force", "Ch 1 Kraft", "Station 1 Force", "Ch Force"
+_CHANNEL = re.compile(rf"\b(?:(?:{_CHANNELS}) ?\d+|ch) (?=\D)")
 _NUMBERED = re.compile(r"(.*[^\d .]) ?(\d{1,3})")
 _AGAIN = re.compile(r"\.\d{1,3}$")
 _BRACKETS = re.compile(r"[(\[]([^()\[\]]*)[)\]]")

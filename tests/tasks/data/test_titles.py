@@ -122,7 +122,13 @@ def test_a_true_stress_is_no_engineering_stress(tmp_path):
 
 @pytest.mark.parametrize(
     ("title", "name"),
-    [("Ch Force", "force"), ("Ch 1 Force", "force"), ("Station 1 Displacement", "displacement"), ("Ch Disp.", "disp")],
+    [
+        ("Ch Force", "force"),
+        ("Ch 1 Force", "force"),
+        ("Station 1 Displacement", "displacement"),
+        ("Ch Disp.", "disp"),
+        ("Stretch ratio", "stretch ratio"),
+    ],
 )
 def test_words_for_channels_in_front_are_none_of_the_name(title, name):
     assert name_and_unit(title)[0] == name
