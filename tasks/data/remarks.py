@@ -10,7 +10,7 @@ from sinew.tasks.data.told_lines import told_factors
 from sinew.tasks.drawing.blocks import number
 
 NO_FORMATS = (".xls", ".xlsb")  # spreadsheets of which the formats of cells are not read
-SMALL_PERCENT = 0.01  # 1 %: larger strains were a hundred times as large, if they were fractions
+SMALL_PERCENT = 0.05  # 5 %: larger strains were beyond 500 %, if they were fractions
 
 
 def remarks(recording: Recording) -> list[str]:
