@@ -34,10 +34,16 @@ if sys.argv[1] == "-info":
 text = open("model.feb").read()
 row = "%08x" % zlib.crc32(inside("Material", text)[0].encode())
 note({begun!r}, row)
+place = open({begun!r}).read().count("\\n")
+def held():
+    try:
+        return place > int(open({held!r}).read() or 0)
+    except OSError:
+        return False
 stiffness = float(inside("E", text)[0])
 points = [point.split(",") for point in inside("pt", text.split("solver steps")[0])]
 time.sleep({seconds})
-while os.path.exists({held!r}):
+while held():
     time.sleep(0.1)
 with open("reaction.txt", "w") as file:
     for step, (t, u) in enumerate(points[1:], 1):
@@ -68,8 +74,8 @@ def named(material: str) -> str:
 def prepare(folder: Path, seconds: float = 0.02, base_samples: int = 32) -> tuple[Path, Path, Path]:
     """Write a study whose solver takes ``seconds`` for a row; returns the study, its cohort and the solver's notes.
 
-    The notes list the runs that are done, ``begun`` in the same folder those that began. No run ends while there is a
-    file ``held`` in that folder.
+    The notes list the runs that are done, ``begun`` in the same folder those that began. While there is a file ``held``
+    in that folder, no run ends but the first ones to begin, as many as it says.
     """
     specimens, _ = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
     write_cohort(folder / "cohort", specimens[:1])

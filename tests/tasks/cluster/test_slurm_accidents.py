@@ -51,10 +51,10 @@ def remembers(slurm_cluster, job):
 @pytest.mark.takes(40)
 def test_a_preempted_worker_job_is_replaced(tmp_path, slurm_cluster, bed):
     profile = profile_with(cores=2).replace("workers: {", "workers: {partition: scavenge, ")
+    (tmp_path / "held").write_text("24")  # or the study may be finished before a busy machine gets to it
     out = submit(prepare(tmp_path, profile, seconds=0.5, base_samples=4))
     before = progress(out)
     victim = working(out)[0]
-    (tmp_path / "held").touch()
     urgent = ("-p", "urgent", "-w", victim.nodes, "-c", "2", "--mem=100", "--output=/dev/null", "--wrap", "sleep 5")
     slurm_cluster.run("sbatch", *urgent)
     is_replaced(out, victim.job, "PREEMPTED")
@@ -64,10 +64,10 @@ def test_a_preempted_worker_job_is_replaced(tmp_path, slurm_cluster, bed):
 
 @pytest.mark.takes(40)
 def test_a_node_fails(tmp_path, slurm_cluster, bed):
+    (tmp_path / "held").write_text("24")
     out = submit(prepare(tmp_path, profile_with(cores=2), seconds=0.5, base_samples=4))
     before = progress(out)
     victim = working(out)[0]
-    (tmp_path / "held").touch()
     bed.fail_node(slurm_cluster, victim.nodes)
     is_replaced(out, victim.job, "NODE_FAIL")
     (tmp_path / "held").unlink()
