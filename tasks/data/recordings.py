@@ -189,8 +189,8 @@ def _named(found: Sequence[tuple[Table, list[Recording]]], hints: Hints) -> list
     apart = not taken and all(firsts) and len(set(firsts)) == len(found)
     alone = [tests[0] for _, tests in found if len(tests) == 1]
     one_sheet = len({table.sheet for table, _ in found}) == 1
-    top = found[0][0].header
-    nothing_between = not any(says_more(table.header[table.own :], top) for table, _ in found[1:])
+    between = (row for table, _ in found[1:] for row in table.header[table.own :])
+    nothing_between = not says_more(between, found[0][0].header)
     if not apart and one_sheet and nothing_between and len(alone) == len(found) and _times_go_on(alone):
         return [_joined(alone, "whose times go on")]
     if one_sheet and len(alone) == len(found):

@@ -1,7 +1,7 @@
 """Rows of words among and below the numbers of a table, and a last row that ends within a number."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from sinew.runner.errors import BadInput, shown
@@ -25,8 +25,8 @@ def names_test(rows: Sequence[Row]) -> bool:
     return any(_TEST.search(cell) for row in rows for cell in row)
 
 
-def says_more(above: Sequence[Row], first: Sequence[Row]) -> bool:
-    """Whether the rows ``above`` a further table say more than those above the ``first`` one, but for the time.
+def says_more(above: Iterable[Row], first: Sequence[Row]) -> bool:
+    """Whether the rows ``above`` further tables say more than those above the ``first`` one, but for the time.
 
     Some programs write a long record in tables, with the same words above each of them, and when that one was written.
     """

@@ -29,7 +29,7 @@ HAS_UNIT = re.compile(r"[^\W\d_]|[%°]")  # a letter
 IN_THOUSANDS = re.compile(r"[0#?](,+)(?![0#?,])")  # in a number format: each comma divides by a thousand
 REFERENCE = re.compile(r"([A-Z]{1,3})([0-9]{1,7})")  # of a cell
 #: What an open document shows for an error, in any language: "#DIV/0!", "Err:502", "Fehler:502", "#N/A", "nv".
-ERROR = re.compile(r"#[^\W\d_]|[^\W\d_]{2,12}\.?\s?:\s?\d{3}\b|\D+\Z")
+ERROR = re.compile(r"#[^\W\d_]|[^\W\d_]{2,12}\.?\s?:\s?\d{3}\b|(?=\D+\Z)[\W_]*[^\W\d_]")
 AS_EXCEL = "a spreadsheet as Excel saves it"
 #: Within a cell, up to its value, however long its formula is.
 WITHIN = rb"(?:(?!</?(?:\w+:)?c[\s/>])[\s\S]){0,16384}?"

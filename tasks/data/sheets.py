@@ -32,7 +32,8 @@ WALL_S = 600.0  # of the process that reads, whose processor time is limited as 
 
 def is_sheet(path: Path) -> bool:
     """Whether a file is a spreadsheet, by its name; LabVIEW and others write tables of text as .xls."""
-    return path.suffix.lower() in SUFFIXES and not (path.suffix.lower() == ".xls" and _is_text(path))
+    suffix = path.suffix.lower()
+    return suffix in SUFFIXES and not (suffix == ".xls" and _is_text(path))
 
 
 def _is_text(path: Path) -> bool:

@@ -239,6 +239,14 @@ def test_an_error_of_an_open_document_is_no_force_of_zero(tmp_path, shown):
         read_recordings(path, Hints(displacement_unit="1"))
 
 
+@pytest.mark.parametrize("shown", ["-", "- €", ""])
+def test_a_zero_that_is_shown_as_a_dash_is_a_zero(tmp_path, shown):
+    path = write_ods(
+        tmp_path / "a.ods", ods_test("one", ods_row(ods_number(10), ods_number(0.1), ods_number(0, shown=shown)))
+    )
+    assert rows_of(path)["one"][-1][0::2] == ("10", "0")
+
+
 def test_rows_that_a_few_bytes_repeat_have_a_limit(tmp_path):
     numbers = [ods_number(number) for number in (1, 2, 3)]
     path = write_ods(tmp_path / "a.ods", ods_test("one", ods_row(*numbers, many=400_000)))
