@@ -127,7 +127,7 @@ def test_a_true_stress_is_no_engineering_stress(tmp_path):
         ("Ch 1 Force", "force"),
         ("Station 1 Displacement", "displacement"),
         ("Ch Disp.", "disp"),
-        ("Stretch ratio", "stretch ratio"),
+        ("Stretch ratio (-)", "stretch ratio"),
     ],
 )
 def test_words_for_channels_in_front_are_none_of_the_name(title, name):
