@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 @click.option("--width-mm", type=float, help="Width, where files do not say.")
 @click.option("--thickness-mm", type=float, help="Thickness, where files do not say.")
 @click.option("--diameter-mm", type=float, help="Diameter of a round specimen, instead of width and thickness.")
+@click.option("--area-mm2", type=float, help="Cross-section, instead of width and thickness: those of a square.")
 @click.option("--override", is_flag=True, help="Use these sizes even where files give others.")
 @reading_options
 @click.option("--answers", type=PATH, help="answers.yaml of an earlier study: what was told then is not asked again.")
@@ -49,6 +50,7 @@ def init(
     width_mm: float | None,
     thickness_mm: float | None,
     diameter_mm: float | None,
+    area_mm2: float | None,
     override: bool,
     answers: Path | None,
     yes: bool,
@@ -88,7 +90,7 @@ def init(
         files,
         out,
         hints=Hints(**hints),
-        sizes=Sizes.of(length_mm, width_mm, thickness_mm, diameter_mm, override=override),
+        sizes=Sizes.of(length_mm, width_mm, thickness_mm, diameter_mm, area_mm2, override=override),
         ask=_ask if asks else None,
         answers=None if answers is None else read_answers(answers),
         certain=yes,
@@ -112,8 +114,12 @@ def _tell(made: "NewStudy", overview: Path, *, as_json: bool) -> None:
         put(f"fill in: {path}")
     put(f"look at {_drawn(drawn, sum(len(one.curves) for one in made.specimens))}: {overview}")
     put(f"study: {made.study}")
-    run_it = command_line("run", made.study)
-    say_next(f"fill in what is marked null there, then {run_it}" if made.to_fill_in else run_it)
+    if made.to_fill_in:
+        folder = made.study.parent
+        scaled = command_line("init", folder / "cohort", "--out", folder.with_name(f"{folder.name}-scaled"))
+        say_next(f"fill in what is marked null there, then {scaled}, where the ranges are scaled to the tests")
+    else:
+        say_next(command_line("run", made.study))
 
 
 def _init_model(path: Path, out: Path, choices: "Choices", *, as_json: bool, asks: bool) -> None:

@@ -15,15 +15,12 @@ from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH, TIME
 from sinew.tasks.data.recordings import Recording, read_recordings
 from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.sizes import (
-    LARGEST_MM2,
-    LEAST_MM2,
-    LONGEST_MM,
     OFF,
     POSSIBLE_MM,
     SAME,
-    SHORTEST_MM,
     area_told,
     area_told_otherwise,
+    check_size,
     contradiction_of_areas,
     contradiction_without_unit,
     is_zero,
@@ -55,12 +52,9 @@ class Reading:
         """Raises :class:`BadInput` for the first number or unit that is impossible, or contradicts another."""
         if self.reference is not None and not 0 < self.reference < MOST_STRETCH:
             raise BadInput("--reference", f"{self.reference:g}", f"above 0 and below {MOST_STRETCH:g}")
-        for option, value, least, most, unit in (
-            ("--length-mm", self.length_mm, SHORTEST_MM, LONGEST_MM, "mm"),
-            ("--area-mm2", self.area_mm2, LEAST_MM2, LARGEST_MM2, "mm2"),
-        ):
-            if value is not None and not least <= value < most:
-                raise BadInput(option, f"{value:g}", f"at least {least:g} and below {most:g} {unit}")
+        for option, name, value in (("--length-mm", "length", self.length_mm), ("--area-mm2", "area", self.area_mm2)):
+            if value is not None:
+                check_size(option, name, value)
         for option, short, known, long, long_option in (
             ("--time", self.time, TIME.units, self.hints.time_unit, "--time-unit"),
             ("--stress", self.stress, STRESS.units, self.hints.force_unit, "--force-unit"),

@@ -39,6 +39,7 @@ LASTING = (20.0, 2000.0)  # s; shorter tests cannot show the published relaxatio
 SPAN = 2000.0  # between the largest and the smallest relaxation time, as published
 UNLIKE = 30.0  # times; specimens of one tissue differ by less
 SAMPLES = 2.0  # that the smallest relaxation time lasts at least
+ONCE_FILLED_IN = "once all sizes are filled in, `sinew init` on the cohort scales them to the tests"
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen] = ())
     if not specimens or not others:
         return found
     names = listed([one.name for one in others])
-    line = f"ranges: not compared with {names}; once all sizes are filled in, `sinew init` on the cohort fits them"
+    line = f"ranges: not compared with {names}; {ONCE_FILLED_IN}"
     return replace(found, lines=(*found.lines, line))
 
 
@@ -96,7 +97,7 @@ def _first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen]) -> 
     model, timed = _with_times(Model(), [*chosen, *others])
     reaches = [each for one in chosen for each in reach(simulator, model, one)]
     if not reaches:
-        line = "ranges: those of human tendon; once all sizes are filled in, `sinew init` on the cohort fits them"
+        line = f"ranges: those of human tendon; {ONCE_FILLED_IN}"
         return FirstRanges(model, (line, *timed), scaled=bool(timed), only_times=True)
     if all(each.other_sign for each in reaches):
         line = "ranges: those of human tendon, which give forces of the other sign; tension is positive"

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
+from sinew.runner.errors import BadInput
 from sinew.tasks.data import units, words
 from sinew.tasks.data.heads import Row, joined, told_units
 from sinew.tasks.data.text import is_number, tells_mark
@@ -235,6 +236,13 @@ def size_in(name: str, cell: str, unit: str, decimal: str = "") -> Size:
     smallest = LEAST[name] if unit else SMALLEST_MM2 if name == "area" else SMALLEST_MM
     there = smallest <= value if unit else smallest < value
     return Size(value if there and value < LARGEST[name] else None, bool(unit), text)
+
+
+def check_size(option: str, name: str, value: float) -> None:
+    """Raises :class:`BadInput` where a person gives a size (mm, a cross-section in mm2) that is impossible."""
+    if not LEAST[name] <= value < LARGEST[name]:
+        unit = "mm2" if name == "area" else "mm"
+        raise BadInput(option, f"{value:g}", f"at least {LEAST[name]:g} and below {LARGEST[name]:g} {unit}")
 
 
 def is_possible(mm: float) -> bool:

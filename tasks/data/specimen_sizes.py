@@ -7,16 +7,15 @@ from pathlib import Path
 from types import MappingProxyType
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.data.cohort import GEOMETRY
 from sinew.tasks.data.columns import LIKELY
 from sinew.tasks.data.curves import first_length_in_words
 from sinew.tasks.data.quantities import LENGTH
 from sinew.tasks.data.recordings import Recording
 from sinew.tasks.data.sizes import (
     OFF,
-    POSSIBLE_MM,
     SAME,
     SIZES,
+    check_size,
     contradiction_of_areas,
     is_possible,
     round_in_words,
@@ -34,22 +33,21 @@ Ask = Callable[[str, Sequence[str]], str]
 class Sizes:
     """Gauge length, width and thickness (mm) of all specimens. None: each file's own, or to be filled in.
 
-    ``override``: they count where files tell other ones; else a contradiction is refused. ``diameter_mm``: that by
-    which a person gave width and thickness.
+    ``override``: they count where files tell other ones; else a contradiction is refused. ``square_by``: the option by
+    which a person gave width and thickness, those of a square of equal area; empty where they were given as such.
     """
 
     length_mm: float | None = None
     width_mm: float | None = None
     thickness_mm: float | None = None
     override: bool = False
-    diameter_mm: float | None = None
+    square_by: str = ""
 
     def __post_init__(self) -> None:
         """Raises :class:`BadInput` for a size that is impossible."""
-        for name in GEOMETRY:
-            value = getattr(self, name)
-            if value is not None and not is_possible(value):
-                raise BadInput(f"--{name.replace('_', '-')}", f"{value:g}", POSSIBLE_MM)
+        for name in SIZES:
+            if (value := getattr(self, f"{name}_mm")) is not None:
+                check_size(f"--{name}-mm", name, value)
 
     @classmethod
     def of(
@@ -58,24 +56,26 @@ class Sizes:
         width_mm: float | None,
         thickness_mm: float | None,
         diameter_mm: float | None,
+        area_mm2: float | None = None,
         *,
         override: bool,
     ) -> "Sizes":
-        """Sizes as a person gives them: a round specimen by its diameter, as a bar with a square of equal area."""
-        if diameter_mm is None:
+        """Sizes as a person gives them. By a diameter or a cross-section, they are those of a square of equal area."""
+        of_square = {"--diameter-mm": diameter_mm, "--area-mm2": area_mm2}
+        given = [(option, size) for option, size in of_square.items() if size is not None]
+        if not given:
             return cls(length_mm, width_mm, thickness_mm, override)
-        if width_mm is not None or thickness_mm is not None:
-            raise BadInput("--diameter-mm", "given beside a width or a thickness", "one of the two")
-        if not is_possible(diameter_mm):
-            raise BadInput("--diameter-mm", f"{diameter_mm:g}", POSSIBLE_MM)
-        side = square_side(diameter_mm)
-        return cls(length_mm, side, side, override, diameter_mm)
+        option, size = given[0]
+        if len(given) > 1 or width_mm is not None or thickness_mm is not None:
+            raise BadInput(option, "given beside another size of the cross-section", "one of them")
+        round_one = diameter_mm is not None
+        check_size(option, "diameter" if round_one else "area", size)
+        side = square_side(size) if round_one else round(math.sqrt(size), 9)
+        return cls(length_mm, side, side, override, f"{option} {size:g} (a square of equal area)")
 
     def option(self, size: str) -> str:
         """The option by which a person gave a size."""
-        if self.diameter_mm is None or size == "length":
-            return f"--{size}-mm"
-        return f"--diameter-mm {self.diameter_mm:g} (a square of equal area)"
+        return self.square_by if self.square_by and size != "length" else f"--{size}-mm"
 
 
 @dataclass(frozen=True)

@@ -120,8 +120,12 @@ def without_suffix(title: str, titles: Sequence[str]) -> str:
 def before_channel(name: str, known: Collection[str]) -> str:
     """The known name in front of that of a channel or a sensor, which has a digit: ``kraft`` of ``kraft u9c 500n``.
 
+    A number alone may follow it at once: ``disp`` of ``disp1``.
+
     Empty where there is none, or where a word behind it may make another quantity of it: ``force limit 1``.
     """
+    if len(base := without_number(name)) >= _SHORTEST and base != name and base in known:
+        return base
     found = [word for word in known if len(word) >= _SHORTEST and name.startswith((f"{word} ", f"{word}/"))]
     word = max(found, key=len, default="")
     rest = re.split(r"[\s/]+", name[len(word) :].replace("sample rate", "sample"))

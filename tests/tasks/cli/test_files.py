@@ -94,9 +94,6 @@ def test_the_table_of_files_does_not_steer_the_terminal(monkeypatch, capsys):
     assert "[red]Time (s)[/]" in out
 
 
-# ---- a FEBio model
-
-
 @pytest.fixture
 def init(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -111,6 +108,22 @@ def init(tmp_path, monkeypatch, capsys):
         return 0, *capsys.readouterr()
 
     return run
+
+
+def test_sizes_that_no_file_tells_are_filled_in_and_then_the_ranges_are_scaled(init, tmp_path):
+    (tmp_path / "a.csv").write_text(EXPORT.partition("\n")[2])
+    code, out, _ = init("a.csv", "--length-mm", "20", "--area-mm2", "50")
+    assert code == 0
+    assert out.endswith("next: sinew run study/study.yaml\n")
+    (tmp_path / "study").rename(tmp_path / "with sizes")
+    code, out, _ = init("a.csv", "--length-mm", "20")
+    assert code == 0
+    assert "fill in: study/cohort/a/specimen.json\n" in out
+    last = "fill in what is marked null there, then sinew init study/cohort --out study-scaled"
+    assert out.endswith(f"next: {last}, where the ranges are scaled to the tests\n")
+
+
+# ---- a FEBio model
 
 
 def test_what_a_model_holds_is_listed_before_anything_is_chosen(init, tmp_path):

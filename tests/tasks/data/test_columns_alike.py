@@ -105,6 +105,17 @@ def test_a_plain_name_goes_before_that_of_a_channel():
         columns("t_s|Disp_mm|Force CH 1 (N)|Force CH 2 (N)")
 
 
+def test_a_number_at_the_end_of_a_name_is_that_of_a_channel():
+    recognised = columns("Time [s]|Disp1 [µm]|Force1 [mN]")
+    assert [(column.title, column.unit) for column in recognised[1:]] == [("Disp1 [µm]", "μm"), ("Force1 [mN]", "mN")]
+    assert {column.how for column in recognised[1:]} == {"likely"}
+    assert columns("t_s|Disp_mm|Force1 (N)|Force (N)")[2].title == "Force (N)"
+    with pytest.raises(BadInput, match="may both be the force"):
+        columns("t_s|Disp_mm|Force1 (N)|Force2 (N)")
+    with pytest.raises(BadInput, match="no column of force or stress"):
+        columns("t_s|Disp_mm|Forces1 (N)|P1 (N)")
+
+
 def test_files_may_have_one_of_several_titles_that_are_given():
     given = {"displacement_column": ("Way", "Gap"), "displacement_unit": "mm"}
     assert columns("t_s|Gap|F_N", **given)[1].title == "Gap"
