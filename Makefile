@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: setup demo test check docs wheel audit benchmarks mutants chaos fuzz lock clean
+.PHONY: setup demo test test-all check docs wheel audit benchmarks mutants chaos fuzz lock clean
 
 setup: $(READY)
 
@@ -20,16 +20,17 @@ demo: $(READY)
 	$(BIN)/sinew demo
 
 # several hundred processes import this package: where the environment forbids compiled files, each would compile it anew
-test: export PYTHONDONTWRITEBYTECODE :=
+test test-all: export PYTHONDONTWRITEBYTECODE :=
 # The tests on batch systems wait for jobs now and then. They run beside all others, which leave them what they need:
 # they have deadlines.
-test: SHELL := /bin/bash
-test: $(READY)
+test test-all: SHELL := /bin/bash
+test: CHOSEN := and not thorough
+test test-all: $(READY)
 	@beside=$$(mktemp); trap 'kill -INT $$(jobs -p) 2>/dev/null; wait; rm -f "$$beside"' EXIT; \
 	trap 'exit 130' INT TERM; \
-	$(BIN)/python -m pytest -m slurm -n 7 --dist load --maxschedchunk 1 tests/tasks/cluster tests/runner/cluster \
+	$(BIN)/python -m pytest -m "slurm $(CHOSEN)" -n 7 --dist load --maxschedchunk 1 tests/tasks/cluster tests/runner/cluster \
 		>"$$beside" 2>&1 & slurm=$$!; \
-	others=0; nice -n 5 $(BIN)/python -m pytest -m "not slurm" -n 3 --dist worksteal || others=$$?; \
+	others=0; nice -n 5 $(BIN)/python -m pytest -m "not slurm $(CHOSEN)" -n 3 --dist worksteal || others=$$?; \
 	failed=0; wait $$slurm || failed=$$?; cat "$$beside"; exit $$((others | failed))
 
 # what CI asks of the code beside its tests

@@ -56,6 +56,11 @@ class FirstRanges:
     unseen: tuple[str, ...] = ()
     only_times: bool = False
 
+    @property
+    def published(self) -> bool:
+        """Whether all ranges but those of the relaxation times are the published ones."""
+        return self.only_times or not self.scaled
+
 
 def first_ranges(specimens: Sequence[Specimen], others: Sequence[Specimen] = ()) -> FirstRanges:
     """Ranges for the measured curves of specimens whose sizes are known; of ``others``, only the times count."""

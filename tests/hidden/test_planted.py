@@ -77,6 +77,7 @@ def test_strength_is_in_units_of_the_noise_and_of_what_nothing_imitates():
     assert 0.0 < loud < np.sqrt(np.mean(whole**2)) / 5.0, "less than all of it"
 
 
+@pytest.mark.thorough
 def test_a_lag_is_named_where_it_is_planted(tmp_path):
     rng = np.random.default_rng(4)
     true = recorded(protocol=cyclic(10.0, 5.0))

@@ -154,6 +154,7 @@ def test_the_store_does_not_depend_on_where_rows_are_evaluated(study, tmp_path, 
     assert (tmp_path / "cluster" / "calibrate.json").read_bytes() == (tmp_path / "here" / "calibrate.json").read_bytes()
 
 
+@pytest.mark.thorough
 def test_rows_that_the_store_has_inform_the_search(study, tmp_path, here, monkeypatch):
     monkeypatch.setattr(pipeline, "_draw", lambda *_: None)
     out = tmp_path / "out"

@@ -110,6 +110,7 @@ def test_no_program_is_looked_for_in_this_folder(tmp_path, monkeypatch, capsys, 
     assert not (tmp_path / "mark").exists()
 
 
+@pytest.mark.thorough
 def test_names_that_a_locale_does_not_know_do_no_harm(study, tmp_path):
     """With ASCII alone, Python reads other names as what it cannot send to a worker."""
     there = study.parent.rename(tmp_path / "st\u00fcdie \u529b")

@@ -189,6 +189,7 @@ def killed_in(task: str, study: Path, out: Path, rows: float) -> str:
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.thorough
 def test_all_tasks_killed_at_any_moment_end_with_the_same_bytes(tmp_path, monkeypatch):
     """The whole process group dies by SIGKILL in two of the tasks, after numbers of rows drawn from a fixed seed."""
     specimens, _ = virtual_cohort(seed=1, per_site=1, rate_hz=1.0)
@@ -210,6 +211,7 @@ def test_all_tasks_killed_at_any_moment_end_with_the_same_bytes(tmp_path, monkey
     assert contents(cut / "store.zarr") == contents(calm / "store.zarr")
 
 
+@pytest.mark.thorough
 def test_an_interrupt_from_the_terminal_is_one_line_and_nothing_is_left(tmp_path):
     """Ctrl-C reaches the command and all of its workers at once; finished rows are there when it goes on.
 

@@ -83,6 +83,7 @@ def disturb(study: Path, out: Path) -> Damage:
 
 
 @pytest.mark.takes(150)
+@pytest.mark.thorough
 def test_chaos(tmp_path, slurm_cluster):
     study = prepare(tmp_path, PROFILE + JOB_SCRIPT, seconds=0.5, base_samples=32)
     started = time.monotonic()

@@ -168,6 +168,7 @@ def test_the_leading_job_stops_before_its_walltime_and_goes_on(tmp_path, slurm_c
 
 
 @pytest.mark.takes(200)
+@pytest.mark.thorough
 def test_an_allocation_that_is_too_short_for_everything(tmp_path, slurm_cluster, bed):
     """One worker needs 128 s for all rows; the allocation has 120 s, of which a busy machine takes half to start."""
     profile = ALLOCATION.replace("10:00", "2:00").replace("tasks: 4", "tasks: 3") + JOB_SCRIPT
@@ -184,6 +185,7 @@ def _lives_of_two_walltimes(out: Path) -> None:
 
 
 @pytest.mark.takes(75)
+@pytest.mark.thorough
 def test_worker_jobs_whose_walltime_is_too_short(tmp_path, slurm_cluster, bed):
     """However long they take to start."""
     profile = profile_with(worker="1:00", jobs=1, prologue=[ONLY_WORKERS.format("sleep 12")])
@@ -192,6 +194,7 @@ def test_worker_jobs_whose_walltime_is_too_short(tmp_path, slurm_cluster, bed):
 
 
 @pytest.mark.takes(170)
+@pytest.mark.thorough
 def test_a_run_that_is_longer_than_a_walltime_goes_on_in_the_next_job(tmp_path, slurm_cluster, bed):
     study = prepare(tmp_path, profile_with(worker="1:00", jobs=1), base_samples=2)
     notes = with_long_runs(study, seconds=130.0)
@@ -207,6 +210,7 @@ def test_a_run_that_is_longer_than_a_walltime_goes_on_in_the_next_job(tmp_path, 
 
 
 @pytest.mark.takes(65)
+@pytest.mark.thorough
 def test_a_leading_job_whose_walltime_is_too_short(tmp_path, slurm_cluster, bed):
     out = submit(prepare(tmp_path, profile_with(leader="1:00", jobs=1), seconds=100, base_samples=2))
     gave_up(out, r"coordinator\.walltime: nothing finished within its walltime \(1:00\)", late_workers=True)

@@ -76,6 +76,7 @@ def the_status_says_who_did_what(out: Path) -> None:
 
 
 @pytest.mark.takes(70)
+@pytest.mark.thorough
 def test_the_whole_pipeline_through_slurm(tmp_path, slurm_cluster):
     """Tasks that ask step by step, from Sobol to the comparison of sites: the same bytes as on this machine."""
     tasks = "[sobol, importance, calibrate, infer, predict, compare]"

@@ -23,7 +23,7 @@ from sinew.tasks.data.new_study import (
     write_study,
 )
 from sinew.tasks.data.recordings import read_recordings
-from sinew.tasks.infer.settings import OF_LIKELIHOOD
+from sinew.tasks.infer.settings import OF_BOTH, OF_LIKELIHOOD, Settings
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.registry import TASKS
 from sinew.tasks.sobol.settings import OF_SEVERAL, OF_SURROGATE
@@ -49,17 +49,33 @@ def test_the_study_explains_every_field_and_holds_every_task(tmp_path):
     assert study.name == "my_study"
     assert study.cohort_path == tmp_path / "my study" / "cohort"
     assert study.tasks == ["sobol", "importance", "calibrate", "infer", "predict", "compare", "discover"]
-    assert study.infer.single_cycle == ["cyclic", "zyklisch"]
+    assert study.infer.method == "likelihood"
     text = path.read_text("utf-8")
     for name, section in type(study).model_fields.items():
         if name in OF_TEMPLATES or (name in TASKS and TASKS[name].optional):
             continue
         assert f"\n{name}:" in text
         own = set(getattr(type(section.default), "model_fields", {})) if name not in ("simulator", "cluster") else set()
-        for field in own - OF_TEMPLATES - OF_LIKELIHOOD - OF_SURROGATE - OF_SEVERAL:  # fields of one method
+        if name == "infer":
+            own &= OF_BOTH | OF_LIKELIHOOD
+        for field in own - OF_TEMPLATES - OF_SURROGATE - OF_SEVERAL:  # fields of one method
             assert f" {field}: " in text or f"{{{field}: " in text or f"\n  {field}:\n" in text
     fields = [line for line in text.splitlines() if line.startswith("  ") and ":" in line and "#" not in line]
     assert {line.strip() for line in fields} == {"specimens: all", "bayesian:"}
+
+
+def test_where_nothing_is_known_of_a_tissue_the_inference_is_by_abc(tmp_path):
+    ranges = FirstRanges(Model(), (), scaled=True)
+    path = write_study(tmp_path, "cohort", [specimen("x", "cyclic", "ramp"), specimen("y", "zyklisch")], ranges)
+    settings = read_study(path).infer
+    assert settings.method == "abc"
+    assert settings.single_cycle == ["cyclic", "zyklisch"]
+    assert settings.model_fields_set == set(Settings.model_fields) - (OF_LIKELIHOOD - OF_BOTH)
+    (tmp_path / "times").mkdir()
+    only_times = write_study(
+        tmp_path / "times", "cohort", [specimen("x", "a")], FirstRanges(Model(), (), scaled=True, only_times=True)
+    )
+    assert read_study(only_times).infer.method == "likelihood"
 
 
 @pytest.mark.parametrize("end", ["\n", "\r", "\x85", "\u2028", "\u2029"])

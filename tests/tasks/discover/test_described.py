@@ -60,6 +60,7 @@ def here(monkeypatch):
         monkeypatch.setattr(laws, name, number)
 
 
+@pytest.mark.thorough
 def test_damage_that_the_library_was_not_asked_for_becomes_a_law(study, tmp_path, here, capsys):
     out = tmp_path / "out"
     sinew("discover", study, "--out", out)

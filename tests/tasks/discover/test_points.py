@@ -50,6 +50,7 @@ def verdict(tmp_path, monkeypatch):
     return judged
 
 
+@pytest.mark.thorough
 def test_points_tell_apart_what_the_force_cannot(verdict):
     alone = verdict()
     assert alone["verdict"] == "AMBIGUOUS"

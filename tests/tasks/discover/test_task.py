@@ -220,6 +220,7 @@ def test_an_error_that_no_effect_describes_gets_no_name(study, tmp_path, here):
 
 @pytest.mark.shared
 @pytest.mark.parametrize(("case", "effects"), [("case_18", ["toe-slack"]), ("case_07", [])])
+@pytest.mark.thorough
 def test_cohorts_that_others_made(tmp_path, here, case, effects):
     """One specimen of a development case whose truth comes from another integration."""
     path = tmp_path / "study.yaml"

@@ -212,6 +212,7 @@ class Other:
         return Uniaxial().compare(*arguments)
 
 
+@pytest.mark.thorough
 def test_other_simulators_give_the_same_forces_and_say_why_there_are_no_stresses(tmp_path, monkeypatch):
     opened, truth = open_study(tmp_path, per_site=4, sites=("distal",))
     with opened as workspace:
@@ -231,6 +232,7 @@ def test_other_simulators_give_the_same_forces_and_say_why_there_are_no_stresses
 
 
 @pytest.mark.figures
+@pytest.mark.thorough
 def test_what_is_measured_beside_the_force_has_bands_of_its_own(tmp_path, capsys):
     truth = write_measured(tmp_path, 4, 2.0, 4)
     study = read_study(study_of(tmp_path, ""))

@@ -204,6 +204,7 @@ def test_what_bokeh_says_of_a_damaged_result_is_not_printed(run_folder, monkeypa
     assert said.getvalue() == ""
 
 
+@pytest.mark.thorough
 def test_specimens_without_end_are_compared_in_time(whole_run, run_folder, tmp_path):
     """The parameters of both are put side by side once, not once for each specimen."""
 

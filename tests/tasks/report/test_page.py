@@ -251,6 +251,7 @@ def test_a_page_of_27_specimens_with_long_curves_stays_small():
     assert len(bytes(page._json({"data": block.data}), "utf-8")) + sum(map(len, page.scripts())) < 15_000_000
 
 
+@pytest.mark.thorough
 def test_quantities_beside_the_force_have_plots_and_columns_of_their_own(tmp_path, monkeypatch):
     monkeypatch.setattr(pipeline, "_draw", lambda *_: None)
     monkeypatch.setattr(Workspace, "client", lambda self: None)

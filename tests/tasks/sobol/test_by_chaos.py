@@ -224,6 +224,7 @@ def test_a_study_that_comes_to_its_last_run_says_so(study, tmp_path, monkeypatch
     sinew("sobol", strict, "--out", tmp_path / "out", "--quiet")
 
 
+@pytest.mark.thorough
 def test_a_model_that_fails_in_a_corner_is_refused(study, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(Workspace, "client", lambda self: None)
     compare, edge = Uniaxial.compare, [60.0]

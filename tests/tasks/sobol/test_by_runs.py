@@ -40,6 +40,7 @@ def read(out):
 
 
 @pytest.mark.page
+@pytest.mark.thorough
 def test_bar_and_coarse_version_save_runs_and_none_is_repeated(tmp_path, settings, capsys, monkeypatch):
     study = written(tmp_path, cheaper(settings, ["bar", "coarse"], ("force", "gauge_stress")))
     out = tmp_path / "out"
@@ -84,6 +85,7 @@ def test_more_runs_of_a_version_are_another_result(tmp_path, settings):
     assert before == 5 * after["rows"] and after["surrogate"]["versions"]["coarse"]["runs"] == 6 * after["rows"]
 
 
+@pytest.mark.thorough
 def test_another_version_is_another_result(tmp_path, settings):
     found = cheaper(settings, ["bar"])
     found["sobol"] |= {"error": 0.5, "runs": 32}

@@ -126,6 +126,7 @@ def test_nothing_is_run_or_analysed_again(once, monkeypatch):
     assert (once / "out" / "sobol.json").read_bytes() == before and runs(once) == count
 
 
+@pytest.mark.thorough
 def test_a_result_whose_arrays_are_gone_is_made_again(again, once):
     study, out = again
     shutil.copyfile(once / "out" / "sobol.json", out / "sobol.json")
@@ -157,6 +158,7 @@ def test_fields_that_are_too_large_have_none(again, capsys, monkeypatch, what):
     assert "fields" not in json.loads((out / "sobol.json").read_text())
 
 
+@pytest.mark.thorough
 def test_places_are_analysed_some_at_a_time(again, once, monkeypatch):
     study, out = again
     monkeypatch.setattr(of_fields, "BYTES_AT_A_TIME", 8 * 32 * 60)
@@ -189,6 +191,7 @@ def test_fields_of_surfaces_alone_have_none(again, capsys, monkeypatch):
     assert "none of its variables is a number, a vector or a stress" in " ".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.thorough
 def test_a_result_without_indices_is_made_again_once_the_fields_are_there(again, once):
     study, out = again
     (out / "fields").rename(out / "elsewhere")

@@ -116,6 +116,7 @@ def test_values_outside_are_refused(folder, values, words):
     assert words in str(refused.value)
 
 
+@pytest.mark.thorough
 def test_an_emulator_that_is_made_again_is_the_one_that_was_trained(home, folder, monkeypatch):
     told, trained = task._told, []
     monkeypatch.setattr(task, "_told", lambda *given: trained.append(given[-1]) or told(*given))
@@ -166,6 +167,7 @@ def test_what_is_unchanged_is_not_done_again(home, folder, monkeypatch):
     assert (folder / "surrogate.json").read_bytes() == before
 
 
+@pytest.mark.thorough
 def test_an_interrupted_run_ends_with_the_same_bytes(home, folder):
     """A run that is stopped after the first batch asks for no row twice; the result and the arrays are the same."""
     out = home / "interrupted"
@@ -204,6 +206,7 @@ def fail_above(monkeypatch, **limits):
     monkeypatch.setattr(Uniaxial, "compare", failing)
 
 
+@pytest.mark.thorough
 def test_where_the_model_fails_is_learned_and_left_alone(home, monkeypatch):
     fail_above(monkeypatch, E_m=60.0)
     out = home / "failing"

@@ -76,6 +76,7 @@ def test_a_fit_that_was_not_the_best_is_replaced():
     assert found.ends[0, 0] < fitted.at[-1] < found.ends[0, 1]
 
 
+@pytest.mark.thorough
 def test_they_hold_the_truth_as_often_as_they_say():
     """A strength and a time that make up for each other: 40 parameters, of which 36 are expected inside."""
     truth = (0.6, 60.0)

@@ -215,6 +215,7 @@ def test_what_was_inferred_of_other_data_is_refused(inferred, tmp_path, here, ca
         sinew(again, study, "--out", out, "--quiet")
 
 
+@pytest.mark.thorough
 def test_a_curve_that_was_not_inferred_from_may_change_and_the_inference_is_made_anew(study, tmp_path, here, capsys):
     out = tmp_path / "out"
     study.write_text(SHORT.replace("infer: {paper: true", "infer: {paper: true, protocols: [one_step]"))

@@ -148,6 +148,7 @@ def test_an_interrupted_inference_asks_for_no_row_twice(study, by_rows_once, slo
     assert (parts / "infer" / "distal.nc").read_bytes() == (whole / "infer" / "distal.nc").read_bytes()
 
 
+@pytest.mark.thorough
 def test_a_poor_emulator_is_trained_again(study, by_calls, slow, tmp_path, monkeypatch):
     trained, again = [], by_rows.explored
     poor = Effort(candidates=12, starts=1, again=0, steps=8, few=False, rounds=1, fewest=21, ratio=1.0, checked=4)
@@ -162,6 +163,7 @@ def test_a_poor_emulator_is_trained_again(study, by_calls, slow, tmp_path, monke
         assert (one.apart <= by_rows.CLOSE, one.weighted) == (True, 0), "in the end, they are good enough"
 
 
+@pytest.mark.thorough
 def test_an_emulator_that_stays_wrong_is_made_up_for_by_weights(study, by_calls, slow, tmp_path, monkeypatch):
     squares = by_rows.FineEmulator.squares
     for name, value in (("TRAININGS", 2), ("LEAST_EFFICIENT", 0.6)):
@@ -186,6 +188,7 @@ def test_an_emulator_that_is_no_good_is_refused(study, slow, tmp_path, monkeypat
     assert not (tmp_path / "out" / "infer.json").exists()
 
 
+@pytest.mark.thorough
 def test_where_all_draws_fail_there_is_no_posterior(study, slow, tmp_path, monkeypatch, capsys):
     exact = by_rows._exact
     monkeypatch.setattr(by_rows, "_exact", lambda site, draws: np.full_like(exact(site, draws), np.inf))

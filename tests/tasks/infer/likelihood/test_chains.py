@@ -70,7 +70,7 @@ def ranks(seed, heavy):
 COHORTS = 24
 
 
-@pytest.mark.parametrize("heavy", [False, True])
+@pytest.mark.parametrize("heavy", [False, pytest.param(True, marks=pytest.mark.thorough)])
 def test_truth_is_anywhere_among_the_draws(heavy, monkeypatch):
     """Simulation-based calibration (Talts et al. 2018): ranks are uniform. A rough emulator will do here."""
     for name, value in (("PATHS", 4), ("WALKERS", 64)):

@@ -22,7 +22,7 @@ def test_where_the_model_is_right_there_is_next_to_no_error():
     assert np.mean(wider) < 1.3
 
 
-@pytest.mark.parametrize(("effect", "screw"), [("", 0.01), ("friction", 0.0)])
+@pytest.mark.parametrize(("effect", "screw"), [("", 0.01), pytest.param("friction", 0.0, marks=pytest.mark.thorough)])
 def test_where_the_model_is_wrong_posteriors_are_wider(effect, screw):
     without, beside, left = [], [], []
     for number in range(2):

@@ -143,6 +143,7 @@ def calls(study):
     return study.parent / "calls"
 
 
+@pytest.mark.thorough
 def test_rows_of_a_solver_give_the_posterior_of_calls(study, calls, tmp_path, monkeypatch):
     monkeypatch.setattr(Workspace, "client", lambda self: None)
     called = read_posteriors(calls).specimens["distal/1"]

@@ -13,7 +13,7 @@ AT_AN_END = np.array([0.0, 0.6, 1.1])  # of two ranges
 
 
 @pytest.mark.parametrize("centre", [CENTRE, AT_AN_END], ids=["within", "at an end"])
-@pytest.mark.parametrize("power", [0.0, 7.0])
+@pytest.mark.parametrize("power", [pytest.param(0.0, marks=pytest.mark.thorough), 7.0])
 def test_walks_draw_from_the_posterior(power, centre):
     rng = np.random.default_rng(5)
     chains, model = 400, known(centre)

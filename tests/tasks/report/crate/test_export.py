@@ -66,6 +66,7 @@ def read_again(folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return compared
 
 
+@pytest.mark.thorough
 def test_a_stranger_runs_it_again_and_gets_the_same_bytes(crate, whole_run, tmp_path, monkeypatch):
     here = Path(shutil.copytree(crate, tmp_path / "of a stranger"))
     hidden = whole_run.parent.with_name("hidden-from-the-stranger")

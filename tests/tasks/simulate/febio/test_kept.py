@@ -247,6 +247,7 @@ def test_a_killed_writer_leaves_nothing_that_counts(tmp_path):
         assert [path.suffix for path in (tmp_path / "fields").iterdir()] == [".zip"]
 
 
+@pytest.mark.thorough
 def test_writers_of_the_same_and_of_other_rows_do_not_meet(tmp_path):
     text = KILLED.replace("os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL)\n", "").replace(
         "RELAX, ROWS)", "RELAX, ROWS[{part}])"

@@ -70,6 +70,7 @@ def test_an_output_that_is_added_to_a_finished_study(tmp_path, settings, capsys)
     assert runs(tmp_path) == 24  # rows are the same with and without fields
 
 
+@pytest.mark.thorough
 def test_other_noise_and_another_measured_output_of_a_finished_study(tmp_path, settings):
     """Neither what was measured nor how noisy it is changes what the solver does."""
     settings["sobol"]["base_samples"] = 2

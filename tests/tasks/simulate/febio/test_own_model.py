@@ -145,6 +145,7 @@ def _check_page(folder: Path) -> None:
     assert (folder / "again" / "sobol.json").read_bytes() == (folder / "out" / "sobol.json").read_bytes()
 
 
+@pytest.mark.thorough
 def test_from_a_curve_to_its_parameters_and_predictions(tmp_path, settings):
     settings["model"]["parameters"]["nu"] = {"fixed": 0.3}  # of a bar in tension it hardly matters to the force
     settings["calibrate"] = {"methods": ["least_squares"], "evaluations": 32, "starts": 1}
@@ -171,6 +172,7 @@ def test_from_a_curve_to_its_parameters_and_predictions(tmp_path, settings):
     assert "Not run yet: <code>sinew discover" in built.path.read_text()
 
 
+@pytest.mark.thorough
 def test_an_output_that_was_measured_is_compared_beside_the_force(tmp_path, settings, capsys):
     settings["calibrate"] = {"methods": ["least_squares"], "evaluations": 48, "starts": 1}
     settings["measured"] = {"force": {"noise": 0.05}, "narrowing": {"column": "width_loss_mm", "noise": 0.001}}
