@@ -14,7 +14,7 @@ $(READY): requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
-	$(BIN)/python -m compileall -q -j 0 -x '/tests?/' $(VENV)/lib  # pip compiles on one processor only
+	-$(BIN)/python -m compileall -q -j 0 -x '/tests?/' $(VENV)/lib  # pip compiles on one processor only
 	touch $(READY)
 
 demo: $(READY)
