@@ -47,8 +47,8 @@ class Request:
 def allow(requests: Sequence[Request]) -> None:
     """Remember that the user confirms these requests. Raises ``OSError``."""
     folder = _folder()
-    folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-    own_folder(folder)
+    folder.parent.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    own_folder(own_folder(folder.parent) / folder.name)
     for request in requests:
         words = f"{request.key}\n{request.study.resolve()}: {request.field}\n"
         with new_file(folder / request.key, 0o600) as file:
@@ -62,7 +62,7 @@ def is_allowed(request: Request) -> bool:
     try:
         if not folder.is_dir() or os.lstat(path).st_uid != os.geteuid():
             return False
-        own_folder(folder)
+        own_folder(own_folder(folder.parent) / folder.name)
         return read_regular(path, 2**16).partition(b"\n")[0] == request.key.encode()
     except (OSError, NotReadable):
         return False

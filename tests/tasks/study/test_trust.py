@@ -1,6 +1,7 @@
 """A study from somebody else runs no program, and opens no door, that its user did not confirm."""
 
 import os
+import stat
 import sys
 from pathlib import Path
 
@@ -233,14 +234,18 @@ def test_consent_in_a_folder_that_others_can_write_to_does_not_count(study, tmp_
     request, other = (Request(study(""), "", field, "words", "instead") for field in ("field", "other"))
     allow([request])
     folder = tmp_path / "state" / "sinew" / "trusted"
+    assert stat.S_IMODE(folder.parent.stat().st_mode) == stat.S_IMODE(folder.stat().st_mode) == 0o700
     (folder / request.key).rename(folder / other.key)
     assert not is_allowed(other), "it is of another request"
     (folder / other.key).rename(folder / request.key)
     assert is_allowed(request)
-    folder.chmod(0o770)
-    assert not is_allowed(request)
-    with pytest.raises(PermissionError):
-        allow([request])
+    for one in (folder, folder.parent):
+        one.chmod(0o770)
+        assert not is_allowed(request)
+        with pytest.raises(PermissionError):
+            allow([request])
+        one.chmod(0o700)
+        assert is_allowed(request)
 
 
 def test_a_path_of_any_bytes_has_a_key_of_its_own(tmp_path, monkeypatch):
