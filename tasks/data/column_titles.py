@@ -9,7 +9,7 @@ from sinew.tasks.data.heads import Row
 from sinew.tasks.data.quantities import OF_A_TEST
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
-from sinew.tasks.data.titles import before_channel, name_and_unit, without_numbers, without_suffix
+from sinew.tasks.data.titles import known_within, name_and_unit, without_fillers, without_numbers, without_suffix
 from sinew.tasks.data.told_lines import role_of, units_above
 
 #: Of tables in use: a table of many tests is asked many times.
@@ -45,17 +45,18 @@ def places_named(titles: Sequence[str], named: Sequence[tuple[str, str]], wanted
 
 
 def _of_channels(names: Sequence[str], measured: Sequence[str]) -> list[str]:
-    """The names without those of channels and sensors behind them, where no column is called by the name alone.
+    """The names without words that change nothing of them, where no column is called by the name alone.
 
-    ``measured``: the units; a column without one stays as it is.
+    ``measured``: the units; one of another quantity leaves a name as it is, and so does none beside that of a channel.
     """
     names = list(names)
     for quantities, known in OF_A_TEST:
         if any(name in known for name in names):
             continue
-        words = [before_channel(name, known) for name in names]
+        words = [known_within(name, known) for name in names]
         for place, (word, unit) in enumerate(zip(words, measured, strict=True)):
-            if word and any(units.factor(one.units, unit) is not None for one in quantities if word in one.titles):
+            fits = any(units.factor(one.units, unit) is not None for one in quantities if word in one.titles)
+            if word and (fits or (not unit and without_fillers(names[place]) == word)):
                 names[place] = word
     return names
 

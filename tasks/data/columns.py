@@ -14,7 +14,7 @@ from sinew.tasks.data.column_titles import check_width, names_and_units, places_
 from sinew.tasks.data.factors import factor_of
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.possible_columns import changes, holds_numbers, in_volts, possible
+from sinew.tasks.data.possible_columns import changes, follows, holds_numbers, in_volts, possible
 from sinew.tasks.data.quantities import (
     DISPLACEMENT,
     FORCE,
@@ -30,7 +30,7 @@ from sinew.tasks.data.quantities import (
 from sinew.tasks.data.questions import NEITHER, NoColumn, Unclear, UnknownUnit
 from sinew.tasks.data.roles import Role, by_number, roles_of
 from sinew.tasks.data.tables import Table
-from sinew.tasks.data.titles import before_channel, name_and_unit
+from sinew.tasks.data.titles import known_within, name_and_unit
 
 NOWHERE = -1
 SURE, LIKELY, GIVEN = "sure", "likely", "as you said"
@@ -247,6 +247,8 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: R
         still = {at for _, at, one in found if one is DISPLACEMENT and named[at][0] not in words.EXTENSOMETER}
         found = [one for one in found if changes(table, one[1])] or found
         still -= {at for _, at, _ in found}
+    loose = _loose(table, named, found)
+    found = [one for one in found if one[1] not in loose]
     known = [one for one in found if units.is_unit(named[one[1]][1])]
     found = [one for one in found if not known or not in_volts(*named[one[1]])]
     if not found:
@@ -255,18 +257,27 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: R
     if quantity is STRETCH and _is_strain(table, place, named[place][0], named[place][1] or role.given or "", role):
         quantity = STRAIN
     machine = (DISPLACEMENT, POSITION) if named[place][0] in words.EXTENSOMETER else ()
-    others = {other for same, other, one in found if same == rank or one in machine}
+    others = loose | {other for same, other, one in found if same == rank or one in machine}
     if quantity in (STRAIN, STRETCH):  # perhaps of a camera, while the crosshead rested
         others |= still
     title, unit = named[place]
     if not unit:
         others |= {other for _, other, _ in found if named[other][0] in words.EXTENSOMETER and not named[other][1]}
     doubtful = title.startswith("(") or title in words.DOUBTFUL or quantity not in (TIME, DISPLACEMENT, FORCE)
-    doubtful = doubtful or bool(before_channel(name_and_unit(titles[place])[0], (title,)))
+    whole = name_and_unit(titles[place])[0]
+    doubtful = doubtful or bool(known_within(whole, (title,)))
     same = [STRESS] if quantity is FORCE else [LENGTH] if quantity is DISPLACEMENT else []  # they say it once more
     rivals = _without_repeated([(one, named[at]) for _, at, one in found if one not in same], named)
     sure = len(rivals) == 1 and not doubtful
     return _Choice(quantity, place, SURE if sure else LIKELY, tuple(sorted(others - {place})))
+
+
+def _loose(table: Table, named: Sequence[tuple[str, str]], found: Sequence[tuple[object, int, Quantity]]) -> set[int]:
+    """Which of the columns ``found`` are of extensometers that do not move with the machine, where that moves."""
+    sensors = {at for _, at, _ in found if named[at][0] in words.EXTENSOMETER}
+    machines = [at for _, at, one in found if one in (DISPLACEMENT, POSITION) and at not in sensors]
+    machine = next((at for at in machines if units.is_unit(named[at][1]) and changes(table, at)), None)
+    return set() if machine is None else {at for at in sensors if not follows(table, at, machine)}
 
 
 def _without_repeated(

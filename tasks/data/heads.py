@@ -8,7 +8,7 @@ from pathlib import Path
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.quantities import OF_A_TEST
 from sinew.tasks.data.text import is_number
-from sinew.tasks.data.titles import before_channel, name_and_unit
+from sinew.tasks.data.titles import known_within, name_and_unit
 from sinew.tasks.data.units import is_unit
 
 HIGHEST = 5  # rows above the one next to the numbers, in which titles are looked for
@@ -59,7 +59,7 @@ def head_of(rows: Sequence[Row], at: int) -> Head:
     """The head of a table; ``rows`` as titles read, ``at``: the row above its numbers that is not blank (-1: none).
 
     Titles stand there, or above a row of units. Between titles and numbers may be rows of other texts, such as types
-    or names of sensors, if the titles are known ones. Units may also stand above the titles.
+    or names of sensors, if the titles are known ones. Units may also stand above the titles, and numbers beside them.
     """
     while at >= 0 and not any(rows[at]):  # nothing but a mark of a comment, such as "#"
         at -= 1
@@ -69,6 +69,10 @@ def head_of(rows: Sequence[Row], at: int) -> Head:
     if told is not None:
         return told
     above = at - 1 if at > 0 and any(rows[at - 1]) else _next_above(rows, at)
+    words = _without_numbers(rows[at])
+    beside = words != rows[at] and len(_places(words)) >= NAMED and is_row_of_units(words)
+    if beside and above == at - 1 and len(_names(rows[above])) >= NAMED:
+        return Head(rows[above], words, above)
     if is_row_of_units(rows[at]) and above == at - 1 >= 0:
         return Head(rows[above], rows[at], above)
     if above >= 0 and _names(rows[above]) and _covers(rows[above], rows[at]) and _may_be_units(rows[at]):
@@ -151,9 +155,14 @@ def _names(row: Row) -> set[int]:
     measured = [name for name, unit in named if is_unit(unit)]
     found = set()
     for number, (_, known) in enumerate(OF_A_TEST):
-        if not names.isdisjoint(known) or any(before_channel(name, known) for name in measured):
+        if not names.isdisjoint(known) or any(known_within(name, known) for name in measured):
             found.add(number)
     return found
+
+
+def _without_numbers(row: Row) -> Row:
+    """The row without its numbers, which somebody may have written beside a table."""
+    return tuple("" if any(is_number(cell, mark) for mark in ".,") else cell for cell in row)
 
 
 def _next_above(rows: Sequence[Row], at: int) -> int:

@@ -17,12 +17,12 @@ from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import contradiction, length_beside, lengths_at_zeros, numbers_of
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
 from sinew.tasks.data.recordings import Recording, read_recordings
-from sinew.tasks.data.remarks import remarks
+from sinew.tasks.data.remarks import remarks, which_columns
 from sinew.tasks.data.roles import TIMED
 from sinew.tasks.data.rows_of_words import says_more
 from sinew.tasks.data.several import FEWEST_ROWS, beside, blocks_of_tests, go_on, told_apart
 from sinew.tasks.data.signs import new_zeros
-from sinew.tasks.data.sizes import SIZES, read_sizes
+from sinew.tasks.data.sizes import SIZES, contradiction_of_areas, contradiction_without_unit, read_sizes
 from sinew.tasks.data.sizes_in_names import sizes_in_name
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.told import as_told
@@ -92,7 +92,7 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         expected = "titles of time, displacement and force, or --time-column, --displacement-column and --force-column"
         raise BadInput(path, f"no columns of a test among {shown(listed, 80)}", f"{expected} NAME or NUMBER")
     numbers, rows = _numbers(table, columns)
-    values = _sizes(table, columns, numbers[:rows], hints)
+    values, differs = _sizes(table, columns, numbers[:rows], hints)
     given = {"length": reading.length_mm, "area": reading.area_mm2}
     values |= {name: size for name, size in given.items() if size is not None}
     doubt = _doubt(table, columns, values["length"], numbers[:rows]) if reading.length_mm is None else ""
@@ -108,10 +108,13 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         values = _with_area({name: known.get(name) if mm is None else mm for name, mm in values.items()})
     told = [as_told(one, hints) for one in recordings]
     notes = tuple(dict.fromkeys(remark for one in told for remark in (*remarks(one), *first_length(one, reading))))
+    notes = notes or tuple(which_columns(columns))
     if recordings and columns[0] is None:  # a person has told how times run
         columns = recordings[0].columns
         numbers[0, 0] = recordings[0].numbers[0, 0]
-    questions = (*problems, *times, *refusal, *_missing(path, values, columns, doubt))
+    if differs and reading.area_mm2 is None:
+        values["area"] = None
+    questions = (*problems, *times, *refusal, *_missing(path, values, columns, doubt, differs))
     first = [float(number) if rows and np.isfinite(number) else None for number in numbers[0]]
     if len(recordings) == 1:  # of several tables that go on
         rows = len(recordings[0].rows)
@@ -204,7 +207,8 @@ def _numbers(table: Table, columns: Sequence[Column | None]) -> tuple[np.ndarray
 
 def _sizes(
     table: Table, columns: Sequence[Column | None], numbers: np.ndarray[Any, Any], hints: Hints
-) -> dict[str, float | None]:
+) -> tuple[dict[str, float | None], str]:
+    """The sizes (mm, mm2) that a file tells, and what contradicts each other in its cross-sections, or nothing."""
     told = read_sizes(table.header, table.own, table.decimal)
     values: dict[str, float | None] = {
         name: told[name].mm if name in told else None for name in (*SIZES, "diameter", "area")
@@ -218,7 +222,7 @@ def _sizes(
         end = zeros[0] if zeros and hints.preload == "keep" else None
         beside_it = length_beside(table, numbers[first:end, 1], first)
         values["length"] = None if beside_it is None else beside_it.mm
-    return _with_area(values)
+    return _with_area(values), contradiction_of_areas(told) or contradiction_without_unit(told)
 
 
 def _with_area(values: dict[str, float | None]) -> dict[str, float | None]:
@@ -257,7 +261,7 @@ def _doubt(
 
 
 def _missing(
-    path: Path, values: dict[str, float | None], columns: Sequence[Column | None], doubt: str
+    path: Path, values: dict[str, float | None], columns: Sequence[Column | None], doubt: str, differs: str
 ) -> Iterable[str]:
     proposed = [f"{size} {mm:g} mm" for size, mm in sizes_in_name(path.stem).items()]
     perhaps = f", but its name may: {', '.join(proposed)}" if proposed else ""
@@ -265,4 +269,5 @@ def _missing(
         yield doubt or f"length: the file does not give it{perhaps}; --length-mm"
     load = columns[2]
     if values["area"] is None and (load is None or load.quantity is not STRESS):
-        yield f"cross-section: the file does not give it{perhaps}; --area-mm2"
+        given = f"gives {differs}" if differs else f"does not give it{perhaps}"
+        yield f"cross-section: the file {given}; --area-mm2"

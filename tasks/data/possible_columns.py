@@ -2,11 +2,15 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from sinew.tasks.data import units, words
 from sinew.tasks.data.quantities import LENGTH, STRAIN, Quantity
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 
+FOLLOWED, FEWEST_FOLLOWED = 2000, 20  # rows that an extensometer is compared in
+FOLLOWS = 0.5  # rank correlation
 LOOKED_AT = 200  # rows: a file of many tests is asked many times
 
 
@@ -20,6 +24,20 @@ def changes(table: Table, place: int) -> bool:
     cells = (row[place] for _, row in table.rows if place < len(row) and row[place])
     first = next(cells, "")
     return any(cell != first for cell in cells)
+
+
+def follows(table: Table, place: int, machine: int) -> bool:
+    """Whether an extensometer moves as the machine does: one that is not on the specimen shows noise, or nothing.
+
+    It has numbers wherever the machine has; ranks of both are correlated by ``FOLLOWS`` at least.
+    """
+    step = -(-len(table.rows) // FOLLOWED)
+    both = [(table.number(row, place), table.number(row, machine)) for row in range(0, len(table.rows), step)]
+    pairs = [(one, other) for one, other in both if other is not None]
+    if len(pairs) < FEWEST_FOLLOWED or any(one is None for one, _ in pairs):
+        return len(pairs) < FEWEST_FOLLOWED
+    ranks = np.argsort(np.argsort(np.array(pairs, dtype=float), axis=0, kind="stable"), axis=0, kind="stable")
+    return bool(abs(np.corrcoef(ranks[:, 0], ranks[:, 1])[0, 1]) >= FOLLOWS)
 
 
 def holds_numbers(table: Table, place: int) -> bool:

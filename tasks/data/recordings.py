@@ -11,7 +11,6 @@ import numpy as np
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cell_numbers import filled_rows, number_of
 from sinew.tasks.data.columns import NOWHERE, Column, alike_places, recognise
-from sinew.tasks.data.first_rows import before_clock
 from sinew.tasks.data.further import Kept, kept
 from sinew.tasks.data.further_tables import is_test, left_out_note, may_be_test, unclear_further
 from sinew.tasks.data.heads import Row
@@ -23,6 +22,7 @@ from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.questions import Doubt, NoColumn
 from sinew.tasks.data.ragged import refuse_ragged
 from sinew.tasks.data.rows_of_words import cut_off, names_test, says_more, without_words
+from sinew.tasks.data.same_times import again, before_clock
 from sinew.tasks.data.several import (
     FEWEST_ROWS,
     GOES_ON,
@@ -93,13 +93,13 @@ class Recording:
     def load(self) -> Column:
         return self.columns[2]
 
-    def part(self, rows: slice, note: str) -> "Recording":
+    def part(self, rows: slice | Array, note: str) -> "Recording":
         """Some rows of it only, with a note on that. What all rows told of sizes is not known of a part."""
         values = {name: each[rows] for name, each in self.further.values.items()}
         return replace(
             self,
             numbers=self.numbers[rows],
-            rows=self.rows[rows],
+            rows=tuple(np.array(self.rows)[rows].tolist()),
             notes=(*self.notes, note),
             further=replace(self.further, values=values),
             repeats=Repeats(),
@@ -272,7 +272,7 @@ def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Rec
         blocks = [Block("", 0, rows)] if hints.tests_by is None else blocks_of_tests(table, rows, hints.tests_by)
         for block in blocks:
             both = replace(block, name="_".join(filter(None, (name, block.name))))
-            found.append(_begun(_recording(table, ours, hints, both, sizes[number], number, count)))
+            found.append(_once(_begun(_recording(table, ours, hints, both, sizes[number], number, count))))
         if cut:
             at, row = table.rows[rows]
             note = f"row {at} ends within a number, {shown(row[-1])}, and is left out"
@@ -350,6 +350,16 @@ def _begun(recording: Recording) -> Recording:
     same = f"{recording.numbers[0, 0]:g} s"
     note = f"the first {early + 1} rows have the same time, {same}: the test begins with the last of them"
     return replace(recording.part(slice(early, None), note), repeats=recording.repeats)
+
+
+def _once(recording: Recording) -> Recording:
+    """The recording without a few rows that have the time of the row before, and a note on them."""
+    rows = again(recording.numbers)
+    if not rows.size or recording.columns[0].place == NOWHERE:
+        return recording
+    listed = ", ".join(f"{recording.rows[row]}" for row in rows[:5]) + (", ..." if rows.size > 5 else "")
+    note = f"{rows.size} of {len(recording.rows):,} rows have the time of the row before and are left out: {listed}"
+    return replace(recording.part(np.delete(np.arange(len(recording.rows)), rows), note), repeats=recording.repeats)
 
 
 def _over_cycles(

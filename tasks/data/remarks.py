@@ -1,8 +1,10 @@
 """What a person should check in a recording that was understood."""
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
-from sinew.tasks.data.columns import LIKELY
+from sinew.tasks.data.columns import LIKELY, Column
 from sinew.tasks.data.odd_numbers import odd_numbers
 from sinew.tasks.data.quantities import POSITION
 from sinew.tasks.data.recordings import Recording
@@ -15,15 +17,19 @@ SMALL_PERCENT = 0.05  # 5 %: larger strains were beyond 500 %, if they were frac
 
 def remarks(recording: Recording) -> list[str]:
     """A line for each thing that a person should check."""
-    found = [*recording.notes, *recording.further.notes]
-    for column in recording.columns:
-        if column.alike:
-            others = ", ".join(f"'{title}'" for title in column.alike)
-            found.append(f"{column.quantity.name} from column {column.place + 1}; it may be in another: {others}")
+    found = [*recording.notes, *recording.further.notes, *which_columns(recording.columns)]
     if recording.motion.quantity is POSITION:
         found.append(f"positions, {LIKELY} to count from the first one")
     found += [*told_factors(recording.header), *odd_numbers(recording.columns, recording.numbers)]
     return [*found, *_hidden_percent(recording), *map(str, recording.doubts)]
+
+
+def which_columns(columns: Sequence[Column | None]) -> Iterator[str]:
+    """A line for each column in whose place another one could be meant."""
+    for column in columns:
+        if column is not None and column.alike:
+            others = ", ".join(f"'{title}'" for title in column.alike)
+            yield f"{column.quantity.name} from column {column.place + 1}; it may be in another: {others}"
 
 
 def _hidden_percent(recording: Recording) -> list[str]:

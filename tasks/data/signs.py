@@ -82,6 +82,8 @@ def new_zeros(numbers: Array) -> tuple[int, ...]:
     may lead anywhere. Several and shorter ones count where they lead to zero and the specimen is loaded there: one
     without load may have been moved back.
     """
+    if not len(numbers):
+        return ()
     motion, loads, span = numbers[:, 1], np.abs(np.diff(numbers[:, 2])), np.ptp(numbers[:, 2])
     steps = np.abs(np.diff(motion))
     moving = steps[steps > 0.0]

@@ -19,12 +19,12 @@ SHORTEST_MM, LONGEST_MM = 1e-6, 1e4  # of any size: a nanometre, and ten metres
 LEAST_MM2, LARGEST_MM2 = SHORTEST_MM**2, LONGEST_MM**2
 POSSIBLE_MM = f"at least {SHORTEST_MM:g} and below {LONGEST_MM:g} mm"
 SMALLEST_MM, SMALLEST_MM2 = 0.1, 0.01  # of a size without unit: a smaller one may as well be in m or cm
-LEAST = {**dict.fromkeys((*SIZES, "diameter"), SHORTEST_MM), "area": LEAST_MM2}
-LARGEST = {**dict.fromkeys((*SIZES, "diameter"), LONGEST_MM), "area": LARGEST_MM2}
+LEAST = {**dict.fromkeys((*SIZES, "height", "diameter"), SHORTEST_MM), "area": LEAST_MM2}
+LARGEST = {**dict.fromkeys((*SIZES, "height", "diameter"), LONGEST_MM), "area": LARGEST_MM2}
 FAR = 500  # rows from either end of those above a table, in which sizes are looked for
 _WIDEST = 200  # cells of a row that tells a size
 _LONGEST_LINE = 200  # characters of a line that tells a size
-_WORDS = {name: words.SIZES[name] for name in ("length", "width", "thickness", "diameter")}
+_WORDS = {name: words.SIZES[name] for name in ("length", "height", "width", "thickness", "diameter")}
 #: What may stand beside the word for a size; with any other word, a line tells something else ("parallel length").
 _BESIDE = re.compile(
     r"\b(?:gauge|gage|specimen|sample|initial|original|probe[n]?|standard travel|course standard|éprouvette|eprouvette|"
@@ -35,7 +35,7 @@ _UNIT = "|".join(re.escape(unit) for unit in sorted([*units.LENGTH, "μm"], key=
 #: What may stand in front of a colon: with any other word, a line tells the size of something else.
 _BEFORE = (
     r"(?:specimen|sample|test ?piece|test|properties|property|geometry|dimensions?|sizes?|parameters?|inputs?|general|"
-    r"initial|original|proben?|abmessungen|éprouvette|właściwości|próbki|name|nr|no|\d+)"
+    r"initial|original|proben?|abmessung(?:en)?|éprouvette|właściwości|próbki|name|nr|no|\d+)"
 )
 _OF_SPECIMEN = rf"(?:(?:{_BEFORE}[ _]+)*{_BEFORE} ?: ?)?"
 _ALLOWED = re.compile(rf"(?:{_BEFORE}[ _]+)*{_BEFORE} ?", re.IGNORECASE)
@@ -48,6 +48,10 @@ _SIZE = re.compile(
     rf"{_LABEL}(?:[ _/]* ?[(\[]?(?P<unit>{_UNIT})[)\]]?)? ?[:=]? ?"
     rf"(?P<value>[0-9]+(?:[.,][0-9]+)?(?:e[-+]?[0-9]+)?)(?: ?[(\[]?(?P<behind>{_UNIT})[)\]]?)?",
     re.IGNORECASE,
+)
+#: The length by which Bluehill makes strains of the displacement: "Strain : Tensile strain (Extension) gauge length".
+_OF_STRAIN = re.compile(
+    r"strain : (?:tensile|compressive) strain \((?:extension|displacement)\) gauge length(?= )", re.IGNORECASE
 )
 _AREAS = "|".join(map(re.escape, units.AREA))
 #: "Cross-sectional area: 0.3 cm²", "Area (mm2) 12", which need a unit.
@@ -84,7 +88,8 @@ def read_sizes(header: Sequence[Row], own: int = 0, decimal: str = "") -> Mappin
 
     A size stands in a row of its own, or in a table of results: a row of labels, one of units, one of numbers. If
     several rows tell one size, the first of them with number and unit counts, else the first with a number; where they
-    contradict each other, none does. Rows from ``own`` on go before those above them. Of many thousand rows, the first
+    contradict each other, none does. The height of a round specimen is its length. Rows from ``own`` on go before those
+    above them. Of many thousand rows, the first
     and the last are looked at.
     """
     if own:
@@ -103,6 +108,9 @@ def read_sizes(header: Sequence[Row], own: int = 0, decimal: str = "") -> Mappin
     for labels, below, numbers, next_row in zip(header, header[1:], header[2:], (*header[3:], ()), strict=False):
         for name, size in _in_columns(labels, below, numbers, next_row, decimal):
             found.setdefault(name, []).append(size)
+    height = found.pop("height", None)
+    if height is not None and "diameter" in found and "length" not in found:  # a cylinder
+        found["length"] = height
     return {name: _one_of(sizes) for name, sizes in found.items()}
 
 
@@ -267,6 +275,9 @@ def _read(row: Row, decimal: str = "") -> tuple[str, Size] | None:
     line, start = joined(row), joined(row[:3])
     if len(start) >= _LONGEST_LINE:
         return None
+    if found := _OF_STRAIN.match(line):
+        row = ("length", *row[1:])
+        line, start = joined(row), joined(row[:3])
     for text in (line, start) if len(line) < _LONGEST_LINE else (start,):
         if found := _SIZE.fullmatch(text):
             name = _name(found["what"])

@@ -39,6 +39,8 @@ _CLOCK = re.compile(
     r"(?:(?P<hours>\d{1,4}):(?P<minutes>[0-5]\d):(?P<seconds>[0-5]\d(?:[.,]\d+)?)(?P<half> ?[AaPp]\.?[Mm]\.?)?"
     r"|(?P<alone>\d{1,3}):(?P<behind>[0-5]\d[.,]\d+))(?:Z|(?P<zone>[+-]\d\d:?\d\d))?"
 )
+_NO_BREAK = frozenset("\u00a0\u202f")  # spaces, the second one narrow
+_SPACED_THOUSANDS = re.compile(r"(?<=\d)[\u00a0\u202f](?=\d{3}(?!\w))")
 _THOUSANDS = {".": re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+"), ",": re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+")}
 
 #: Numbers that groups of three digits may be, with marks between them: 1.100 and 1.100.000, but not 0.500.
@@ -150,7 +152,12 @@ def is_blank(line: str) -> bool:
 
 
 def cells(line: str, separator: str) -> list[str]:
-    """The cells of a line, stripped. The separator ``" "`` stands for any number of spaces or tabs."""
+    """The cells of a line, stripped. The separator ``" "`` stands for any number of spaces or tabs.
+
+    No-break spaces that mark thousands go away: ``1 000,35`` of French and Polish programs.
+    """
+    if not _NO_BREAK.isdisjoint(line):
+        line = _SPACED_THOUSANDS.sub("", line)
     if separator == " ":
         return line.split()
     try:

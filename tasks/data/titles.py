@@ -31,6 +31,12 @@ _OF_CHANNELS = frozenset({
 })  # fmt: skip
 #: Letters about digits that make another quantity of the name: "SP1", "max2", "x1000".
 _OTHERS = frozenset({"sp", "cmd", "ref", "max", "min", "avg", "rms", "std", "sd", "set", "x", "y", "z", "dt", "del"})
+#: Words beside a name that change nothing of it: ``Primary load measurement``, ``Contrainte nominale``.
+_FILLERS = frozenset({
+    "measurement", "measured", "primary", "nominal", "nominale", "nominell", "value", "values", "signal", "reading",
+    "actual", "istwert", "messwert", "mesure", "mesurée", "medido", "medida",
+})  # fmt: skip
+_SPECIMEN = re.compile(r"([^\W\d_]+)\d{1,3}")  # in front of a name: ``RD2 force``
 _LETTERS = 3
 _SHORTEST = 3  # letters of a name that may stand in front of that of a channel
 _LONGEST = 300  # characters of a title with a unit
@@ -117,7 +123,12 @@ def without_suffix(title: str, titles: Sequence[str]) -> str:
     return base if base != title and base in titles else title
 
 
-def before_channel(name: str, known: Collection[str]) -> str:
+def known_within(name: str, known: Collection[str]) -> str:
+    """The known name within one of more words, which change nothing of it; empty where there is none."""
+    return _before_channel(name, known) or _among_fillers(name, known)
+
+
+def _before_channel(name: str, known: Collection[str]) -> str:
     """The known name in front of that of a channel or a sensor, which has a digit: ``kraft`` of ``kraft u9c 500n``.
 
     A number alone may follow it at once: ``disp`` of ``disp1``.
@@ -132,6 +143,21 @@ def before_channel(name: str, known: Collection[str]) -> str:
     rest = [each for each in rest if each]
     numbered = any(map(str.isdigit, "".join(rest)))
     return word if word and numbered and all(map(_of_channel, rest)) else ""
+
+
+def _among_fillers(name: str, known: Collection[str]) -> str:
+    """The known name among words that change nothing of it; empty where there is none."""
+    base = without_fillers(name)
+    return base if base != name and len(base) >= _SHORTEST and base in known else ""
+
+
+def without_fillers(name: str) -> str:
+    """A name without words that change nothing of it, and without that of a specimen in front: ``RD2 force``."""
+    words = name.split()
+    named = _SPECIMEN.fullmatch(words[0]) if len(words) > 1 else None
+    if named is not None and named[1] not in _OTHERS | _FILLERS:
+        words = words[1:]
+    return " ".join(word for word in words if word not in _FILLERS)
 
 
 def _of_channel(word: str) -> bool:

@@ -1,5 +1,7 @@
 """How long the inference of all sites will take."""
 
+from collections.abc import Sequence
+
 from sinew.tasks.data.sites import by_site
 from sinew.tasks.infer.likelihood.effort import most_rows
 from sinew.tasks.infer.settings import Settings
@@ -11,13 +13,23 @@ PROPOSAL_S = 2.5e-4
 USUAL = 0.5  # of the generations that a study allows: most inferences stop before
 START_S = 2.0  # pyABC is imported
 DRAWS = 200  # that a slow simulator computes to check the emulators of a likelihood
-NOISE_S, EXPLORED_S = 0.8, 12.0  # of a likelihood, for each specimen
-SWEEPS_S = 2 * 200 * 0.025  # for each specimen: two ensembles, their usual sweeps, and seconds of one
+NOISE_S = 0.8  # of a likelihood, for each specimen
+EXPLORED_S, EXPLORED_POINT_S = 5.6, 8.7e-4  # for each specimen, and for each of its measured points
+SWEEP_S, SWEEP_POINT_S = 0.021, 5.3e-7  # the same, of a sweep
+SWEEPS, SWEEPS_ALONE = 200, 1800  # of an ensemble: at least, and of a site with one specimen; with more, they are fewer
 
 
 def sites_of(given: Given) -> dict[str, tuple[Specimen, ...]]:
     """The specimens that the study infers, by site."""
     return by_site(given.specimens(given.study.section(Settings).specimens))
+
+
+def _chains_s(members: Sequence[Specimen]) -> float:
+    """How long (s) it takes to explore the specimens of a site and to sweep two ensembles of chains."""
+    points = sum(curve.force_N.size for one in members for curve in one.curves)
+    explored = EXPLORED_S * len(members) + EXPLORED_POINT_S * points
+    sweep = SWEEP_S * len(members) + SWEEP_POINT_S * points
+    return explored + 2 * max(SWEEPS, SWEEPS_ALONE / len(members)) * sweep
 
 
 def work(given: Given, settings: Settings) -> Work:
@@ -34,7 +46,7 @@ def work(given: Given, settings: Settings) -> Work:
             if given.can.quick
             else dict.fromkeys(names, most_rows(len(given.model.free), discrepancy=settings.discrepancy) + DRAWS)
         )
-        return Work(rows, here_s=NOISE_S * len(names), shared_s=(EXPLORED_S + SWEEPS_S) * len(names))
+        return Work(rows, here_s=NOISE_S * len(names), shared_s=sum(map(_chains_s, sites.values())))
     filled = settings.by_abc(quick=given.can.quick)
     assert filled.population is not None and filled.generations is not None, "they are filled in"
     proposals = max(1, round(USUAL * filled.generations)) * filled.population * PROPOSALS

@@ -1,5 +1,6 @@
 """Columns that are alike, and titles that may mean two things."""
 
+import numpy as np
 import pytest
 
 from sinew.runner.errors import BadInput
@@ -114,6 +115,45 @@ def test_a_number_at_the_end_of_a_name_is_that_of_a_channel():
         columns("t_s|Disp_mm|Force1 (N)|Force2 (N)")
     with pytest.raises(BadInput, match="no column of force or stress"):
         columns("t_s|Disp_mm|Forces1 (N)|P1 (N)")
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        ("Time measurement (s)", "Extension (mm)", "Primary load measurement (N)"),
+        ("Zeit Messwert [s]", "Wegaufnehmer [mm]", "Kraft Istwert [kN]"),
+        ("t_s", "Déformation nominale (%)", "Contrainte nominale (MPa)"),
+        ("t_s", "Steel1_Strain_%", "Steel1_Stress_MPa"),
+        ("t_s", "Position des Aktuators (mm)", "RD2_force_kN"),
+    ],
+)
+def test_words_that_change_nothing_do_not_hide_a_name(titles):
+    assert tuple(column.title for column in columns("|".join(titles))) == titles
+
+
+def test_names_of_specimens_in_front_of_others_leave_a_question():
+    with pytest.raises(BadInput, match="'RD2_force_kN' and 'RD5_force_kN' may both be the force"):
+        columns("t_s|Disp_mm|RD2_force_kN|RD5_force_kN")
+    with pytest.raises(BadInput, match="no unit of the stress can be found"):
+        columns("t_s|Déformation nominale (%)|Contrainte nominale")
+    for other in ("SP1 force (N)", "Max1 force (N)", "Nominal (N)", "Steel1 Force (mm)", "Primary load limit (N)"):
+        with pytest.raises(BadInput, match="no column of force or stress"):
+            columns(f"t_s|Disp_mm|{other}")
+
+
+def test_an_extensometer_that_does_not_move_with_the_machine_is_not_taken():
+    rng = np.random.default_rng(3)
+    noise, force = 1e-4 * rng.standard_normal(60), np.arange(60.0)
+    for sensor, taken in ((noise, "Position (mm)"), (noise + 0.001 * force, "Extensometer (mm)")):
+        rows = [f"{i}|{0.05 * i:.4f}|{each:.6f}|{i}" for i, each in enumerate(sensor)]
+        (_, motion, _) = recognise(
+            table_of("t_s|Position (mm)|Extensometer (mm)|F_N", *rows), Hints(), first_of_alike=True
+        )
+        assert motion.title == taken
+        assert motion.alike == tuple({"Position (mm)", "Extensometer (mm)"} - {taken})
+    gone = [f"{i}|{0.05 * i:.4f}|{0.01 * i if i < 50 else ''}|{i}" for i in range(60)]
+    (_, motion, _) = recognise(table_of("t_s|Position (mm)|Extensometer (mm)|F_N", *gone), Hints(), first_of_alike=True)
+    assert motion.title == "Position (mm)", "the extensometer was taken off"
 
 
 def test_files_may_have_one_of_several_titles_that_are_given():

@@ -32,6 +32,13 @@ def test_titles_and_units_are_found_above_and_below_each_other(lines):
     assert found.top == 1 + min(lines.index(row) for row in ("Time,Disp,Force", "s,mm,N"))
 
 
+def test_numbers_beside_units_do_not_make_them_titles():
+    found = head("Time,Disp,Force,,20", "s,mm,N,,10.78")
+    assert (found.titles, found.units, found.top) == ((*TITLES, "", "20"), (*UNITS, "", ""), 0)
+    assert head("Place,Name,Number,,20", "s,mm,N,,10.78").units == (), "no titles of a test above"
+    assert head("Time,Disp,Force,,20", "1,mm,3,,10.78").units == (), "a row of numbers"
+
+
 def test_one_unit_that_nobody_knows_may_stand_among_others():
     found = head("Axial Displacement,Axial Force,Running Time,Axial Count", "mm,kN,Sec,segments")
     assert found.units == ("mm", "kN", "Sec", "segments")

@@ -373,3 +373,27 @@ def test_remarks_tell_of_signs_and_of_a_displacement_that_begins_far_off(tmp_pat
     assert [remark for remark in remarks if "starts at 37.21 mm but changes by only 0.25 mm" in remark]
     assert [remark for remark in remarks if "forces are negative" in remark]
     assert taken(tmp_path, "Time (s),Displacement (mm),Force (N)\n0,0,1\n1,1,2\n2,2,3\n")["remarks"] == []
+
+
+def test_sizes_that_contradict_each_other_are_asked_for(tmp_path):
+    rows = "Time (s),Displacement (mm),Force (N)\n0,0,1\n1,1,2\n2,2,3\n"
+    found = taken(tmp_path, f'"Width",6.35,mm\n"Thickness",1.524,mm\n"Diameter",5,um\n{rows}')
+    assert found["area_mm2"] is None
+    said = "cross-section: the file gives a diameter of 0.005 mm, but 6.35 x 1.524 mm is 9.6774 mm2; --area-mm2"
+    assert said in found["ask"]
+    found = inspect(tmp_path / "export.csv", Reading(area_mm2=9.7)).content()
+    assert found["area_mm2"] == 9.7
+    assert [question for question in found["ask"] if "cross-section" in question] == []
+
+
+def test_a_table_without_rows_of_a_test_is_no_fault(tmp_path):
+    found = taken(tmp_path, "a;b;c;Extensometer\n" + "1;2;3;HBM\n" * 3)
+    assert found["rows"] == 0
+    assert len(found["ask"]) == 5
+
+
+def test_other_columns_are_remarked_on_where_something_is_missing(tmp_path):
+    rows = "".join(f"{i},{i},{2 * i}\n" for i in range(4))
+    found = taken(tmp_path, f"displacement_mm,RD2_force_kN,RD5_force_kN\n{rows}")
+    assert found["force"] == {"column": "RD2_force_kN", "unit": "kN"}
+    assert found["remarks"] == ["force from column 2; it may be in another: 'RD5_force_kN'"]

@@ -270,3 +270,19 @@ def test_a_long_line_of_digits_takes_no_time():
 def test_sizes_in_polish():
     rows = [("Właściwości próbki : Długość", "25,0", "mm"), ("Odkształcenie : Odkształcenie 1 długość", "10,0", "mm")]
     assert {name: size.mm for name, size in read_sizes(rows, decimal=",").items()} == {"length": 25.0}
+
+
+def test_the_height_of_a_round_specimen_is_its_length():
+    assert sizes("Durchmesser [mm]:|100", "Höhe [mm]:|98,6") == {"length": 98.6, "diameter": 100.0}
+    assert sizes("Height (mm)|4", "Width (mm)|8") == {"width": 8.0}, "perhaps a side of the cross-section"
+    assert sizes("Height (mm)|4", "Diameter (mm)|8", "Length (mm)|5") == {"length": 5.0, "diameter": 8.0}
+
+
+def test_the_length_of_strains_by_the_displacement_is_the_gauge_length():
+    line = "Strain : Tensile strain ({}) gauge length|100.00000|mm"
+    assert sizes(line.format("Extension")) == sizes(line.format("Displacement")) == {"length": 100.0}
+    assert sizes(line.format("Strain 1")) == {}, "that of an extensometer"
+
+
+def test_sizes_in_german():
+    assert sizes("Abmessung : Querschnitt|3,45000|mm^2") == {"area": 3.45}

@@ -221,6 +221,12 @@ def test_thousands_may_be_marked(cell, decimal):
     assert number(cell, "," if decimal == "." else ".") is None
 
 
+def test_no_break_spaces_that_mark_thousands_go_away():
+    assert cells("0,1;1\u00a0000,35;-12\u202f345\u202f678,5;a\u00a0123;12\u00a0345a;1\u00a00000", ";") == [
+        "0,1", "1000,35", "-12345678,5", "a\u00a0123", "12\u00a0345a", "1\u00a00000",
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("encoding", "words"),
     [

@@ -65,6 +65,18 @@ def test_the_least_that_an_inference_may_do_is_some_work(cohort, tmp_path):
     assert work_of("infer", given(cohort, tmp_path, "infer: {method: abc, generations: 1}")).evaluations > 0
 
 
+def test_an_inference_by_likelihood_takes_longer_with_more_points_and_for_specimens_alone(cohort, tmp_path):
+    told = given(cohort, tmp_path, "infer: {method: likelihood}")
+    thin = [replace(one, curves=one.curves[:1]) for one in told.cohort.specimens]
+    together = [replace(one, name=f"one/{number}") for number, one in enumerate(told.cohort.specimens)]
+    alone, fewer, site = (
+        work_of("infer", replace(told, cohort=replace(told.cohort, specimens=specimens))).shared_s
+        for specimens in (told.cohort.specimens, thin, together)
+    )
+    assert fewer < alone
+    assert 1.5 * site < alone < 6 * site
+
+
 def test_a_discovery_takes_longer_with_more_candidates(cohort, tmp_path):
     few = work_of("discover", given(cohort, tmp_path, "discover: {effects: [grip-slip]}"))
     every = work_of("discover", given(cohort, tmp_path))

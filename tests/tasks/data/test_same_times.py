@@ -1,11 +1,11 @@
-"""Rows at the start of a test that have the same time."""
+"""Rows that have the same time: at the start of a test, or a few later."""
 
 import numpy as np
 import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.curves import check_times
-from sinew.tasks.data.first_rows import before_clock
+from sinew.tasks.data.same_times import again, before_clock
 from tests.tasks.data.one_test_file import FORCE, TIME, WAY, changed, read
 
 
@@ -37,3 +37,37 @@ def test_a_test_begins_with_the_last_of_them(tmp_path):
     assert found.notes == ("the first 2 rows have the same time, 0 s: the test begins with the last of them",)
     with pytest.raises(BadInput, match=r"time: 0\.2 s after 0\.2 s"):
         check_times(read(tmp_path, changed(TIME, 3, 0.2)))
+
+
+LONG = np.arange(400) / 10
+
+
+def long_test(*repeated: int, moved: float = 0.0):
+    """A test of 400 rows, some of which repeat the time of the row before."""
+    time_s = LONG.copy()
+    for row in repeated:
+        time_s[row:] -= 0.1
+    way = LONG / 40
+    for row in repeated:
+        way[row] = way[row - 1] + moved
+    return time_s, way, 50.0 * way
+
+
+def test_a_few_rows_with_the_time_of_the_row_before_are_left_out_and_said(tmp_path):
+    found = read(tmp_path, *long_test(100, 300))
+    check_times(found)
+    assert len(found.rows) == len(found.numbers) == 398
+    assert {102, 302}.isdisjoint(found.rows)
+    assert {101, 103, 301, 303} <= set(found.rows)
+    assert found.notes == ("2 of 400 rows have the time of the row before and are left out: 102, 302",)
+
+
+@pytest.mark.parametrize(
+    "test", [long_test(100, 101), long_test(100, moved=0.2), long_test(*range(50, 350, 50)), long_test(100)[:2]]
+)
+def test_rows_that_move_or_follow_each_other_or_are_many_are_not(test):
+    """Two in a row, one that moves by 2 % of the way, or six of 400; the last is as a clock that goes back once."""
+    time_s, way, *force = test
+    if not force:
+        time_s[200:] -= 30.0
+    assert again(numbers(time_s, way, 50.0 * way)).size == 0

@@ -1,0 +1,34 @@
+"""Rows with one and the same time: at the start, where a clock does not run yet, or a few at the steps of a machine."""
+
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray[Any, np.dtype[Any]]
+STILL = 0.01  # of the range of motion and load, by which they may change in these rows
+FEW = 0.1  # of all rows, at most, or two: at the start
+FEW_AGAIN = 0.01  # of all rows, at most: later
+
+
+def before_clock(numbers: Array) -> int:
+    """How many rows of time, motion and load ``[t, 3]`` come before the one with which a test begins.
+
+    0 where the first two times differ, and where something moves in rows with the same time: its times are coarse.
+    """
+    time_s, measured = numbers[:, 0], numbers[:, 1:]
+    same = int(np.argmax(time_s != time_s[0]))  # 0 where all are
+    moves = np.ptp(measured[:same], axis=0) > STILL * np.ptp(measured, axis=0) if same else np.array(True)
+    return 0 if same > max(2.0, FEW * len(time_s)) or moves.any() else same - 1
+
+
+def again(numbers: Array) -> Array:
+    """The rows of time, motion and load ``[t, 3]`` that have the time of the row before, where these may be left out.
+
+    Machines write one row at the end of a step and another one at the begin of the next. They are few, no two follow
+    each other, and nothing moves in them; else times are coarse, and there are none.
+    """
+    steps = np.diff(numbers, axis=0)
+    rows = np.flatnonzero(steps[:, 0] == 0.0)
+    moves = np.abs(steps[rows, 1:]) > STILL * np.ptp(numbers[:, 1:], axis=0)
+    some = (steps[:, 0] < 0.0).any() or len(rows) > FEW_AGAIN * len(numbers) or (np.diff(rows) == 1).any()
+    return np.array([], dtype=int) if some or moves.any() else rows + 1
