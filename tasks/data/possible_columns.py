@@ -9,7 +9,7 @@ from sinew.tasks.data.quantities import LENGTH, STRAIN, Quantity
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 
-FOLLOWED, FEWEST_FOLLOWED = 2000, 20  # rows that an extensometer is compared in
+FOLLOWED, PARTS, FEWEST_PARTS = 2000, 50, 5  # rows, and parts of the machine's way, that an extensometer is compared in
 FOLLOWS = 0.5  # rank correlation
 LOOKED_AT = 200  # rows: a file of many tests is asked many times
 
@@ -29,15 +29,22 @@ def changes(table: Table, place: int) -> bool:
 def follows(table: Table, place: int, machine: int) -> bool:
     """Whether an extensometer moves as the machine does: one that is not on the specimen shows noise, or nothing.
 
-    It has numbers wherever the machine has; ranks of both are correlated by ``FOLLOWS`` at least.
+    It has numbers wherever the machine has, and its medians in parts of the machine's way are correlated with the way
+    by ``FOLLOWS`` at least. (Parts of the way, and not of the time: holds and a jump at a break say nothing.)
     """
     step = -(-len(table.rows) // FOLLOWED)
     both = [(table.number(row, place), table.number(row, machine)) for row in range(0, len(table.rows), step)]
     pairs = [(one, other) for one, other in both if other is not None]
-    if len(pairs) < FEWEST_FOLLOWED or any(one is None for one, _ in pairs):
-        return len(pairs) < FEWEST_FOLLOWED
-    ranks = np.argsort(np.argsort(np.array(pairs, dtype=float), axis=0, kind="stable"), axis=0, kind="stable")
-    return bool(abs(np.corrcoef(ranks[:, 0], ranks[:, 1])[0, 1]) >= FOLLOWS)
+    if any(one is None for one, _ in pairs):
+        return False
+    sensor, moved = np.array(pairs, dtype=float).reshape(-1, 2).T
+    way = np.ptp(moved) if moved.size else 0.0
+    parts = np.minimum((moved - moved.min()) / way * PARTS, PARTS - 1).astype(int) if way > 0.0 else moved.astype(int)
+    medians = np.array([np.median(sensor[parts == part]) for part in np.unique(parts)])
+    if medians.size < FEWEST_PARTS:
+        return True
+    ranks = np.argsort(np.argsort(medians, kind="stable"), kind="stable")
+    return bool(abs(np.corrcoef(ranks, np.arange(medians.size))[0, 1]) >= FOLLOWS)
 
 
 def holds_numbers(table: Table, place: int) -> bool:
