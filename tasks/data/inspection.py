@@ -2,7 +2,8 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from sinew.tasks.data.several import FEWEST_ROWS, beside, blocks_of_tests, go_on
 from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import SIZES, contradiction_of_areas, contradiction_without_unit, read_sizes
 from sinew.tasks.data.sizes_in_names import sizes_in_name
-from sinew.tasks.data.tables import Source, Table, read_source, tables_of
+from sinew.tasks.data.tables import NoTable, Source, Table, read_source, tables_of
 from sinew.tasks.data.told import as_told
 from sinew.tasks.data.units import usual
 
@@ -78,16 +79,15 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     """
     reading = reading or Reading()
     hints = reading.all_hints
-    recognised = -1
-    titles: Counter[Row] = Counter()
     source = read_source(path)
-    for one in tables_of(source):  # only the best is kept: each may reach to the end of the file
-        titles[one.titles[1:]] += len(one.rows) >= FEWEST_ROWS or not titles[one.titles[1:]]
-        found = partly(one, hints)
-        count = sum(column is not None for column in found[0])
-        if count > recognised:
-            recognised, table, (columns, problems) = count, one, found
-    if recognised == 0 and any(table.titles):
+    table, columns, problems, titles = _best(source, hints)
+    if not any(columns) and len(source.fewest) > 1:  # other sheets may have tables of fewer columns
+        with suppress(NoTable):
+            narrow = replace(source, fewest=source.fewest[1:])
+            found = _best(narrow, hints)
+            if any(found[1]):
+                source, (table, columns, problems, titles) = narrow, found
+    if not any(columns) and any(table.titles):
         listed = ", ".join(title or "(no name)" for title in table.titles[:12])
         expected = "titles of time, displacement and force, or --time-column, --displacement-column and --force-column"
         raise BadInput(path, f"no columns of a test among {shown(listed, 80)}", f"{expected} NAME or NUMBER")
@@ -125,6 +125,24 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         specimens = len(recordings)
     start = (first[0], first[1], first[2])
     return Inspection(path, table.sheet, columns, values, rows, start, peak, specimens, questions, notes, recordings)
+
+
+def _best(
+    source: Source, hints: Hints
+) -> tuple[Table, tuple[Column | None, Column | None, Column | None], tuple[str, ...], Counter[Row]]:
+    """The first table with the most columns of a test, these, a line on each other one, and how often titles come.
+
+    Raises :class:`NoTable` if there is none.
+    """
+    recognised = -1
+    titles: Counter[Row] = Counter()
+    for one in tables_of(source):  # only the best is kept: each may reach to the end of the file
+        titles[one.titles[1:]] += len(one.rows) >= FEWEST_ROWS or not titles[one.titles[1:]]
+        found = partly(one, hints)
+        count = sum(column is not None for column in found[0])
+        if count > recognised:
+            recognised, table, (columns, problems) = count, one, found
+    return table, columns, problems, titles
 
 
 def _as_read(source: Source, hints: Hints) -> tuple[tuple[Recording, ...], tuple[str, ...]]:
