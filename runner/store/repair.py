@@ -4,10 +4,11 @@ Where reading fails because memory or threads are short, nothing is removed.
 """
 
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,9 @@ from sinew.runner.store.rows import slices
 from sinew.runner.store.schema import PENDING, Array
 from sinew.runner.store.segment import Segment
 
+Widths = Mapping[str, tuple[int, ...]]  # by field: dimensions behind the rows
+NO_LIMIT = 2**62  # rows: those whose plan was lost are removed where the table is opened
+
 
 @dataclass(frozen=True)
 class Repaired:
@@ -46,6 +50,7 @@ class Repaired:
 def repair_tables(store: Path, root: zarr.Group, journal: Path) -> Repaired:
     """Repair all tables of a store and their segments. Raises ``StoreError`` when something cannot be read now."""
     rows, removed = 0, list[str]()
+    widths: dict[str, Widths] = {}
     folder = store / "evaluations"
     for place in sorted(folder.iterdir()) if folder.is_dir() else ():
         if not (place / "zarr.json").is_file():
@@ -57,20 +62,29 @@ def repair_tables(store: Path, root: zarr.Group, journal: Path) -> Repaired:
                 if group.attrs.get("complete"):
                     table_key(group)
                     lost, made = _repair_table(place, group)
+                    if key := journal_of(place.name):
+                        widths[key] = {name: row_array(group, name).shape[1:] for name in fields_of(group)}
                     rows, removed = rows + lost, removed + made
         except Damaged as error:
             _drop(place, journal)
             removed.append(f"{place}: {error}; it cannot be mended, all of its rows are computed again")
-    return Repaired(rows, (*removed, *remove_damaged_segments(journal)))
+    return Repaired(rows, (*removed, *remove_damaged_segments(journal, widths)))
 
 
-def remove_damaged_segments(journal: Path) -> list[str]:
-    """Remove segments that are not whole; returns a line for each. Raises ``StoreError`` as :func:`repair_tables`."""
+def remove_damaged_segments(journal: Path, widths: Mapping[str, Widths] = MappingProxyType({})) -> list[str]:
+    """Remove segments that are not whole, or do not fit to their table; returns a line for each.
+
+    ``widths``: of the fields of tables, by the names of these in the journal. Raises ``StoreError`` as
+    :func:`repair_tables`.
+    """
     removed = []
     for path in sorted(journal.glob("*/rows-*.safetensors")):
         with _refuse_shortage(path):
             try:
-                Segment.read(path, whole=True)
+                segment = Segment.read(path, whole=True)
+                table = widths.get(path.parent.name)
+                if table is not None and (wrong := segment.misfit(NO_LIMIT, table)):
+                    raise StoreError(f"{path}: holds {wrong}")
             except StoreError as error:
                 path.unlink() if path.is_file() else remove_folder(path)
                 removed.append(f"{str(error).partition(';')[0]}; it is removed, its rows are computed again")
@@ -78,8 +92,8 @@ def remove_damaged_segments(journal: Path) -> list[str]:
 
 
 def without_numbers(values: Array) -> Array:
-    """Which of ``values`` ``[n, ...]`` hold a NaN: Zarr reads a missing chunk file as an empty chunk."""
-    return np.asarray(np.isnan(values).any(axis=tuple(range(1, values.ndim))))
+    """Which of ``values`` ``[n, ...]`` are not all finite: Zarr reads a missing chunk file as an empty one, of NaN."""
+    return np.asarray(~np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
 
 
 def _repair_table(place: Path, group: zarr.Group) -> tuple[int, list[str]]:

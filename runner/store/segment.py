@@ -22,8 +22,9 @@ if TYPE_CHECKING:  # workers write segments, and nothing else of the store
     import zarr
 
 CHECKSUMS = "crc32c"  # the key of the checksums in a segment's metadata
+TABLE = "table"  # that of the folder in which a segment is, which is named after its table
 MAX_BYTES, MAX_WORDS_BYTES = 2**29, 2**24  # of a file; of its names, messages and checksums
-LONGEST_MESSAGE = 2000  # characters
+LONGEST_MESSAGE, LONGEST_WORKER = 2000, 200  # characters
 OWN = {"rows": "int64", "status": "int8", "attempts": "int16", "wall": "float64"}
 
 
@@ -43,7 +44,11 @@ class Segment:
         """Write the file completely or not at all. Raises ``OSError``, for example for a full disk."""
         arrays = {f"value:{name}": np.ascontiguousarray(array) for name, array in self.values.items()}
         arrays |= {"rows": self.rows, "status": self.status, "attempts": self.attempts, "wall": self.wall_seconds}
-        metadata = {"messages": json.dumps(_shortened(self.messages)), "worker": self.worker}
+        metadata = {
+            "messages": json.dumps(_shortened(self.messages)),
+            "worker": self.worker[:LONGEST_WORKER],
+            TABLE: path.parent.name,
+        }
         checksums = {name: _checksum(array) for name, array in arrays.items()} | {"": _checksum_of_words(metadata)}
         temporary = path.with_name(f".{path.name}.{os.getpid()}")
         try:
@@ -64,15 +69,30 @@ class Segment:
             checksums = _checksums(metadata)
             if checksums and set(checksums) != {"", *file.keys()}:
                 raise ValueError("its arrays have other names than its checksums")
-            lazy = _LazyValues(path, tuple(names), checksums)
+            if metadata.get(TABLE, path.parent.name) != path.parent.name:
+                raise ValueError("it is of another table")
+            slices = {name: file.get_slice(f"value:{name}") for name in names}
+            lazy = _LazyValues(path, {name: tuple(each.get_shape()[1:]) for name, each in slices.items()}, checksums)
             values = lazy.read() if whole else lazy
             own = {name: _checked(file, name, checksums) for name in OWN}
-            messages, worker = _shortened(json.loads(metadata["messages"])), metadata["worker"]
+            messages, worker = _shortened(json.loads(metadata["messages"])), metadata["worker"][:LONGEST_WORKER]
             segment = Segment(
                 own["rows"], own["status"], own["attempts"], own["wall"], values, tuple(messages), str(worker)
             )
-            _check_ranges(segment, {name: file.get_slice(f"value:{name}").get_shape() for name in names})
+            _check_ranges(segment)
+            for each in slices.values():
+                if each.get_dtype() != "F64" or each.get_shape()[:1] != [segment.rows.size]:
+                    raise ValueError("its values are those of other rows")
             return segment
+
+    def misfit(self, count: int, widths: Mapping[str, tuple[int, ...]]) -> str:
+        """What a table of so many rows, whose fields have these dimensions behind them, does not have; or nothing."""
+        if int(self.rows.max()) >= count:
+            return "rows that were never planned"
+        lazy = self.values if isinstance(self.values, _LazyValues) else None
+        own = lazy.widths if lazy is not None else {name: np.shape(each)[1:] for name, each in self.values.items()}
+        wrong = [name for name, width in own.items() if widths.get(name) != width]
+        return f"values of {wrong[0]!r} that its table does not have" if wrong else ""
 
     def loaded(self) -> "Segment":
         """The same segment with its values in memory: they are read together, not one after the other."""
@@ -98,11 +118,11 @@ class _LazyValues(Mapping[str, Array]):
     """The values of a segment, read field by field, so that no large chunk is in memory as a whole."""
 
     path: Path
-    names: tuple[str, ...]
+    widths: Mapping[str, tuple[int, ...]]  # dimensions behind the rows
     checksums: Mapping[str, int]
 
     def __getitem__(self, name: str) -> Array:
-        if name not in self.names:
+        if name not in self.widths:
             raise KeyError(name)
         with _segment_errors(self.path), _opened(self.path) as file:
             return _checked(file, f"value:{name}", self.checksums)
@@ -110,13 +130,13 @@ class _LazyValues(Mapping[str, Array]):
     def read(self) -> dict[str, Array]:
         """All values."""
         with _segment_errors(self.path), _opened(self.path) as file:
-            return {name: _checked(file, f"value:{name}", self.checksums) for name in self.names}
+            return {name: _checked(file, f"value:{name}", self.checksums) for name in self.widths}
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.names)
+        return iter(self.widths)
 
     def __len__(self) -> int:
-        return len(self.names)
+        return len(self.widths)
 
 
 def _shortened(messages: Any) -> Any:
@@ -124,7 +144,7 @@ def _shortened(messages: Any) -> Any:
     return [one[:LONGEST_MESSAGE] if isinstance(one, str) else one for one in messages]
 
 
-def _check_ranges(segment: Segment, shapes: Mapping[str, list[int]]) -> None:
+def _check_ranges(segment: Segment) -> None:
     """Raises ``ValueError`` for what no worker writes."""
     count = segment.rows.size
     own = (segment.rows, segment.status, segment.attempts, segment.wall_seconds)
@@ -136,10 +156,10 @@ def _check_ranges(segment: Segment, shapes: Mapping[str, list[int]]) -> None:
         raise ValueError("its rows are negative or not different")
     if (segment.status < 0).any() or (segment.status >= len(STATUSES)).any():
         raise ValueError(f"a status of {segment.status[(segment.status < 0) | (segment.status >= len(STATUSES))][0]}")
-    if any(not shape or shape[0] != count for shape in shapes.values()):
-        raise ValueError("its values are those of other rows")
     if len(segment.messages) not in (0, count) or not all(isinstance(words, str) for words in segment.messages):
         raise ValueError("its messages are not those of its rows")
+    for text in (segment.worker, *segment.messages):
+        text.encode()  # half a surrogate pair is no text that a store can hold
 
 
 def _checksums(metadata: Mapping[str, str]) -> dict[str, int]:
@@ -147,7 +167,8 @@ def _checksums(metadata: Mapping[str, str]) -> dict[str, int]:
     if CHECKSUMS not in metadata:
         return {}
     found = json.loads(metadata[CHECKSUMS])
-    if found[""] != _checksum_of_words({name: metadata[name] for name in ("messages", "worker")}):
+    named = [name for name in ("messages", "worker", TABLE) if name in metadata]  # older ones do not tell the table
+    if found[""] != _checksum_of_words({name: metadata[name] for name in named}):
         raise ValueError("a wrong checksum of its words")
     return dict(found)
 

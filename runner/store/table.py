@@ -180,9 +180,10 @@ class Table:
         self.settle()
         known = paths if isinstance(paths, Mapping) else {}
         segments = [(path, known.get(path) or Segment.read(path)) for path in paths]
+        widths = {name: self._array(name).shape[1:] for name in self.fields}
         for path, segment in segments:
-            if int(segment.rows.max()) >= len(self):
-                raise StoreError(f"{path}: holds rows that were never planned; delete it, its rows are computed again")
+            if wrong := segment.misfit(len(self), widths):
+                raise StoreError(f"{path}: holds {wrong}; delete it, its rows are computed again")
         touched = {int(chunk) for _, segment in segments for chunk in np.unique(segment.rows // self.chunk_rows)}
         for first, last in spans(sorted(touched), self.fold_chunks):
             self._write_chunks(first, last, [segment for _, segment in segments])

@@ -75,6 +75,7 @@ def _directions(speed: Array, steps: Array, moved: Array, stays: float) -> Array
     """1, -1 or 0 for each step ``[t - 1]``. Slow steps that lead somewhere else are judged again on their own."""
     if not speed.any():  # a displacement in coarse steps, of which the filter leaves nothing
         return np.full(speed.size, int(np.sign(moved[-1] - moved[0])))
+    speed = np.ldexp(speed, -np.frexp(np.abs(speed).max())[1])  # in units in which squares do not overflow
     usual = float(np.sum(speed**2 * steps) / np.sum(np.abs(speed) * steps))  # weighted by the distance travelled
     kinds = np.where(np.abs(speed) < SLOW * usual, 0, np.sign(speed)).astype(int)
     for begin, end in _runs(kinds):

@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 from sinew.tasks.fitting.chaos import together
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.saltelli import Design
-from sinew.tasks.sobol.method import Intervals
+from sinew.tasks.sobol.method import Intervals, moderate
 from sinew.tasks.sobol.polynomials import Fitted, Runs, Sum, stacked
 from sinew.tasks.sobol.result import KEYS, Analysis, Convergence
 
@@ -68,7 +68,7 @@ class ByChaos:
 
     def of(self, outcomes: Array) -> dict[str, Array]:
         """S1, S1_conf, ST, ST_conf ``[d, m]`` of outcomes ``[N, m]`` that change little from one to the next."""
-        used = _moderate(outcomes[: self.ok.size][self.ok])
+        used = moderate(outcomes[: self.ok.size][self.ok])
         varies = _varies(used)
         found = {key: np.full((len(self.design.names), outcomes.shape[1]), np.nan) for key in KEYS}
         if varies.any():
@@ -89,7 +89,7 @@ class ByChaos:
 
     def fitted(self, outcomes: Array) -> Fitted | None:
         """What stands for one output ``[N]``; None where it does not vary."""
-        values = _moderate(outcomes[: self.ok.size][self.ok])
+        values = moderate(outcomes[: self.ok.size][self.ok])
         if not _varies(values):
             return None
         with threadpool_limits(1):
@@ -130,7 +130,7 @@ class ByChaos:
             start += len(version.share)
             ran = np.asarray(np.isfinite(values.reshape(len(values), -1)).all(axis=1))
             if ran.sum() >= FEWEST and _varies(values[ran]).all():
-                yield version, ran, _moderate(values[ran])
+                yield version, ran, moderate(values[ran])
 
     def _runs_of_cheaper(self, outcomes: Array) -> list[Runs]:
         return [
@@ -146,7 +146,7 @@ class ByChaos:
     def _of_curves(self, outcomes: Array) -> dict[str, Array]:
         """Of curves ``[N, m]``: chaos of their principal components, combined point by point."""
         members = self.design.members
-        scaled = _standard(_moderate(outcomes[: self.ok.size][self.ok]))
+        scaled = _standard(moderate(outcomes[: self.ok.size][self.ok]))
         scores, sizes, directions = np.linalg.svd(scaled, full_matrices=False)
         lost = 1.0 - np.cumsum(sizes**2) / np.sum(sizes**2)
         count = min(int(np.argmax(lost <= EXPLAINED)) + 1, COMPONENTS, len(sizes))
@@ -180,14 +180,6 @@ class ByChaos:
 def _standard(curves: Array) -> Array:
     """Curves ``[n, m]`` less their mean, in units of the spread of each point."""
     return np.asarray((curves - curves.mean(axis=0)) / curves.std(axis=0))
-
-
-def _moderate(outcomes: Array) -> Array:
-    """Outcomes ``[n, ...]`` in other units, powers of two, in which squares neither overflow nor vanish."""
-    if not len(outcomes):
-        return outcomes
-    _, exponent = np.frexp(np.abs(outcomes).max(axis=0))
-    return np.ldexp(outcomes, -exponent)
 
 
 def _varies(outcomes: Array) -> Array:

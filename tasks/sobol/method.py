@@ -5,6 +5,7 @@ A Saltelli design comes in blocks of one base sample each. What is done about fa
 given the smallest, the mean and the largest outcome.
 """
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +17,9 @@ from sinew.tasks.sobol.result import KEYS, Analysis, Indices
 from sinew.tasks.study.streams import Stream, state
 
 Array = np.ndarray[Any, Any]
+#: Part of the variance of all outcomes that A and B have at least; with less, a few other outcomes are all that varies,
+#: and no index can be told.
+ALONE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -56,11 +60,12 @@ def indices(blocks: Array, scramble: Array, intervals: Intervals) -> dict[str, A
     """First and total order indices of many outputs at once, with intervals.
 
     ``blocks`` ``[n, d + 2, m]``: outcomes A, AB_1 ... AB_d, B of n base samples for m outputs; ``scramble`` ``[n]``:
-    which sequence each base sample comes from. Returns S1, S1_conf, ST, ST_conf ``[d, m]``, NaN for outputs
-    that do not vary. The estimators are those of :mod:`SALib.analyze.sobol` (Saltelli et al. 2010), which takes one
-    output at a time; with the same resamples the numbers are equal.
+    which sequence each base sample comes from. Returns S1, S1_conf, ST, ST_conf ``[d, m]``, NaN for outputs that do not
+    vary, or of which a few outcomes are all that varies. The estimators are those of :mod:`SALib.analyze.sobol`
+    (Saltelli et al. 2010), which takes one output at a time; with the same resamples the numbers are equal.
     """
     n, width, m = blocks.shape
+    blocks = moderate(blocks, axis=(0, 1))
     mean = blocks.mean(axis=(0, 1))
     spread = blocks.std(axis=(0, 1))
     varies = spread > 1e-12 * np.maximum(np.abs(mean), np.finfo(float).tiny)
@@ -70,6 +75,7 @@ def indices(blocks: Array, scramble: Array, intervals: Intervals) -> dict[str, A
     draws = np.concatenate([np.ones((1, n)), weights]) / n  # the first "resample" is the sample itself
     mean_ab = draws @ (a + b) / 2
     variance = draws @ (a**2 + b**2) / 2 - mean_ab**2
+    varies &= variance[0] > ALONE
     found = {key: np.full((width - 2, m), np.nan) for key in KEYS}
     with np.errstate(divide="ignore", invalid="ignore"):
         for j in range(width - 2):
@@ -82,6 +88,14 @@ def indices(blocks: Array, scramble: Array, intervals: Intervals) -> dict[str, A
     return found
 
 
+def moderate(outcomes: Array, axis: int | tuple[int, ...] = 0) -> Array:
+    """Outcomes in other units, powers of two, in which squares neither overflow nor vanish."""
+    if not outcomes.size:
+        return outcomes
+    _, exponent = np.frexp(np.abs(outcomes).max(axis=axis))
+    return np.ldexp(outcomes, -exponent)
+
+
 def column(found: dict[str, Array], j: int) -> Indices:
     """The indices of output ``j`` of those of :func:`indices`."""
     return Indices(*(found[key][:, j] for key in KEYS))
@@ -89,11 +103,14 @@ def column(found: dict[str, Array], j: int) -> Indices:
 
 def analyse(design: Design, outcomes: Array, whole: Array, intervals: Intervals) -> Analysis:
     """SALib's own analysis of one output ``[n]``; ``whole`` ``[base samples]``: those without a failed row."""
-    used = outcomes.reshape(design.base_samples, design.block)[whole].ravel()
+    blocks = outcomes.reshape(design.base_samples, design.block)[whole]
+    used = blocks.ravel()
     if not np.isfinite(used).all():  # SALib would turn one of them into zeros everywhere
         raise ValueError("outcomes of whole base samples must be numbers")
-    if np.ptp(used) <= 1e-12 * np.abs(used).max():
+    own = moderate(blocks, axis=(0, 1))
+    if np.ptp(used) <= 1e-12 * np.abs(used).max() or own[:, [0, -1]].var() <= ALONE * own.var():
         return Analysis(*(np.full(len(design.names), np.nan) for _ in KEYS))
+    outcomes = np.ldexp(outcomes, -np.frexp(np.abs(used).max())[1])  # as :func:`moderate`; some may be NaN
     keys = [*KEYS, *(("S2", "S2_conf") if design.second_order else ())]
     found = _by_salib(design, outcomes, whole, intervals)
     there = np.unique(design.scramble[whole])
@@ -109,16 +126,18 @@ def _by_salib(design: Design, outcomes: Array, whole: Array, intervals: Interval
     """What SALib says of the base samples that are ``whole``."""
     import SALib.analyze.sobol as salib_analyze
 
-    return dict(
-        salib_analyze.analyze(
-            design.problem,
-            outcomes.reshape(design.base_samples, design.block)[whole].ravel(),
-            design.second_order,
-            num_resamples=intervals.resamples if design.scrambles == 1 else 2,
-            conf_level=intervals.confidence,
-            seed=intervals.salib_seed,
+    with warnings.catch_warnings():  # of a resample in which nothing varies
+        warnings.filterwarnings("ignore", "Constant values encountered", UserWarning)
+        return dict(
+            salib_analyze.analyze(
+                design.problem,
+                outcomes.reshape(design.base_samples, design.block)[whole].ravel(),
+                design.second_order,
+                num_resamples=intervals.resamples if design.scrambles == 1 else 2,
+                conf_level=intervals.confidence,
+                seed=intervals.salib_seed,
+            )
         )
-    )
 
 
 def indices_if_failed_had(design: Design, total: Array, ok: Array, intervals: Intervals) -> dict[str, Array]:

@@ -305,3 +305,35 @@ def test_rows_that_were_never_planned_are_refused(store):
     outcomes([7, 8], 1.0).write(table.journal / "rows-000000007-00002.safetensors")
     with pytest.raises(StoreError, match="rows that were never planned"):
         table.fold(table.segments())
+
+
+def test_values_of_another_width_are_refused_and_repaired(store):
+    """Zarr would repeat one value for all points."""
+    table = store.table(table_spec())
+    rows = table.plan(some(8))
+    table.journal.mkdir(parents=True)
+    path = table.journal / "rows-000000000-00008.safetensors"
+    one = {"objective": np.ones((8, 1)), "force": np.ones((8, 1))}
+    replace(outcomes(list(range(8)), 1.0), values=one).write(path)
+    with pytest.raises(StoreError, match=f"{path}: holds values of 'force' that its table does not have; delete it"):
+        table.fold(table.segments())
+    (line,) = store.repair().removed
+    assert (
+        line
+        == f"{path}: holds values of 'force' that its table does not have; it is removed, its rows are computed again"
+    )
+    assert not path.exists()
+    assert table.pending(rows).size == 8
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf])
+def test_infinite_outcomes_are_no_numbers(store, value):
+    """No worker writes them: a row without finite numbers has failed."""
+    table = store.table(table_spec())
+    rows = table.plan(some(2))
+    table.journal.mkdir(parents=True)
+    outcomes([0, 1], value).write(table.journal / "rows-000000000-00002.safetensors")
+    table.fold(table.segments())
+    with pytest.raises(StoreError, match="2 rows with an outcome have no numbers"):
+        table.read("force", rows)
+    assert store.repair().rows == 2

@@ -12,7 +12,7 @@ from safetensors.numpy import save_file
 
 from sinew.runner.errors import StoreError
 from sinew.runner.store.schema import MAX_CHUNK_ROWS
-from sinew.runner.store.segment import LONGEST_MESSAGE, Segment, is_whole
+from sinew.runner.store.segment import LONGEST_MESSAGE, LONGEST_WORKER, Segment, is_whole
 from tests.runner.evaluations import Quick
 from tests.runner.stores import some
 
@@ -159,6 +159,8 @@ def same(one: Segment, other: Segment) -> bool:
         ({"messages": (1, 2)}, "messages"),
         ({"wall_seconds": np.array([0.1, np.inf])}, "a time that no evaluation takes"),
         ({"wall_seconds": np.array([0.1, -1.0])}, "a time that no evaluation takes"),
+        ({"values": {"y": np.zeros((2, 2), dtype=np.uint8)}}, "values"),
+        ({"messages": ("", "half of a pair: \ud800")}, "surrogates not allowed"),
     ],
 )
 def test_what_no_worker_writes_is_refused(tmp_path, change, problem):
@@ -211,3 +213,37 @@ def test_messages_are_cut_where_they_are_written_and_where_they_are_read(tmp_pat
     segment.write(tmp_path / "long")
     monkeypatch.undo()
     assert [len(one) for one in Segment.read(tmp_path / "long").messages] == [LONGEST_MESSAGE, 5]
+
+
+def test_the_name_of_a_worker_is_cut_where_it_is_written_and_where_it_is_read(tmp_path, monkeypatch):
+    """The table repeats it for each row."""
+    long = replace(segment(), worker="w" * 10**6)
+    long.write(tmp_path / "short")
+    assert (tmp_path / "short").stat().st_size < 10**4
+    assert Segment.read(tmp_path / "short").worker == "w" * LONGEST_WORKER
+    monkeypatch.setattr("sinew.runner.store.segment.LONGEST_WORKER", 10**7)
+    long.write(tmp_path / "long")
+    monkeypatch.undo()
+    assert Segment.read(tmp_path / "long").worker == "w" * LONGEST_WORKER
+
+
+def test_a_segment_belongs_to_its_table(tmp_path):
+    for name in ("one", "other"):
+        (tmp_path / "journal" / name).mkdir(parents=True)
+    path = tmp_path / "journal" / "one" / "a"
+    segment().write(path)
+    assert same(Segment.read(path), segment())
+    moved = path.rename(tmp_path / "journal" / "other" / "a")
+    with pytest.raises(StoreError, match="it is of another table"):
+        Segment.read(moved)
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_what_a_table_does_not_have_is_named(tmp_path, whole):
+    segment().write(tmp_path / "a")
+    found = Segment.read(tmp_path / "a", whole=whole)
+    widths = {"y": (2,), "z": (), "more": (9,)}
+    assert found.misfit(8, widths) == ""
+    assert found.misfit(7, widths) == "rows that were never planned"
+    assert found.misfit(8, widths | {"y": (1,)}) == "values of 'y' that its table does not have"
+    assert found.misfit(8, {"y": (2,)}) == "values of 'z' that its table does not have"

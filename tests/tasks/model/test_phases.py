@@ -73,3 +73,10 @@ def test_a_displacement_in_coarse_steps_is_one_of_the_direction_in_which_it_lead
     t = np.arange(2000) / 50
     moved = np.interp(t, [0, 30, 40], [0, 4, 4])
     assert kinds(Protocol("pull", t, np.round(moved, 1)))[0] == ("load", 1)
+
+
+@pytest.mark.parametrize("unit", [1e-300, 1e-200, 1e200])
+def test_times_in_any_unit_have_the_same_phases(unit):
+    protocol = one_step(10.0, 10.0)
+    other = Protocol("one", protocol.time_s * unit, protocol.displacement_mm)
+    assert phases(other) == phases(protocol)

@@ -208,15 +208,31 @@ def test_a_seed_draws_the_same_resamples_in_every_version():
 def test_rounding_errors_are_no_variation_and_small_numbers_may_be():
     design, output = ishigami_design(64)
     noise = np.random.default_rng(0).normal(size=len(output))
-    columns = np.column_stack([1e6 + 1e-8 * noise, 1e-9 * output, 1e150 * output, 100.0 + output, output])
+    others = [1e-9 * output, 1e150 * output, 100.0 + output, 1e250 * output, 1e-250 * output]
+    columns = np.column_stack([1e6 + 1e-8 * noise, *others, output])
     found = indices(design.blocks(columns, np.ones(64, dtype=bool)), one_sequence(64), Intervals(20, 0.95, 0))
     for key in KEYS:
         assert np.isnan(found[key][:, 0]).all(), key
-        assert np.allclose(found[key][:, 1:4], found[key][:, 4:]), "indices have no units"
+        assert np.allclose(found[key][:, 1:-1], found[key][:, -1:]), "indices have no units"
     whole = np.ones(64, dtype=bool)
     assert np.isnan(analyse(design, columns[:, 0], whole, Intervals(20, 0.95, 0)).ST).all()
-    for at in (1, 3):
+    for at in (1, 3, 4, 5):
         assert np.allclose(analyse(design, columns[:, at], whole, Intervals(20, 0.95, 0)).ST, found["ST"][:, at])
+
+
+@pytest.mark.parametrize(("row", "known"), [(5, True), (7, False)])
+def test_one_huge_outcome_does_not_make_indices_zero(row, known):
+    """Of A, it is all that varies; of AB, nothing else is left that it could be compared with."""
+    design, output = ishigami_design(64)
+    output[row] = 1e200
+    whole, intervals = np.ones(64, dtype=bool), Intervals(20, 0.95, 0)
+    found = indices(design.blocks(output[:, np.newaxis], whole), one_sequence(64), intervals)
+    one = analyse(design, output, whole, intervals)
+    for each in (found["S1"][:, 0], found["ST"][:, 0], one.S1, one.ST):
+        assert np.isfinite(each).all() == known
+    if known:
+        assert np.allclose(one.ST, found["ST"][:, 0])
+        assert found["ST"].max() > 0.5
 
 
 def test_an_output_of_zeros_has_no_indices():
