@@ -56,6 +56,10 @@ def read_settings(path: Path, kind: type[S], what: str, overrides: Mapping[str, 
     return settings_in(read_text(path, what), path, kind, what, overrides)
 
 
+def _a(what: str) -> str:
+    return f"an {what}" if what[0] in "aeiou" else f"a {what}"
+
+
 def read_text(path: Path, what: str) -> str:
     """The text of a YAML file. Raises :class:`BadInput`."""
     refuse_other_names(path)
@@ -64,9 +68,9 @@ def read_text(path: Path, what: str) -> str:
     if not os.path.isfile(path):  # unlike Path.is_file, it takes names of any length
         there = "is a folder" if os.path.isdir(path) else "neither file nor link"
         problem = there if os.path.exists(path) else "is not there"
-        raise BadInput(path, problem, f"a {what} file in YAML")
+        raise BadInput(path, problem, f"{_a(what)} file in YAML")
     try:
-        return read_input(path, MAX_BYTES, f"a {what} file of at most {MAX_BYTES // 2**10} kB").decode("utf-8-sig")
+        return read_input(path, MAX_BYTES, f"{_a(what)} file of at most {MAX_BYTES // 2**10} kB").decode("utf-8-sig")
     except UnicodeDecodeError:
         raise BadInput(path, "not a text file", "YAML in UTF-8") from None
 
@@ -160,7 +164,7 @@ def _parse(path: Path, text: str, what: str) -> tuple[dict[str, Any], dict[tuple
         _check_events(path, text, what)
         node = yaml.compose(text, Loader=_Loader)
         if node is None:
-            raise BadInput(path, "empty", f"a {what} with at least a name")
+            raise BadInput(path, "empty", f"{_a(what)} with at least a name")
         if not isinstance(node, yaml.MappingNode):
             raise BadInput(f"{path}: line {node.start_mark.line + 1}", "not a mapping", "fields such as 'name: demo'")
         lines = dict(_lines(path, node, ()))
@@ -186,13 +190,13 @@ def _check_events(path: Path, text: str, what: str) -> None:
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > MAX_DEPTH:
-                raise BadInput(where, f"nested deeper than {MAX_DEPTH} levels", f"a {what} file")
+                raise BadInput(where, f"nested deeper than {MAX_DEPTH} levels", f"{_a(what)} file")
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
         elif isinstance(event, yaml.ScalarEvent):
             values += 1
             if values > MAX_VALUES:
-                raise BadInput(where, f"more than {MAX_VALUES:,} values", f"a {what} file")
+                raise BadInput(where, f"more than {MAX_VALUES:,} values", f"{_a(what)} file")
         elif isinstance(event, yaml.DocumentStartEvent):
             documents += 1
             if documents > 1:
