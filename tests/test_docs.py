@@ -19,13 +19,8 @@ from tests.docs_pages import LANGUAGES, NOT_RUN, PAGES, ROOT, bare, blocks, comm
 WITH_COMMANDS = [page for page in PAGES if any(block.language in ("sh", "python") for block in blocks(page))]
 
 
-def long_or_not(page: Path) -> object:
-    """The page as a case of a test; the commands of the longest one are run by ``make test-all`` only."""
-    return pytest.param(page, id=page.stem, marks=[pytest.mark.thorough] if page.stem == "running" else [])
-
-
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("page", [long_or_not(page) for page in WITH_COMMANDS])
+@pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: page.stem)
 def test_what_a_page_says_runs(page, tmp_path):
     work = [
         block for block in blocks(page) if block.language in ("sh", "python") and "EFFECT = Effect(" not in block.text

@@ -15,7 +15,7 @@ import safetensors.numpy
 from safetensors import SafetensorError, safe_open
 
 from sinew.runner.errors import StoreError
-from sinew.runner.store.damage import words
+from sinew.runner.store.damage import is_shortage, words
 from sinew.runner.store.schema import MAX_CHUNK_ROWS, STATUSES, Array
 
 if TYPE_CHECKING:  # workers write segments, and nothing else of the store
@@ -45,8 +45,8 @@ class Segment:
         arrays = {f"value:{name}": np.ascontiguousarray(array) for name, array in self.values.items()}
         arrays |= {"rows": self.rows, "status": self.status, "attempts": self.attempts, "wall": self.wall_seconds}
         metadata = {
-            "messages": json.dumps(_shortened(self.messages)),
-            "worker": self.worker[:LONGEST_WORKER],
+            "messages": json.dumps(_whole(_shortened(self.messages))),
+            "worker": _whole([self.worker])[0][:LONGEST_WORKER],
             TABLE: path.parent.name,
         }
         checksums = {name: _checksum(array) for name, array in arrays.items()} | {"": _checksum_of_words(metadata)}
@@ -92,7 +92,7 @@ class Segment:
         lazy = self.values if isinstance(self.values, _LazyValues) else None
         own = lazy.widths if lazy is not None else {name: np.shape(each)[1:] for name, each in self.values.items()}
         wrong = [name for name, width in own.items() if widths.get(name) != width]
-        return f"values of {wrong[0]!r} that its table does not have" if wrong else ""
+        return f"values of {wrong[0]!r} with another shape than those of its table" if wrong else ""
 
     def loaded(self) -> "Segment":
         """The same segment with its values in memory: they are read together, not one after the other."""
@@ -142,6 +142,11 @@ class _LazyValues(Mapping[str, Array]):
 def _shortened(messages: Any) -> Any:
     """Messages as long as people read them; what is no list of texts is refused later."""
     return [one[:LONGEST_MESSAGE] if isinstance(one, str) else one for one in messages]
+
+
+def _whole(messages: Any) -> Any:
+    """Texts without halves of surrogate pairs, which stand for bytes of names of files that are no text."""
+    return [one.encode("utf-8", "replace").decode() if isinstance(one, str) else one for one in messages]
 
 
 def _check_ranges(segment: Segment) -> None:
@@ -202,6 +207,8 @@ def _segment_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except (SafetensorError, OSError, LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        if isinstance(error, OSError) and (is_shortage(error) or error.errno in (errno.EIO, errno.EACCES)):
+            raise  # the file may be whole
         raise StoreError(
             f"{path}: not a whole segment ({words(error)}); `sinew repair {path.parent.parent.parent}` removes it, "
             "its rows are computed again"

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 @click.option("--width-mm", type=float, help="Width, where files do not say.")
 @click.option("--thickness-mm", type=float, help="Thickness, where files do not say.")
 @click.option("--diameter-mm", type=float, help="Diameter of a round specimen, instead of width and thickness.")
-@click.option("--area-mm2", type=float, help="Cross-section, instead of width and thickness: those of a square.")
+@click.option("--area-mm2", type=float, help="Cross-sectional area: the specimen becomes a square bar of this area.")
 @click.option("--override", is_flag=True, help="Use these sizes even where files give others.")
 @reading_options
 @click.option("--answers", type=PATH, help="answers.yaml of an earlier study: what was told then is not asked again.")
@@ -116,8 +116,9 @@ def _tell(made: "NewStudy", overview: Path, *, as_json: bool) -> None:
     put(f"study: {made.study}")
     if made.to_fill_in:
         folder = made.study.parent
-        scaled = command_line("init", folder / "cohort", "--out", folder.with_name(f"{folder.name}-scaled"))
-        say_next(f"fill in what is marked null there, then {scaled}, where the ranges are scaled to the tests")
+        beside = folder if folder.name else folder.resolve()  # "."
+        scaled = command_line("init", folder / "cohort", "--out", beside.parent / f"{beside.name}-scaled")
+        say_next(f"fill in what is marked null there; then, for ranges that fit the tests: {scaled}")
     else:
         say_next(command_line("run", made.study))
 

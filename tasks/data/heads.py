@@ -70,7 +70,7 @@ def head_of(rows: Sequence[Row], at: int) -> Head:
         return told
     above = at - 1 if at > 0 and any(rows[at - 1]) else _next_above(rows, at)
     words = _without_numbers(rows[at])
-    beside = words != rows[at] and len(_places(words)) >= NAMED and is_row_of_units(words)
+    beside = words != rows[at] and sum(cell not in ("", "1") for cell in words) >= NAMED and is_row_of_units(words)
     if beside and above == at - 1 and len(_names(rows[above])) >= NAMED:
         return Head(rows[above], words, above)
     if is_row_of_units(rows[at]) and above == at - 1 >= 0:
@@ -161,8 +161,8 @@ def _names(row: Row) -> set[int]:
 
 
 def _without_numbers(row: Row) -> Row:
-    """The row without its numbers, which somebody may have written beside a table."""
-    return tuple("" if any(is_number(cell, mark) for mark in ".,") else cell for cell in row)
+    """The row without its numbers, which somebody may have written beside a table; ``1`` may be a unit."""
+    return tuple("" if any(is_number(cell, mark) for mark in ".,") and not is_unit(cell) else cell for cell in row)
 
 
 def _next_above(rows: Sequence[Row], at: int) -> int:

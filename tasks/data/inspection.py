@@ -2,8 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ from sinew.tasks.data.several import FEWEST_ROWS, beside, blocks_of_tests, go_on
 from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import SIZES, contradiction_of_areas, contradiction_without_unit, read_sizes
 from sinew.tasks.data.sizes_in_names import sizes_in_name
-from sinew.tasks.data.tables import NoTable, Source, Table, read_source, tables_of
+from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.told import as_told
 from sinew.tasks.data.units import usual
 
@@ -81,12 +80,6 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     hints = reading.all_hints
     source = read_source(path)
     table, columns, problems, titles = _best(source, hints)
-    if not any(columns) and len(source.fewest) > 1:  # other sheets may have tables of fewer columns
-        with suppress(NoTable):
-            narrow = replace(source, fewest=source.fewest[1:])
-            found = _best(narrow, hints)
-            if any(found[1]):
-                source, (table, columns, problems, titles) = narrow, found
     if not any(columns) and any(table.titles):
         listed = ", ".join(title or "(no name)" for title in table.titles[:12])
         expected = "titles of time, displacement and force, or --time-column, --displacement-column and --force-column"

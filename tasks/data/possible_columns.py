@@ -43,8 +43,8 @@ def follows(table: Table, place: int, machine: int) -> bool:
     medians = np.array([np.median(sensor[parts == part]) for part in np.unique(parts)])
     if medians.size < FEWEST_PARTS:
         return True
-    ranks = np.argsort(np.argsort(medians, kind="stable"), kind="stable")
-    return bool(abs(np.corrcoef(ranks, np.arange(medians.size))[0, 1]) >= FOLLOWS)
+    ranks = np.unique(medians, return_inverse=True)[1]  # equal ones have one rank
+    return bool(np.ptp(ranks) > 0 and abs(np.corrcoef(ranks, np.arange(medians.size))[0, 1]) >= FOLLOWS)
 
 
 def holds_numbers(table: Table, place: int) -> bool:

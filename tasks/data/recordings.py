@@ -358,7 +358,7 @@ def _once(recording: Recording) -> Recording:
     if not rows.size or recording.columns[0].place == NOWHERE:
         return recording
     listed = ", ".join(f"{recording.rows[row]}" for row in rows[:5]) + (", ..." if rows.size > 5 else "")
-    note = f"{rows.size} of {len(recording.rows):,} rows have the time of the row before and are left out: {listed}"
+    note = f"{rows.size} of {len(recording.rows):,} rows repeat the time stamp before them and are left out: {listed}"
     return replace(recording.part(np.delete(np.arange(len(recording.rows)), rows), note), repeats=recording.repeats)
 
 

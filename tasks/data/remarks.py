@@ -8,6 +8,7 @@ from sinew.tasks.data.columns import LIKELY, Column
 from sinew.tasks.data.odd_numbers import odd_numbers
 from sinew.tasks.data.quantities import POSITION
 from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.titles import name_and_unit, without_fillers
 from sinew.tasks.data.told_lines import told_factors
 from sinew.tasks.drawing.blocks import number
 
@@ -30,6 +31,10 @@ def which_columns(columns: Sequence[Column | None]) -> Iterator[str]:
         if column is not None and column.alike:
             others = ", ".join(f"'{title}'" for title in column.alike)
             yield f"{column.quantity.name} from column {column.place + 1}; it may be in another: {others}"
+        name = "" if column is None else name_and_unit(column.title)[0]
+        part = without_fillers(name)
+        if column is not None and name not in column.quantity.titles and part in column.quantity.titles:
+            yield f"{column.quantity.name} from column {column.place + 1}, {LIKELY} by '{part}' in its title"
 
 
 def _hidden_percent(recording: Recording) -> list[str]:

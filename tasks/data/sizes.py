@@ -19,12 +19,12 @@ SHORTEST_MM, LONGEST_MM = 1e-6, 1e4  # of any size: a nanometre, and ten metres
 LEAST_MM2, LARGEST_MM2 = SHORTEST_MM**2, LONGEST_MM**2
 POSSIBLE_MM = f"at least {SHORTEST_MM:g} and below {LONGEST_MM:g} mm"
 SMALLEST_MM, SMALLEST_MM2 = 0.1, 0.01  # of a size without unit: a smaller one may as well be in m or cm
-LEAST = {**dict.fromkeys((*SIZES, "height", "diameter"), SHORTEST_MM), "area": LEAST_MM2}
-LARGEST = {**dict.fromkeys((*SIZES, "height", "diameter"), LONGEST_MM), "area": LARGEST_MM2}
+LEAST = {**dict.fromkeys((*SIZES, "diameter"), SHORTEST_MM), "area": LEAST_MM2}
+LARGEST = {**dict.fromkeys((*SIZES, "diameter"), LONGEST_MM), "area": LARGEST_MM2}
 FAR = 500  # rows from either end of those above a table, in which sizes are looked for
 _WIDEST = 200  # cells of a row that tells a size
 _LONGEST_LINE = 200  # characters of a line that tells a size
-_WORDS = {name: words.SIZES[name] for name in ("length", "height", "width", "thickness", "diameter")}
+_WORDS = {name: words.SIZES[name] for name in ("length", "width", "thickness", "diameter")}
 #: What may stand beside the word for a size; with any other word, a line tells something else ("parallel length").
 _BESIDE = re.compile(
     r"\b(?:gauge|gage|specimen|sample|initial|original|probe[n]?|standard travel|course standard|éprouvette|eprouvette|"
@@ -51,7 +51,16 @@ _SIZE = re.compile(
 )
 #: The length by which Bluehill makes strains of the displacement: "Strain : Tensile strain (Extension) gauge length".
 _OF_STRAIN = re.compile(
-    r"strain : (?:tensile|compressive) strain \((?:extension|displacement)\) gauge length(?= )", re.IGNORECASE
+    r"strain : (?:tensile|compressive) strain \((?:extension|displacement)\) gauge length(?!\w)", re.IGNORECASE
+)
+_HEIGHTS = "|".join(words.HEIGHT)
+_HEIGHT_WORD = re.compile(_HEIGHTS, re.IGNORECASE)
+#: "Höhe [mm]: 98,6", "Specimen height,4,mm", with single spaces.
+_HEIGHT = re.compile(
+    rf"{_OF_SPECIMEN}(?:(?:specimen|sample|initial)[ _])*(?:{_HEIGHTS})"
+    rf"(?:[ _/]* ?[(\[]?(?P<unit>{_UNIT})[)\]]?)? ?[:=]? ?"
+    rf"(?P<value>[0-9]+(?:[.,][0-9]+)?)(?: ?[(\[]?(?P<behind>{_UNIT})[)\]]?)?",
+    re.IGNORECASE,
 )
 _AREAS = "|".join(map(re.escape, units.AREA))
 #: "Cross-sectional area: 0.3 cm²", "Area (mm2) 12", which need a unit.
@@ -92,8 +101,17 @@ def read_sizes(header: Sequence[Row], own: int = 0, decimal: str = "") -> Mappin
     above them. Of many thousand rows, the first
     and the last are looked at.
     """
+    found = _read_sizes(header, own, decimal)
+    if not {"length", "width"} & found.keys() and "diameter" in found and found["diameter"].mm is not None:
+        height = _height(narrow(header[:FAR]), decimal)
+        found |= {} if height is None else {"length": height}
+    return found
+
+
+def _read_sizes(header: Sequence[Row], own: int, decimal: str) -> dict[str, Size]:
+    """The same without the height of a round specimen."""
     if own:
-        shared, mine = read_sizes(header[:own], 0, decimal), read_sizes(header[own:], 0, decimal)
+        shared, mine = _read_sizes(header[:own], 0, decimal), _read_sizes(header[own:], 0, decimal)
         both = {**shared, **mine}
         if contradiction_of_areas(both) and not contradiction_of_areas(shared):
             both = {name: size for name, size in both.items() if name in mine or name == "length"}
@@ -101,17 +119,25 @@ def read_sizes(header: Sequence[Row], own: int = 0, decimal: str = "") -> Mappin
     if len(header) > 2 * FAR:
         header = [*header[:FAR], *header[-FAR:]]
     header = narrow(header)
-    found: dict[str, list[Size]] = {}
+    told: dict[str, list[Size]] = {}
     for row in header:
         if read := _read(row, decimal) or _in_cells(row, decimal):
-            found.setdefault(read[0], []).append(read[1])
+            told.setdefault(read[0], []).append(read[1])
     for labels, below, numbers, next_row in zip(header, header[1:], header[2:], (*header[3:], ()), strict=False):
         for name, size in _in_columns(labels, below, numbers, next_row, decimal):
-            found.setdefault(name, []).append(size)
-    height = found.pop("height", None)
-    if height is not None and "diameter" in found and "length" not in found:  # a cylinder
-        found["length"] = height
-    return {name: _one_of(sizes) for name, sizes in found.items()}
+            told.setdefault(name, []).append(size)
+    return {name: _one_of(sizes) for name, sizes in told.items()}
+
+
+def _height(header: Sequence[Row], decimal: str) -> Size | None:
+    """The height that one row tells, with its unit; None where no row does, or several."""
+    named = [row for row in header if any(_HEIGHT_WORD.search(cell) for cell in row)]
+    found = _HEIGHT.fullmatch(joined(named[0][:3])) if len(named) == 1 else None
+    if found is None or sum(bool(_HEIGHT_WORD.search(cell)) for cell in named[0]) > 1:
+        return None
+    unit = found["unit"] or found["behind"] or ""
+    size = size_in("length", found["value"], unit, decimal)
+    return size if size.mm is not None and size.has_unit else None
 
 
 def _one_of(sizes: Sequence[Size]) -> Size:
@@ -275,8 +301,8 @@ def _read(row: Row, decimal: str = "") -> tuple[str, Size] | None:
     line, start = joined(row), joined(row[:3])
     if len(start) >= _LONGEST_LINE:
         return None
-    if found := _OF_STRAIN.match(line):
-        row = ("length", *row[1:])
+    if found := _OF_STRAIN.match(joined(row[:1])):
+        row = (f"length{joined(row[:1])[found.end() :]}", *row[1:])
         line, start = joined(row), joined(row[:3])
     for text in (line, start) if len(line) < _LONGEST_LINE else (start,):
         if found := _SIZE.fullmatch(text):

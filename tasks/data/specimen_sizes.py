@@ -67,7 +67,7 @@ class Sizes:
             return cls(length_mm, width_mm, thickness_mm, override)
         option, size = given[0]
         if len(given) > 1 or width_mm is not None or thickness_mm is not None:
-            raise BadInput(option, "given beside another size of the cross-section", "one of them")
+            raise BadInput(option, "given beside a width, a thickness or another size", "one of them")
         round_one = diameter_mm is not None
         check_size(option, "diameter" if round_one else "area", size)
         side = square_side(size) if round_one else round(math.sqrt(size), 9)

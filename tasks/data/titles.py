@@ -33,10 +33,16 @@ _OF_CHANNELS = frozenset({
 _OTHERS = frozenset({"sp", "cmd", "ref", "max", "min", "avg", "rms", "std", "sd", "set", "x", "y", "z", "dt", "del"})
 #: Words beside a name that change nothing of it: ``Primary load measurement``, ``Contrainte nominale``.
 _FILLERS = frozenset({
-    "measurement", "measured", "primary", "nominal", "nominale", "nominell", "value", "values", "signal", "reading",
-    "actual", "istwert", "messwert", "mesure", "mesurée", "medido", "medida",
+    "measurement", "measured", "primary", "value", "values", "signal", "reading",
+    "actual", "istwert", "messwert", "mesure", "mesurée", "medido", "medida", "smoothed", "filtered", "resampled",
 })  # fmt: skip
+_NOMINAL = frozenset({"nominal", "nominale", "nominelle"})  # of a strain or a stress: referred to the first sizes
 _SPECIMEN = re.compile(r"([^\W\d_]+)\d{1,3}")  # in front of a name: ``RD2 force``
+#: What is no name of a specimen there: ``Peak1 Force``.
+_NO_SPECIMEN = frozenset({
+    "peak", "valley", "target", "command", "demand", "setpoint", "limit", "soll", "sollwert", "mean", "minimum",
+    "maximum", "true", "cycle", "zyklus", "step",
+})  # fmt: skip
 _LETTERS = 3
 _SHORTEST = 3  # letters of a name that may stand in front of that of a channel
 _LONGEST = 300  # characters of a title with a unit
@@ -153,11 +159,13 @@ def _among_fillers(name: str, known: Collection[str]) -> str:
 
 def without_fillers(name: str) -> str:
     """A name without words that change nothing of it, and without that of a specimen in front: ``RD2 force``."""
-    words = name.split()
-    named = _SPECIMEN.fullmatch(words[0]) if len(words) > 1 else None
-    if named is not None and named[1] not in _OTHERS | _FILLERS:
-        words = words[1:]
-    return " ".join(word for word in words if word not in _FILLERS)
+    parts = name.split()
+    named = _SPECIMEN.fullmatch(parts[0]) if len(parts) > 1 else None
+    if named is not None and named[1] not in _OTHERS | _FILLERS | _NO_SPECIMEN:
+        parts = parts[1:]
+    parts = [part for part in parts if part not in _FILLERS]
+    bare = " ".join(part for part in parts if part not in _NOMINAL)
+    return bare if bare in words.STRAIN or bare in words.STRESS else " ".join(parts)
 
 
 def _of_channel(word: str) -> bool:

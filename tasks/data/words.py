@@ -34,13 +34,13 @@ DISPLACEMENT = (
     "拉伸位移", "压缩位移", "行程", "伸长", "伸长量", "伸長", "変位", "ストローク", "변위", "신장",
     "クロスヘッド変位",
     "displ", "axial disp", "machine extension", "extension from preload",
-    "elong", "crosshead disp", "cross head displacement", "crosshead separation", "distance", "deflection", "depth",
-    "durchbiegung", "wegaufnehmer", "standardwegaufnehmer", "eindringtiefe", "desplaz", "przemieszczenie", "wydłużenie",
+    "elong", "crosshead disp", "cross head displacement", "crosshead separation", "distance", "depth",
+    "standardwegaufnehmer", "eindringtiefe", "desplaz", "przemieszczenie", "wydłużenie",
     "(mm)", "(µm)", "(um)", "(μm)",
 )  # fmt: skip
 #: Displacements and strains of the specimen itself, which count before those of the machine.
 EXTENSOMETER = (
-    "extensometer elongation",
+    "extensometer elongation", "wegaufnehmer", "deflection", "durchbiegung",
     "extensometer", "extensometer 1", "extensometer displacement", "extensometer extension", "extensometer strain",
     "axial extensometer", "video extensometer", "clip gauge", "lvdt", "feindehnung", "feindehnungsaufnehmer", "feinweg",
     "dehnungsaufnehmer", "extensomètre", "extensometre", "extensómetro", "extensometro", "extensômetro", "estensimetro",
@@ -102,7 +102,7 @@ TENSION = ("tension", "tensile", "traction", "zug", "tracción", "trazione", "�
 #: Titles of times, displacements and forces that also mean something else: a column may hold another quantity.
 DOUBTFUL = frozenset({
     "step time", "scan time", "tempo", "laufzeit",
-    "deflection", "depth", "durchbiegung", "eindringtiefe",
+    "depth", "eindringtiefe", "crosshead separation",
     "deformation", "compression", "indentation", "distance", "travel", "course", "carrera", "corsa", "recorrido", "u",
     "d", "dl", "δl", "maschine", "stroke", "ストローク", "行程",
     "f", "fz", "p", "rf", "last", "charge", "effort", "carga", "carico", "load cell", "normal force", "static force",
@@ -140,8 +140,6 @@ SIZES = {
                "标距", "標距", "原始标距", "標点距離", "標点間距離",
                "wysokość kowadełka",
                "longitud inicial", "długość", "chuck distance", "grip distance", "チャック間距離", "つかみ具間距離"),
-    "height": ("height", "höhe", "hoehe", "probenhöhe", "hauteur", "altura", "altezza", "wysokość",
-               "高度", "高さ", "높이"),
     "width": ("width", "breite", "largeur", "anchura", "ancho", "larghezza", "larghezza b", "largura", "b0",
               "szerokość", "宽度", "寬度", "幅"),
     "thickness": ("thickness", "dicke", "épaisseur", "epaisseur", "espesor", "spessore", "spessore a",
@@ -153,6 +151,8 @@ SIZES = {
              "querschnitt", "fläche", "sección", "sezione",
              "sezione iniziale", "s0", "面积", "截面积", "断面積"),
 }  # fmt: skip
+#: The length of a round specimen that is compressed; beside a width, a height may be a side of the cross-section.
+HEIGHT = ("height", "höhe", "hoehe", "probenhöhe", "hauteur", "altura", "altezza", "wysokość", "高度", "高さ", "높이")
 #: Titles that are nothing but a unit, in the case that leaves no doubt: ``n`` may be a number of samples.
 UNITS_AS_TITLES = frozenset(
     unicodedata.normalize("NFKC", word[1:-1])

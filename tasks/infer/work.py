@@ -17,6 +17,7 @@ NOISE_S = 0.8  # of a likelihood, for each specimen
 EXPLORED_S, EXPLORED_POINT_S = 5.6, 8.7e-4  # for each specimen, and for each of its measured points
 SWEEP_S, SWEEP_POINT_S = 0.021, 5.3e-7  # the same, of a sweep
 SWEEPS, SWEEPS_ALONE = 200, 1800  # of an ensemble: at least, and of a site with one specimen; with more, they are fewer
+USUAL_ESS = 1000  # that they lead to
 
 
 def sites_of(given: Given) -> dict[str, tuple[Specimen, ...]]:
@@ -24,12 +25,15 @@ def sites_of(given: Given) -> dict[str, tuple[Specimen, ...]]:
     return by_site(given.specimens(given.study.section(Settings).specimens))
 
 
-def _chains_s(members: Sequence[Specimen]) -> float:
+def _chains_s(members: Sequence[Specimen], settings: Settings) -> float:
     """How long (s) it takes to explore the specimens of a site and to sweep two ensembles of chains."""
-    points = sum(curve.force_N.size for one in members for curve in one.curves)
+    every, chosen = settings.protocols == "all", settings.protocols
+    curves = [curve for one in members for curve in one.curves if every or curve.name in chosen]
+    points = sum(curve.force_N.size for curve in curves)
     explored = EXPLORED_S * len(members) + EXPLORED_POINT_S * points
     sweep = SWEEP_S * len(members) + SWEEP_POINT_S * points
-    return explored + 2 * max(SWEEPS, SWEEPS_ALONE / len(members)) * sweep
+    sweeps = max(SWEEPS, SWEEPS_ALONE / len(members)) * (settings.ess or USUAL_ESS) / USUAL_ESS
+    return explored + 2 * min(sweeps, settings.sweeps) * sweep
 
 
 def work(given: Given, settings: Settings) -> Work:
@@ -46,7 +50,8 @@ def work(given: Given, settings: Settings) -> Work:
             if given.can.quick
             else dict.fromkeys(names, most_rows(len(given.model.free), discrepancy=settings.discrepancy) + DRAWS)
         )
-        return Work(rows, here_s=NOISE_S * len(names), shared_s=sum(map(_chains_s, sites.values())))
+        chains_s = sum(_chains_s(members, settings.by_likelihood()) for members in sites.values())
+        return Work(rows, here_s=NOISE_S * len(names), shared_s=chains_s)
     filled = settings.by_abc(quick=given.can.quick)
     assert filled.population is not None and filled.generations is not None, "they are filled in"
     proposals = max(1, round(USUAL * filled.generations)) * filled.population * PROPOSALS

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from sinew.tasks.simulate.saltelli import Design
-from sinew.tasks.sobol.method import Intervals
+from sinew.tasks.sobol.method import Intervals, moderate
 from sinew.tasks.sobol.result import KEYS
 
 Array = np.ndarray[Any, Any]
@@ -56,6 +56,7 @@ def first_order(rows: Independent, outcomes: Array, intervals: Intervals) -> dic
 
     NaN for outputs that do not vary, and for groups of several parameters.
     """
+    outcomes = moderate(outcomes)
     size, count = rows.features.shape[1], outcomes.shape[1]
     found = {key: np.full((size, count), np.nan) for key in KEYS}
     centred = outcomes - outcomes.mean(axis=0)

@@ -160,7 +160,6 @@ def same(one: Segment, other: Segment) -> bool:
         ({"wall_seconds": np.array([0.1, np.inf])}, "a time that no evaluation takes"),
         ({"wall_seconds": np.array([0.1, -1.0])}, "a time that no evaluation takes"),
         ({"values": {"y": np.zeros((2, 2), dtype=np.uint8)}}, "values"),
-        ({"messages": ("", "half of a pair: \ud800")}, "surrogates not allowed"),
     ],
 )
 def test_what_no_worker_writes_is_refused(tmp_path, change, problem):
@@ -245,5 +244,23 @@ def test_what_a_table_does_not_have_is_named(tmp_path, whole):
     widths = {"y": (2,), "z": (), "more": (9,)}
     assert found.misfit(8, widths) == ""
     assert found.misfit(7, widths) == "rows that were never planned"
-    assert found.misfit(8, widths | {"y": (1,)}) == "values of 'y' that its table does not have"
-    assert found.misfit(8, {"y": (2,)}) == "values of 'z' that its table does not have"
+    assert found.misfit(8, widths | {"y": (1,)}) == "values of 'y' with another shape than those of its table"
+    assert found.misfit(8, {"y": (2,)}) == "values of 'z' with another shape than those of its table"
+
+
+def test_bytes_of_names_that_are_no_text_do_not_spoil_a_segment(tmp_path):
+    replace(segment(), messages=("", "no file \udcff"), worker="node\udcff").write(tmp_path / "a")
+    found = Segment.read(tmp_path / "a")
+    assert (found.messages, found.worker) == (("", "no file ?"), "node?")
+
+
+@pytest.mark.parametrize("number", [errno.EMFILE, errno.EIO, errno.EACCES])
+def test_a_segment_that_cannot_be_read_now_may_be_whole(tmp_path, monkeypatch, number):
+    segment().write(tmp_path / "a")
+
+    def fails(_path):
+        raise OSError(number, "not now")
+
+    monkeypatch.setattr("sinew.runner.store.segment._opened", fails)
+    with pytest.raises(OSError, match="not now"):
+        Segment.read(tmp_path / "a")

@@ -119,8 +119,8 @@ def test_sizes_that_no_file_tells_are_filled_in_and_then_the_ranges_are_scaled(i
     code, out, _ = init("a.csv", "--length-mm", "20")
     assert code == 0
     assert "fill in: study/cohort/a/specimen.json\n" in out
-    last = "fill in what is marked null there, then sinew init study/cohort --out study-scaled"
-    assert out.endswith(f"next: {last}, where the ranges are scaled to the tests\n")
+    last = "fill in what is marked null there; then, for ranges that fit the tests:"
+    assert out.endswith(f"next: {last} sinew init study/cohort --out study-scaled\n")
 
 
 # ---- a FEBio model

@@ -121,7 +121,7 @@ def test_a_number_at_the_end_of_a_name_is_that_of_a_channel():
     "titles",
     [
         ("Time measurement (s)", "Extension (mm)", "Primary load measurement (N)"),
-        ("Zeit Messwert [s]", "Wegaufnehmer [mm]", "Kraft Istwert [kN]"),
+        ("Zeit Messwert [s]", "Standardwegaufnehmer [mm]", "Kraft Istwert [kN]"),
         ("t_s", "Déformation nominale (%)", "Contrainte nominale (MPa)"),
         ("t_s", "Steel1_Strain_%", "Steel1_Stress_MPa"),
         ("t_s", "Position des Aktuators (mm)", "RD2_force_kN"),
@@ -136,7 +136,10 @@ def test_names_of_specimens_in_front_of_others_leave_a_question():
         columns("t_s|Disp_mm|RD2_force_kN|RD5_force_kN")
     with pytest.raises(BadInput, match="no unit of the stress can be found"):
         columns("t_s|Déformation nominale (%)|Contrainte nominale")
-    for other in ("SP1 force (N)", "Max1 force (N)", "Nominal (N)", "Steel1 Force (mm)", "Primary load limit (N)"):
+    for other in ("SP1 force (N)", "Max1 force (N)", "Nominal (N)", "Force nominal (N)", "Peak1 Force (N)"):
+        with pytest.raises(BadInput, match="no column of force or stress"):
+            columns(f"t_s|Disp_mm|{other}")
+    for other in ("Steel1 Force (mm)", "Primary load limit (N)", "Kraft Soll1 (N)"):
         with pytest.raises(BadInput, match="no column of force or stress"):
             columns(f"t_s|Disp_mm|{other}")
 
@@ -150,6 +153,9 @@ def test_an_extensometer_that_does_not_move_with_the_machine_is_not_taken():
         motion = recognise(table_of(titles, *rows), Hints(), first_of_alike=True)[1]
         assert motion.title == taken
         assert motion.alike == tuple({"Position (mm)", "Extensometer (mm)"} - {taken})
+    still = [f"{i}|{0.05 * i:.4f}|{0.001 if i == 30 else 0.0}|{i}" for i in range(60)]
+    motion = recognise(table_of(titles, *still), Hints(), first_of_alike=True)[1]
+    assert motion.title == "Position (mm)", "zeros but for a glitch"
     held = [f"{i}|{min(i, 6)}|{0.1 * min(i, 6) + each:.6f}|{i}" for i, each in enumerate(noise)]
     motion = recognise(table_of(titles, *held), Hints(), first_of_alike=True)[1]
     assert motion.title == "Extensometer (mm)", "most rows are of a hold, where both rest"

@@ -35,6 +35,8 @@ def test_titles_and_units_are_found_above_and_below_each_other(lines):
 def test_numbers_beside_units_do_not_make_them_titles():
     found = head("Time,Disp,Force,,20", "s,mm,N,,10.78")
     assert (found.titles, found.units, found.top) == ((*TITLES, "", "20"), (*UNITS, "", ""), 0)
+    strains = head("Time,Disp,Strain,Force,,20", "s,mm,1,N,,10.78")
+    assert strains.units == ("s", "mm", "1", "N", "", ""), "a strain may be told in 1"
     assert head("Place,Name,Number,,20", "s,mm,N,,10.78").units == (), "no titles of a test above"
     assert head("Time,Disp,Force,,20", "1,mm,3,,10.78").units == (), "a row of numbers"
 

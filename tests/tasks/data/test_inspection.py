@@ -396,4 +396,5 @@ def test_other_columns_are_remarked_on_where_something_is_missing(tmp_path):
     rows = "".join(f"{i},{i},{2 * i}\n" for i in range(4))
     found = taken(tmp_path, f"displacement_mm,RD2_force_kN,RD5_force_kN\n{rows}")
     assert found["force"] == {"column": "RD2_force_kN", "unit": "kN"}
-    assert found["remarks"] == ["force from column 2; it may be in another: 'RD5_force_kN'"]
+    assert found["remarks"][0] == "force from column 2; it may be in another: 'RD5_force_kN'"
+    assert found["remarks"][1:] == ["force from column 2, likely by 'force' in its title"]

@@ -59,7 +59,7 @@ def test_a_few_rows_with_the_time_of_the_row_before_are_left_out_and_said(tmp_pa
     assert len(found.rows) == len(found.numbers) == 398
     assert {102, 302}.isdisjoint(found.rows)
     assert {101, 103, 301, 303} <= set(found.rows)
-    assert found.notes == ("2 of 400 rows have the time of the row before and are left out: 102, 302",)
+    assert found.notes == ("2 of 400 rows repeat the time stamp before them and are left out: 102, 302",)
 
 
 @pytest.mark.parametrize(

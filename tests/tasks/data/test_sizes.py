@@ -274,14 +274,26 @@ def test_sizes_in_polish():
 
 def test_the_height_of_a_round_specimen_is_its_length():
     assert sizes("Durchmesser [mm]:|100", "Höhe [mm]:|98,6") == {"length": 98.6, "diameter": 100.0}
-    assert sizes("Height (mm)|4", "Width (mm)|8") == {"width": 8.0}, "perhaps a side of the cross-section"
+    assert sizes("Specimen height|4|mm", "Diameter (mm)|8") == {"length": 4.0, "diameter": 8.0}
+    for rows in (
+        ("Height (mm)|4", "Width (mm)|8", "Diameter (mm)|8"),  # perhaps a side of the cross-section
+        ("Height (mm)|4", "Diameter (mm)|0"),
+        ("Height|4", "Diameter (mm)|8"),
+        ("Probe height|30|mm", "Diameter (mm)|8"),  # of the machine
+        ("Height: 10 mm|||Height: 12 mm", "Diameter (mm)|8"),
+        ("Height (mm)|4", "Diameter (mm)|8", "Height (mm)|5"),
+    ):
+        assert "length" not in sizes(*rows), rows
     assert sizes("Height (mm)|4", "Diameter (mm)|8", "Length (mm)|5") == {"length": 5.0, "diameter": 8.0}
+    own = [("Diameter: 8 mm",), ("Operator: me",), ("Height: 12 mm",)]
+    assert {name: size.mm for name, size in read_sizes(own, 2).items()} == {"length": 12.0, "diameter": 8.0}
 
 
 def test_the_length_of_strains_by_the_displacement_is_the_gauge_length():
     line = "Strain : Tensile strain ({}) gauge length|100.00000|mm"
     assert sizes(line.format("Extension")) == sizes(line.format("Displacement")) == {"length": 100.0}
     assert sizes(line.format("Strain 1")) == {}, "that of an extensometer"
+    assert sizes("Strain : Tensile strain (Extension) gauge length (in)|4") == {"length": pytest.approx(101.6)}
 
 
 def test_sizes_in_german():

@@ -110,7 +110,7 @@ def test_a_diameter_stands_for_width_and_thickness():
     assert sizes.length_mm == 10.0
     assert sizes.width_mm == sizes.thickness_mm == pytest.approx(8.0 * np.sqrt(np.pi / 4))
     assert Sizes.of(1.0, 2.0, 3.0, None, override=True) == Sizes(1.0, 2.0, 3.0, True)
-    with pytest.raises(BadInput, match="--diameter-mm: given beside another size of the cross-section"):
+    with pytest.raises(BadInput, match="--diameter-mm: given beside a width, a thickness or another size"):
         Sizes.of(None, 1.0, None, 8.0, override=False)
     with pytest.raises(BadInput, match="--diameter-mm: -8; expected at least 1e-06"):
         Sizes.of(None, None, None, -8.0, override=False)
@@ -140,7 +140,7 @@ def test_a_cross_section_stands_for_width_and_thickness(tmp_path):
     assert sizes.length_mm == 10.0
     assert sizes.width_mm == sizes.thickness_mm == pytest.approx(np.sqrt(50.0))
     for width, thickness, diameter in ((1.0, None, None), (None, 1.0, None), (None, None, 1.0)):
-        with pytest.raises(BadInput, match="given beside another size of the cross-section; expected one of them"):
+        with pytest.raises(BadInput, match="given beside a width, a thickness or another size; expected one of them"):
             Sizes.of(None, width, thickness, diameter, 50.0, override=False)
     with pytest.raises(BadInput, match=r"--area-mm2: 0; expected at least 1e-12 and below 1e\+08 mm2"):
         Sizes.of(None, None, None, None, 0.0, override=False)

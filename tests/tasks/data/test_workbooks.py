@@ -59,16 +59,6 @@ def test_each_sheet_may_hold_a_test(tmp_path):
     assert inspect(path).specimens == 2
 
 
-def test_sheets_of_two_columns_are_looked_at_where_wider_ones_are_no_test(tmp_path):
-    results = [["Specimen no.", "Upper yield point", "dl at break"], *([i, 30 + i, 2 * i] for i in range(4))]
-    two = [["Test time", "Standard force"], ["s", "N"], *([0.5 * i, 3.25 * i] for i in range(9))]
-    found = inspect(write_workbook(tmp_path / "a.xlsx", Results=results, one=two, two=two))
-    assert (found.sheet, found.rows, found.specimens) == ("one", 9, 2)
-    assert found.questions[0].startswith("displacement, length or strain: no column of displacement")
-    with pytest.raises(BadInput, match=r"no columns of a test among 'Specimen no\., Upper"):
-        inspect(write_workbook(tmp_path / "b.xlsx", Results=results))
-
-
 def test_a_number_that_somebody_wrote_beside_the_units_hides_no_other_sheet(tmp_path):
     beside = [[*VALUES[0]], [*VALUES[1], None, "20"], [*VALUES[2], None, 10.78], *VALUES[3:]]
     other = [*beside[:2], [*VALUES[2], None, 9.9], *VALUES[3:]]

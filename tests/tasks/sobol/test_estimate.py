@@ -105,6 +105,14 @@ def test_one_output_and_many_agree():
                 np.testing.assert_array_equal(getattr(one, key), many[key][:, 0])
 
 
+@pytest.mark.parametrize("unit", [1e-250, 1e200])
+def test_indices_have_no_unit_where_rows_failed(unit):
+    one, outcomes = estimated(64, corner, curved, [[0.0, 1.0]] * 4)
+    found, other = (one.of(each[:, np.newaxis])["S1"] for each in (outcomes, unit * outcomes))
+    assert np.isfinite(found).all()
+    assert np.allclose(other, found)
+
+
 def test_a_convergence_begins_with_32_base_samples_and_ends_with_all():
     several, output = estimated(512, nothing, ishigami.evaluate, BOUNDS)
     assert several.convergence(output).base_samples == [256, 512], "of each sequence 32"

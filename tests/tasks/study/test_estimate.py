@@ -73,6 +73,10 @@ def test_an_inference_by_likelihood_takes_longer_with_more_points_and_for_specim
         work_of("infer", replace(told, cohort=replace(told.cohort, specimens=specimens))).shared_s
         for specimens in (told.cohort.specimens, thin, together)
     )
+    short = given(cohort, tmp_path, "infer: {method: likelihood, sweeps: 100}")
+    assert 2 * work_of("infer", short).shared_s < alone
+    first = given(cohort, tmp_path, f"infer: {{method: likelihood, protocols: [{thin[0].curves[0].name}]}}")
+    assert work_of("infer", first).shared_s == pytest.approx(fewer)
     assert fewer < alone
     assert 1.5 * site < alone < 6 * site
 
