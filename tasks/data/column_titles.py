@@ -29,7 +29,7 @@ def _read(table: Table) -> tuple[Row, list[tuple[str, str]]]:
     found = [name_and_unit(title, below) for title, below in zip(plain, _below(table, len(titles)), strict=True)]
     names = without_numbers([name for name, _ in found])
     above = units_above(table.header)
-    names = _of_channels(names, [unit for _, unit in found])
+    names = _known_names(names, [unit for _, unit in found])
     told = [units.agreed([unit, *above.get(role_of(name), ())]) for name, (_, unit) in zip(names, found, strict=True)]
     return titles, [(names[place], "s" if table.has_clock(place) else unit) for place, unit in enumerate(told)]
 
@@ -44,7 +44,7 @@ def places_named(titles: Sequence[str], named: Sequence[tuple[str, str]], wanted
     return found
 
 
-def _of_channels(names: Sequence[str], measured: Sequence[str]) -> list[str]:
+def _known_names(names: Sequence[str], measured: Sequence[str]) -> list[str]:
     """The names without words that change nothing of them, where no column is called by the name alone.
 
     ``measured``: the units; one of another quantity leaves a name as it is, and so does none beside that of a channel.

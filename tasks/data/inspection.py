@@ -101,7 +101,8 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         values = _with_area({name: known.get(name) if mm is None else mm for name, mm in values.items()})
     told = [as_told(one, hints) for one in recordings]
     notes = tuple(dict.fromkeys(remark for one in told for remark in (*remarks(one), *first_length(one, reading))))
-    notes = notes or tuple(which_columns(columns))
+    if not recordings:
+        notes = tuple(which_columns(columns))
     if recordings and columns[0] is None:  # a person has told how times run
         columns = recordings[0].columns
         numbers[0, 0] = recordings[0].numbers[0, 0]

@@ -39,7 +39,9 @@ def follows(table: Table, place: int, machine: int) -> bool:
         return False
     sensor, moved = np.array(pairs, dtype=float).reshape(-1, 2).T
     way = np.ptp(moved) if moved.size else 0.0
-    parts = np.minimum((moved - moved.min()) / way * PARTS, PARTS - 1).astype(int) if way > 0.0 else moved.astype(int)
+    if way == 0.0:
+        return True
+    parts = np.minimum((moved - moved.min()) / way * PARTS, PARTS - 1).astype(int)
     medians = np.array([np.median(sensor[parts == part]) for part in np.unique(parts)])
     if medians.size < FEWEST_PARTS:
         return True

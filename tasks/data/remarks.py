@@ -27,13 +27,12 @@ def remarks(recording: Recording) -> list[str]:
 
 def which_columns(columns: Sequence[Column | None]) -> Iterator[str]:
     """A line for each column in whose place another one could be meant."""
-    for column in columns:
-        if column is not None and column.alike:
+    for column in filter(None, columns):
+        if column.alike:
             others = ", ".join(f"'{title}'" for title in column.alike)
             yield f"{column.quantity.name} from column {column.place + 1}; it may be in another: {others}"
-        name = "" if column is None else name_and_unit(column.title)[0]
-        part = without_fillers(name)
-        if column is not None and name not in column.quantity.titles and part in column.quantity.titles:
+        name, known = name_and_unit(column.title)[0], column.quantity.titles
+        if name not in known and (part := without_fillers(name)) in known:
             yield f"{column.quantity.name} from column {column.place + 1}, {LIKELY} by '{part}' in its title"
 
 

@@ -30,5 +30,5 @@ def again(numbers: Array) -> Array:
     steps = np.diff(numbers, axis=0)
     rows = np.flatnonzero(steps[:, 0] == 0.0)
     moves = np.abs(steps[rows, 1:]) > STILL * np.ptp(numbers[:, 1:], axis=0)
-    some = (steps[:, 0] < 0.0).any() or len(rows) > FEW_AGAIN * len(numbers) or (np.diff(rows) == 1).any()
-    return np.array([], dtype=int) if some or moves.any() else rows + 1
+    coarse = len(rows) > FEW_AGAIN * len(numbers) or (np.diff(rows) == 1).any() or moves.any()
+    return np.array([], dtype=int) if coarse or (steps[:, 0] < 0.0).any() else rows + 1

@@ -98,8 +98,7 @@ def read_sizes(header: Sequence[Row], own: int = 0, decimal: str = "") -> Mappin
     A size stands in a row of its own, or in a table of results: a row of labels, one of units, one of numbers. If
     several rows tell one size, the first of them with number and unit counts, else the first with a number; where they
     contradict each other, none does. The height of a round specimen is its length. Rows from ``own`` on go before those
-    above them. Of many thousand rows, the first
-    and the last are looked at.
+    above them. Of many thousand rows, the first and the last are looked at.
     """
     found = _read_sizes(header, own, decimal)
     if not {"length", "width"} & found.keys() and "diameter" in found and found["diameter"].mm is not None:

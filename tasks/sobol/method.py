@@ -89,10 +89,10 @@ def indices(blocks: Array, scramble: Array, intervals: Intervals) -> dict[str, A
 
 
 def moderate(outcomes: Array, axis: int | tuple[int, ...] = 0) -> Array:
-    """Outcomes in other units, powers of two, in which squares neither overflow nor vanish."""
+    """Outcomes in other units, powers of two, in which squares neither overflow nor vanish. NaN stays what it is."""
     if not outcomes.size:
         return outcomes
-    _, exponent = np.frexp(np.abs(outcomes).max(axis=axis))
+    _, exponent = np.frexp(np.fmax.reduce(np.abs(outcomes), axis=axis))
     return np.ldexp(outcomes, -exponent)
 
 
@@ -103,14 +103,12 @@ def column(found: dict[str, Array], j: int) -> Indices:
 
 def analyse(design: Design, outcomes: Array, whole: Array, intervals: Intervals) -> Analysis:
     """SALib's own analysis of one output ``[n]``; ``whole`` ``[base samples]``: those without a failed row."""
-    blocks = outcomes.reshape(design.base_samples, design.block)[whole]
-    used = blocks.ravel()
+    outcomes = moderate(np.where(np.repeat(whole, design.block), outcomes, np.nan))
+    used = outcomes.reshape(design.base_samples, design.block)[whole]
     if not np.isfinite(used).all():  # SALib would turn one of them into zeros everywhere
         raise ValueError("outcomes of whole base samples must be numbers")
-    own = moderate(blocks, axis=(0, 1))
-    if np.ptp(used) <= 1e-12 * np.abs(used).max() or own[:, [0, -1]].var() <= ALONE * own.var():
+    if np.ptp(used) <= 1e-12 * np.abs(used).max() or used[:, [0, -1]].var() <= ALONE * used.var():
         return Analysis(*(np.full(len(design.names), np.nan) for _ in KEYS))
-    outcomes = np.ldexp(outcomes, -np.frexp(np.abs(used).max())[1])  # as :func:`moderate`; some may be NaN
     keys = [*KEYS, *(("S2", "S2_conf") if design.second_order else ())]
     found = _by_salib(design, outcomes, whole, intervals)
     there = np.unique(design.scramble[whole])

@@ -258,6 +258,14 @@ def test_the_analysis_of_one_output_uses_its_bootstrap():
     assert one.S2 is None
 
 
+def test_a_huge_outcome_of_a_base_sample_with_a_failed_row_changes_nothing():
+    design, output = ishigami_design(64)
+    whole, intervals = np.arange(64) != 5, Intervals(20, 0.95, 0)
+    expected = analyse(design, output, whole, intervals)
+    output[5 * design.block], output[5 * design.block + 1] = 1e250, np.nan
+    assert np.array_equal(analyse(design, output, whole, intervals).ST, expected.ST)
+
+
 def test_outcomes_of_whole_base_samples_are_numbers():
     design, output = ishigami_design(8)
     output[3] = np.nan
