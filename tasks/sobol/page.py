@@ -42,7 +42,7 @@ def section(folder: ResultFolder) -> Section:
         sure += f"; below 0.01: {listed(small, 3)}"
     return Section(
         "sensitivity", title, question, blocks,
-        found=f"{_order(result)} order indices: {', '.join(first)}" if first else "the objective does not vary",
+        found=f"{_order(result)} order indices: {', '.join(first)}" if first else "the objective varies too little",
         sure=sure,
         failed=failed,
     )  # fmt: skip

@@ -166,4 +166,4 @@ def _with_interval(values: Indices | OfOutput | SobolResult, key: str, j: int) -
     value, conf = getattr(values, key)[j], getattr(values, f"{key}_conf")[j]
     if np.isfinite(value):
         return f"{value:.3f} ± {conf:.3f}"
-    return "refused" if key == "ST" and np.isfinite(values.S1).any() else "does not vary"
+    return "refused" if key == "ST" and np.isfinite(values.S1).any() else "varies too little"

@@ -127,6 +127,7 @@ def test_whether_pip_audit_could_ask_is_said(monkeypatch, capsys, code, report, 
     assert ("not audited" in said) == (result == 2)
 
 
+@pytest.mark.thorough
 def test_the_bill_of_materials_says_what_and_who_needs_it(tmp_path):
     bill = json.loads(sbom.write(tmp_path / "one").read_bytes())
     assert sbom.write(tmp_path / "two").read_bytes() == next((tmp_path / "one").iterdir()).read_bytes()

@@ -136,6 +136,7 @@ def test_a_parameter_at_zero_is_not_to_be_widened():
     assert "E_f, g_1f. Widen the range of g_1f (" in bound_advice(replace(found, specimens=both)), "E_f is at 0"
 
 
+@pytest.mark.thorough
 def test_the_store_does_not_depend_on_where_rows_are_evaluated(study, tmp_path, monkeypatch):
     monkeypatch.setattr(pipeline, "_draw", lambda *_: None)
     change = {

@@ -63,6 +63,7 @@ def test_a_preempted_worker_job_is_replaced(tmp_path, slurm_cluster, bed):
 
 
 @pytest.mark.takes(40)
+@pytest.mark.thorough
 def test_a_node_fails(tmp_path, slurm_cluster, bed):
     (tmp_path / "held").write_text("24")
     out = submit(prepare(tmp_path, profile_with(cores=2), seconds=0.5, base_samples=4))
@@ -88,6 +89,7 @@ def is_replaced(out: Path, job: str, end: str) -> None:
 
 
 @pytest.mark.takes(45)
+@pytest.mark.thorough
 def test_the_controller_is_away_for_a_while(tmp_path, slurm_cluster, bed):
     study = prepare(tmp_path, profile_with(), seconds=1.0, base_samples=4)
     out = submit(study)
@@ -127,7 +129,14 @@ def test_the_controller_is_away_when_the_study_starts(tmp_path, slurm_cluster, b
 
 
 @pytest.mark.takes(55)
-@pytest.mark.parametrize("how", ["requeued", "killed", "killed while the controller is away"])
+@pytest.mark.parametrize(
+    "how",
+    [
+        "killed",
+        pytest.param("requeued", marks=pytest.mark.thorough),
+        pytest.param("killed while the controller is away", marks=pytest.mark.thorough),
+    ],
+)
 def test_the_leading_job_is(tmp_path, slurm_cluster, bed, how):
     study = prepare(tmp_path, profile_with(), seconds=0.5, base_samples=4)
     out = submit(study)
@@ -283,6 +292,7 @@ def test_a_full_disk(slurm_cluster, disk, bed):
 
 @may_mount
 @pytest.mark.takes(50)
+@pytest.mark.thorough
 def test_a_disk_that_becomes_read_only(slurm_cluster, disk, bed):
     study = prepare(disk.parent, profile_with(), seconds=0.5, base_samples=4)
     out = submit(study, disk / "out")

@@ -36,6 +36,7 @@ def test_influence_is_seen_where_it_is_and_not_where_it_is_not():
     assert sum(seen) <= 3  # 5 % each: more than three of twelve happen once in 500 times
 
 
+@pytest.mark.thorough
 def test_intervals_hold_the_scatter_of_the_estimate():
     found = [pawn_indices(*sample(100 + seed), seed=seed, **HOW) for seed in range(40)]
     middle = np.mean([one.median for one in found], axis=0)

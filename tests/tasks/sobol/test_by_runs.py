@@ -73,6 +73,7 @@ def test_bar_and_coarse_version_save_runs_and_none_is_repeated(tmp_path, setting
             assert abs(known[key][j] - found[key][j]) <= known[f"{key}_conf"][j] + found[f"{key}_conf"][j]
 
 
+@pytest.mark.thorough
 def test_more_runs_of_a_version_are_another_result(tmp_path, settings):
     found = cheaper(settings, ["coarse"])
     found["sobol"] |= {"error": 0.5, "runs": 32}

@@ -35,7 +35,7 @@ def study(tmp_path):
 
 def test_two_cohorts_are_run_scored_and_not_run_again(tmp_path, study, capsys):
     out = tmp_path / "out"
-    options = ["--study", study, "--specimens", "2", "--protocol", "one_step", "--rate-hz", "2", "--workers", "2"]
+    options = ["--study", study, "--specimens", "2", "--protocol", "one_step", "--rate-hz", "2", "--workers", "1"]
     sinew("benchmark", "infer", "--out", out, "--cohorts", "1", *options, "--quiet")
     kept = out / "cohort_0001" / "cohort.json"
     before = kept.stat().st_mtime_ns

@@ -11,6 +11,7 @@ from sinew.tasks.infer.likelihood.scores import places
 from tests.tasks.infer.likelihood.specimens import fitted, target
 
 
+@pytest.mark.thorough
 def test_where_the_model_is_right_there_is_next_to_no_error():
     wider = []
     for number in range(2):

@@ -78,6 +78,7 @@ def test_a_model_of_ones_own_comes_with_its_template(tmp_path, sinew):
     assert "as `febio4` on the PATH" in (tmp_path / "there" / "README.md").read_text("utf-8")
 
 
+@pytest.mark.thorough
 def test_options_of_the_run_and_doublings_are_repeated(tmp_path, sinew):
     home, data = tmp_path / "home", tmp_path / "far" / "away" / "from" / "the" / "study"
     home.mkdir()
