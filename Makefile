@@ -29,7 +29,7 @@ test: CHOSEN := and not thorough
 test test-all: $(READY)
 	@beside=$$(mktemp); trap 'kill -INT $$(jobs -p) 2>/dev/null; wait; rm -f "$$beside"' EXIT; \
 	trap 'exit 130' INT TERM; \
-	$(BIN)/python -m pytest -m "slurm $(CHOSEN)" -n 7 --dist load --maxschedchunk 1 tests/tasks/cluster tests/runner/cluster \
+	$(BIN)/python -m pytest -m "slurm $(CHOSEN)" -n 5 --dist load --maxschedchunk 1 tests/tasks/cluster tests/runner/cluster \
 		>"$$beside" 2>&1 & slurm=$$!; \
 	others=0; nice -n 5 $(BIN)/python -m pytest -m "not slurm $(CHOSEN)" -n 3 --dist worksteal || others=$$?; \
 	failed=0; wait $$slurm || failed=$$?; cat "$$beside"; exit $$((others | failed))
