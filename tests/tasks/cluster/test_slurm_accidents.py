@@ -252,6 +252,7 @@ def test_worker_jobs_that_cannot_start(tmp_path, slurm_cluster, bed):
 
 
 @pytest.mark.takes(55)
+@pytest.mark.thorough
 def test_the_client_of_an_allocation_is_killed(tmp_path, slurm_cluster, bed):
     study = prepare(tmp_path, ALLOCATION + JOB_SCRIPT, seconds=0.3, base_samples=4)
     out = submit(study)

@@ -73,6 +73,7 @@ def here(monkeypatch):
 
 
 @pytest.mark.figures
+@pytest.mark.thorough
 def test_a_hidden_effect_is_named_added_and_shown(study, tmp_path, capsys, monkeypatch):
     path, out = study(0.99), tmp_path / "out"
     sinew("discover", path, "--out", out, "--workers", 2)

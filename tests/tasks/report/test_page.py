@@ -217,6 +217,7 @@ def test_one_site_is_told_why_there_is_nothing_to_compare(run_folder, names, wor
     assert words in found.missing("compare")
 
 
+@pytest.mark.thorough
 def test_equal_folders_give_equal_bytes(whole_run):
     build(whole_run)
     first = (whole_run / "report.html").read_bytes()

@@ -33,6 +33,7 @@ def study(tmp_path):
     return path
 
 
+@pytest.mark.thorough
 def test_two_cohorts_are_run_scored_and_not_run_again(tmp_path, study, capsys):
     out = tmp_path / "out"
     options = ["--study", study, "--specimens", "2", "--protocol", "one_step", "--rate-hz", "2", "--workers", "1"]

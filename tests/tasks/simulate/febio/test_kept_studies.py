@@ -42,6 +42,7 @@ def study(folder: Path, settings: dict) -> Path:
     return trusted(folder / "study.yaml")
 
 
+@pytest.mark.thorough
 def test_an_output_that_is_added_to_a_finished_study(tmp_path, settings, capsys):
     out = tmp_path / "out"
     command("sobol", study(tmp_path, settings), "--out", out)

@@ -75,6 +75,7 @@ def with_cohort(folder: Path, settings: dict) -> dict:
 
 
 @pytest.mark.figures
+@pytest.mark.thorough
 def test_sobol_and_importance_of_any_output(tmp_path, settings, capsys, monkeypatch):
     study = written(tmp_path, settings)
     command("run", study, "--out", tmp_path / "out")
