@@ -28,7 +28,7 @@ _OPTIONS = (
     click.option(
         "--test-column",
         metavar="NAME",
-        help="Column that distinguishes the tests in a table; 'none' if it holds a single test.",
+        help="Column that distinguishes the tests in a table, or two with a comma between; 'none' for a single test.",
     ),
     click.option("--cycle-column", metavar="NAME", help="Column of cycles, if times start again with a cycle."),
     click.option(

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, permutations
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from sinew.tasks.data.tables import Table
 from sinew.tasks.data.titles import name_and_unit
 
 TEST_COLUMN, CYCLE_COLUMN, TABLES = "--test-column", "--cycle-column", "--tables"
+BOTH = ","  # between the names of two columns that tell tests apart together
 FEWEST_ROWS = 3  # of a test
 GOES_ON = "begins soon after the end of the table before, by its times"
 LABELLED = 2  # cells: a label, and what it is of
@@ -181,9 +182,11 @@ def _places(table: Table, column: Column) -> list[int]:
 def blocks_of_tests(table: Table, rows: int, wanted: str) -> list[Block]:
     """The tests in the first ``rows`` of a table, by a column that a person names by its title or number.
 
-    Raises :class:`BadInput` for no such column, and for a value that comes again after another one.
+    Several with a comma between them tell tests apart together. Raises :class:`BadInput` for no such column, and for a
+    value that comes again after another one.
     """
-    found = _blocks(table, rows, place_named(table, wanted, TEST_COLUMN))
+    each = [wanted] if wanted.strip() in table.titles else wanted.split(BOTH)
+    found = _blocks(table, rows, [place_named(table, one.strip(), TEST_COLUMN) for one in each])
     seen: set[str] = set()
     for block in found:
         if block.name in seen:
@@ -202,7 +205,7 @@ def blocks_of_cycles(table: Table, rows: int, wanted: str, taken: Sequence[int])
     where = f"{table.path}: {CYCLE_COLUMN} {shown(wanted)}"
     if place in taken:
         raise BadInput(where, "the column of time, displacement or force", "a column with the number of the cycle")
-    found = _blocks(table, rows, place)
+    found = _blocks(table, rows, [place])
     if len(found) > max(rows // FEWEST_ROWS_OF_A_CYCLE, 1):
         problem = f"changes {len(found) - 1:,} times in {rows:,} rows"
         expected = f"a column with one value for each cycle, which has {FEWEST_ROWS_OF_A_CYCLE} rows or more"
@@ -210,14 +213,15 @@ def blocks_of_cycles(table: Table, rows: int, wanted: str, taken: Sequence[int])
     return found
 
 
-def _blocks(table: Table, rows: int, place: int) -> list[Block]:
-    cells = _cells(table, rows, place)
+def _blocks(table: Table, rows: int, places: Sequence[int]) -> list[Block]:
+    cells = _cells(table, rows, places)
     starts = _starts(cells)
-    return [Block(cells[start], start, end) for start, end in zip(starts, [*starts[1:], rows], strict=False)]
+    ends = [*starts[1:], rows]
+    return [Block(" ".join(cells[start]), start, end) for start, end in zip(starts, ends, strict=False)]
 
 
-def _starts(cells: Sequence[str]) -> list[int]:
-    """The rows whose cell is another than that of the row before."""
+def _starts(cells: Sequence[tuple[str, ...]]) -> list[int]:
+    """The rows whose cells are others than those of the row before."""
     return [row for row, cell in enumerate(cells) if row == 0 or cell != cells[row - 1]]
 
 
@@ -267,8 +271,9 @@ def refuse_several(table: Table, rows: int, taken: Sequence[int]) -> None:
 def told_apart(table: Table, rows: int, back: Sequence[int], taken: Sequence[int]) -> Apart | None:
     """The column that tells tests or cycles apart; None if none does.
 
-    Its value must change wherever the time goes ``back``. If time never goes back, or is not there, a column counts
-    whose title says that it tells tests apart. ``taken``: columns that hold something else.
+    Its value must change wherever the time goes ``back``; else two columns together tell tests apart, of which the
+    second counts within the first. If time never goes back, or is not there, a column counts whose title says that it
+    tells tests apart. ``taken``: columns that hold something else.
     """
     found: list[tuple[int, int, Apart]] = []
     for place, title in enumerate(table.titles):
@@ -277,17 +282,40 @@ def told_apart(table: Table, rows: int, back: Sequence[int], taken: Sequence[int
             continue
         if any(_cell(table, row - 1, place) == _cell(table, row, place) for row in back):
             continue
-        cells = _cells(table, rows, place)
-        values = [cells[start] for start in _starts(cells)]
-        again = len(set(values)) < len(values)
-        if 1 < len(values) <= rows // FEWEST_ROWS_OF_A_CYCLE and (not again or name in words.CYCLES):
+        values, again = _values(table, rows, [place])
+        if 1 < values <= rows // FEWEST_ROWS_OF_A_CYCLE and (not again or name in words.CYCLES):
             option = CYCLE_COLUMN if name in words.CYCLES else TEST_COLUMN
-            found.append((len(values), place, Apart(title, len(values), option)))
-    return min(found)[2] if found else None
+            found.append((values, place, Apart(title, values, option)))
+    return min(found)[2] if found else _told_by_two(table, rows, back, taken)
 
 
-def _cells(table: Table, rows: int, place: int) -> list[str]:
-    return [_cell(table, row, place) for row in range(rows)]
+def _told_by_two(table: Table, rows: int, back: Sequence[int], taken: Sequence[int]) -> Apart | None:
+    """As :func:`told_apart`: two columns, at least one of which changes wherever the time goes ``back``."""
+    changes = {
+        place: {row for row in back if _cell(table, row - 1, place) != _cell(table, row, place)}
+        for place, title in enumerate(table.titles)
+        if title and place not in taken and BOTH not in title and table.titles.count(title) == 1
+    }
+    most, some = rows // FEWEST_ROWS_OF_A_CYCLE, [place for place, rows_ in changes.items() if rows_]
+    few = {place: again for place in some for values, again in [_values(table, rows, [place])] if values <= most}
+    for first, second in permutations(few, 2):
+        if few[first] or not few[second] or changes[first] | changes[second] != set(back):
+            continue
+        values, again = _values(table, rows, [first, second])
+        if not again and values <= most:
+            return Apart(f"{table.titles[first]}{BOTH} {table.titles[second]}", values, TEST_COLUMN)
+    return None
+
+
+def _values(table: Table, rows: int, places: Sequence[int]) -> tuple[int, bool]:
+    """How many values columns have one after another, and whether one of them comes again."""
+    cells = _cells(table, rows, places)
+    values = [cells[start] for start in _starts(cells)]
+    return len(values), len(set(values)) < len(values)
+
+
+def _cells(table: Table, rows: int, places: Sequence[int]) -> list[tuple[str, ...]]:
+    return [tuple(_cell(table, row, place) for place in places) for row in range(rows)]
 
 
 def _cell(table: Table, row: int, place: int) -> str:

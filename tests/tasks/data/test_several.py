@@ -109,6 +109,31 @@ def test_tests_by_the_value_of_a_column():
     assert blocks_of_tests(table, 4, "id")[-1] == Block("b", 2, 4)
 
 
+REPEATED = [f"{test}|{repeat}|{i}|1" for test in "ab" for repeat in (1, 2) for i in range(4)]
+
+
+def test_two_columns_together_tell_tests_apart():
+    table = table_of("Test|Repeat|t_s|F_N", *REPEATED)
+    expected = [Block(name, 4 * i, 4 * i + 4) for i, name in enumerate(("a 1", "a 2", "b 1", "b 2"))]
+    assert blocks_of_tests(table, 16, "Test, Repeat") == blocks_of_tests(table, 16, "1,2") == expected
+    apart = told_apart(table, 16, [4, 8, 12], taken=[2, 3])
+    assert (apart.title, apart.count, apart.tests) == ("Test, Repeat", 4, 4)
+    with pytest.raises(BadInput, match="row 10, Repeat: '1' again, after another value"):
+        blocks_of_tests(table, 16, "Repeat")
+    with pytest.raises(BadInput, match="'Trial' is no column"):
+        blocks_of_tests(table, 16, "Test, Trial")
+
+
+def test_a_title_with_a_comma_is_one_column():
+    table = table_of("Test, no|t_s|F_N", *BLOCKS)
+    assert [block.name for block in blocks_of_tests(table, 5, "Test, no")] == ["a", "b"]
+
+
+def test_two_columns_that_come_again_together_tell_nothing_apart():
+    table = table_of("Test|Repeat|t_s|F_N", *REPEATED, *REPEATED[:4])
+    assert told_apart(table, 20, [4, 8, 12, 16], taken=[2, 3]) is None
+
+
 @pytest.mark.parametrize(
     ("wanted", "words"),
     [
