@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from zarr.core.buffer import default_buffer_prototype
 
 from sinew.runner.evaluation.batch import Batch
 from sinew.runner.store import durable
 from sinew.runner.store.schema import PENDING
 from sinew.runner.store.segment import Segment
-from sinew.runner.store.store import Store
+from sinew.runner.store.store import Store, open_store
 from sinew.runner.store.table import Table
 from tests.runner.evaluations import Quick, table_spec
 from tests.runner.store.power import Disk
@@ -120,6 +121,24 @@ def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_file_is_read_at_once_unless_it_is_larger_than_any(tmp_path, monkeypatch):
+    store = durable.DurableStore(tmp_path)
+    (tmp_path / "c").write_bytes(b"0123456789")
+    prototype = default_buffer_prototype()
+    assert store.get_sync("c", prototype=prototype).to_bytes() == b"0123456789"
+    assert store.get_sync("d", prototype=prototype) is None
+    monkeypatch.setattr(durable, "MAX_CHUNK_FILE_BYTES", 9)
+    with pytest.raises(ValueError, match="c has 10 bytes"):
+        store.get_sync("c", prototype=prototype)
+
+
+def test_a_store_that_is_read_is_not_written(tmp_path):
+    with Store.writing(tmp_path, "study") as store:
+        store.table(table_spec()).plan(some(3))
+    with pytest.raises(ValueError, match="read-only"):
+        open_store(tmp_path).root.create_group("x")
+
+
 def test_what_is_gone_need_not_be_synchronised(tmp_path):
     durable.sync_file(tmp_path / "gone")
     durable.sync_folder(tmp_path / "gone")
@@ -158,7 +177,7 @@ def test_rows_that_are_only_in_the_journal_are_safe_once_it_is_synchronised(tmp_
         check(tmp_path / f"cut-{number}", work, work.promised)
 
 
-def test_outcomes_of_rows_whose_plan_is_lost_are_not_those_of_later_rows(tmp_path):
+def test_outcomes_of_rows_whose_plan_is_lost_are_not_those_of_later_rows(tmp_path, caplog):
     work = Work(tmp_path, random.Random(1))
     with Store.writing(tmp_path, "study") as store:
         table = store.table(table_spec())
@@ -170,5 +189,9 @@ def test_outcomes_of_rows_whose_plan_is_lost_are_not_those_of_later_rows(tmp_pat
     with Store.writing(tmp_path, "study") as store:
         table = store.table(table_spec())
         assert not table.segments()
+        assert [record.message for record in caplog.records] == ["segment"] * 2
+        assert all(
+            record.error.endswith("its rows were not planned; they are computed again") for record in caplog.records
+        )
         table.plan(some(9, seed=2000))
     check(tmp_path, work, set())

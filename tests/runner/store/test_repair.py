@@ -274,6 +274,13 @@ def test_a_key_that_is_no_hash_leads_to_no_folder(folder, key):
     assert repaired_and_run_again(folder)[1] == ROWS
 
 
+def test_a_coordinate_along_no_axis_of_a_field_is_missed(folder):
+    shutil.rmtree(table_folder(folder) / "parameter_unit")
+    with Store.writing(folder, "study") as store:
+        (said,) = store.repair().removed
+    assert "parameter_unit" in said and "it cannot be mended" in said
+
+
 @pytest.mark.parametrize("name", LEADING_AWAY)
 @pytest.mark.parametrize("attribute", ["fields", "coordinates", "dimension"])
 def test_a_repair_deletes_nothing_elsewhere(folder, name, attribute, tmp_path_factory):

@@ -186,3 +186,12 @@ def test_texts_of_all_arrays_are_counted_as_they_are_in_memory(folder, monkeypat
     array(folder / "store.zarr" / "sobol", "t2", [1], [1], "string", content, 1)
     with pytest.raises(StoreError, match="its arrays take more than 9,000 bytes"):
         open_store(folder).read_result("sobol")
+
+
+def test_texts_of_many_chunks_are_counted_until_they_are_too_many(folder, monkeypatch):
+    text = "a" * 1000
+    content = struct.pack("<II", 1, len(text)) + text.encode()
+    monkeypatch.setattr("sinew.runner.store.results.MAX_BYTES", 9000)
+    array(folder / "store.zarr" / "sobol", "words", [3], [1], "string", content, 3)
+    with pytest.raises(StoreError, match="its arrays take more than 9,000 bytes"):
+        open_store(folder).read_result("sobol")
