@@ -92,7 +92,11 @@ def _adaptive_run(
     """The calibration of specimen ``number``, which asks for its evaluations as it goes."""
     table, _ = workspace.plan(evaluation, np.empty((0, len(workspace.model.names))))
     folder, name = workspace.out / "calibrate", file_name(evaluation.specimen.name)
-    known = Checkpoint(folder / f"{name}.known.jsonl", inputs, 1)
+
+    def possible(numbers: Array) -> bool:
+        return bool(0 <= numbers[0] <= len(table) and float(numbers[0]).is_integer())
+
+    known = Checkpoint(folder / f"{name}.known.jsonl", inputs, 1, possible)
     if not len(known):
         known.append(np.array([len(table)]))
     seeds = _seeds(workspace, evaluation, table, int(known.kept[0][0]), settings.bayesian.seeds)

@@ -15,6 +15,8 @@ from xml.etree.ElementTree import Element
 
 MAX_CELLS = 4 * 10**6  # of all sheets, with those that are empty
 MAX_REPEATED = 10**6  # cells with a value, which a few bytes of an open document may repeat
+MAX_ROWS = 2**20  # of a sheet: the library ends there
+OF_TABLES = ("table", "table-row", "table-cell", "covered-table-cell")
 OF_DOCUMENTS = "{urn:oasis:names:tc:opendocument:xmlns:"  # begin of names that an open document gives a meaning
 ARCHIVE, OLE = b"PK", bytes.fromhex("d0cf11e0")  # what a file begins with: all kinds but .xls, and .xls
 KINDS = ("xl/workbook.xml", "xl/workbook.bin", "content.xml")  # the part that only one kind has
@@ -25,6 +27,7 @@ PERCENT, THOUSANDS, UNCLEAR = "percent", "thousands", "unclear"  # how a format 
 FAILED = "failed"  # a number that stands for an error of a formula
 WITH = "shown with "  # so it does, with the unit behind this
 SHOWN_TEXT = re.compile(r'"([^"]*)"|\\(.)|([0#?.,%]|General|_.|\*.|\[[^\]]*\])')  # parts of a number format
+NUMBER = re.compile(r"[-+\u2212(]?\s?[\d.,'\s]*\d(?:[eE][-+]?\d+)?")  # as a cell shows it, before its unit
 HAS_UNIT = re.compile(r"[^\W\d_]|[%°]")  # a letter
 IN_THOUSANDS = re.compile(r"[0#?](,+)(?![0#?,])")  # in a number format: each comma divides by a thousand
 REFERENCE = re.compile(r"([A-Z]{1,3})([0-9]{1,7})")  # of a cell
@@ -200,6 +203,8 @@ def _looks_of_ods(archive: zipfile.ZipFile, path: str) -> dict[str, Look]:
         for event, element in _parsed(file):
             name = _local(element.tag)
             about = {_local(key): value for key, value in element.attrib.items() if key.startswith(OF_DOCUMENTS)}
+            if name in OF_TABLES and _foreign(element, about):  # whoever reads the numbers takes it all the same
+                raise TooMuch(f"a {name} with names of another kind of document", "an open document (ODF 1.0 to 1.4)")
             if name == "number" and float(about.get("display-factor", "1")) != 1.0:
                 raise TooMuch("numbers that are shown divided by a factor", "numbers that are shown as they are")
             if name == "table":
@@ -222,11 +227,8 @@ def _looks_of_ods(archive: zipfile.ZipFile, path: str) -> dict[str, Look]:
                 element.clear()
             elif event == "end" and name == "table-row":
                 many = int(about.get("number-rows-repeated", "1"))
-                if many > 1 and many * filled > MAX_REPEATED:
-                    raise TooMuch(f"{many:,} rows that are the same", f"at most {MAX_REPEATED:,} cells of them")
-                if row in look.cells and many > 1:
-                    if many * len(look.cells[row]) > MAX_CELLS:
-                        raise TooMuch(f"{many:,} rows that are the same", f"at most {MAX_CELLS:,} cells")
+                _check_rows(row, many, filled, look.cells.get(row, {}))
+                if row in look.cells:
                     look.cells.update((row + i, look.cells[row]) for i in range(1, many))
                 if (
                     about.get("visibility") in HIDDEN and len(look.rows) + many <= MAX_CELLS
@@ -235,6 +237,22 @@ def _looks_of_ods(archive: zipfile.ZipFile, path: str) -> dict[str, Look]:
                 row += many
                 element.clear()
     return found
+
+
+def _check_rows(row: int, many: int, filled: int, shown: dict[int, str]) -> None:
+    """Raises :class:`TooMuch` for a row that is repeated too often, or stands too far below, from its cells."""
+    if filled and row >= MAX_ROWS:
+        raise TooMuch(f"a number in row {row + 1:,}", f"at most {MAX_ROWS:,} rows")
+    if many > 1 and many * filled > MAX_REPEATED:
+        raise TooMuch(f"{many:,} rows that are the same", f"at most {MAX_REPEATED:,} cells of them")
+    if many > 1 and many * len(shown) > MAX_CELLS:
+        raise TooMuch(f"{many:,} rows that are the same", f"at most {MAX_CELLS:,} cells")
+
+
+def _foreign(element: Element, about: dict[str, str]) -> bool:
+    """Whether an element, or all that says what a cell holds, is of another namespace than ``about``."""
+    others = {_local(key) for key in element.attrib} - set(about)
+    return not element.tag.startswith(OF_DOCUMENTS) or not others.isdisjoint(("value-type", "value"))
 
 
 def _shown_in_ods(cell: Element, kind: str) -> str | None:
@@ -246,7 +264,11 @@ def _shown_in_ods(cell: Element, kind: str) -> str | None:
     text = "".join("".join(part.itertext()) for part in cell if _local(part.tag) == "p").strip()
     if ERROR.match(text):
         return FAILED
-    return UNCLEAR if text.endswith("%") else None
+    if text.endswith("%"):
+        return UNCLEAR
+    number = NUMBER.match(text)
+    unit = text[number.end() :].strip(" ()[]") if number else ""
+    return WITH + unit[:20] if HAS_UNIT.search(unit) else None
 
 
 def _elements(archive: zipfile.ZipFile, path: str, name: str) -> list[Element]:

@@ -34,6 +34,11 @@ WIDTH = 12.0  # precision of a parameter that is anywhere on the unit cube
 SMALLEST, LARGEST = -4.6, 7.0  # logarithm of a size, in units of the noise
 
 
+def possible_sizes(sizes: Array) -> bool:
+    """Whether log ``sizes`` ``[blocks]`` can be those of a discrepancy."""
+    return bool(((sizes >= SMALLEST) & (sizes <= LARGEST)).all())
+
+
 @dataclass(frozen=True, eq=False)
 class Discrepancy:
     """The sums of splines of one quantity of a specimen, whitened.

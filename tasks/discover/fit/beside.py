@@ -24,6 +24,7 @@ from sinew.tasks.discover.fit.fit import (
     spreads,
 )
 from sinew.tasks.fitting.discrepancies import discrepancies_of
+from sinew.tasks.fitting.discrepancy import possible_sizes
 from sinew.tasks.fitting.measured import Measured
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array
@@ -53,7 +54,8 @@ class Beside:
     @staticmethod
     def possible(numbers: Array, blocks: int) -> bool:
         """Whether ``numbers`` can be those of a fit beside a discrepancy."""
-        return bool(np.isfinite(numbers[: 1 + blocks]).all()) and Fitted.possible(numbers[1 + blocks :])
+        sizes, fitted = numbers[1 : 1 + blocks], numbers[1 + blocks :]
+        return bool(np.isfinite(numbers[0])) and possible_sizes(sizes) and Fitted.possible(fitted)
 
     @classmethod
     def of(cls, numbers: Array, blocks: int) -> "Beside":

@@ -22,6 +22,7 @@ from sinew.tasks.discover.fit.fit import FAR, Fitted, errors, extended, fit, loo
 from sinew.tasks.discover.fit.intervals import Profiled, profiled
 from sinew.tasks.discover.measure.splits import SPECIMEN, splits
 from sinew.tasks.fitting import few_runs
+from sinew.tasks.fitting.discrepancy import possible_sizes
 from sinew.tasks.fitting.measured import Measured, measured_of_each
 from sinew.tasks.model import Model, Specimen, file_name
 from sinew.tasks.model.effect import Effect
@@ -210,12 +211,17 @@ class SpecimenFits:
         count = before.sizes.size
         begins = [before.fitted.at, before.sizes, *([] if known is None else [known])]
         what = ("promise beside", self._forms(effects), digest(*begins, *candidate.bounds()))
-        checkpoint = self._checkpoint(1 + candidate.size + count, *what, possible=None)
+        end = 1 + candidate.size
+
+        def possible(numbers: Array) -> bool:
+            return in_unit_cube(numbers[1:end]) and possible_sizes(numbers[end:])
+
+        checkpoint = self._checkpoint(end + count, *what, possible=possible)
         if not len(checkpoint):
             ahead = session.compute(promise_beside, base, before, effects[-1], self.measured, known)
             checkpoint.append(np.concatenate([ahead[:1], *ahead[1:]]))
         kept = checkpoint.kept[0]
-        return float(kept[0]), kept[1 : 1 + candidate.size], kept[1 + candidate.size :]
+        return float(kept[0]), kept[1:end], kept[end:]
 
     def fitted_from(self, session: Session, effects: Effects, begins: Sequence[Array]) -> Fitted:
         """The best of the fits with ``effects`` from ``begins``, each ``[k]``."""

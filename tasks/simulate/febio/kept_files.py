@@ -20,7 +20,7 @@ from sinew.runner.zip_end import directory_of
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.febio.kept import ENDING, FORMAT, Entry, Run, as_zarr, key_of
 from sinew.tasks.simulate.febio.plot_file import MAX_VARIABLES, PlotFile, Variable, fits
-from sinew.tasks.simulate.febio.plot_mesh import MAX_PART, MAX_REGIONS, SHAPES, Mesh, Region
+from sinew.tasks.simulate.febio.plot_mesh import MAX_PART, MAX_REGIONS, SHAPES, Mesh, Region, repeats
 
 MAX_MEMBERS, MAX_DIRECTORY = 200_000, 2**25  # entries of a zip, and the bytes that all of them take
 MAX_ARRAY_BYTES = 2**28
@@ -232,7 +232,7 @@ def _mesh(read: _Reader, group: str) -> Mesh:
             items = read.array(name, "i4", 1)
             if items.size and not (items.min() >= 0 and items.max() < below):
                 raise ValueError(f"{name} has nodes that the mesh lacks")
-            if np.unique(items).size < items.size:  # its fields would fill the memory, and count twice
+            if repeats(items):  # its fields would fill the memory, and count twice
                 raise ValueError(f"{name} has an item twice")
             found[str(read.about(name)["set"])] = items
         return found

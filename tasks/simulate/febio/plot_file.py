@@ -286,8 +286,11 @@ def _variable(course: _Course, rows: Array, states: int, left: int) -> Variable:
     starts = dict(zip(there, np.cumsum([0, *(course.items[number] for number in there)]).tolist(), strict=False))
     values = np.full((states, total, entry.width), np.nan, np.float32)
     numbers, at, region = np.frombuffer(course.numbers, "<f4"), 0, 0
+    filled = -1
     for count, row in zip(course.states, rows, strict=True):
-        values[row] = np.nan  # of a former state at this time
+        if row == filled:
+            values[row] = np.nan  # of a former state at this time
+        filled = row if count else -1
         for number in course.regions[region : region + count]:
             items = course.items[number]
             size = items * entry.width

@@ -69,10 +69,10 @@ def ods_text(words: str) -> str:
     return f'<table:table-cell office:value-type="string"><text:p>{words}</text:p></table:table-cell>'
 
 
-def write_ods(path: Path, *tables: str, styles: str = "") -> Path:
-    """An open document with ``tables``, each the XML of one."""
+def write_ods(path: Path, *tables: str, styles: str = "", other: str = "") -> Path:
+    """An open document with ``tables``, each the XML of one; ``other``: begin of its namespaces."""
     names = "".join(
-        f' xmlns:{name}="urn:oasis:names:tc:opendocument:xmlns:{name}:1.0"'
+        f' xmlns:{name}="{other or "urn:oasis:names:tc:opendocument:xmlns:"}{name}:1.0"'
         for name in ("office", "table", "text", "style")
     )
     body = f"<office:body><office:spreadsheet>{''.join(tables)}</office:spreadsheet></office:body>"

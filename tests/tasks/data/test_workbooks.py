@@ -235,6 +235,31 @@ def test_numbers_of_an_open_document_whose_style_shows_them_as_percent_are_asked
     assert rows_of(path)["one"][0] == ("Time [s]", "Strain [partly percent]", "Force [N]")
 
 
+@pytest.mark.parametrize(
+    ("shown", "unit"),
+    [("30 kN", "kN"), ("1.030,5 kN", "kN"), ("3.0E+01 kN", "kN"), ("30(kN)", "kN"), ("30", ""), ("3.0E+01", "")],
+)
+def test_a_unit_that_cells_of_an_open_document_show_is_told(tmp_path, shown, unit):
+    more = ods_row(ods_number(10), ods_number(0.1), ods_number(30, shown=shown))
+    title = rows_of(write_ods(tmp_path / "a.ods", ods_test("one", more)))["one"][0][2]
+    assert (title == "Force [N]") is (unit == "")
+    assert unit in title
+
+
+def test_an_open_document_of_other_namespaces_is_refused(tmp_path):
+    """The library goes by prefixes, whatever they stand for."""
+    path = write_ods(tmp_path / "a.ods", ods_test("one"), other="http://openoffice.org/2000")
+    with pytest.raises(BadInput, match="names of another kind of document; expected an open document"):
+        list(read_sheets(path))
+
+
+def test_a_number_below_the_last_row_of_a_sheet_is_not_lost_without_a_word(tmp_path):
+    gap = "<table:table-row table:number-rows-repeated='1048576'><table:table-cell/></table:table-row>"
+    path = write_ods(tmp_path / "a.ods", ods_test("one", gap, ods_row(*map(ods_number, (9, 9, 9)))))
+    with pytest.raises(BadInput, match=r"a number in row 1,048,588; expected at most 1,048,576 rows"):
+        list(read_sheets(path))
+
+
 @pytest.mark.parametrize("shown", ["#DIV/0!", "Err:502", "Err :502", "Fehler:502", "#VALUE!", "N/A"])
 def test_an_error_of_an_open_document_is_no_force_of_zero(tmp_path, shown):
     more = (

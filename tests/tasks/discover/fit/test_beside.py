@@ -99,7 +99,7 @@ def bare_and_measured():
     return bare, measured_with(1.0, 0.0)[0], gentle(bare)
 
 
-@pytest.mark.parametrize(("number", "value"), [(0, np.nan), (1, np.inf), (3, np.nan), (4, -1.0), (6, 1.5)])
+@pytest.mark.parametrize(("number", "value"), [(0, np.nan), (1, np.inf), (2, 9e14), (3, np.nan), (4, -1.0), (6, 1.5)])
 def test_numbers_of_no_fit_are_told_from_those_of_one(number, value):
     """In this order: evidence, three sizes, loss, points, and where the fit ended."""
     fitted = Fitted(np.array([0.2, 0.8]), 3.0, 7, np.array([0.1, 0.1]), np.zeros(2))

@@ -2,14 +2,17 @@
 
 import tracemalloc
 import zlib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sinew.tasks.simulate.febio import plot_file
 from sinew.tasks.simulate.febio.plot_file import plot_file_of, read_plot_file
 from sinew.tasks.simulate.row_by_row import Failed
+from tests.effort import at_most
 from tests.tasks.simulate.febio import plot_writer as w
 
 MB = 2**20
@@ -308,3 +311,19 @@ def test_a_variable_that_is_twice_in_a_state_is_damage(monkeypatch, times):
     monkeypatch.setattr(w, "value", lambda number, *regions: value(number, *regions) * (2 if number == 3 else 1))
     with pytest.raises(Failed, match="does not hold each variable once"):
         plot_file_of(w.plot_file(times), MB)
+
+
+def test_states_of_one_time_without_numbers_are_cleared_once():
+    """A hundred thousand of them, a few bytes each, took minutes."""
+    count = 200_000
+    entry = SimpleNamespace(width=1, name="a", where="node", per="node", kind="float", unit="")
+    first, last = np.zeros(count, "<f4"), np.arange(count, dtype="<f4")
+    course = SimpleNamespace(
+        entry=entry, items={0: count}, states=[1, *[0] * 30_000, 1], regions=[0, 0],
+        numbers=first.tobytes() + last.tobytes(),
+    )  # fmt: skip
+    with at_most(1.0):
+        found = plot_file._variable(course, np.zeros(30_002, int), 1, 4 * count)
+    assert np.array_equal(found.values[0, :, 0], last)
+    course.states, course.regions, course.numbers = [1, 0], [0], first.tobytes()
+    assert np.isnan(plot_file._variable(course, np.zeros(2, int), 1, 4 * count).values).all()
