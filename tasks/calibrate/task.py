@@ -28,7 +28,7 @@ from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.evaluation import SpecimenEvaluation
 from sinew.tasks.study import streams
 from sinew.tasks.study.cached import cached, commit, key
-from sinew.tasks.study.checkpoint import Checkpoint, in_unit_cube
+from sinew.tasks.study.checkpoint import Checkpoint, in_unit_cube, is_count
 from sinew.tasks.study.files import digest, write_text
 from sinew.tasks.study.same_data import data_of
 from sinew.tasks.study.streams import Stream
@@ -92,11 +92,7 @@ def _adaptive_run(
     """The calibration of specimen ``number``, which asks for its evaluations as it goes."""
     table, _ = workspace.plan(evaluation, np.empty((0, len(workspace.model.names))))
     folder, name = workspace.out / "calibrate", file_name(evaluation.specimen.name)
-
-    def possible(numbers: Array) -> bool:
-        return bool(0 <= numbers[0] <= len(table) and float(numbers[0]).is_integer())
-
-    known = Checkpoint(folder / f"{name}.known.jsonl", inputs, 1, possible)
+    known = Checkpoint(folder / f"{name}.known.jsonl", inputs, 1, lambda numbers: is_count(numbers, len(table)))
     if not len(known):
         known.append(np.array([len(table)]))
     seeds = _seeds(workspace, evaluation, table, int(known.kept[0][0]), settings.bayesian.seeds)

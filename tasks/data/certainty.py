@@ -8,7 +8,7 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.columns import LIKELY, Column
 from sinew.tasks.data.names import UNSURE, FileName
 from sinew.tasks.data.questions import FOR_ALL_ALIKE, NEITHER
-from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.specimen_sizes import Ask
 
 ROLES = ("time", "displacement", "force")

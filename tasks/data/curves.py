@@ -9,7 +9,7 @@ import numpy as np
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.columns import LIKELY
 from sinew.tasks.data.quantities import LENGTH, POSITION, STRAIN, STRESS, STRETCH
-from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.sizes import round_in_words
 from sinew.tasks.data.sources import source_in_words
 from sinew.tasks.model import Curve, Protocol

@@ -8,7 +8,7 @@ import numpy as np
 from sinew.tasks.data.breaks import break_of
 from sinew.tasks.data.quantities import BASE_UNITS, LENGTH, POSITION, STRETCH
 from sinew.tasks.data.questions import Doubt
-from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.several import FEWEST_ROWS
 from sinew.tasks.drawing.blocks import number
 from sinew.tasks.model import Curve, Protocol

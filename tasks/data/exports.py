@@ -12,7 +12,8 @@ from sinew.tasks.data.curves import MOST_STRETCH, Bar, begins_elsewhere, curve_o
 from sinew.tasks.data.further import refuse_unknown
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH, TIME
-from sinew.tasks.data.recordings import Recording, read_recordings
+from sinew.tasks.data.recording import Recording
+from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.sizes import (
     OFF,

@@ -32,7 +32,8 @@ from sinew.tasks.data.new_study import (
 from sinew.tasks.data.oddities import contradictions, odd_tests
 from sinew.tasks.data.quantities import LENGTH, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.questions import NEITHER, Doubt, NoColumn, Unclear
-from sinew.tasks.data.recordings import Recording, read_recordings
+from sinew.tasks.data.recording import Recording
+from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.sheets import SUFFIXES
 from sinew.tasks.data.sizes import SIZES

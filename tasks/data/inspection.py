@@ -16,7 +16,8 @@ from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import contradiction, length_beside, lengths_at_zeros, numbers_of
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
-from sinew.tasks.data.recordings import Recording, read_recordings
+from sinew.tasks.data.recording import Recording
+from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.remarks import remarks, which_columns
 from sinew.tasks.data.roles import TIMED
 from sinew.tasks.data.rows_of_words import says_more

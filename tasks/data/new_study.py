@@ -15,7 +15,7 @@ from sinew.runner.errors import one_line
 from sinew.tasks.data.first_ranges import FirstRanges
 from sinew.tasks.data.names import FileName, plain_name
 from sinew.tasks.data.rates import rate_words
-from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.sizes import SIZES
 from sinew.tasks.drawing.blocks import listed, number
 from sinew.tasks.model import Curve, Specimen

@@ -1,8 +1,7 @@
 """What the tests of a file recorded: their columns of time, motion and load, and what the file says of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,37 +10,33 @@ import numpy as np
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.cell_numbers import filled_rows, number_of
 from sinew.tasks.data.columns import NOWHERE, Column, alike_places, recognise
-from sinew.tasks.data.further import Kept, kept
+from sinew.tasks.data.further import kept
 from sinew.tasks.data.further_tables import is_test, left_out_note, may_be_test, unclear_further
-from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.joined_tables import NOT_JOINED, as_one, joined_tables, times_go_on
 from sinew.tasks.data.length_columns import Repeats, contradiction, length_beside, lengths_at_zeros, repeats_of
 from sinew.tasks.data.marks import refuse_marks
 from sinew.tasks.data.possible_columns import titles_of_numbers
 from sinew.tasks.data.quantities import DISPLACEMENT
-from sinew.tasks.data.questions import Doubt, NoColumn
+from sinew.tasks.data.questions import NoColumn
 from sinew.tasks.data.ragged import refuse_ragged
+from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.rows_of_words import cut_off, names_test, says_more, without_words
 from sinew.tasks.data.same_times import again, before_clock
 from sinew.tasks.data.several import (
     FEWEST_ROWS,
-    GOES_ON,
-    TABLES,
     Block,
     Columns,
     beside,
     blocks_of_cycles,
     blocks_of_tests,
     columns_of,
-    go_on,
     going_on,
     names_beside,
     other_test,
     refuse_results,
     refuse_several,
-    rest_of_former,
     told_apart,
-    unclear_tables,
 )
 from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import Size, read_sizes
@@ -49,66 +44,9 @@ from sinew.tasks.data.sizes_of_tests import sizes_beside, sizes_by_results, with
 from sinew.tasks.data.speeds import timed
 from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.text import HUGE
-from sinew.tasks.data.titles import is_spread
 
 Array = np.ndarray[Any, np.dtype[Any]]
 UNPADDED = "milliseconds of clock times lack leading zeros (12:58.29 is 12 min 58.029 s); else times would go back"
-
-
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """What the file of one test holds.
-
-    ``numbers`` ``[t, 3]``: time (s), motion (mm, or 1 for strain and stretch) and load (N, or MPa for stress), each
-    from one of the ``rows`` of the file. ``columns`` says which columns these are, ``left_out`` names the others, and
-    ``others`` those of them that hold numbers and have a title of their own.
-    ``header`` holds the rows above the titles, and ``sizes`` what they tell of the specimen. ``test`` is the name of
-    the test if its file holds several. ``notes``: what a person should know of how it was read. ``remedy``: what may
-    help if times do not increase. ``doubts``: what may be meant otherwise. ``further``: columns that are kept beside
-    the force. ``lengths``: the gauge lengths at the two zeros of a displacement that is set to zero again.
-    ``repeats``: what strains and stresses in the same table say.
-    """
-
-    path: Path
-    numbers: Array
-    columns: tuple[Column, Column, Column]
-    rows: tuple[int, ...]
-    header: tuple[Row, ...]
-    sizes: Mapping[str, Size]
-    left_out: tuple[str, ...]
-    others: tuple[str, ...] = ()
-    test: str = ""
-    notes: tuple[str, ...] = ()
-    remedy: str = ""
-    doubts: tuple[Doubt, ...] = ()
-    further: Kept = field(default_factory=Kept)
-    lengths: tuple[Size | None, Size | None] = (None, None)
-    repeats: Repeats = field(default_factory=Repeats)
-
-    @property
-    def motion(self) -> Column:
-        return self.columns[1]
-
-    @property
-    def load(self) -> Column:
-        return self.columns[2]
-
-    def part(self, rows: slice | Array, note: str) -> "Recording":
-        """Some rows of it only, with a note on that. What all rows told of sizes is not known of a part."""
-        values = {name: each[rows] for name, each in self.further.values.items()}
-        return replace(
-            self,
-            numbers=self.numbers[rows],
-            rows=tuple(np.array(self.rows)[rows].tolist()),
-            notes=(*self.notes, note),
-            further=replace(self.further, values=values),
-            repeats=Repeats(),
-        )
-
-    @property
-    def spreads(self) -> tuple[str, ...]:
-        """Titles of columns with the spread of a mean."""
-        return tuple(title for title in self.left_out if is_spread(title))
 
 
 def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool = False) -> list[Recording]:
@@ -164,8 +102,11 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
     if not found:
         assert missing is not None, "a file without tables is refused by read_tables"
         raise missing
-    first, *others = _with_results(_named(found, hints), found[0][0].decimal)
+    named = _named(found, hints)
+    first, *others = _with_results(named, found[0][0].decimal)
     notes = [left_out_note(other)] if other else []
+    if hints.tables == "join" and len(named) == sum(len(tests) for _, tests in found) > 1:
+        notes.append(NOT_JOINED)
     if short:
         notes.append(f"{short} further tables with fewer than {FEWEST_ROWS} rows are left out")
     return [replace(first, notes=(*first.notes, *notes)), *others]
@@ -191,11 +132,11 @@ def _named(found: Sequence[tuple[Table, list[Recording]]], hints: Hints) -> list
     one_sheet = len({table.sheet for table, _ in found}) == 1
     between = (row for table, _ in found[1:] for row in table.header[table.own :])
     nothing_between = not says_more(between, found[0][0].header)
-    if not apart and one_sheet and nothing_between and len(alone) == len(found) and _times_go_on(alone):
-        return [_joined(alone, "whose times go on")]
+    if not apart and one_sheet and nothing_between and len(alone) == len(found) and times_go_on(alone):
+        return [as_one(alone, "whose times go on")]
     if one_sheet and len(alone) == len(found):
         named = apart or any(names_test(table.header[table.own :]) for table, _ in found[1:])
-        alone = _going_on(alone, hints, named=named)
+        alone = joined_tables(alone, hints, named=named)
         if len(alone) == 1:
             return alone
         apart = apart and len(alone) == len(found)
@@ -210,51 +151,6 @@ def _named(found: Sequence[tuple[Table, list[Recording]]], hints: Hints) -> list
         for name, (_, tests) in zip(names, found, strict=True)
         for test in tests
     ]
-
-
-def _times_go_on(tests: Sequence[Recording]) -> bool:
-    """Whether each test begins after the end of the one before, by times of the file."""
-    return tests[0].columns[0].place != NOWHERE and go_on([test.numbers[:, 0] for test in tests])
-
-
-def _going_on(tests: Sequence[Recording], hints: Hints, *, named: bool) -> list[Recording]:
-    """The tests of tables one under another; those that begin where the one before ends, as a person says.
-
-    ``named``: tables have names, so that times alone join none. Raises :class:`Unclear` where nobody has said it.
-    """
-    groups = [[tests[0]]]
-    for former, test in pairwise(tests):
-        alike = former.columns[1:] == test.columns[1:]
-        note = rest_of_former(former.numbers, test.numbers, test.columns) if alike else ""
-        note = GOES_ON if alike and not named and _times_go_on([former, test]) else note
-        if note and hints.tables in (None, "first"):
-            raise unclear_tables(test.path, note, again=bool(test.numbers[0, 0] <= former.numbers[-1, 0]))
-        if note and hints.tables == "join":
-            groups[-1].append(test)
-        else:
-            groups.append([replace(test, notes=(*test.notes, note)) if note else test])
-    return [
-        _joined(group, f"that go on from each other, as {TABLES} says") if len(group) > 1 else group[0]
-        for group in groups
-    ]
-
-
-def _joined(tests: Sequence[Recording], why: str) -> Recording:
-    """One test of several tables. Where times start again, each table begins one usual step after the one before."""
-    note = f"{len(tests)} tables {why}: read as one test"
-    rows = tuple(row for test in tests for row in test.rows)
-    numbers = np.concatenate([test.numbers for test in tests])
-    ends = np.cumsum([len(test.rows) for test in tests])
-    numbers[:, 0] = going_on(
-        numbers[:, 0], [Block("", end - len(test.rows), end) for test, end in zip(tests, ends, strict=True)]
-    )
-    values = {
-        name: np.concatenate([test.further.values.get(name, np.full(len(test.rows), np.nan)) for test in tests])
-        for name in dict.fromkeys(name for test in tests for name in test.further.values)
-    }
-    further = replace(next((test.further for test in tests if test.further.values), Kept()), values=values)
-    notes = (*tests[0].notes, note)
-    return replace(tests[0], numbers=numbers, rows=rows, notes=notes, further=further, repeats=Repeats())
 
 
 def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Recording]:

@@ -7,7 +7,7 @@ import numpy as np
 from sinew.tasks.data.columns import LIKELY, Column
 from sinew.tasks.data.odd_numbers import odd_numbers
 from sinew.tasks.data.quantities import POSITION
-from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.titles import name_and_unit, without_fillers
 from sinew.tasks.data.told_lines import told_factors
 from sinew.tasks.drawing.blocks import number

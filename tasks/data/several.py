@@ -296,7 +296,7 @@ def _told_by_two(table: Table, rows: int, back: Sequence[int], taken: Sequence[i
         for place, title in enumerate(table.titles)
         if title and place not in taken and BOTH not in title and table.titles.count(title) == 1
     }
-    most, some = rows // FEWEST_ROWS_OF_A_CYCLE, [place for place, rows_ in changes.items() if rows_]
+    most, some = rows // FEWEST_ROWS_OF_A_CYCLE, [place for place, changed in changes.items() if changed]
     few = {place: again for place in some for values, again in [_values(table, rows, [place])] if values <= most}
     for first, second in permutations(few, 2):
         if few[first] or not few[second] or changes[first] | changes[second] != set(back):

@@ -10,7 +10,7 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.columns import LIKELY
 from sinew.tasks.data.curves import first_length_in_words
 from sinew.tasks.data.quantities import LENGTH
-from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.sizes import (
     OFF,
     SAME,

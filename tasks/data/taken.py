@@ -15,7 +15,7 @@ from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import Inspection, inspect
 from sinew.tasks.data.quantities import BASE_UNITS, DISPLACEMENT, FORCE, STRAIN, STRETCH
 from sinew.tasks.data.rates import rate_words
-from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.signs import NEGATE
 from sinew.tasks.data.sizes import SIZES
 from sinew.tasks.data.specimen_sizes import Sizes

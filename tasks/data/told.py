@@ -7,7 +7,7 @@ from sinew.tasks.data.ends import doubt_of_end, without_end
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.questions import Doubt
-from sinew.tasks.data.recordings import Recording
+from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.signs import PRELOAD, at_zero, counted, doubts, new_zeros
 
 

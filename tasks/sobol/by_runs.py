@@ -171,7 +171,7 @@ def _widest(found: Analysis) -> float:
 def _gain(total: Fitted | None, versions: Sequence[Cheaper], planned: Sequence[Evaluated]) -> str:
     """What cheaper versions bring, and what they cost, for a person."""
     if total is None:
-        return "the total does not vary"
+        return "the total varies too little"
     costs = []
     for number, one in enumerate(versions):
         part = float(np.mean([_seconds(each.cheaper[number]) / _seconds(each) for each in planned]))

@@ -24,6 +24,11 @@ def in_unit_cube(points: Array) -> bool:
     return bool(((points >= -ROUNDING) & (points <= 1.0 + ROUNDING)).all())
 
 
+def is_count(numbers: Array, most: int) -> bool:
+    """Whether the first of ``numbers`` is a whole number from 0 to ``most``."""
+    return bool(0 <= numbers[0] <= most and float(numbers[0]).is_integer())
+
+
 class Checkpoint:
     """Arrays of numbers by position, one line of JSON each, that belong to one set of ``inputs``.
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.recordings import Recording, read_recordings
+from sinew.tasks.data.recording import Recording
+from sinew.tasks.data.recordings import read_recordings
 
 TITLES = "Time (s),Extension (mm),Force (N)"
 TIME = np.arange(40) / 10

@@ -8,7 +8,8 @@ import pytest
 from sinew.tasks.data.curves import Bar, curve_of
 from sinew.tasks.data.ends import END
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.recordings import Recording, read_recordings
+from sinew.tasks.data.recording import Recording
+from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.told import as_told
 
 WAY = np.linspace(0.0, 1.0, 100)

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.recordings import Recording, read_recordings
+from sinew.tasks.data.recording import Recording
+from sinew.tasks.data.recordings import read_recordings
 
 FILE_HEADER = """\
 LabVIEW Measurement\t

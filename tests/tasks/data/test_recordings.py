@@ -12,7 +12,8 @@ from sinew.tasks.data.curves import Bar
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import inspect
 from sinew.tasks.data.questions import UnknownUnit
-from sinew.tasks.data.recordings import Recording, read_recordings
+from sinew.tasks.data.recording import Recording
+from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.told import as_told
 
 TIME_S = np.array([0.0, 0.5, 1.0, 1.5, 2.0])

@@ -7,7 +7,8 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.recordings import Recording, read_recordings
+from sinew.tasks.data.recording import Recording
+from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.told import as_told
 

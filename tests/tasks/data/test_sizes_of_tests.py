@@ -3,7 +3,8 @@
 import pytest
 
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.recordings import Recording, read_recordings
+from sinew.tasks.data.recording import Recording
+from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.sizes_of_tests import BY_ORDER, sizes_by_results
 from tests.tasks.data.test_sheets import write_workbook
 

@@ -10,7 +10,8 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.curves import Bar, curve_of
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.recordings import Recording, read_recordings
+from sinew.tasks.data.recording import Recording
+from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.sizes import square_side
 from sinew.tasks.data.specimen_sizes import Known, Sizes, ask_for_sizes, known_sizes
 

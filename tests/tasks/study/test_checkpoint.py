@@ -6,7 +6,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from sinew.tasks.study.checkpoint import MAX_BYTES, MAX_LINES, Checkpoint, in_unit_cube
+from sinew.tasks.study.checkpoint import MAX_BYTES, MAX_LINES, Checkpoint, in_unit_cube, is_count
 from tests.effort import at_most
 
 
@@ -62,6 +62,11 @@ def test_numbers_that_cannot_be_and_what_follows_do_not_count(tmp_path):
     for row in ([0.0, 1.0 + 1e-12], [0.5, -9e14], [0.5, 0.5]):
         checkpoint.append(np.array(row))
     assert [kept.tolist() for kept in Checkpoint(path, "a", 2, in_unit_cube).kept] == [[0.0, 1.0 + 1e-12]]
+
+
+@pytest.mark.parametrize(("number", "counts"), [(0.0, True), (12.0, True), (13.0, False), (-1.0, False), (5.5, False)])
+def test_a_count_is_a_whole_number_in_bounds(number, counts):
+    assert is_count(np.array([number]), 12) is counts
 
 
 def test_lines_without_end_take_neither_memory_nor_time(tmp_path):
