@@ -10,8 +10,8 @@ from sinew.tasks.data.curves import curve_of
 from sinew.tasks.data.exports import Reading
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import inspect
-from sinew.tasks.data.questions import Unclear, UnknownUnit
 from sinew.tasks.data.joined_tables import NOT_JOINED
+from sinew.tasks.data.questions import Unclear, UnknownUnit
 from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.remarks import remarks
