@@ -16,6 +16,11 @@ from sinew.tasks.data.several import GOES_ON, TABLES, Block, go_on, going_on, re
 NOT_JOINED = f"{TABLES} join has no effect: no table begins where the one before ends"
 
 
+def without_effect(hints: Hints, tables: int, tests: int) -> list[str]:
+    """A note where a person wants tables joined, and all of several ``tables`` are ``tests`` of their own."""
+    return [NOT_JOINED] if hints.tables == "join" and tests == tables > 1 else []
+
+
 def times_go_on(tests: Sequence[Recording]) -> bool:
     """Whether each test begins after the end of the one before, by times of the file."""
     return tests[0].columns[0].place != NOWHERE and go_on([test.numbers[:, 0] for test in tests])

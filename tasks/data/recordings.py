@@ -13,7 +13,7 @@ from sinew.tasks.data.columns import NOWHERE, Column, alike_places, recognise
 from sinew.tasks.data.further import kept
 from sinew.tasks.data.further_tables import is_test, left_out_note, may_be_test, unclear_further
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.joined_tables import NOT_JOINED, as_one, joined_tables, times_go_on
+from sinew.tasks.data.joined_tables import as_one, joined_tables, times_go_on, without_effect
 from sinew.tasks.data.length_columns import Repeats, contradiction, length_beside, lengths_at_zeros, repeats_of
 from sinew.tasks.data.marks import refuse_marks
 from sinew.tasks.data.possible_columns import titles_of_numbers
@@ -105,8 +105,7 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
     named = _named(found, hints)
     first, *others = _with_results(named, found[0][0].decimal)
     notes = [left_out_note(other)] if other else []
-    if hints.tables == "join" and len(named) == sum(len(tests) for _, tests in found) > 1:
-        notes.append(NOT_JOINED)
+    notes += without_effect(hints, sum(len(tests) for _, tests in found), len(named))
     if short:
         notes.append(f"{short} further tables with fewer than {FEWEST_ROWS} rows are left out")
     return [replace(first, notes=(*first.notes, *notes)), *others]
