@@ -307,6 +307,7 @@ def check_folder(out: Path) -> None:
 def _log_to(path: Path) -> Iterator[None]:
     handler = LogFile(path)
     logger = logging.getLogger("sinew")
+    level, propagate = logger.level, logger.propagate
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
     logger.propagate = False
@@ -315,4 +316,6 @@ def _log_to(path: Path) -> Iterator[None]:
             yield
     finally:
         logger.removeHandler(handler)
+        logger.setLevel(level)
+        logger.propagate = propagate
         handler.close()

@@ -1,5 +1,6 @@
 """Folders of workers that were killed are gone before a run and after it; work in this process shows its progress."""
 
+import logging
 from pathlib import Path
 
 from sinew.runner.cluster.local import Local
@@ -58,3 +59,15 @@ def test_a_parameter_that_a_quantity_beside_the_force_sees_is_not_told_as_unseen
         study = read_study(study_of(tmp_path, "", compared))
         with open_workspace(study, out=tmp_path / "out", cluster=Local(1)) as workspace:
             assert ("nu_m" in workspace.ranges.unseen) == (not seen), "the lateral strain sees it"
+
+
+def test_after_a_run_messages_go_where_they_went_before(tmp_path, caplog):
+    study, cohort, _ = prepare(tmp_path)
+    logger = logging.getLogger("sinew")
+    level = logger.level
+    logger.propagate = True  # whatever ran in this process before
+    with open_workspace(read_study(study), data=cohort, out=tmp_path / "out", cluster=Local(1), quiet=True):
+        logger.warning("during the run")
+    logger.warning("after it")
+    assert [record.message for record in caplog.records] == ["after it"]
+    assert logger.level == level
