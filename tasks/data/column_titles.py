@@ -9,7 +9,14 @@ from sinew.tasks.data.heads import Row
 from sinew.tasks.data.quantities import OF_A_TEST
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
-from sinew.tasks.data.titles import known_within, name_and_unit, without_fillers, without_numbers, without_suffix
+from sinew.tasks.data.titles import (
+    known_within,
+    name_and_unit,
+    without_fillers,
+    without_numbers,
+    without_shared,
+    without_suffix,
+)
 from sinew.tasks.data.told_lines import role_of, units_above
 
 #: Of tables in use: a table of many tests is asked many times.
@@ -29,6 +36,9 @@ def _read(table: Table) -> tuple[Row, list[tuple[str, str]]]:
     found = [name_and_unit(title, below) for title, below in zip(plain, _below(table, len(titles)), strict=True)]
     names = without_numbers([name for name, _ in found])
     above = units_above(table.header)
+    _, (_, motions), (_, loads) = OF_A_TEST
+    if {*motions, *loads}.isdisjoint(names):
+        names = without_shared(names, motions, loads)
     names = _known_names(names, [unit for _, unit in found])
     told = [units.agreed([unit, *above.get(role_of(name), ())]) for name, (_, unit) in zip(names, found, strict=True)]
     return titles, [(names[place], "s" if table.has_clock(place) else unit) for place, unit in enumerate(told)]

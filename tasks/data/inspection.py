@@ -92,7 +92,7 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     doubt = _doubt(table, columns, values["length"], numbers[:rows]) if reading.length_mm is None else ""
     if doubt:
         values["length"] = None
-    one_below = titles[table.titles[1:]] if any(table.titles[1:]) else 1
+    one_below = titles[table.common_titles] if any(table.common_titles) else 1
     if one_below > 1 and _go_on(source, table, columns):
         one_below = 1
     below, times = _below(table, columns, numbers[:rows, 0], hints)
@@ -132,7 +132,7 @@ def _best(
     recognised = -1
     titles: Counter[Row] = Counter()
     for one in tables_of(source):  # only the best is kept: each may reach to the end of the file
-        titles[one.titles[1:]] += len(one.rows) >= FEWEST_ROWS or not titles[one.titles[1:]]
+        titles[one.common_titles] += len(one.rows) >= FEWEST_ROWS or not titles[one.common_titles]
         found = partly(one, hints)
         count = sum(column is not None for column in found[0])
         if count > recognised:
@@ -159,7 +159,7 @@ def _go_on(source: Source, table: Table, columns: Sequence[Column | None]) -> bo
         return False
     times: list[np.ndarray[Any, Any]] = []
     for one in tables_of(source):
-        if one.titles[1:] != table.titles[1:] or len(one.rows) < FEWEST_ROWS:
+        if one.common_titles != table.common_titles or len(one.rows) < FEWEST_ROWS:
             continue
         between = says_more(one.header[one.own :], table.header) if times else False
         named = one.titles[0] != table.titles[0] and time.place != 0

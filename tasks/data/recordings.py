@@ -25,6 +25,7 @@ from sinew.tasks.data.rows_of_words import cut_off, names_test, says_more, witho
 from sinew.tasks.data.same_times import again, before_clock
 from sinew.tasks.data.several import (
     FEWEST_ROWS,
+    TABLES,
     Block,
     Columns,
     beside,
@@ -69,7 +70,7 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
     other: list[Table] = []
     source = file if isinstance(file, Source) else read_source(file)
     for table in tables_of(source):
-        if found and (not any(table.titles[1:]) or table.titles[1:] != found[0][0].titles[1:]):
+        if found and (not any(table.common_titles) or table.common_titles != found[0][0].common_titles):
             before.append(replace(table, rows=table.rows[:1]))
             inside = table.sheet == end[0] and table.first <= end[1]  # behind words within the first one
             if hints.tables is None and not inside and is_test(table, hints):
@@ -131,8 +132,11 @@ def _named(found: Sequence[tuple[Table, list[Recording]]], hints: Hints) -> list
     one_sheet = len({table.sheet for table, _ in found}) == 1
     between = (row for table, _ in found[1:] for row in table.header[table.own :])
     nothing_between = not says_more(between, found[0][0].header)
-    if not apart and one_sheet and nothing_between and len(alone) == len(found) and times_go_on(alone):
-        return [as_one(alone, "whose times go on")]
+    if not apart and one_sheet and nothing_between and len(alone) == len(found):
+        if times_go_on(alone):
+            return [as_one(alone, "whose times go on")]
+        if hints.tables == "join" and alone[0].columns[0].place == NOWHERE:
+            return [as_one(alone, f"without times, as {TABLES} says")]
     if one_sheet and len(alone) == len(found):
         named = apart or any(names_test(table.header[table.own :]) for table, _ in found[1:])
         alone = joined_tables(alone, hints, named=named)

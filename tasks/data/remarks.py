@@ -1,6 +1,6 @@
 """What a person should check in a recording that was understood."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -32,8 +32,14 @@ def which_columns(columns: Sequence[Column | None]) -> Iterator[str]:
             others = ", ".join(f"'{title}'" for title in column.alike)
             yield f"{column.quantity.name} from column {column.place + 1}; it may be in another: {others}"
         name, known = name_and_unit(column.title)[0], column.quantity.titles
-        if name not in known and (part := without_fillers(name)) in known:
+        if name not in known and (part := _part_of(name, known)):
             yield f"{column.quantity.name} from column {column.place + 1}, {LIKELY} by '{part}' in its title"
+
+
+def _part_of(name: str, known: Collection[str]) -> str:
+    """The known name within a title: among words that change nothing of it, or behind those of a station."""
+    ends = (name.split(maxsplit=at)[-1] for at in range(1, name.count(" ") + 1))
+    return next((part for part in (without_fillers(name), *ends) if part in known), "")
 
 
 def _hidden_percent(recording: Recording) -> list[str]:

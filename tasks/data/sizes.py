@@ -70,6 +70,7 @@ _AREA = re.compile(
     rf"(?P<value>[0-9]+(?:[.,][0-9]+)?(?:e[-+]?[0-9]+)?)(?: ?[(\[]?(?P<behind>{_AREAS})[)\]]?)?",
     re.IGNORECASE,
 )
+_SHAPE = re.compile(r"[\w ]+ \(([\w, ]+)\)")
 _CELL = re.compile(rf"{_LABEL} ?:?", re.IGNORECASE)
 _OTHER_UNIT = re.compile(r"[(\[][^)\]]*[)\]]")  # a label with its unit is read by the pattern above
 
@@ -122,6 +123,8 @@ def _read_sizes(header: Sequence[Row], own: int, decimal: str) -> dict[str, Size
     for row in header:
         if read := _read(row, decimal) or _in_cells(row, decimal):
             told.setdefault(read[0], []).append(read[1])
+    for name, size in _of_geometry(header, decimal):
+        told.setdefault(name, []).append(size)
     for labels, below, numbers, next_row in zip(header, header[1:], header[2:], (*header[3:], ()), strict=False):
         for name, size in _in_columns(labels, below, numbers, next_row, decimal):
             told.setdefault(name, []).append(size)
@@ -239,6 +242,20 @@ def _in_columns(labels: Row, below: Row, numbers: Row, next_row: Row, decimal: s
         other = next_row[place] if place < len(next_row) else ""
         if name is not None and cell and (other == cell or not other[:1].isdigit()):
             yield name, size_in(name, cell, unit.strip("()[] "), decimal)
+
+
+def _of_geometry(header: Sequence[Row], decimal: str) -> Iterator[tuple[str, Size]]:
+    """The sizes of TA Instruments, whose names stand in a row and the numbers in another one.
+
+    ``Geometry, Rectangular (Length, Width, Thickness)`` and ``Size, 10.3, 5.51, 0.03, mm``.
+    """
+    rows = {row[0].casefold(): row[1:] for row in header if len(row) > 1}
+    shape = _SHAPE.fullmatch(rows.get("geometry", ("",))[0])
+    cells = rows.get("size", ())
+    names = [meant(name.strip()) for name in shape[1].split(",")] if shape is not None else []
+    if names and None not in names and len(names) < len(cells):
+        for name, cell in zip(filter(None, names), cells, strict=False):
+            yield name, size_in(name, cell, cells[len(names)], decimal)
 
 
 def meant(label: str) -> str | None:

@@ -71,6 +71,12 @@ class Table:
         """The row of the file that the numbers begin in."""
         return self.rows[0][0]
 
+    @property
+    def common_titles(self) -> Row:
+        """Those by which tables are alike: all but the first, which may name a test, and empty ones at the end."""
+        last = max((place for place, title in enumerate(self.titles) if title), default=0)
+        return self.titles[1 : last + 1]
+
     def number(self, row: int, column: int) -> float | None:
         """The number in a cell; None if there is none. Clock times count in a column of clock times.
 

@@ -14,6 +14,7 @@ _CHANNEL = re.compile(rf"\b(?:(?:{_CHANNELS}) ?\d+|ch) (?=\D)")
 _NUMBERED = re.compile(r"(.*[^\d .]) ?(\d{1,3})")
 _AGAIN = re.compile(r"\.\d{1,3}$")
 _BRACKETS = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
+_IN_FRONT = re.compile(r"[(\[]([^()\[\]]+)[)\]] ?([^()\[\]]+)")  # a unit and a name: ``[um] Displacement``
 _ALONG = re.compile(r"([^()\[\]]+)[(\[][xyzXYZ][)\]] ?, ?([^\s,()\[\]]+)")  # a name, its axis and its unit
 #: Behind a unit, what makes another quantity of it: ``Force (N) x 1000``, ``Force (N) / width``, ``Force (N) limit``.
 _CHANGING = (
@@ -33,7 +34,7 @@ _OF_CHANNELS = frozenset({
 _OTHERS = frozenset({"sp", "cmd", "ref", "max", "min", "avg", "rms", "std", "sd", "set", "x", "y", "z", "dt", "del"})
 #: Words beside a name that change nothing of it: ``Primary load measurement``, ``Contrainte nominale``.
 _FILLERS = frozenset({
-    "measurement", "measured", "primary", "value", "values", "signal", "reading",
+    "measurement", "measured", "primary", "value", "values", "signal", "reading", "data",
     "actual", "istwert", "messwert", "mesure", "mesurée", "medido", "medida", "smoothed", "filtered", "resampled",
 })  # fmt: skip
 _NOMINAL = frozenset({"nominal", "nominale", "nominelle"})  # of a strain or a stress: referred to the first sizes
@@ -55,6 +56,8 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
         return title.lower(), below
     if len(title) > _LONGEST:
         return _plain(title), below
+    if (front := _IN_FRONT.fullmatch(title)) is not None and units.is_unit(front[1].strip()):
+        return _plain(front[2]), units.agreed([front[1].strip(), below])
     if brackets := [text.strip() for text in _BRACKETS.findall(title)]:
         told = [text for text in brackets if units.is_unit(text)]
         along = _ALONG.fullmatch(title)
@@ -166,6 +169,26 @@ def without_fillers(name: str) -> str:
     parts = [part for part in parts if part not in _FILLERS]
     bare = " ".join(part for part in parts if part not in _NOMINAL)
     return bare if bare in words.STRAIN or bare in words.STRESS else " ".join(parts)
+
+
+def without_shared(names: Sequence[str], motions: Collection[str], loads: Collection[str]) -> list[str]:
+    """Names without words that stand in front of a motion and of a load alike: ``esh b force, esh b displacement``.
+
+    They name the station, unless they make other quantities: ``peak force, peak displacement``.
+    """
+    parts = [(words[:at], " ".join(words[at:])) for words in map(str.split, names) for at in range(1, len(words))]
+    shared = {
+        tuple(front)
+        for front, name in parts
+        if name in motions and any(front == other and load in loads for other, load in parts)
+    }
+    if len(shared) != 1:  # of several, each may be a test: ``steel strain, steel stress, copper strain, copper stress``
+        return list(names)
+    (station,) = shared
+    if set(station) & (_OTHERS | _NO_SPECIMEN):
+        return list(names)
+    front = f"{' '.join(station)} "
+    return [name.removeprefix(front) if name.removeprefix(front) in {*motions, *loads} else name for name in names]
 
 
 def _of_channel(word: str) -> bool:

@@ -42,12 +42,14 @@ _SPELLINGS = {
     "lb": "lbf", "lbs": "lbf", "pounds": "lbf", "kilonewton": "kN", "牛": "N", "牛顿": "N", "千牛": "kN", "克力": "gf",
     "grams force": "gf", "gram-force": "gf", "kg f": "kgf", "dyne": "dyn", "dynes": "dyn",
     "n/m2": "Pa", "pascal": "Pa", "兆帕": "MPa", "千帕": "kPa", "帕": "Pa", "sq mm": "mm2", "sq in": "in2",
-    "per cent": "%", "prozent": "%",
+    "per cent": "%", "prozent": "%", "unitless": "1", "dimensionless": "1",
+    "с": "s", "сек": "s", "мс": "ms", "мин": "min", "мм": "mm", "см": "cm", "м": "m", "мкм": "um", "н": "N", "кн": "kN",
+    "кгс": "kgf", "па": "Pa", "кпа": "kPa", "мпа": "MPa", "гпа": "GPa",
 }  # fmt: skip
 EITHER = " or "  # between units that contradict each other
 _EVERY = (TIME, LENGTH, FORCE, STRESS, AREA, FRACTION)
 #: Spellings whose prefix may be milli or mega. The correct spelling "mN" has its factor; these have none.
-_AMBIGUOUS = ("mn", "MN", "mPa", "Mbar")
+_AMBIGUOUS = ("mn", "MN", "mPa", "Mbar", "мПа")
 
 
 def factor(units: Units, unit: str) -> float | None:

@@ -12,6 +12,7 @@ TIME = (
     "testzeit", "messzeit", "pruefzeit", "gesamtzeit", "temps d'essai", "temps essai", "temps d’essai", "temps écoulé",
     "durée", "tiempo de ensayo", "tiempo total", "tempo", "tempo di prova", "时间", "试验时间", "测试时间", "总时间",
     "czas", "godzina", "時間", "試験時間", "経過時間", "시간",
+    "время", "время испытания", "sampling time",
     "time since start of test", "time since start", "timestamp", "time stamp",
     "zeitstempel", "(s)", "(sec)", "(Sec)", "(seconds)", "(Seconds)", "(ms)", "(min)",
 )  # fmt: skip
@@ -36,6 +37,7 @@ DISPLACEMENT = (
     "displ", "axial disp", "machine extension", "extension from preload",
     "elong", "crosshead disp", "cross head displacement", "crosshead separation", "distance", "depth",
     "standardwegaufnehmer", "eindringtiefe", "desplaz", "przemieszczenie", "wydłużenie",
+    "перемещение", "удлинение", "перемещение траверсы",
     "(mm)", "(µm)", "(um)", "(μm)",
 )  # fmt: skip
 #: Displacements and strains of the specimen itself, which count before those of the machine.
@@ -70,7 +72,7 @@ STRAIN = (
     "déformation en traction", "déformation en compression",
     "deformación por tracción", "deformação", "allongement",
     "deformación", "deformazione", "应变", "拉伸应变", "压缩应变", "應變", "ひずみ",
-    "ストロークひずみ", "行程应变", "歪み", "변형률", "odkształcenie",
+    "ストロークひずみ", "行程应变", "歪み", "변형률", "odkształcenie", "деформация", "относительная деформация",
 )  # fmt: skip
 #: Words for a stretch that some use for a strain.
 STRETCH_OR_STRAIN = ("stretch", "streckung")
@@ -80,7 +82,7 @@ FORCE = (
     "load cell", "axial force", "axial load", "standard force", "tensile load", "compressive load", "compressive force",
     "reaction force", "rf", "normal force", "zugkraft", "druckkraft", "force standard", "effort", "carga", "forza",
     "carico", "força", "static force", "force feedback", "axial force feedback", "load feedback", "axial load feedback",
-    "machine load", "obciążenie", "siła",
+    "machine load", "obciążenie", "siła", "усилие", "нагрузка", "сила",
     "力", "载荷", "负荷", "负载", "力值", "试验力", "拉力", "压力", "載荷", "荷重", "試験力", "하중", "힘",
     "(N)", "(kN)", "(mN)", "(lbf)", "(kgf)", "(gf)",
 )  # fmt: skip
@@ -89,19 +91,19 @@ STRESS = (
     "tension", "axial stress", "eng stress", "compressive stress", "esfuerzo", "sforzo",
     "contrainte en traction", "contrainte en compression", "esfuerzo de tracción", "esfuerzo a tracción", "tensão",
     "应力", "應力", "応力", "응력",
-    "naprężenie", "拉伸应力", "压缩应力", "(MPa)", "(kPa)", "(Pa)", "(GPa)", "(psi)", "(ksi)",
+    "naprężenie", "напряжение", "拉伸应力", "压缩应力", "(MPa)", "(kPa)", "(Pa)", "(GPa)", "(psi)", "(ksi)",
 )  # fmt: skip
 #: By which a title or a line above a table tells of a compression.
 COMPRESSION = (
     "compressi", "compresi", "druckversuch", "druckprüfung", "druckkraft", "druckspannung", "stauchung",
-    "stauchversuch", "压缩", "壓縮", "圧縮", "압축",
+    "stauchversuch", "压缩", "壓縮", "圧縮", "압축", "ściskan", "ściskaj", "сжати",
 )  # fmt: skip
 #: Beside one of them, the line tells nothing: "tension/compression load cell".
-TENSION = ("tension", "tensile", "traction", "zug", "tracción", "trazione", "拉", "引張", "인장")
+TENSION = ("tension", "tensile", "traction", "zug", "tracción", "trazione", "拉", "引張", "인장", "rozciąg", "растяж")
 
 #: Titles of times, displacements and forces that also mean something else: a column may hold another quantity.
 DOUBTFUL = frozenset({
-    "step time", "scan time", "tempo", "laufzeit",
+    "step time", "scan time", "sampling time", "tempo", "laufzeit",
     "depth", "eindringtiefe", "crosshead separation",
     "deformation", "compression", "indentation", "distance", "travel", "course", "carrera", "corsa", "recorrido", "u",
     "d", "dl", "δl", "maschine", "stroke", "ストローク", "行程",
@@ -139,20 +141,34 @@ SIZES = {
                "le", "einspannlänge", "lunghezza", "lunghezza iniziale", "lunghezza utile", "lunghezza libera",
                "标距", "標距", "原始标距", "標点距離", "標点間距離",
                "wysokość kowadełka",
-               "longitud inicial", "długość", "chuck distance", "grip distance", "チャック間距離", "つかみ具間距離"),
+               "longitud inicial", "długość", "длина", "начальная длина",
+               "chuck distance", "grip distance", "チャック間距離", "つかみ具間距離"),
     "width": ("width", "breite", "largeur", "anchura", "ancho", "larghezza", "larghezza b", "largura", "b0",
-              "szerokość", "宽度", "寬度", "幅"),
+              "szerokość", "宽度", "寬度", "幅", "ширина"),
     "thickness": ("thickness", "dicke", "épaisseur", "epaisseur", "espesor", "spessore", "spessore a",
                   "espessura", "grubość", "a0",
-                  "厚度", "厚さ"),
+                  "厚度", "厚さ", "толщина"),
     "diameter": ("diameter", "durchmesser", "diamètre", "diametre", "diámetro", "diametro", "diametro iniziale",
-                 "średnica", "d0", "直径", "直徑", "直径"),
+                 "średnica", "d0", "直径", "直徑", "直径", "диаметр"),
     "area": ("area", "cross-section", "cross section", "original cross-section", "cross-sectional area", "section",
              "querschnitt", "fläche", "sección", "sezione",
              "sezione iniziale", "s0", "面积", "截面积", "断面積"),
 }  # fmt: skip
 #: The length of a round specimen that is compressed; beside a width, a height may be a side of the cross-section.
-HEIGHT = ("height", "höhe", "hoehe", "probenhöhe", "hauteur", "altura", "altezza", "wysokość", "高度", "高さ", "높이")
+HEIGHT = (
+    "height",
+    "höhe",
+    "hoehe",
+    "probenhöhe",
+    "hauteur",
+    "altura",
+    "altezza",
+    "wysokość",
+    "高度",
+    "高さ",
+    "높이",
+    "высота",
+)
 #: Titles that are nothing but a unit, in the case that leaves no doubt: ``n`` may be a number of samples.
 UNITS_AS_TITLES = frozenset(
     unicodedata.normalize("NFKC", word[1:-1])

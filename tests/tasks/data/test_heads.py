@@ -3,7 +3,7 @@
 import pytest
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.heads import Head, head_of, is_bracketed
+from sinew.tasks.data.heads import Head, as_wide, head_of, is_bracketed
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.recordings import read_recordings
 
@@ -30,6 +30,13 @@ def test_titles_and_units_are_found_above_and_below_each_other(lines):
     found = head("Operator,me", *lines)
     assert (found.titles, found.units) == (TITLES, UNITS)
     assert found.top == 1 + min(lines.index(row) for row in ("Time,Disp,Force", "s,mm,N"))
+
+
+@pytest.mark.parametrize("units", [("", *UNITS), UNITS, ()])
+def test_a_mark_of_a_comment_is_no_title_of_a_column(units):
+    rows = [("0", "1", "2"), ("1", "2", "3")]
+    assert as_wide(Head(("#", *TITLES), units, 4), rows) == Head(TITLES, units[-3:], 4)
+    assert as_wide(Head(("#", *TITLES), units, 4), [*rows, ("1", "2", "3", "4")]).titles == ("#", *TITLES)
 
 
 def test_numbers_beside_units_do_not_make_them_titles():

@@ -5,7 +5,7 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data import numeric_csv
-from sinew.tasks.data.numeric_csv import read_header, read_numbers
+from sinew.tasks.data.numeric_csv import LONGEST_HEADER, read_header, read_numbers
 
 
 def written(folder, content):
@@ -74,6 +74,17 @@ def test_what_is_wrong_is_named(tmp_path, content, where, words):
 def test_files_without_a_fault_are_read_at_once_and_not_row_by_row(tmp_path, monkeypatch, content):
     monkeypatch.setattr("sinew.tasks.data.numeric_csv._read_carefully", None)
     assert read_numbers(written(tmp_path, content), ["a", "b"]).tolist() == [[1.0, 2.0], [3.0, 4.5]]
+
+
+@pytest.mark.parametrize("allowed", [True, False])
+def test_a_row_is_as_long_as_allowed_or_refused(tmp_path, allowed):
+    row = "1," + "2".rjust(LONGEST_HEADER - 3 + (not allowed))  # with the end of the line
+    path = written(tmp_path, f"a,b\n{row}\n")
+    if allowed:
+        assert read_numbers(path, ["a", "b"]).tolist() == [[1.0, 2.0]]
+        return
+    with pytest.raises(BadInput, match="row 2: 120,001 characters; expected at most 120,000"):
+        read_numbers(path, ["a", "b"])
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"])

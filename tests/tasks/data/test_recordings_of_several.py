@@ -10,7 +10,6 @@ from sinew.tasks.data.curves import curve_of
 from sinew.tasks.data.exports import Reading
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import inspect
-from sinew.tasks.data.joined_tables import NOT_JOINED
 from sinew.tasks.data.questions import Unclear, UnknownUnit
 from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.recordings import read_recordings
@@ -83,15 +82,6 @@ def test_tests_with_something_between_them_are_not_joined(tmp_path):
     assert [name for name, _ in names_and_loads(tmp_path, f"{ONE}Specimen B\n{later}")] == ["1", "2"]
     pause = later.replace("\n3,", "\n30,").replace("\n4,", "\n31,").replace("\n5,", "\n32,")
     assert [name for name, _ in names_and_loads(tmp_path, ONE + pause)] == ["1", "2"]
-
-
-def test_joining_tables_that_do_not_go_on_from_each_other_is_said_to_have_no_effect(tmp_path):
-    path = tmp_path / "tests.csv"
-    path.write_text(f"{ONE}Specimen B\n{ONE}")
-    first, second = read_recordings(path, Hints(tables="join"))
-    assert NOT_JOINED in first.notes
-    assert not second.notes
-    assert all(NOT_JOINED not in one.notes for one in read_recordings(path, Hints(tables="apart")))
 
 
 ABOVE = "{more}\t\tTime:\t{end}\ts\t10/19/2023 11:59:35 {half}\nStation\t{station}\n"

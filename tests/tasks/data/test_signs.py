@@ -122,6 +122,8 @@ def test_what_gets_the_other_sign(tmp_path):
         ("Prüfart,Druckversuch", TITLES),
         ("", "Time (s),Compressive extension (mm),Load (N)"),
         ("", f"{TITLES},压缩应变(%)"),
+        ("", f"{TITLES},Naprężenie ściskające (MPa)"),
+        ("Вид испытания,сжатие", TITLES),
     ],
 )
 def test_a_compression_counted_as_positive_is_doubtful(tmp_path, above, titles):

@@ -298,3 +298,18 @@ def test_the_length_of_strains_by_the_displacement_is_the_gauge_length():
 
 def test_sizes_in_german():
     assert sizes("Abmessung : Querschnitt|3,45000|mm^2") == {"area": 3.45}
+
+
+GEOMETRY = ("Geometry", "Rectangular (Length, Width, Thickness)")
+
+
+def test_sizes_of_ta_instruments_have_their_names_in_another_row():
+    found = read_sizes([GEOMETRY, ("Size", "10.3336", "5.51", "0.03", "mm")])
+    assert {name: size.mm for name, size in found.items()} == {"length": 10.3336, "width": 5.51, "thickness": 0.03}
+    assert all(size.has_unit for size in found.values())
+    for shape, size in (
+        (GEOMETRY, ("Size", "10.3336", "5.51")),
+        (("Geometry", "Rectangular (Length, Span, Thickness)"), ("Size", "10.3336", "5.51", "0.03", "mm")),
+        (("Sample", "foil"), ("Size", "10.3336", "5.51", "0.03", "mm")),
+    ):
+        assert not read_sizes([shape, size])

@@ -2,6 +2,7 @@
 
 import math
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -284,3 +285,11 @@ def test_quoted_cells_with_points_are_read_as_before(tmp_path):
     path.write_text('"Time (s)","Disp (mm)","Force (N)"\n"0","0","1"\n"1","1","2"\n"2","2","4"\n')
     (table,) = read_tables(path)
     assert table.decimal == "."
+
+
+def test_hidden_rows_of_a_test_are_counted(tmp_path):
+    (table,) = tables(tmp_path, "a,b,c", "0,0,0", "1,1,1", "2,2,2")
+    assert table.unseen(range(3)) == ()
+    found = replace(table, hidden_rows=frozenset({1, 3, 4}))
+    assert found.unseen(range(3)) == ("hidden in the spreadsheet, but read: 2 of its 3 rows",)
+    assert found.unseen(range(1)) == ()

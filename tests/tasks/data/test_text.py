@@ -139,6 +139,9 @@ def test_text_in_utf_16_needs_no_mark(tmp_path, text, encoding):
     path.write_bytes(text.encode(encoding) + b"a")
     with pytest.raises(BadInput, match="not valid UTF-16 text"):
         read_lines(path)
+    path.write_bytes(f"{text}\ud800,1\n".encode(encoding, "surrogatepass"))
+    with pytest.raises(BadInput, match="not valid UTF-16 text"):
+        read_lines(path)
 
 
 @pytest.mark.parametrize("content", [b"\0\1\2", b"\1\0\2\0\3\0" * 100, b"a\0b\0\x1f\0" * 100])

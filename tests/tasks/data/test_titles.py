@@ -3,7 +3,8 @@
 import pytest
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.titles import is_spread, name_and_unit, without_numbers, without_suffix
+from sinew.tasks.data.remarks import remarks
+from sinew.tasks.data.titles import is_spread, name_and_unit, without_numbers, without_shared, without_suffix
 from tests.effort import at_most
 from tests.tasks.data.one_test_file import read
 
@@ -30,6 +31,9 @@ from tests.tasks.data.one_test_file import read
         ("Fz, gf", "fz", "gf"),
         ("Force (x 1000), N", "force x 1000 , n", "x 1000"),
         ("Position (target), mm", "position target , mm", "target"),
+        ("[um] Displacement", "displacement", "um"),
+        ("[s] Time Elapsed", "time elapsed", "s"),
+        ("Перемещение [мм]", "перемещение", "мм"),
     ],
 )
 def test_a_title_has_a_name_and_a_unit(title, name, unit):
@@ -132,3 +136,43 @@ def test_a_true_stress_is_no_engineering_stress(tmp_path):
 )
 def test_words_for_channels_in_front_are_none_of_the_name(title, name):
     assert name_and_unit(title)[0] == name
+
+
+MOTIONS, LOADS = ("displacement", "disp"), ("force", "load")
+
+
+@pytest.mark.parametrize(
+    ("names", "found"),
+    [
+        (["time", "esh b force", "esh b displacement", "analog 1"], ["time", "force", "displacement", "analog 1"]),
+        (["esh b force", "ram displacement"], ["esh b force", "ram displacement"]),
+        (["peak force", "peak displacement"], ["peak force", "peak displacement"]),
+        (["rig max load", "rig max disp"], ["rig max load", "rig max disp"]),
+        (["a force", "a disp", "b force", "b disp"], ["a force", "a disp", "b force", "b disp"]),
+        (["esh force", "esh force limit", "esh disp"], ["force", "esh force limit", "disp"]),
+    ],
+)
+def test_words_in_front_of_motion_and_load_alike_name_the_station(names, found):
+    assert without_shared(names, MOTIONS, LOADS) == found
+
+
+def test_a_station_in_front_is_read_with_a_remark(tmp_path):
+    found = read(tmp_path, titles="Time (s),ESH B Displacement (mm),ESH B Force (N)")
+    assert remarks(found) == [
+        "displacement from column 2, likely by 'displacement' in its title",
+        "force from column 3, likely by 'force' in its title",
+    ]
+    with pytest.raises(BadInput, match="no column of displacement"):
+        read(tmp_path, titles="Time (s),Peak Displacement (mm),Peak Force (N)")
+
+
+def test_titles_in_russian(tmp_path):
+    found = read(tmp_path, titles="Время [с],Перемещение [мм],Усилие [кН]")
+    assert [(one.quantity.name, one.factor) for one in found.columns] == [
+        ("time", 1.0), ("displacement", 1.0), ("force", 1000.0),
+    ]  # fmt: skip
+
+
+def test_a_strain_may_be_called_unitless(tmp_path):
+    found = read(tmp_path, titles="Time (s),Engineering Strain (unitless),Force Data (N)")
+    assert (found.motion.quantity.name, found.motion.factor) == ("strain", 1.0)

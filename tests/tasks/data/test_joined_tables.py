@@ -1,0 +1,42 @@
+"""Tables one under another that are one test because a person says so, or are not although one does."""
+
+import numpy as np
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.joined_tables import NOT_JOINED
+from sinew.tasks.data.recordings import read_recordings
+from tests.tasks.data.test_sheets import write_workbook
+
+UNTIMED = "Displacement (mm),Force (N)\n"
+ONE = "Time (s),Extension (mm),Load (N)\n0,0,0\n1,0.1,5\n2,0.2,9\n"
+
+
+def test_tables_without_times_are_one_test_if_a_person_says_so(tmp_path):
+    path = tmp_path / "record.csv"
+    path.write_text("".join(f"{UNTIMED}{at}.1,{at}0\n{at}.2,{at}2\n{at}.3,{at}4\n" for at in range(1, 4)))
+    (joined,) = read_recordings(path, Hints(tables="join", rate_hz=10.0))
+    np.testing.assert_allclose(joined.numbers[:, 0], np.arange(9) / 10)
+    assert joined.numbers[:, 2].tolist() == [10, 12, 14, 20, 22, 24, 30, 32, 34]
+    assert "3 tables without times, as --tables says: read as one test" in joined.notes
+    assert len(read_recordings(path, Hints(tables="apart", rate_hz=10.0))) == 3
+
+
+def test_joining_tables_that_do_not_go_on_from_each_other_is_said_to_have_no_effect(tmp_path):
+    path = tmp_path / "tests.csv"
+    path.write_text(f"{ONE}Specimen B\n{ONE}")
+    first, second = read_recordings(path, Hints(tables="join"))
+    assert NOT_JOINED in first.notes
+    assert not second.notes
+    assert all(NOT_JOINED not in one.notes for one in read_recordings(path, Hints(tables="apart")))
+
+
+def test_empty_titles_at_the_end_make_no_other_titles(tmp_path):
+    table = [["Time (s)", "Extension (mm)", "Load (N)"], [0, 0, 0], [1, 0.1, 5], [2, 0.2, 9]]
+    wide = [[*table[0], ""], *table[1:-1], [*table[-1], "broken"]]
+    both = read_recordings(write_workbook(tmp_path / "tests.xlsx", A=wide, B=table), Hints())
+    assert [one.test for one in both] == ["A", "B"]
+    other = [[*table[0], "Grip (mm)"], *([*row, 1] for row in table[1:])]
+    with pytest.raises(BadInput, match="has other titles than the first one"):
+        read_recordings(write_workbook(tmp_path / "other.xlsx", A=wide, B=other), Hints())
