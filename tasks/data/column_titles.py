@@ -92,6 +92,8 @@ def check_width(table: Table) -> None:
     if untitled or shifted:
         problem = f"{count} names above {_width(row)} columns of numbers"
         expected = "as many; commas cannot separate columns and be decimal marks at the same time"
-        if table.separator == " ":
+        if table.sheet:
+            expected = "a title above each column, and numbers beside the table in a sheet of their own"
+        elif table.separator == " ":
             expected = "as many; titles of several words need two spaces or tabs between them, and each title a column"
         raise BadInput(f"{table.path}: row {table.first}", problem, expected)

@@ -19,7 +19,7 @@ from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, 
 from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.remarks import remarks, which_columns
-from sinew.tasks.data.roles import TIMED
+from sinew.tasks.data.roles import TIMED, TIMED_AT_REST
 from sinew.tasks.data.rows_of_words import says_more
 from sinew.tasks.data.several import FEWEST_ROWS, beside, blocks_of_tests, go_on, told_apart
 from sinew.tasks.data.signs import new_zeros
@@ -86,6 +86,8 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         expected = "titles of time, displacement and force, or --time-column, --displacement-column and --force-column"
         raise BadInput(path, f"no columns of a test among {shown(listed, 80)}", f"{expected} NAME or NUMBER")
     numbers, rows = _numbers(table, columns)
+    if (np.diff(numbers[:rows, 1]) == 0.0).any():
+        problems = tuple(problem.replace(TIMED, TIMED_AT_REST) for problem in problems)
     values, differs = _sizes(table, columns, numbers[:rows], hints)
     given = {"length": reading.length_mm, "area": reading.area_mm2}
     values |= {name: size for name, size in given.items() if size is not None}

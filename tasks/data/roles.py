@@ -7,6 +7,7 @@ from sinew.tasks.data.hints import Hints, each_title
 from sinew.tasks.data.quantities import FORCE, LOADS, MOTIONS, STRESS, TIME, Quantity
 
 TIMED = ", --rate-hz, --speed or --speed-column"  # what tells times where no column does
+TIMED_AT_REST = " or --rate-hz"  # the same, where the motion rests: no speed tells how long
 
 
 @dataclass(frozen=True)

@@ -282,6 +282,8 @@ def told_apart(table: Table, rows: int, back: Sequence[int], taken: Sequence[int
             continue
         if any(_cell(table, row - 1, place) == _cell(table, row, place) for row in back):
             continue
+        if len(_different(table, rows, place)) < 2:  # one name in the first row only
+            continue
         values, again = _values(table, rows, [place])
         if 1 < values <= rows // FEWEST_ROWS_OF_A_CYCLE and (not again or name in words.CYCLES):
             option = CYCLE_COLUMN if name in words.CYCLES else TEST_COLUMN
@@ -305,6 +307,11 @@ def _told_by_two(table: Table, rows: int, back: Sequence[int], taken: Sequence[i
         if not again and values <= most:
             return Apart(f"{table.titles[first]}{BOTH} {table.titles[second]}", values, TEST_COLUMN)
     return None
+
+
+def _different(table: Table, rows: int, place: int) -> set[str]:
+    """The different cells of a column, without empty ones."""
+    return {_cell(table, row, place) for row in range(rows)} - {""}
 
 
 def _values(table: Table, rows: int, places: Sequence[int]) -> tuple[int, bool]:

@@ -177,6 +177,7 @@ def test_a_column_that_cannot_tell_cycles_is_refused(wanted, problem):
         ("x|t_s|F_N", ["a|0|1"] * 3 + ["b|0|1"] * 5, [4], None),  # changes elsewhere
         ("x|t_s|F_N", ["a|0|1"] * 4 + ["b|0|1"] * 4, [], None),  # nothing says that it is of tests
         ("Specimen ID|t_s|F_N", ["a|0|1"] * 4 + ["b|0|1"] * 4, [], ("Specimen ID", 2, "--test-column")),
+        ("Specimen ID|t_s|F_N", ["a|0|1"] + ["|0|1"] * 7, [], None),
         ("id|t_s|F_N", ["a|0|1"] * 8, [], None),
         ("Cycle|t_s|F_N", ["1|0|1"] * 4 + ["2|0|1"] * 4 + ["1|0|1"] * 4, [4, 8], ("Cycle", 3, "--cycle-column")),
         ("x|t_s|F_N", ["1|0|1"] * 4 + ["2|0|1"] * 4 + ["1|0|1"] * 4, [4, 8], None),

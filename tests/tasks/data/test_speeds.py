@@ -187,6 +187,12 @@ def test_a_dry_run_asks_for_times_and_tests(tmp_path):
     assert any(each.endswith("--rate-hz, --speed or --speed-column") for each in found["ask"])
 
 
+def test_no_speed_is_asked_for_where_the_motion_rests(tmp_path):
+    path = tmp_path / "rests.csv"
+    path.write_text("Extension (mm),Load (N)\n0,0\n0.1,5\n0.1,4\n0.3,9\n")
+    assert inspect(path).content()["ask"][0].endswith("; --time-column NAME or NUMBER or --rate-hz")
+
+
 CLOCK = "Time,Disp (mm),Force (N)\n" + "".join(f"10:22:{33 + i // 10:02d},{i / 100},{0.1 + i}\n" for i in range(35))
 
 
