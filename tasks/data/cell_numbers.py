@@ -26,6 +26,9 @@ def number_of(table: Table, row: int, column: Column) -> float:
     if value is None:
         at, cells = table.rows[row]
         cell = cells[column.place] if column.place < len(cells) else ""
+        if not any(cells):
+            expected = "one test without such rows; where they stand between tests, a file for each"
+            raise BadInput(f"{table.path}: row {at}", "an empty row among the numbers", expected)
         where = f"{table.path}: row {at}, {column.title or column.quantity.name}"
         if not cell:
             formula = "; a formula needs the value that Excel or LibreOffice saves with it" if table.sheet else ""

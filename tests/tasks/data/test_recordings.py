@@ -107,7 +107,7 @@ def test_whatever_a_file_holds_it_is_understood_or_refused_in_a_line(tmp_path, c
         (PLAIN + "3,nan,9\n", "row 5, displacement_mm: 'nan'"),
         (PLAIN.replace("0,0,0", "0,NaN,0") + "3,0.3,9\n", "row 2, displacement_mm: 'NaN'; expected a finite number"),
         (PLAIN.replace("0.1", "0.1 mm") + "3,0.3,9\n4,0.3,9\n", "row 3, displacement_mm: '0.1 mm'; expected a finite"),
-        (PLAIN.replace("1,0.1", "\n1,0.1") + "3,0.3,9\n", "row 3, time_s: an empty cell; expected a finite number"),
+        (PLAIN.replace("1,0.1", "\n1,0.1") + "3,0.3,9\n", "row 3: an empty row among the numbers"),
         (PLAIN + "3,,9\n", "row 5, displacement_mm"),
         (PLAIN + "3,inf,9\n", "row 5, displacement_mm"),
         (PLAIN + "3,1e999,9\n", "row 5, displacement_mm"),

@@ -382,3 +382,10 @@ def test_a_text_that_is_called_xls_is_read_as_a_text(tmp_path):
         path.write_bytes(start)
         assert is_sheet(path), start
     assert is_sheet(tmp_path / "none.xls")
+
+
+def test_an_empty_row_among_the_numbers_may_stand_between_tests(tmp_path):
+    table = [["Time (s)", "Extension (mm)", "Load (N)"], [0, 0, 0], [1, 0.1, 5], [2, 0.2, 9]]
+    path = write_workbook(tmp_path / "test.xlsx", A=[*table, [None, None, None], *table[1:]])
+    with pytest.raises(BadInput, match=r"row 5: an empty row among the numbers; .* a file for each"):
+        read_recordings(path, Hints())
