@@ -37,9 +37,7 @@ def _read(table: Table) -> tuple[Row, list[tuple[str, str]]]:
     names = without_numbers([name for name, _ in found])
     above = units_above(table.header)
     _, (_, motions), (_, loads) = OF_A_TEST
-    if {*motions, *loads}.isdisjoint(names):
-        names = without_shared(names, motions, loads)
-    names = _known_names(names, [unit for _, unit in found])
+    names = _known_names(without_shared(names, motions, loads), [unit for _, unit in found])
     told = [units.agreed([unit, *above.get(role_of(name), ())]) for name, (_, unit) in zip(names, found, strict=True)]
     return titles, [(names[place], "s" if table.has_clock(place) else unit) for place, unit in enumerate(told)]
 

@@ -282,10 +282,9 @@ def told_apart(table: Table, rows: int, back: Sequence[int], taken: Sequence[int
             continue
         if any(_cell(table, row - 1, place) == _cell(table, row, place) for row in back):
             continue
-        if len(_different(table, rows, place)) < 2:  # one name in the first row only
-            continue
         values, again = _values(table, rows, [place])
-        if 1 < values <= rows // FEWEST_ROWS_OF_A_CYCLE and (not again or name in words.CYCLES):
+        some = 1 < values <= rows // FEWEST_ROWS_OF_A_CYCLE and (not again or name in words.CYCLES)
+        if some and len(_different(table, rows, place)) > 1:  # else there is one name in the first rows only
             option = CYCLE_COLUMN if name in words.CYCLES else TEST_COLUMN
             found.append((values, place, Apart(title, values, option)))
     return min(found)[2] if found else _told_by_two(table, rows, back, taken)

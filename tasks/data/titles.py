@@ -174,21 +174,26 @@ def without_fillers(name: str) -> str:
 def without_shared(names: Sequence[str], motions: Collection[str], loads: Collection[str]) -> list[str]:
     """Names without words that stand in front of a motion and of a load alike: ``esh b force, esh b displacement``.
 
-    They name the station, unless they make other quantities: ``peak force, peak displacement``.
+    They name the station, unless they make other quantities: ``peak force, peak displacement``. Nothing changes where a
+    column is called by the name of a motion or a load alone.
     """
-    parts = [(words[:at], " ".join(words[at:])) for words in map(str.split, names) for at in range(1, len(words))]
-    shared = {
-        tuple(front)
-        for front, name in parts
-        if name in motions and any(front == other and load in loads for other, load in parts)
-    }
+    if not {*motions, *loads}.isdisjoint(names):
+        return list(names)
+    of_motions, of_loads = _in_front(names, {*motions}), _in_front(names, {*loads})
+    shared = of_motions & of_loads
     if len(shared) != 1:  # of several, each may be a test: ``steel strain, steel stress, copper strain, copper stress``
         return list(names)
     (station,) = shared
-    if set(station) & (_OTHERS | _NO_SPECIMEN):
+    if set(station.split()) & (_OTHERS | _NO_SPECIMEN):
         return list(names)
-    front = f"{' '.join(station)} "
-    return [name.removeprefix(front) if name.removeprefix(front) in {*motions, *loads} else name for name in names]
+    bare = [name.removeprefix(f"{station} ") for name in names]
+    return [short if short in motions or short in loads else name for name, short in zip(names, bare, strict=True)]
+
+
+def _in_front(names: Sequence[str], known: Collection[str]) -> set[str]:
+    """The words in front of known names, where there are some."""
+    parts = [name.split() for name in names]
+    return {" ".join(words[:at]) for words in parts for at in range(1, len(words)) if " ".join(words[at:]) in known}
 
 
 def _of_channel(word: str) -> bool:

@@ -155,20 +155,8 @@ SIZES = {
              "sezione iniziale", "s0", "面积", "截面积", "断面積"),
 }  # fmt: skip
 #: The length of a round specimen that is compressed; beside a width, a height may be a side of the cross-section.
-HEIGHT = (
-    "height",
-    "höhe",
-    "hoehe",
-    "probenhöhe",
-    "hauteur",
-    "altura",
-    "altezza",
-    "wysokość",
-    "高度",
-    "高さ",
-    "높이",
-    "высота",
-)
+HEIGHT = ("height", "höhe", "hoehe", "probenhöhe", "hauteur", "altura", "altezza", "wysokość", "высота", "高度", "高さ",
+          "높이")  # fmt: skip
 #: Titles that are nothing but a unit, in the case that leaves no doubt: ``n`` may be a number of samples.
 UNITS_AS_TITLES = frozenset(
     unicodedata.normalize("NFKC", word[1:-1])
