@@ -234,7 +234,12 @@ def column_of(parts: list[Part], array: "zarr.Array[Any]", name: str, size: int,
     ascend = [(np.diff(rows) == 1).all() for _, _, rows in parts]
     if held is None and ascend[0] and np.shape(columns[0])[:1] == (size,):
         return np.asarray(columns[0])  # these are all
-    block = np.full((size, *array.shape[1:]), array.fill_value, dtype=array.dtype) if held is None else held
+    if held is not None:
+        block = held
+    elif sum(rows.size for _, _, rows in parts) == size:  # to fill what is overwritten would touch the memory twice
+        block = np.empty((size, *array.shape[1:]), dtype=array.dtype)
+    else:
+        block = np.full((size, *array.shape[1:]), array.fill_value, dtype=array.dtype)
     for (_, _, rows), column, together in zip(parts, columns, ascend, strict=True):
         block[slice(rows[0], rows[-1] + 1) if together else rows] = column
     return block

@@ -27,6 +27,7 @@ from sinew.tasks.simulate.lateral import OUTPUTS, laterals, widths
 # above one half is itself again. A processor takes some hundred cycles for each product with one.
 SMALLEST_NORMAL = float(np.finfo(np.float64).smallest_normal)
 FLUSH_EVERY = 64  # steps at constant stretch
+CACHE_LINE = 64  # bytes; also the width of the widest vectors
 LANES = 32  # parameter sets advanced together, enough to hide the latency of the recursion
 
 
@@ -214,7 +215,7 @@ def _advance(  # type: ignore[no-untyped-def]
     squares,
 ):
     """Advance all lanes over the whole history; writes kept forces and stresses, and summed squared residuals."""
-    s = np.zeros(_ROWS)
+    s = _aligned_zeros()
     _set_constants(s, fibre_constants, matrix_modulus)
     toe_end = lambda_0 * lambda_0
     toe_end_power = (toe_end - 1.0) ** beta
@@ -251,6 +252,14 @@ def _advance(  # type: ignore[no-untyped-def]
                 _keep_stresses(s, k, matrix_stress, fibre_stress)
     for w in range(LANES):
         squares[w] = s[_SQUARES + w]
+
+
+@_part
+def _aligned_zeros():  # type: ignore[no-untyped-def]
+    """Scratch memory that starts a cache line: otherwise half of all wide vectors lie across two of them."""
+    memory = np.zeros(_ROWS + CACHE_LINE // 8)
+    first = -memory.ctypes.data % CACHE_LINE // 8
+    return memory[first : first + _ROWS]
 
 
 @_part
