@@ -12,34 +12,48 @@ from sinew.tasks.data.text import is_number
 from sinew.tasks.data.titles import (
     known_within,
     name_and_unit,
+    stations,
     without_fillers,
     without_numbers,
-    without_shared,
+    without_station,
     without_suffix,
 )
 from sinew.tasks.data.told_lines import role_of, units_above
 
 #: Of tables in use: a table of many tests is asked many times.
-_KNOWN: WeakKeyDictionary[Table, tuple[Row, list[tuple[str, str]]]] = WeakKeyDictionary()
+_KNOWN: WeakKeyDictionary[Table, tuple[Row, list[tuple[str, str]], list[str]]] = WeakKeyDictionary()
 
 
 def names_and_units(table: Table) -> tuple[Row, list[tuple[str, str]]]:
     """The title of each column that has one or holds numbers, and its name and unit, which may be empty."""
+    return _known(table)[:2]
+
+
+def stations_of(table: Table) -> list[str]:
+    """The words in front of each column's name that tell tests beside each other apart; empty where none do."""
+    found = _known(table)[2]
+    return found if len({*found} - {""}) > 1 else [""] * len(found)
+
+
+def _known(table: Table) -> tuple[Row, list[tuple[str, str]], list[str]]:
     if table not in _KNOWN:
         _KNOWN[table] = _read(table)
     return _KNOWN[table]
 
 
-def _read(table: Table) -> tuple[Row, list[tuple[str, str]]]:
+def _read(table: Table) -> tuple[Row, list[tuple[str, str]], list[str]]:
     titles = (*table.titles, *[""] * (_width(table.rows[0][1]) - len(table.titles)))
     plain = [without_suffix(title, titles) for title in titles]
     found = [name_and_unit(title, below) for title, below in zip(plain, _below(table, len(titles)), strict=True)]
     names = without_numbers([name for name, _ in found])
     above = units_above(table.header)
     _, (_, motions), (_, loads) = OF_A_TEST
-    names = _known_names(without_shared(names, motions, loads), [unit for _, unit in found])
+    before = stations(names, motions, loads)
+    names = [without_station(*both) for both in zip(names, before, strict=True)]
+    names = _known_names(names, [unit for _, unit in found])
     told = [units.agreed([unit, *above.get(role_of(name), ())]) for name, (_, unit) in zip(names, found, strict=True)]
-    return titles, [(names[place], "s" if table.has_clock(place) else unit) for place, unit in enumerate(told)]
+    named = [(names[place], "s" if table.has_clock(place) else unit) for place, unit in enumerate(told)]
+    return titles, named, before
 
 
 def places_named(titles: Sequence[str], named: Sequence[tuple[str, str]], wanted: str) -> list[int]:
@@ -82,6 +96,8 @@ def _below(table: Table, count: int) -> list[str]:
 def check_width(table: Table) -> None:
     """Refuse titles that are too few or too many to belong to the columns below them."""
     count, row = _width(table.titles), table.rows[0][1]
+    if table.sheet and "" in row[count:]:  # no cell of a sheet shifts: behind an empty column stands something else
+        row = row[: row.index("", count)]
     numbers = _width([cell if is_number(cell, table.decimal) else "" for cell in row])
     untitled = numbers > len(table.titles) or numbers >= 2 * count
     shifted = len(row) < count and any(units.is_unit(title) for title in table.titles)

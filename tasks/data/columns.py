@@ -14,7 +14,7 @@ from sinew.tasks.data.column_titles import check_width, names_and_units, places_
 from sinew.tasks.data.factors import factor_of
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.possible_columns import changes, follows, holds_numbers, in_volts, possible
+from sinew.tasks.data.possible_columns import changes, follows, holds_numbers, in_volts, possible, rests
 from sinew.tasks.data.quantities import (
     DISPLACEMENT,
     FORCE,
@@ -125,7 +125,8 @@ def partly(
         except BadInput as error:
             found.append(None)
             if role.quantities != (TIME,) or not hints.timing.given:
-                remedy = error.expected if isinstance(error, UnknownUnit) else role.remedy
+                moves = _as_it_moves(table, titles, named, role, hints)
+                remedy = error.expected if isinstance(error, UnknownUnit) else moves.remedy
                 problems.append(f"{role.name}: {error.problem}; {remedy}")
             continue
         try:
@@ -179,14 +180,26 @@ def _choices(
             else:
                 missing.append((role, none))
     if missing:
+        asked = [_as_it_moves(table, titles, named, role, hints) for role, _ in missing]
         spare = len(titles) - sum(one.place != NOWHERE for one in found)
         of_person = [problem for role, problem in missing if role.wanted]
-        problem = of_person[0] if of_person else _none_of(table, titles, [role for role, _ in missing], spare=spare)
+        problem = of_person[0] if of_person else _none_of(table, titles, asked, spare=spare)
         problem.alone = all(choice.place == NOWHERE for choice in found)
         free = {place for place, _ in enumerate(titles) if holds_numbers(table, place)} - {one.place for one in found}
         problem.question = None if of_person or not free else _which_is(table, titles, sorted(free), missing[0][0])
         raise problem
     return _of_one_clock(table, titles, named, roles, found)
+
+
+def _as_it_moves(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: Role, hints: Hints) -> Role:
+    """The role, which knows whether the motion rests if it is that of time: no speed tells the time then."""
+    if role.quantities != (TIME,):
+        return role
+    try:
+        motion = _choose(table, titles, named, roles_of(hints)[1])
+    except BadInput:
+        return role
+    return replace(role, at_rest=rests(table, motion.place))
 
 
 def _which_is(table: Table, titles: Row, free: Sequence[int], role: Role) -> Unclear:

@@ -19,7 +19,9 @@ from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, 
 from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.remarks import remarks, which_columns
-from sinew.tasks.data.roles import TIMED, TIMED_AT_REST
+from sinew.tasks.data.restarts import tests_below
+from sinew.tasks.data.roles import TIMED
+from sinew.tasks.data.rows_of_results import refuse_rows_of_results
 from sinew.tasks.data.rows_of_words import says_more
 from sinew.tasks.data.several import FEWEST_ROWS, beside, blocks_of_tests, go_on, told_apart
 from sinew.tasks.data.signs import new_zeros
@@ -86,8 +88,8 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         expected = "titles of time, displacement and force, or --time-column, --displacement-column and --force-column"
         raise BadInput(path, f"no columns of a test among {shown(listed, 80)}", f"{expected} NAME or NUMBER")
     numbers, rows = _numbers(table, columns)
-    if (np.diff(numbers[:rows, 1]) == 0.0).any():
-        problems = tuple(problem.replace(TIMED, TIMED_AT_REST) for problem in problems)
+    if columns[0] is None and columns[1] is not None and not hints.timing.given:
+        refuse_rows_of_results(table, columns[1].quantity.name, numbers[:rows, 1], numbers[:rows, 2])
     values, differs = _sizes(table, columns, numbers[:rows], hints)
     given = {"length": reading.length_mm, "area": reading.area_mm2}
     values |= {name: size for name, size in given.items() if size is not None}
@@ -97,7 +99,7 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     one_below = titles[table.common_titles] if any(table.common_titles) else 1
     if one_below > 1 and _go_on(source, table, columns):
         one_below = 1
-    below, times = _below(table, columns, numbers[:rows, 0], hints)
+    below, times = _below(table, columns, numbers[:rows], hints)
     recordings, refusal = ((), ()) if problems or times else _as_read(source, hints)
     if len(recordings) > 1:  # a table of results may have a row for each
         known = {name: size.mm for name, size in recordings[0].sizes.items() if not (doubt and name == "length")}
@@ -113,6 +115,8 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         values["area"] = None
     questions = (*problems, *times, *refusal, *_missing(path, values, columns, doubt, differs))
     first = [float(number) if rows and np.isfinite(number) else None for number in numbers[0]]
+    if any(columns):
+        rows = int(np.isfinite(numbers[:rows]).any(axis=1).sum())  # tests may stand apart by empty rows
     if len(recordings) == 1:  # of several tables that go on
         rows = len(recordings[0].rows)
     load = recordings[0].numbers[:, 2] if len(recordings) == 1 else numbers[:rows, 2]
@@ -175,14 +179,18 @@ def _go_on(source: Source, table: Table, columns: Sequence[Column | None]) -> bo
 
 
 def _below(
-    table: Table, columns: Sequence[Column | None], time_s: np.ndarray[Any, Any], hints: Hints
+    table: Table, columns: Sequence[Column | None], numbers: np.ndarray[Any, Any], hints: Hints
 ) -> tuple[int, tuple[str, ...]]:
     """How many tests stand one under another in a table, and what must be asked of its times."""
+    time_s = numbers[:, 0]
     if hints.tests_by is not None:
         return len(blocks_of_tests(table, time_s.size, hints.tests_by)), ()
     back = [int(at) + 1 for at in np.flatnonzero(np.diff(time_s) < 0)]
     taken = [column.place for column in columns if column is not None]
     apart = told_apart(table, time_s.size, back, taken) if hints.test_column is None else None
+    told = apart is not None or hints.test_column is not None or hints.cycle_column is not None
+    if not told and (found := tests_below(table, numbers, hints)) is not None:
+        return found
     if back and hints.cycle_column is None:
         row = table.rows[back[0]][0]
         remedy = f"one for each '{apart.title}'? {apart.option}" if apart else "one file for each"

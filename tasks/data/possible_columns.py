@@ -1,6 +1,7 @@
 """Whether a column can hold a quantity, by its name, its unit and its numbers."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -24,6 +25,12 @@ def changes(table: Table, place: int) -> bool:
     cells = (row[place] for _, row in table.rows if place < len(row) and row[place])
     first = next(cells, "")
     return any(cell != first for cell in cells)
+
+
+def rests(table: Table, place: int) -> bool:
+    """Whether a column has the same number in two rows one after the other: of a motion, no speed tells the time."""
+    numbers = (table.number(row, place) for row in range(len(table.rows)))
+    return any(one is not None and one == other for one, other in pairwise(numbers))
 
 
 def follows(table: Table, place: int, machine: int) -> bool:

@@ -21,6 +21,7 @@ from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.questions import NoColumn
 from sinew.tasks.data.ragged import refuse_ragged
 from sinew.tasks.data.recording import Recording
+from sinew.tasks.data.restarts import tests_again, without_gaps
 from sinew.tasks.data.rows_of_words import cut_off, names_test, says_more, without_words
 from sinew.tasks.data.same_times import again, before_clock
 from sinew.tasks.data.several import (
@@ -159,6 +160,8 @@ def _named(found: Sequence[tuple[Table, list[Recording]]], hints: Hints) -> list
 def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Recording]:
     """The tests of one table, ``count`` beside each other, or one under another."""
     found: list[Recording] = []
+    alone = count == 1 and hints.test_column is None
+    table, gaps = without_gaps(table) if alone else (table, ())
     every = [columns_of(table, columns, number, hints) for number in range(count)] if count > 1 else [columns]
     sizes = sizes_beside(table, every) if count > 1 else [read_sizes(table.header, table.own, table.decimal)]
     names = names_beside(table, every) if count > 1 else [""]
@@ -171,7 +174,8 @@ def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Rec
         blocks = [Block("", 0, rows)] if hints.tests_by is None else blocks_of_tests(table, rows, hints.tests_by)
         for block in blocks:
             both = replace(block, name="_".join(filter(None, (name, block.name))))
-            found.append(_once(_begun(_recording(table, ours, hints, both, sizes[number], number, count))))
+            one = _once(_begun(_recording(table, ours, hints, both, sizes[number], number, count)))
+            found += tests_again(one, gaps, hints) if alone else [one]
         if cut:
             at, row = table.rows[rows]
             note = f"row {at} ends within a number, {shown(row[-1])}, and is left out"

@@ -20,6 +20,7 @@ class Role:
     wanted: tuple[str, ...]
     given: str | None
     more_titles: tuple[str, ...] = ()  # that any of the quantities may have
+    at_rest: bool = False  # the motion rests in some rows
 
     def titles(self, quantity: Quantity) -> tuple[str, ...]:
         return quantity.titles + self.more_titles
@@ -31,7 +32,8 @@ class Role:
     @property
     def remedy(self) -> str:
         """What a person can do where no column is recognised."""
-        return f"--{self.option}-column NAME or NUMBER{TIMED if self.option == 'time' else ''}"
+        told = (TIMED_AT_REST if self.at_rest else TIMED) if self.option == "time" else ""
+        return f"--{self.option}-column NAME or NUMBER{told}"
 
     @property
     def choices(self) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import words
 from sinew.tasks.data.clocks import columns_by_clock
-from sinew.tasks.data.column_titles import names_and_units
+from sinew.tasks.data.column_titles import names_and_units, stations_of
 from sinew.tasks.data.columns import NOWHERE, Column, alike_places, in_place, recognise
 from sinew.tasks.data.hints import NO_COLUMN, Hints
 from sinew.tasks.data.quantities import BASE_UNITS
@@ -81,7 +81,9 @@ def columns_of(table: Table, columns: Columns, number: int, hints: Hints | None 
     """The columns of one of the tests that stand beside each other, by its ``number`` from 0, each in its own unit."""
     places = _beside(table, columns)
     time, motion, load = (
-        column if len(at) <= number else in_place(table, hints or Hints(), column, at[number])
+        column
+        if len(at) <= number or column.place == NOWHERE
+        else in_place(table, hints or Hints(), column, at[number])
         for column, at in zip(columns, places, strict=True)
     )
     return time, motion, load
@@ -136,6 +138,9 @@ def names_beside(table: Table, tests: Sequence[Sequence[Column]]) -> list[str]:
     Dimensions are no names, and decimal numbers only where nothing else differs. Columns of all tests count for none.
     """
     firsts = list(map(min, own_places(tests)))
+    told = [stations_of(table)[first] for first in firsts]
+    if all(told):
+        return [_as_written(table.titles[first], station) for first, station in zip(firsts, told, strict=True)]
     rows = [_above(row, firsts) for row in ((), *table.header[table.own :])]  # its own, not those of another sheet
     decimal: list[str] = []
     for above, names in reversed(list(pairwise(rows))):
@@ -145,6 +150,11 @@ def names_beside(table: Table, tests: Sequence[Sequence[Column]]) -> list[str]:
             return names
         decimal = decimal or names
     return decimal or [str(number) for number in range(1, len(tests) + 1)]
+
+
+def _as_written(title: str, station: str) -> str:
+    """The words in front of a title with their own capitals, as far as they are written as :func:`stations_of` says."""
+    return title[: len(station)] if title.lower().startswith(station) else station
 
 
 def own_places(tests: Sequence[Sequence[Column]]) -> list[set[int]]:
@@ -171,6 +181,9 @@ def _places(table: Table, column: Column) -> list[int]:
     """The columns that have the same title and the same unit below it."""
     if column.place == NOWHERE or not column.title:
         return [column.place]
+
+    if stations_of(table)[column.place]:
+        return alike_places(table, column)
 
     def below(place: int) -> str:
         return table.units[place] if place < len(table.units) else ""

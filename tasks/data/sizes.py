@@ -10,6 +10,7 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.data import units, words
 from sinew.tasks.data.heads import Row, joined, told_units
 from sinew.tasks.data.text import is_number, tells_mark
+from sinew.tasks.data.titles import name_and_unit
 
 SIZES = ("length", "width", "thickness")
 SAME = 1e-3  # two statements of a size that differ by less agree: 10 mm and 10.0005 mm
@@ -24,11 +25,12 @@ LARGEST = {**dict.fromkeys((*SIZES, "diameter"), LONGEST_MM), "area": LARGEST_MM
 FAR = 500  # rows from either end of those above a table, in which sizes are looked for
 _WIDEST = 200  # cells of a row that tells a size
 _LONGEST_LINE = 200  # characters of a line that tells a size
+_LONGEST_LABEL = 60  # of a column of sizes, with its unit
 _WORDS = {name: words.SIZES[name] for name in ("length", "width", "thickness", "diameter")}
 #: What may stand beside the word for a size; with any other word, a line tells something else ("parallel length").
 _BESIDE = re.compile(
     r"\b(?:gauge|gage|specimen|sample|initial|original|probe[n]?|standard travel|course standard|éprouvette|eprouvette|"
-    r"de|la|l|sw)\b|[-:,_.'()]|^(?:proben|anfangs)"
+    r"de|la|l|sw|образца|рабочая|начальная|исходная|расч[её]тная)\b|[-:,_.'()]|^(?:proben|anfangs)"
 )
 _SYMBOLS = re.compile(r"\b(?:l0|a0|b0|d0|s0)\b")
 _UNIT = "|".join(re.escape(unit) for unit in sorted([*units.LENGTH, "μm"], key=len, reverse=True))
@@ -125,8 +127,8 @@ def _read_sizes(header: Sequence[Row], own: int, decimal: str) -> dict[str, Size
             told.setdefault(read[0], []).append(read[1])
     for name, size in _of_geometry(header, decimal):
         told.setdefault(name, []).append(size)
-    for labels, below, numbers, next_row in zip(header, header[1:], header[2:], (*header[3:], ()), strict=False):
-        for name, size in _in_columns(labels, below, numbers, next_row, decimal):
+    for labels, *below in zip(header, header[1:], (*header[2:], ()), (*header[3:], (), ()), strict=False):
+        for name, size in _in_columns(labels, below, decimal):
             told.setdefault(name, []).append(size)
     return {name: _one_of(sizes) for name, sizes in told.items()}
 
@@ -234,14 +236,27 @@ def _in_cells(row: Row, decimal: str) -> tuple[str, Size] | None:
     return None if size.mm is None and not row[1][:1].isdigit() else (name, size)
 
 
-def _in_columns(labels: Row, below: Row, numbers: Row, next_row: Row, decimal: str) -> Iterator[tuple[str, Size]]:
-    """Sizes from a table of results, where units stand below the labels, unless a second specimen has other ones."""
-    below = told_units(below)
-    for place, (label, unit, cell) in enumerate(zip(labels, below, numbers, strict=False)):
-        name = meant(label)
-        other = next_row[place] if place < len(next_row) else ""
-        if name is not None and cell and (other == cell or not other[:1].isdigit()):
-            yield name, size_in(name, cell, unit.strip("()[] "), decimal)
+def _in_columns(labels: Row, below: Sequence[Row], decimal: str) -> Iterator[tuple[str, Size]]:
+    """Sizes from a table of results, unless a second specimen has other ones."""
+    columns, height = columns_of_sizes(labels, below[0])
+    numbers, next_row = below[height - 1 : height + 1]
+    for place, (name, unit) in columns.items():
+        cell, other = (row[place] if place < len(row) else "" for row in (numbers, next_row))
+        if cell and (other == cell or not other[:1].isdigit()):
+            yield name, size_in(name, cell, unit, decimal)
+
+
+def columns_of_sizes(labels: Row, below: Row) -> tuple[dict[int, tuple[str, str]], int]:
+    """The size and unit of each column that ``labels`` of a table of results name, and how many rows these take.
+
+    Units stand below the labels, ``Width`` above ``mm``, or within them: ``Width (mm)``.
+    """
+    if told := told_units(below):
+        named = ((place, meant(label), unit) for place, (label, unit) in enumerate(zip(labels, told, strict=False)))
+        return {place: (name, unit.strip("()[] ")) for place, name, unit in named if name is not None}, 2
+    parts = {place: name_and_unit(label) for place, label in enumerate(labels) if 0 < len(label) < _LONGEST_LABEL}
+    within = {place: (meant(name), unit) for place, (name, unit) in parts.items() if units.is_unit(unit)}
+    return {place: (name, unit) for place, (name, unit) in within.items() if name is not None}, 1
 
 
 def _of_geometry(header: Sequence[Row], decimal: str) -> Iterator[tuple[str, Size]]:

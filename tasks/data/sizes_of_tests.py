@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from sinew.tasks.data.heads import Row, told_units
+from sinew.tasks.data.heads import Row
 from sinew.tasks.data.several import LABELLED, Columns, own_places
-from sinew.tasks.data.sizes import FAR, Size, meant, named_in, narrow, read_sizes, size_in
+from sinew.tasks.data.sizes import FAR, Size, columns_of_sizes, named_in, narrow, read_sizes, size_in
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 
@@ -90,17 +90,17 @@ def sizes_by_results(
         return found, ()
     header = narrow(header[:FAR])
     for at, (labels, below) in enumerate(pairwise(header)):
-        rows = header[at + 2 : at + 3 + count]  # and the one behind them, which tells nothing
-        if len(rows) < count or not (below := told_units(below)):
+        columns, height = columns_of_sizes(labels, below)
+        rows = header[at + height : at + height + count + 1]  # and the one behind them, which tells nothing
+        if len(rows) < count or not columns:
             continue
         order = _order(rows[:count], names)
-        for place, (label, unit) in enumerate(zip(labels, below, strict=False)):
-            name = meant(label)
+        for place, (name, unit) in columns.items():
             cells = [row[place] if place < len(row) else "" for row in rows]
             one_more = any(is_number(cell, mark) for cell in cells[count:] for mark in ".,")
-            if name is None or name in found[0] or not all(cells[:count]) or one_more:
+            if name in found[0] or not all(cells[:count]) or one_more:
                 continue
-            sizes = [size_in(name, cell, unit.strip("()[] "), decimal) for cell in cells[:count]]
+            sizes = [size_in(name, cell, unit, decimal) for cell in cells[:count]]
             if any(size.mm is not None for size in sizes):
                 notes |= {} if order else {BY_ORDER: None}
                 for own, row in zip(found, order or range(count), strict=True):

@@ -1,4 +1,4 @@
-"""The titles above a table whose columns are apart by spaces."""
+"""The titles above a table whose columns are apart by spaces, or in another way than its titles."""
 
 import re
 from collections import Counter
@@ -24,6 +24,14 @@ def title_cells(line: str, width: int) -> Row:
         if other in line:
             return tuple(cells(line, other))
     return tuple(title.strip('"') for title in _with_units(line))
+
+
+def cells_apart_otherwise(line: str, row: Row, width: int) -> Row:
+    """The titles in a line, above rows of ``width`` cells: its cells ``row``, or those between other separators."""
+    if sum(map(bool, row)) == width:
+        return row
+    ways = (tuple(cells(line, other)) for other in SEPARATORS if other in line)
+    return next((way for way in ways if len(way) == width > 1 and all(way)), row)
 
 
 def _with_units(line: str) -> Iterator[str]:

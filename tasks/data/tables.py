@@ -12,7 +12,7 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.data.heads import Head, Row, as_wide, head_of, is_label, is_row_of_units, refuse_factors
 from sinew.tasks.data.labview import is_labview, read_labview
 from sinew.tasks.data.sheets import Sheet, is_sheet, read_sheets
-from sinew.tasks.data.spaced_titles import title_cells, usual_width
+from sinew.tasks.data.spaced_titles import cells_apart_otherwise, title_cells, usual_width
 from sinew.tasks.data.text import (
     SEPARATORS,
     cells,
@@ -162,6 +162,10 @@ def read_source(path: Path) -> Source:
     if separator == " ":
         width = usual_width(rows, decimal)
         titles = [title_cells(line, width) for _, line in lines]
+    else:
+        width = usual_width(rows[:HEAD_LINES], decimal)
+        top = zip(lines[:HEAD_LINES], titles, strict=False)
+        titles[:HEAD_LINES] = [cells_apart_otherwise(line, row, width) for (_, line), row in top]
     return Source(path, (_Page("", rows, titles),), separator, decimal, (fewest,))
 
 
@@ -360,19 +364,28 @@ def _numeric(row: Sequence[str], decimal: str) -> set[int]:
 def _top(rows: Sequence[tuple[int, Row]], run: _Run, decimal: str, end: int) -> tuple[int, int]:
     """The first row of a table and the row above it that is not blank (-1: none).
 
-    Rows above a run that have numbers in half of its columns or more are broken rows of the same table. What reaches
-    into the table above, which has its ``end`` there, is not followed farther: it belongs to that table.
+    Rows above a run that have numbers in half of its columns or more are broken rows of the same table, and so is a
+    single word below numbers in all of them, such as an event. What reaches into the table above, which has its ``end``
+    there, is not followed farther: it belongs to that table.
     """
     start = run.start
     while start >= end:
-        above = start - 1
-        while above >= 0 and not any(rows[above][1]):
-            above -= 1
-        if (
-            above < 0
-            or is_label(rows[above][1])
-            or 2 * len(_numeric(rows[above][1], decimal) & run.columns) < len(run.columns)
-        ):
+        above = _filled_above(rows, start)
+        higher = _filled_above(rows, above)
+        if above < 0 or is_label(rows[above][1]):
             return start, above
+        if 2 * len(_numeric(rows[above][1], decimal) & run.columns) < len(run.columns):
+            word = sum(map(bool, rows[above][1])) == 1 and len(run.columns) >= FEWEST_COLUMNS[0]
+            if not word or higher < end or not run.columns <= _numeric(rows[higher][1], decimal):
+                return start, above
+            above = higher
         start = above
     return start, -1
+
+
+def _filled_above(rows: Sequence[tuple[int, Row]], at: int) -> int:
+    """The row above one that is not blank; -1 if there is none."""
+    above = at - 1
+    while above >= 0 and not any(rows[above][1]):
+        above -= 1
+    return max(above, -1)

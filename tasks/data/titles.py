@@ -44,6 +44,23 @@ _NO_SPECIMEN = frozenset({
     "peak", "valley", "target", "command", "demand", "setpoint", "limit", "soll", "sollwert", "mean", "minimum",
     "maximum", "true", "cycle", "zyklus", "step",
 })  # fmt: skip
+#: In front of the names of what is computed, beside what is measured.
+_OF_MODELS = frozenset(
+    {
+        "model",
+        "sim",
+        "simulation",
+        "simulated",
+        "fit",
+        "fitted",
+        "fe",
+        "fea",
+        "fem",
+        "theory",
+        "theoretical",
+        "predicted",
+    }
+)
 _LETTERS = 3
 _SHORTEST = 3  # letters of a name that may stand in front of that of a channel
 _LONGEST = 300  # characters of a title with a unit
@@ -171,23 +188,29 @@ def without_fillers(name: str) -> str:
     return bare if bare in words.STRAIN or bare in words.STRESS else " ".join(parts)
 
 
-def without_shared(names: Sequence[str], motions: Collection[str], loads: Collection[str]) -> list[str]:
-    """Names without words that stand in front of a motion and of a load alike: ``esh b force, esh b displacement``.
+def stations(names: Sequence[str], motions: Collection[str], loads: Collection[str]) -> list[str]:
+    """The words in front of each name that stand in front of a motion and of a load alike; empty where none do.
 
-    They name the station, unless they make other quantities: ``peak force, peak displacement``. Nothing changes where a
-    column is called by the name of a motion or a load alone.
+    They name the station, ``esh b force, esh b displacement``, or tests beside each other, where each has the same
+    columns: ``steel strain, steel stress, copper strain, copper stress``. Words that make other quantities are none:
+    ``peak force, peak displacement``. None are found where a column is called by the name of a motion or a load alone.
     """
+    none = [""] * len(names)
     if not {*motions, *loads}.isdisjoint(names):
-        return list(names)
-    of_motions, of_loads = _in_front(names, {*motions}), _in_front(names, {*loads})
-    shared = of_motions & of_loads
-    if len(shared) != 1:  # of several, each may be a test: ``steel strain, steel stress, copper strain, copper stress``
-        return list(names)
-    (station,) = shared
-    if set(station.split()) & (_OTHERS | _NO_SPECIMEN):
-        return list(names)
-    bare = [name.removeprefix(f"{station} ") for name in names]
-    return [short if short in motions or short in loads else name for name, short in zip(names, bare, strict=True)]
+        return none
+    shared = _in_front(names, {*motions}) & _in_front(names, {*loads})
+    if any(set(station.split()) & (_OTHERS | _NO_SPECIMEN | _OF_MODELS) for station in shared):
+        return none
+    known = {*motions, *loads, *words.TIME}
+    found = [next((one for one in shared if name.removeprefix(f"{one} ") in known - {name}), "") for name in names]
+    pairs = list(zip(names, found, strict=True))
+    columns = [sorted(without_station(name, of) for name, of in pairs if of == one) for one in shared]
+    return found if all(each == columns[0] for each in columns) else none
+
+
+def without_station(name: str, station: str) -> str:
+    """A name without the words in front of it that :func:`stations` has found."""
+    return name.removeprefix(f"{station} ") if station else name
 
 
 def _in_front(names: Sequence[str], known: Collection[str]) -> set[str]:

@@ -44,6 +44,7 @@ _SPELLINGS = {
     "n/m2": "Pa", "pascal": "Pa", "兆帕": "MPa", "千帕": "kPa", "帕": "Pa", "sq mm": "mm2", "sq in": "in2",
     "per cent": "%", "prozent": "%", "unitless": "1", "dimensionless": "1",
     "с": "s", "сек": "s", "мс": "ms", "мин": "min", "мм": "mm", "см": "cm", "м": "m", "мкм": "um", "н": "N", "кн": "kN",
+    "мм2": "mm2", "см2": "cm2", "кв. мм": "mm2", "н/мм2": "N/mm2", "平方毫米": "mm2",
     "кгс": "kgf", "па": "Pa", "кпа": "kPa", "мпа": "MPa", "гпа": "GPa",
 }  # fmt: skip
 EITHER = " or "  # between units that contradict each other

@@ -89,7 +89,7 @@ FORCE = (
 STRESS = (
     "stress", "tensile stress", "engineering stress", "nominal stress", "spannung", "contrainte", "σ", "sigma",
     "tension", "axial stress", "eng stress", "compressive stress", "esfuerzo", "sforzo",
-    "contrainte en traction", "contrainte en compression", "esfuerzo de tracción", "esfuerzo a tracción", "tensão",
+    "contrainte en traction", "contrainte en compression", "esfuerzo de tracción", "esfuerzo a tracción", "tensão", "p",
     "应力", "應力", "応力", "응력",
     "naprężenie", "напряжение", "拉伸应力", "压缩应力", "(MPa)", "(kPa)", "(Pa)", "(GPa)", "(psi)", "(ksi)",
 )  # fmt: skip
@@ -152,7 +152,8 @@ SIZES = {
                  "średnica", "d0", "直径", "直徑", "直径", "диаметр"),
     "area": ("area", "cross-section", "cross section", "original cross-section", "cross-sectional area", "section",
              "querschnitt", "fläche", "sección", "sezione",
-             "sezione iniziale", "s0", "面积", "截面积", "断面積"),
+             "sezione iniziale", "s0", "площадь", "площадь сечения", "площадь поперечного сечения",
+             "面积", "截面积", "断面積"),
 }  # fmt: skip
 #: The length of a round specimen that is compressed; beside a width, a height may be a side of the cross-section.
 HEIGHT = ("height", "höhe", "hoehe", "probenhöhe", "hauteur", "altura", "altezza", "wysokość", "высота", "高度", "高さ",

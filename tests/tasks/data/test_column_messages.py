@@ -18,7 +18,10 @@ LOADS = f"{FORCES}, Pa, kPa, MPa, GPa, N/cm2, kgf/mm2, kgf/cm2, bar, mbar, psi, 
     [
         ("a|b|", {}, f": row 1: {NONE} 'a, b, (no name)'; expected {ALL}"),
         ("", {}, f": {NONE} '(no name), (no name), (no name)'; expected {ALL}"),
-        ("b|u_mm|force_N", {}, f": row 1: no column of time among 'b, u_mm, force_N'; expected {TIMELESS}"),
+        (
+            "b|u_mm|force_N", {},  # the motion of the test's rows rests, so no speed tells their times
+            ": row 1: no column of time among 'b, u_mm, force_N'; expected --time-column NAME or NUMBER or --rate-hz",
+        ),
         (
             "time_s|force_N|force_kN", {"force_column": "2", "time_column": "1"},
             ": row 1: no column of displacement, length or strain among 'time_s, force_N, force_kN'; expected "

@@ -89,7 +89,7 @@ def test_tests_beside_each_other_and_one_under_another(tmp_path):
     found = taken(tmp_path, block.format(1) + block.format(2))
     assert (found["specimens"], found["rows"]) == (2, 3)
     again = taken(tmp_path, "time s,force N,stroke mm\n" + "0,1,0\n1,2,1\n2,3,2\n" * 2)
-    assert "time: goes back 1 times, first in row 5" in again["ask"][0]
+    assert "the time begins again in row 5: tests one under another, or one test" in again["ask"][0]
 
 
 def test_tables_whose_times_go_on_are_one_test(tmp_path):

@@ -25,6 +25,20 @@ def test_rows_of_words_are_left_out_with_a_remark(tmp_path):
         read_recordings(path, Hints())
 
 
+def test_a_word_below_the_first_row_of_numbers_is_left_out_too(tmp_path):
+    path = tmp_path / "test.csv"
+    rows = [f"{t:.3f},{u:.4f},{f:.2f}" for t, u, f in zip(TIME, WAY, FORCE, strict=True)]
+    for word in ("eoh", "eoh,,"):
+        path.write_text("\n".join([TITLES, rows[0], word, *rows[1:]]))
+        (found,) = read_recordings(path, Hints())
+        assert (len(found.numbers), found.rows[0]) == (40, 2)
+        assert found.notes == ("row 3 holds no number: 'eoh'; left out",)
+    for words in ("eoh,eoh", "Specimen 2"):  # titles, or the name of another test
+        path.write_text("\n".join([TITLES, rows[0], words, *rows[1:]]))
+        with pytest.raises(BadInput, match=r"no column of time|may begin another test"):
+            read_recordings(path, Hints())
+
+
 def test_a_last_number_that_is_cut_off_is_left_out(tmp_path):
     path = tmp_path / "test.csv"
     read(tmp_path)

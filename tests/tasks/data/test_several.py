@@ -50,11 +50,24 @@ def found_in(table: Table):
         ("t_s|u_mm|F_N|t_s.1|u_mm.1|F_N.1", "", 2),
         ("time1 (s)|u1 (mm)|F1 (N)|time2 (s)|u2 (mm)|F2 (N)", "", 2),
         ("t_s|u_mm|F_N|t_min", "", 1),
+        ("t_s|A Strain|A Stress|B Strain|B Stress", "s|%|MPa|%|MPa", 2),
+        ("A_Time_s|A_Strain_%|A_Stress_MPa|B_Time_s|B_Strain_%|B_Stress_kPa", "", 2),
+        ("t_s|A Strain|A Stress|B Strain", "s|%|MPa|%", 1),
     ],
 )
 def test_how_many_tests_stand_beside_each_other(titles, units, count):
     table = table_of(titles, *["|".join("1" * len(titles.split("|")))] * 3, units=units)
     assert beside(table, found_in(table)) == count
+
+
+def test_tests_beside_each_other_may_have_their_names_in_front_of_titles(tmp_path):
+    path = tmp_path / "a.csv"
+    titles = "Steel1_Strain (%),Steel1_Stress (MPa),CuZn_Strain (-),CuZn_Stress (kPa)"
+    path.write_text("\n".join([titles, *(f"{i},{2 * i},{i / 50},{3 * i}" for i in range(5))]))
+    steel, brass = read_recordings(path, Hints(rate_hz=1.0), first_of_alike=True)
+    assert (steel.test, brass.test) == ("Steel1", "cu zn")  # as written, where the letters are the same
+    assert steel.numbers[-1].tolist() == [4.0, 0.04, 8.0] and brass.numbers[-1] == pytest.approx([4.0, 0.08, 0.012])
+    assert steel.columns[0].title == brass.columns[0].title == "--rate-hz 1"
 
 
 def test_each_test_beside_others_has_its_columns_and_its_name():

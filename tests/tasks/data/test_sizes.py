@@ -78,6 +78,29 @@ def test_sizes_in_a_table_of_results():
     assert read_sizes([labels, ("", "", "", "", ""), ("", "14839.9", "6", "28.27", "")]) == {}
 
 
+@pytest.mark.parametrize(
+    "labels",
+    [
+        ("Name", "Width (mm)", "Thickness, mm", "length_cm", "Area [mm2]"),
+        ("№", "Ширина образца, мм", "Толщина, мм", "Рабочая длина, см", "Площадь сечения, мм2"),
+    ],
+)
+def test_units_of_a_table_of_results_may_stand_in_its_titles(labels):
+    numbers = ("A1", "10,02", "2.01", "5", "20.14")
+    expected = {"width": 10.02, "thickness": 2.01, "length": 50.0, "area": 20.14}
+    for rows in (
+        [labels, numbers],
+        [labels, numbers, numbers],
+        [labels, numbers, ("Time", "Force")],
+        [(), labels, numbers],
+    ):
+        assert {name: size.mm for name, size in read_sizes(rows).items()} == pytest.approx(expected)
+    assert read_sizes([labels, numbers, ("A2", "9", "3", "4", "27")]) == {}  # of another specimen
+    assert read_sizes([labels, (), numbers]) == {}
+    assert read_sizes([tuple(label.split(",")[0].split(" (")[0] for label in labels[:3]), numbers[:3]]) == {}
+    assert read_sizes([(f"{'of the ' * 9}Width (mm)",), ("3",)]) == {}
+
+
 def test_a_size_without_a_unit_and_several_of_one_name():
     assert read_sizes([("Length", "12")])["length"] == Size(12.0, False, "12")
     assert sizes("Length|12", "Length|1|cm", "Length|10.05|mm") == {"length": 10.0}

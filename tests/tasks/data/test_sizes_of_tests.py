@@ -50,6 +50,12 @@ def test_no_table_of_results_for_these_tests(lines, count):
     assert not any(by_test(lines, count))
 
 
+def test_units_may_stand_in_the_titles_of_a_table_of_results():
+    lines = ["Length (mm)|Width (mm)|Load (N)", "9.5|4|10", "9.75|4.5|11", "10.1|5|12", ""]
+    assert by_test(lines, 3) == by_test(RESULTS, 3) and any(by_test(lines, 3))
+    assert not any(by_test([lines[0].replace("(mm)", "(V)"), *lines[1:]], 3))
+
+
 def test_a_size_that_a_test_lacks_is_not_that_of_another():
     lines = [line.replace("9.75", "unknown") for line in RESULTS]
     widths = [{"width": 4}, {"width": 4.5}, {"width": 5}]

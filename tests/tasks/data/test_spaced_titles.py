@@ -17,6 +17,14 @@ def read(tmp_path, titles, rows=ROWS):
     return recording
 
 
+@pytest.mark.parametrize(("of_titles", "of_numbers"), [("\t", ","), (";", ","), ("\t", ";"), (",", ";"), ("\t", " ")])
+def test_titles_may_be_apart_in_another_way_than_numbers(tmp_path, of_titles, of_numbers):
+    titles = ["Time (s)", "Axial Displacement (mm)", "Axial Force (N)", "T", "n"]
+    found = read(tmp_path, of_titles.join(titles), ROWS.replace("   ", of_numbers))
+    assert [column.title for column in found.columns] == titles[:3]
+    assert found.numbers[2].tolist() == [0.2, 0.02, 2.5]
+
+
 def test_titles_of_several_words_with_two_spaces_between_them(tmp_path):
     found = read(tmp_path, "Time (s)  Axial Displacement (mm)  Axial Force (N)  Temp (C)  Count")
     assert [column.title for column in found.columns] == ["Time (s)", "Axial Displacement (mm)", "Axial Force (N)"]

@@ -4,7 +4,7 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.remarks import remarks
-from sinew.tasks.data.titles import is_spread, name_and_unit, without_numbers, without_shared, without_suffix
+from sinew.tasks.data.titles import is_spread, name_and_unit, stations, without_numbers, without_station, without_suffix
 from tests.effort import at_most
 from tests.tasks.data.one_test_file import read
 
@@ -148,12 +148,16 @@ MOTIONS, LOADS = ("displacement", "disp"), ("force", "load")
         (["esh b force", "ram displacement"], ["esh b force", "ram displacement"]),
         (["peak force", "peak displacement"], ["peak force", "peak displacement"]),
         (["rig max load", "rig max disp"], ["rig max load", "rig max disp"]),
-        (["a force", "a disp", "b force", "b disp"], ["a force", "a disp", "b force", "b disp"]),
+        (["a force", "a disp", "b force", "b disp"], ["force", "disp", "force", "disp"]),
+        (["time", "a force", "a disp", "b 1 force", "b 1 disp"], ["time", "force", "disp", "force", "disp"]),
+        (["a force", "a disp", "b force", "b disp", "b time"], ["a force", "a disp", "b force", "b disp", "b time"]),
+        (["a force", "a disp", "sim force", "sim disp"], ["a force", "a disp", "sim force", "sim disp"]),
         (["esh force", "esh force limit", "esh disp"], ["force", "esh force limit", "disp"]),
     ],
 )
 def test_words_in_front_of_motion_and_load_alike_name_the_station(names, found):
-    assert without_shared(names, MOTIONS, LOADS) == found
+    before = stations(names, MOTIONS, LOADS)
+    assert [without_station(*both) for both in zip(names, before, strict=True)] == found
 
 
 def test_a_station_in_front_is_read_with_a_remark(tmp_path):

@@ -361,3 +361,15 @@ def test_hidden_rows_are_said(tmp_path):
     head = f'<row r="1">{"".join(map(cell, TITLES))}</row>'
     (recording,) = read_recordings(write_workbook(tmp_path / "a.xlsx", one=head + rows), Hints(displacement_unit="1"))
     assert recording.notes == ("hidden in the spreadsheet, but read: 2 of its 8 rows",)
+
+
+def test_numbers_without_titles_behind_an_empty_column_are_none_of_the_test(tmp_path):
+    titles = ["Time (s)", "Displacement (mm)", "Force (N)"]
+    rows = [[i, i / 10, 2 * i] for i in range(6)]
+    for beside in ([None, 4.2, 0.3], [None, None, 4.2, 0.3, 7, 8]):
+        path = write_workbook(tmp_path / "a.xlsx", A=[titles, *([*row, *beside] for row in rows)])
+        (one,) = read_recordings(path, Hints())
+        assert one.numbers.tolist() == rows
+    path = write_workbook(tmp_path / "a.xlsx", A=[titles, *([*row, 4.2, 0.3, 7] for row in rows)])
+    with pytest.raises(BadInput, match="3 names above 6 columns of numbers"):
+        read_recordings(path, Hints())

@@ -1,0 +1,143 @@
+"""Tests one under another in a table that no column tells apart: the time begins again, or without one the motion."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.columns import NOWHERE
+from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.questions import Unclear
+from sinew.tasks.data.recording import Recording
+from sinew.tasks.data.several import FEWEST_ROWS, TABLES, Block, going_on
+from sinew.tasks.data.tables import Table
+
+NEAR = 0.1  # of the range of the first test: another one begins that near to where it began
+BACK, USUAL = 0.5, 5.0  # of the range of the test before, and in usual steps: how far a motion goes back in one row
+APART, JOIN = "apart", "join"
+Array = np.ndarray[Any, np.dtype[Any]]
+
+
+def restarts(time_s: Array, moved: Array, load: Array) -> list[int]:
+    """The rows in which tests begin again; none where some of them would have fewer rows than a test has.
+
+    Each time ``[t]`` that goes back must go back to about where the first test began. Times that are all the same tell
+    nothing; then a motion ``[t]`` begins again that goes back in one row, as the load does, and moves on from there.
+    (Where the load goes on, the motion is only set to zero.)
+    """
+    timed = bool(np.ptp(time_s)) if time_s.size else False
+    found = _of_times(time_s) if timed else _of_motion(moved, load)
+    ends = np.diff([0, *found, len(moved)])
+    return found if found and ends.min() >= FEWEST_ROWS else []
+
+
+def _of_times(time_s: Array) -> list[int]:
+    back = 1 + np.flatnonzero(np.diff(time_s) < 0)
+    if not back.size:
+        return []
+    span = float(np.ptp(time_s[: back[0]]))
+    return back.tolist() if (np.abs(time_s[back] - time_s[0]) <= NEAR * span).all() else []
+
+
+def _of_motion(moved: Array, load: Array) -> list[int]:
+    steps = np.abs(np.diff(moved))
+    usual = float(np.median(steps)) if steps.size else 0.0
+    found: list[int] = []
+    span = 0.0
+    for row in (1 + np.flatnonzero(steps > USUAL * usual)).tolist():
+        before = moved[found[-1] if found else 0 : row]
+        span = span or float(np.ptp(before))  # of the first test, once it has moved
+        begins = abs(moved[row] - moved[0]) <= NEAR * span
+        begins = begins and abs(load[row] - load[0]) <= NEAR * np.ptp(load[:row])
+        moves_on = row + 1 < len(moved) and np.ptp(moved[row : row + len(before)]) > NEAR * span
+        if begins and moves_on and abs(moved[row] - before[-1]) > BACK * np.ptp(before) > 0:
+            found.append(row)
+    return found
+
+
+def without_gaps(table: Table) -> tuple[Table, tuple[int, ...]]:
+    """A table without its empty rows, and the numbers in the file of the rows behind them."""
+    filled = [row for row in table.rows if any(row[1])]
+    if len(filled) == len(table.rows):
+        return table, ()
+    behind = tuple(row for (before, _), (row, _) in pairwise(filled) if row > before + 1)
+    return replace(table, rows=filled), behind
+
+
+def tests_again(recording: Recording, gaps: Sequence[int], hints: Hints) -> list[Recording]:
+    """The tests one under another in what was read as one test, as a person says; itself where there is only one.
+
+    ``gaps``: rows of the file with empty ones above them, which may only stand between tests. Raises :class:`Unclear`
+    where nobody has said whether the tests are apart.
+    """
+    time_s, moved, load = recording.numbers.T
+    if recording.columns[0].place == NOWHERE:  # times that are told go on
+        time_s = np.zeros(len(moved))
+    told = recording.remedy or hints.cycle_column is not None  # by a column
+    found = [] if told else restarts(time_s, moved, load)
+    inside = sorted(set(gaps) - {recording.rows[row] for row in found})
+    if inside:
+        expected = "one test without such rows; where they stand between tests, a file for each"
+        raise BadInput(f"{recording.path}: row {inside[0] - 1}", "an empty row among the numbers", expected)
+    if not found:
+        return [recording]
+    blocks = [Block("", start, end) for start, end in zip([0, *found], [*found, len(recording.rows)], strict=True)]
+    if hints.tables not in (APART, JOIN):
+        raise _unclear(recording.path, _begins_again(found, recording.rows, timed=bool(np.ptp(time_s))))
+    if hints.tables == JOIN:
+        numbers = recording.numbers.copy()
+        numbers[:, 0] = going_on(numbers[:, 0], blocks)
+        note = f"{len(blocks)} tests one under another are read as one, as {TABLES} says"
+        return [replace(recording, numbers=numbers, notes=(*recording.notes, note))]
+    return [_part(recording, block, number) for number, block in enumerate(blocks, start=1)]
+
+
+def tests_below(table: Table, numbers: Array, hints: Hints) -> tuple[int, tuple[str, ...]] | None:
+    """How many tests ``numbers`` ``[t, 3]`` of a table hold one under another, and what must be asked; None for one.
+
+    A cell without a number is NaN; times of a table without any are all NaN.
+    """
+    filled = np.flatnonzero(np.isfinite(numbers).any(axis=1))
+    time_s, moved, load = np.nan_to_num(numbers[filled]).T
+    found = restarts(time_s, moved, load)
+    if not found:
+        return None
+    tests = 1 if hints.tables == JOIN else len(found) + 1
+    if hints.tables in (APART, JOIN):
+        return tests, ()
+    rows = [table.rows[at][0] for at in filled.tolist()]
+    question = _unclear(table.path, _begins_again(found, rows, timed=bool(np.ptp(time_s))))
+    return tests, (str(question).removeprefix(f"{table.path}: "),)
+
+
+def _begins_again(found: Sequence[int], rows: Sequence[int], *, timed: bool) -> str:
+    """That time or motion begins again, in words; ``rows``: the number in the file of each row of the table."""
+    what = "time" if timed else "motion"
+    first, others = rows[found[0]], len(found) - 1
+    where = f"row {first}" if not others else f"rows {first} and {rows[found[1]]}" if others == 1 else ""
+    where = where or f"row {first} and {others} more rows"
+    return f"the {what} begins again in {where}: tests one under another, or one test"
+
+
+def _part(recording: Recording, block: Block, number: int) -> Recording:
+    note = f"rows {recording.rows[block.start]} to {recording.rows[block.end - 1]}, as {TABLES} says"
+    part = recording.part(slice(block.start, block.end), note)
+    if recording.columns[0].place == NOWHERE:  # told times count from the first test on
+        part.numbers[:, 0] -= part.numbers[0, 0]
+    return replace(part, test=str(number))
+
+
+def _unclear(path: Path, problem: str) -> Unclear:
+    return Unclear(
+        str(path),
+        problem,
+        f"{TABLES} {APART} for a test from each such row on, or {TABLES} {JOIN} for one test",
+        what="tests",
+        which="a test from each such row on, or one in all?",
+        option=TABLES,
+        choices=(APART, JOIN),
+    )

@@ -1,0 +1,46 @@
+"""Rows that are no curve: results of many tests, a row for each, whose titles are those of a curve."""
+
+from typing import Any
+
+import numpy as np
+
+from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data.tables import Table
+
+FEWEST = 12  # rows: fewer may be those of a coarse curve
+FEWEST_NAMES = 5  # rows, each with another name
+EXPECTED = "a curve, or --rate-hz if its rows follow each other in time"
+UP_AND_DOWN = 0.25  # of their range: numbers in any order differ by a third of it from row to row
+Array = np.ndarray[Any, np.dtype[Any]]
+
+
+def refuse_rows_of_results(table: Table, motion: str, moved: Array, load: Array) -> None:
+    """Raises :class:`BadInput` for a table without times whose rows are results.
+
+    Each has another name, or the ``motion`` goes up and down from row to row, and so does the load, if it is known.
+    ``moved``, ``load``: their numbers ``[t]``, NaN where there is none.
+    """
+    for place, title in enumerate(table.titles):
+        if title and _names_rows(table, place):
+            problem = f"no times, and each row has another name in {shown(title)}: results of many tests, and no curve"
+            raise BadInput(table.path, problem, EXPECTED)
+    if _in_any_order(moved) and (_in_any_order(load) or not np.isfinite(load).any()):
+        problem = f"no times, and the {motion} goes up and down from row to row: results of many tests, and no curve"
+        raise BadInput(table.path, problem, EXPECTED)
+
+
+def _names_rows(table: Table, place: int) -> bool:
+    """Whether all rows have different words in a column, which begin with a letter."""
+    seen: set[str] = set()
+    for _, row in table.rows:
+        cell = row[place] if place < len(row) else ""
+        if not cell[:1].isalpha() or cell in seen:
+            return False
+        seen.add(cell)
+    return len(seen) >= FEWEST_NAMES
+
+
+def _in_any_order(values: Array) -> bool:
+    values = values[np.isfinite(values)]
+    span = float(np.ptp(values)) if values.size >= FEWEST else 0.0
+    return span > 0.0 and float(np.abs(np.diff(values)).mean()) > UP_AND_DOWN * span

@@ -1,0 +1,45 @@
+"""Tables of results, a row for each of many tests, which are no curves."""
+
+import numpy as np
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.inspection import Reading, inspect
+
+
+def table(path, titles, columns):
+    lines = (",".join(map(str, row)) for row in zip(*columns, strict=True))
+    path.write_text("\n".join([titles, *lines]) + "\n")
+    return path
+
+
+def results(count):
+    drawn = np.random.default_rng(3).random((2, count)).round(3)
+    return [range(count), *drawn.tolist()]
+
+
+def test_numbers_in_any_order_are_refused(tmp_path):
+    path = table(tmp_path / "a.csv", "No,Strain (%),Stress (MPa)", results(12))
+    with pytest.raises(BadInput, match="no times, and the strain goes up and down from row to row: results of many"):
+        inspect(path)
+    assert inspect(path, Reading(hints=Hints(rate_hz=1.0))).rows == 12  # somebody says that they follow each other
+    assert inspect(table(tmp_path / "b.csv", "No,Strain (%),Stress (MPa)", results(11))).rows == 11  # too few to tell
+
+
+def test_a_curve_is_none_of_them(tmp_path):
+    numbers, motion, load = results(40)
+    cycles = np.abs(np.arange(40) % 20 - 10).tolist()
+    for columns in ([numbers, sorted(motion), load], [numbers, cycles, cycles], [numbers, motion, sorted(load)]):
+        assert inspect(table(tmp_path / "a.csv", "No,Strain (%),Stress (MPa)", columns)).rows == 40
+
+
+def test_rows_with_names_of_their_own_are_refused(tmp_path):
+    up = [0.1 * i for i in range(8)]
+    names = [f"S{i}" for i in range(8)]
+    titles = "Specimen,Elongation (%),Yield"
+    with pytest.raises(BadInput, match="each row has another name in 'Specimen': results of many tests, and no curve"):
+        inspect(table(tmp_path / "a.csv", titles, [names, up, up]))
+    for named in (["S1"] * 8, [*names[:7], "S0"], [*names[:7], ""], [f"{i}" for i in range(8)]):
+        assert inspect(table(tmp_path / "a.csv", titles, [named, up, up])).rows == 8
+    assert inspect(table(tmp_path / "a.csv", titles, [names[:4], up[:4], up[:4]])).rows == 4
