@@ -62,7 +62,7 @@ class Recording:
         return replace(
             self,
             numbers=self.numbers[rows],
-            rows=tuple(np.array(self.rows)[rows].tolist()),
+            rows=self.rows[rows] if isinstance(rows, slice) else tuple(np.array(self.rows)[rows].tolist()),
             notes=(*self.notes, note),
             further=replace(self.further, values=values),
             repeats=Repeats(),

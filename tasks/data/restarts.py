@@ -18,12 +18,13 @@ from sinew.tasks.data.tables import Table
 
 NEAR = 0.1  # of the range of the first test: another one begins that near to where it began
 BACK, USUAL = 0.5, 5.0  # of the range of the test before, and in usual steps: how far a motion goes back in one row
+MOST = 500  # tests one under another
 APART, JOIN = "apart", "join"
 Array = np.ndarray[Any, np.dtype[Any]]
 
 
 def restarts(time_s: Array, moved: Array, load: Array) -> list[int]:
-    """The rows in which tests begin again; none where some of them would have fewer rows than a test has.
+    """The rows in which tests begin again; none where one would have fewer rows than a test has, or there are many.
 
     Each time ``[t]`` that goes back must go back to about where the first test began. Times that are all the same tell
     nothing; then a motion ``[t]`` begins again that goes back in one row, as the load does, and moves on from there.
@@ -31,8 +32,8 @@ def restarts(time_s: Array, moved: Array, load: Array) -> list[int]:
     """
     timed = bool(np.ptp(time_s)) if time_s.size else False
     found = _of_times(time_s) if timed else _of_motion(moved, load)
-    ends = np.diff([0, *found, len(moved)])
-    return found if found and ends.min() >= FEWEST_ROWS else []
+    lengths = np.diff([0, *found, len(moved)])
+    return found if 0 < len(found) < MOST and lengths.min() >= FEWEST_ROWS else []
 
 
 def _of_times(time_s: Array) -> list[int]:
@@ -44,11 +45,14 @@ def _of_times(time_s: Array) -> list[int]:
 
 
 def _of_motion(moved: Array, load: Array) -> list[int]:
+    if moved.size < FEWEST_ROWS:
+        return []
     steps = np.abs(np.diff(moved))
-    usual = float(np.median(steps)) if steps.size else 0.0
+    near = np.abs(moved[1:] - moved[0]) <= NEAR * np.ptp(moved)
+    back = 1 + np.flatnonzero((steps > USUAL * np.median(steps)) & near)
     found: list[int] = []
     span = 0.0
-    for row in (1 + np.flatnonzero(steps > USUAL * usual)).tolist():
+    for row in back.tolist() if back.size < MOST else ():
         before = moved[found[-1] if found else 0 : row]
         span = span or float(np.ptp(before))  # of the first test, once it has moved
         begins = abs(moved[row] - moved[0]) <= NEAR * span

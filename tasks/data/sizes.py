@@ -254,7 +254,9 @@ def columns_of_sizes(labels: Row, below: Row) -> tuple[dict[int, tuple[str, str]
     if told := told_units(below):
         named = ((place, meant(label), unit) for place, (label, unit) in enumerate(zip(labels, told, strict=False)))
         return {place: (name, unit.strip("()[] ")) for place, name, unit in named if name is not None}, 2
-    parts = {place: name_and_unit(label) for place, label in enumerate(labels) if 0 < len(label) < _LONGEST_LABEL}
+    above = [label if cell[:1].isdigit() else "" for label, cell in zip(labels, below, strict=False)]
+    short = {place: label for place, label in enumerate(above) if label[:1].isalpha() and len(label) < _LONGEST_LABEL}
+    parts = {place: name_and_unit(label) for place, label in short.items()}
     within = {place: (meant(name), unit) for place, (name, unit) in parts.items() if units.is_unit(unit)}
     return {place: (name, unit) for place, (name, unit) in within.items() if name is not None}, 1
 
