@@ -11,7 +11,7 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import units, words
 from sinew.tasks.data.clocks import columns_by_clock
 from sinew.tasks.data.column_titles import check_width, names_and_units, places_named
-from sinew.tasks.data.factors import factor_of
+from sinew.tasks.data.factors import factor_of, is_signal
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.possible_columns import changes, follows, holds_numbers, in_volts, possible, rests
@@ -125,8 +125,8 @@ def partly(
         except BadInput as error:
             found.append(None)
             if role.quantities != (TIME,) or not hints.timing.given:
-                moves = _as_it_moves(table, titles, named, role, hints)
-                remedy = error.expected if isinstance(error, UnknownUnit) else moves.remedy
+                here = _in_table(table, titles, named, role, hints)
+                remedy = error.expected if isinstance(error, UnknownUnit) else here.remedy
                 problems.append(f"{role.name}: {error.problem}; {remedy}")
             continue
         try:
@@ -180,7 +180,7 @@ def _choices(
             else:
                 missing.append((role, none))
     if missing:
-        asked = [_as_it_moves(table, titles, named, role, hints) for role, _ in missing]
+        asked = [_in_table(table, titles, named, role, hints) for role, _ in missing]
         spare = len(titles) - sum(one.place != NOWHERE for one in found)
         of_person = [problem for role, problem in missing if role.wanted]
         problem = of_person[0] if of_person else _none_of(table, titles, asked, spare=spare)
@@ -191,8 +191,9 @@ def _choices(
     return _of_one_clock(table, titles, named, roles, found)
 
 
-def _as_it_moves(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: Role, hints: Hints) -> Role:
-    """The role, which knows whether the motion rests if it is that of time: no speed tells the time then."""
+def _in_table(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: Role, hints: Hints) -> Role:
+    """The role, which knows whether columns have titles and, if it is that of time, whether the motion rests."""
+    role = replace(role, titled=any(table.titles))
     if role.quantities != (TIME,):
         return role
     try:
@@ -328,6 +329,8 @@ def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]
     if quantity is None and STRAIN in role.quantities and units.factor(units.FRACTION, measured) is not None:
         quantity = _ratio(table, place, measured)
     quantity = quantity or _quantity_of_unit(role.quantities, measured) or next(iter(fitting), None)
+    if quantity is None and is_signal(unit):
+        quantity = role.quantities[0]  # which is refused with its unit
     quantity = STRAIN if quantity is STRETCH and _is_strain(table, place, name, measured, role) else quantity
     if quantity is None:
         raise UnknownUnit(f"{table.path}: column {shown(wanted)}", role.name, role.unit_option, role.choices)

@@ -5,7 +5,12 @@ from sinew.tasks.data import units
 from sinew.tasks.data.quantities import LOADS, Quantity
 from sinew.tasks.data.questions import UnknownUnit
 
-ELECTRIC = frozenset({"v", "volt", "volts", "mv", "mv/v", "v/v"})
+_ELECTRIC = frozenset({"v", "volt", "volts", "mv", "mv/v", "v/v"})
+
+
+def is_signal(unit: str) -> bool:
+    """Whether a unit is that of a sensor's signal, such as V."""
+    return unit.casefold() in _ELECTRIC
 
 
 def factor_of(where: str, quantity: Quantity, unit: str, given: str | None, option: str) -> float:
@@ -23,7 +28,7 @@ def factor_of(where: str, quantity: Quantity, unit: str, given: str | None, opti
             return quantity.units[given]
         problem = f"unit {shown(unit)} may stand for milli or for mega"
         raise UnknownUnit(where, quantity.name, option, choices or units.listed(quantity.units), problem)
-    if unit.casefold() in ELECTRIC:
+    if is_signal(unit):
         problem = f"unit {shown(unit)} is that of a sensor's signal, no {quantity.name}"
         raise BadInput(where, problem, f"a column in {listed}: multiply the signal by the factor of its sensor first")
     expected = None if given is None else units.factor(quantity.units, given)

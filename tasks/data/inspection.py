@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data.column_titles import names_and_units
 from sinew.tasks.data.columns import Column, partly
 from sinew.tasks.data.curves import check_times
 from sinew.tasks.data.exports import Reading, first_length
+from sinew.tasks.data.factors import is_signal
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import contradiction, length_beside, lengths_at_zeros, numbers_of
@@ -23,6 +25,7 @@ from sinew.tasks.data.restarts import tests_below
 from sinew.tasks.data.roles import TIMED
 from sinew.tasks.data.rows_of_results import refuse_rows_of_results
 from sinew.tasks.data.rows_of_words import says_more
+from sinew.tasks.data.same_times import behind_clock
 from sinew.tasks.data.several import FEWEST_ROWS, beside, blocks_of_tests, go_on, told_apart
 from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import SIZES, contradiction_of_areas, contradiction_without_unit, read_sizes
@@ -83,10 +86,8 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     hints = reading.all_hints
     source = read_source(path)
     table, columns, problems, titles = _best(source, hints)
-    if not any(columns) and any(table.titles):
-        listed = ", ".join(title or "(no name)" for title in table.titles[:12])
-        expected = "titles of time, displacement and force, or --time-column, --displacement-column and --force-column"
-        raise BadInput(path, f"no columns of a test among {shown(listed, 80)}", f"{expected} NAME or NUMBER")
+    if not any(columns) and any(table.titles) and not hints.columns_given:
+        raise _no_test(table)
     numbers, rows = _numbers(table, columns)
     if columns[0] is None and columns[1] is not None and not hints.timing.given:
         refuse_rows_of_results(table, columns[1].quantity.name, numbers[:rows, 1], numbers[:rows, 2])
@@ -126,6 +127,16 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         specimens = len(recordings)
     start = (first[0], first[1], first[2])
     return Inspection(path, table.sheet, columns, values, rows, start, peak, specimens, questions, notes, recordings)
+
+
+def _no_test(table: Table) -> BadInput:
+    """The refusal of a table whose titles are none of a test."""
+    listed = ", ".join(title or "(no name)" for title in table.titles[:12])
+    expected = "titles of time, displacement and force, or --time-column, --displacement-column and --force-column "
+    expected += "NAME or NUMBER"
+    if any(is_signal(unit) for _, unit in names_and_units(table)[1]):
+        expected = "forces and displacements: multiply the signals of sensors by their factors first"
+    return BadInput(table.path, f"no columns of a test among {shown(listed, 80)}", expected)
 
 
 def _best(
@@ -182,6 +193,7 @@ def _below(
     table: Table, columns: Sequence[Column | None], numbers: np.ndarray[Any, Any], hints: Hints
 ) -> tuple[int, tuple[str, ...]]:
     """How many tests stand one under another in a table, and what must be asked of its times."""
+    numbers = numbers[: len(numbers) - behind_clock(numbers)] if len(numbers) else numbers
     time_s = numbers[:, 0]
     if hints.tests_by is not None:
         return len(blocks_of_tests(table, time_s.size, hints.tests_by)), ()

@@ -23,7 +23,7 @@ from sinew.tasks.data.ragged import refuse_ragged
 from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.restarts import tests_again, without_gaps
 from sinew.tasks.data.rows_of_words import cut_off, names_test, says_more, without_words
-from sinew.tasks.data.same_times import again, before_clock
+from sinew.tasks.data.same_times import again, before_clock, behind_clock
 from sinew.tasks.data.several import (
     FEWEST_ROWS,
     TABLES,
@@ -174,7 +174,7 @@ def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Rec
         blocks = [Block("", 0, rows)] if hints.tests_by is None else blocks_of_tests(table, rows, hints.tests_by)
         for block in blocks:
             both = replace(block, name="_".join(filter(None, (name, block.name))))
-            one = _once(_begun(_recording(table, ours, hints, both, sizes[number], number, count)))
+            one = _once(_begun(_ended(_recording(table, ours, hints, both, sizes[number], number, count))))
             found += tests_again(one, gaps, hints) if alone else [one]
         if cut:
             at, row = table.rows[rows]
@@ -253,6 +253,16 @@ def _begun(recording: Recording) -> Recording:
     same = f"{recording.numbers[0, 0]:g} s"
     note = f"the first {early + 1} rows have the same time, {same}: the test begins with the last of them"
     return replace(recording.part(slice(early, None), note), repeats=recording.repeats)
+
+
+def _ended(recording: Recording) -> Recording:
+    """The recording without the rows behind its end, whose clock is back at the start, and a note on them."""
+    behind = behind_clock(recording.numbers)
+    if not behind or recording.columns[0].place == NOWHERE:
+        return recording
+    rows, left = ("row has", "is") if behind == 1 else (f"{behind} rows have", "are")
+    note = f"the last {rows} the time {recording.numbers[-1, 0]:g} s again, and {left} left out"
+    return replace(recording.part(slice(None, -behind), note), repeats=recording.repeats)
 
 
 def _once(recording: Recording) -> Recording:

@@ -57,7 +57,8 @@ def _of_motion(moved: Array, load: Array) -> list[int]:
         span = span or float(np.ptp(before))  # of the first test, once it has moved
         begins = abs(moved[row] - moved[0]) <= NEAR * span
         begins = begins and abs(load[row] - load[0]) <= NEAR * np.ptp(load[:row])
-        moves_on = row + 1 < len(moved) and np.ptp(moved[row : row + len(before)]) > NEAR * span
+        moves_on = row + 1 < len(moved) and steps[row] <= steps[row - 1] / USUAL  # no single point that is wrong
+        moves_on = moves_on and np.ptp(moved[row : row + len(before)]) > NEAR * span
         if begins and moves_on and abs(moved[row] - before[-1]) > BACK * np.ptp(before) > 0:
             found.append(row)
     return found
@@ -84,6 +85,10 @@ def tests_again(recording: Recording, gaps: Sequence[int], hints: Hints) -> list
     told = recording.remedy or hints.cycle_column is not None  # by a column
     found = [] if told else restarts(time_s, moved, load)
     inside = sorted(set(gaps) - {recording.rows[row] for row in found})
+    if inside and not found and (np.diff(time_s) > 0).all():  # times that go on tell that nothing else begins there
+        rows = "row among the numbers is" if len(inside) == 1 else "rows among the numbers are"
+        note = f"{len(inside)} empty {rows} passed over, the first above row {inside[0]}: times go on there"
+        recording, inside = replace(recording, notes=(*recording.notes, note)), []
     if inside:
         expected = "one test without such rows; where they stand between tests, a file for each"
         raise BadInput(f"{recording.path}: row {inside[0] - 1}", "an empty row among the numbers", expected)

@@ -21,6 +21,7 @@ class Role:
     given: str | None
     more_titles: tuple[str, ...] = ()  # that any of the quantities may have
     at_rest: bool = False  # the motion rests in some rows
+    titled: bool = True  # some columns have titles, which may tell units
 
     def titles(self, quantity: Quantity) -> tuple[str, ...]:
         return quantity.titles + self.more_titles
@@ -33,7 +34,8 @@ class Role:
     def remedy(self) -> str:
         """What a person can do where no column is recognised."""
         told = (TIMED_AT_REST if self.at_rest else TIMED) if self.option == "time" else ""
-        return f"--{self.option}-column NAME or NUMBER{told}"
+        named = "NAME or NUMBER" if self.titled else f"NUMBER and {self.unit_option}"
+        return f"--{self.option}-column {named}{told}"
 
     @property
     def choices(self) -> tuple[str, ...]:
@@ -54,6 +56,7 @@ def roles_of(hints: Hints) -> tuple[Role, Role, Role]:
 
 
 def by_number(hints: Hints) -> bool:
-    """Whether a person names all three columns by their numbers."""
-    every = map(each_title, (hints.time_column, hints.displacement_column, hints.force_column))
+    """Whether a person names all three columns by their numbers, or tells how times run in place of one."""
+    times = () if hints.timing.given else (hints.time_column,)
+    every = map(each_title, (*times, hints.displacement_column, hints.force_column))
     return all(given and all(map(str.isdigit, given)) for given in every)

@@ -13,12 +13,27 @@ FEW_AGAIN = 0.01  # of all rows, at most: later
 def before_clock(numbers: Array) -> int:
     """How many rows of time, motion and load ``[t, 3]`` come before the one with which a test begins.
 
-    0 where the first two times differ, and where something moves in rows with the same time: its times are coarse.
+    0 where the first two times differ, and where times are coarse: something moves in rows with the same time. The
+    load alone may, if no later rows have the same time: it is that of another state of the machine.
     """
     time_s, measured = numbers[:, 0], numbers[:, 1:]
     same = int(np.argmax(time_s != time_s[0]))  # 0 where all are
-    moves = np.ptp(measured[:same], axis=0) > STILL * np.ptp(measured, axis=0) if same else np.array(True)
-    return 0 if same > max(2.0, FEW * len(time_s)) or moves.any() else same - 1
+    if not 0 < same <= max(2.0, FEW * len(time_s)):
+        return 0
+    motion, load = np.ptp(measured[:same], axis=0) > STILL * np.ptp(measured, axis=0)
+    coarse = motion or (load and (np.diff(time_s[same:]) == 0).any())
+    return 0 if coarse else same - 1
+
+
+def behind_clock(numbers: Array) -> int:
+    """How many rows of time, motion and load ``[t, 3]`` come behind the end of a test, with its first time or 0.
+
+    Programs fill up a table so, where times are back at the start and stay there. They are few; else there are none.
+    """
+    time_s = numbers[:, 0]
+    runs = np.flatnonzero((time_s != time_s[-1]) | (time_s > max(time_s[0], 0.0)))
+    behind = len(time_s) - 1 - int(runs[-1]) if runs.size else 0
+    return behind if 0 < behind <= max(1.0, FEW_AGAIN * len(time_s)) and time_s[-1 - behind] > time_s[-1] else 0
 
 
 def again(numbers: Array) -> Array:

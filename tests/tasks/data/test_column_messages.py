@@ -17,7 +17,12 @@ LOADS = f"{FORCES}, Pa, kPa, MPa, GPa, N/cm2, kgf/mm2, kgf/cm2, bar, mbar, psi, 
     ("titles", "hints", "words"),
     [
         ("a|b|", {}, f": row 1: {NONE} 'a, b, (no name)'; expected {ALL}"),
-        ("", {}, f": {NONE} '(no name), (no name), (no name)'; expected {ALL}"),
+        (
+            "", {},
+            f": {NONE} '(no name), (no name), (no name)'; expected --time-column NUMBER and --time-unit, --rate-hz, "
+            "--speed or --speed-column; --displacement-column NUMBER and --displacement-unit; --force-column NUMBER "
+            "and --force-unit",
+        ),
         (
             "b|u_mm|force_N", {},  # the motion of the test's rows rests, so no speed tells their times
             ": row 1: no column of time among 'b, u_mm, force_N'; expected --time-column NAME or NUMBER or --rate-hz",

@@ -147,9 +147,9 @@ def test_a_table_without_titles_is_asked_for(tmp_path):
     found = taken(tmp_path, "0,1,2\n0.1,1.1,2.1\n0.2,1.2,2.2\n")
     assert (found["rows"], found["time"], found["force"]) == (3, None, None)
     assert [one.rpartition("; ")[2] for one in found["ask"][:3]] == [
-        "--time-column NAME or NUMBER, --rate-hz, --speed or --speed-column",
-        "--displacement-column NAME or NUMBER",
-        "--force-column NAME or NUMBER",
+        "--time-column NUMBER and --time-unit, --rate-hz, --speed or --speed-column",
+        "--displacement-column NUMBER and --displacement-unit",
+        "--force-column NUMBER and --force-unit",
     ]
 
 

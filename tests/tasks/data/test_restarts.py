@@ -96,6 +96,21 @@ def test_a_person_may_say_that_a_column_tells_cycles_apart_or_that_all_is_one_te
         assert found["specimens"] == 1 and not any("begins again" in each for each in found["ask"])
 
 
+def test_a_single_point_that_is_wrong_begins_no_test():
+    cycles = np.concatenate([UP, UP[::-1], UP, UP[::-1]])
+    assert of(np.concatenate([cycles[:75], [0.0], cycles[75:]]), np.zeros(121)) == []
+
+
+def test_empty_rows_are_passed_over_where_times_go_on(tmp_path):
+    path = tmp_path / "a.csv"
+    lines = [f"{t / 10},{u:.3f},{u:.3f}" for t, u in enumerate(UP)]
+    path.write_text("\n".join([f"Time (s),{TITLES}", lines[0], "", *lines[1:9], "", "", *lines[9:]]))
+    (one,) = read_recordings(path, Hints())
+    assert len(one.rows) == 30 and one.rows[:2] == (2, 4)
+    assert one.notes == ("2 empty rows among the numbers are passed over, the first above row 4: times go on there",)
+    assert inspect(path).rows == 30
+
+
 def test_an_empty_row_within_a_test_is_refused(tmp_path):
     path = tmp_path / "a.csv"
     lines = rows(1.0).splitlines(keepends=True)

@@ -5,7 +5,7 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.curves import check_times
-from sinew.tasks.data.same_times import again, before_clock
+from sinew.tasks.data.same_times import again, before_clock, behind_clock
 from tests.tasks.data.one_test_file import FORCE, TIME, WAY, changed, read
 
 
@@ -27,6 +27,28 @@ def test_where_something_moves_or_there_are_many_the_clock_is_coarse():
     waits = np.maximum(TIME - 1.0, 0.0)
     still = changed(WAY, slice(0, 11), 0.0), changed(FORCE, slice(0, 11), 0.0)
     assert before_clock(numbers(waits, *still)) == 0, "a quarter of all rows"
+
+
+def test_a_load_may_be_that_of_another_state_of_the_machine_before_the_clock_runs():
+    later = np.maximum(TIME - 0.2, 0.0)
+    still = changed(WAY, slice(0, 3), 0.0), changed(FORCE, slice(0, 3), [9.0, 9.1, 0.0])
+    assert before_clock(numbers(later, *still)) == 2
+    assert before_clock(numbers(changed(later, 20, later[19]), *still)) == 0, "the clock is coarse"
+
+
+def test_few_rows_at_the_end_whose_clock_is_back_are_left_out(tmp_path):
+    for ends, behind in (([0.0], 1), ([0.5], 0), ([TIME[0]], 1)):
+        assert behind_clock(numbers(changed(TIME, slice(40 - len(ends), 40), ends))) == behind
+    long = np.arange(1000.0)
+    measured = np.zeros((1000, 2))
+    for behind, found in ((10, 10), (11, 0)):
+        assert behind_clock(np.column_stack([changed(long, slice(1000 - behind, 1000), 0.0), measured])) == found
+    assert behind_clock(numbers(np.zeros(40))) == 0 and behind_clock(numbers(TIME)) == 0
+    assert behind_clock(numbers(changed(TIME + 5.0, 39, 0.0))) == 1, "zero is before the first time"
+    assert behind_clock(numbers(TIME - 5.0)) == 0, "times before zero"
+    found = read(tmp_path, changed(TIME, 39, 0.0))
+    check_times(found)
+    assert (len(found.rows), found.notes) == (39, ("the last row has the time 0 s again, and is left out",))
 
 
 def test_a_test_begins_with_the_last_of_them(tmp_path):
