@@ -237,7 +237,7 @@ def _of_one_clock(
 
 def _none_of(table: Table, titles: Row, roles: Sequence[Role], *, spare: int) -> NoColumn:
     """What is said where columns of some roles are missing, all at once; ``spare`` columns are of no other role."""
-    listed = ", ".join(title or "(no name)" for title in titles[:12])
+    listed = ", ".join(title or "(no name)" for title in titles[:12]) + (", ..." if len(titles) > 12 else "")
     names = ", nor of ".join(role.name for role in roles)
     measured = [role for role in roles if role.option != "time"]  # times may be told, these not
     remedies = [role.remedy for role in roles if role not in measured or len(measured) <= spare]
@@ -323,7 +323,7 @@ def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]
     if wanted.isdigit() and (other := _of_another_role(name, role)):
         problem = f"column {wanted} is {shown(titles[place])}, a {other}"
         raise BadInput(f"{table.path}: --{role.option}-column", problem, "its title, if it is meant")
-    measured = unit or role.given or ""
+    measured = (unit if units.is_unit(unit) else role.given or unit) or ""
     fitting = [q for q in role.quantities if name in role.titles(q)]
     quantity = next((q for q in fitting if possible(q, name, measured, unit)), None)
     if quantity is None and STRAIN in role.quantities and units.factor(units.FRACTION, measured) is not None:

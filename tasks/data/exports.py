@@ -153,7 +153,8 @@ def read_exports(
 def _plain(recording: Recording) -> str:
     """The name of a file, and of its test if it holds several, as a name that a cohort may have."""
     name = f"{recording.path.stem}_{recording.test}" if recording.test else recording.path.stem
-    return re.sub(r"[^A-Za-z0-9_.+-]+", "_", name)
+    plain = re.sub(r"[^A-Za-z0-9_.+-]+", "_", name)
+    return plain.lstrip("_.+-") or ("specimen" if any(map(str.isalnum, name)) else plain)  # a name in other letters
 
 
 def _read(path: Path, reading: Reading) -> list[Recording]:

@@ -9,24 +9,31 @@ from typing import Any
 import numpy as np
 
 from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data.apart_by_columns import told_apart, told_apart_without_times
 from sinew.tasks.data.column_titles import names_and_units
-from sinew.tasks.data.columns import Column, partly
+from sinew.tasks.data.columns import Column, alike_places, partly
 from sinew.tasks.data.curves import check_times
 from sinew.tasks.data.exports import Reading, first_length
 from sinew.tasks.data.factors import is_signal
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import contradiction, length_beside, lengths_at_zeros, numbers_of
+from sinew.tasks.data.possible_columns import counts, holds_numbers
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
 from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.remarks import remarks, which_columns
-from sinew.tasks.data.restarts import tests_below
+from sinew.tasks.data.restarts import rows_again, tests_below
 from sinew.tasks.data.roles import TIMED
-from sinew.tasks.data.rows_of_results import refuse_rows_of_results
+from sinew.tasks.data.rows_of_results import refuse_oscillations, refuse_rows_of_results
 from sinew.tasks.data.rows_of_words import says_more
 from sinew.tasks.data.same_times import behind_clock
-from sinew.tasks.data.several import FEWEST_ROWS, beside, blocks_of_tests, go_on, told_apart
+from sinew.tasks.data.several import (
+    FEWEST_ROWS,
+    beside,
+    blocks_of_tests,
+    go_on,
+)
 from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import SIZES, contradiction_of_areas, contradiction_without_unit, read_sizes
 from sinew.tasks.data.sizes_in_names import sizes_in_name
@@ -86,8 +93,9 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     hints = reading.all_hints
     source = read_source(path)
     table, columns, problems, titles = _best(source, hints)
-    if not any(columns) and any(table.titles) and not hints.columns_given:
-        raise _no_test(table)
+    refuse_oscillations(table)
+    if not hints.columns_given:
+        _refuse_no_test(table, columns)
     numbers, rows = _numbers(table, columns)
     if columns[0] is None and columns[1] is not None and not hints.timing.given:
         refuse_rows_of_results(table, columns[1].quantity.name, numbers[:rows, 1], numbers[:rows, 2])
@@ -127,6 +135,25 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         specimens = len(recordings)
     start = (first[0], first[1], first[2])
     return Inspection(path, table.sheet, columns, values, rows, start, peak, specimens, questions, notes, recordings)
+
+
+def _refuse_no_test(table: Table, columns: Sequence[Column | None]) -> None:
+    """Raises :class:`BadInput` for a table that has none of the columns of a test, or cannot have all of them."""
+    known = [one for one in columns if one is not None and (len(one.title) > 1 or one.unit)]  # "f" may be anything
+    if any(table.titles) and not known:
+        raise _no_test(table)
+    missing = [name for name, column in zip(("displacement", "force"), columns[1:], strict=True) if column is None]
+    taken = {place for one in columns if one is not None for place in (one.place, *alike_places(table, one))}
+    _, named = names_and_units(table)
+    free = [
+        place
+        for place, (_, unit) in enumerate(named)
+        if place not in taken and not is_signal(unit) and holds_numbers(table, place) and not counts(table, place)
+    ]
+    if len(free) < len(missing):
+        others = f"{len(free) or 'no'} other column{'' if len(free) == 1 else 's'} of numbers"
+        problem = f"no title names {' or '.join(missing)}, and there {'is' if len(free) == 1 else 'are'} {others}"
+        raise BadInput(table.path, problem, "a file with time, displacement and force")
 
 
 def _no_test(table: Table) -> BadInput:
@@ -199,7 +226,9 @@ def _below(
         return len(blocks_of_tests(table, time_s.size, hints.tests_by)), ()
     back = [int(at) + 1 for at in np.flatnonzero(np.diff(time_s) < 0)]
     taken = [column.place for column in columns if column is not None]
-    apart = told_apart(table, time_s.size, back, taken) if hints.test_column is None else None
+    tell = told_apart if back else told_apart_without_times
+    again = back or rows_again(numbers)
+    apart = tell(table, time_s.size, again, taken) if hints.test_column is None else None
     told = apart is not None or hints.test_column is not None or hints.cycle_column is not None
     if not told and (found := tests_below(table, numbers, hints)) is not None:
         return found

@@ -27,10 +27,11 @@ def length_beside(table: Table, displacement_mm: Array, first: int = 0) -> Size 
     lengths = _column_of(table, LENGTH)
     if lengths is None or not displacement_mm.size:
         return None
-    at_rest = numbers_of(table, lengths, range(first, first + displacement_mm.size)) - displacement_mm
-    if not np.ptp(at_rest) <= SAME * abs(at_rest[0]) or at_rest[0] <= 0.0:
-        return None
-    return Size(float(at_rest[0]), True, lengths.title, column=True)
+    current = numbers_of(table, lengths, range(first, first + displacement_mm.size))
+    for at_rest in (current - displacement_mm, current + displacement_mm):  # a compression may be counted as positive
+        if np.ptp(at_rest) <= SAME * abs(at_rest[0]) and at_rest[0] > 0.0:
+            return Size(float(at_rest[0]), True, lengths.title, column=True)
+    return None
 
 
 def lengths_at_zeros(

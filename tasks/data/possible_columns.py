@@ -62,6 +62,13 @@ def holds_numbers(table: Table, place: int) -> bool:
     return 2 * sum(is_number(cell, table.decimal) for cell in cells) > len(cells)
 
 
+def counts(table: Table, place: int) -> bool:
+    """Whether a column counts the rows: whole numbers that rise by one."""
+    numbers = [table.number(row, place) for row in range(min(len(table.rows), LOOKED_AT))]
+    steps = {None if one is None or other is None else other - one for one, other in pairwise(numbers)}
+    return steps == {1.0}
+
+
 def titles_of_numbers(table: Table, places: Sequence[int]) -> tuple[str, ...]:
     """The titles of those columns that hold numbers and have a title of their own."""
     titles = table.titles

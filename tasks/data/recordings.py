@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sinew.runner.errors import BadInput, shown
+from sinew.tasks.data.apart_by_columns import refuse_several, told_apart
 from sinew.tasks.data.cell_numbers import filled_rows, number_of
 from sinew.tasks.data.columns import NOWHERE, Column, alike_places, recognise
 from sinew.tasks.data.further import kept
@@ -21,7 +22,7 @@ from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.questions import NoColumn
 from sinew.tasks.data.ragged import refuse_ragged
 from sinew.tasks.data.recording import Recording
-from sinew.tasks.data.restarts import tests_again, without_gaps
+from sinew.tasks.data.restarts import rows_again, tests_again, without_gaps
 from sinew.tasks.data.rows_of_words import cut_off, names_test, says_more, without_words
 from sinew.tasks.data.same_times import again, before_clock, behind_clock
 from sinew.tasks.data.several import (
@@ -37,8 +38,6 @@ from sinew.tasks.data.several import (
     names_beside,
     other_test,
     refuse_results,
-    refuse_several,
-    told_apart,
 )
 from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import Size, read_sizes
@@ -207,7 +206,7 @@ def _recording(
     notes = table.unseen(range(block.start, block.end)) + ((UNPADDED,) if columns[0].place in table.unpadded else ())
     if hints.timing.given:
         if hints.test_column is None and not np.ptp(numbers[:, 0]):
-            refuse_several(table, block.end, list(places))
+            refuse_several(table, block.end, list(places), rows_again(numbers))
         numbers, by = timed(table, columns, numbers, hints, block)
         notes += by
     if hints.cycle_column is not None:

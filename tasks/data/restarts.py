@@ -105,21 +105,25 @@ def tests_again(recording: Recording, gaps: Sequence[int], hints: Hints) -> list
     return [_part(recording, block, number) for number, block in enumerate(blocks, start=1)]
 
 
+def rows_again(numbers: Array) -> list[int]:
+    """The rows of ``numbers`` ``[t, 3]`` in which tests begin again; NaN where a cell has none, or no column."""
+    filled = np.flatnonzero(np.isfinite(numbers).any(axis=1))
+    return list(map(int, filled[restarts(*np.nan_to_num(numbers[filled]).T)])) if filled.size else []
+
+
 def tests_below(table: Table, numbers: Array, hints: Hints) -> tuple[int, tuple[str, ...]] | None:
     """How many tests ``numbers`` ``[t, 3]`` of a table hold one under another, and what must be asked; None for one.
 
     A cell without a number is NaN; times of a table without any are all NaN.
     """
-    filled = np.flatnonzero(np.isfinite(numbers).any(axis=1))
-    time_s, moved, load = np.nan_to_num(numbers[filled]).T
-    found = restarts(time_s, moved, load)
+    found = rows_again(numbers)
     if not found:
         return None
     tests = 1 if hints.tables == JOIN else len(found) + 1
     if hints.tables in (APART, JOIN):
         return tests, ()
-    rows = [table.rows[at][0] for at in filled.tolist()]
-    question = _unclear(table.path, _begins_again(found, rows, timed=bool(np.ptp(time_s))))
+    timed = bool(np.ptp(np.nan_to_num(numbers[:, 0])))
+    question = _unclear(table.path, _begins_again(found, [row for row, _ in table.rows], timed=timed))
     return tests, (str(question).removeprefix(f"{table.path}: "),)
 
 

@@ -1,5 +1,6 @@
 """Rows that are no curve: results of many tests, a row for each, whose titles are those of a curve."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,8 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.tables import Table
 
 FEWEST = 12  # rows: fewer may be those of a coarse curve
-FEWEST_NAMES = 5  # rows, each with another name
+FEWEST_NAMES = 3  # rows, each with another name
+_OSCILLATION = re.compile(r"\b(?:storage|loss) modulus\b|\btan ?\(?delta\b", re.IGNORECASE)
 EXPECTED = "a curve, or --rate-hz if its rows follow each other in time"
 UP_AND_DOWN = 0.25  # of their range: numbers in any order differ by a third of it from row to row
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -27,6 +29,14 @@ def refuse_rows_of_results(table: Table, motion: str, moved: Array, load: Array)
     if _in_any_order(moved) and (_in_any_order(load) or not np.isfinite(load).any()):
         problem = f"no times, and the {motion} goes up and down from row to row: results of many tests, and no curve"
         raise BadInput(table.path, problem, EXPECTED)
+
+
+def refuse_oscillations(table: Table) -> None:
+    """Raises :class:`BadInput` for a table of moduli by which a material answers to oscillations: it is no curve."""
+    title = next((title for title in table.titles if _OSCILLATION.search(title)), None)
+    if title is not None:
+        problem = f"{shown(title)}: amplitudes of oscillations, and no curve"
+        raise BadInput(table.path, problem, "forces and displacements over time")
 
 
 def _names_rows(table: Table, place: int) -> bool:

@@ -3,23 +3,21 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, permutations
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sinew.runner.errors import BadInput, shown
-from sinew.tasks.data import words
 from sinew.tasks.data.clocks import columns_by_clock
 from sinew.tasks.data.column_titles import names_and_units, stations_of
 from sinew.tasks.data.columns import NOWHERE, Column, alike_places, in_place, recognise
-from sinew.tasks.data.hints import NO_COLUMN, Hints
+from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import BASE_UNITS
 from sinew.tasks.data.questions import NoColumn, Unclear
 from sinew.tasks.data.sizes import named_in
 from sinew.tasks.data.tables import Table
-from sinew.tasks.data.titles import name_and_unit
 
 TEST_COLUMN, CYCLE_COLUMN, TABLES = "--test-column", "--cycle-column", "--tables"
 BOTH = ","  # between the names of two columns that tell tests apart together
@@ -60,7 +58,7 @@ def refuse_results(table: Table, columns: Sequence[Column], count: int, hints: H
     places = _beside(table, columns)
     if count == 1 or len(places[0]) > 1 or columns[0].place == NOWHERE or hints.tables == "apart":
         return
-    filled = [sum(bool(_cell(table, row, load)) for row in range(len(table.rows))) for load in places[2]]
+    filled = [sum(bool(cell_of(table, row, load)) for row in range(len(table.rows))) for load in places[2]]
     fewest, most = filled.index(min(filled)), filled.index(max(filled))
     if not FEWEST_ROWS <= filled[fewest] < FEW_ROWS * filled[most]:  # a test of fewer rows is left out anyway
         return
@@ -227,13 +225,13 @@ def blocks_of_cycles(table: Table, rows: int, wanted: str, taken: Sequence[int])
 
 
 def _blocks(table: Table, rows: int, places: Sequence[int]) -> list[Block]:
-    cells = _cells(table, rows, places)
-    starts = _starts(cells)
+    cells = cells_of(table, rows, places)
+    starts = starts_of(cells)
     ends = [*starts[1:], rows]
     return [Block(" ".join(cells[start]), start, end) for start, end in zip(starts, ends, strict=False)]
 
 
-def _starts(cells: Sequence[tuple[str, ...]]) -> list[int]:
+def starts_of(cells: Sequence[tuple[str, ...]]) -> list[int]:
     """The rows whose cells are others than those of the row before."""
     return [row for row, cell in enumerate(cells) if row == 0 or cell != cells[row - 1]]
 
@@ -251,93 +249,11 @@ def place_named(table: Table, wanted: str, option: str) -> int:
     raise BadInput(f"{table.path}: {option}", problem, f"a number from 1 to {width}, or one of {listed}")
 
 
-@dataclass(frozen=True)
-class Apart:
-    """A column that tells tests or cycles apart: its title, how many there are, and the option that uses it."""
-
-    title: str
-    count: int
-    option: str
-
-    @property
-    def tests(self) -> int:
-        return self.count if self.option == TEST_COLUMN else 1
+def cells_of(table: Table, rows: int, places: Sequence[int]) -> list[tuple[str, ...]]:
+    return [tuple(cell_of(table, row, place) for place in places) for row in range(rows)]
 
 
-def refuse_several(table: Table, rows: int, taken: Sequence[int]) -> None:
-    """Raises :class:`Unclear` where a column may tell tests apart and times, which a person tells, never go back."""
-    apart = told_apart(table, rows, [], taken)
-    if apart is None or apart.option != TEST_COLUMN:
-        return
-    column = shown(apart.title)
-    raise Unclear(
-        str(table.path),
-        f"{apart.count:,} values of {column}, one under another, may each be a test of its own",
-        f"{TEST_COLUMN} {column}, or {TEST_COLUMN} {NO_COLUMN} for one test",
-        what="tests",
-        which=f"one for each value of {column}, or one in all ({NO_COLUMN})?",
-        option=TEST_COLUMN,
-        choices=(apart.title, NO_COLUMN),
-    )
-
-
-def told_apart(table: Table, rows: int, back: Sequence[int], taken: Sequence[int]) -> Apart | None:
-    """The column that tells tests or cycles apart; None if none does.
-
-    Its value must change wherever the time goes ``back``; else two columns together tell tests apart, of which the
-    second counts within the first. If time never goes back, or is not there, a column counts whose title says that it
-    tells tests apart. ``taken``: columns that hold something else.
-    """
-    found: list[tuple[int, int, Apart]] = []
-    for place, title in enumerate(table.titles):
-        name = name_and_unit(title)[0]
-        if not title or place in taken or (not back and name not in words.TESTS):
-            continue
-        if any(_cell(table, row - 1, place) == _cell(table, row, place) for row in back):
-            continue
-        values, again = _values(table, rows, [place])
-        some = 1 < values <= rows // FEWEST_ROWS_OF_A_CYCLE and (not again or name in words.CYCLES)
-        if some and len(_different(table, rows, place)) > 1:  # else there is one name in the first rows only
-            option = CYCLE_COLUMN if name in words.CYCLES else TEST_COLUMN
-            found.append((values, place, Apart(title, values, option)))
-    return min(found)[2] if found else _told_by_two(table, rows, back, taken)
-
-
-def _told_by_two(table: Table, rows: int, back: Sequence[int], taken: Sequence[int]) -> Apart | None:
-    """As :func:`told_apart`: two columns, at least one of which changes wherever the time goes ``back``."""
-    changes = {
-        place: {row for row in back if _cell(table, row - 1, place) != _cell(table, row, place)}
-        for place, title in enumerate(table.titles)
-        if title and place not in taken and BOTH not in title and table.titles.count(title) == 1
-    }
-    most, some = rows // FEWEST_ROWS_OF_A_CYCLE, [place for place, changed in changes.items() if changed]
-    few = {place: again for place in some for values, again in [_values(table, rows, [place])] if values <= most}
-    for first, second in permutations(few, 2):
-        if few[first] or not few[second] or changes[first] | changes[second] != set(back):
-            continue
-        values, again = _values(table, rows, [first, second])
-        if not again and values <= most:
-            return Apart(f"{table.titles[first]}{BOTH} {table.titles[second]}", values, TEST_COLUMN)
-    return None
-
-
-def _different(table: Table, rows: int, place: int) -> set[str]:
-    """The different cells of a column, without empty ones."""
-    return {_cell(table, row, place) for row in range(rows)} - {""}
-
-
-def _values(table: Table, rows: int, places: Sequence[int]) -> tuple[int, bool]:
-    """How many values columns have one after another, and whether one of them comes again."""
-    cells = _cells(table, rows, places)
-    values = [cells[start] for start in _starts(cells)]
-    return len(values), len(set(values)) < len(values)
-
-
-def _cells(table: Table, rows: int, places: Sequence[int]) -> list[tuple[str, ...]]:
-    return [tuple(_cell(table, row, place) for place in places) for row in range(rows)]
-
-
-def _cell(table: Table, row: int, place: int) -> str:
+def cell_of(table: Table, row: int, place: int) -> str:
     cells = table.rows[row][1]
     return cells[place] if place < len(cells) else ""
 

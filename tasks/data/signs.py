@@ -117,7 +117,8 @@ def _sign(columns: Sequence[Column], numbers: Array, texts: Iterable[str], falls
     """Where the specimen gets shorter or is pushed, or a compression is told."""
     motion, force = numbers[:, 1], numbers[:, 2]
     has_sign = columns[1].quantity not in (LENGTH, STRETCH)
-    if columns[1].quantity in (POSITION, LENGTH, STRETCH):
+    offset = columns[1].quantity is DISPLACEMENT and abs(motion[0]) > OFFSET * np.ptp(motion)
+    if offset or columns[1].quantity in (POSITION, LENGTH, STRETCH):
         motion = motion - motion[0]
     shorter = _below(motion)
     pushed = _below(force) or _falls(motion, force, shorter=shorter)

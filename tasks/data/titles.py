@@ -34,7 +34,7 @@ _OF_CHANNELS = frozenset({
 _OTHERS = frozenset({"sp", "cmd", "ref", "max", "min", "avg", "rms", "std", "sd", "set", "x", "y", "z", "dt", "del"})
 #: Words beside a name that change nothing of it: ``Primary load measurement``, ``Contrainte nominale``.
 _FILLERS = frozenset({
-    "measurement", "measured", "primary", "value", "values", "signal", "reading", "data",
+    "measurement", "measured", "raw", "primary", "value", "values", "signal", "reading", "data",
     "actual", "istwert", "messwert", "mesure", "mesurée", "medido", "medida", "smoothed", "filtered", "resampled",
 })  # fmt: skip
 _NOMINAL = frozenset({"nominal", "nominale", "nominelle"})  # of a strain or a stress: referred to the first sizes
@@ -42,7 +42,8 @@ _SPECIMEN = re.compile(r"([^\W\d_]+)\d{1,3}")  # in front of a name: ``RD2 force
 #: What is no name of a specimen there: ``Peak1 Force``.
 _NO_SPECIMEN = frozenset({
     "peak", "valley", "target", "command", "demand", "setpoint", "limit", "soll", "sollwert", "mean", "minimum",
-    "maximum", "true", "cycle", "zyklus", "step",
+    "maximum", "true", "cycle", "zyklus", "step", "fracture", "yield", "failure", "break", "breaking", "ultimate",
+    "rupture", "oscillation", "storage", "loss", "complex", "dynamic",
 })  # fmt: skip
 #: In front of the names of what is computed, beside what is measured.
 _OF_MODELS = frozenset(

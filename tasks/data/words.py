@@ -11,7 +11,7 @@ TIME = (
     "running time", "step time", "time elapsed", "run time", "elapsed", "scan time", "machine time", "laufzeit",
     "testzeit", "messzeit", "pruefzeit", "gesamtzeit", "temps d'essai", "temps essai", "temps d’essai", "temps écoulé",
     "durée", "tiempo de ensayo", "tiempo total", "tempo", "tempo di prova", "时间", "试验时间", "测试时间", "总时间",
-    "czas", "godzina", "時間", "試験時間", "経過時間", "시간",
+    "czas", "godzina", "測定日時", "日時", "時間", "試験時間", "経過時間", "시간",
     "время", "время испытания", "sampling time",
     "time since start of test", "time since start", "timestamp", "time stamp",
     "zeitstempel", "(s)", "(sec)", "(Sec)", "(seconds)", "(Seconds)", "(ms)", "(min)",

@@ -75,7 +75,7 @@ EXPORTS = {
     "text": (EXPORT.replace('"5.0"', '"5.0 N"'), "test.csv: row 9, Load: '5.0 N'; expected a finite number"),
     "NaN": (EXPORT.replace('"0.1"', '"NaN"'), "test.csv: row 9, Extension: 'NaN'; expected a finite number"),
     "missing cell": (EXPORT.replace('"0.1","5.0"', '"0.1"'), "test.csv: row 9, Load: an empty cell; expected a finite"),
-    "blank row": (EXPORT.replace('"1.0",', '\n"1.0",'), "test.csv: row 9: an empty row among the numbers"),
+    "blank row": (EXPORT.replace('"1.0",', '\n"0.0",'), "test.csv: row 9: an empty row among the numbers"),
     "too large for newtons": (EXPORT.replace("(N)", "(kN)").replace('"5.0"', '"1e307"'), "test.csv: row 9, Load"),
     "two rows": (EXPORT[: EXPORT.index('"2.0"')], "test.csv: 2 rows of numbers; expected at least 3"),
     "time backwards": (EXPORT.replace('"2.0"', '"0.5"'), "test.csv: row 10, time: 0.5 s after 1 s; expected"),

@@ -161,12 +161,12 @@ def test_an_answer_that_does_not_help_ends_the_dialogue(tmp_path):
     """The unit that is asked for cannot be that of the column which was named, as that has another one."""
     path = tmp_path / "a.csv"
     rows = "".join(f"{i},{i / 20},{5 * i},{20 + i}\n" for i in range(8))
-    path.write_text(f"time_s,Deformation_mm,force_N,Temp (degC)\n{rows}")
+    path.write_text(f"time_s,Deformation_mm,force_N,Temp (kPa)\n{rows}")
 
     def ask(question: str, choices: Sequence[str]) -> str:
-        return "Temp (degC)" if "which column" in question else "no" if "is likely" in question else choices[0]
+        return "Temp (kPa)" if "which column" in question else "no" if "is likely" in question else choices[0]
 
-    with pytest.raises(BadInput, match=r"column 'Temp \(degC\)': no unit of the displacement"):
+    with pytest.raises(BadInput, match=r"column 'Temp \(kPa\)': no unit of the displacement"):
         init([path], tmp_path / "out", ask=ask, sizes=BAR)
 
 

@@ -86,11 +86,6 @@ def refused_of_one(folder: Path, second: str, name: str = "second.csv", **more) 
             "total.csv: its name cannot be used for a protocol: 'total'; expected a letter or digit in front, and not "
             "'total'",
         ),
-        (
-            BLOCK + OTHER, "-x.csv",
-            "-x.csv: its name cannot be used for a protocol: '-x'; expected a letter or digit in front, and not "
-            "'total'",
-        ),
     ],
 )  # fmt: skip
 def test_why_files_are_not_of_one_specimen_is_said(tmp_path, content, name, words):
@@ -104,10 +99,13 @@ def test_names_that_are_given_are_checked(tmp_path):
     assert refused_of_one(tmp_path, BLOCK + OTHER, protocol="pull") == (
         "--protocol: one name for 2 files of one specimen; expected names of files as protocols"
     )
-    assert refused_of_one(tmp_path, BLOCK + OTHER, "-x.csv", specimen=None) == (
-        "-x.csv: a name that cannot be used for a specimen; expected a letter or digit in front"
-    )
     assert "second.csv: a duplicate of specimen first" in refused_of_one(tmp_path, BLOCK + EXTENSIONS, specimen=None)
+
+
+@pytest.mark.parametrize(("name", "specimen"), [("-x", "x"), ("동일고무_2", "2"), ("力学", "specimen")])
+def test_names_in_other_letters_become_plain(tmp_path, name, specimen):
+    path = exported(tmp_path, BLOCK + EXTENSIONS).rename(tmp_path / f"{name}.csv")
+    assert [one.name for one in read_exports([path]).specimens] == [specimen]
 
 
 def test_one_file_may_have_a_protocol_of_any_name(tmp_path):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data.apart_by_columns import told_apart
 from sinew.tasks.data.columns import recognise
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.recordings import read_recordings
@@ -20,7 +21,6 @@ from sinew.tasks.data.several import (
     going_on,
     names_beside,
     rest_of_former,
-    told_apart,
 )
 from sinew.tasks.data.tables import Table
 from tests.tasks.data.test_sheets import write_workbook

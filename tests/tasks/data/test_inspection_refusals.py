@@ -1,0 +1,101 @@
+"""Files that hold no test, and columns that only a person can tell: what an inspection says of them."""
+
+import pytest
+
+from sinew.runner.errors import BadInput
+from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.inspection import Reading, inspect
+
+
+def inspected(tmp_path, titles, rows=None, **hints):
+    path = tmp_path / "a.csv"
+    width = titles.count(",") + 1
+    rows = rows or [[i / 10 + 0.01 * j * i for j in range(width)] for i in range(8)]
+    path.write_text("\n".join([titles, *(",".join(map(str, row)) for row in rows)]) + "\n")
+    return inspect(path, Reading(hints=Hints(**hints)))
+
+
+def taken(tmp_path, text):
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    return inspect(path).content()
+
+
+def test_a_table_without_titles_is_asked_for(tmp_path):
+    found = taken(tmp_path, "0,1,2\n0.1,1.1,2.1\n0.2,1.2,2.2\n")
+    assert (found["rows"], found["time"], found["force"]) == (3, None, None)
+    assert [one.rpartition("; ")[2] for one in found["ask"][:3]] == [
+        "--time-column NUMBER and --time-unit, --rate-hz, --speed or --speed-column",
+        "--displacement-column NUMBER and --displacement-unit",
+        "--force-column NUMBER and --force-unit",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("titles", "words"),
+    [
+        ("time_ms,force_N", "no title names displacement, and there are no other columns of numbers"),
+        ("Time (s),Load (Volts),Accel (Volts)", "no title names displacement, and there are no other columns"),
+        ("time_s,data", "no title names displacement or force, and there is 1 other column of numbers"),
+        ("Ca_pct,f,E_kPa", "no columns of a test among 'Ca_pct, f, E_kPa'; expected titles of time"),
+        ("Analog1[V],Analog2[V]", "no columns of a test .* expected forces and displacements: multiply the signals"),
+        ("No,max_force,fracture_force,yield_disp,fracture_disp,yield_force", "no columns of a test"),
+        (
+            "Step time (s),Oscillation strain (%),Oscillation stress (MPa),Storage modulus (MPa)",
+            "'Storage modulus .*amp",
+        ),
+    ],
+)
+def test_files_that_cannot_hold_a_test_are_refused(tmp_path, titles, words):
+    with pytest.raises(BadInput, match=words):
+        inspected(tmp_path, titles)
+
+
+def test_a_column_that_counts_the_rows_is_no_force(tmp_path):
+    rows = [[i, i / 10] for i in range(8)]
+    with pytest.raises(BadInput, match="no title names force, and there are no other columns of numbers"):
+        inspected(tmp_path, "Pixel Row,strain", rows)
+    assert inspected(tmp_path, "Pixel Row,strain", [[2 * i, i / 10] for i in range(8)]).rows == 8
+
+
+def test_other_columns_may_be_named_by_a_person(tmp_path):
+    for titles in ("time_s,displacement_mm,data", "Fout,Lin,Lout"):
+        unit = {} if titles[0] == "t" else {"displacement_column": "Lout", "rate_hz": 10.0}
+        asked = inspected(tmp_path, titles, force_column=titles.split(",")[-1 if not unit else 0], **unit).questions
+        assert "no unit of the force or stress can be found; --force-unit" in " ".join(asked)
+        assert ("displacement-unit" in " ".join(asked)) == bool(unit)
+
+
+def test_a_person_may_tell_the_unit_of_a_column_whose_own_is_not_known(tmp_path):
+    hints = {"displacement_column": "2", "displacement_unit": "1", "force_column": "3", "force_unit": "kPa"}
+    found = inspected(tmp_path, "Time [s],transverse (XF) stretch,transverse (XF) stress", **hints)
+    assert [one.unit for one in found.columns] == ["s", "1", "kPa"]
+
+
+def test_a_column_in_volts_that_a_person_names_is_refused_for_its_unit(tmp_path):
+    found = inspected(tmp_path, "Time (s),Disp (mm),ai0 (V),ai1 (V)", force_column="3", force_unit="N")
+    assert "unit 'V' is that of a sensor's signal, no force" in found.questions[0]
+
+
+def test_tests_without_times_that_two_columns_tell_apart_are_counted(tmp_path):
+    rows = [[a, b, i / 100, i * i] for a in "xy" for b in (1, 2, 3) for i in range(20)]
+    found = inspected(tmp_path, "TestID,RepeatID,Strain (%),Stress (MPa)", rows)
+    assert found.specimens == 6 and "6 tests in one table, one for each 'TestID, RepeatID'?" in " ".join(
+        found.questions
+    )
+    rows = [[a, 7.5 + ord(a), i / 100, i * i] for a in "xyz" for i in range(20)]
+    found = inspected(tmp_path, "TestID,Density,Strain (%),Stress (MPa)", rows)
+    assert found.specimens == 3 and "one for each 'TestID'?" in " ".join(found.questions)
+
+
+def test_a_size_beside_a_positive_compression_tells_the_length(tmp_path):
+    rows = [[i, 29.5 - i / 10, i / 10, 2 * i] for i in range(8)]
+    assert inspected(tmp_path, "Time_S,Size_mm,Displacement_mm,Force_N", rows).sizes["length"] == pytest.approx(29.5)
+
+
+def test_a_displacement_with_an_offset_is_no_compression(tmp_path):
+    rows = [[i, -21.2 + i, 2 * i] for i in range(20)]
+    found = inspected(tmp_path, "Time_s,Displacement_mm,Force_N", rows)
+    assert any("may be an offset" in one for one in found.remarks) and not any(
+        "shorter" in one for one in found.remarks
+    )
