@@ -21,6 +21,8 @@ from sinew.runner.errors import BadInput
 PIECE = 2**20  # bytes that are read at once of a file that does not say its size
 MAX_CONTAINERS = 2**20  # lists and objects of a JSON text: an empty one of two bytes takes a hundred in memory
 MAX_VALUES = 2**20
+OWN_DEPTH = 8  # folders inside each other, in a result folder: what is deeper may be removed
+DEEPEST = 32  # folders inside each other: Python calls itself once for each level, and gives up at a thousand
 
 _KINDS = {
     stat.S_IFDIR: "a folder",
@@ -198,7 +200,8 @@ def read_input(path: Path, max_bytes: int, expected: str) -> bytes:
 def strange_entry(folder: Path, closed: Collection[str] = ()) -> tuple[Path, str] | None:
     """The first thing below a folder that is neither a file nor a folder, and what it is. Links are not followed.
 
-    What is inside of the folders ``closed``, names directly below ``folder``, does not matter.
+    So is a folder that has others inside each other, ``DEEPEST`` levels below this one and more. What is inside of the
+    folders ``closed``, names directly below ``folder``, does not matter.
     Raises ``OSError`` when a folder cannot be read; what vanishes meanwhile is passed over.
     """
     folders = [str(folder)]
@@ -207,7 +210,11 @@ def strange_entry(folder: Path, closed: Collection[str] = ()) -> tuple[Path, str
             with os.scandir(folders.pop()) as entries:
                 for entry in sorted(entries, key=lambda each: each.name):
                     if entry.is_dir(follow_symlinks=False):
-                        if Path(entry.path).relative_to(folder).as_posix() not in closed:
+                        inside = Path(entry.path).relative_to(folder)
+                        if len(inside.parts) > DEEPEST:
+                            words = f"a folder with some {DEEPEST} others inside each other"
+                            return folder / Path(*inside.parts[:OWN_DEPTH]), words
+                        if inside.as_posix() not in closed:
                             folders.append(entry.path)
                     elif not entry.is_file(follow_symlinks=False):
                         return Path(entry.path), what_is(entry.stat(follow_symlinks=False).st_mode)

@@ -218,6 +218,8 @@ def _create_or_continue(folder: Path, study: str) -> Store:
             return Store(folder, root, writable=True)
         store = Store(folder, _open_root(path, "r+"), writable=True)
         for partial in (*path.rglob("*.partial"), *(folder / "journal").glob("*/.rows-*")):  # interrupted writes
+            if partial.is_dir() and not partial.is_symlink():
+                raise StoreError(f"{partial}: is a folder, in the place of a file; remove it")
             partial.unlink(missing_ok=True)
         store.removed = tuple(remove_damaged_segments(folder / "journal"))  # written when the power failed
         for line in store.removed:

@@ -13,6 +13,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from sinew.runner.errors import BadInput, shown
+from sinew.runner.files import in_megabytes
 from sinew.tasks.benchmark.answers import Answer, read_answers
 from sinew.tasks.benchmark.blind import refuse_strange, run_blind
 from sinew.tasks.benchmark.score import Case, Median, Share, class_of, coverage, medians, outcome_of, shares
@@ -28,6 +29,7 @@ from sinew.tasks.study.workspace import check_folder
 
 STUDY = "configs/discover.yaml"
 LOGGED = "case.json"
+MAX_BYTES = 2**28  # of a file of a case
 
 Say = Callable[[str], None]
 
@@ -138,10 +140,15 @@ def run_case(cohort: Path, out: Path, base: dict[str, Any], template: dict[str, 
 
 
 def _files(folder: Path) -> list[list[str]]:
-    """Names and hashes of all files below a folder. Raises :class:`BadInput` for links, pipes and devices in it."""
+    """Names and hashes of all files below a folder.
+
+    Raises :class:`BadInput` for links, pipes and devices in it, and for files larger than any of a case.
+    """
     refuse_strange(folder)
     found = []
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        if (size := path.stat().st_size) > MAX_BYTES:
+            raise BadInput(path, in_megabytes(size), f"files of at most {in_megabytes(MAX_BYTES)} in a case")
         with path.open("rb") as file:
             hashed = hashlib.file_digest(file, "blake2b").hexdigest()[:32]
         found.append([str(path.relative_to(folder)), hashed])

@@ -10,6 +10,7 @@ import pytest
 
 from sinew.runner import files
 from sinew.runner.files import (
+    DEEPEST,
     NotReadable,
     append_file,
     new_file,
@@ -118,6 +119,17 @@ def test_what_is_neither_file_nor_folder_is_found_at_any_depth(tmp_path, make, w
     assert strange_entry(tmp_path, closed=["b"]) is not None, "a name directly below the folder"
     make(tmp_path / "attempts")
     assert strange_entry(tmp_path, closed=["a", "attempts"]) == (tmp_path / "attempts", words)
+
+
+def test_folders_inside_each_other_are_found_before_python_gives_up(tmp_path):
+    (tmp_path / "a" / Path(*["d"] * (DEEPEST - 1))).mkdir(parents=True)
+    assert strange_entry(tmp_path) is None
+    (tmp_path / "a" / Path(*["d"] * DEEPEST)).mkdir()
+    assert strange_entry(tmp_path) == (
+        tmp_path / "a" / Path(*["d"] * 7),
+        "a folder with some 32 others inside each other",
+    )
+    assert strange_entry(tmp_path, closed=["a"]) is None
 
 
 def test_the_folder_itself_may_be_a_link_and_a_link_that_goes_round_ends(tmp_path):

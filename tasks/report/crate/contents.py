@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path, PurePosixPath
 
 from sinew.runner.errors import BadInput, shown
@@ -103,7 +103,7 @@ def kept(relative: PurePosixPath, template: Collection[PurePosixPath] = (), *, s
     if any(part.startswith(".") for part in relative.parts):
         return False
     if first in LARGE:
-        return store
+        return store and _of_store(first, rest)
     if relative in template:
         return True
     if relative.suffix not in ENDINGS:
@@ -111,6 +111,17 @@ def kept(relative: PurePosixPath, template: Collection[PurePosixPath] = (), *, s
     if not rest:
         return first in FILES or first.partition(".")[0].partition("_")[0] in TASKS
     return first in (*TASKS, "figures") and (store or relative.suffix != ".jsonl")  # those are checkpoints
+
+
+def _of_store(first: str, rest: Sequence[str]) -> bool:
+    """Whether a name below one of ``LARGE`` is that of a file which sinew writes there."""
+    if first == "log.jsonl":
+        return not rest
+    if first == "journal":
+        return len(rest) == 2 and (rest[1] == "planned" or rest[1].endswith(".safetensors"))
+    *_, name = rest or ("",)
+    chunk = rest[rest.index("c") + 1 :] if "c" in rest else ["no chunk"]
+    return name == "zarr.json" or all(map(str.isdecimal, chunk))
 
 
 def strangers(folder: Path) -> list[str]:

@@ -160,6 +160,14 @@ def test_an_empty_folder_becomes_a_store(tmp_path):
 def test_writes_that_were_cut_short_are_swept_away(tmp_path):
     with Store.writing(tmp_path, "study") as store:
         fill(store.table(table_spec()), some(3))
+    folder = tmp_path / "store.zarr" / "x.partial"
+    folder.mkdir()
+    with (
+        pytest.raises(StoreError, match=r"x\.partial: is a folder, in the place of a file; remove it"),
+        Store.writing(tmp_path, "study"),
+    ):
+        pass
+    folder.rmdir()
     partial = next((tmp_path / "store.zarr").rglob("force")) / "zarr.01.partial"
     partial.write_text("{")
     with Store.writing(tmp_path, "study"):

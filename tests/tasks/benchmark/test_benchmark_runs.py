@@ -165,6 +165,18 @@ def test_links_in_cases_and_results_are_refused(tmp_path, place):
     assert not list((tmp_path / "elsewhere").iterdir())
 
 
+def test_large_and_deep_files_of_a_case_are_refused_unread(tmp_path):
+    folder = case_folder(tmp_path)
+    with (folder / "case_01" / "notes.bin").open("wb") as file:
+        file.truncate(200 * 2**30)
+    with pytest.raises(BadInput, match=r"notes.bin: 204,800 MB; expected files of at most 256 MB in a case"):
+        discover.benchmark([folder], tmp_path / "out", study=tmp_path / "study.yaml")
+    (folder / "case_01" / "notes.bin").unlink()
+    (folder / "case_01" / Path(*["d"] * 50)).mkdir(parents=True)
+    with pytest.raises(BadInput, match=r"case_01/d/d/.* is a folder with some 32 others inside each other"):
+        discover.benchmark([folder], tmp_path / "out", study=tmp_path / "study.yaml")
+
+
 @pytest.mark.parametrize("seconds", ['"abc"', "[1]", "null", "-1", "NaN", "1e12", f"1{'0' * 400}"])
 def test_what_another_run_noted_is_not_believed(tmp_path, seconds, monkeypatch):
     folder = case_folder(tmp_path)
