@@ -1,6 +1,7 @@
 """The titles of a table: one for each column, with the name and the unit in it."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from weakref import WeakKeyDictionary
 
 from sinew.runner.errors import BadInput
@@ -52,8 +53,22 @@ def _read(table: Table) -> tuple[Row, list[tuple[str, str]], list[str]]:
     names = [without_station(*both) for both in zip(names, before, strict=True)]
     names = _known_names(names, [unit for _, unit in found])
     told = [units.agreed([unit, *above.get(role_of(name), ())]) for name, (_, unit) in zip(names, found, strict=True)]
+    left = simulated(table)
+    names = ["" if place in left else name for place, name in enumerate(names)]
     named = [(names[place], "s" if table.has_clock(place) else unit) for place, unit in enumerate(told)]
     return titles, named, before
+
+
+def simulated(table: Table) -> set[int]:
+    """The columns below a cell right above the titles that says they are simulated, up to the next cell there."""
+    above = table.header[-1] if len(table.header) > table.own else ()
+    filled = [place for place, cell in enumerate(above) if cell]
+    return {
+        place
+        for first, end in pairwise([*filled, len(table.titles)])
+        if first > 0 and above[first].casefold().startswith("simul")
+        for place in range(first, end)
+    }
 
 
 def places_named(titles: Sequence[str], named: Sequence[tuple[str, str]], wanted: str) -> list[int]:

@@ -14,7 +14,7 @@ from sinew.tasks.data.column_titles import check_width, names_and_units, places_
 from sinew.tasks.data.factors import factor_of, is_signal
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.possible_columns import changes, follows, holds_numbers, in_volts, possible, rests
+from sinew.tasks.data.possible_columns import changes, follows, hardly_moves, holds_numbers, in_volts, possible, rests
 from sinew.tasks.data.quantities import (
     DISPLACEMENT,
     FORCE,
@@ -272,6 +272,8 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: R
         quantity = STRAIN
     machine = (DISPLACEMENT, POSITION) if named[place][0] in words.EXTENSOMETER else ()
     others = loose | {other for same, other, one in found if same == rank or one in machine}
+    if quantity is DISPLACEMENT and not named[place][1]:
+        others |= {at for _, at, one in found if one is STRAIN and at != place and hardly_moves(table, place, at)}
     if quantity in (STRAIN, STRETCH):  # perhaps of a camera, while the crosshead rested
         others |= still
     title, unit = named[place]

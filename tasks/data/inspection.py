@@ -2,7 +2,8 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,11 +34,13 @@ from sinew.tasks.data.several import (
     beside,
     blocks_of_tests,
     go_on,
+    units_alone,
 )
 from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import SIZES, contradiction_of_areas, contradiction_without_unit, read_sizes
 from sinew.tasks.data.sizes_in_names import sizes_in_name
-from sinew.tasks.data.tables import Source, Table, read_source, tables_of
+from sinew.tasks.data.sizes_of_tests import sizes_in_columns
+from sinew.tasks.data.tables import NoTable, Source, Table, read_source, tables_of
 from sinew.tasks.data.told import as_told
 from sinew.tasks.data.units import usual
 
@@ -93,6 +96,10 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     hints = reading.all_hints
     source = read_source(path)
     table, columns, problems, titles = _best(source, hints)
+    if not any(columns) and len(source.fewest) > 1:  # two columns of another sheet may be the test
+        with suppress(NoTable):
+            narrow = _best(replace(source, fewest=source.fewest[1:]), hints)
+            table, columns, problems, titles = narrow if any(narrow[1]) else (table, columns, problems, titles)
     refuse_oscillations(table)
     if not hints.columns_given:
         _refuse_no_test(table, columns)
@@ -178,7 +185,8 @@ def _best(
     for one in tables_of(source):  # only the best is kept: each may reach to the end of the file
         titles[one.common_titles] += len(one.rows) >= FEWEST_ROWS or not titles[one.common_titles]
         found = partly(one, hints)
-        count = sum(column is not None for column in found[0])
+        alone = not hints.columns_given and units_alone(one, found[0])
+        count = 0 if alone else sum(column is not None for column in found[0])
         if count > recognised:
             recognised, table, (columns, problems) = count, one, found
     return table, columns, problems, titles
@@ -273,7 +281,9 @@ def _sizes(
     table: Table, columns: Sequence[Column | None], numbers: np.ndarray[Any, Any], hints: Hints
 ) -> tuple[dict[str, float | None], str]:
     """The sizes (mm, mm2) that a file tells, and what contradicts each other in its cross-sections, or nothing."""
-    told = read_sizes(table.header, table.own, table.decimal)
+    places = [column.place for column in columns if column is not None]
+    told = sizes_in_columns(table, range(max(len(numbers), 1)), places)
+    told |= read_sizes(table.header, table.own, table.decimal)
     values: dict[str, float | None] = {
         name: told[name].mm if name in told else None for name in (*SIZES, "diameter", "area")
     }

@@ -12,6 +12,7 @@ from sinew.tasks.data.text import is_number
 
 FOLLOWED, PARTS, FEWEST_PARTS = 2000, 50, 5  # rows, and parts of the machine's way, that an extensometer is compared in
 FOLLOWS = 0.5  # rank correlation
+FEW_VALUES = 10  # times more values that another column has
 LOOKED_AT = 200  # rows: a file of many tests is asked many times
 
 
@@ -60,6 +61,13 @@ def holds_numbers(table: Table, place: int) -> bool:
     """Whether most of the first cells of a column that are filled hold numbers."""
     cells = [row[place] for _, row in table.rows[:LOOKED_AT] if place < len(row) and row[place]]
     return 2 * sum(is_number(cell, table.decimal) for cell in cells) > len(cells)
+
+
+def hardly_moves(table: Table, place: int, other: int) -> bool:
+    """Whether a column has few different values, where the ``other`` has many, as of a sensor that is not used."""
+    some = table.rows[:: -(-len(table.rows) // FOLLOWED)]
+    few, many = (len({row[at] for _, row in some if at < len(row)}) for at in (place, other))
+    return few * FEW_VALUES <= many
 
 
 def counts(table: Table, place: int) -> bool:

@@ -1,6 +1,7 @@
 """What the tests of a file recorded: their columns of time, motion and load, and what the file says of them."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -38,15 +39,17 @@ from sinew.tasks.data.several import (
     names_beside,
     other_test,
     refuse_results,
+    units_alone,
 )
 from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import Size, read_sizes
-from sinew.tasks.data.sizes_of_tests import sizes_beside, sizes_by_results, without_others
+from sinew.tasks.data.sizes_of_tests import sizes_beside, sizes_by_results, sizes_in_columns, without_others
 from sinew.tasks.data.speeds import timed
-from sinew.tasks.data.tables import Source, Table, read_source, tables_of
+from sinew.tasks.data.tables import NoTable, Source, Table, read_source, tables_of
 from sinew.tasks.data.text import HUGE
 
 Array = np.ndarray[Any, np.dtype[Any]]
+UNITS_ALONE = "units in place of titles, of which several are alike"
 UNPADDED = "milliseconds of clock times lack leading zeros (12:58.29 is 12 min 58.029 s); else times would go back"
 
 
@@ -63,12 +66,24 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
 
     Raises :class:`BadInput` naming file, row and column: :class:`UnknownUnit` for a unit that the file does not tell.
     """
+    source = file if isinstance(file, Source) else read_source(file)
+    try:
+        return _read(source, hints, first_of_alike=first_of_alike)
+    except NoColumn:
+        if len(source.fewest) == 1:
+            raise
+        with suppress(NoColumn, NoTable):  # two columns of another sheet may be the test
+            return _read(replace(source, fewest=source.fewest[1:]), hints, first_of_alike=first_of_alike)
+        raise
+
+
+def _read(source: Source, hints: Hints, *, first_of_alike: bool) -> list[Recording]:
+    """The same, of tables of as many columns as the source asks for."""
     missing: NoColumn | None = None
     found: list[tuple[Table, list[Recording]]] = []
     before: list[Table] = []  # with those that are left out
     short, end = 0, ("", 0)
     other: list[Table] = []
-    source = file if isinstance(file, Source) else read_source(file)
     for table in tables_of(source):
         if found and (not any(table.common_titles) or table.common_titles != found[0][0].common_titles):
             before.append(replace(table, rows=table.rows[:1]))
@@ -80,6 +95,8 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
         try:
             columns = recognise(table, hints, first_of_alike=True)
             count = 1 if hints.columns_given else beside(table, columns)
+            if not hints.columns_given and units_alone(table, columns):
+                raise NoColumn(str(table.path), UNITS_ALONE, "titles of time, displacement and force")
             refuse_results(table, columns, count, hints)
             if count == 1 and not first_of_alike:
                 columns = recognise(table, hints)
@@ -216,6 +233,7 @@ def _recording(
     apart = told_apart(table, block.end, back, list(places)) if hints.test_column is None else None
     if apart is not None and not back:
         notes += (f"{apart.count} values of '{apart.title}': {apart.option}, if each is a test of its own",)
+    told = {**sizes_in_columns(table, range(block.start, block.end), places), **told} if beside == 1 else told
     sizes, doubted = _believed(told, table, range(block.start, block.end), columns[1] if beside == 1 else None)
     notes += doubted
     lengths: tuple[Size | None, Size | None] = (None, None)

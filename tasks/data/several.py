@@ -50,6 +50,14 @@ def beside(table: Table, columns: Sequence[Column | None]) -> int:
     return len(_beside(table, columns)[-1])
 
 
+def units_alone(table: Table, columns: Sequence[Column | None]) -> bool:
+    """Whether columns are taken by units in place of titles, of which several are alike: a table of other things."""
+    _, named = names_and_units(table)
+    there = [column for column in columns if column is not None and column.place != NOWHERE]
+    alone = bool(there) and all(named[column.place][0].startswith("(") for column in there)
+    return alone and any(column.alike for column in there) and beside(table, columns) == 1
+
+
 def refuse_results(table: Table, columns: Sequence[Column], count: int, hints: Hints) -> None:
     """Raises :class:`Unclear` where tests beside each other share their times, and one has few of the rows of another.
 

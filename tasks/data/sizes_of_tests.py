@@ -1,12 +1,14 @@
 """Which of the sizes that a file tells belong to which of its tests."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
+from sinew.tasks.data import units
+from sinew.tasks.data.column_titles import names_and_units
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.several import LABELLED, Columns, own_places
-from sinew.tasks.data.sizes import FAR, Size, columns_of_sizes, named_in, narrow, read_sizes, size_in
+from sinew.tasks.data.sizes import FAR, Size, columns_of_sizes, meant, named_in, narrow, read_sizes, size_in
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 
@@ -35,6 +37,20 @@ def sizes_beside(table: Table, tests: Sequence[Columns]) -> list[Mapping[str, Si
     """
     each: list[Mapping[str, Size]] = [_told_once(rows, table) for rows in _above(table, tests)]
     return each if any(each[1:]) else [_told_once(table.header, table)] * len(tests)
+
+
+def sizes_in_columns(table: Table, rows: range, taken: Collection[int]) -> dict[str, Size]:
+    """Sizes in columns of their own that are not ``taken``: a number in the first of ``rows``, and no other in them."""
+    found: dict[str, Size] = {}
+    for place, (title, unit) in enumerate(names_and_units(table)[1]):
+        name = meant(title) if place not in taken and units.is_unit(unit) else None
+        if name is None or name in found:
+            continue
+        cells = {row[place] if place < len(row) else "" for _, row in table.rows[rows.start : rows.stop]}
+        first = table.rows[rows.start][1][place : place + 1]
+        if first and first[0] and cells <= {first[0], ""}:
+            found[name] = size_in(name, first[0], unit, table.decimal)
+    return found
 
 
 def _told_once(header: Sequence[Row], table: Table) -> Mapping[str, Size]:

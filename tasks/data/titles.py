@@ -43,7 +43,8 @@ _SPECIMEN = re.compile(r"([^\W\d_]+)\d{1,3}")  # in front of a name: ``RD2 force
 _NO_SPECIMEN = frozenset({
     "peak", "valley", "target", "command", "demand", "setpoint", "limit", "soll", "sollwert", "mean", "minimum",
     "maximum", "true", "cycle", "zyklus", "step", "fracture", "yield", "failure", "break", "breaking", "ultimate",
-    "rupture", "oscillation", "storage", "loss", "complex", "dynamic",
+    "rupture", "bending", "flexural", "flexure", "shear", "torsion",
+    "oscillation", "storage", "loss", "complex", "dynamic",
 })  # fmt: skip
 #: In front of the names of what is computed, beside what is measured.
 _OF_MODELS = frozenset(

@@ -5,6 +5,8 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import Reading, inspect
+from sinew.tasks.data.recordings import read_recordings
+from tests.tasks.data.test_sheets import write_workbook
 
 
 def inspected(tmp_path, titles, rows=None, **hints):
@@ -99,3 +101,68 @@ def test_a_displacement_with_an_offset_is_no_compression(tmp_path):
     assert any("may be an offset" in one for one in found.remarks) and not any(
         "shorter" in one for one in found.remarks
     )
+
+
+def test_a_displacement_that_hardly_moves_may_be_that_of_a_sensor_which_is_not_used(tmp_path):
+    rows = [[i, i // 20 / 100, 3 * i, i / 7] for i in range(50)]
+    found = inspected(tmp_path, "Time_s,Distance,Load_N,Strain", rows)
+    assert "it may be in another: 'Strain'" in str(found.remarks)
+    assert "it may be" not in str(inspected(tmp_path, "Time_s,Distance_mm,Load_N,Strain", rows).remarks)
+    rows = [[i, i / 100, 3 * i, i / 7] for i in range(50)]
+    assert "it may be" not in str(inspected(tmp_path, "Time_s,Distance,Load_N,Strain", rows).remarks)
+
+
+def test_simulated_columns_beside_measured_ones_are_no_test(tmp_path):
+    titles = "elongation (um),force (gf),,time (s),strain (%),stress (N/m2)\n"
+    rows = "".join(f"{i},{2 * i},,{i / 10},{i},{3 * i}\n" for i in range(6))
+    found = taken(tmp_path, f"measurement,,,simulation high speed,,\n{titles}{rows}")
+    assert (found["time"], found["displacement"]["column"], found["rows"]) == (None, "elongation (um)", 6)
+    assert taken(tmp_path, f"measurement,,,high speed,,\n{titles}{rows}")["time"]["column"] == "time (s)"
+    assert taken(tmp_path, f"simulation,,,high speed,,\n{titles}{rows}")["displacement"] is not None
+
+
+def test_sizes_may_stand_in_columns_of_the_table(tmp_path):
+    titles = "Time (s),Extension (mm),Load (N),Original Length (mm),Original Diameter (mm),Final Diameter (mm)"
+    rows = [[i, i / 10, 2 * i, *((25.4, 7.08, 5.5) if i == 0 else ("", "", ""))] for i in range(8)]
+    found = inspected(tmp_path, titles, rows)
+    assert (found.sizes["length"], found.sizes["diameter"], found.questions) == (25.4, 7.08, ())
+    assert [round(one.sizes["diameter"].mm, 2) for one in found.recordings] == [7.08]
+    changing = [[i, i / 10, 2 * i, 25.4, 7.08 - i / 100, 5.5] for i in range(8)]
+    found = inspected(tmp_path, titles, changing)
+    assert (found.sizes["length"], found.sizes["diameter"]) == (25.4, None)
+
+
+def test_a_sheet_of_two_columns_may_be_the_test_beside_one_with_more(tmp_path):
+    results = [
+        ["", "Fmax", "a0", "b0"],
+        ["", "N", "mm", "mm"],
+        ["", 25.3, 4.8, 60.0],
+        ["", 25.1, 4.7, 60.0],
+        ["", 24, 5, 60],
+    ]
+    curve = [["Strain", "Stress"], ["%", "MPa"], *[[i / 10, i / 3] for i in range(9)]]
+    path = write_workbook(tmp_path / "a.xlsx", Parameters=results, Test=curve)
+    found = inspect(path, Reading(hints=Hints(rate_hz=10.0)))
+    assert (found.sheet, found.rows, [one.quantity.name for one in found.columns[1:]]) == (
+        "Test",
+        9,
+        ["strain", "stress"],
+    )
+    assert len(found.recordings) == 1
+    odd = [["Bending strain", "Bending stress"], *curve[1:]]
+    path = write_workbook(tmp_path / "a.xlsx", Parameters=results, Test=odd)
+    with pytest.raises(BadInput, match="no columns of a test"):
+        inspect(path)
+    hints = Hints(displacement_column="Bending strain", force_column="Bending stress", rate_hz=10.0)
+    assert inspect(path, Reading(hints=hints)).rows == 9
+
+
+def test_a_sheet_with_units_in_place_of_titles_is_passed_over(tmp_path):
+    summary = [["s", "mm", "mN", "mN"], *[[i, i / 10, i, 2 * i] for i in range(6)]]
+    curve = [["Time", "Depth", "Load"], ["s", "nm", "mN"], *[[i, 5 * i, i / 3] for i in range(9)]]
+    found = inspect(write_workbook(tmp_path / "a.xlsx", Summary=summary, Test=curve))
+    assert (found.sheet, found.rows) == ("Test", 9)
+    with pytest.raises(BadInput, match="units in place of titles, of which several are alike"):
+        read_recordings(write_workbook(tmp_path / "b.xlsx", Summary=summary), Hints())
+    both = [["s", "mm", "mN", "s", "mm", "mN"], *[[i, i / 10, i, i, i / 10, 2 * i] for i in range(6)]]
+    assert inspect(write_workbook(tmp_path / "c.xlsx", Both=both)).specimens == 2
