@@ -1,6 +1,6 @@
 """What the tests of a file recorded: their columns of time, motion and load, and what the file says of them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -233,8 +233,7 @@ def _recording(
     apart = told_apart(table, block.end, back, list(places)) if hints.test_column is None else None
     if apart is not None and not back:
         notes += (f"{apart.count} values of '{apart.title}': {apart.option}, if each is a test of its own",)
-    told = {**sizes_in_columns(table, range(block.start, block.end), places), **told} if beside == 1 else told
-    sizes, doubted = _believed(told, table, range(block.start, block.end), columns[1] if beside == 1 else None)
+    sizes, doubted = _believed(told, table, range(block.start, block.end), columns[1] if beside == 1 else None, places)
     notes += doubted
     lengths: tuple[Size | None, Size | None] = (None, None)
     if "length" not in sizes and columns[1].quantity is DISPLACEMENT:
@@ -305,13 +304,14 @@ def _over_cycles(
 
 
 def _believed(
-    sizes: Mapping[str, Size], table: Table, rows: range, moved: Column | None
+    sizes: Mapping[str, Size], table: Table, rows: range, moved: Column | None, taken: Collection[int]
 ) -> tuple[dict[str, Size], tuple[str, ...]]:
     """The ``sizes`` without a length that the table's own strains contradict, and a note on that.
 
-    ``moved``: the displacements, where it is known which strains belong to them.
+    With those in columns of their own that are not ``taken``. ``moved``: the displacements, where it is known which
+    columns belong to them.
     """
-    sizes = dict(sizes)
+    sizes = dict(sizes) if moved is None else {**sizes_in_columns(table, rows, taken), **sizes}
     told = sizes.get("length")
     both = "" if told is None or told.mm is None or moved is None else contradiction(table, rows, moved, told.mm)
     if not both:
