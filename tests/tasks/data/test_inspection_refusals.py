@@ -164,5 +164,14 @@ def test_a_sheet_with_units_in_place_of_titles_is_passed_over(tmp_path):
     assert (found.sheet, found.rows) == ("Test", 9)
     with pytest.raises(BadInput, match="units in place of titles, of which several are alike"):
         read_recordings(write_workbook(tmp_path / "b.xlsx", Summary=summary), Hints())
+    alone = [["s", "mm", "mN"], *[[i, i / 10, i] for i in range(6)]]
+    assert inspect(write_workbook(tmp_path / "d.xlsx", Alone=alone, Test=curve)).sheet == "Alone", "none is alike"
     both = [["s", "mm", "mN", "s", "mm", "mN"], *[[i, i / 10, i, i, i / 10, 2 * i] for i in range(6)]]
     assert inspect(write_workbook(tmp_path / "c.xlsx", Both=both)).specimens == 2
+
+
+def test_columns_by_number_need_no_titles_where_times_are_told(tmp_path):
+    titles, rows = "A_1,0.371,A_2,0.370", [[i, 2 * i, 0, i, 3 * i, 0] for i in range(8)]
+    told = {"displacement_unit": "mm", "force_unit": "N", "rate_hz": 10.0}
+    found = inspected(tmp_path, titles, rows, displacement_column="1", force_column="2", **told)
+    assert len(found.recordings) == 1 and not any("names above" in one for one in found.questions)

@@ -98,7 +98,9 @@ def test_a_person_may_say_that_a_column_tells_cycles_apart_or_that_all_is_one_te
 
 def test_a_single_point_that_is_wrong_begins_no_test():
     cycles = np.concatenate([UP, UP[::-1], UP, UP[::-1]])
-    assert of(np.concatenate([cycles[:75], [0.0], cycles[75:]]), np.zeros(121)) == []
+    moved = np.concatenate([cycles[:85], [0.0], cycles[85:]])  # near a peak, where it goes back by more than half
+    assert of(moved, np.zeros(121)) == []
+    assert of(np.concatenate([cycles[:85], UP]), np.zeros(115)) == [85]  # as a test does that goes on from there
 
 
 def test_empty_rows_are_passed_over_where_times_go_on(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.recordings import read_recordings
-from sinew.tasks.data.spaced_titles import title_cells, usual_width
+from sinew.tasks.data.spaced_titles import cells_apart_otherwise, title_cells, usual_width
 
 ROWS = "".join(f"{i / 10}   {i / 100:.2f}   {i + 0.5}   21.0   {i}\n" for i in range(6))
 
@@ -23,6 +23,13 @@ def test_titles_may_be_apart_in_another_way_than_numbers(tmp_path, of_titles, of
     found = read(tmp_path, of_titles.join(titles), ROWS.replace("   ", of_numbers))
     assert [column.title for column in found.columns] == titles[:3]
     assert found.numbers[2].tolist() == [0.2, 0.02, 2.5]
+
+
+def test_a_line_with_empty_cells_between_other_separators_holds_no_titles():
+    assert cells_apart_otherwise("a\tb\tc", ("a\tb\tc",), 3) == ("a", "b", "c")
+    assert cells_apart_otherwise("a\t\tc", ("a\t\tc",), 3) == ("a\t\tc",)
+    assert cells_apart_otherwise("a\tb", ("a\tb",), 3) == ("a\tb",)
+    assert cells_apart_otherwise("a;b,c", ("a;b", "c"), 2) == ("a;b", "c"), "as many as there are numbers"
 
 
 def test_titles_of_several_words_with_two_spaces_between_them(tmp_path):
