@@ -21,8 +21,8 @@ from sinew.runner.errors import BadInput
 PIECE = 2**20  # bytes that are read at once of a file that does not say its size
 MAX_CONTAINERS = 2**20  # lists and objects of a JSON text: an empty one of two bytes takes a hundred in memory
 MAX_VALUES = 2**20
-OWN_DEPTH = 8  # folders inside each other, in a result folder: what is deeper may be removed
-DEEPEST = 32  # folders inside each other: Python calls itself once for each level, and gives up at a thousand
+DEEPEST = 32  # levels of folders: Python calls itself once for each, and gives up at a thousand
+OWN_DEPTH = 8  # levels: a result folder has fewer, so that what is on this one may be removed
 
 _KINDS = {
     stat.S_IFDIR: "a folder",
@@ -200,8 +200,8 @@ def read_input(path: Path, max_bytes: int, expected: str) -> bytes:
 def strange_entry(folder: Path, closed: Collection[str] = ()) -> tuple[Path, str] | None:
     """The first thing below a folder that is neither a file nor a folder, and what it is. Links are not followed.
 
-    So is a folder that has others inside each other, ``DEEPEST`` levels below this one and more. What is inside of the
-    folders ``closed``, names directly below ``folder``, does not matter.
+    A chain of folders more than ``DEEPEST`` levels deep counts as well: the folder that is named is on level
+    ``OWN_DEPTH``. What is inside of the folders ``closed``, names directly below ``folder``, does not matter.
     Raises ``OSError`` when a folder cannot be read; what vanishes meanwhile is passed over.
     """
     folders = [str(folder)]
@@ -212,7 +212,7 @@ def strange_entry(folder: Path, closed: Collection[str] = ()) -> tuple[Path, str
                     if entry.is_dir(follow_symlinks=False):
                         inside = Path(entry.path).relative_to(folder)
                         if len(inside.parts) > DEEPEST:
-                            words = f"a folder with some {DEEPEST} others inside each other"
+                            words = f"a chain of nested folders, more than {DEEPEST} deep"
                             return folder / Path(*inside.parts[:OWN_DEPTH]), words
                         if inside.as_posix() not in closed:
                             folders.append(entry.path)

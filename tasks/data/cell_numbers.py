@@ -1,6 +1,7 @@
 """The numbers in the cells of a test: an empty or strange one is refused."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.columns import NOWHERE, Column
@@ -18,6 +19,12 @@ def filled_rows(table: Table, columns: Sequence[Column]) -> int:
     return rows
 
 
+def empty_row(path: Path, row: int) -> BadInput:
+    """The refusal of an empty row among the numbers of a test."""
+    expected = "one test without such rows; where they stand between tests, a file for each"
+    return BadInput(f"{path}: row {row}", "an empty row among the numbers", expected)
+
+
 def number_of(table: Table, row: int, column: Column) -> float:
     """The number of a column in a row; 0 for times that no column holds. Raises :class:`BadInput`."""
     if column.place == NOWHERE:
@@ -27,8 +34,7 @@ def number_of(table: Table, row: int, column: Column) -> float:
         at, cells = table.rows[row]
         cell = cells[column.place] if column.place < len(cells) else ""
         if not any(cells):
-            expected = "one test without such rows; where they stand between tests, a file for each"
-            raise BadInput(f"{table.path}: row {at}", "an empty row among the numbers", expected)
+            raise empty_row(table.path, at)
         where = f"{table.path}: row {at}, {column.title or column.quantity.name}"
         if not cell:
             formula = "; a formula needs the value that Excel or LibreOffice saves with it" if table.sheet else ""

@@ -53,13 +53,13 @@ def _read(table: Table) -> tuple[Row, list[tuple[str, str]], list[str]]:
     names = [without_station(*both) for both in zip(names, before, strict=True)]
     names = _known_names(names, [unit for _, unit in found])
     told = [units.agreed([unit, *above.get(role_of(name), ())]) for name, (_, unit) in zip(names, found, strict=True)]
-    left = simulated(table)
+    left = _simulated(table)
     names = ["" if place in left else name for place, name in enumerate(names)]
     named = [(names[place], "s" if table.has_clock(place) else unit) for place, unit in enumerate(told)]
     return titles, named, before
 
 
-def simulated(table: Table) -> set[int]:
+def _simulated(table: Table) -> set[int]:
     """The columns below a cell right above the titles that says they are simulated, up to the next cell there."""
     above = table.header[-1] if len(table.header) > table.own else ()
     filled = [place for place, cell in enumerate(above) if cell]

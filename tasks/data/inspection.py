@@ -29,13 +29,7 @@ from sinew.tasks.data.roles import TIMED
 from sinew.tasks.data.rows_of_results import refuse_oscillations, refuse_rows_of_results
 from sinew.tasks.data.rows_of_words import says_more
 from sinew.tasks.data.same_times import behind_clock
-from sinew.tasks.data.several import (
-    FEWEST_ROWS,
-    beside,
-    blocks_of_tests,
-    go_on,
-    units_alone,
-)
+from sinew.tasks.data.several import FEWEST_ROWS, beside, blocks_of_tests, go_on, units_alone
 from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import SIZES, contradiction_of_areas, contradiction_without_unit, read_sizes
 from sinew.tasks.data.sizes_in_names import sizes_in_name
@@ -131,11 +125,11 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         values["area"] = None
     questions = (*problems, *times, *refusal, *_missing(path, values, columns, doubt, differs))
     first = [float(number) if rows and np.isfinite(number) else None for number in numbers[0]]
-    if any(columns):
-        rows = int(np.isfinite(numbers[:rows]).any(axis=1).sum())  # tests may stand apart by empty rows
+    load = recordings[0].numbers[:, 2] if len(recordings) == 1 else numbers[:rows, 2]
     if len(recordings) == 1:  # of several tables that go on
         rows = len(recordings[0].rows)
-    load = recordings[0].numbers[:, 2] if len(recordings) == 1 else numbers[:rows, 2]
+    elif any(columns):
+        rows = int(np.isfinite(numbers[:rows]).any(axis=1).sum())  # tests may stand apart by empty rows
     peak = float(load[np.nanargmax(np.abs(load))]) if np.isfinite(load).any() else None
     specimens = one_below * below * (1 if hints.columns_given else beside(table, columns))
     if hints.tables == "join" and recordings:
@@ -166,10 +160,11 @@ def _refuse_no_test(table: Table, columns: Sequence[Column | None]) -> None:
 def _no_test(table: Table) -> BadInput:
     """The refusal of a table whose titles are none of a test."""
     listed = ", ".join(title or "(no name)" for title in table.titles[:12])
-    expected = "titles of time, displacement and force, or --time-column, --displacement-column and --force-column "
-    expected += "NAME or NUMBER"
     if any(is_signal(unit) for _, unit in names_and_units(table)[1]):
         expected = "forces and displacements: multiply the signals of sensors by their factors first"
+    else:
+        options = "--time-column, --displacement-column and --force-column NAME or NUMBER"
+        expected = f"titles of time, displacement and force, or {options}"
     return BadInput(table.path, f"no columns of a test among {shown(listed, 80)}", expected)
 
 
@@ -228,18 +223,20 @@ def _below(
     table: Table, columns: Sequence[Column | None], numbers: np.ndarray[Any, Any], hints: Hints
 ) -> tuple[int, tuple[str, ...]]:
     """How many tests stand one under another in a table, and what must be asked of its times."""
-    numbers = numbers[: len(numbers) - behind_clock(numbers)] if len(numbers) else numbers
+    numbers = numbers[: len(numbers) - behind_clock(numbers)]
     time_s = numbers[:, 0]
     if hints.tests_by is not None:
         return len(blocks_of_tests(table, time_s.size, hints.tests_by)), ()
     back = [int(at) + 1 for at in np.flatnonzero(np.diff(time_s) < 0)]
     taken = [column.place for column in columns if column is not None]
-    tell = told_apart if back else told_apart_without_times
-    again = back or rows_again(numbers)
-    apart = tell(table, time_s.size, again, taken) if hints.test_column is None else None
+    again = rows_again(numbers)
+    apart = None
+    if hints.test_column is None:
+        tell = told_apart if back else told_apart_without_times
+        apart = tell(table, time_s.size, back or again, taken)
     told = apart is not None or hints.test_column is not None or hints.cycle_column is not None
-    if not told and (found := tests_below(table, numbers, hints)) is not None:
-        return found
+    if again and not told:
+        return tests_below(table, again, hints, timed=bool(back))
     if back and hints.cycle_column is None:
         row = table.rows[back[0]][0]
         remedy = f"one for each '{apart.title}'? {apart.option}" if apart else "one file for each"
@@ -282,7 +279,8 @@ def _sizes(
 ) -> tuple[dict[str, float | None], str]:
     """The sizes (mm, mm2) that a file tells, and what contradicts each other in its cross-sections, or nothing."""
     places = [column.place for column in columns if column is not None]
-    told = sizes_in_columns(table, range(max(len(numbers), 1)), places)
+    alone = beside(table, columns) == 1
+    told = sizes_in_columns(table, range(max(len(numbers), 1)), places) if alone else {}
     told |= read_sizes(table.header, table.own, table.decimal)
     values: dict[str, float | None] = {
         name: told[name].mm if name in told else None for name in (*SIZES, "diameter", "area")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sinew.runner.errors import BadInput
+from sinew.tasks.data.cell_numbers import empty_row
 from sinew.tasks.data.columns import NOWHERE
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.questions import Unclear
@@ -69,7 +69,7 @@ def without_gaps(table: Table) -> tuple[Table, tuple[int, ...]]:
     filled = [row for row in table.rows if any(row[1])]
     if len(filled) == len(table.rows):
         return table, ()
-    behind = tuple(row for (before, _), (row, _) in pairwise(filled) if row > before + 1)
+    behind = tuple(row for (_, before), (row, cells) in pairwise(table.rows) if any(cells) and not any(before))
     return replace(table, rows=filled), behind
 
 
@@ -90,8 +90,7 @@ def tests_again(recording: Recording, gaps: Sequence[int], hints: Hints) -> list
         note = f"{len(inside)} empty {rows} passed over, the first above row {inside[0]}: times go on there"
         recording, inside = replace(recording, notes=(*recording.notes, note)), []
     if inside:
-        expected = "one test without such rows; where they stand between tests, a file for each"
-        raise BadInput(f"{recording.path}: row {inside[0] - 1}", "an empty row among the numbers", expected)
+        raise empty_row(recording.path, inside[0] - 1)
     if not found:
         return [recording]
     blocks = [Block("", start, end) for start, end in zip([0, *found], [*found, len(recording.rows)], strict=True)]
@@ -111,37 +110,32 @@ def rows_again(numbers: Array) -> list[int]:
     return list(map(int, filled[restarts(*np.nan_to_num(numbers[filled]).T)])) if filled.size else []
 
 
-def tests_below(table: Table, numbers: Array, hints: Hints) -> tuple[int, tuple[str, ...]] | None:
-    """How many tests ``numbers`` ``[t, 3]`` of a table hold one under another, and what must be asked; None for one.
+def tests_below(table: Table, found: Sequence[int], hints: Hints, *, timed: bool) -> tuple[int, tuple[str, ...]]:
+    """How many tests a table holds one under another, where they begin again in rows ``found``; what must be asked.
 
-    A cell without a number is NaN; times of a table without any are all NaN.
+    ``timed``: the time does, not the motion.
     """
-    found = rows_again(numbers)
-    if not found:
-        return None
-    tests = 1 if hints.tables == JOIN else len(found) + 1
     if hints.tables in (APART, JOIN):
-        return tests, ()
-    timed = bool(np.ptp(np.nan_to_num(numbers[:, 0])))
+        return (len(found) + 1 if hints.tables == APART else 1), ()
     question = _unclear(table.path, _begins_again(found, [row for row, _ in table.rows], timed=timed))
-    return tests, (str(question).removeprefix(f"{table.path}: "),)
+    return len(found) + 1, (str(question).removeprefix(f"{table.path}: "),)
 
 
 def _begins_again(found: Sequence[int], rows: Sequence[int], *, timed: bool) -> str:
     """That time or motion begins again, in words; ``rows``: the number in the file of each row of the table."""
+    first, *others = (rows[at] for at in found)
+    where = f"row {first} and {len(others)} more rows" if others else f"row {first}"
+    if len(others) == 1:
+        where = f"rows {first} and {others[0]}"
     what = "time" if timed else "motion"
-    first, others = rows[found[0]], len(found) - 1
-    where = f"row {first}" if not others else f"rows {first} and {rows[found[1]]}" if others == 1 else ""
-    where = where or f"row {first} and {others} more rows"
     return f"the {what} begins again in {where}: tests one under another, or one test"
 
 
 def _part(recording: Recording, block: Block, number: int) -> Recording:
     note = f"rows {recording.rows[block.start]} to {recording.rows[block.end - 1]}, as {TABLES} says"
     part = recording.part(slice(block.start, block.end), note)
-    if recording.columns[0].place == NOWHERE:  # told times count from the first test on
-        part.numbers[:, 0] -= part.numbers[0, 0]
-    return replace(part, test=str(number))
+    start = part.numbers[0, 0] if recording.columns[0].place == NOWHERE else 0.0  # told times count from the first test
+    return replace(part, test=str(number), numbers=part.numbers - [start, 0.0, 0.0])
 
 
 def _unclear(path: Path, problem: str) -> Unclear:

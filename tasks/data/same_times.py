@@ -30,6 +30,8 @@ def behind_clock(numbers: Array) -> int:
 
     Programs fill up a table so, where times are back at the start and stay there. They are few; else there are none.
     """
+    if not len(numbers):
+        return 0
     time_s = numbers[:, 0]
     runs = np.flatnonzero((time_s != time_s[-1]) | (time_s > max(time_s[0], 0.0)))
     behind = len(time_s) - 1 - int(runs[-1]) if runs.size else 0

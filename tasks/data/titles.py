@@ -47,22 +47,10 @@ _NO_SPECIMEN = frozenset({
     "oscillation", "storage", "loss", "complex", "dynamic",
 })  # fmt: skip
 #: In front of the names of what is computed, beside what is measured.
-_OF_MODELS = frozenset(
-    {
-        "model",
-        "sim",
-        "simulation",
-        "simulated",
-        "fit",
-        "fitted",
-        "fe",
-        "fea",
-        "fem",
-        "theory",
-        "theoretical",
-        "predicted",
-    }
-)
+_OF_MODELS = frozenset({
+    "model", "sim", "simulation", "simulated", "fit", "fitted", "fe", "fea", "fem", "theory", "theoretical",
+    "predicted",
+})  # fmt: skip
 _LETTERS = 3
 _SHORTEST = 3  # letters of a name that may stand in front of that of a channel
 _LONGEST = 300  # characters of a title with a unit
@@ -200,7 +188,7 @@ def stations(names: Sequence[str], motions: Collection[str], loads: Collection[s
     none = [""] * len(names)
     if not {*motions, *loads}.isdisjoint(names):
         return none
-    shared = _in_front(names, {*motions}) & _in_front(names, {*loads})
+    shared = sorted(_in_front(names, {*motions}) & _in_front(names, {*loads}))
     if any(set(station.split()) & (_OTHERS | _NO_SPECIMEN | _OF_MODELS) for station in shared):
         return none
     known = {*motions, *loads, *words.TIME}

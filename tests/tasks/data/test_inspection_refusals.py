@@ -75,8 +75,9 @@ def test_a_person_may_tell_the_unit_of_a_column_whose_own_is_not_known(tmp_path)
 
 
 def test_a_column_in_volts_that_a_person_names_is_refused_for_its_unit(tmp_path):
-    found = inspected(tmp_path, "Time (s),Disp (mm),ai0 (V),ai1 (V)", force_column="3", force_unit="N")
-    assert "unit 'V' is that of a sensor's signal, no force" in found.questions[0]
+    for told in ({}, {"force_unit": "N"}):
+        found = inspected(tmp_path, "Time (s),Disp (mm),ai0 (V),ai1 (V)", force_column="3", **told)
+        assert "unit 'V' is that of a sensor's signal, no force" in found.questions[0]
 
 
 def test_tests_without_times_that_two_columns_tell_apart_are_counted(tmp_path):
@@ -85,8 +86,8 @@ def test_tests_without_times_that_two_columns_tell_apart_are_counted(tmp_path):
     assert found.specimens == 6 and "6 tests in one table, one for each 'TestID, RepeatID'?" in " ".join(
         found.questions
     )
-    rows = [[a, 7.5 + ord(a), i / 100, i * i] for a in "xyz" for i in range(20)]
-    found = inspected(tmp_path, "TestID,Density,Strain (%),Stress (MPa)", rows)
+    rows = [[7.5 + ord(a), a, i / 100, i * i] for a in "xyz" for i in range(20)]
+    found = inspected(tmp_path, "Density,TestID,Strain (%),Stress (MPa)", rows)
     assert found.specimens == 3 and "one for each 'TestID'?" in " ".join(found.questions)
 
 
@@ -127,6 +128,9 @@ def test_sizes_may_stand_in_columns_of_the_table(tmp_path):
     found = inspected(tmp_path, titles, rows)
     assert (found.sizes["length"], found.sizes["diameter"], found.questions) == (25.4, 7.08, ())
     assert [round(one.sizes["diameter"].mm, 2) for one in found.recordings] == [7.08]
+    held = [[i, 20.0, 9 - i] for i in range(8)]
+    found = inspected(tmp_path, "Time (s),Length (mm),Load (N)", held)
+    assert found.recordings[0].sizes == {}, "the motion itself is no size, though it rests"
     changing = [[i, i / 10, 2 * i, 25.4, 7.08 - i / 100, 5.5] for i in range(8)]
     found = inspected(tmp_path, titles, changing)
     assert (found.sizes["length"], found.sizes["diameter"]) == (25.4, None)

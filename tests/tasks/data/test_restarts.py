@@ -82,6 +82,7 @@ def test_a_person_says_whether_they_are_tests_with_or_without_empty_rows_between
     assert len(joined.rows) == 90 and (np.diff(joined.numbers[:, 0]) > 0).all()
     found = inspect(path).content()
     assert (found["specimens"], found["rows"]) == (3, 90)
+    assert found["peak_force_N"] == pytest.approx(5 * 1.2 * 1.2 * 3, abs=0.01), "in the last row of the last test"
     assert sum("begins again in rows" in one for one in found["ask"]) == 1
 
 
@@ -120,6 +121,14 @@ def test_an_empty_row_within_a_test_is_refused(tmp_path):
     for tables in (None, "apart", "join"):
         with pytest.raises(BadInput, match="row 12: an empty row among the numbers"):
             read_recordings(path, Hints(rate_hz=10.0, tables=tables))
+
+
+def test_rows_of_words_are_no_empty_rows(tmp_path):
+    path = tmp_path / "a.csv"
+    lines = rows(1.0).splitlines(keepends=True)
+    path.write_text("".join([f"{TITLES}\n", *lines[:10], "pause,\n", *lines[10:], "\n", rows(0.8)]))
+    apart = read_recordings(path, Hints(rate_hz=10.0, tables="apart"))
+    assert [(one.rows[0], len(one.rows)) for one in apart] == [(2, 30), (34, 30)]
 
 
 def test_times_of_a_file_that_begin_again(tmp_path):

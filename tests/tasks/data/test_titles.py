@@ -3,6 +3,7 @@
 import pytest
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data.inspection import inspect
 from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.titles import is_spread, name_and_unit, stations, without_numbers, without_station, without_suffix
 from tests.effort import at_most
@@ -168,6 +169,27 @@ def test_a_station_in_front_is_read_with_a_remark(tmp_path):
     ]
     with pytest.raises(BadInput, match="no column of displacement"):
         read(tmp_path, titles="Time (s),Peak Displacement (mm),Peak Force (N)")
+
+
+@pytest.mark.parametrize(
+    ("titles", "found"),
+    [
+        ("time_s,Strain_%,P_MPa", ["time", "strain", "stress"]),
+        ("time_s,u_mm,P_N", ["time", "displacement", "force"]),
+        ("time_s,Strain_Raw_%,force_N", ["time", "strain", "force"]),
+        ("測定日時 s,変位 mm,荷重 kN", ["time", "displacement", "force"]),
+    ],
+)
+def test_further_titles(tmp_path, titles, found):
+    assert [one.quantity.name for one in read(tmp_path, titles=titles).columns] == found
+
+
+def test_the_clock_of_japanese_loggers_is_the_time(tmp_path):
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{i},2019/11/01 17:06:{10 + i},{i / 10},{2 * i}\n" for i in range(8))
+    path.write_bytes(f"名前,測定日時,変位 mm,荷重 kN\n{rows}".encode("cp932"))
+    found = inspect(path).content()
+    assert (found["time"], found["rows"]) == ({"column": "測定日時", "unit": "s"}, 8)
 
 
 def test_titles_in_russian(tmp_path):
