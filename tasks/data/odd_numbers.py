@@ -1,4 +1,4 @@
-"""Numbers that a test of tissue hardly has: limits of a sensor, a converter that overflows, gaps in time."""
+"""Numbers that a test of tissue hardly has: limits of a sensor, overflows, gaps in time, a force like a motion."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -14,6 +14,7 @@ FEWEST_ROWS = 10  # in which a gap can be seen
 AT_LIMIT, MOVED = 5, 0.02  # rows with the largest force, and the part of the way of the motion meanwhile
 TURNED = 0.4  # of the range of the force, on either side of zero: a converter that overflows
 GAP, USUAL = 50.0, 10.0  # times the steps beside a gap, and the usual step
+EVEN, UNEVEN, MOST = 0.02, 0.2, 0.98  # deviations from the usual step, in units of it; the part of the rows
 
 
 def odd_numbers(columns: Sequence[Column], numbers: Array) -> Iterator[str]:
@@ -24,6 +25,12 @@ def odd_numbers(columns: Sequence[Column], numbers: Array) -> Iterator[str]:
         yield (
             f"the {name} stays at exactly {number(load[row], 6)} {unit}, its largest value, in {count:,} rows while "
             f"the {columns[1].quantity.name} goes on; it may be the limit of the load cell"
+        )
+    if _rises_evenly(load) and not _rises_evenly(moved, UNEVEN):
+        yield (
+            f"the {name} rises by the same amount from row to row, as a motion does, and the "
+            f"{columns[1].quantity.name} does not; the two titles may be exchanged: compare them with the test, and "
+            "name the columns with --displacement-column and --force-column"
         )
     reach = float(np.ptp(load))
     both = np.minimum(np.abs(load[1:]), np.abs(load[:-1]))
@@ -36,6 +43,13 @@ def odd_numbers(columns: Sequence[Column], numbers: Array) -> Iterator[str]:
         )
     if columns[0].place != NOWHERE:
         yield from _gaps(time)
+
+
+def _rises_evenly(numbers: Array, within: float = EVEN) -> bool:
+    """Whether nearly all numbers rise by the same step; measured forces never do."""
+    steps = np.diff(numbers)
+    usual = float(np.median(steps)) if steps.size >= FEWEST_ROWS else 0.0
+    return usual > 0 and float((np.abs(steps - usual) <= within * usual).mean()) >= MOST
 
 
 def _at_limit(moved: Array, load: Array) -> Iterator[tuple[int, int]]:

@@ -40,3 +40,15 @@ def test_a_gap_in_time_is_told(tmp_path):
     assert remarks(read(tmp_path, time=np.concatenate([TIME[:20], TIME[19] + np.arange(1, 21) * 10.0]))) == [], (
         "another rate"
     )
+
+
+def test_a_force_that_rises_as_a_motion_does_is_told(tmp_path):
+    even, curved = np.arange(40) * 0.25, np.sqrt(np.arange(40.0))
+
+    def told(moved, force):
+        return any("may be exchanged" in line for line in remarks(read(tmp_path, moved=moved, force=force)))
+
+    assert told(curved, even)
+    assert not told(curved, changed(even, slice(5, 7), 1.1)), "a measured force"
+    assert not told(even * 2, even), "an elastic specimen"
+    assert not told(curved, even[::-1])
