@@ -3,7 +3,8 @@
 The truth is the dog-bone of the tutorial with eight times the study's elements and half its time steps, with an effect
 in the library's own form, of a drawn size, and white noise. ``OUT/cases`` is a folder for ``sinew benchmark discover``,
 ``OUT/study.yaml`` the study that knows the coarse mesh and no effect. Needs febio4. With ``--points``, a camera follows
-ten points of the gauge (``dic_1_mm`` to ``dic_10_mm``, along the pull), and the study compares them, too.
+ten points of the gauge (``dic_1_mm`` to ``dic_10_mm``, along the pull), and the study compares them, too. The answers
+tell the ``strength`` of each effect: what of its trace the model's parameters cannot imitate.
 """
 
 import json
@@ -20,7 +21,7 @@ from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.discover.fit.sizes import by_name
 from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect, model_with
-from sinew.tasks.simulate import Array, Simulator
+from sinew.tasks.simulate import Array, Simulated, Simulator
 from sinew.tasks.simulate.build import simulator_of
 from sinew.tasks.study.model import model_of
 from sinew.tasks.study.resources import resource
@@ -30,6 +31,7 @@ RATE_HZ, NOISE = 5.0, 0.003  # of the peak force
 POINTS, POINT_NOISE_MM, PICTURES_EVERY = 10, 0.005, 2  # that a camera follows; rows from one picture to the next
 FINER = ("set fineness = 1", "set fineness = 2")
 SIZE_MM, SCATTER = (20.0, 4.0, 2.0), 0.03
+STEP = 0.02  # of the range of a parameter, for slopes
 RANGES = {"E_matrix": (12.0, 40.0), "nu": (0.2, 0.4), "g_1": (0.3, 1.2), "tau_1": (4.0, 20.0)}  # of true values
 
 
@@ -91,9 +93,7 @@ def pulled(
     """The specimen with measured curves of the parameters ``row``; ``noise`` of the force: in parts of its peak."""
     curves = []
     for protocol in protocols:
-        done = simulator.simulate(model, specimen, protocol, row[np.newaxis])
-        if done.status[0]:
-            raise click.ClickException(f"{specimen.name}, {protocol.name}: {done.messages[0]}")
+        done = simulated(simulator, model, specimen, protocol, row)
         force = done.force_N[0]
         noisy = force + noise * np.abs(force).max() * rng.standard_normal(force.size)
         others = {}
@@ -103,6 +103,56 @@ def pulled(
                 others[name][np.arange(force.size) % PICTURES_EVERY > 0] = np.nan
         curves.append(Curve(protocol, noisy, others))
     return Specimen(specimen.name, specimen.length_mm, specimen.width_mm, specimen.thickness_mm, tuple(curves))
+
+
+def simulated(simulator: Simulator, model: Model, specimen: Specimen, protocol: Protocol, row: Array) -> Simulated:
+    """One run. Raises ``ClickException`` if it fails."""
+    done = simulator.simulate(model, specimen, protocol, row[np.newaxis])
+    if done.status[0]:
+        raise click.ClickException(f"{specimen.name}, {protocol.name}: {done.messages[0]}")
+    return done
+
+
+def strength(
+    simulator: Simulator,
+    model: Model,
+    specimen: Specimen,
+    plain: Array,
+    row: Array,
+    noise: float = NOISE,
+    protocols: Sequence[Protocol] = PROTOCOLS,
+) -> float:
+    """Root mean square, in units of the noise, of what effects change and the model's other parameters cannot imitate.
+
+    ``model`` has the effects, ``row`` their values and ``plain`` their null values. To first order at ``row``.
+    """
+
+    def courses(at: Array) -> list[tuple[Array, float]]:
+        """Each course with its noise."""
+        found = []
+        for protocol in protocols:
+            done = simulated(simulator, model, specimen, protocol, at)
+            found.append((done.force_N[0], noise * float(np.abs(done.force_N[0]).max())))
+            pictures = (course[0] for name, course in done.outputs.items() if name.startswith("dic_"))
+            found += [(course[::PICTURES_EVERY], POINT_NOISE_MM) for course in pictures]
+        return found
+
+    here = courses(row)
+
+    def change(at: Array) -> Array:
+        """What another row changes, in units of the noise."""
+        return np.concatenate([(a - b) / sd for (a, _), (b, sd) in zip(courses(at), here, strict=True)])
+
+    slopes = []
+    for place in np.flatnonzero(plain == row):  # the model's own parameters
+        parameter = model.parameters[place]
+        step = np.zeros(row.size)
+        step[place] = STEP * (parameter.maximum - parameter.minimum)
+        slopes.append(change(row + step))
+    trace = change(plain)
+    by = np.column_stack(slopes)
+    rest = trace - by @ np.linalg.lstsq(by, trace, rcond=None)[0]
+    return float(np.sqrt(np.mean(rest**2)))
 
 
 def sizes_of(effect: Effect, rng: np.random.Generator, times: float = 1.0) -> dict[str, float]:
@@ -152,15 +202,19 @@ def main(
         effects = () if slug == "none" else by_name([slug], plain)
         values = {name: value for effect in effects for name, value in sizes_of(effect, rng, times).items()}
         having, model = simulator.with_effects(effects), model_with(bare, effects)
-        made = [
-            pulled(having, model, bar, np.array([*row, *values.values()]), rng, *how)
-            for bar, row in zip(bars, truth, strict=True)
-        ] if effects else plain  # fmt: skip
+        rows = [np.array([*row, *values.values()]) for row in truth]
+        made = [pulled(having, model, *each, rng, *how) for each in zip(bars, rows, strict=True)] if effects else plain
+        nulls = [value for effect in effects for value in effect.null_values]
+        seen = [
+            strength(having, model, bar, np.array([*own, *nulls]), row, *how)
+            for bar, own, row in zip(bars, truth, rows, strict=True)
+        ] if effects else []  # fmt: skip
         write_cohort(out / "cases" / case, made)
         answers[case] = {
             "case": f"mesh-{slug}",
             "truth": [effect.slug for effect in effects],
             "magnitude": values,
+            "strength": {effect.slug: round(float(np.median(seen)), 2) for effect in effects},
             "specimens": {
                 bar.name: dict(zip(bare.names, row.tolist(), strict=True))
                 for bar, row in zip(bars, truth, strict=True)
@@ -168,7 +222,7 @@ def main(
             "noise_fraction_of_peak": noise,
             "seed": seed,
         }  # fmt: skip
-        print(f"{case}: {slug} {values}")
+        print(f"{case}: {slug} {values}, strength {answers[case]['strength']}")
     (out / "cases" / "answers.json").write_text(json.dumps(answers, indent=1) + "\n", "utf-8")
 
 

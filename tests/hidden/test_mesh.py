@@ -78,3 +78,21 @@ def test_the_points_of_a_camera_are_at_the_same_places_in_both_meshes(tmp_path):
     x, y, z = np.transpose(seen[0])
     assert set(x.round(6)) == {0.0, BAR.width_mm / 2} and (y == BAR.thickness_mm / 2).all()
     assert (np.unique(z).size, z.max()) == (5, BAR.length_mm / 2)
+
+
+def test_strength_is_what_the_model_cannot_imitate(made, tmp_path):
+    folder = made("one")
+    bare = mesh.model_of(read_study(folder / "study.yaml").model, "template")
+
+    def strength(slug, noise=mesh.NOISE):
+        (effect,) = mesh.by_name([slug], read_cohort(folder / "cases" / "case_01").specimens)
+        row = np.concatenate([bare.reference, [parameter.reference for parameter in effect.parameters]])
+        plain = np.concatenate([bare.reference, effect.null_values])
+        simulator = dogbone(tmp_path).with_effects((effect,))
+        return mesh.strength(simulator, mesh.model_with(bare, (effect,)), BAR, plain, row, noise)
+
+    assert strength("area-error") < 0.05, "a stiffer material does the same"
+    assert strength("time-lag") > 5.0
+    np.testing.assert_allclose(strength("time-lag", mesh.NOISE / 2), 2 * strength("time-lag"), rtol=1e-6)
+    told = yaml.safe_load((folder / "cases" / "answers.json").read_text())
+    assert told["case_01"]["strength"] == {} and told["case_02"]["strength"]["machine-compliance"] > 0
