@@ -220,7 +220,7 @@ def _recording(
     places = {*further.places, *(column.place for column in columns)}
     others = {place for column in columns if beside > 1 for place in alike_places(table, column)}  # of other tests
     unused = [place for place, title in enumerate(table.titles) if place not in places | others and title]
-    notes = table.unseen(range(block.start, block.end)) + ((UNPADDED,) if columns[0].place in table.unpadded else ())
+    notes = _unseen(table, range(block.start, block.end), columns)
     if hints.timing.given:
         if hints.test_column is None and not np.ptp(numbers[:, 0]):
             refuse_several(table, block.end, list(places), rows_again(numbers))
@@ -289,6 +289,12 @@ def _once(recording: Recording) -> Recording:
     listed = ", ".join(f"{recording.rows[row]}" for row in rows[:5]) + (", ..." if rows.size > 5 else "")
     note = f"{rows.size} of {len(recording.rows):,} rows repeat the time stamp before them and are left out: {listed}"
     return replace(recording.part(np.delete(np.arange(len(recording.rows)), rows), note), repeats=recording.repeats)
+
+
+def _unseen(table: Table, rows: range, columns: Sequence[Column]) -> tuple[str, ...]:
+    """What one does not see of a test: what is hidden, and milliseconds without zeros in front."""
+    notes = table.unseen(rows, {each.place: each.title for each in columns})
+    return (*notes, UNPADDED) if columns[0].place in table.unpadded else notes
 
 
 def _over_cycles(

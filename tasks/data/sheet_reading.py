@@ -3,13 +3,13 @@
 A spreadsheet of a kilobyte may have two cells so far apart that the rows between them fill the memory, and the library
 that reads it then ends its process. So it has one of its own, with limits.
 
-Each sheet is a line with its name (``sheet``), whether it is ``hidden``, and the numbers of its ``hidden_rows``,
-followed by a line for each row with a list of its texts. A last line is ``null`` if all is there, or an object that
-says what is ``wrong`` and what is ``expected``.
+Each sheet is a line with its name (``sheet``), whether it is ``hidden``, the numbers of its ``hidden_rows`` and of
+its ``hidden_columns``, followed by a line for each row with a list of its texts. A last line is ``null`` if all is
+there, or an object that says what is ``wrong`` and what is ``expected``.
 
 Cells that are formatted as percent hold fractions. They are written as they are shown, 9.97 for 0.0997, and the title
-above them gets the unit ``[%]`` where it has none. Numbers that are shown in thousands, or with a unit that the title
-does not have, stay as they are, and a person is asked for their unit. Errors of formulas are empty cells.
+above them gets the unit ``[%]`` where it has none. Numbers that are shown in thousands, as others, or with a unit that
+the title does not have, stay as they are, and a person is asked for their unit. Errors of formulas are empty cells.
 """
 
 import datetime
@@ -21,17 +21,9 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
-from sinew.tasks.data.sheet_formats import (
-    FAILED,
-    MAX_CELLS,
-    PERCENT,
-    THOUSANDS,
-    WITH,
-    Cells,
-    Look,
-    TooMuch,
-    looks_of,
-)
+from sinew.tasks.data.number_formats import FAILED, OTHERWISE, PERCENT, THOUSANDS, WITH
+from sinew.tasks.data.sheet_formats import looks_of
+from sinew.tasks.data.sheet_look import MAX_CELLS, Cells, Look, TooMuch
 
 MEMORY_BYTES = 2**31  # of the process
 SECONDS = 60  # of a processor; a spreadsheet of the largest size takes less
@@ -49,6 +41,7 @@ UNIT = re.compile(r"\s*[(\[][^)\]]*[)\]]\s*$")  # of a title
 IN_PERCENT = re.compile(r"[(\[]\s*%\s*[)\]]|%\s*$|^\s*%")  # a title with this unit
 PARTLY = "partly percent"  # the unit of numbers of which only some are formatted as percent
 SCALED = "shown in thousands"  # the unit of numbers that are shown divided by a thousand, or by more
+CHANGED = "shown as other numbers"  # that of numbers that are shown with another sign or other digits
 COLUMN = 3  # numbers below each other that are a column
 DURATION = re.compile(r"PT(?:(\d{1,6})H)?(?:(\d{1,6})M)?(?:(\d{1,6}(?:\.\d{1,9})?)S)?")  # in an open document
 
@@ -85,7 +78,12 @@ def lines_of(content: bytes) -> Iterator[dict[str, Any] | list[str]]:
             look = looks.get(str(name), Look())
             sheet = workbook.get_sheet_by_name(name)
             hidden_rows = sorted(row for row in look.rows if row <= sheet.total_height + 1)
-            yield {"sheet": str(name), "hidden": not visible[name], "hidden_rows": hidden_rows}
+            yield {
+                "sheet": str(name),
+                "hidden": not visible[name],
+                "hidden_rows": hidden_rows,
+                "hidden_columns": sorted(column for column in look.columns if column <= sheet.total_width + 1),
+            }
             cells += (sheet.total_height + 1) * (sheet.total_width + 1)  # of the last row and column, from 0
             if cells > MAX_CELLS:
                 raise TooMuch(f"{cells:,} cells up to the last one that is not empty", EXPECTED)
@@ -162,8 +160,8 @@ def _plain(unit: str) -> str:
 
 def _unknown(ways: set[str | None]) -> str:
     """The unit, which nobody knows, of numbers that are not shown as they are."""
-    if THOUSANDS in ways:
-        return SCALED
+    if THOUSANDS in ways or OTHERWISE in ways:
+        return SCALED if THOUSANDS in ways else CHANGED
     return next(iter(sorted(way for way in ways if way and way.startswith(WITH))), PARTLY)
 
 

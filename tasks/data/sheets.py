@@ -49,17 +49,27 @@ def _is_text(path: Path) -> bool:
 
 
 @dataclass(frozen=True)
-class Sheet:
-    """A sheet of a spreadsheet: the texts of its rows, whether it is ``hidden``, and the numbers (from 1) of its hidden
-    rows.
+class Hidden:
+    """What of a sheet is not shown: all of it (``sheet``), or the ``rows`` and ``columns`` with these numbers, from 1.
 
-    Rows that are hidden in an .xls or .xlsb file are not known.
+    Rows and columns that are hidden in an .xls or .xlsb file are not known.
     """
+
+    sheet: bool = False
+    rows: frozenset[int] = frozenset()
+    columns: frozenset[int] = frozenset()
+
+
+NOTHING_HIDDEN = Hidden()
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A sheet of a spreadsheet: the texts of its rows, and what of it is hidden."""
 
     name: str
     rows: list[tuple[str, ...]] = field(default_factory=list)
-    hidden: bool = False
-    hidden_rows: frozenset[int] = frozenset()
+    hidden: Hidden = NOTHING_HIDDEN
 
 
 def read_sheets(path: Path) -> Iterator[Sheet]:
@@ -91,7 +101,8 @@ def _sheets(path: Path, lines: Iterable[Any]) -> list[Sheet]:
     texts: dict[str, str] = {}
     for line in lines:
         if isinstance(line, dict) and "sheet" in line:
-            sheets.append(Sheet(line["sheet"], hidden=line["hidden"], hidden_rows=frozenset(line["hidden_rows"])))
+            rows, columns = (frozenset(line[f"hidden_{what}"]) for what in ("rows", "columns"))
+            sheets.append(Sheet(line["sheet"], hidden=Hidden(line["hidden"], rows, columns)))
         elif isinstance(line, list):
             sheets[-1].rows.append(tuple(texts.setdefault(text, text) for text in line))
         elif line is not None:

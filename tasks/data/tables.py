@@ -3,7 +3,7 @@
 This module knows how a table looks, and nothing of what its columns mean.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +11,7 @@ from pathlib import Path
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.heads import Head, Row, as_wide, head_of, is_label, is_row_of_units, refuse_factors
 from sinew.tasks.data.labview import is_labview, read_labview
-from sinew.tasks.data.sheets import Sheet, is_sheet, read_sheets
+from sinew.tasks.data.sheets import NOTHING_HIDDEN, Hidden, Sheet, is_sheet, read_sheets
 from sinew.tasks.data.spaced_titles import cells_apart_otherwise, title_cells, usual_width
 from sinew.tasks.data.text import (
     SEPARATORS,
@@ -49,8 +49,7 @@ class Table:
     ``titles`` are in row ``title_row`` of the file, and ``units`` in the row below; both may be empty. ``rows`` holds
     the rows from the first one with numbers to the end of the table, each with its number in the file (from 1).
     ``header`` holds the rows above the titles, without earlier tables of the same titles; those from ``own`` on stand
-    behind the last of these. Of many rows, it holds those at both ends. ``hidden``: its
-    sheet is hidden in the spreadsheet, as are the rows ``hidden_rows`` of the sheet.
+    behind the last of these. Of many rows, it holds those at both ends. ``hidden``: what of its sheet is not shown.
     """
 
     path: Path
@@ -63,8 +62,7 @@ class Table:
     title_row: int = 0
     sheet: str = ""
     own: int = 0
-    hidden: bool = False
-    hidden_rows: frozenset[int] = frozenset()
+    hidden: Hidden = NOTHING_HIDDEN
 
     @property
     def first(self) -> int:
@@ -93,11 +91,13 @@ class Table:
             return None
         return SECONDS_OF_A_DAY * days + seconds_of(cell, milliseconds=column in self.unpadded)
 
-    def unseen(self, rows: range) -> tuple[str, ...]:
-        """What a person who opens the file does not see of these rows of the table, in words."""
-        words = (f"its sheet '{self.sheet}' is hidden",) if self.hidden else ()
-        count = sum(self.rows[row][0] in self.hidden_rows for row in rows) if self.hidden_rows else 0
-        return (*words, f"hidden in the spreadsheet, but read: {count} of its {len(rows)} rows") if count else words
+    def unseen(self, rows: range, columns: Mapping[int, str]) -> tuple[str, ...]:
+        """What a person who opens the file does not see of these rows and columns (by place: title), in words."""
+        words = (f"its sheet '{self.sheet}' is hidden",) if self.hidden.sheet else ()
+        count = sum(self.rows[row][0] in self.hidden.rows for row in rows) if self.hidden.rows else 0
+        titles = [f"'{title}'" for place, title in columns.items() if place + 1 in self.hidden.columns]
+        what = [f"{count} of its {len(rows)} rows"] * bool(count) + [f"column {title}" for title in titles]
+        return (*words, f"hidden in the spreadsheet, but read: {', '.join(what)}") if what else words
 
     @cached_property
     def unpadded(self) -> frozenset[int]:
@@ -130,8 +130,7 @@ class _Page:
     name: str
     rows: Sequence[tuple[int, Row]]
     titles: Sequence[Row]
-    hidden: bool = False
-    hidden_rows: frozenset[int] = frozenset()
+    hidden: Hidden = NOTHING_HIDDEN
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +170,7 @@ def read_source(path: Path) -> Source:
 
 def _page(sheet: Sheet) -> _Page:
     rows = _without_blank_end(list(enumerate(sheet.rows, start=1)))
-    return _Page(sheet.name, rows, [row for _, row in rows], sheet.hidden, sheet.hidden_rows)
+    return _Page(sheet.name, rows, [row for _, row in rows], sheet.hidden)
 
 
 def _without_blank_end(rows: list[tuple[int, Row]]) -> list[tuple[int, Row]]:
@@ -206,7 +205,7 @@ def tables_of(source: Source) -> Iterator[Table]:
                     raise BadInput(source.path, f"more than {MOST_TABLES:,} tables", "fewer of them in one file")
                 own = len(before) + table.own
                 yield replace(table, header=(*before, *table.header), own=own) if page.name else table
-            if not page.hidden:
+            if not page.hidden.sheet:
                 before += tuple(row for _, row in page.rows[:HEAD_LINES] if any(row))
             if len(before) > MOST_BEFORE:  # each table keeps them
                 before = before[: MOST_BEFORE // 2] + before[-MOST_BEFORE // 2 :]
@@ -267,7 +266,7 @@ def _tables(source: Source, page: _Page, fewest: int) -> Iterator[Table]:
         refuse_factors(path, rows[top:start])
         yield Table(
             path, header, words, head.units, rows[start:end], source.separator, decimal, title_row, page.name, own,
-            page.hidden, page.hidden_rows,
+            page.hidden,
         )  # fmt: skip
 
 

@@ -238,7 +238,7 @@ def test_a_cell_that_is_there_twice_is_refused(tmp_path, more):
     rows = styled(1)
     at = rows.index('<c r="C3"')
     path = write_workbook(tmp_path / "a.xlsx", STYLES, one=rows[:at] + more + rows[at:])
-    with pytest.raises(BadInput, match=r"two cells in row \d, column \d, or one out of order; expected one"):
+    with pytest.raises(BadInput, match=r"two cells [ABC]\d, or one out of order; expected one"):
         list(read_sheets(path))
 
 
@@ -324,7 +324,6 @@ def test_numbers_that_are_shown_with_another_unit_are_asked_about(tmp_path, code
         ('0.00" kN"', "Force [kN]"),
         ('0.00" kN"', "kN"),
         ('0.0" mm²"', "Area [mm2]"),
-        ('"about "0.0', "Force"),
         ('0.0" €"', "Force"),
     ],
 )

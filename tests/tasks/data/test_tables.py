@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.inspection import inspect
+from sinew.tasks.data.sheets import Hidden
 from sinew.tasks.data.tables import Table, read_tables
 from tests.effort import at_most
 
@@ -289,7 +290,11 @@ def test_quoted_cells_with_points_are_read_as_before(tmp_path):
 
 def test_hidden_rows_of_a_test_are_counted(tmp_path):
     (table,) = tables(tmp_path, "a,b,c", "0,0,0", "1,1,1", "2,2,2")
-    assert table.unseen(range(3)) == ()
-    found = replace(table, hidden_rows=frozenset({1, 3, 4}))
-    assert found.unseen(range(3)) == ("hidden in the spreadsheet, but read: 2 of its 3 rows",)
-    assert found.unseen(range(1)) == ()
+    assert table.unseen(range(3), {}) == ()
+    found = replace(table, hidden=Hidden(rows=frozenset({1, 3, 4})))
+    assert found.unseen(range(3), {}) == ("hidden in the spreadsheet, but read: 2 of its 3 rows",)
+    assert found.unseen(range(1), {0: "a"}) == ()
+    both = replace(found, hidden=Hidden(rows=frozenset({1, 3, 4}), columns=frozenset({2, 3})))
+    assert both.unseen(range(3), {-1: "", 0: "a", 2: "c"}) == (
+        "hidden in the spreadsheet, but read: 2 of its 3 rows, column 'c'",
+    )
