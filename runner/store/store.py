@@ -34,7 +34,7 @@ Guarantees:
 
 import json
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -172,15 +172,22 @@ class Store:
         with store_errors(self.path):
             results.write(self.path, name, dataset)
 
-    def read_result(self, name: str) -> xr.Dataset:
-        """A task's arrays. Raises ``StoreError`` when there are none, or not what was written."""
+    def read_result(self, name: str, **expected: Sequence[str]) -> xr.Dataset:
+        """A task's arrays. Raises ``StoreError`` when there are none, or not what was written.
+
+        ``expected``: values of coordinates, where whoever reads goes by their order.
+        """
         if not (self.path / name).is_dir():
             raise StoreError(f"{self.path}: holds no result '{name}'")
         with result_errors(self.path / name):
             group = self.root.get(name)
             if not isinstance(group, zarr.Group):
                 raise Damaged("its zarr.json is not that of a group")
-            return results.read(self.path, group, name)
+            found = results.read(self.path, group, name)
+            for coordinate, values in expected.items():
+                if coordinate not in found.coords or found[coordinate].to_numpy().tolist() != list(values):
+                    raise Damaged(f"its coordinate {coordinate} is not that of the result")
+            return found
 
 
 SOLVERS_OWN = ("attempts",)  # folders of a result folder in which solvers may leave anything

@@ -226,14 +226,14 @@ def _discovered(kept: xr.Dataset, protocol: str) -> MeasuredCurve:
     return represented(protocol, *columns)
 
 
-def read_results(store: Store, names: Sequence[str], start: str = "") -> list[xr.Dataset]:
+def read_results(store: Store, names: Sequence[str], start: str = "", **expected: Sequence[str]) -> list[xr.Dataset]:
     """Several results of a store, which a section needs together: arrays whose names begin with ``start``.
 
-    Raises ``StoreError`` for too much of them.
+    ``expected``: as for ``Store.read_result``. Raises ``StoreError`` for too much of them.
     """
     found, size = [], 0
     for name in names:
-        whole = store.read_result(name)
+        whole = store.read_result(name, **expected)
         found.append(whole[[str(each) for each in whole.data_vars if str(each).startswith(start)]])
         size += found[-1].nbytes
         if size > MAX_RESULT_BYTES:

@@ -36,7 +36,7 @@ def draw(workspace: Workspace, result: SobolResult) -> None:
         save(convergence(result), folder, "sobol_convergence", convergence_table(result))
     for specimen, output in result.courses().values():
         name = result.tables[specimen]
-        dataset = workspace.store.read_result(f"sobol_time/{name}")
+        dataset = workspace.store.read_result(f"sobol_time/{name}", parameter=result.names)
         ending = "" if output is None else f"_{output}"
         figure = along_time(dataset, result.names, output, result.leading)
         save(figure, folder, f"sobol_time_{name}{ending}", time_table(dataset, output, result.leading))
@@ -50,7 +50,7 @@ def draw(workspace: Workspace, result: SobolResult) -> None:
 
 def _along_time(result: SobolResult, folder: Path, course: str) -> Figure:
     specimen, output = result.courses()[course]
-    dataset = open_store(folder).read_result(f"sobol_time/{result.tables[specimen]}")
+    dataset = open_store(folder).read_result(f"sobol_time/{result.tables[specimen]}", parameter=result.names)
     return along_time(dataset, result.names, output, result.leading)
 
 

@@ -127,7 +127,8 @@ def _along_time(folder: ResultFolder, result: SobolResult, level: str) -> Block 
     order = _order(result)
     tables = dict.fromkeys(result.tables.values())
     names_of_results = [f"sobol_time/{table}" for table in tables]
-    every = dict(zip(tables, read_results(folder.store, names_of_results, f"{leading}_"), strict=True))
+    read = read_results(folder.store, names_of_results, f"{leading}_", parameter=names)
+    every = dict(zip(tables, read, strict=True))
     kept = {name: every[table] for name, table in result.tables.items()}
     protocols, more = plots.first(dict.fromkeys(n for each in kept.values() for n in protocols_of(each)), "protocols")
     outputs = bool(result.outputs)

@@ -14,7 +14,7 @@ from sinew.runner.store.store import open_store
 from sinew.tasks.drawing.blocks import with_its_unit
 from sinew.tasks.drawing.figures import COLOURS, STYLE, headline, save, symbol
 from sinew.tasks.drawing.views import FigureKind
-from sinew.tasks.infer.abc.result import AbcResult, Posterior, particles_group
+from sinew.tasks.infer.abc.result import AbcResult, Posterior, stored_particles
 from sinew.tasks.simulate import Array
 from sinew.tasks.study.workspace import Workspace
 
@@ -23,7 +23,7 @@ def draw(workspace: Workspace, result: AbcResult) -> None:
     """Write all figures, each with its table."""
     folder = workspace.out / "figures"
     for site in result.sites:
-        particles = workspace.store.read_result(particles_group(site))
+        particles = stored_particles(workspace.store, site, result.names)
         tables = figure_tables(particles, result, site)
         for name, figure in figures_of(particles, result, site).items():
             save(figure, folder, f"infer_{site}_{name}", tables[name])
@@ -53,7 +53,7 @@ def figure_tables(particles: xr.Dataset, result: AbcResult, site: str) -> dict[s
 
 def _kind(kind: str) -> FigureKind[AbcResult]:
     def draw(result: AbcResult, folder: Path, site: str) -> Figure:
-        particles = open_store(folder).read_result(particles_group(site))
+        particles = stored_particles(open_store(folder), site, result.names)
         if kind == "marginals":
             return marginals(particles, result, site)
         if kind == "joint":

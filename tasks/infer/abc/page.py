@@ -21,7 +21,7 @@ from sinew.tasks.drawing.blocks import (
     with_its_unit,
 )
 from sinew.tasks.infer.abc.figures import density
-from sinew.tasks.infer.abc.result import ENOUGH, AbcResult, particles_group
+from sinew.tasks.infer.abc.result import ENOUGH, AbcResult, check_weights, particles_group
 from sinew.tasks.infer.abc.show import apart_from_fits, beyond_ranges, far_off, sizes, too_short
 from sinew.tasks.report.folder import ResultFolder, read_results
 
@@ -44,8 +44,10 @@ def section(folder: ResultFolder, result: AbcResult) -> Section:
     if words := too_short(result):
         blocks.append(Words(words, "note"))
     if folder.store is not None:
-        kept = read_results(folder.store, [particles_group(site) for site in sites])
-        particles = dict(zip(sites, kept, strict=True))
+        groups = [particles_group(site) for site in sites]
+        particles = dict(zip(sites, read_results(folder.store, groups, parameter=result.names), strict=True))
+        for site, kept in particles.items():
+            check_weights(folder.store, site, kept)
         blocks.append(_marginals(result, particles))
     blocks += [_table(result), _thresholds(result)]
     beyond = beyond_ranges(result, folder.result(CalibrateResult))

@@ -7,11 +7,14 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
+from sinew.runner.errors import StoreError
+from sinew.runner.store.store import Store
 from sinew.tasks.infer.consistent import check_marginal, check_marginals, check_names
 from sinew.tasks.study.result import OMIT, Count, NotNegative, Number, Numbers, Result, Share
 
 Array = np.ndarray[Any, Any]
 INTERVAL = 0.95  # probability of the highest density intervals
+ROUNDING = 1e-6  # of a sum of weights
 NEARLY = 0.9  # of the effective sample size that is asked for: it is met about, from the weights of the last generation
 FEW = 10
 """Effective sample size below which the heaviest particles decide, and their scatter is not seen in the sample."""
@@ -154,6 +157,20 @@ class AbcResult(Result):
             for name, marginal in posterior.parameters.items()
             if name in ranges and not ranges[name][0] <= marginal.hdi[0] <= marginal.hdi[1] <= ranges[name][1]
         ]
+
+
+def stored_particles(store: Store, site: str, names: Sequence[str]) -> xr.Dataset:
+    """The particles of a site, with parameters in the order of ``names``. Raises ``StoreError``."""
+    found = store.read_result(particles_group(site), parameter=names)
+    check_weights(store, site, found)
+    return found
+
+
+def check_weights(store: Store, site: str, particles: xr.Dataset) -> None:
+    """Raises ``StoreError`` for weights below zero, or whose sum in a generation is not 1."""
+    weight = particles["weight"].transpose(..., "particle").to_numpy()
+    if not (weight >= 0.0).all() or not (np.abs(weight.sum(axis=-1) - 1.0) < ROUNDING).all():
+        raise StoreError(f"{store.path / particles_group(site)}: its weights are none of particles; infer again")
 
 
 def particles_group(site: str) -> str:

@@ -90,6 +90,12 @@ def test_results_stand_beside_the_evaluations(tmp_path):
         assert read["parameter"].to_numpy().tolist() == ["E_f", "alpha_f"]
         with pytest.raises(StoreError, match="no result 'nothing'"):
             store.read_result("nothing")
+        assert store.read_result("sobol", parameter=["E_f", "alpha_f"]).identical(read)
+        for names in (["alpha_f", "E_f"], ["E_f"]):
+            with pytest.raises(StoreError, match="its coordinate parameter is not that of the result"):
+                store.read_result("sobol", parameter=names)
+        with pytest.raises(StoreError, match="its coordinate specimen is not that of the result"):
+            store.read_result("sobol", specimen=["a"])
 
 
 def test_who_looks_while_another_writes_sees_whole_tables(tmp_path):

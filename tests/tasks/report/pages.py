@@ -94,7 +94,7 @@ def hostile(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     edit(folder / "infer.json", renamed)
     kept = Store.read_result
 
-    def read_result(self, name):
+    def read_result(self, name, **_):  # an attacker writes the same names into the store
         for true, evil in names.items():
             name = name.replace(evil.replace("/", "_"), true).replace(evil, true)
         return kept(self, name)

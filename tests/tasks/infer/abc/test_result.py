@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from sinew.runner.errors import BadInput
-from sinew.tasks.infer.abc.result import AbcResult, GenerationCounts, draws
+from sinew.runner.errors import BadInput, StoreError
+from sinew.runner.store.store import Store
+from sinew.tasks.infer.abc.result import AbcResult, GenerationCounts, draws, stored_particles
 from sinew.tasks.infer.abc.show import apart_from_fits, far_off, sizes, too_short
 from tests.tasks.calibrations import calibration_of, fit_of
 from tests.tasks.posteriors import posterior_of
@@ -121,3 +122,19 @@ def test_names_units_and_marginals_that_do_not_belong_together_are_refused(chang
     result = AbcResult("store", ["E_f"], ["MPa"], [""], True, "ranges", 4, 0.95, site, "known")
     with pytest.raises(ValueError, match=problem):
         replace(result, **change)
+
+
+@pytest.mark.parametrize(
+    ("weight", "names"),
+    [([0.5, 0.5], "ab"), ([1.5, -0.5], "ab"), ([0.5, 0.4], "ab"), ([np.nan, 1.0], "ab"), ([0.5, 0.5], "ba")],
+)
+def test_particles_of_the_store_have_weights_and_the_parameters_of_the_result(tmp_path, weight, names):
+    dims = ("generation", "particle", "parameter")
+    values = xr.Dataset({"parameters": (dims, np.zeros((1, 2, 2))), "weight": (dims[:2], [weight])})
+    with Store.writing(tmp_path, "study") as store:
+        store.write_result("infer/site", values.assign_coords(parameter=list(names)))
+        if (weight, names) == ([0.5, 0.5], "ab"):
+            assert stored_particles(store, "site", ["a", "b"]).identical(store.read_result("infer/site"))
+            return
+        with pytest.raises(StoreError, match=r"its coordinate parameter is not|its weights are none of particles"):
+            stored_particles(store, "site", ["a", "b"])
