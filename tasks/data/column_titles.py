@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 from sinew.runner.errors import BadInput
 from sinew.tasks.data import units, words
 from sinew.tasks.data.heads import Row
-from sinew.tasks.data.quantities import OF_A_TEST
+from sinew.tasks.data.quantities import FORCE, OF_A_TEST
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 from sinew.tasks.data.titles import (
@@ -93,6 +93,7 @@ def _known_names(names: Sequence[str], measured: Sequence[str]) -> list[str]:
         words = [known_within(name, known) for name in names]
         for place, (word, unit) in enumerate(zip(words, measured, strict=True)):
             fits = any(units.factor(one.units, unit) is not None for one in quantities if word in one.titles)
+            fits = fits or (unit in units.MASSES and word in FORCE.titles)  # whose unit is asked for
             if word and (fits or (not unit and without_fillers(names[place]) == word)):
                 names[place] = word
     return names

@@ -1,5 +1,6 @@
 """What a file is taken for, before anything is written: its columns, units and sizes, and what must be asked."""
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -37,6 +38,8 @@ from sinew.tasks.data.sizes_of_tests import sizes_in_columns
 from sinew.tasks.data.tables import NoTable, Source, Table, read_source, tables_of
 from sinew.tasks.data.told import as_told
 from sinew.tasks.data.units import usual
+
+_TRUE = re.compile(r"\b(?:true|wahre?|vraie?|verdader[oa]|cauchy)\b", re.IGNORECASE)  # strains and stresses
 
 
 @dataclass(frozen=True)
@@ -162,6 +165,8 @@ def _no_test(table: Table) -> BadInput:
     listed = ", ".join(title or "(no name)" for title in table.titles[:12])
     if any(is_signal(unit) for _, unit in names_and_units(table)[1]):
         expected = "forces and displacements: multiply the signals of sensors by their factors first"
+    elif any(_TRUE.search(title) for title in table.titles):
+        expected = "engineering strain and stress: true ones are of sizes that change"
     else:
         options = "--time-column, --displacement-column and --force-column NAME or NUMBER"
         expected = f"titles of time, displacement and force, or {options}"

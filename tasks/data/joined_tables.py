@@ -11,7 +11,7 @@ from sinew.tasks.data.further import Kept
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import Repeats
 from sinew.tasks.data.recording import Recording
-from sinew.tasks.data.several import GOES_ON, TABLES, Block, go_on, going_on, rest_of_former, unclear_tables
+from sinew.tasks.data.several import GOES_ON, LATER, TABLES, Block, go_on, going_on, rest_of_former, unclear_tables
 
 NOT_JOINED = f"{TABLES} join has no effect: no table begins where the one before ends"
 
@@ -35,7 +35,8 @@ def joined_tables(tests: Sequence[Recording], hints: Hints, *, named: bool) -> l
     for former, test in pairwise(tests):
         alike = former.columns[1:] == test.columns[1:]
         note = rest_of_former(former.numbers, test.numbers, test.columns) if alike else ""
-        note = GOES_ON if alike and not named and times_go_on([former, test]) else note
+        if alike and not named and test.columns[0].place != NOWHERE and test.numbers[0, 0] > former.numbers[-1, 0]:
+            note = GOES_ON if times_go_on([former, test]) else note or LATER
         if note and hints.tables in (None, "first"):
             raise unclear_tables(test.path, note, again=bool(test.numbers[0, 0] <= former.numbers[-1, 0]))
         if note and hints.tables == "join":

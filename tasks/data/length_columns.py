@@ -11,6 +11,7 @@ from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, STRAIN, STRESS, Quantity
 from sinew.tasks.data.sizes import LONGEST_MM, SAME, Size
 from sinew.tasks.data.tables import Table
+from sinew.tasks.data.titles import by_extensometer
 
 Array = np.ndarray[Any, np.dtype[Any]]
 NEAR = 0.05  # by how much a length and the one that strains imply may differ
@@ -62,6 +63,8 @@ def length_by_strain(table: Table, rows: range, moved: Column) -> tuple[float, s
 def contradiction(table: Table, rows: range, moved: Column, length_mm: float) -> str:
     """How the strains of a table contradict a length that is told above it, in words; empty if they do not."""
     implied = length_by_strain(table, rows, moved)
+    if implied is not None and by_extensometer(implied[1]):
+        return ""  # it has a length of its own
     if implied is None or abs(implied[0] - length_mm) <= NEAR * length_mm:
         return ""
     return f"{length_mm:g} mm in the lines above, but {implied[0]:.4g} mm by '{implied[1]}'"

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,8 @@ FOLLOWED, PARTS, FEWEST_PARTS = 2000, 50, 5  # rows, and parts of the machine's 
 FOLLOWS = 0.5  # rank correlation
 FEW_VALUES = 10  # times more values that another column has
 LOOKED_AT = 200  # rows: a file of many tests is asked many times
+MOST_TURNS = 0.1  # of the rows: a motion that turns more often is noisy, and its way is longer than that of the machine
+Array = np.ndarray[Any, np.dtype[Any]]
 
 
 def in_volts(name: str, unit: str) -> bool:
@@ -29,9 +32,16 @@ def changes(table: Table, place: int) -> bool:
 
 
 def rests(table: Table, place: int) -> bool:
-    """Whether a column has the same number in two rows one after the other: of a motion, no speed tells the time."""
-    numbers = (table.number(row, place) for row in range(len(table.rows)))
-    return any(one is not None and one == other for one, other in pairwise(numbers))
+    """Whether no speed of the motion in a column tells the time: it has the same number in two rows, or turns often."""
+    found = (table.number(row, place) for row in range(len(table.rows)))
+    numbers = np.array([number for number in found if number is not None])
+    return bool((np.diff(numbers) == 0.0).any() or turns_often(numbers))
+
+
+def turns_often(numbers: Array) -> int:
+    """How often a motion ``[t]`` turns; 0 where it is seldom enough to be that of a machine and no noise."""
+    turns = int(np.count_nonzero(np.diff(np.sign(np.diff(numbers)))))
+    return turns if turns > MOST_TURNS * len(numbers) else 0
 
 
 def follows(table: Table, place: int, machine: int) -> bool:

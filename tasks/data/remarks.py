@@ -5,11 +5,13 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from sinew.tasks.data.columns import LIKELY, Column
+from sinew.tasks.data.heads import joined
 from sinew.tasks.data.odd_numbers import odd_numbers
 from sinew.tasks.data.quantities import POSITION
 from sinew.tasks.data.recording import Recording
+from sinew.tasks.data.sizes import narrow
 from sinew.tasks.data.titles import name_and_unit, without_fillers
-from sinew.tasks.data.told_lines import told_factors
+from sinew.tasks.data.told_lines import told_bending, told_factors
 from sinew.tasks.drawing.blocks import number
 
 NO_FORMATS = (".xls", ".xlsb")  # spreadsheets of which the formats of cells are not read
@@ -21,7 +23,9 @@ def remarks(recording: Recording) -> list[str]:
     found = [*recording.notes, *recording.further.notes, *which_columns(recording.columns)]
     if recording.motion.quantity is POSITION:
         found.append(f"positions, {LIKELY} to count from the first one")
-    found += [*told_factors(recording.header), *odd_numbers(recording.columns, recording.numbers)]
+    texts = (*(column.title for column in recording.columns), *recording.left_out)
+    found += [*told_bending((*map(joined, narrow(recording.header)), *texts)), *told_factors(recording.header)]
+    found += [*odd_numbers(recording.columns, recording.numbers)]
     return [*found, *_hidden_percent(recording), *map(str, recording.doubts)]
 
 

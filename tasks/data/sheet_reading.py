@@ -22,6 +22,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from sinew.tasks.data.number_formats import FAILED, OTHERWISE, PERCENT, THOUSANDS, WITH
+from sinew.tasks.data.quoted import unquoted
 from sinew.tasks.data.sheet_formats import looks_of
 from sinew.tasks.data.sheet_look import MAX_CELLS, Cells, Look, TooMuch
 
@@ -55,7 +56,7 @@ def _text(cell: Any) -> str:
         return f"{24 * cell.days + minutes // 60}:{minutes % 60:02d}:{seconds:02d}{part}"
     if isinstance(cell, datetime.date | datetime.time):
         return cell.isoformat()
-    text = str(cell).strip()
+    text = unquoted(str(cell))
     if text.startswith("PT") and len(text) > 2 and (found := DURATION.fullmatch(text)):  # 24 h or more
         h, m, s = (float(part or 0) for part in found.groups())
         return _text(datetime.timedelta(hours=h, minutes=m, seconds=s))

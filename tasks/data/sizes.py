@@ -100,14 +100,37 @@ def read_sizes(header: Sequence[Row], own: int = 0, decimal: str = "") -> Mappin
 
     A size stands in a row of its own, or in a table of results: a row of labels, one of units, one of numbers. If
     several rows tell one size, the first of them with number and unit counts, else the first with a number; where they
-    contradict each other, none does. The height of a round specimen is its length. Rows from ``own`` on go before those
+    contradict each other, none does. The height of a round specimen is its length, and so is
+    one beside a width and a thickness that make the area. Rows from ``own`` on go before those
     above them. Of many thousand rows, the first and the last are looked at.
     """
     found = _read_sizes(header, own, decimal)
     if not {"length", "width"} & found.keys() and "diameter" in found and found["diameter"].mm is not None:
         height = _height(narrow(header[:FAR]), decimal)
         found |= {} if height is None else {"length": height}
+    if "length" not in found and _is_cross_section(found) and (height := _height_beside(header, decimal)) is not None:
+        found |= {"length": height}
     return found
+
+
+def _is_cross_section(found: Mapping[str, Size]) -> bool:
+    """Whether width and thickness make the area, so that a height beside them is no side of it."""
+    width, thickness, area = (found[name].mm if name in found else None for name in ("width", "thickness", "area"))
+    if width is None or thickness is None or area is None:
+        return False
+    return abs(width * thickness - area) <= ROUNDED * area
+
+
+def _height_beside(header: Sequence[Row], decimal: str) -> Size | None:
+    """The height in a table of results; None where there is none, or several."""
+    header = narrow(header[-FAR:])
+    found = [
+        size_in("length", cell, unit.strip("()[] "), decimal)
+        for labels, below, numbers in zip(header, header[1:], header[2:], strict=False)
+        for label, unit, cell in zip(labels, told_units(below) or (), numbers, strict=False)
+        if label.casefold() in words.HEIGHT
+    ]
+    return found[0] if len(found) == 1 and found[0].mm is not None and found[0].has_unit else None
 
 
 def _read_sizes(header: Sequence[Row], own: int, decimal: str) -> dict[str, Size]:

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.text import SEPARATORS, cells, is_number
 
+_CHANNEL = re.compile(r" (?=Ch(?:annel)? \d+ )")
+
 
 def usual_width(rows: Sequence[tuple[int, Row]], decimal: str) -> int:
     """How many cells most rows of nothing but numbers have; 0 where there are none."""
@@ -18,8 +20,10 @@ def title_cells(line: str, width: int) -> Row:
     """The titles that a line may hold, above rows of ``width`` cells."""
     line = line.lstrip("#%/ ")
     apart = re.split(r" {2,}", line.strip())  # titles of several words
-    if len(apart) == width > 1:
-        return tuple(title.strip('"') for title in apart)
+    channels = [title for part in apart for title in _CHANNEL.split(part)]  # "Ch 1 Force Ch 1 Displacement"
+    for ways in (apart, channels):
+        if len(ways) == width > 1:
+            return tuple(title.strip('"') for title in ways)
     for other in SEPARATORS:  # titles may be separated in another way than the numbers below them
         if other in line:
             return tuple(cells(line, other))

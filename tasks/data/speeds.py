@@ -9,12 +9,12 @@ from sinew.tasks.data import units, words
 from sinew.tasks.data.column_titles import names_and_units
 from sinew.tasks.data.columns import NOWHERE, Column
 from sinew.tasks.data.hints import NO_COLUMN, Hints
+from sinew.tasks.data.possible_columns import turns_often
 from sinew.tasks.data.questions import Unclear
 from sinew.tasks.data.several import Block, Columns, place_named
 from sinew.tasks.data.tables import Table
 
 OPTION = "--speed-column"
-MOST_TURNS = 0.1  # of the rows: a motion that turns more often is noisy, and its way is longer than that of the machine
 SAME = 0.05  # by how much a speed that is told and one of a column may differ
 SHOWN = 4  # speeds in a message
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -43,8 +43,7 @@ def timed(table: Table, columns: Columns, numbers: Array, hints: Hints, block: B
     if stays.size:
         where = f"{table.path}: row {table.rows[block.start + int(stays[0]) + 1][0]}"
         raise BadInput(where, "the same motion as in the row before, so a speed gives no time", "--rate-hz")
-    turns = np.count_nonzero(np.diff(np.sign(np.diff(numbers[:, 1]))))
-    if timing.rate_hz is None and turns > MOST_TURNS * len(numbers):
+    if timing.rate_hz is None and (turns := turns_often(numbers[:, 1])):
         problem = f"the motion turns {turns:,} times in {len(numbers):,} rows, so a speed gives no time"
         raise BadInput(table.path, problem, "--rate-hz")
     return numbers, (f"times by {timing}",)

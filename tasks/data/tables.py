@@ -305,16 +305,17 @@ def _last_numbers(rows: Sequence[tuple[int, Row]], start: int, stop: int, decima
 def _layout(path: Path, lines: Sequence[tuple[int, str]]) -> tuple[str, str, int]:
     """The separator, the decimal mark and the fewest columns of a table.
 
-    Whole numbers read alike with both marks; the point goes first then.
+    The longest table counts, of several with as many rows the widest. Whole numbers read alike with both marks; the
+    point goes first then.
     """
     for fewest in FEWEST_COLUMNS:
         for some in (lines[:HEAD_LINES], _first(lines, LOOKED_AT)):
-            best, length = None, 0
+            best, length = None, (0, 0)
             for separator in (*SEPARATORS, " "):
                 split = [cells(line, separator) for _, line in some]
                 quoted = any('"' in line for _, line in some)  # then a comma within a cell may be a decimal mark
                 for decimal in ".,":
-                    longest = 0 if separator == decimal and not quoted else _longest(split, decimal, fewest)
+                    longest = (0, 0) if separator == decimal and not quoted else _longest(split, decimal, fewest)
                     if longest > length:
                         best, length = (separator, decimal, fewest), longest
             if best is not None:
@@ -331,10 +332,11 @@ def _first(lines: Sequence[tuple[int, str]], most: int) -> Sequence[tuple[int, s
     return lines
 
 
-def _longest(rows: Sequence[Sequence[str]], decimal: str, fewest: int) -> int:
-    """The rows of the longest table; 0 if there is none."""
-    longest = max((run.end - run.start for run in _runs(rows, decimal, fewest)), default=0)
-    return longest if fewest == FEWEST_COLUMNS[0] or longest >= RUN else 0
+def _longest(rows: Sequence[Sequence[str]], decimal: str, fewest: int) -> tuple[int, int]:
+    """The rows and the columns of the longest table; 0 if there is none."""
+    runs = ((run.end - run.start, len(run.columns)) for run in _runs(rows, decimal, fewest))
+    longest = max(runs, default=(0, 0))
+    return longest if fewest == FEWEST_COLUMNS[0] or longest[0] >= RUN else (0, 0)
 
 
 def _runs(rows: Sequence[Sequence[str]], decimal: str, fewest: int) -> Iterator[_Run]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from sinew.runner.errors import BadInput
 from sinew.runner.files import in_megabytes, read_input
+from sinew.tasks.data.quoted import unquoted, unwrapped
 from sinew.tasks.data.words import FOREIGN
 
 HUGE = 1e100
@@ -161,7 +162,7 @@ def cells(line: str, separator: str) -> list[str]:
     if separator == " ":
         return line.split()
     try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+        return [unquoted(cell) for cell in next(csv.reader([line], delimiter=separator), [])]
     except csv.Error:
         return [line]
 
@@ -174,7 +175,7 @@ def records(lines: list[str]) -> list[tuple[int, str]]:
         count = 1
         if _opens_a_quote(lines[at]):
             count = next((n for n in range(2, _QUOTED_LINES + 1) if _quotes(lines[at : at + n]) % 2 == 0), 1)
-        found.append((at + 1, "\n".join(lines[at : at + count])))
+        found.append((at + 1, unwrapped("\n".join(lines[at : at + count]))))
         at += count
     return found
 

@@ -63,6 +63,8 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
         return title.lower(), below
     if len(title) > _LONGEST:
         return _plain(title), below
+    if (inside := _BRACKETS.fullmatch(title)) is not None and not units.is_unit(inside[1].strip()):  # "(Load)"
+        title = inside[1].strip()
     if (front := _IN_FRONT.fullmatch(title)) is not None and units.is_unit(front[1].strip()):
         return _plain(front[2]), units.agreed([front[1].strip(), below])
     if brackets := [text.strip() for text in _BRACKETS.findall(title)]:
@@ -84,6 +86,11 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
     if title in words.UNITS_AS_TITLES:
         return f"({title})", units.agreed([title, below])
     return _plain(title), below
+
+
+def by_extensometer(title: str) -> bool:
+    """Whether a title says that another device than the machine measured: ``Tensile strain (Strain 1)``."""
+    return bool(_EXTENSOMETER.search(title))
 
 
 def _parts(title: str) -> Iterator[tuple[str, str]]:

@@ -1,7 +1,7 @@
 """What lines beside a table tell of its columns: ``Force unit: kN``, ``Load scale factor: 1000``."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from sinew.runner.errors import shown
 from sinew.tasks.data import units, words
@@ -51,6 +51,17 @@ def told_factors(header: Sequence[Row]) -> Iterator[str]:
     for row in narrow(header):
         if tells_factor(text := joined(row)[:_LONGEST_LINE]):
             yield f"the file gives {shown(text, 60)}; numbers are read as they stand, without it"
+
+
+def told_bending(texts: Iterable[str]) -> Iterator[str]:
+    """A line on the first of several titles and lines that tells of a bending."""
+    for text in texts:
+        if any(word in text[:_LONGEST_LINE].casefold() for word in words.BENDING):
+            yield (
+                f"a bending test, by {shown(text, 60)}: sinew takes each specimen as a bar that is pulled, so its "
+                "stress is force by cross-section"
+            )
+            return
 
 
 def tells_factor(text: str) -> bool:

@@ -7,6 +7,7 @@ from functools import lru_cache
 Units = Mapping[str, float]
 LONGEST = 40  # characters of a spelling
 
+MASSES = frozenset({"g", "kg", "mg"})  # that some write for a force
 TIME: Units = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "min": 60.0,
     "minutes": 60.0, "us": 1e-6, "µs": 1e-6, "h": 3600.0,

@@ -1,7 +1,7 @@
 """The words by which exports of testing machines call their columns and sizes, in several languages.
 
-In lower case, the usual words first. English, German, French, Spanish, Italian, Portuguese, Polish, Chinese, Japanese
-and Korean.
+In lower case, the usual words first. English, German, French, Spanish, Italian, Portuguese, Polish, Turkish, Chinese,
+Japanese and Korean.
 """
 
 import unicodedata
@@ -12,7 +12,7 @@ TIME = (
     "testzeit", "messzeit", "pruefzeit", "gesamtzeit", "temps d'essai", "temps essai", "temps d’essai", "temps écoulé",
     "durée", "tiempo de ensayo", "tiempo total", "tempo", "tempo di prova", "时间", "试验时间", "测试时间", "总时间",
     "czas", "godzina", "測定日時", "日時", "時間", "試験時間", "経過時間", "시간",
-    "время", "время испытания", "sampling time",
+    "время", "время испытания", "sampling time", "saat", "zaman", "süre", "geçen süre",
     "time since start of test", "time since start", "timestamp", "time stamp",
     "zeitstempel", "(s)", "(sec)", "(Sec)", "(seconds)", "(Seconds)", "(ms)", "(min)",
 )  # fmt: skip
@@ -37,7 +37,8 @@ DISPLACEMENT = (
     "displ", "axial disp", "machine extension", "extension from preload",
     "elong", "crosshead disp", "cross head displacement", "crosshead separation", "distance", "depth",
     "standardwegaufnehmer", "eindringtiefe", "desplaz", "przemieszczenie", "wydłużenie",
-    "перемещение", "удлинение", "перемещение траверсы",
+    "перемещение", "удлинение", "перемещение траверсы", "relative displacement", "uzama", "yer değiştirme",
+    "slack ext", "slack extension", "slack corrected extension",
     "(mm)", "(µm)", "(um)", "(μm)",
 )  # fmt: skip
 #: Displacements and strains of the specimen itself, which count before those of the machine.
@@ -58,7 +59,7 @@ POSITION = (
     "position", "pos", "crosshead", "crosshead position", "actuator", "digital position", "crosshead absolute",
     "absolute crosshead travel", "traverse abs", "traverse absolue", "position traverse", "traverse", "traversa",
     "kolbenposition", "position des aktuators", "digitale position", "position de l'actionneur",
-    "posición",
+    "posición", "actuator position", "ram position", "piston position", "machine position",
 )  # fmt: skip
 LENGTH = (
     "length", "gauge length", "len", "länge", "longueur", "l", "size", "current length", "gap", "grip separation",
@@ -73,6 +74,7 @@ STRAIN = (
     "deformación por tracción", "deformação", "allongement",
     "deformación", "deformazione", "应变", "拉伸应变", "压缩应变", "應變", "ひずみ",
     "ストロークひずみ", "行程应变", "歪み", "변형률", "odkształcenie", "деформация", "относительная деформация",
+    "creep strain", "gerinim", "gerinme", "çekme gerinimi", "çekme gerinmesi", "basma gerinimi", "basma gerinmesi",
 )  # fmt: skip
 #: Words for a stretch that some use for a strain.
 STRETCH_OR_STRAIN = ("stretch", "streckung")
@@ -82,7 +84,7 @@ FORCE = (
     "load cell", "axial force", "axial load", "standard force", "tensile load", "compressive load", "compressive force",
     "reaction force", "rf", "normal force", "zugkraft", "druckkraft", "force standard", "effort", "carga", "forza",
     "carico", "força", "static force", "force feedback", "axial force feedback", "load feedback", "axial load feedback",
-    "machine load", "obciążenie", "siła", "усилие", "нагрузка", "сила",
+    "machine load", "obciążenie", "siła", "усилие", "нагрузка", "сила", "yük", "kuvvet",
     "力", "载荷", "负荷", "负载", "力值", "试验力", "拉力", "压力", "載荷", "荷重", "試験力", "하중", "힘",
     "(N)", "(kN)", "(mN)", "(lbf)", "(kgf)", "(gf)",
 )  # fmt: skip
@@ -91,15 +93,35 @@ STRESS = (
     "tension", "axial stress", "eng stress", "compressive stress", "esfuerzo", "sforzo",
     "contrainte en traction", "contrainte en compression", "esfuerzo de tracción", "esfuerzo a tracción", "tensão", "p",
     "应力", "應力", "応力", "응력",
+    "gerilme", "çekme gerilmesi", "basma gerilmesi",
     "naprężenie", "напряжение", "拉伸应力", "压缩应力", "(MPa)", "(kPa)", "(Pa)", "(GPa)", "(psi)", "(ksi)",
 )  # fmt: skip
 #: By which a title or a line above a table tells of a compression.
 COMPRESSION = (
     "compressi", "compresi", "druckversuch", "druckprüfung", "druckkraft", "druckspannung", "stauchung",
-    "stauchversuch", "压缩", "壓縮", "圧縮", "압축", "ściskan", "ściskaj", "сжати",
+    "stauchversuch", "压缩", "壓縮", "圧縮", "압축", "ściskan", "ściskaj", "сжати", "basma ger", "basma dene",
+)  # fmt: skip
+#: By which a title or a line above a table tells of a bending.
+BENDING = (
+    "flexur", "bending", "support span", "3-point", "three-point", "4-point", "four-point", "3 point bend",
+    "biegung", "biegeversuch", "biegeprüf", "biegespannung", "biegefest", "flexion", "flexión", "flessione", "flexão",
+    "弯曲", "彎曲", "曲げ", "굽힘", "zginan", "изгиб",
 )  # fmt: skip
 #: Beside one of them, the line tells nothing: "tension/compression load cell".
-TENSION = ("tension", "tensile", "traction", "zug", "tracción", "trazione", "拉", "引張", "인장", "rozciąg", "растяж")
+TENSION = (
+    "tension",
+    "tensile",
+    "traction",
+    "zug",
+    "tracción",
+    "trazione",
+    "拉",
+    "引張",
+    "인장",
+    "rozciąg",
+    "растяж",
+    "çekme",
+)
 
 #: Titles of times, displacements and forces that also mean something else: a column may hold another quantity.
 DOUBTFUL = frozenset({
@@ -140,19 +162,19 @@ SIZES = {
     "length": ("length", "länge", "l\ufffdnge", "laenge", "messlänge", "longueur", "longitud", "anvil height", "l0",
                "le", "einspannlänge", "lunghezza", "lunghezza iniziale", "lunghezza utile", "lunghezza libera",
                "标距", "標距", "原始标距", "標点距離", "標点間距離",
-               "wysokość kowadełka",
+               "wysokość kowadełka", "uzunluk", "ölçü uzunluğu",
                "longitud inicial", "długość", "длина", "начальная длина",
                "chuck distance", "grip distance", "チャック間距離", "つかみ具間距離"),
     "width": ("width", "breite", "largeur", "anchura", "ancho", "larghezza", "larghezza b", "largura", "b0",
-              "szerokość", "宽度", "寬度", "幅", "ширина"),
+              "szerokość", "genişlik", "宽度", "寬度", "幅", "ширина"),
     "thickness": ("thickness", "dicke", "épaisseur", "epaisseur", "espesor", "spessore", "spessore a",
-                  "espessura", "grubość", "a0",
+                  "espessura", "grubość", "a0", "kalınlık",
                   "厚度", "厚さ", "толщина"),
     "diameter": ("diameter", "durchmesser", "diamètre", "diametre", "diámetro", "diametro", "diametro iniziale",
-                 "średnica", "d0", "直径", "直徑", "直径", "диаметр"),
+                 "średnica", "çap", "d0", "直径", "直徑", "直径", "диаметр"),
     "area": ("area", "cross-section", "cross section", "original cross-section", "cross-sectional area", "section",
              "querschnitt", "fläche", "sección", "sezione",
-             "sezione iniziale", "s0", "площадь", "площадь сечения", "площадь поперечного сечения",
+             "sezione iniziale", "s0", "kesit alanı", "площадь", "площадь сечения", "площадь поперечного сечения",
              "面积", "截面积", "断面積"),
 }  # fmt: skip
 #: The length of a round specimen that is compressed; beside a width, a height may be a side of the cross-section.

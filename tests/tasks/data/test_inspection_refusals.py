@@ -179,3 +179,33 @@ def test_columns_by_number_need_no_titles_where_times_are_told(tmp_path):
     told = {"displacement_unit": "mm", "force_unit": "N", "rate_hz": 10.0}
     found = inspected(tmp_path, titles, rows, displacement_column="1", force_column="2", **told)
     assert len(found.recordings) == 1 and not any("names above" in one for one in found.questions)
+
+
+def test_true_strains_and_stresses_are_refused_for_what_they_are(tmp_path):
+    with pytest.raises(BadInput, match="'true strain, true stress'; expected engineering strain and stress: true ones"):
+        inspected(tmp_path, "true strain,true stress")
+
+
+def test_a_speed_is_not_offered_where_the_motion_turns_often(tmp_path):
+    def asked(moved):
+        ask = inspected(tmp_path, "Position (mm),Force (N)", [[x, i] for i, x in enumerate(moved)]).content()["ask"][0]
+        return "--speed" in ask
+
+    assert asked([i / 10 for i in range(40)])
+    assert not asked([i / 10 + 0.3 * (i % 2) for i in range(40)])
+
+
+@pytest.mark.parametrize("unit", ["g", "kg"])
+def test_a_load_in_units_of_a_mass_is_a_force_whose_unit_is_asked_for(tmp_path, unit):
+    found = inspected(tmp_path, f"Time (s),Disp (mm),Load 3 ({unit})").content()
+    assert found["force"]["column"] == f"Load 3 ({unit})"
+    assert any(f"unit '{unit}' of the force is not known" in one for one in found["ask"])
+    with pytest.raises(BadInput, match="no title names force"):
+        inspected(tmp_path, "Time (s),Disp (mm),Load 3 (V)")
+
+
+def test_titles_in_brackets_and_in_turkish(tmp_path):
+    found = inspected(tmp_path, "(Time),(Position),(Load)").content()
+    assert [found[name]["column"] for name in ("time", "displacement", "force")] == ["(Time)", "(Position)", "(Load)"]
+    found = inspected(tmp_path, "Saat (sec),Uzama (mm),Yük (N),Çekme gerinimi (mm/mm)").content()
+    assert [found[name]["unit"] for name in ("time", "displacement", "force")] == ["sec", "mm", "N"]

@@ -79,3 +79,18 @@ def test_columns_of_tests_beside_each_other_are_not_left_out(tmp_path):
     path.write_text("Time (s),Disp (mm),Load (N),Camera,Time (s),Disp (mm),Load (N)\n"
                     + "".join(f"{i},{i / 10},{5 * i},1,{i},{i / 5},{6 * i}\n" for i in range(9)))  # fmt: skip
     assert [one.left_out for one in read_recordings(path, Hints())] == [("Camera",), ("Camera",)]
+
+
+@pytest.mark.parametrize(
+    ("strain", "length"),
+    [
+        ("Tensile strain (%)", None),
+        ("Tensile strain (Strain 1) (%)", 25.0),
+        ("Tensile strain (Extensometer) (%)", 25.0),
+    ],
+)
+def test_strains_of_an_extensometer_contradict_no_length(tmp_path, strain, length):
+    path = written(tmp_path, f"Length : 25 mm\n{TITLES.replace('Tensile strain (%)', strain)}")
+    (found,) = read_recordings(path, Hints())
+    assert ("length" in found.sizes) == (length is not None)
+    assert found.sizes["length"].mm == length if length else found.notes[0].startswith("the gauge length is not taken")

@@ -81,7 +81,13 @@ def test_tests_with_something_between_them_are_not_joined(tmp_path):
     later = ONE.replace("\n0,", "\n3,").replace("\n1,", "\n4,").replace("\n2,", "\n5,")
     assert [name for name, _ in names_and_loads(tmp_path, f"{ONE}Specimen B\n{later}")] == ["1", "2"]
     pause = later.replace("\n3,", "\n30,").replace("\n4,", "\n31,").replace("\n5,", "\n32,")
-    assert [name for name, _ in names_and_loads(tmp_path, ONE + pause)] == ["1", "2"]
+    with pytest.raises(
+        Unclear, match="a test begins at a later time than the table before ends; expected --tables join"
+    ):
+        names_and_loads(tmp_path, ONE + pause)
+    assert [name for name, _ in names_and_loads(tmp_path, ONE + pause, tables="apart")] == ["1", "2"]
+    ((_, loads),) = names_and_loads(tmp_path, ONE + pause, tables="join")
+    assert loads == [0, 5, 9, 0, 5, 9]
 
 
 ABOVE = "{more}\t\tTime:\t{end}\ts\t10/19/2023 11:59:35 {half}\nStation\t{station}\n"

@@ -336,3 +336,11 @@ def test_sizes_of_ta_instruments_have_their_names_in_another_row():
         (("Sample", "foil"), ("Size", "10.3336", "5.51", "0.03", "mm")),
     ):
         assert not read_sizes([shape, size])
+
+
+@pytest.mark.parametrize(("area", "length"), [("4200", 150.0), ("4210", 150.0), ("22500", None), ("", None)])
+def test_a_height_beside_a_cross_section_is_the_length(area, length):
+    labels = ("Height", "Thickness", "Width", "Area")
+    header = [labels, ("(mm)", "(mm)", "(mm)", "(mm^2)"), ("150.00", "28.00", "150.00", area)]
+    found = read_sizes(header)
+    assert (found["length"].mm if "length" in found else None) == length

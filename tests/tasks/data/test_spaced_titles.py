@@ -85,3 +85,9 @@ def test_the_usual_width_is_that_of_rows_of_numbers():
     rows = [(1, ("a", "b")), (2, ("1", "2", "3")), (3, ("1", "2", "3")), (4, ("1", "2", "end"))]
     assert usual_width(rows, ".") == 3
     assert usual_width(rows[:1], ".") == 0
+
+
+def test_channels_begin_titles_that_one_space_parts():
+    line = "Time      Ch 1 Force Ch 1 Displacement Ch 1 Laser Ext"
+    assert title_cells(line, 4) == ("Time", "Ch 1 Force", "Ch 1 Displacement", "Ch 1 Laser Ext")
+    assert title_cells(line, 5) != title_cells(line, 4)

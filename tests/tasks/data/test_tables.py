@@ -298,3 +298,12 @@ def test_hidden_rows_of_a_test_are_counted(tmp_path):
     assert both.unseen(range(3), {-1: "", 0: "a", 2: "c"}) == (
         "hidden in the spreadsheet, but read: 2 of its 3 rows, column 'c'",
     )
+
+
+def test_of_two_decimal_marks_the_one_with_more_columns_of_numbers_counts(tmp_path):
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{i / 100:.3f};1;1;{i};17,{i:03d};-6,9\n".replace(".", ",") for i in range(9))
+    path.write_text(f"Zeit (s);Zyklus;Schritt;Index;Weg (mm);Kraft (N)\n{rows}")
+    (table,) = read_tables(path)
+    assert table.decimal == ","
+    assert table.number(3, 4) == 17.003

@@ -3,6 +3,8 @@
 import pytest
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.remarks import remarks
 from tests.tasks.data.one_test_file import read
 
@@ -39,3 +41,20 @@ def test_a_unit_above_the_table_may_not_contradict_the_title(tmp_path):
 def test_units_are_compared_by_what_a_column_is(tmp_path, line):
     with pytest.raises(BadInput, match="has two units: "):
         read(tmp_path, above=f"{line}\n", titles="Time (s),Displacement (mm),Force (N)")
+
+
+@pytest.mark.parametrize(
+    ("above", "more", "told"),
+    [
+        ("", ",Flexure stress (MPa)", "'Flexure stress (MPa)'"),
+        ("Support span,60,mm\n", "", "'Support span 60 mm'"),
+        ("Essai de flexion\n", "", "'Essai de flexion'"),
+        ("Tension\n", ",Tensile stress (MPa)", ""),
+    ],
+)
+def test_a_bending_is_told(tmp_path, above, more, told):
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{i},{i / 10},{i * i}{',1' if more else ''}\n" for i in range(9))
+    path.write_text(f"{above}Time (s),Extension (mm),Load (N){more}\n{rows}")
+    lines = [line for line in remarks(read_recordings(path, Hints())[0]) if line.startswith("a bending test")]
+    assert [line.split(":")[0] for line in lines] == ([f"a bending test, by {told}"] if told else [])
