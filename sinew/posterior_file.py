@@ -1,11 +1,18 @@
-"""A look at a NetCDF 4 file of draws, which is HDF5, before a library opens it: all of it must be plain and small."""
+"""A look at a NetCDF 4 file of draws, which is HDF5, before a library opens it: all of it must be plain and small.
 
+A byte that is wrong may keep HDF5 busy for ever, so the look has a process of its own, with limits.
+"""
+
+import json
 import math
+import sys
 import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from sinew.runner.limits import limit
 
 MAX_DRAWS = 10**6  # numbers of one variable, and of one of its chunks
 WIDEST = 8  # bytes of such a number
@@ -17,11 +24,35 @@ KINDS = "biufSO"  # of numbers and texts; others are made of parts, each of whic
 DEFLATE, SHUFFLE, FLETCHER = 1, 2, 3  # HDF5's numbers of its filters
 CHECKSUM_BYTES = 4
 MOST_AXES = 8  # of a variable, each of which is a list of references
+MEMORY_BYTES, SECONDS = 2**31, 10  # of the process
+
+
+def main() -> None:
+    """Look at the file of the first argument, and read it as the library does; writes what is wrong as JSON."""
+    limit(MEMORY_BYTES, SECONDS)
+    path = Path(sys.argv[1])
+    sys.stdout.write(json.dumps(fault(path, int(sys.argv[2])) or _unreadable(path)))
+
+
+def _unreadable(path: Path) -> str | None:
+    """Why xarray, with which ArviZ opens a group of draws, cannot read the whole file; or None."""
+    import h5py  # type: ignore[import-untyped]
+    import xarray as xr
+
+    try:
+        with h5py.File(path, "r") as file:
+            groups = [name for name in file if isinstance(file[name], h5py.Group)]
+        for group in groups:
+            with xr.open_dataset(path, group=group, engine="h5netcdf") as dataset:
+                dataset.load()
+    except Exception as error:  # noqa: BLE001 - what libraries raise for damaged files is no closed list
+        return f"damaged ({error})"
+    return None
 
 
 def fault(path: Path, max_bytes: int) -> str | None:
     """Why a file must not be opened: its numbers are in other files, or it holds more than is written; or None."""
-    import h5py  # type: ignore[import-untyped]
+    import h5py
 
     if (size := path.stat().st_size) > max_bytes:
         return f"has {size:,} bytes"

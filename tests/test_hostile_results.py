@@ -1,6 +1,7 @@
 """What somebody else wrote into a result folder does no harm in a notebook."""
 
 import json
+import re
 import shutil
 import sqlite3
 import struct
@@ -17,6 +18,8 @@ from numcodecs import Zstd
 
 import sinew
 from sinew import interop
+from sinew.interop import MAX_FILE_BYTES
+from sinew.posterior_file import fault
 from sinew.runner.errors import BadInput, StoreError
 from sinew.runner.store.store import open_store
 from tests.tasks.calibrations import calibration_of, fit_of
@@ -211,10 +214,40 @@ POSTERIORS = {
 
 @pytest.mark.parametrize("kind", POSTERIORS)
 def test_a_posterior_whose_numbers_are_elsewhere_is_refused(copied_run, kind):
-    assert "posterior" in sinew.results(copied_run).arviz("distal").groups()
+    path = copied_run / "infer" / "distal.nc"
+    assert fault(path, MAX_FILE_BYTES) is None
     change, words = POSTERIORS[kind]
     change_posterior(copied_run, change)
-    with pytest.raises(BadInput, match=rf"distal\.nc: {words}; expected what `sinew infer` writes"):
+    assert re.fullmatch(words, str(fault(path, MAX_FILE_BYTES)))
+
+
+def test_a_posterior_is_looked_at_before_it_is_opened(copied_run):
+    assert "posterior" in sinew.results(copied_run).arviz("distal").groups()
+    change_posterior(copied_run, external)
+    with pytest.raises(
+        BadInput, match=r"distal\.nc: E_f has its numbers elsewhere; expected what `sinew infer` writes"
+    ):
+        sinew.results(copied_run).arviz("distal")
+
+
+def test_a_posterior_that_keeps_hdf5_busy_for_ever_is_refused(copied_run):
+    path = copied_run / "infer" / "distal.nc"
+    content = bytearray(path.read_bytes())
+    at = content.index(b"GCOL") + 16  # the first object of a heap: its number, in 8 bytes, its length, and its content
+    for _ in range(4):
+        at += 16 + -(-int.from_bytes(content[at + 8 : at + 16], "little") // 8) * 8
+    content[at : at + 2] = bytes(2)  # the number of free space
+    path.write_bytes(content)
+    with pytest.raises(BadInput, match=r"distal\.nc: takes too long, or too much memory, to look at"):
+        sinew.results(copied_run).arviz("distal")
+
+
+def test_a_posterior_that_only_the_library_cannot_read_is_refused(copied_run):
+    def without_dimensions(file):
+        del file["posterior/draw"]
+
+    change_posterior(copied_run, without_dimensions)
+    with pytest.raises(BadInput, match=r"distal\.nc: damaged \(.*\); expected what `sinew infer` writes"):
         sinew.results(copied_run).arviz("distal")
 
 

@@ -48,7 +48,11 @@ def _end_of(recording: Recording) -> End | None:
         return None
     every = (_break_of(recording), _jump_of(recording), _zeros_of(recording))
     found = [one for one in every if one and one.row + 1 >= FEWEST_ROWS]
-    return min(found, key=lambda one: one.row, default=None)
+    if not found:
+        return None
+    first, *later = sorted(found, key=lambda one: one.row)
+    more = [one.text for one in later if one.row > first.row]  # those who keep the rows behind a break keep them, too
+    return End(first.row, "; later, ".join((first.text, *more)))
 
 
 def _break_of(recording: Recording) -> End | None:

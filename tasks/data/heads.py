@@ -25,8 +25,8 @@ _TITLE_LABELS = (
     "channeltitle", "channel title", "channel name", "channel", "channels", "name", "names", "title", "titles",
     "signal", "signal name", "variable", "kanalname", "kanal", "kanäle", "messgröße", "nom", "nombre", "nome",
 )  # fmt: skip
-_UNIT_LABELS = ("unitname", "unit", "units", "unit name", "einheit", "einheiten", "unité", "unités", "unidad",
-                "unidades", "unità", "单位", "単位", "단위")  # fmt: skip
+_UNIT_LABELS = ("unitname", "unit", "units", "unit name", "size unit", "einheit", "einheiten", "unité", "unités",
+                "unidad", "unidades", "unità", "单位", "単位", "단위")  # fmt: skip
 
 _COMMENT_MARKS = ("#", "%", "//")
 

@@ -16,11 +16,11 @@ import datetime
 import io
 import json
 import re
-import resource
 import sys
 from collections.abc import Iterator
 from typing import Any
 
+from sinew.runner.limits import limit
 from sinew.tasks.data.number_formats import FAILED, OTHERWISE, PERCENT, THOUSANDS, WITH
 from sinew.tasks.data.quoted import unquoted
 from sinew.tasks.data.sheet_formats import looks_of
@@ -201,10 +201,7 @@ def _titles(rows: list[list[Any]], first: int, place: int) -> list[int]:
 
 def main() -> None:
     """Read one spreadsheet."""
-    for kind, most in ((resource.RLIMIT_CORE, 0), (resource.RLIMIT_AS, MEMORY_BYTES), (resource.RLIMIT_CPU, SECONDS)):
-        hard = resource.getrlimit(kind)[1]
-        most = most if hard == resource.RLIM_INFINITY else min(most, hard)  # a limit of the shell may be lower
-        resource.setrlimit(kind, (most, most))
+    limit(MEMORY_BYTES, SECONDS)
     end: dict[str, str] | None = None
     try:
         for line in lines_of(sys.stdin.buffer.read()):

@@ -344,3 +344,9 @@ def test_a_height_beside_a_cross_section_is_the_length(area, length):
     header = [labels, ("(mm)", "(mm)", "(mm)", "(mm^2)"), ("150.00", "28.00", "150.00", area)]
     found = read_sizes(header)
     assert (found["length"].mm if "length" in found else None) == length
+
+
+def test_a_label_in_front_of_units_is_none_of_a_size():
+    rows = [("Name:", "Thickness", "Width", "Gauge Length"), ("Size Unit:", "mm", "mm", "mm"), ("a", "4", "7", "30.99")]
+    found = {name: size.mm for name, size in read_sizes([*rows, ("b", "4", "7", "30.99")]).items()}
+    assert found == {"thickness": 4.0, "width": 7.0, "length": 30.99}
