@@ -81,21 +81,24 @@ def looks_of_xlsx(archive: zipfile.ZipFile, members: dict[str, str]) -> dict[str
         for pattern, words in READ_OTHERWISE.items():
             if pattern.search(content):
                 raise TooMuch(words, AS_EXCEL)
-        _check_order(content)
+        _refuse_twice(content)
         if styles.cells or styles.rules or HIDES.search(content):
             found[sheet.get("name", "")] = _look_of_sheet(content, styles)
     return found
 
 
-def _check_order(content: bytes) -> None:
-    """Raises :class:`TooMuch` for a cell that is there twice, or out of order."""
-    before = (0, 0, b"")
+def _refuse_twice(content: bytes) -> None:
+    """Raises :class:`TooMuch` for a cell that is there twice. Where all stand in order, that takes no memory."""
+    before, seen = (0, 0, b""), set[tuple[int, int, bytes]]()
     for found in PLACE.finditer(content):
-        column = found[1]
-        here = int(found[2]), len(column), column
-        if here <= before:
-            raise TooMuch(f"two cells {column.decode()}{here[0]}, or one out of order", "one")
-        before = here
+        here = int(found[2]), len(found[1]), found[1]
+        if here <= before and not seen:
+            seen.update((int(one[2]), len(one[1]), one[1]) for one in PLACE.finditer(content, 0, found.start()))
+        if here <= before and here in seen:
+            raise TooMuch(f"two cells {found[1].decode()}{here[0]}", "one")
+        if seen:
+            seen.add(here)
+        before = max(before, here)
 
 
 def _scaling_styles(archive: zipfile.ZipFile, path: str) -> Styles:
