@@ -1,6 +1,19 @@
-"""Limits of a process that looks at a file which nobody has checked."""
+"""Processes that look at a file which nobody has checked: how they are started, and their limits."""
 
 import resource
+import sys
+from pathlib import Path
+
+import sinew
+
+# it imports nothing from the current folder; where sinew is not installed, it is found by its place, the last
+START = "import sys; sys.path.append(sys.argv.pop(1)); from {} import main; main()"
+
+
+def command(module: str, *arguments: str) -> list[str]:
+    """The command of a process of Python that calls ``main`` of a module of sinew, which reads ``arguments``."""
+    place = Path(sinew.__file__).resolve().parents[1]
+    return [sys.executable, "-I", "-c", START.format(module), str(place), *arguments]
 
 
 def limit(memory_bytes: int, seconds: int) -> None:

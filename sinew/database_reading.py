@@ -1,14 +1,15 @@
 """The process that looks at an SQLite database before anything else opens it: what is wrong with it, as JSON.
 
 The schema alone may fill the memory or have no end, and SQLite reads it with the first question. So the look has a
-process of its own, with limits. Nothing of sinew is imported here.
+process of its own, with limits.
 """
 
 import json
-import resource
 import sqlite3
 import sys
 from contextlib import closing
+
+from sinew.runner.limits import limit
 
 MEMORY_BYTES, SECONDS = 2**30, 60  # of the process
 MAX_TABLES = 100  # and as many indexes
@@ -44,12 +45,5 @@ def fault(uri: str, steps: int, step: int) -> str | None:
 
 def main() -> None:
     """Look at the database of the first argument; the others say in how many steps, and of how many instructions."""
-    for kind, most in ((resource.RLIMIT_CORE, 0), (resource.RLIMIT_AS, MEMORY_BYTES), (resource.RLIMIT_CPU, SECONDS)):
-        hard = resource.getrlimit(kind)[1]
-        most = most if hard == resource.RLIM_INFINITY else min(most, hard)  # a limit of the shell may be lower
-        resource.setrlimit(kind, (most, most))
+    limit(MEMORY_BYTES, SECONDS)
     sys.stdout.write(json.dumps(fault(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))))
-
-
-if __name__ == "__main__":
-    main()

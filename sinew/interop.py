@@ -6,19 +6,18 @@ Nothing is unpickled: numbers come from ``TASK.json``, the store, pyABC's SQLite
 import json
 import os
 import subprocess
-import sys
 import warnings
 from pathlib import Path
-from types import MethodType
+from types import MethodType, ModuleType
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-import sinew
-from sinew import database_reading
+from sinew import database_reading, posterior_file
 from sinew.runner.errors import BadInput, brief, shown
+from sinew.runner.limits import command
 from sinew.runner.store.schema import STATUSES
 from sinew.runner.store.store import open_store
 from sinew.runner.store.table import Table
@@ -32,8 +31,6 @@ INFERRED = "what `sinew infer` writes; run it again"  # expected of its files
 MAX_FILE_BYTES = 2**28
 STEP, MAX_STEPS = 100_000, 5_000  # of the look at a database: instructions of SQLite together, and how often
 WALL_S = 600.0
-# the process imports nothing from the current folder; where sinew is not installed, it is found by its place, the last
-LOOK = "import sys; sys.path.append(sys.argv.pop(1)); from sinew.posterior_file import main; main()"
 
 
 def salib_problem(result: SobolResult) -> dict[str, Any]:
@@ -106,13 +103,14 @@ def _refuse_program(path: Path) -> None:
             raise BadInput(beside, "is there", "no file of an interrupted change; delete it")
     if (size := path.stat().st_size) > MAX_FILE_BYTES:
         raise BadInput(path, f"has {size:,} bytes", INFERRED)
-    _refuse(path, str(Path(database_reading.__file__).resolve()), f"{path.as_uri()}?mode=ro", str(MAX_STEPS), str(STEP))
+    _refuse(path, database_reading, f"{path.as_uri()}?mode=ro", str(MAX_STEPS), str(STEP))
 
 
-def _refuse(path: Path, *look: str) -> None:
-    """Refuse a file with which something is wrong, as the process says that ``look`` are the arguments of."""
+def _refuse(path: Path, look: ModuleType, *arguments: str) -> None:
+    """Refuse a file with which something is wrong, as ``look`` says in a process of its own."""
     try:
-        done = subprocess.run([sys.executable, "-I", *look], capture_output=True, timeout=WALL_S, check=False)
+        started = command(look.__name__, *arguments)
+        done = subprocess.run(started, capture_output=True, timeout=WALL_S, check=False)
         found = json.loads(done.stdout) if done.returncode == 0 else "takes too long, or too much memory, to look at"
     except subprocess.TimeoutExpired:
         found = f"takes more than {WALL_S:g} s to look at"
@@ -123,7 +121,7 @@ def _refuse(path: Path, *look: str) -> None:
 def posterior(folder: Path, site: str) -> Any:
     """1,000 draws of equal weight from the posterior of a site as :class:`arviz.InferenceData`."""
     path = _of_site(folder, site, "nc")
-    _refuse(path, "-c", LOOK, str(Path(sinew.__file__).resolve().parents[1]), str(path.absolute()), str(MAX_FILE_BYTES))
+    _refuse(path, posterior_file, str(path.absolute()), str(MAX_FILE_BYTES))
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"[\s\S]*ArviZ is undergoing a major refactor", FutureWarning)
         import arviz

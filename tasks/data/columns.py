@@ -14,7 +14,7 @@ from sinew.tasks.data.column_titles import check_width, names_and_units, places_
 from sinew.tasks.data.factors import factor_of, is_signal
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.possible_columns import changes, follows, hardly_moves, holds_numbers, in_volts, possible, rests
+from sinew.tasks.data.possible_columns import changes, follows, hardly_moves, holds_numbers, in_volts, possible, untimed
 from sinew.tasks.data.quantities import (
     DISPLACEMENT,
     FORCE,
@@ -192,7 +192,7 @@ def _choices(
 
 
 def _in_table(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: Role, hints: Hints) -> Role:
-    """The role, which knows whether columns have titles and, if it is that of time, whether the motion rests."""
+    """The role, which knows whether columns have titles and, if it is that of time, whether no speed tells it."""
     role = replace(role, titled=any(table.titles))
     if role.quantities != (TIME,):
         return role
@@ -200,7 +200,7 @@ def _in_table(table: Table, titles: Row, named: Sequence[tuple[str, str]], role:
         motion = _choose(table, titles, named, roles_of(hints)[1])
     except BadInput:
         return role
-    return replace(role, at_rest=rests(table, motion.place))
+    return replace(role, without_speed=untimed(table, motion.place))
 
 
 def _which_is(table: Table, titles: Row, free: Sequence[int], role: Role) -> Unclear:

@@ -166,7 +166,7 @@ def _no_test(table: Table) -> BadInput:
     if any(is_signal(unit) for _, unit in names_and_units(table)[1]):
         expected = "forces and displacements: multiply the signals of sensors by their factors first"
     elif any(_TRUE.search(title) for title in table.titles):
-        expected = "engineering strain and stress: true ones are of sizes that change"
+        expected = "engineering strain and stress, which are of the first sizes"
     else:
         options = "--time-column, --displacement-column and --force-column NAME or NUMBER"
         expected = f"titles of time, displacement and force, or {options}"

@@ -54,8 +54,8 @@ def length_by_strain(table: Table, rows: range, moved: Column) -> tuple[float, s
     Some machines write the distance of the grips above the table, and strains of another length.
     """
     strains = _column_of(table, STRAIN)
-    if moved.quantity is not DISPLACEMENT or not moved.unit or strains is None:
-        return None
+    if moved.quantity is not DISPLACEMENT or not moved.unit or strains is None or by_extensometer(strains.title):
+        return None  # an extensometer has a length of its own
     slope = _slope(table, rows, moved, strains)
     return (slope, strains.title) if slope is not None and slope < LONGEST_MM else None
 
@@ -63,8 +63,6 @@ def length_by_strain(table: Table, rows: range, moved: Column) -> tuple[float, s
 def contradiction(table: Table, rows: range, moved: Column, length_mm: float) -> str:
     """How the strains of a table contradict a length that is told above it, in words; empty if they do not."""
     implied = length_by_strain(table, rows, moved)
-    if implied is not None and by_extensometer(implied[1]):
-        return ""  # it has a length of its own
     if implied is None or abs(implied[0] - length_mm) <= NEAR * length_mm:
         return ""
     return f"{length_mm:g} mm in the lines above, but {implied[0]:.4g} mm by '{implied[1]}'"

@@ -16,7 +16,7 @@ PART = re.compile(r'"([^"]*)"|\\(.)|([_*].)|\[([^\]]*)\]|(General|[0#?.,%]|[Ee][
 DIGITS = ("0", "#", "?", "General")
 FURTHER_DIGIT = re.compile(r"(?<![^\W\d_])(?<![\d²³^])\d")  # in a text, and not in a unit such as mm2
 DECIMAL_MARK = re.compile(r"[.,:]")
-MINUS = re.compile(r"[-\u2212\u2013(]")
+MINUS = ("-", "\u2212", "\u2013")
 #: A number as a cell shows it, before its unit.
 NUMBER = re.compile(r"[-+\u2212(]?\s?[\d.,'\s]*\d(?:[eE][-+]?\d+)?")
 LARGEST_POWER = 290  # of ten, that is compared
@@ -102,7 +102,7 @@ def _has_other_digits(section: Section) -> bool:
 def _has_minus(section: Section) -> bool:
     """Whether the section of positive numbers writes a minus."""
     before, behind = section.texts
-    return section.has_numbers and bool(MINUS.search(before) or MINUS.match(behind.strip()[:1].replace("(", "")))
+    return section.has_numbers and (any(sign in before for sign in (*MINUS, "(")) or behind.strip().startswith(MINUS))
 
 
 def differs(text: str, value: float) -> bool:

@@ -95,7 +95,7 @@ def looks_of_ods(archive: zipfile.ZipFile, members: Mapping[str, str]) -> dict[s
         with archive.open(members[STYLES]) as file:
             for event, element in parsed(file):
                 if event == "start":
-                    _refuse_factor(element, _about(element))
+                    _refuse_factor(element)
     found: dict[str, Look] = {}
     here, depth = _Reading(), 0
     with archive.open(members["content.xml"]) as file:
@@ -103,7 +103,7 @@ def looks_of_ods(archive: zipfile.ZipFile, members: Mapping[str, str]) -> dict[s
             name, about = local(element.tag), _about(element)
             if name in OF_TABLES and _foreign(element, about):  # whoever reads the numbers takes it all the same
                 raise TooMuch(f"a {name} with names of another kind of document", "an open document (ODF 1.0 to 1.4)")
-            _refuse_factor(element, about)
+            _refuse_factor(element)
             if name == "table":
                 depth += 1 if event == "start" else -1
                 if event == "start" and depth == 1:  # not one within a cell
@@ -132,9 +132,9 @@ def _about(element: Element) -> dict[str, str]:
     return {local(key): value for key, value in element.attrib.items() if key.startswith(OF_DOCUMENTS)}
 
 
-def _refuse_factor(element: Element, about: Mapping[str, str]) -> None:
+def _refuse_factor(element: Element) -> None:
     """Raises :class:`TooMuch` for a format that divides numbers by a factor."""
-    if local(element.tag) == "number" and float(about.get("display-factor", "1")) != 1.0:
+    if local(element.tag) == "number" and float(_about(element).get("display-factor", "1")) != 1.0:
         raise TooMuch("numbers that are shown divided by a factor", "numbers that are shown as they are")
 
 

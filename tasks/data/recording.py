@@ -69,6 +69,11 @@ class Recording:
         )
 
     @property
+    def titles(self) -> tuple[str, ...]:
+        """All titles of the table, those of its own columns first."""
+        return (*(column.title for column in self.columns), *self.left_out)
+
+    @property
     def spreads(self) -> tuple[str, ...]:
         """Titles of columns with the spread of a mean."""
         return tuple(title for title in self.left_out if is_spread(title))

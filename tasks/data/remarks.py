@@ -23,8 +23,8 @@ def remarks(recording: Recording) -> list[str]:
     found = [*recording.notes, *recording.further.notes, *which_columns(recording.columns)]
     if recording.motion.quantity is POSITION:
         found.append(f"positions, {LIKELY} to count from the first one")
-    texts = (*(column.title for column in recording.columns), *recording.left_out)
-    found += [*told_bending((*map(joined, narrow(recording.header)), *texts)), *told_factors(recording.header)]
+    lines = [joined(row) for row in narrow(recording.header)]
+    found += [*told_bending((*lines, *recording.titles)), *told_factors(lines)]
     found += [*odd_numbers(recording.columns, recording.numbers)]
     return [*found, *_hidden_percent(recording), *map(str, recording.doubts)]
 

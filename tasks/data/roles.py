@@ -7,7 +7,7 @@ from sinew.tasks.data.hints import Hints, each_title
 from sinew.tasks.data.quantities import FORCE, LOADS, MOTIONS, STRESS, TIME, Quantity
 
 TIMED = ", --rate-hz, --speed or --speed-column"  # what tells times where no column does
-TIMED_AT_REST = " or --rate-hz"  # the same, where the motion rests: no speed tells how long
+UNTIMED_BY_SPEED = " or --rate-hz"  # the same, where no speed of the motion tells the time
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Role:
     wanted: tuple[str, ...]
     given: str | None
     more_titles: tuple[str, ...] = ()  # that any of the quantities may have
-    at_rest: bool = False  # the motion rests in some rows
+    without_speed: bool = False  # no speed of the motion tells the time
     titled: bool = True  # some columns have titles, which may tell units
 
     def titles(self, quantity: Quantity) -> tuple[str, ...]:
@@ -33,7 +33,7 @@ class Role:
     @property
     def remedy(self) -> str:
         """What a person can do where no column is recognised."""
-        told = (TIMED_AT_REST if self.at_rest else TIMED) if self.option == "time" else ""
+        told = (UNTIMED_BY_SPEED if self.without_speed else TIMED) if self.option == "time" else ""
         named = "NAME or NUMBER" if self.titled else f"NUMBER and {self.unit_option}"
         return f"--{self.option}-column {named}{told}"
 

@@ -22,7 +22,7 @@ from sinew.tasks.data.tables import Table
 TEST_COLUMN, CYCLE_COLUMN, TABLES = "--test-column", "--cycle-column", "--tables"
 BOTH = ","  # between the names of two columns that tell tests apart together
 FEWEST_ROWS = 3  # of a test
-LATER = "begins at a later time than the table before ends"
+LATER = "begins a while after the end of the table before, by its times"
 GOES_ON = "begins soon after the end of the table before, by its times"
 LABELLED = 2  # cells: a label, and what it is of
 FEWEST_ROWS_OF_A_CYCLE = 3

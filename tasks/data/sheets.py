@@ -5,7 +5,6 @@ import json
 import re
 import signal
 import subprocess
-import sys
 import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator
@@ -13,9 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import sinew
 from sinew.runner.errors import BadInput, one_line
 from sinew.runner.files import in_megabytes, read_input
+from sinew.runner.limits import command
 from sinew.runner.zip_end import directory_of
 from sinew.tasks.data import sheet_reading
 
@@ -23,8 +22,6 @@ SUFFIXES = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 MAX_BYTES = 64 * 2**20
 MAX_UNPACKED_BYTES = 512 * 2**20
 MAX_MEMBERS, MAX_LIST_BYTES = 20_000, 2**22  # files of an archive, and the list of them
-# the process imports nothing from the current folder; where sinew is not installed, it is found by its place, the last
-START = "import sys; sys.path.append(sys.argv[1]); from sinew.tasks.data.sheet_reading import main; main()"
 FIRST_BYTES = 4096
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 WALL_S = 600.0  # of the process that reads, whose processor time is limited as well
@@ -80,11 +77,10 @@ def read_sheets(path: Path) -> Iterator[Sheet]:
     """
     content = read_input(path, MAX_BYTES, f"a spreadsheet of at most {MAX_BYTES / 2**20:,.0f} MB")
     _refuse_large_archive(path, content)
-    command = [sys.executable, "-I", "-c", START, str(Path(sinew.__file__).resolve().parents[1])]
     with tempfile.TemporaryFile() as lines:  # on the disk, as they take as much again as the texts
         try:
-            done = subprocess.run(command, input=content, stdout=lines, stderr=subprocess.DEVNULL, timeout=WALL_S,
-                                  check=False)  # fmt: skip
+            done = subprocess.run(command(sheet_reading.__name__), input=content, stdout=lines,
+                                  stderr=subprocess.DEVNULL, timeout=WALL_S, check=False)  # fmt: skip
         except subprocess.TimeoutExpired:
             raise BadInput(path, f"takes more than {WALL_S:g} s", sheet_reading.SMALLER) from None
         del content

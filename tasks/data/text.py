@@ -162,9 +162,10 @@ def cells(line: str, separator: str) -> list[str]:
     if separator == " ":
         return line.split()
     try:
-        return [unquoted(cell) for cell in next(csv.reader([line], delimiter=separator), [])]
+        found = next(csv.reader([line], delimiter=separator), [])
     except csv.Error:
         return [line]
+    return list(map(unquoted if '"' in line else str.strip, found))
 
 
 def records(lines: list[str]) -> list[tuple[int, str]]:

@@ -19,10 +19,9 @@ def as_told(recording: Recording, hints: Hints) -> Recording:
     recording = replace(recording, numbers=numbers, notes=(*recording.notes, *notes))
     if hints.end == "leave-out":
         recording = without_end(recording)
-    titles = (*(column.title for column in recording.columns), *recording.left_out)
     lines = (" ".join(row) for row in recording.header)
     falls = recording.repeats.falls
-    found = doubts(recording.columns, recording.numbers, (*titles, *lines), hints, falls=falls)
+    found = doubts(recording.columns, recording.numbers, (*recording.titles, *lines), hints, falls=falls)
     told = [_with_lengths(one, recording) if one.option == PRELOAD else one for one in found]
     return replace(recording, doubts=(*told, *(doubt_of_end(recording) if hints.end is None else ())))
 

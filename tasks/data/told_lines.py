@@ -46,10 +46,10 @@ def units_above(header: Sequence[Row]) -> dict[str, list[str]]:
     return found
 
 
-def told_factors(header: Sequence[Row]) -> Iterator[str]:
+def told_factors(lines: Iterable[str]) -> Iterator[str]:
     """A line for each factor of a column that a line above the table tells and that is not 1: ``Load scale factor``."""
-    for row in narrow(header):
-        if tells_factor(text := joined(row)[:_LONGEST_LINE]):
+    for line in lines:
+        if tells_factor(text := line[:_LONGEST_LINE]):
             yield f"the file gives {shown(text, 60)}; numbers are read as they stand, without it"
 
 

@@ -14,6 +14,7 @@ from sinew.tasks.infer.result import (
     InferResult,
     LikelihoodResult,
     Posteriors,
+    are_weights,
     draws_of_mean,
     particles_group,
     read_posteriors,
@@ -23,7 +24,7 @@ from sinew.tasks.study.same_data import refuse_other_data
 from sinew.tasks.study.workspace import Workspace
 
 MOST_BYTES = 2**29  # of the draws of all sites together
-ROUNDING = 1e-6  # of a sum of weights, and of a mean in standard deviations
+ROUNDING = 1e-6  # standard deviations of a mean
 SOME = 0.4  # standard deviations, by which the mean of the draws that are kept may differ from that of all
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -104,7 +105,7 @@ def draws_of(workspace: Workspace, inferred: Posteriors, site: str) -> xr.Datase
     last = kept[["parameters", "weight"]].isel(generation=-1).copy(deep=True)
     _check(site, last, ("parameters", "weight"))
     weight = last["weight"].to_numpy()
-    if not (weight >= 0.0).all() or not abs(weight.sum() - 1.0) < ROUNDING:
+    if not are_weights(weight):
         raise ValueError(f"{site}: the weights of the particles do not sum to 1")
     values = last["parameters"].transpose("particle", "parameter").to_numpy()
     _refuse_others(site, inferred, weight @ values, last, ROUNDING)

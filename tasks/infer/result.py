@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any, cast
 
-from sinew.tasks.infer.abc.result import FEW, AbcResult, draws, particles_group
+from sinew.tasks.infer.abc.result import FEW, AbcResult, are_weights, draws, particles_group
 from sinew.tasks.infer.likelihood.result import LikelihoodResult, draws_of_mean, draws_of_new, draws_of_specimen
 from sinew.tasks.study.result import Result
 
@@ -13,6 +13,7 @@ __all__ = [
     "InferResult",
     "LikelihoodResult",
     "Posteriors",
+    "are_weights",
     "draws",
     "draws_of_mean",
     "draws_of_new",

@@ -97,10 +97,9 @@ def pulled(
         force = done.force_N[0]
         noisy = force + noise * np.abs(force).max() * rng.standard_normal(force.size)
         others = {}
-        for name, course in done.outputs.items():
-            if name.startswith("dic_"):
-                others[name] = course[0] + POINT_NOISE_MM * rng.standard_normal(force.size)
-                others[name][np.arange(force.size) % PICTURES_EVERY > 0] = np.nan
+        for name, course in of_points(done).items():
+            others[name] = course + POINT_NOISE_MM * rng.standard_normal(force.size)
+            others[name][np.arange(force.size) % PICTURES_EVERY > 0] = np.nan
         curves.append(Curve(protocol, noisy, others))
     return Specimen(specimen.name, specimen.length_mm, specimen.width_mm, specimen.thickness_mm, tuple(curves))
 
@@ -111,6 +110,11 @@ def simulated(simulator: Simulator, model: Model, specimen: Specimen, protocol: 
     if done.status[0]:
         raise click.ClickException(f"{specimen.name}, {protocol.name}: {done.messages[0]}")
     return done
+
+
+def of_points(done: Simulated) -> dict[str, Array]:
+    """The courses ``[t]`` (mm) of the points that a camera follows, by name."""
+    return {name: course[0] for name, course in done.outputs.items() if name.startswith("dic_")}
 
 
 def strength(
@@ -133,8 +137,7 @@ def strength(
         for protocol in protocols:
             done = simulated(simulator, model, specimen, protocol, at)
             found.append((done.force_N[0], noise * float(np.abs(done.force_N[0]).max())))
-            pictures = (course[0] for name, course in done.outputs.items() if name.startswith("dic_"))
-            found += [(course[::PICTURES_EVERY], POINT_NOISE_MM) for course in pictures]
+            found += [(course[::PICTURES_EVERY], POINT_NOISE_MM) for course in of_points(done).values()]
         return found
 
     here = courses(row)

@@ -168,9 +168,15 @@ def stored_particles(store: Store, site: str, names: Sequence[str]) -> xr.Datase
 
 def check_weights(store: Store, site: str, particles: xr.Dataset) -> None:
     """Raises ``StoreError`` for weights below zero, or whose sum in a generation is not 1."""
-    weight = particles["weight"].transpose(..., "particle").to_numpy()
-    if not (weight >= 0.0).all() or not (np.abs(weight.sum(axis=-1) - 1.0) < ROUNDING).all():
-        raise StoreError(f"{store.path / particles_group(site)}: its weights are none of particles; infer again")
+    if not are_weights(particles["weight"].transpose(..., "particle").to_numpy()):
+        raise StoreError(
+            f"{store.path / particles_group(site)}: weights below zero, or that do not sum to 1; infer again"
+        )
+
+
+def are_weights(weight: Array) -> bool:
+    """Whether numbers ``[..., particle]`` are not negative and sum to 1."""
+    return bool((weight >= 0.0).all() and (np.abs(weight.sum(axis=-1) - 1.0) < ROUNDING).all())
 
 
 def particles_group(site: str) -> str:

@@ -22,13 +22,16 @@ def test_a_format_that_depends_on_values_is_asked_about(tmp_path):
         assert rows_of(path)["one"][0] == ("Time [s]", "Strain [%]", title)
 
 
-def test_a_format_of_another_rule_is_none_of_a_style(tmp_path):
+@pytest.mark.parametrize(
+    ("number", "code", "of", "title"),
+    [(174, "0.0,", "#,##0.0", "Strain [%]"), (172, "0.0", "0.000,", "Strain [shown in thousands]")],
+)
+def test_a_format_of_another_rule_is_none_of_a_style(tmp_path, number, code, of, title):
     """Numbers of formats are those of their own list."""
-    styles = STYLES.replace(
-        "</styleSheet>", '<dxfs><dxf><numFmt numFmtId="174" formatCode="0.0,"/></dxf></dxfs></styleSheet>'
-    )
-    path = write_workbook(tmp_path / "a.xlsx", styles, one=styled(of_style("#,##0.0")))
-    assert rows_of(path)["one"][0][1] == "Strain [%]"
+    rules = f'<dxfs><dxf><numFmt numFmtId="{number}" formatCode="{code}"/></dxf></dxfs>'
+    styles = STYLES.replace("<cellStyleXfs>", f"{rules}<cellStyleXfs>")
+    path = write_workbook(tmp_path / "a.xlsx", styles, one=styled(of_style(of)))
+    assert rows_of(path)["one"][0][1] == title
 
 
 @pytest.mark.parametrize("code", ['"-"0.0', '0.0"00"'])

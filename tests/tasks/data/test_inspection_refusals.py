@@ -182,7 +182,10 @@ def test_columns_by_number_need_no_titles_where_times_are_told(tmp_path):
 
 
 def test_true_strains_and_stresses_are_refused_for_what_they_are(tmp_path):
-    with pytest.raises(BadInput, match="'true strain, true stress'; expected engineering strain and stress: true ones"):
+    with pytest.raises(
+        BadInput,
+        match="'true strain, true stress'; expected engineering strain and stress, which are of the first sizes",
+    ):
         inspected(tmp_path, "true strain,true stress")
 
 

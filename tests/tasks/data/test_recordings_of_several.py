@@ -82,7 +82,7 @@ def test_tests_with_something_between_them_are_not_joined(tmp_path):
     assert [name for name, _ in names_and_loads(tmp_path, f"{ONE}Specimen B\n{later}")] == ["1", "2"]
     pause = later.replace("\n3,", "\n30,").replace("\n4,", "\n31,").replace("\n5,", "\n32,")
     with pytest.raises(
-        Unclear, match="a test begins at a later time than the table before ends; expected --tables join"
+        Unclear, match="a test begins a while after the end of the table before, by its times; expected --tables join"
     ):
         names_and_loads(tmp_path, ONE + pause)
     assert [name for name, _ in names_and_loads(tmp_path, ONE + pause, tables="apart")] == ["1", "2"]

@@ -136,5 +136,7 @@ def test_particles_of_the_store_have_weights_and_the_parameters_of_the_result(tm
         if (weight, names) == ([0.5, 0.5], "ab"):
             assert stored_particles(store, "site", ["a", "b"]).identical(store.read_result("infer/site"))
             return
-        with pytest.raises(StoreError, match=r"its coordinate parameter is not|its weights are none of particles"):
+        with pytest.raises(
+            StoreError, match=r"its coordinate parameter is not|weights below zero, or that do not sum to 1"
+        ):
             stored_particles(store, "site", ["a", "b"])
