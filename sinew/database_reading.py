@@ -7,19 +7,32 @@ process of its own, with limits.
 import json
 import sqlite3
 import sys
+from collections.abc import Mapping
 from contextlib import closing
+from typing import Any
 
 from sinew.runner.limits import limit
 
 MEMORY_BYTES, SECONDS = 2**30, 60  # of the process
 MAX_TABLES = 100  # and as many indexes
 DAMAGED = "damaged ({})"
+#: What SQLite, which keeps any value in any column, may hold where SQLAlchemy expects a type of Python.
+HELD = {
+    "int": ("integer", "null"),
+    "float": ("real", "integer", "null"),
+    "str": ("text", "null"),
+    "datetime": ("text", "null"),
+    "object": ("blob", "null"),
+}
+NO_TIME = "{} NOT GLOB '[0-9][0-9][0-9][0-9]-[01][0-9]-[0-3][0-9] [0-2][0-9]:[0-5][0-9]:[0-5][0-9]*'"
+
+Schema = Mapping[str, Mapping[str, str]]  # the types of Python of the columns of each table
 
 
-def fault(uri: str, steps: int, step: int) -> str | None:
+def fault(uri: str, steps: int, step: int, schema: Schema) -> str | None:
     """Why a database is not one of plain tables that can be read in so many steps of instructions, or None.
 
-    All else is a program, which may fill the memory or never end.
+    All else is a program, which may fill the memory or never end. It has all tables and columns of ``schema``.
     """
     left = iter(range(steps))
     try:
@@ -38,12 +51,39 @@ def fault(uri: str, steps: int, step: int) -> str | None:
                 "(SELECT 1 FROM pragma_table_xinfo(tables.name) WHERE hidden) "
                 "FROM sqlite_master AS tables WHERE type = 'table'"
             ).fetchall()
+            if any(one for (one,) in computed):
+                return "holds a table that computes its content"
+            return next(filter(None, (_other(database, *table) for table in schema.items())), None)
     except (sqlite3.Error, MemoryError) as error:
         return DAMAGED.format(str(error)[:80] or "takes too much memory")
-    return "holds a table that computes its content" if any(one for (one,) in computed) else None
+
+
+def _other(database: sqlite3.Connection, table: str, columns: Mapping[str, str]) -> str | None:
+    """What a table does not hold of what it should, or None. The names are those of the schema, not of the file."""
+
+    def found(query: str) -> list[Any]:
+        return [one for (one,) in database.execute(query)]
+
+    there = {name for (name,) in database.execute("SELECT name FROM pragma_table_info(?)", (table,))}
+    if missing := [column for column in columns if column not in there]:
+        return f"has no {table}.{missing[0]}"
+    if found(f"SELECT EXISTS (SELECT 1 FROM {table})") == [0]:  # noqa: S608
+        return f"holds nothing in {table}"
+    for column, kind in columns.items():
+        held = found(f"SELECT DISTINCT typeof({column}) FROM {table}")  # noqa: S608
+        wrong = sorted(set(held) - set(HELD[kind]))
+        if not wrong and kind == "datetime":
+            wrong = found(f"SELECT 'text' FROM {table} WHERE {NO_TIME.format(column)}")  # noqa: S608
+        if wrong:
+            return f"holds {wrong[0]} in {table}.{column}"
+    return None
 
 
 def main() -> None:
-    """Look at the database of the first argument; the others say in how many steps, and of how many instructions."""
+    """Look at the database of the first argument.
+
+    The others say in how many steps, of how many instructions, and its schema as JSON.
+    """
     limit(MEMORY_BYTES, SECONDS)
-    sys.stdout.write(json.dumps(fault(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))))
+    uri, steps, step, schema = sys.argv[1:5]
+    sys.stdout.write(json.dumps(fault(uri, int(steps), int(step), json.loads(schema))))

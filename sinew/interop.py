@@ -16,6 +16,7 @@ import pandas as pd
 import xarray as xr
 
 from sinew import database_reading, posterior_file
+from sinew.database_reading import Schema
 from sinew.runner.errors import BadInput, brief, shown
 from sinew.runner.limits import command
 from sinew.runner.store.schema import STATUSES
@@ -88,22 +89,30 @@ def salib_samples(result: SobolResult, folder: Path, specimen: str) -> tuple[Arr
 def abc_history(folder: Path, site: str) -> Any:
     """The inference of a site as :class:`pyabc.History`, for all of ``pyabc.visualization``."""
     import pyabc
+    from pyabc.storage.db_model import Base
 
     path = _of_site(folder, site, "db").absolute()
     if "?" in str(path):  # pyABC would open what is named before it
         raise BadInput(path, "has a '?' in its path", "a folder and a site without one")
-    _refuse_program(path)
+    schema = {
+        table.name: {column.name: column.type.python_type.__name__ for column in table.columns}
+        for table in Base.metadata.sorted_tables
+    }
+    _refuse_program(path, schema)
     return pyabc.History(f"sqlite:///{path}", create=False)
 
 
-def _refuse_program(path: Path) -> None:
-    """Refuse a database with more than plain tables: all else is a program, which may fill the memory or never end."""
+def _refuse_program(path: Path, schema: Schema) -> None:
+    """Refuse a database with more than plain tables: all else is a program, which may fill the memory or never end.
+
+    One that has other tables, columns or types than ``schema`` would end in errors of the library that reads it.
+    """
     for ending in ("-journal", "-wal", "-shm"):  # SQLite would take the database back, and delete what a journal names
         if os.path.lexists(beside := path.with_name(path.name + ending)):
             raise BadInput(beside, "is there", "no file of an interrupted change; delete it")
     if (size := path.stat().st_size) > MAX_FILE_BYTES:
         raise BadInput(path, f"has {size:,} bytes", INFERRED)
-    _refuse(path, database_reading, f"{path.as_uri()}?mode=ro", str(MAX_STEPS), str(STEP))
+    _refuse(path, database_reading, f"{path.as_uri()}?mode=ro", str(MAX_STEPS), str(STEP), json.dumps(schema))
 
 
 def _refuse(path: Path, look: ModuleType, *arguments: str) -> None:

@@ -60,6 +60,27 @@ def test_a_database_whose_tables_compute_is_refused(copied_run, monkeypatch, cha
         sinew.results(copied_run).abc_history("distal")
 
 
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ("DROP TABLE particles", "has no particles.id"),
+        ("ALTER TABLE samples RENAME COLUMN distance TO d", "has no samples.distance"),
+        ("DELETE FROM abc_smc", "holds nothing in abc_smc"),
+        ("DELETE FROM populations", "holds nothing in populations"),
+        ("UPDATE parameters SET value = 'x'", "holds text in parameters.value"),
+        ("UPDATE populations SET t = 0.5", "holds real in populations.t"),
+        ("UPDATE summary_statistics SET value = 'x'", "holds text in summary_statistics.value"),
+        ("UPDATE abc_smc SET start_time = 'yesterday'", "holds text in abc_smc.start_time"),
+    ],
+)
+def test_a_database_with_other_tables_than_pyabc_makes_is_refused(copied_run, change, problem):
+    with closing(sqlite3.connect(copied_run / "infer" / "distal.db")) as database:
+        database.execute(change)
+        database.commit()
+    with pytest.raises(BadInput, match=rf"distal\.db: {problem}"):
+        sinew.results(copied_run).abc_history("distal")
+
+
 def test_samples_that_the_store_does_not_hold_are_not_drawn(copied_run):
     path = copied_run / "sobol.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"base_samples": 2**26}))

@@ -32,7 +32,8 @@ def _errors(path: Path, what_to_do: str) -> Iterator[None]:
     except StoreError:
         raise
     except OSError as error:
-        raise StoreError(f"{path}: {of_the_system(error)}") from error
+        inside = isinstance(error.filename, str) and Path(error.filename).is_relative_to(path)
+        raise StoreError(f"{error.filename if inside else path}: {of_the_system(error)}") from error
     except Exception as error:  # what Zarr and its codecs raise for damaged files is no closed list
         if is_shortage(error):
             raise StoreError(f"{path}: cannot be read now, memory or threads are short ({words(error)})") from error

@@ -14,21 +14,23 @@ from sinew.tasks.data.sheet_look import Look, TooMuch, local, parsed
 PERCENT_FORMATS = {9, 10}  # of Excel itself
 REFERENCE = re.compile(r"([A-Z]{1,3})([0-9]{1,7})")  # of a cell
 AS_EXCEL = "a spreadsheet as Excel saves it"
-#: Within a cell, up to its value, however long its formula is.
-WITHIN = rb"(?:(?!</?(?:\w+:)?c[\s/>])[\s\S]){0,16384}?"
+#: Within a cell, up to its first value, however long its formula is. It gives nothing back, so that it takes no time
+#: with the square of its length.
+WITHIN = rb"(?:(?!</?(?:\w+:)?c[\s/>]|</?(?:\w+:)?v[\s>])[\s\S]){0,16384}+"
 #: A number in parts, such as a character by its code. The library reads the first; texts of formulas it reads whole.
 IN_PARTS = re.compile(
-    rb"<(?:\w+:)?c(?:\s(?![^>]*\bt=[\"']str[\"'])[^>]*)?>" + WITHIN
-    + rb"<((?:\w+:)?v)(?:\s[^>]*)?>[^<&]*(?:&|<(?!/\1\s*>))"
+    rb"<(?:\w+:)?c(?:\s(?![^<>]*\bt=[\"']str[\"'])[^<>]*)?>" + WITHIN
+    + rb"<((?:\w+:)?v)(?:\s[^>]*)?>[^<&]*+(?:&|<(?!/\1\s*>))"
 )  # fmt: skip
 #: What no spreadsheet program writes in a sheet, and the library does not read as it is.
 READ_OTHERWISE = {
     re.compile(rb"\A[\s\S]{0,199}\0"): "a sheet that is not in UTF-8",
     re.compile(rb"<!DOCTYPE"): "a sheet with a document type",
+    re.compile(rb"<[^<>]*<"): "a sheet with a tag that is not closed",
     IN_PARTS: "a cell whose number is written in parts",
     re.compile(rb"</(?:\w+:)?v\s*>" + WITHIN + rb"<(?:\w+:)?v[\s/>]"): "a cell with two values",
 }
-HIDES = re.compile(rb"<(?:\w+:)?(?:row|col)\b[^>]*\b(?:hidden=|(?:ht|width)=[\"']0[.0]*[\"'])")
+HIDES = re.compile(rb"<(?:\w+:)?(?:row|col)\b[^<>]*\b(?:hidden=|(?:ht|width)=[\"']0[.0]*[\"'])")
 PLACE = re.compile(rb"<(?:\w+:)?c\s(?:[^>]*?\s)?r=[\"']([A-Z]{1,3})([0-9]{1,7})[\"']")
 TRUE = ("1", "true")
 LAST_COLUMN, MOST_RULES = 2**14, 200  # of a sheet

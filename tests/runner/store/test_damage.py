@@ -1,5 +1,7 @@
 """Damaged and missing chunks are named, and repaired."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -122,3 +124,12 @@ def test_the_alarm_of_a_deadline_is_no_damage(tmp_path):
             raise WalltimeReached("the walltime is near")
         except Exception as error:
             pytest.fail(f"taken for a failure of its own: {error!r}")
+
+
+@pytest.mark.parametrize(
+    ("named", "told"),
+    [("/o/figures/a", "/o/figures/a"), ("/elsewhere", "/o"), ("/other", "/o"), (b"/o/a", "/o"), (None, "/o")],
+)
+def test_an_error_names_what_it_is_of_inside_of_the_folder(named, told):
+    with pytest.raises(StoreError, match=rf"^{told}: Permission denied$"), store_errors(Path("/o")):
+        raise PermissionError(13, "Permission denied", named)

@@ -119,6 +119,14 @@ def test_a_number_that_the_library_would_cut_is_refused(tmp_path, before, value)
         list(read_sheets(path))
 
 
+@pytest.mark.parametrize("part", ["<v>", "</v>", "<v><x/>", "<c ", "<row ", "<v", "<f>1</f>", "a:v", "<x:"])
+def test_a_long_cell_takes_no_time_with_the_square_of_its_length(tmp_path, part):
+    path = write_workbook(tmp_path / "a.xlsx", one=f'<row r="1"><c r="A1">{part * (2**19 // len(part))}')
+    with pytest.raises(BadInput) as refused:
+        list(read_sheets(path))
+    assert "60 s" not in str(refused.value)
+
+
 def test_texts_of_formulas_are_read_whole(tmp_path):
     cells = '<c r="A1" t="str"><f>B1&amp;C1</f><v>Kraft &#38; Weg</v></c><c r="B1"><f>1&amp;05</f><v>105</v></c>'
     path = write_workbook(tmp_path / "a.xlsx", one=f'<row r="1">{cells}</row>')
@@ -129,6 +137,7 @@ def test_a_sheet_with_a_document_type_or_in_another_encoding_is_refused(tmp_path
     for number, (change, problem) in enumerate(
         (
             (lambda text: text.replace(b"<worksheet", b'<!DOCTYPE x [<!ENTITY k "0">]><worksheet'), "a document type"),
+            (lambda text: text.replace(b"<sheetData", b'<cols x="<"/><sheetData'), "a tag that is not closed"),
             (lambda text: text.decode().encode("utf-16"), "not in UTF-8"),
         )
     ):
