@@ -68,6 +68,11 @@ _OPTIONS = (
         type=click.Choice(["leave-out", "keep"]),
         help="Leave out the rows after a break, or after a jump of the displacement at the end, or keep them.",
     ),
+    click.option(
+        "--same-times",
+        type=click.Choice(["spread"]),
+        help="Spread rows to which a coarse clock gives one time evenly up to its next step.",
+    ),
 )
 
 

@@ -14,7 +14,16 @@ from sinew.tasks.data.column_titles import check_width, names_and_units, places_
 from sinew.tasks.data.factors import factor_of, is_signal
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.possible_columns import changes, follows, hardly_moves, holds_numbers, in_volts, possible, untimed
+from sinew.tasks.data.missing_columns import by_title_or_number, no_column, which_is
+from sinew.tasks.data.possible_columns import (
+    changes,
+    follows,
+    hardly_moves,
+    holds_numbers,
+    in_volts,
+    possible,
+    untimed,
+)
 from sinew.tasks.data.quantities import (
     DISPLACEMENT,
     FORCE,
@@ -27,7 +36,7 @@ from sinew.tasks.data.quantities import (
     Quantity,
     ratio_of_lengths,
 )
-from sinew.tasks.data.questions import NEITHER, NoColumn, Unclear, UnknownUnit
+from sinew.tasks.data.questions import NoColumn, Unclear, UnknownUnit
 from sinew.tasks.data.roles import Role, by_number, roles_of
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.titles import known_within, name_and_unit
@@ -94,7 +103,7 @@ def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tu
 def _which_of(table: Table, titles: Row, choice: _Choice, role: Role) -> Unclear:
     """The question which of several columns is meant; by their numbers, where they have one title."""
     places = (choice.place, *choice.alike)
-    listed, choices = " and ".join(shown(titles[place]) for place in places), _named(titles, places)
+    listed, choices = " and ".join(shown(titles[place]) for place in places), by_title_or_number(titles, places)
     option = f"--{role.option}-column"
     return Unclear(
         str(table.path),
@@ -161,10 +170,6 @@ def in_place(table: Table, hints: Hints, column: Column, place: int) -> Column:
 # ---- the choice of a column
 
 
-def _where(table: Table) -> str:
-    return f"{table.path}: row {table.title_row}" if table.titles else str(table.path)
-
-
 def _choices(
     table: Table, titles: Row, named: Sequence[tuple[str, str]], roles: Sequence[Role], hints: Hints
 ) -> list[_Choice]:
@@ -183,10 +188,10 @@ def _choices(
         asked = [_in_table(table, titles, named, role, hints) for role, _ in missing]
         spare = len(titles) - sum(one.place != NOWHERE for one in found)
         of_person = [problem for role, problem in missing if role.wanted]
-        problem = of_person[0] if of_person else _none_of(table, titles, asked, spare=spare)
+        problem = of_person[0] if of_person else no_column(table, titles, asked, spare=spare)
         problem.alone = all(choice.place == NOWHERE for choice in found)
         free = {place for place, _ in enumerate(titles) if holds_numbers(table, place)} - {one.place for one in found}
-        problem.question = None if of_person or not free else _which_is(table, titles, sorted(free), missing[0][0])
+        problem.question = None if of_person or not free else which_is(table, titles, sorted(free), missing[0][0])
         raise problem
     return _of_one_clock(table, titles, named, roles, found)
 
@@ -203,22 +208,6 @@ def _in_table(table: Table, titles: Row, named: Sequence[tuple[str, str]], role:
     return replace(role, without_speed=untimed(table, motion.place))
 
 
-def _which_is(table: Table, titles: Row, free: Sequence[int], role: Role) -> Unclear:
-    """The question which of the columns that are left holds what no title says."""
-    choices = (*_named(titles, free), NEITHER)
-    option = f"--{role.option}-column"
-    problem = f"no title names the {role.name}"
-    return Unclear(
-        str(table.path), problem, option, what=role.name, which="which column?", option=option, choices=choices
-    )
-
-
-def _named(titles: Row, places: Sequence[int]) -> list[str]:
-    """Columns by their titles, or by their numbers where two have one title or one has none."""
-    names = [titles[place] for place in places]
-    return names if all(names) and len(set(names)) == len(names) else [str(place + 1) for place in places]
-
-
 def _of_one_clock(
     table: Table, titles: Row, named: Sequence[tuple[str, str]], roles: Sequence[Role], found: list[_Choice]
 ) -> list[_Choice]:
@@ -233,17 +222,6 @@ def _of_one_clock(
     except NoColumn:
         return found  # one test of several instruments
     return [found[0], *others]
-
-
-def _none_of(table: Table, titles: Row, roles: Sequence[Role], *, spare: int) -> NoColumn:
-    """What is said where columns of some roles are missing, all at once; ``spare`` columns are of no other role."""
-    listed = ", ".join(title or "(no name)" for title in titles[:12]) + (", ..." if len(titles) > 12 else "")
-    names = ", nor of ".join(role.name for role in roles)
-    measured = [role for role in roles if role.option != "time"]  # times may be told, these not
-    remedies = [role.remedy for role in roles if role not in measured or len(measured) <= spare]
-    if len(measured) > spare:
-        remedies.append(f"a file with {' and '.join(role.option for role in measured)}, which this one does not hold")
-    return NoColumn(_where(table), f"no column of {names} among {shown(listed, 200)}", "; ".join(remedies))
 
 
 def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: Role) -> _Choice:
@@ -266,7 +244,7 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: R
     known = [one for one in found if units.is_unit(named[one[1]][1])]
     found = [one for one in found if not known or not in_volts(*named[one[1]])]
     if not found:
-        raise _none_of(table, titles, (role,), spare=len(titles))
+        raise no_column(table, titles, (role,), spare=len(titles))
     rank, place, quantity = min(found, key=lambda one: one[:2])
     if quantity is STRETCH and _is_strain(table, place, named[place][0], named[place][1] or role.given or "", role):
         quantity = STRAIN

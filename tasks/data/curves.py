@@ -39,9 +39,7 @@ def check_times(recording: Recording) -> None:
     if back.size:
         problem = f"{time_s[back[0] + 1]:g} s after {time_s[back[0]]:g} s"
         where = f"{recording.path}: row {recording.rows[back[0] + 1]}, time"
-        coarse = (np.diff(time_s) >= 0).all()
-        rate = ", or --rate-hz where the clock is coarser than the rows" if coarse and not recording.remedy else ""
-        raise BadInput(where, problem, f"increasing times{recording.remedy}{rate}")
+        raise BadInput(where, problem, f"increasing times{recording.remedy}")
 
 
 def curve_of(recording: Recording, bar: Bar, protocol: str, *, reference: float | None = None) -> Curve:

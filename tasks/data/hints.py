@@ -12,6 +12,7 @@ Zero = Literal["first", "none"]
 Negate = Literal["none", "displacement", "force", "both"]
 Rows = Literal["leave-out", "keep"]
 Tables = Literal["join", "apart", "first"]
+SameTimes = Literal["spread"]
 NO_COLUMN = "none"
 Title = str | tuple[str, ...]  # several: each file has one of them
 
@@ -47,7 +48,8 @@ class Hints:
     them get the other sign. ``tables``: whether tables that may go on from each other are one test; ``first`` leaves
     out tests with other titles than the first one.
     ``preload``: what becomes of the rows before a motion is set to zero again; ``end``: of those after a break, or
-    after a jump of the motion in the last rows.
+    after a jump of the motion in the last rows. ``same_times``: what becomes of rows to which a coarse clock gives one
+    time.
     ``keep_column``: columns that are kept beside the force, as for :func:`further`.
     """
 
@@ -68,6 +70,7 @@ class Hints:
     tables: Tables | None = None
     preload: Rows | None = None
     end: Rows | None = None
+    same_times: SameTimes | None = None
     keep_column: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:

@@ -93,7 +93,7 @@ def repeats_of(table: Table, rows: range, moved: Column, load: Column) -> Repeat
     if load.quantity is FORCE and load.unit and stresses is not None and stresses.place != load.place:
         slope = _slope(table, rows, load, stresses)
         area = None if slope is None else (stresses.title, slope)
-    lengths = _column_of(table, LENGTH)
+    lengths = _column_of(table, LENGTH, measured=False)
     falls = ""
     if moved.quantity in (DISPLACEMENT, STRAIN) and lengths is not None and lengths.place != moved.place:
         opposite = replace(lengths, factor=-lengths.factor)
@@ -101,10 +101,11 @@ def repeats_of(table: Table, rows: range, moved: Column, load: Column) -> Repeat
     return Repeats(strain, area, falls)
 
 
-def _column_of(table: Table, quantity: Quantity) -> Column | None:
-    """The column of a quantity, if it has a unit."""
+def _column_of(table: Table, quantity: Quantity, *, measured: bool = True) -> Column | None:
+    """The column of a quantity, if it has a unit where that must be ``measured``."""
     columns, _ = partly(table, Hints(), only=quantity)
-    return next((one for one in columns if one is not None and one.quantity is quantity and one.unit), None)
+    found = (one for one in columns if one is not None and one.quantity is quantity)
+    return next((one for one in found if one.unit or not measured), None)
 
 
 def _slope(table: Table, rows: range, column: Column, over: Column) -> float | None:

@@ -10,10 +10,12 @@ from sinew.tasks.data import units, words
 from sinew.tasks.data.quantities import LENGTH, STRAIN, Quantity
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
+from sinew.tasks.data.titles import name_and_unit
 
 FOLLOWED, PARTS, FEWEST_PARTS = 2000, 50, 5  # rows, and parts of the machine's way, that an extensometer is compared in
 FOLLOWS = 0.5  # rank correlation
 FEW_VALUES = 10  # times more values that another column has
+FEWEST_LETTERS = 3  # that a word has more of which names a quantity among others
 LOOKED_AT = 200  # rows: a file of many tests is asked many times
 MOST_TURNS = 0.1  # of the rows: a motion that turns more often is noisy, and its way is longer than that of the machine
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -91,6 +93,21 @@ def titles_of_numbers(table: Table, places: Sequence[int]) -> tuple[str, ...]:
     """The titles of those columns that hold numbers and have a title of their own."""
     titles = table.titles
     return tuple(titles[place] for place in places if titles.count(titles[place]) == 1 and holds_numbers(table, place))
+
+
+def titles_by_a_word(titles: Sequence[str], quantities: Sequence[Quantity]) -> list[str]:
+    """The titles with one word that names a quantity and with its unit: ``Fore-Aft Load [N]``.
+
+    The other words may make another quantity of it, as those of ``Load limit [N]`` do, so only a person can tell.
+    """
+    found = []
+    for title in titles:
+        name, unit = name_and_unit(title)
+        parts = {part for part in name.split() if len(part) > FEWEST_LETTERS}
+        fitting = [one for one in quantities if units.factor(one.units, unit) is not None]
+        if any(parts & set(one.titles) for one in fitting):
+            found.append(title)
+    return found
 
 
 def possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:

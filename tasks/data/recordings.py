@@ -20,12 +20,12 @@ from sinew.tasks.data.length_columns import Repeats, contradiction, length_besid
 from sinew.tasks.data.marks import refuse_marks
 from sinew.tasks.data.possible_columns import titles_of_numbers
 from sinew.tasks.data.quantities import DISPLACEMENT
-from sinew.tasks.data.questions import NoColumn
+from sinew.tasks.data.questions import NoColumn, Unclear
 from sinew.tasks.data.ragged import refuse_ragged
 from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.restarts import rows_again, tests_again, without_gaps
 from sinew.tasks.data.rows_of_words import cut_off, names_test, says_more, without_words
-from sinew.tasks.data.same_times import again, before_clock, behind_clock
+from sinew.tasks.data.same_times import again, before_clock, behind_clock, is_coarse, spread
 from sinew.tasks.data.several import (
     FEWEST_ROWS,
     TABLES,
@@ -191,7 +191,7 @@ def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Rec
         for block in blocks:
             both = replace(block, name="_".join(filter(None, (name, block.name))))
             one = _once(_begun(_ended(_recording(table, ours, hints, both, sizes[number], number, count))))
-            found += tests_again(one, gaps, hints) if alone else [one]
+            found += [_spread(each, hints) for each in (tests_again(one, gaps, hints) if alone else [one])]
         if cut:
             at, row = table.rows[rows]
             note = f"row {at} ends within a number, {shown(row[-1])}, and is left out"
@@ -289,6 +289,27 @@ def _once(recording: Recording) -> Recording:
     listed = ", ".join(f"{recording.rows[row]}" for row in rows[:5]) + (", ..." if rows.size > 5 else "")
     note = f"{rows.size} of {len(recording.rows):,} rows repeat the time stamp before them and are left out: {listed}"
     return replace(recording.part(np.delete(np.arange(len(recording.rows)), rows), note), repeats=recording.repeats)
+
+
+def _spread(recording: Recording, hints: Hints) -> Recording:
+    """The recording with times of their own for rows that have one by a coarse clock, as a person says, and a note.
+
+    Raises :class:`Unclear` where nobody has said it.
+    """
+    time_s = recording.numbers[:, 0]
+    if recording.columns[0].place == NOWHERE or recording.remedy or not is_coarse(time_s):
+        return recording
+    same = np.flatnonzero(np.diff(time_s) == 0) + 1
+    told = f"times repeat in {same.size:,} of {len(time_s):,} rows, first in row {recording.rows[same[0]]}"
+    if hints.same_times is None:
+        expected = "--same-times spread where the clock is coarser than the rows, or --rate-hz"
+        raise Unclear(
+            str(recording.path), told, expected, what="times", which="spread them up to the next step of the clock?",
+            option="--same-times", choices=("spread",),
+        )  # fmt: skip
+    numbers = np.column_stack([spread(time_s), recording.numbers[:, 1:]])
+    note = f"{told}; they are spread evenly, up to the next step of the clock"
+    return replace(recording, numbers=numbers, notes=(*recording.notes, note))
 
 
 def _unseen(table: Table, rows: range, columns: Sequence[Column]) -> tuple[str, ...]:

@@ -38,6 +38,24 @@ def behind_clock(numbers: Array) -> int:
     return behind if 0 < behind <= max(1.0, FEW_AGAIN * len(time_s)) and time_s[-1 - behind] > time_s[-1] else 0
 
 
+def is_coarse(time_s: Array) -> bool:
+    """Whether a clock that never goes back gives several rows ``[t]`` one time."""
+    steps = np.diff(time_s)
+    return bool((steps >= 0).all() and (steps == 0).any() and (steps > 0).any())
+
+
+def spread(time_s: Array) -> Array:
+    """Times ``[t]`` of a coarse clock with those that are equal spread evenly, up to its usual step or the next time.
+
+    So each is later than it says by less than a step of the clock.
+    """
+    distinct, first, counts = np.unique(time_s, return_index=True, return_counts=True)
+    step = float(np.median(np.diff(distinct)))
+    room = np.minimum(np.append(np.diff(distinct), step), step)
+    group = np.repeat(np.arange(distinct.size), counts)
+    return np.asarray(time_s + (np.arange(time_s.size) - first[group]) / counts[group] * room[group])
+
+
 def again(numbers: Array) -> Array:
     """The rows of time, motion and load ``[t, 3]`` that have the time of the row before, where these may be left out.
 

@@ -16,6 +16,22 @@ def usual_width(rows: Sequence[tuple[int, Row]], decimal: str) -> int:
     return widths.most_common(1)[0][0] if widths else 0
 
 
+def apart_by_several(rows: Sequence[tuple[int, Row]], decimal: str) -> bool:
+    """Whether titles and numbers are apart by several separators each, not by as many: no column is empty then.
+
+    The numbers of all rows stand in the same places, and the titles, which are as many, in others.
+    """
+    places = [tuple(at for at, cell in enumerate(row) if cell) for _, row in rows]
+    numbers = [
+        at for at, (_, row) in enumerate(rows) if any(row) and all(is_number(c, decimal) for c in filter(None, row))
+    ]
+    first = numbers[0] if numbers else 0
+    if first == 0 or len({places[at] for at in numbers}) > 1:
+        return False
+    titles = next((places[at] for at in range(first - 1, -1, -1) if places[at]), ())
+    return len(titles) == len(places[first]) > 1 and titles != places[first]
+
+
 def title_cells(line: str, width: int) -> Row:
     """The titles that a line may hold, above rows of ``width`` cells."""
     line = line.lstrip("#%/ ")

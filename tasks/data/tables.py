@@ -12,7 +12,7 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.data.heads import Head, Row, as_wide, head_of, is_label, is_row_of_units, refuse_factors
 from sinew.tasks.data.labview import is_labview, read_labview
 from sinew.tasks.data.sheets import NOTHING_HIDDEN, Hidden, Sheet, is_sheet, read_sheets
-from sinew.tasks.data.spaced_titles import cells_apart_otherwise, title_cells, usual_width
+from sinew.tasks.data.spaced_titles import apart_by_several, cells_apart_otherwise, title_cells, usual_width
 from sinew.tasks.data.text import (
     SEPARATORS,
     cells,
@@ -157,6 +157,8 @@ def read_source(path: Path) -> Source:
         return Source(path, (_Page("", rows, [row for _, row in rows]),), separator, decimal, FEWEST_COLUMNS)
     separator, decimal, fewest = _layout(path, lines)
     rows = _without_blank_end([(at, tuple(cells(line, separator))) for at, line in lines])
+    if separator == "\t" and apart_by_several(rows[:HEAD_LINES], decimal):
+        rows = [(at, tuple(filter(None, row))) for at, row in rows]
     titles = [row for _, row in rows]
     if separator == " ":
         width = usual_width(rows, decimal)

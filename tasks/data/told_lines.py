@@ -54,9 +54,15 @@ def told_factors(lines: Iterable[str]) -> Iterator[str]:
 
 
 def told_bending(texts: Iterable[str]) -> Iterator[str]:
-    """A line on the first of several titles and lines that tells of a bending."""
-    for text in texts:
-        if any(word in text[:_LONGEST_LINE].casefold() for word in words.BENDING):
+    """A line on the first of several titles and lines that tells of a bending.
+
+    A fixture says nothing where a length is told, too: some programs write all settings that they know of.
+    """
+    lines = [text[:_LONGEST_LINE] for text in texts]
+    sized = any(line.casefold().startswith(words.SIZES["length"]) for line in lines)
+    telling = words.BENDING if sized else (*words.BENDING, *words.BENDING_FIXTURES)
+    for text in lines:
+        if any(word in text.casefold() for word in telling):
             yield (
                 f"a bending test, by {shown(text, 60)}: sinew takes each specimen as a bar that is pulled, so its "
                 "stress is force by cross-section"

@@ -18,19 +18,22 @@ LENGTH: Units = {
 FORCE: Units = {
     "N": 1.0, "kN": 1e3, "mN": 1e-3, "cN": 1e-2, "daN": 10.0, "uN": 1e-6, "µN": 1e-6,
     "lbf": 4.4482216152605, "kgf": 9.80665, "kp": 9.80665,
-    "gf": 9.80665e-3, "ozf": 0.27801385095378125, "dyn": 1e-5, "newton": 1.0, "newtons": 1.0,
+    "tf": 9806.65, "kip": 4448.2216152605, "gf": 9.80665e-3, "ozf": 0.27801385095378125, "dyn": 1e-5,
+    "newton": 1.0, "newtons": 1.0,
 }  # fmt: skip
 STRESS: Units = {
     "Pa": 1e-6, "kPa": 1e-3, "MPa": 1.0, "GPa": 1e3, "N/mm2": 1.0, "N/mm^2": 1.0, "N/mm²": 1.0, "N/cm2": 1e-2,
     "kN/mm2": 1e3, "kgf/mm2": 9.80665, "kgf/cm2": 9.80665e-2, "bar": 0.1, "mbar": 1e-4, "psi": 6.894757293168e-3,
-    "ksi": 6.894757293168,
+    "ksi": 6.894757293168, "MN/m2": 1.0, "MN/m^2": 1.0, "MN/m²": 1.0, "kN/m2": 1e-3, "kN/m²": 1e-3,
 }  # fmt: skip
 AREA: Units = {
     "mm2": 1.0, "mm^2": 1.0, "mm²": 1.0, "cm2": 100.0, "cm^2": 100.0, "cm²": 100.0, "um2": 1e-6, "µm²": 1e-6,
     "m2": 1e6, "m²": 1e6, "in2": 645.16, "in²": 645.16,
 }  # fmt: skip
 NUMBER: Units = {"1": 1.0, "-": 1.0, "mm/mm": 1.0, "m/m": 1.0, "in/in": 1.0, "L/L0": 1.0}
-FRACTION: Units = {"%": 0.01, "percent": 0.01, "pct": 0.01, **NUMBER}
+FRACTION: Units = {
+    "%": 0.01, "percent": 0.01, "pct": 0.01, "‰": 1e-3, "mm/m": 1e-3, "µm/m": 1e-6, "µε": 1e-6, **NUMBER,
+}  # fmt: skip
 
 #: Other spellings, which no message lists.
 _SPELLINGS = {
@@ -43,6 +46,9 @@ _SPELLINGS = {
     "lb": "lbf", "lbs": "lbf", "pounds": "lbf", "kilonewton": "kN", "牛": "N", "牛顿": "N", "千牛": "kN", "克力": "gf",
     "grams force": "gf", "gram-force": "gf", "kg f": "kgf", "dyne": "dyn", "dynes": "dyn",
     "n/m2": "Pa", "pascal": "Pa", "兆帕": "MPa", "千帕": "kPa", "帕": "Pa", "sq mm": "mm2", "sq in": "in2",
+    "lbf/in2": "psi", "lb/in2": "psi", "lbs/in2": "psi", "sn": "s", "saniye": "s", "sekund": "s", "sekunder": "s",
+    "microstrain": "µε", "micro strain": "µε", "µstrain": "µε", "ustrain": "µε", "promille": "‰",
+    "cm/cm": "1", "µm/µm": "1", "in./in.": "1",
     "per cent": "%", "prozent": "%", "unitless": "1", "dimensionless": "1",
     "с": "s", "сек": "s", "мс": "ms", "мин": "min", "мм": "mm", "см": "cm", "м": "m", "мкм": "um", "н": "N", "кн": "kN",
     "мм2": "mm2", "см2": "cm2", "кв. мм": "mm2", "н/мм2": "N/mm2", "平方毫米": "mm2",
@@ -50,7 +56,8 @@ _SPELLINGS = {
 }  # fmt: skip
 EITHER = " or "  # between units that contradict each other
 _EVERY = (TIME, LENGTH, FORCE, STRESS, AREA, FRACTION)
-#: Spellings whose prefix may be milli or mega. The correct spelling "mN" has its factor; these have none.
+#: Spellings whose prefix may be milli or mega. Those of ``_EXACT`` count as they are written, the others not at all.
+_EXACT = ("mN", "MN/m2", "MN/m^2", "MN/m²")
 _AMBIGUOUS = ("mn", "MN", "mPa", "Mbar", "мПа")
 
 
@@ -62,7 +69,7 @@ def factor(units: Units, unit: str) -> float | None:
         return None
     folded = _folded(unit)
     folded = _folded(_SPELLINGS.get(folded, folded))
-    return next((value for name, value in units.items() if _folded(name) == folded and name not in ("mN",)), None)
+    return next((value for name, value in units.items() if _folded(name) == folded and name not in _EXACT), None)
 
 
 @lru_cache(maxsize=2**14)

@@ -1,7 +1,8 @@
 """The words by which exports of testing machines call their columns and sizes, in several languages.
 
-In lower case, the usual words first. English, German, French, Spanish, Italian, Portuguese, Polish, Turkish, Chinese,
-Japanese and Korean.
+In lower case, the usual words first. English, German, Dutch, Swedish, Danish, Norwegian, Finnish, French, Spanish,
+Italian, Portuguese, Romanian, Polish, Czech, Slovak, Slovenian, Croatian, Serbian, Russian, Ukrainian, Hungarian,
+Greek, Turkish, Indonesian, Chinese, Japanese and Korean.
 """
 
 import unicodedata
@@ -13,6 +14,8 @@ TIME = (
     "durée", "tiempo de ensayo", "tiempo total", "tempo", "tempo di prova", "时间", "试验时间", "测试时间", "总时间",
     "czas", "godzina", "測定日時", "日時", "時間", "試験時間", "経過時間", "시간",
     "время", "время испытания", "sampling time", "saat", "zaman", "süre", "geçen süre",
+    "tijd", "testtijd", "tid", "testtid", "provtid", "aika", "timp", "čas", "vrijeme", "vreme", "час", "idő", "χρόνος",
+    "waktu",
     "time since start of test", "time since start", "timestamp", "time stamp",
     "zeitstempel", "(s)", "(sec)", "(Sec)", "(seconds)", "(Seconds)", "(ms)", "(min)",
 )  # fmt: skip
@@ -39,6 +42,11 @@ DISPLACEMENT = (
     "standardwegaufnehmer", "eindringtiefe", "desplaz", "przemieszczenie", "wydłużenie",
     "перемещение", "удлинение", "перемещение траверсы", "relative displacement", "uzama", "yer değiştirme",
     "slack ext", "slack extension", "slack corrected extension",
+    "verplaatsing", "verlenging", "förskjutning", "förflyttning", "förlängning", "forskydning", "forlængelse",
+    "forskyvning", "forlengelse", "siirtymä", "pidentymä", "deplasare", "alungire", "posunutí", "posun", "dráha",
+    "prodloužení", "protažení", "predĺženie", "pomik", "raztezek", "pomak", "pomeranje", "produljenje", "produženje",
+    "izduženje", "переміщення", "подовження", "elmozdulás", "megnyúlás", "μετατόπιση", "επιμήκυνση", "perpindahan",
+    "pertambahan panjang",
     "(mm)", "(µm)", "(um)", "(μm)",
 )  # fmt: skip
 #: Displacements and strains of the specimen itself, which count before those of the machine.
@@ -74,6 +82,8 @@ STRAIN = (
     "deformación por tracción", "deformação", "allongement",
     "deformación", "deformazione", "应变", "拉伸应变", "压缩应变", "應變", "ひずみ",
     "ストロークひずみ", "行程应变", "歪み", "변형률", "odkształcenie", "деформация", "относительная деформация",
+    "rek", "töjning", "tøjning", "tøyning", "venymä", "poměrné prodloužení", "pomerné predĺženie", "deformacija",
+    "deformácia", "deformace", "деформація", "nyúlás", "fajlagos nyúlás", "παραμόρφωση", "regangan",
     "creep strain", "gerinim", "gerinme", "çekme gerinimi", "çekme gerinmesi", "basma gerinimi", "basma gerinmesi",
 )  # fmt: skip
 #: Words for a stretch that some use for a strain.
@@ -84,6 +94,7 @@ FORCE = (
     "load cell", "axial force", "axial load", "standard force", "tensile load", "compressive load", "compressive force",
     "reaction force", "rf", "normal force", "zugkraft", "druckkraft", "force standard", "effort", "carga", "forza",
     "carico", "força", "static force", "force feedback", "axial force feedback", "load feedback", "axial load feedback",
+    "kracht", "trekkracht", "voima", "forță", "forţă", "forta", "síla", "sila", "erő", "δύναμη", "gaya", "beban",
     "machine load", "obciążenie", "siła", "усилие", "нагрузка", "сила", "yük", "kuvvet",
     "力", "载荷", "负荷", "负载", "力值", "试验力", "拉力", "压力", "載荷", "荷重", "試験力", "하중", "힘",
     "(N)", "(kN)", "(mN)", "(lbf)", "(kgf)", "(gf)",
@@ -93,6 +104,8 @@ STRESS = (
     "tension", "axial stress", "eng stress", "compressive stress", "esfuerzo", "sforzo",
     "contrainte en traction", "contrainte en compression", "esfuerzo de tracción", "esfuerzo a tracción", "tensão", "p",
     "应力", "應力", "応力", "응력",
+    "spanning", "trekspanning", "spänning", "spænding", "spenning", "jännitys", "tensiune", "napětí", "napätie",
+    "napetost", "naprezanje", "напруження", "feszültség", "τάση", "tegangan",
     "gerilme", "çekme gerilmesi", "basma gerilmesi",
     "naprężenie", "напряжение", "拉伸应力", "压缩应力", "(MPa)", "(kPa)", "(Pa)", "(GPa)", "(psi)", "(ksi)",
 )  # fmt: skip
@@ -100,33 +113,31 @@ STRESS = (
 COMPRESSION = (
     "compressi", "compresi", "druckversuch", "druckprüfung", "druckkraft", "druckspannung", "stauchung",
     "stauchversuch", "压缩", "壓縮", "圧縮", "압축", "ściskan", "ściskaj", "сжати", "basma ger", "basma dene",
+    "drukproef", "drukkracht", "drukspanning", "tryckprov", "trykprøv", "trykkprøv", "puristus", "tlakov", "tlačn",
+    "стиск", "nyomóvizsg", "θλίψη", "tekan",
 )  # fmt: skip
 #: By which a title or a line above a table tells of a bending.
 BENDING = (
-    "flexur", "bending", "support span", "3-point", "three-point", "4-point", "four-point", "3 point bend",
+    "flexur", "bending", "3 point bend",
     "biegung", "biegeversuch", "biegeprüf", "biegespannung", "biegefest", "flexion", "flexión", "flessione", "flexão",
+    "buigproef", "buigspanning", "böjprov", "bøjning", "bøyning", "taivutus", "ohyb", "savijan", "hajlítás", "згин",
     "弯曲", "彎曲", "曲げ", "굽힘", "zginan", "изгиб",
 )  # fmt: skip
+#: By which a line above a table tells of the fixture of a bending.
+BENDING_FIXTURES = ("support span", "3-point", "three-point", "4-point", "four-point")
 #: Beside one of them, the line tells nothing: "tension/compression load cell".
 TENSION = (
-    "tension",
-    "tensile",
-    "traction",
-    "zug",
-    "tracción",
-    "trazione",
-    "拉",
-    "引張",
-    "인장",
-    "rozciąg",
-    "растяж",
-    "çekme",
-)
+    "tension", "tensile", "traction", "zug", "tracción", "trazione", "拉", "引張", "인장", "rozciąg", "растяж", "çekme",
+    "trekproef", "trekkracht", "trekspanning", "dragprov", "trækprøv", "strekkprøv", "vetokoe", "tahov", "ťahov",
+    "natezn", "vlačn", "zatezn", "розтяг", "szakítóvizsg", "εφελκυσ", "tarik",
+)  # fmt: skip
 
 #: Titles of times, displacements and forces that also mean something else: a column may hold another quantity.
 DOUBTFUL = frozenset({
     "step time", "scan time", "sampling time", "tempo", "laufzeit",
-    "depth", "eindringtiefe", "crosshead separation",
+    "depth", "eindringtiefe", "crosshead separation", "dráha", "deformace", "deformácia", "deformacija", "деформація",
+    "spanning", "spänning", "spænding", "spenning", "tensiune", "napětí", "napätie", "napetost", "feszültség",
+    "tegangan", "τάση",
     "deformation", "compression", "indentation", "distance", "travel", "course", "carrera", "corsa", "recorrido", "u",
     "d", "dl", "δl", "maschine", "stroke", "ストローク", "行程",
     "f", "fz", "p", "rf", "last", "charge", "effort", "carga", "carico", "load cell", "normal force", "static force",
@@ -164,22 +175,35 @@ SIZES = {
                "标距", "標距", "原始标距", "標点距離", "標点間距離",
                "wysokość kowadełka", "uzunluk", "ölçü uzunluğu",
                "longitud inicial", "długość", "длина", "начальная длина",
+               "lengte", "meetlengte", "längd", "mätlängd", "længde", "målelængde", "lengde", "pituus", "mittapituus",
+               "lungime", "délka", "měřená délka", "dĺžka", "dolžina", "duljina", "dužina", "duzina", "dužina l0",
+               "duzina l0", "довжина", "hossz", "μήκος", "panjang",
                "chuck distance", "grip distance", "チャック間距離", "つかみ具間距離"),
     "width": ("width", "breite", "largeur", "anchura", "ancho", "larghezza", "larghezza b", "largura", "b0",
-              "szerokość", "genişlik", "宽度", "寬度", "幅", "ширина"),
+              "szerokość", "genişlik", "宽度", "寬度", "幅", "ширина",
+              "breedte", "bredd", "bredde", "leveys", "lățime", "lăţime", "šířka", "šírka", "širina", "sirina",
+              "širina b", "sirina b", "szélesség", "πλάτος", "lebar"),
     "thickness": ("thickness", "dicke", "épaisseur", "epaisseur", "espesor", "spessore", "spessore a",
                   "espessura", "grubość", "a0", "kalınlık",
-                  "厚度", "厚さ", "толщина"),
+                  "厚度", "厚さ", "толщина",
+                  "dikte", "tjocklek", "tykkelse", "paksuus", "grosime", "tloušťka", "hrúbka", "debelina", "debljina",
+                  "debljina a", "товщина", "vastagság", "πάχος", "tebal"),
     "diameter": ("diameter", "durchmesser", "diamètre", "diametre", "diámetro", "diametro", "diametro iniziale",
-                 "średnica", "çap", "d0", "直径", "直徑", "直径", "диаметр"),
+                 "średnica", "çap", "d0", "直径", "直徑", "直径", "диаметр",
+                 "halkaisija", "diametru", "průměr", "priemer", "premer", "promjer", "prečnik", "precnik", "діаметр",
+                 "átmérő", "διάμετρος"),
     "area": ("area", "cross-section", "cross section", "original cross-section", "cross-sectional area", "section",
              "querschnitt", "fläche", "sección", "sezione",
              "sezione iniziale", "s0", "kesit alanı", "площадь", "площадь сечения", "площадь поперечного сечения",
+             "oppervlakte", "doorsnede", "tvärsnittsarea", "tværsnitsareal", "tverrsnittsareal", "poikkipinta-ala",
+             "plocha", "průřez", "prierez", "presek", "površina", "povrsina", "površina s0", "povrsina s0", "площа",
+             "keresztmetszet", "διατομή", "luas penampang",
              "面积", "截面积", "断面積"),
 }  # fmt: skip
 #: The length of a round specimen that is compressed; beside a width, a height may be a side of the cross-section.
 HEIGHT = ("height", "höhe", "hoehe", "probenhöhe", "hauteur", "altura", "altezza", "wysokość", "высота", "高度", "高さ",
-          "높이")  # fmt: skip
+          "높이", "hoogte", "höjd", "højde", "høyde", "korkeus", "înălțime", "výška", "višina", "visina", "висота",
+          "magasság", "ύψος", "tinggi")  # fmt: skip
 #: Titles that are nothing but a unit, in the case that leaves no doubt: ``n`` may be a number of samples.
 UNITS_AS_TITLES = frozenset(
     unicodedata.normalize("NFKC", word[1:-1])

@@ -9,7 +9,7 @@ TIMES = "s, ms, min, us, h"
 TIMELESS = "--time-column NAME or NUMBER, --rate-hz, --speed or --speed-column"
 NONE = "no column of time, nor of displacement, length or strain, nor of force or stress among"
 ALL = f"{TIMELESS}; --displacement-column NAME or NUMBER; --force-column NAME or NUMBER"
-FORCES = "N, kN, mN, cN, daN, uN, lbf, kgf, gf, ozf, dyn"
+FORCES = "N, kN, mN, cN, daN, uN, lbf, kgf, tf, kip, gf, ozf, dyn"
 LOADS = f"{FORCES}, Pa, kPa, MPa, GPa, N/cm2, kgf/mm2, kgf/cm2, bar, mbar, psi, ksi"
 
 
@@ -119,3 +119,12 @@ def test_a_file_without_a_motion_is_not_sent_for_another_column():
     with pytest.raises(BadInput) as refused:
         columns("index|force_N")
     assert str(refused.value).endswith(f"expected {TIMELESS}; --displacement-column NAME or NUMBER")
+
+
+def test_titles_that_hold_a_name_and_a_unit_are_told():
+    """Other words in them may make another quantity: only a person can tell."""
+    told = (
+        r"by a word in its title, 'Fore-Aft Load \[N\]' or 'Cross-Car Load \[N\]' may be one; expected --force-column"
+    )
+    with pytest.raises(BadInput, match=told):
+        columns("Time (s)|Disp (mm)|Fore-Aft Load [N]|Cross-Car Load [N]|Load time [s]")

@@ -283,3 +283,16 @@ def test_a_column_without_a_title_is_called_by_its_number():
 def table_of(titles: str, *rows: str) -> Table:
     cells = [(at, tuple(row.split("|"))) for at, row in enumerate(rows, start=2)]
     return Table("test.csv", (), tuple(titles.split("|")), (), cells, "|", ".", 1)
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        "Tijd (s)|Verplaatsing (mm)|Kracht (N)", "Čas [s]|Posunutí [mm]|Síla [N]", "Vreme (s)|Izduženje (mm)|Sila (kN)",
+        "Tid (s)|Förlängning (mm)|Kraft (N)", "Aika (s)|Siirtymä (mm)|Voima (N)", "Idő (s)|Elmozdulás (mm)|Erő (N)",
+        "Timp (s)|Deplasare (mm)|Forță (N)", "Waktu (s)|Perpindahan (mm)|Gaya (N)", "Час (с)|Переміщення (мм)|Сила (Н)",
+        "Χρόνος (s)|Μετατόπιση (mm)|Δύναμη (N)", "Tid (s)|Forlængelse (mm)|Kraft (N)",
+    ],
+)  # fmt: skip
+def test_titles_in_further_languages(titles):
+    assert [one.quantity.name for one in columns(titles)] == ["time", "displacement", "force"]

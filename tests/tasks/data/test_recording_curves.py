@@ -45,7 +45,7 @@ def test_a_stress_becomes_a_force_with_the_cross_section(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (PLAIN.replace("\n2,", "\n1,"), "row 4, time: 1 s after 1 s; expected increasing times"),
+        (PLAIN.replace("\n2,", "\n1,"), "times repeat in 1 of 3 rows, first in row 4; expected --same-times"),
         (PLAIN.replace("0.1", "-10"), "row 3, displacement: -10 mm leaves nothing of a gauge length of 10 mm"),
         (PLAIN.replace("displacement_mm", "Stretch"), "no unit of the strain can be found"),
         (PLAIN.replace("displacement_mm", "Stretch").replace(",0,0", ",114,0"), "row 2, stretch: 114; expected"),
@@ -153,8 +153,8 @@ def test_a_column_without_a_title_is_called_by_what_it_is(tmp_path):
     [
         (
             PLAIN.replace("\n2,", "\n1,"), None,
-            ": row 4, time: 1 s after 1 s; expected increasing times, or --rate-hz where the clock is coarser than the "
-            "rows",
+            ": times repeat in 1 of 3 rows, first in row 4; expected --same-times spread where the clock is coarser "
+            "than the rows, or --rate-hz",
         ),
         (PLAIN.replace("\n1,", "\n3.5,"), None, ": row 4, time: 2 s after 3.5 s; expected increasing times"),
         (

@@ -46,7 +46,7 @@ def test_tables_whose_times_go_on_are_one_test(tmp_path):
     assert found.rows == (2, 3, 4, 6, 7, 8)
     assert remarks(found) == ["2 tables whose times go on: read as one test"]
     path.write_text(ONE + later.replace("\n4,", "\n3,"))
-    with pytest.raises(BadInput, match="row 7, time: 3 s after 3 s"):
+    with pytest.raises(BadInput, match="times repeat in 1 of 3 rows, first in row 7"):
         curve_of(*read_recordings(path, Hints()), BAR, "pull")
     named = ["A," + ONE.replace("\n", "\n,"), "B," + later.replace("\n", "\n,")]
     assert [name for name, _ in names_and_loads(tmp_path, "\n".join(named))] == ["A", "B"], "they have names"

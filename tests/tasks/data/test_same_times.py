@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.curves import check_times
-from sinew.tasks.data.same_times import again, before_clock, behind_clock
+from sinew.tasks.data.same_times import again, before_clock, behind_clock, is_coarse, spread
 from tests.tasks.data.one_test_file import FORCE, TIME, WAY, changed, read
 
 
@@ -57,7 +60,7 @@ def test_a_test_begins_with_the_last_of_them(tmp_path):
     check_times(found)
     assert found.numbers[:2].tolist() == [[0.0, 0.0, 0.2], [0.1, 0.1, 0.5]]
     assert found.notes == ("the first 2 rows have the same time, 0 s: the test begins with the last of them",)
-    with pytest.raises(BadInput, match=r"time: 0\.2 s after 0\.2 s"):
+    with pytest.raises(BadInput, match=r"times repeat in 1 of 40 rows, first in row 5; expected --same-times spread"):
         check_times(read(tmp_path, changed(TIME, 3, 0.2)))
 
 
@@ -93,3 +96,20 @@ def test_rows_that_move_or_follow_each_other_or_are_many_are_not(test):
     if not force:
         time_s[200:] -= 30.0
     assert again(numbers(time_s, way, 50.0 * way)).size == 0
+
+
+def test_equal_times_are_spread_up_to_the_next_step_of_the_clock():
+    assert is_coarse(np.array([0.0, 1.0, 1.0])) and not is_coarse(np.zeros(3)) and not is_coarse(np.arange(3.0))
+    assert not is_coarse(np.array([0.0, 1.0, 1.0, 0.5])), "it goes back"
+    assert spread(np.array([0.0, 1.0, 1.0, 2.0])).tolist() == [0.0, 1.0, 1.5, 2.0]
+    assert spread(np.array([0.0, 0.0, 1.0, 2.0, 900.0, 901.0])).tolist() == [0.0, 0.5, 1.0, 2.0, 900.0, 901.0]
+    assert spread(np.array([0.0, 1.0, 2.0, 2.0, 900.0, 900.0])).tolist() == [0.0, 1.0, 2.0, 2.5, 900.0, 900.5]
+
+
+@given(arrays(np.int64, st.integers(2, 60), elements=st.integers(0, 9)))
+def test_spread_times_increase_and_stay_within_a_step(ticks):
+    times = np.sort(ticks) * 0.25
+    if is_coarse(times):
+        found = spread(times)
+        assert (np.diff(found) > 0).all()
+        assert (found >= times).all() and (found - times < np.median(np.diff(np.unique(times)))).all()

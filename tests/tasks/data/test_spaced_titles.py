@@ -6,6 +6,7 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.spaced_titles import cells_apart_otherwise, title_cells, usual_width
+from sinew.tasks.data.tables import read_tables
 
 ROWS = "".join(f"{i / 10}   {i / 100:.2f}   {i + 0.5}   21.0   {i}\n" for i in range(6))
 
@@ -91,3 +92,20 @@ def test_channels_begin_titles_that_one_space_parts():
     line = "Time      Ch 1 Force Ch 1 Displacement Ch 1 Laser Ext"
     assert title_cells(line, 4) == ("Time", "Ch 1 Force", "Ch 1 Displacement", "Ch 1 Laser Ext")
     assert title_cells(line, 5) != title_cells(line, 4)
+
+
+def test_titles_and_numbers_apart_by_several_tabs(tmp_path):
+    """As many of both, but not by as many tabs: no column between them is empty."""
+    path = tmp_path / "a.txt"
+    rows = "".join(f"{i}.5\t\t\t0\t\t\t{i * i}.25\n" for i in range(9))
+    path.write_text(f"# pos [mm]\t\tdev [mm]\t\tforce [N]\t\t\n{rows}")
+    table = next(read_tables(path))
+    assert table.titles == ("# pos [mm]", "dev [mm]", "force [N]")
+    assert table.rows[3][1] == ("3.5", "0", "9.25")
+
+
+@pytest.mark.parametrize("numbers", ["{i}.5\t\t0\t\t{i}.25\n", "{i}.5\t\t\t0\t\t\n", "{i}.5\t{i}\t\t{i}.25\t{i}\n"])
+def test_an_empty_column_stays(tmp_path, numbers):
+    path = tmp_path / "a.txt"
+    path.write_text("pos [mm]\t\tdev [mm]\t\tforce [N]\n" + "".join(numbers.format(i=i) for i in range(9)))
+    assert "" in next(read_tables(path)).titles[:3]

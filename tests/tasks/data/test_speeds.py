@@ -209,6 +209,10 @@ def test_rows_that_share_a_time_are_counted_by_their_rate(tmp_path):
 def test_times_of_a_coarse_clock_are_refused_with_the_way_out(tmp_path):
     path = tmp_path / "test.csv"
     path.write_text(CLOCK)
-    (recording,) = read_recordings(path, Hints())
-    with pytest.raises(BadInput, match="increasing times, or --rate-hz where the clock is coarser than the rows"):
-        check_times(recording)
+    with pytest.raises(Unclear, match=r"times repeat in 31 of 35 rows, first in row 3; .*, or --rate-hz") as asked:
+        read_recordings(path, Hints())
+    assert (asked.value.option, asked.value.choices) == ("--same-times", ("spread",))
+    (recording,) = read_recordings(path, Hints(same_times="spread"))
+    check_times(recording)
+    assert np.diff(recording.numbers[:30, 0]) == pytest.approx(0.1)
+    assert "times repeat in 31 of 35 rows, first in row 3; they are spread evenly" in recording.notes[-1]

@@ -48,6 +48,8 @@ def test_units_are_compared_by_what_a_column_is(tmp_path, line):
     [
         ("", ",Flexure stress (MPa)", "'Flexure stress (MPa)'"),
         ("Support span,60,mm\n", "", "'Support span 60 mm'"),
+        ("Length,20,mm\nSupport span,60,mm\n", "", ""),
+        ("Length,20,mm\nSupport span,60,mm\nEssai de flexion\n", "", "'Essai de flexion'"),
         ("Essai de flexion\n", "", "'Essai de flexion'"),
         ("Tension\n", ",Tensile stress (MPa)", ""),
     ],

@@ -105,3 +105,16 @@ def test_a_rate_is_a_unit_over_one_of_time(unit, rate):
 def test_a_long_text_is_no_unit():
     assert units.factor(units.LENGTH, "mm".ljust(41)) is None
     assert not units.is_unit("m" * 100_000)
+
+
+@pytest.mark.parametrize(
+    ("table", "unit", "factor"),
+    [
+        (units.STRESS, "MN/m2", 1.0), (units.STRESS, "MN/m²", 1.0), (units.STRESS, "mN/m2", None),
+        (units.STRESS, "kN/m^2", 1e-3), (units.STRESS, "lbf/in2", 6.894757293168e-3),
+        (units.FORCE, "kip", 4448.2216152605), (units.FRACTION, "microstrain", 1e-6), (units.FRACTION, "µε", 1e-6),
+        (units.FRACTION, "mm/m", 1e-3), (units.TIME, "sn", 1.0),
+    ],
+)  # fmt: skip
+def test_units_that_are_seldom_used(table, unit, factor):
+    assert units.factor(table, unit) == factor
