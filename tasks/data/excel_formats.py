@@ -63,13 +63,21 @@ def _target(folder: str, relation: Element) -> str:
     return posixpath.normpath(posixpath.join(folder, target)).lstrip("/").lower()
 
 
+def relations_of(archive: zipfile.ZipFile, members: dict[str, str], part: str) -> dict[str, tuple[str, str]]:
+    """The parts and their kinds that the relations of a workbook point at. Raises :class:`TooMuch`."""
+    if part not in members:
+        raise TooMuch("its sheets are not found", AS_EXCEL)
+    relations = _elements(archive, members[part], "Relationship")
+    found = {one.get("Id", ""): (_target("/xl", one), one.get("Type", "")) for one in relations}
+    if len(found) < len(relations):
+        raise TooMuch("two parts with the same name", "another name for each")
+    return found
+
+
 def looks_of_xlsx(archive: zipfile.ZipFile, members: dict[str, str]) -> dict[str, Look]:
     """How the sheets are shown, by their names. Raises :class:`TooMuch`."""
-    if "xl/_rels/workbook.xml.rels" not in members:
-        raise TooMuch("its sheets are not found", AS_EXCEL)
-    relations = _elements(archive, members["xl/_rels/workbook.xml.rels"], "Relationship")
-    targets = {one.get("Id"): _target("/xl", one) for one in relations}
-    of_styles = [targets[one.get("Id")] for one in relations if one.get("Type", "").endswith("/styles")]
+    relations = relations_of(archive, members, "xl/_rels/workbook.xml.rels")
+    of_styles = [path for path, kind in relations.values() if kind.endswith("/styles")]
     style_path = next((path for path in (*of_styles, "xl/styles.xml") if path in members), None)
     if style_path is None and of_styles:
         raise TooMuch("the formats of its cells are not found", AS_EXCEL)
@@ -77,9 +85,10 @@ def looks_of_xlsx(archive: zipfile.ZipFile, members: dict[str, str]) -> dict[str
     found = {}
     for sheet in _elements(archive, members["xl/workbook.xml"], "sheet"):
         link = next((value for key, value in sheet.attrib.items() if local(key) == "id"), None)
-        if (path := targets.get(link)) not in members:
+        path = relations.get(str(link), ("", ""))[0]
+        if path not in members:
             raise TooMuch("one of its sheets is not found", AS_EXCEL)
-        content = archive.read(members[str(path)])
+        content = archive.read(members[path])
         for pattern, words in READ_OTHERWISE.items():
             if pattern.search(content):
                 raise TooMuch(words, AS_EXCEL)

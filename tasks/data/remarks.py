@@ -2,8 +2,6 @@
 
 from collections.abc import Collection, Iterator, Sequence
 
-import numpy as np
-
 from sinew.tasks.data.columns import LIKELY, Column
 from sinew.tasks.data.heads import joined
 from sinew.tasks.data.odd_numbers import odd_numbers
@@ -12,10 +10,6 @@ from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.sizes import narrow
 from sinew.tasks.data.titles import name_and_unit, without_fillers
 from sinew.tasks.data.told_lines import told_bending, told_factors
-from sinew.tasks.drawing.blocks import number
-
-NO_FORMATS = (".xls", ".xlsb")  # spreadsheets of which the formats of cells are not read
-SMALL_PERCENT = 0.05  # 5 %: larger strains were beyond 500 %, if they were fractions
 
 
 def remarks(recording: Recording) -> list[str]:
@@ -26,7 +20,7 @@ def remarks(recording: Recording) -> list[str]:
     lines = [joined(row) for row in narrow(recording.header)]
     found += [*told_bending((*lines, *recording.titles)), *told_factors(lines)]
     found += [*odd_numbers(recording.columns, recording.numbers)]
-    return [*found, *_hidden_percent(recording), *map(str, recording.doubts)]
+    return [*found, *map(str, recording.doubts)]
 
 
 def which_columns(columns: Sequence[Column | None]) -> Iterator[str]:
@@ -44,15 +38,3 @@ def _part_of(name: str, known: Collection[str]) -> str:
     """The known name within a title: among words that change nothing of it, or behind those of a station."""
     ends = (name.split(maxsplit=at)[-1] for at in range(1, name.count(" ") + 1))
     return next((part for part in (without_fillers(name), *ends) if part in known), "")
-
-
-def _hidden_percent(recording: Recording) -> list[str]:
-    """What is said of small strains in percent where the format of cells is not known."""
-    column = recording.motion
-    largest = float(np.abs(recording.numbers[:, 1]).max())
-    if recording.path.suffix.lower() not in NO_FORMATS or column.unit != "%" or largest > SMALL_PERCENT:
-        return []
-    return [
-        f"'{column.title}' reaches only {number(100.0 * largest)} %. Cells of an {recording.path.suffix} file that are "
-        "formatted as percent hold fractions, which cannot be seen here; if these are, save the file as .xlsx"
-    ]

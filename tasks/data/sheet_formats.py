@@ -1,13 +1,14 @@
 """How the cells of a spreadsheet are shown, and what of it is hidden: what the library that reads it does not tell.
 
-Files of the kinds .xls and .xlsb do not tell it here. This runs in the process of
-:mod:`sinew.tasks.data.sheet_reading`, which has limits.
+This runs in the process of :mod:`sinew.tasks.data.sheet_reading`, which has limits.
 """
 
 import io
 import zipfile
 
+from sinew.tasks.data.binary_excel_formats import looks_of_xlsb
 from sinew.tasks.data.excel_formats import AS_EXCEL, looks_of_xlsx, main_part
+from sinew.tasks.data.old_excel_formats import looks_of_xls
 from sinew.tasks.data.open_document_formats import looks_of_ods
 from sinew.tasks.data.sheet_look import Look, TooMuch
 
@@ -16,9 +17,9 @@ KINDS = ("xl/workbook.xml", "xl/workbook.bin", "content.xml")  # the part that o
 
 
 def looks_of(content: bytes) -> dict[str, Look]:
-    """How sheets are shown, by their names; none for .xls and .xlsb. Raises :class:`TooMuch`."""
+    """How sheets are shown, by their names. Raises :class:`TooMuch`."""
     if content.startswith(OLE):
-        return {}
+        return looks_of_xls(content)
     if not content.startswith(ARCHIVE):
         raise ValueError("its first bytes are not those of a spreadsheet")
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -34,4 +35,5 @@ def looks_of(content: bytes) -> dict[str, Look]:
             raise ValueError(f"an archive with {' and '.join(kinds) or 'no workbook'}")
         if kinds == ["content.xml"]:
             return looks_of_ods(archive, members)
-        return looks_of_xlsx(archive, members) if kinds == ["xl/workbook.xml"] else {}
+        of_kind = looks_of_xlsx if kinds == ["xl/workbook.xml"] else looks_of_xlsb
+        return of_kind(archive, members)

@@ -47,10 +47,7 @@ def _is_text(path: Path) -> bool:
 
 @dataclass(frozen=True)
 class Hidden:
-    """What of a sheet is not shown: all of it (``sheet``), or the ``rows`` and ``columns`` with these numbers, from 1.
-
-    Rows and columns that are hidden in an .xls or .xlsb file are not known.
-    """
+    """What of a sheet is not shown: all of it (``sheet``), or its ``rows`` and ``columns`` by their numbers, from 1."""
 
     sheet: bool = False
     rows: frozenset[int] = frozenset()
