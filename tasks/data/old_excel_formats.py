@@ -50,17 +50,16 @@ def _looks(content: bytes, log: Any) -> dict[str, Look]:
     ) as book:
         codes = [book.format_map[xf.format_key].format_str for xf in book.xf_list]
         ways = {style: way for style, code in enumerate(codes) if (way := shown_by(code)) is not None}
-        return {sheet.name: _look_of_sheet(sheet, ways, xlrd.XL_CELL_NUMBER) for sheet in book.sheets()}
+        return {sheet.name: _look_of_sheet(sheet, ways) for sheet in book.sheets()}
 
 
-def _look_of_sheet(sheet: Any, ways: Mapping[int, str], number: int) -> Look:
-    """The look of a sheet of xlrd. ``ways``: how styles show numbers as others; ``number``: the kind of their cells."""
+def _look_of_sheet(sheet: Any, ways: Mapping[int, str]) -> Look:
+    """The look of a sheet of xlrd. ``ways``: how those styles show numbers that do not show them as they are."""
     found = Look()
     found.rows.update(row + 1 for row, info in sheet.rowinfo_map.items() if info.hidden or info.height == 0)
     found.columns.update(column + 1 for column, info in sheet.colinfo_map.items() if info.hidden or info.width == 0)
     for row in range(sheet.nrows if ways else 0):
-        kinds = enumerate(sheet.row_types(row))
-        shown = ((at, ways.get(sheet.cell_xf_index(row, at))) for at, kind in kinds if kind == number)
+        shown = ((at, ways.get(sheet.cell_xf_index(row, at))) for at in range(sheet.row_len(row)))
         if others := {at: way for at, way in shown if way is not None}:
             found.cells[row] = others
     return found

@@ -140,6 +140,7 @@ def write_xlsb(path: Path, sheet: bytes, codes: Sequence[str] = (), relations: s
         "xl/workbook.bin": xlsb_record(131) + xlsb_record(143)
         + xlsb_record(156, struct.pack("<II", 0, 1) + _wide("r1") + _wide("one")) + xlsb_record(144) + xlsb_record(132),
         "xl/styles.bin": xlsb_record(278) + xlsb_record(615, struct.pack("<I", len(codes))) + formats + xlsb_record(616)
+        + xlsb_record(626, struct.pack("<I", 1)) + xlsb_record(47, struct.pack("<HH12x", 0xFFFF, 10)) + xlsb_record(627)
         + xlsb_record(617, struct.pack("<I", len(codes) + 1)) + styles + xlsb_record(618) + xlsb_record(279),
         "xl/worksheets/sheet1.bin": sheet,
     }  # fmt: skip

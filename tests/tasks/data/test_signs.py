@@ -137,7 +137,9 @@ def test_a_compression_counted_as_positive_is_doubtful(tmp_path, above, titles):
     assert doubt.choices == ("both", "force", "none")
 
 
-@pytest.mark.parametrize("title", ["Size (mm)", "Ecartement entre outils (mm)", "Tool distance (mm)"])
+@pytest.mark.parametrize(
+    "title", ["Size (mm)", "Ecartement entre outils (mm)", "Tool distance (mm)", "Tool separation"]
+)
 @pytest.mark.parametrize(
     ("load", "words", "choices"),
     [

@@ -5,7 +5,7 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.recordings import read_recordings
-from sinew.tasks.data.spaced_titles import cells_apart_otherwise, title_cells, usual_width
+from sinew.tasks.data.spaced_titles import apart_by_several, cells_apart_otherwise, title_cells, usual_width
 from sinew.tasks.data.tables import read_tables
 
 ROWS = "".join(f"{i / 10}   {i / 100:.2f}   {i + 0.5}   21.0   {i}\n" for i in range(6))
@@ -109,3 +109,9 @@ def test_an_empty_column_stays(tmp_path, numbers):
     path = tmp_path / "a.txt"
     path.write_text("pos [mm]\t\tdev [mm]\t\tforce [N]\n" + "".join(numbers.format(i=i) for i in range(9)))
     assert "" in next(read_tables(path)).titles[:3]
+
+
+def test_numbers_in_other_places_from_row_to_row_are_not_put_together():
+    titles, one, other = ("a", "", "b"), ("1", "2", ""), ("1", "", "2")
+    assert apart_by_several([(1, titles), (2, one), (3, one)], ".")
+    assert not apart_by_several([(1, titles), (2, one), (3, other)], ".")
