@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from sinew.tasks.data.init import NewStudy
     from sinew.tasks.data.new_model_study import Choices
 
+MOST_REMARKS = 20  # on a file of many tests, that are shown
+
 
 @sinew.command()
 @click.argument("files", type=PATH, nargs=-1)
@@ -323,8 +325,11 @@ def _inspect(files: Sequence[Path], reading: Any, as_json: bool) -> int:
         put(one_line(_sentence(one)))
         for question in one.get("ask", ()):
             put(one_line(f"  ask: {question}"))
-        for remark in one.get("remarks", ()):
+        remarks = one.get("remarks", ())
+        for remark in remarks[:MOST_REMARKS]:
             put(one_line(f"  remark: {remark}"))
+        if len(remarks) > MOST_REMARKS:
+            put(f"  remark: {len(remarks) - MOST_REMARKS:,} more; --json lists all")
     return 2 if any("error" in one for one in found) else 0
 
 

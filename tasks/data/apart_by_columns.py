@@ -20,6 +20,8 @@ from sinew.tasks.data.several import (
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.titles import name_and_unit
 
+MOST_TOGETHER = 8  # columns that tell tests apart
+
 
 @dataclass(frozen=True)
 class Apart:
@@ -75,7 +77,7 @@ def told_apart(table: Table, rows: int, back: Sequence[int], taken: Sequence[int
             named = name in words.TESTS or name in words.CYCLES
             found.append((not named, values, place, Apart(title, values, option)))
     unnamed, *_, best = min(found) if found else (True, 0, 0, None)
-    return (_told_by_two(table, rows, back, taken) or best) if unnamed else best
+    return (_told_by_several(table, rows, back, taken) or best) if unnamed else best
 
 
 def told_apart_without_times(table: Table, rows: int, again: Sequence[int], taken: Sequence[int]) -> Apart | None:
@@ -83,8 +85,11 @@ def told_apart_without_times(table: Table, rows: int, again: Sequence[int], take
     return (told_apart(table, rows, again, taken) if again else None) or told_apart(table, rows, [], taken)
 
 
-def _told_by_two(table: Table, rows: int, back: Sequence[int], taken: Sequence[int]) -> Apart | None:
-    """As :func:`told_apart`: two columns, at least one of which changes wherever the time goes ``back``."""
+def _told_by_several(table: Table, rows: int, back: Sequence[int], taken: Sequence[int]) -> Apart | None:
+    """As :func:`told_apart`: columns of which at least one changes wherever the time goes ``back``.
+
+    Two, if two are enough; else as few as are left when each that is not needed is taken away.
+    """
     changes = {
         place: {row for row in back if cell_of(table, row - 1, place) != cell_of(table, row, place)}
         for place, title in enumerate(table.titles)
@@ -92,13 +97,22 @@ def _told_by_two(table: Table, rows: int, back: Sequence[int], taken: Sequence[i
     }
     most, some = rows // FEWEST_ROWS_OF_A_CYCLE, [place for place, changed in changes.items() if changed]
     few = {place: again for place in some for values, again in [_values(table, rows, [place])] if values <= most}
-    for first, second in permutations(few, 2):
-        if few[first] or not few[second] or changes[first] | changes[second] != set(back):
-            continue
-        values, again = _values(table, rows, [first, second])
-        if not again and values <= most:
-            return Apart(f"{table.titles[first]}{BOTH} {table.titles[second]}", values, TEST_COLUMN)
-    return None
+
+    def tests(places: Sequence[int]) -> int:
+        """How many tests these columns tell apart; 0 if they do not."""
+        if set().union(*(changes[place] for place in places)) != set(back):
+            return 0
+        values, again = _values(table, rows, places)
+        return 0 if again or values > most else values
+
+    pairs = ([*pair] for pair in permutations(few, 2) if not few[pair[0]] and few[pair[1]])
+    needed = next(filter(tests, pairs), [*few] if 2 < len(few) <= MOST_TOGETHER else [])
+    if not needed or not tests(needed):
+        return None
+    for place in needed[::-1] if len(needed) > 2 else ():
+        without = [other for other in needed if other != place]
+        needed = without if tests(without) else needed
+    return Apart(f"{BOTH} ".join(table.titles[place] for place in needed), tests(needed), TEST_COLUMN)
 
 
 def _different(table: Table, rows: int, place: int) -> set[str]:

@@ -39,6 +39,16 @@ def test_what_a_file_is_taken_for_is_said_in_a_line_and_its_questions_below(dry_
     ]
 
 
+def test_of_very_many_remarks_the_first_are_shown(dry_run, monkeypatch):
+    words = ("a.csv", "--preload", "keep")  # which has no effect
+    _, out = dry_run(*words)
+    assert out.count("  remark: ") == 1
+    assert "more;" not in out
+    monkeypatch.setattr(files, "MOST_REMARKS", 0)
+    _, out = dry_run(*words)
+    assert out.splitlines()[-1] == "  remark: 1 more; --json lists all"
+
+
 def test_the_same_as_json_with_a_refused_file(dry_run):
     code, out = dry_run("a.csv", "b.csv", "--json")
     assert code == 2

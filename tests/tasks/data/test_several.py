@@ -137,6 +137,17 @@ def test_two_columns_together_tell_tests_apart():
         blocks_of_tests(table, 16, "Test, Trial")
 
 
+def test_as_few_columns_as_are_needed_tell_tests_apart_together():
+    tests = [(kind, batch, plate, sample) for kind in "kl" for batch in "xy" for plate in "12" for sample in "34"]
+    rows = [f"{kind}|{kind}{kind}|{b}|{plate}|{s}|{i}" for kind, b, plate, s in tests for i in range(4)]
+    table = table_of("Kind|Kind again|Batch|Plate|Sample|t_s", *rows)
+    apart = told_apart(table, 64, list(range(4, 64, 4)), taken=[5])
+    assert (apart.title, apart.count) == ("Kind, Batch, Plate, Sample", 16)
+    assert len(blocks_of_tests(table, 64, apart.title)) == 16
+    assert told_apart(table_of("Kind|Kind again|Batch|Plate|Sample|t_s", *rows, *rows[:4]), 68, [64], [5]) is None
+    assert told_apart(table, 64, [*range(4, 64, 4), 6], taken=[5]) is None, "the time goes back within a test"
+
+
 def test_a_title_with_a_comma_is_one_column():
     table = table_of("Test, no|t_s|F_N", *BLOCKS)
     assert [block.name for block in blocks_of_tests(table, 5, "Test, no")] == ["a", "b"]
