@@ -346,4 +346,5 @@ def _sentence(one: dict[str, Any]) -> str:
         for name, value in one.items()
         if name.endswith(("_mm", "_mm2")) and value is not None
     ]
-    return f"{one['file']}: {', '.join([*columns, *sizes])}; {one['rows']:,} rows, tests: {one['specimens']}"
+    where = f"{one['file']}, sheet {shown(one['sheet'])}" if one.get("sheet") else one["file"]
+    return f"{where}: {', '.join([*columns, *sizes])}; {one['rows']:,} rows, tests: {one['specimens']}"

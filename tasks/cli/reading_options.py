@@ -44,6 +44,7 @@ _OPTIONS = (
         help="Keep a further column beside the force, such as 'Lateral strain=lateral_strain'; "
         "NAME:UNIT where the file gives no unit.",
     ),
+    click.option("--sheet", metavar="NAME", help="Sheet of a spreadsheet that holds the tests; the others tell sizes."),
     click.option("--rate-hz", type=float, help="Rows per second, for files without times."),
     click.option("--speed", type=float, help="Speed of the motion (mm/s; 1/s for strains), for files without times."),
     click.option("--speed-column", metavar="NAME[=UNIT]", help="Column of speeds, for files without times, or 'none'."),

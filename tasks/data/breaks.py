@@ -46,7 +46,8 @@ def break_of(curve: Curve) -> tuple[int, int] | None:
             end = float(smooth[within].min())
             if smooth[at] - end > max(LOST * smooth[peak], rough):
                 behind = within[np.argmax(smooth[within] <= end + FALLEN * (smooth[at] - end))]
-                return int(row[_last_before(np.abs(force), int(at))]), int(row[behind])
+                before = _last_before(np.abs(force), int(at))
+                return (int(row[before]), int(row[behind])) if before < behind else None
     return None
 
 

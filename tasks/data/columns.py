@@ -11,7 +11,7 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import units, words
 from sinew.tasks.data.clocks import columns_by_clock
 from sinew.tasks.data.column_titles import check_width, names_and_units, places_named
-from sinew.tasks.data.factors import factor_of, is_signal
+from sinew.tasks.data.factors import factor_of, is_angle, is_signal
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.missing_columns import by_title_or_number, no_column, which_is
@@ -309,7 +309,7 @@ def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]
     if quantity is None and STRAIN in role.quantities and units.factor(units.FRACTION, measured) is not None:
         quantity = _ratio(table, place, measured)
     quantity = quantity or _quantity_of_unit(role.quantities, measured) or next(iter(fitting), None)
-    if quantity is None and is_signal(unit):
+    if quantity is None and (is_signal(unit) or is_angle(measured) or is_angle(unit)):
         quantity = role.quantities[0]  # which is refused with its unit
     quantity = STRAIN if quantity is STRETCH and _is_strain(table, place, name, measured, role) else quantity
     if quantity is None:

@@ -5,12 +5,18 @@ from sinew.tasks.data import units
 from sinew.tasks.data.quantities import LOADS, Quantity
 from sinew.tasks.data.questions import UnknownUnit
 
+_ANGLES = frozenset({"deg", "deg.", "degree", "degrees", "°", "rad", "radian", "radians", "grad", "度"})
 _ELECTRIC = frozenset({"v", "volt", "volts", "mv", "mv/v", "v/v"})
 
 
 def is_signal(unit: str) -> bool:
     """Whether a unit is that of a sensor's signal, such as V."""
     return unit.casefold() in _ELECTRIC
+
+
+def is_angle(unit: str) -> bool:
+    """Whether a unit is that of an angle."""
+    return unit.casefold() in _ANGLES
 
 
 def factor_of(where: str, quantity: Quantity, unit: str, given: str | None, option: str) -> float:
@@ -31,6 +37,10 @@ def factor_of(where: str, quantity: Quantity, unit: str, given: str | None, opti
     if is_signal(unit):
         problem = f"unit {shown(unit)} is that of a sensor's signal, no {quantity.name}"
         raise BadInput(where, problem, f"a column in {listed}: multiply the signal by the factor of its sensor first")
+    if angle := next(filter(is_angle, (unit, given or "")), ""):
+        raise BadInput(
+            where, f"unit {shown(angle)} is that of an angle, which is no {quantity.name}", f"a column in {listed}"
+        )
     expected = None if given is None else units.factor(quantity.units, given)
     if given is not None and expected is None:
         raise BadInput(where, f"a {quantity.name}, but {option} says {shown(given)}", listed)

@@ -11,6 +11,7 @@ from sinew.tasks.data.several import FEWEST_ROWS, TABLES
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 
+LONG = 10  # rows of a table on another sheet, which may be a test
 #: What a person says of the columns of one table, which tells nothing of another.
 OF_ONE_TABLE = ("time_column", "displacement_column", "force_column", "rate_hz", "speed", "speed_column")
 
@@ -25,6 +26,8 @@ def may_be_test(table: Table, hints: Hints, first: Table) -> bool:
     try:
         recognise(table, hints)
     except NoColumn:
+        if hints.columns_given and table.sheet != first.sheet:  # whose columns may have other titles there
+            return len(table.rows) >= LONG
         here, there = ([is_number(cell, one.decimal) for cell in one.rows[0][1]] for one in (table, first))
         return table.sheet == first.sheet and here == there
     except BadInput:
@@ -63,7 +66,7 @@ def left_out_note(tables: Sequence[Table]) -> str:
         told = f"the table in {where} has other titles and is left out"
     else:
         told = f"{len(tables)} tables, the first in {where}, have other titles and are left out"
-    return f"{told}; a test needs a file of its own"
+    return f"{told}; a test needs a file of its own{', or --sheet' if tables[0].sheet else ''}"
 
 
 def _where(table: Table) -> str:

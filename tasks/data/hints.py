@@ -49,7 +49,7 @@ class Hints:
     out tests with other titles than the first one.
     ``preload``: what becomes of the rows before a motion is set to zero again; ``end``: of those after a break, or
     after a jump of the motion in the last rows. ``same_times``: what becomes of rows to which a coarse clock gives one
-    time.
+    time. ``sheet``: the only one of a spreadsheet whose tables are read.
     ``keep_column``: columns that are kept beside the force, as for :func:`further`.
     """
 
@@ -71,6 +71,7 @@ class Hints:
     preload: Rows | None = None
     end: Rows | None = None
     same_times: SameTimes | None = None
+    sheet: str | None = None
     keep_column: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.apart_by_columns import told_apart, told_apart_without_times
+from sinew.tasks.data.chosen_sheet import of_sheet
 from sinew.tasks.data.column_titles import names_and_units
 from sinew.tasks.data.columns import Column, alike_places, partly
 from sinew.tasks.data.curves import check_times
@@ -91,7 +92,7 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     """
     reading = reading or Reading()
     hints = reading.all_hints
-    source = read_source(path)
+    source = of_sheet(read_source(path), hints.sheet)
     table, columns, problems, titles = _best(source, hints)
     if not any(columns) and len(source.fewest) > 1:  # two columns of another sheet may be the test
         with suppress(NoTable):

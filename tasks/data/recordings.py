@@ -11,6 +11,7 @@ import numpy as np
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.apart_by_columns import refuse_several, told_apart
 from sinew.tasks.data.cell_numbers import filled_rows, number_of
+from sinew.tasks.data.chosen_sheet import of_sheet
 from sinew.tasks.data.columns import NOWHERE, Column, alike_places, recognise
 from sinew.tasks.data.further import kept
 from sinew.tasks.data.further_tables import is_test, left_out_note, may_be_test, unclear_further
@@ -66,7 +67,7 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
 
     Raises :class:`BadInput` naming file, row and column: :class:`UnknownUnit` for a unit that the file does not tell.
     """
-    source = file if isinstance(file, Source) else read_source(file)
+    source = of_sheet(file if isinstance(file, Source) else read_source(file), hints.sheet)
     try:
         return _read(source, hints, first_of_alike=first_of_alike)
     except NoColumn:

@@ -34,6 +34,7 @@ def apart_by_several(rows: Sequence[tuple[int, Row]], decimal: str) -> bool:
 
 def title_cells(line: str, width: int) -> Row:
     """The titles that a line may hold, above rows of ``width`` cells."""
+    comment = line.startswith(("#", "%", "//"))
     line = line.lstrip("#%/ ")
     apart = re.split(r" {2,}", line.strip())  # titles of several words
     channels = [title for part in apart for title in _CHANNEL.split(part)]  # "Ch 1 Force Ch 1 Displacement"
@@ -43,7 +44,9 @@ def title_cells(line: str, width: int) -> Row:
     for other in SEPARATORS:  # titles may be separated in another way than the numbers below them
         if other in line:
             return tuple(cells(line, other))
-    return tuple(title.strip('"') for title in _with_units(line))
+    found = tuple(title.strip('"') for title in _with_units(line))
+    words_only = comment and len(found) != width and not any(mark in line for mark in "([,")
+    return () if words_only else found  # "# Fix print output for fix def" above four columns
 
 
 def cells_apart_otherwise(line: str, row: Row, width: int) -> Row:

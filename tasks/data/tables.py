@@ -135,13 +135,17 @@ class _Page:
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """The rows of a file, read once. ``fewest``: columns that a table must have; of several, the first that fits."""
+    """The rows of a file, read once. ``fewest``: columns that a table must have; of several, the first that fits.
+
+    ``sheet``: the only one of which tables are read, empty for all.
+    """
 
     path: Path
     pages: tuple[_Page, ...]
     separator: str
     decimal: str
     fewest: tuple[int, ...]
+    sheet: str = ""
 
 
 def read_source(path: Path) -> Source:
@@ -197,7 +201,7 @@ def tables_of(source: Source) -> Iterator[Table]:
         before: tuple[Row, ...] = ()
         found = 0
         for page in source.pages:
-            tables: Iterable[Table] = _tables(source, page, fewest)
+            tables: Iterable[Table] = _tables(source, page, fewest) if source.sheet in ("", page.name) else ()
             if source.separator:
                 tables = list(tables)
                 _refuse_unclear_mark(tables)

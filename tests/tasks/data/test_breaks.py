@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from sinew.tasks.data.breaks import break_of
 from sinew.tasks.model import Curve, Protocol
@@ -88,3 +91,9 @@ def test_a_curve_too_short_to_see_a_break_in():
     few = slice(81, 100)
     protocol = Protocol("pull", curve.protocol.time_s[few], curve.protocol.displacement_mm[few])
     assert break_of(Curve(protocol, BROKEN[few])) is None
+
+
+@given(arrays(float, 100, elements=st.floats(-1.0, 1.0)), st.sampled_from([WAY, BACK, STEP, np.sort(np.sin(50 * WAY))]))
+def test_a_break_ends_behind_its_begin(noise, moved):
+    found = break_of(pulled(np.minimum(RAMP, 5.0) + 5.0 * noise, moved))
+    assert found is None or found[0] < found[1]

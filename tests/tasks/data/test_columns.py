@@ -296,3 +296,14 @@ def table_of(titles: str, *rows: str) -> Table:
 )  # fmt: skip
 def test_titles_in_further_languages(titles):
     assert [one.quantity.name for one in columns(titles)] == ["time", "displacement", "force"]
+
+
+@pytest.mark.parametrize("unit", ["deg", "Degrees", "°", "rad"])
+def test_an_angle_is_no_displacement(unit):
+    told = f"unit '{unit}' is that of an angle, which is no displacement; expected a column in one of mm, "
+    with pytest.raises(BadInput, match=told):
+        columns(f"Time (s)|Angle ({unit})|Force (N)", displacement_column="2")
+    with pytest.raises(BadInput, match=told):
+        columns("Time (s)|IMU|Force (N)", displacement_column="IMU", displacement_unit=unit)
+    with pytest.raises(BadInput, match=told):
+        columns(f"Time (s)|Displacement ({unit})|Force (N)", displacement_unit="mm")

@@ -115,3 +115,10 @@ def test_numbers_in_other_places_from_row_to_row_are_not_put_together():
     titles, one, other = ("a", "", "b"), ("1", "2", ""), ("1", "", "2")
     assert apart_by_several([(1, titles), (2, one), (3, one)], ".")
     assert not apart_by_several([(1, titles), (2, one), (3, other)], ".")
+
+
+def test_a_comment_of_other_words_than_columns_is_no_titles():
+    assert title_cells("# Fix print output for fix def", 4) == ()
+    assert title_cells("# Time Way Force", 3) == ("Time", "Way", "Force")
+    assert title_cells("Fix print output for fix def", 4) != ()
+    assert title_cells("# time (s) way in mm force (N)", 3) != (), "words with units are told, and refused as too many"

@@ -112,10 +112,9 @@ def test_a_further_table_that_may_be_a_test_is_not_left_out_without_a_word(tmp_p
     assert "the table in sheet 'two', row 1 has other titles than the first one, and is a test" in str(unclear.value)
     assert (unclear.value.option, unclear.value.choices) == ("--tables", ("first",))
     (found,) = read_recordings(path, Hints(tables="first"))
-    words = "the table in sheet '{}', row 1 has other titles and is left out; a test needs a file of its own"
-    others = (
-        "2 tables, the first in sheet 'two', row 1, have other titles and are left out; a test needs a file of its own"
-    )
+    told = "left out; a test needs a file of its own, or --sheet"
+    words = f"the table in sheet '{{}}', row 1 has other titles and is {told}"
+    others = f"2 tables, the first in sheet 'two', row 1, have other titles and are {told}"
     assert remarks(found) == [others]
     unknown = [["Time (s)", "Load (N)", "Extension (furlong)"], *([i, 2 * i, i] for i in range(4))]
     path = write_workbook(tmp_path / "b.xlsx", one=test, two=unknown)
