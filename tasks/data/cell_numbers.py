@@ -9,6 +9,8 @@ from sinew.tasks.data.several import FEWEST_ROWS
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_clock
 
+MOST_EMPTY = 3  # rows at the start of a test with an empty cell
+
 
 def filled_rows(table: Table, columns: Sequence[Column]) -> int:
     """The number of rows up to the last with anything in these columns: the longest of several tests is beside them."""
@@ -17,6 +19,15 @@ def filled_rows(table: Table, columns: Sequence[Column]) -> int:
     while rows and not any(table.rows[rows - 1][1][place : place + 1] > ("",) for place in places):
         rows -= 1
     return rows
+
+
+def empty_at_start(table: Table, columns: Sequence[Column], rows: int) -> int:
+    """How many of the first rows have an empty cell in one of these columns; 0 where these are not just a few."""
+    places = [column.place for column in columns if column.place != NOWHERE]
+    for row, (_, cells) in enumerate(table.rows[: min(rows, MOST_EMPTY + 1)]):
+        if all(cells[place : place + 1] > ("",) for place in places):
+            return row
+    return 0
 
 
 def empty_row(path: Path, row: int) -> BadInput:

@@ -255,6 +255,8 @@ def _choose(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: R
     if quantity in (STRAIN, STRETCH):  # perhaps of a camera, while the crosshead rested
         others |= still
     title, unit = named[place]
+    if title in words.ALONG_AXES:  # in a shear test, the force is not that along the height
+        others |= {at for at, (name, _) in enumerate(named) if name in words.ALONG_AXES}
     if not unit:
         others |= {other for _, other, _ in found if named[other][0] in words.EXTENSOMETER and not named[other][1]}
     doubtful = title.startswith("(") or title in words.DOUBTFUL or quantity not in (TIME, DISPLACEMENT, FORCE)

@@ -5,7 +5,6 @@ from sinew.tasks.data import units
 from sinew.tasks.data.quantities import LOADS, Quantity
 from sinew.tasks.data.questions import UnknownUnit
 
-_ANGLES = frozenset({"deg", "deg.", "degree", "degrees", "°", "rad", "radian", "radians", "grad", "度"})
 _ELECTRIC = frozenset({"v", "volt", "volts", "mv", "mv/v", "v/v"})
 
 
@@ -16,7 +15,7 @@ def is_signal(unit: str) -> bool:
 
 def is_angle(unit: str) -> bool:
     """Whether a unit is that of an angle."""
-    return unit.casefold() in _ANGLES
+    return unit.casefold() in units.ANGLES
 
 
 def factor_of(where: str, quantity: Quantity, unit: str, given: str | None, option: str) -> float:

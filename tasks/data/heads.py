@@ -9,7 +9,7 @@ from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.quantities import OF_A_TEST
 from sinew.tasks.data.text import is_number
 from sinew.tasks.data.titles import known_within, name_and_unit
-from sinew.tasks.data.units import is_unit
+from sinew.tasks.data.units import is_other, is_unit
 
 HIGHEST = 5  # rows above the one next to the numbers, in which titles are looked for
 NAMED = 2  # of time, motion and load, that a row of titles names where other rows stand below it
@@ -188,10 +188,14 @@ def _may_be_units(row: Row) -> bool:
     return known > len(filled) - known and all(len(cell.split()) == 1 for cell in filled)
 
 
+def _is_any_unit(text: str) -> bool:
+    return is_unit(text) or is_other(text)
+
+
 def is_row_of_units(row: Row) -> bool:
     """Whether all cells are units; one that is not known may be among two that are, such as a ``d`` for days."""
     filled = [cell for cell in row if cell]
-    unknown = [cell for cell in filled if not (is_bracketed(cell) or is_unit(cell.strip("()[] ")))]
+    unknown = [cell for cell in filled if not (is_bracketed(cell) or _is_any_unit(cell.strip("()[] ")))]
     known = len(filled) - len(unknown)
     return known > len(unknown) and all(_UNKNOWN_UNIT.fullmatch(cell) for cell in unknown)
 

@@ -38,7 +38,8 @@ def joined_tables(tests: Sequence[Recording], hints: Hints, *, named: bool) -> l
         if alike and not named and test.columns[0].place != NOWHERE and test.numbers[0, 0] > former.numbers[-1, 0]:
             note = GOES_ON if times_go_on([former, test]) else note or LATER
         if note and hints.tables in (None, "first"):
-            raise unclear_tables(test.path, note, again=bool(test.numbers[0, 0] <= former.numbers[-1, 0]))
+            again = test.columns[0].place != NOWHERE and bool(test.numbers[0, 0] <= former.numbers[-1, 0])
+            raise unclear_tables(test.path, note, again=again)
         if note and hints.tables == "join":
             groups[-1].append(test)
         else:

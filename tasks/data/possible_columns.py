@@ -104,6 +104,7 @@ def titles_by_a_word(titles: Sequence[str], quantities: Sequence[Quantity]) -> l
     for title in titles:
         name, unit = name_and_unit(title)
         parts = {part for part in name.split() if len(part) > FEWEST_LETTERS}
+        parts |= {part[1:] for part in parts if part[0] in "xyz"}  # "XForce"
         fitting = [one for one in quantities if units.factor(one.units, unit) is not None]
         if any(parts & set(one.titles) for one in fitting):
             found.append(title)
@@ -116,7 +117,7 @@ def possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:
     ``unit``: that ``in_file``, else the one that a person gives.
     ``L`` is a ratio of lengths unless its unit, in the file or given, is one of length.
     """
-    if units.is_rate(unit):
+    if units.is_rate(unit) or units.is_reciprocal(unit):
         return False
     if name == "l":
         return (units.factor(units.LENGTH, unit) is not None) == (quantity is LENGTH)

@@ -10,7 +10,7 @@ import numpy as np
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.apart_by_columns import refuse_several, told_apart
-from sinew.tasks.data.cell_numbers import filled_rows, number_of
+from sinew.tasks.data.cell_numbers import empty_at_start, filled_rows, number_of
 from sinew.tasks.data.chosen_sheet import of_sheet
 from sinew.tasks.data.columns import NOWHERE, Column, alike_places, recognise
 from sinew.tasks.data.further import kept
@@ -188,11 +188,16 @@ def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Rec
         rows -= cut
         if count > 1 and rows < FEWEST_ROWS:
             continue  # of fewer tests than there is room for
-        blocks = [Block("", 0, rows)] if hints.tests_by is None else blocks_of_tests(table, rows, hints.tests_by)
+        early = empty_at_start(table, ours, rows) if alone else 0
+        blocks = [Block("", early, rows)] if hints.tests_by is None else blocks_of_tests(table, rows, hints.tests_by)
         for block in blocks:
             both = replace(block, name="_".join(filter(None, (name, block.name))))
             one = _once(_begun(_ended(_recording(table, ours, hints, both, sizes[number], number, count))))
             found += [_spread(each, hints) for each in (tests_again(one, gaps, hints) if alone else [one])]
+        if early:
+            numbers = f"row {table.rows[0][0]} has" if early == 1 else f"the first {early} rows have"
+            note = f"{numbers} an empty cell, and {'is' if early == 1 else 'are'} left out"
+            found[0] = replace(found[0], notes=(*found[0].notes, note))
         if cut:
             at, row = table.rows[rows]
             note = f"row {at} ends within a number, {shown(row[-1])}, and is left out"

@@ -48,6 +48,9 @@ _THOUSANDS = {".": re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+"), ",": re.compile(r"
 _GROUPS = {mark: re.compile(rf"[-+]?[1-9]\d{{0,2}}(?:{re.escape(mark)}\d{{3}})+") for mark in ".,"}
 
 
+TDMS = b"TDSm"  # what a binary file of LabVIEW begins with
+
+
 def check_text(path: Path, max_bytes: int, *, export: bool = False) -> None:
     """Refuse what cannot be a text file of at most ``max_bytes``, before it is read. Raises :class:`BadInput`.
 
@@ -70,6 +73,8 @@ def check_text(path: Path, max_bytes: int, *, export: bool = False) -> None:
             start = file.read(4096)
     except OSError as error:
         raise BadInput(path, (error.strerror or "cannot be read").lower(), "a readable file") from None
+    if start.startswith(TDMS):
+        raise BadInput(path, "a TDMS file of LabVIEW", "the same saved as text (.lvm) or as a spreadsheet")
     if b"\0" in start and not (export and (_utf16(start) or not _ZERO_INSIDE.search(start))):
         raise BadInput(path, "not a text file", "text in UTF-8")
 

@@ -54,6 +54,10 @@ _SPELLINGS = {
     "мм2": "mm2", "см2": "cm2", "кв. мм": "mm2", "н/мм2": "N/mm2", "平方毫米": "mm2",
     "кгс": "kgf", "па": "Pa", "кпа": "kPa", "мпа": "MPa", "гпа": "GPa",
 }  # fmt: skip
+#: Units of what is no column of a test: of frequencies, angles, torques and temperatures.
+FREQUENCIES = frozenset({"hz", "khz"})
+ANGLES = frozenset({"deg", "deg.", "degree", "degrees", "°", "rad", "radian", "radians", "grad", "度"})
+_OTHERS = FREQUENCIES | ANGLES | {"°c", "°f", "n.m", "n·m", "n*m", "\u03bcn.m", "mn.m", "kn.m", "n.mm", "n·mm", "n*mm"}
 EITHER = " or "  # between units that contradict each other
 _EVERY = (TIME, LENGTH, FORCE, STRESS, AREA, FRACTION)
 #: Spellings whose prefix may be milli or mega. Those of ``_EXACT`` count as they are written, the others not at all.
@@ -100,6 +104,11 @@ def is_unit(text: str) -> bool:
     return ambiguous(text) or any(factor(units, text) is not None for units in _EVERY)
 
 
+def is_other(text: str) -> bool:
+    """Whether a text is a unit of a frequency, an angle, a torque or a temperature, which no column of a test has."""
+    return len(text) <= LONGEST and _plain(text).casefold() in _OTHERS
+
+
 def agreed(told: Sequence[str]) -> str:
     """The unit that several places tell, of which some may be empty; "N or kN" where they contradict each other.
 
@@ -126,9 +135,14 @@ def to_own(unit: str) -> tuple[float, str] | None:
 
 
 def is_rate(unit: str) -> bool:
-    """Whether a unit is one of a change in time, such as mm/s or %/min."""
+    """Whether a unit is one of a change in time or of a frequency, such as mm/s, %/min or Hz."""
     per = unit.rpartition("/")[2].strip()
-    return "/" in unit and factor(TIME, per) is not None
+    return unit.casefold() in FREQUENCIES or ("/" in unit and factor(TIME, per) is not None)
+
+
+def is_reciprocal(unit: str) -> bool:
+    """Whether a unit is one over another, such as 1/MPa of a compliance."""
+    return unit.startswith("1/")
 
 
 def belongs_elsewhere(units: Units, unit: str) -> bool:

@@ -86,6 +86,8 @@ STRAIN = (
     "deformácia", "deformace", "деформація", "nyúlás", "fajlagos nyúlás", "παραμόρφωση", "regangan",
     "creep strain", "gerinim", "gerinme", "çekme gerinimi", "çekme gerinmesi", "basma gerinimi", "basma gerinmesi",
 )  # fmt: skip
+#: Forces along axes, of which one is that of the test.
+ALONG_AXES = ("fx", "fy", "fz")
 #: Words for a stretch that some use for a strain.
 STRETCH_OR_STRAIN = ("stretch", "streckung")
 STRETCH = ("stretch", "stretch ratio", "length ratio", "l/l0", "lambda", "λ", "l", "streckung", "拉伸比")

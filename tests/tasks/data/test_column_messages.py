@@ -128,3 +128,9 @@ def test_titles_that_hold_a_name_and_a_unit_are_told():
     )
     with pytest.raises(BadInput, match=told):
         columns("Time (s)|Disp (mm)|Fore-Aft Load [N]|Cross-Car Load [N]|Load time [s]")
+
+
+def test_titles_with_an_axis_in_front_are_told():
+    told = "by a word in its title, 'XDisplacement_um' or 'YDisplacement_um' or 'XForce_mN' may be one"
+    with pytest.raises(BadInput, match=told):
+        columns("Time (s)|XDisplacement_um|YDisplacement_um|XForce_mN|YForce_mN")

@@ -8,7 +8,7 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.data.columns import LIKELY, SURE, Column, recognise
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, POSITION, STRAIN, STRESS, STRETCH
-from sinew.tasks.data.questions import NoColumn, UnknownUnit
+from sinew.tasks.data.questions import NoColumn, Unclear, UnknownUnit
 from sinew.tasks.data.tables import Table
 
 NUMBERS = ["0", "1", "2", "3", "4", "5"]
@@ -307,3 +307,15 @@ def test_an_angle_is_no_displacement(unit):
         columns("Time (s)|IMU|Force (N)", displacement_column="IMU", displacement_unit=unit)
     with pytest.raises(BadInput, match=told):
         columns(f"Time (s)|Displacement ({unit})|Force (N)", displacement_unit="mm")
+
+
+def test_of_forces_along_axes_none_is_taken_unasked():
+    """In a shear test, the force along the height is not that of the test."""
+    for titles in ("Time (s)|Strain [-]|Fx (N)|Fz (N)", "Time (s)|Strain [-]|Fz (N)|Fy (N)"):
+        with pytest.raises(Unclear, match=r"'Fz \(N\)' may both be the force|'F[xy] \(N\)' may both be the force"):
+            columns(titles)
+    assert columns("Time (s)|Strain [-]|Fz (N)")[2].title == "Fz (N)"
+
+
+def test_frequencies_and_compliances_are_no_columns_of_a_test():
+    assert columns("t [s]|x|u [mm]|f [Hz]|F [N]|D [1/MPa]")[1:] == columns("t [s]|x|u [mm]|y|F [N]|z")[1:]

@@ -119,3 +119,8 @@ def test_a_row_of_factors_is_refused(tmp_path, row):
     path.write_text(f"Time,Extension,Force\ns,mm,N\n{row}\n{numbers}")
     with pytest.raises(BadInput, match=r"row 3: '.*' above the numbers may be factors of the columns"):
         read_recordings(path, Hints())
+
+
+def test_units_of_other_quantities_are_units():
+    for units in ("s,\u00b5N.m,rad", "s,N.m,°", "s,Hz,°C"):
+        assert head("Time,Torque,Displacement", units).units == tuple(units.split(","))

@@ -175,3 +175,25 @@ def test_a_unit_that_is_missing_can_be_answered(tmp_path):
         read(tmp_path, PLAIN.replace("_N", ""))
     assert asked.value.option == "--force-unit"
     assert read(tmp_path, PLAIN.replace("_N", ""), force_unit="kN").numbers[-1, 2] == 9000
+
+
+@pytest.mark.parametrize(
+    ("empty", "note"),
+    [
+        (1, "row 2 has an empty cell, and is left out"),
+        (3, "the first 3 rows have an empty cell, and are left out"),
+        (4, None),
+    ],
+)
+def test_few_rows_at_the_start_with_an_empty_cell_are_left_out(tmp_path, empty, note):
+    path = tmp_path / "a.csv"
+    rows = [f"{i},{i},{'' if i < empty else 2 * i},7" for i in range(20)]
+    path.write_text("Time (s),Extension (mm),Force (N),more\n" + "\n".join(rows))
+    if note is None:
+        with pytest.raises(BadInput, match=r"row 2, Force \(N\): an empty cell"):
+            read_recordings(path, Hints())
+    else:
+        (found,) = read_recordings(path, Hints())
+        assert found.notes == (note,)
+        assert (found.rows[0], found.numbers[0].tolist()) == (2 + empty, [empty, empty, 2.0 * empty])
+        assert inspect(path).content()["ask"][0].startswith("length: ")

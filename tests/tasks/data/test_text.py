@@ -339,3 +339,8 @@ def test_days_count_between_dates_with_slashes():
 )
 def test_what_is_no_clock_time(cell):
     assert not is_clock(cell)
+
+
+def test_a_binary_file_of_labview_is_told(tmp_path):
+    with pytest.raises(BadInput, match=r"a TDMS file of LabVIEW; expected the same saved as text \(\.lvm\) or as a "):
+        read_lines(written(tmp_path, b"TDSm\x0e\0\0\0i\x12", "test.tdms"))
