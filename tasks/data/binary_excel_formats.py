@@ -7,11 +7,10 @@ import struct
 import zipfile
 from collections.abc import Iterator
 
-from sinew.tasks.data.excel_formats import AS_EXCEL, LAST_COLUMN, Styles, relations_of
+from sinew.tasks.data.excel_formats import AS_EXCEL, LAST_COLUMN, PERCENT_FORMATS, Styles, relations_of
 from sinew.tasks.data.number_formats import PERCENT, shown_by
 from sinew.tasks.data.sheet_look import Look, TooMuch
 
-PERCENT_FORMATS = {9, 10}  # of Excel itself
 ROW, FORMAT, STYLE, COLUMNS, SHEET = 0, 44, 47, 60, 156  # kinds of records
 BEGIN_CELLS, END_CELLS, BEGIN_STYLES, END_STYLES = 145, 146, 617, 618
 #: The fewest bytes of a cell by its kind: empty, numbers, errors, truths, texts, and the same of formulas.
