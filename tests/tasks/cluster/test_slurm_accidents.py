@@ -226,6 +226,7 @@ def test_a_leading_job_whose_walltime_is_too_short(tmp_path, slurm_cluster, bed)
 
 
 @pytest.mark.takes(65)
+@pytest.mark.thorough
 def test_workers_that_come_just_before_the_leading_job_must_stop(tmp_path, slurm_cluster, bed):
     """They are not to blame for a walltime in which nothing finished: it waits in the queue again."""
     occupy = ["-p", "urgent", "-N", "3", "--exclusive", "--output=/dev/null", "--parsable", "--wrap", "exec sleep 600"]
