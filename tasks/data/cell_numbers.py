@@ -5,11 +5,12 @@ from pathlib import Path
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.columns import NOWHERE, Column
+from sinew.tasks.data.layout import otherwise_marked
 from sinew.tasks.data.several import FEWEST_ROWS
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_clock
 
-MOST_EMPTY = 3  # rows at the start of a test with an empty cell
+MOST_UNREAD = 3  # rows at the start of a test with an empty cell, or with numbers of another decimal mark
 
 
 def filled_rows(table: Table, columns: Sequence[Column]) -> int:
@@ -21,13 +22,23 @@ def filled_rows(table: Table, columns: Sequence[Column]) -> int:
     return rows
 
 
-def empty_at_start(table: Table, columns: Sequence[Column], rows: int) -> int:
-    """How many of the first rows have an empty cell in one of these columns; 0 where these are not just a few."""
+def unread_at_start(table: Table, columns: Sequence[Column], rows: int) -> tuple[int, str]:
+    """How many of the first rows have an empty cell in one of these columns, or numbers with the other decimal mark.
+
+    And a note on them; 0 where these are not just a few.
+    """
     places = [column.place for column in columns if column.place != NOWHERE]
-    for row, (_, cells) in enumerate(table.rows[: min(rows, MOST_EMPTY + 1)]):
-        if all(cells[place : place + 1] > ("",) for place in places):
-            return row
-    return 0
+    marked = 0
+    for row, (_, cells) in enumerate(table.rows[: min(rows, MOST_UNREAD + 1)]):
+        other = bool(otherwise_marked(cells, table.decimal))
+        if other or not all(cells[place : place + 1] > ("",) for place in places):
+            marked += other
+            continue
+        mark = "a point" if table.decimal == "," else "a comma"
+        reason = f"{mark} as decimal mark, unlike those below" if marked else "an empty cell"
+        which = f"row {table.rows[0][0]} has" if row == 1 else f"the first {row} rows have"
+        return row, f"{which} {reason}, and {'is' if row == 1 else 'are'} left out" if row else ""
+    return 0, ""
 
 
 def empty_row(path: Path, row: int) -> BadInput:

@@ -66,6 +66,12 @@ class Column:
         """``force from 'Load' in kN``."""
         return f"{self.quantity.name} from '{self.title or self.place + 1}' in {self.unit}"
 
+    def is_as(self, other: "Column") -> bool:
+        """Whether another table has this column in the same place, whatever stands beside it."""
+        return (self.quantity, self.place, self.title, self.unit) == (
+            other.quantity, other.place, other.title, other.unit,
+        )  # fmt: skip
+
 
 @dataclass(frozen=True)
 class _Choice:
@@ -126,11 +132,16 @@ def partly(
     titles, named = names_and_units(table)
     found: list[Column | None] = []
     problems = []
-    for role in roles_of(hints):
-        if only is not None and only in role.quantities:
-            role = replace(role, quantities=(only,))
+    roles: Sequence[Role] = roles_of(hints)
+    if only is not None:
+        roles = [replace(role, quantities=(only,)) if only in role.quantities else role for role in roles]
+    try:
+        choices = _of_one_clock(table, titles, named, roles, [_choose(table, titles, named, role) for role in roles])
+    except BadInput:
+        choices = []  # each by itself, for what is said of it
+    for number, role in enumerate(roles):
         try:
-            choice = _choose(table, titles, named, role)
+            choice = choices[number] if choices else _choose(table, titles, named, role)
         except BadInput as error:
             found.append(None)
             if role.quantities != (TIME,) or not hints.timing.given:

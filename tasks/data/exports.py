@@ -31,6 +31,8 @@ from sinew.tasks.data.told import as_told
 from sinew.tasks.data.units import factor, listed
 from sinew.tasks.model import Specimen
 
+NORMALISED_MM = 1.0  # the length of a bar whose displacements are strains
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -137,7 +139,7 @@ def read_exports(
         parts.append(part)
         where = f"{part.name}/{part.curves[0].name}"
         spreads |= {where: recording.spreads} if recording.spreads else {}
-        found = [*remarks(recording), *first_length(recording, reading), *_replaced(recording, reading)]
+        found = [*remarks(recording), *length_taken(recording, reading), *_replaced(recording, reading)]
         found += [*_ellipse(recording, reading), *begins_elsewhere(recording, part.length_mm)]
         noticed |= {where: tuple(found)} if found else {}
     sources = [recording.path for recording in recordings]
@@ -208,10 +210,14 @@ def _ellipse(recording: Recording, reading: Reading) -> Iterator[str]:
         yield f"the file gives a cross-section of {area.mm:.6g} mm2, that of the bar is {both:.6g} mm2; --area-mm2"
 
 
-def first_length(recording: Recording, reading: Reading) -> Iterator[str]:
-    """A remark where the length in the first row serves as gauge length."""
-    if reading.length_mm is None and "length" not in recording.sizes and recording.motion.quantity is LENGTH:
+def length_taken(recording: Recording, reading: Reading) -> Iterator[str]:
+    """A remark where nothing tells the gauge length: the one in the first row serves as such, or 1 mm."""
+    if reading.length_mm is not None or "length" in recording.sizes:
+        return
+    if recording.motion.quantity is LENGTH:
         yield first_length_in_words(recording)
+    elif recording.motion.quantity in (STRETCH, STRAIN):
+        yield f"no gauge length: taken as {NORMALISED_MM:g} mm, so that displacements are strains; --length-mm"
 
 
 def _replaced(recording: Recording, reading: Reading) -> Iterator[str]:
@@ -235,7 +241,7 @@ def _tells_area(recording: Recording) -> bool:
 
 def _length(recording: Recording) -> float:
     if "length" not in recording.sizes and recording.motion.quantity in (STRETCH, STRAIN):
-        return 1.0
+        return NORMALISED_MM
     if "length" not in recording.sizes and recording.motion.quantity is LENGTH:
         return float(recording.numbers[0, 1])
     return _size(recording, "length", "--length-mm")

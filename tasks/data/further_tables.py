@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import recognise
+from sinew.tasks.data.columns import NOWHERE, Column, recognise
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.questions import NoColumn, Unclear
 from sinew.tasks.data.several import FEWEST_ROWS, TABLES
@@ -44,6 +44,17 @@ def is_test(table: Table, hints: Hints) -> bool:
     except BadInput:
         return False
     return True
+
+
+def has_columns(table: Table, hints: Hints, columns: Sequence[Column]) -> bool:
+    """Whether a table has these columns of time, motion and load in the same places, and perhaps others beside them."""
+    if not all(column.title and column.place != NOWHERE for column in columns):
+        return False
+    try:
+        found = recognise(table, hints, first_of_alike=True)
+    except BadInput:
+        return False
+    return all(one.is_as(other) for one, other in zip(found, columns, strict=True))
 
 
 def unclear_further(table: Table) -> Unclear:

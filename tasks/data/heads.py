@@ -75,11 +75,25 @@ def head_of(rows: Sequence[Row], at: int) -> Head:
         return Head(rows[above], words, above)
     if is_row_of_units(rows[at]) and above == at - 1 >= 0:
         return Head(rows[above], rows[at], above)
-    if above >= 0 and _names(rows[above]) and _covers(rows[above], rows[at]) and _may_be_units(rows[at]):
+    if above >= 0 and _names(rows[above]) and _covers(rows[above], _units_only(rows[at])) and _may_be_units(rows[at]):
         return Head(rows[above], rows[at], above)
     if above >= 0 and is_row_of_units(rows[above]) and _places(rows[above]) == _places(rows[at]) and _names(rows[at]):
         return Head(rows[at], rows[above], above)
-    return _higher(rows, at) or Head(rows[at], (), at)
+    return _higher(rows, at) or Head(_with_words_above(rows[at], rows[at - 1] if at > 0 else ()), (), at)
+
+
+def _with_words_above(titles: Row, above: Row) -> Row:
+    """Titles, some of which are nothing but a unit in brackets, below the word for it: ``Stress`` above ``[MPa]``."""
+    words = (*above, *[""] * (len(titles) - len(above)))
+    return tuple(
+        f"{word} {title}" if word and is_bracketed(title) and is_unit(title.strip("()[] ")) else title
+        for title, word in zip(titles, words, strict=False)
+    )
+
+
+def _units_only(row: Row) -> Row:
+    """The row without what is no unit, such as a remark behind the last column."""
+    return tuple(cell if is_bracketed(cell) or is_unit(cell) else "" for cell in row)
 
 
 def _labelled(rows: Sequence[Row], at: int) -> Head | None:

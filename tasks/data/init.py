@@ -18,6 +18,7 @@ from sinew.tasks.data.curves import Bar, begins_elsewhere, curve_of
 from sinew.tasks.data.first_ranges import first_ranges
 from sinew.tasks.data.further import refuse_unknown
 from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.layout import NoTable
 from sinew.tasks.data.names import FileName, names_of, of_test
 from sinew.tasks.data.new_study import (
     LeftOut,
@@ -38,7 +39,7 @@ from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.sheets import SUFFIXES
 from sinew.tasks.data.sizes import SIZES
 from sinew.tasks.data.specimen_sizes import Ask, Known, Sizes, ask_for_sizes, known_sizes, with_first_length
-from sinew.tasks.data.tables import NoTable, read_source
+from sinew.tasks.data.tables import read_source
 from sinew.tasks.data.taken import TITLES, look_at, rows_of, usable
 from sinew.tasks.data.told import as_told
 from sinew.tasks.drawing.blocks import plural

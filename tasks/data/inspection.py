@@ -16,19 +16,20 @@ from sinew.tasks.data.chosen_sheet import of_sheet
 from sinew.tasks.data.column_titles import names_and_units
 from sinew.tasks.data.columns import Column, alike_places, partly
 from sinew.tasks.data.curves import check_times
-from sinew.tasks.data.exports import Reading, first_length
+from sinew.tasks.data.exports import Reading, length_taken
 from sinew.tasks.data.factors import is_signal
 from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.layout import NoTable
 from sinew.tasks.data.length_columns import contradiction, length_beside, lengths_at_zeros, numbers_of
 from sinew.tasks.data.possible_columns import counts, holds_numbers
-from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS
+from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.remarks import remarks, which_columns
 from sinew.tasks.data.restarts import rows_again, tests_below
 from sinew.tasks.data.roles import TIMED
-from sinew.tasks.data.rows_of_results import refuse_oscillations, refuse_rows_of_results
+from sinew.tasks.data.rows_of_results import refuse_oscillations, refuse_results_by_titles, refuse_rows_of_results
 from sinew.tasks.data.rows_of_words import says_more
 from sinew.tasks.data.same_times import behind_clock
 from sinew.tasks.data.several import FEWEST_ROWS, beside, blocks_of_tests, go_on, units_alone
@@ -36,7 +37,7 @@ from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import SIZES, contradiction_of_areas, contradiction_without_unit, read_sizes
 from sinew.tasks.data.sizes_in_names import sizes_in_name
 from sinew.tasks.data.sizes_of_tests import sizes_in_columns
-from sinew.tasks.data.tables import NoTable, Source, Table, read_source, tables_of
+from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.told import as_told
 from sinew.tasks.data.units import usual
 
@@ -98,12 +99,8 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         with suppress(NoTable):
             narrow = _best(replace(source, fewest=source.fewest[1:]), hints)
             table, columns, problems, titles = narrow if any(narrow[1]) else (table, columns, problems, titles)
-    refuse_oscillations(table)
-    if not hints.columns_given:
-        _refuse_no_test(table, columns)
     numbers, rows = _numbers(table, columns)
-    if columns[0] is None and columns[1] is not None and not hints.timing.given:
-        refuse_rows_of_results(table, columns[1].quantity.name, numbers[:rows, 1], numbers[:rows, 2])
+    _refuse_no_test(table, columns, numbers[:rows], hints)
     values, differs = _sizes(table, columns, numbers[:rows], hints)
     given = {"length": reading.length_mm, "area": reading.area_mm2}
     values |= {name: size for name, size in given.items() if size is not None}
@@ -119,7 +116,7 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         known = {name: size.mm for name, size in recordings[0].sizes.items() if not (doubt and name == "length")}
         values = _with_area({name: known.get(name) if mm is None else mm for name, mm in values.items()})
     told = [as_told(one, hints) for one in recordings]
-    notes = tuple(dict.fromkeys(remark for one in told for remark in (*remarks(one), *first_length(one, reading))))
+    notes = tuple(dict.fromkeys(remark for one in told for remark in (*remarks(one), *length_taken(one, reading))))
     if not recordings:
         notes = tuple(which_columns(columns))
     if recordings and columns[0] is None:  # a person has told how times run
@@ -134,6 +131,8 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
         rows = len(recordings[0].rows)
     elif any(columns):
         rows = int(np.isfinite(numbers[:rows]).any(axis=1).sum())  # tests may stand apart by empty rows
+    else:
+        rows = sum(any(row) for _, row in table.rows)
     peak = float(load[np.nanargmax(np.abs(load))]) if np.isfinite(load).any() else None
     specimens = one_below * below * (1 if hints.columns_given else beside(table, columns))
     if hints.tables == "join" and recordings:
@@ -142,7 +141,23 @@ def inspect(path: Path, reading: Reading | None = None) -> Inspection:
     return Inspection(path, table.sheet, columns, values, rows, start, peak, specimens, questions, notes, recordings)
 
 
-def _refuse_no_test(table: Table, columns: Sequence[Column | None]) -> None:
+def _refuse_no_test(
+    table: Table, columns: Sequence[Column | None], numbers: np.ndarray[Any, Any], hints: Hints
+) -> None:
+    """Raises :class:`BadInput` for a table of anything else than a test, as of results; ``numbers`` ``[t, 3]``."""
+    refuse_oscillations(table)
+    if not hints.columns_given:
+        _refuse_too_few_columns(table, columns)
+        if columns[0] is None and columns[2] is None:
+            refuse_results_by_titles(table)
+    if len(numbers) < FEWEST_ROWS:
+        numbered = "1 row" if len(numbers) == 1 else f"{len(numbers)} rows"
+        raise BadInput(table.path, f"{numbered} of numbers", f"a test, which has at least {FEWEST_ROWS}")
+    if columns[0] is None and columns[1] is not None and not hints.timing.given:
+        refuse_rows_of_results(table, columns[1].quantity.name, numbers[:, 1], numbers[:, 2])
+
+
+def _refuse_too_few_columns(table: Table, columns: Sequence[Column | None]) -> None:
     """Raises :class:`BadInput` for a table that has none of the columns of a test, or cannot have all of them."""
     known = [one for one in columns if one is not None and (len(one.title) > 1 or one.unit)]  # "f" may be anything
     if any(table.titles) and not known:
@@ -298,7 +313,7 @@ def _sizes(
         zeros = new_zeros(numbers) if hints.preload is not None else ()
         first = zeros[-1] if zeros and hints.preload == "leave-out" else 0
         end = zeros[0] if zeros and hints.preload == "keep" else None
-        beside_it = length_beside(table, numbers[first:end, 1], first)
+        beside_it = length_beside(table, motion, numbers[first:end, 1], first)
         values["length"] = None if beside_it is None else beside_it.mm
     return _with_area(values), contradiction_of_areas(told) or contradiction_without_unit(told)
 
@@ -313,12 +328,12 @@ def _with_area(values: dict[str, float | None]) -> dict[str, float | None]:
     return values | {"area": width * thickness} if width is not None and thickness is not None else values
 
 
-def _two_lengths(table: Table, numbers: np.ndarray[Any, Any]) -> str:
+def _two_lengths(table: Table, motion: Column, numbers: np.ndarray[Any, Any]) -> str:
     """The question for a gauge length that is another one after a preload, or nothing."""
     zeros = new_zeros(numbers)
     if not zeros:
         return ""
-    before, after = lengths_at_zeros(table, numbers[:, 1], zeros)
+    before, after = lengths_at_zeros(table, motion, numbers[:, 1], zeros)
     if before is None or after is None:
         return ""
     both = f"{before.mm:g} mm by '{before.text}', and {after.mm:g} mm where it is set to zero again"
@@ -333,7 +348,7 @@ def _doubt(
     if motion is None or motion.quantity in (POSITION, LENGTH):
         return ""
     if length_mm is None:
-        return "" if motion.quantity is STRAIN else _two_lengths(table, numbers)
+        return "" if motion.quantity is STRAIN else _two_lengths(table, motion, numbers)
     both = contradiction(table, range(len(table.rows)), motion, length_mm)
     return f"length: {both}; --length-mm" if both else ""
 
@@ -343,7 +358,8 @@ def _missing(
 ) -> Iterable[str]:
     proposed = [f"{size} {mm:g} mm" for size, mm in sizes_in_name(path.stem).items()]
     perhaps = f", but its name may: {', '.join(proposed)}" if proposed else ""
-    if values["length"] is None:
+    motion = columns[1]
+    if values["length"] is None and (doubt or motion is None or motion.quantity not in (STRAIN, STRETCH)):
         yield doubt or f"length: the file does not give it{perhaps}; --length-mm"
     load = columns[2]
     if values["area"] is None and (load is None or load.quantity is not STRESS):

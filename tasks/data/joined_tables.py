@@ -6,12 +6,14 @@ from itertools import pairwise
 
 import numpy as np
 
+from sinew.tasks.data import words
 from sinew.tasks.data.columns import NOWHERE
 from sinew.tasks.data.further import Kept
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.length_columns import Repeats
 from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.several import GOES_ON, LATER, TABLES, Block, go_on, going_on, rest_of_former, unclear_tables
+from sinew.tasks.data.titles import name_and_unit
 
 NOT_JOINED = f"{TABLES} join has no effect: no table begins where the one before ends"
 
@@ -26,6 +28,11 @@ def times_go_on(tests: Sequence[Recording]) -> bool:
     return tests[0].columns[0].place != NOWHERE and go_on([test.numbers[:, 0] for test in tests])
 
 
+def are_steps(tests: Sequence[Recording]) -> bool:
+    """Whether the times of each test are those of a step, by their title: sheets of one test."""
+    return all(name_and_unit(test.columns[0].title)[0] in words.TIMES_OF_STEPS for test in tests)
+
+
 def joined_tables(tests: Sequence[Recording], hints: Hints, *, named: bool) -> list[Recording]:
     """The tests of tables one under another; those that begin where the one before ends, as a person says.
 
@@ -33,10 +40,12 @@ def joined_tables(tests: Sequence[Recording], hints: Hints, *, named: bool) -> l
     """
     groups = [[tests[0]]]
     for former, test in pairwise(tests):
-        alike = former.columns[1:] == test.columns[1:]
+        alike = all(one.is_as(other) for one, other in zip(former.columns[1:], test.columns[1:], strict=True))
         note = rest_of_former(former.numbers, test.numbers, test.columns) if alike else ""
         if alike and not named and test.columns[0].place != NOWHERE and test.numbers[0, 0] > former.numbers[-1, 0]:
             note = GOES_ON if times_go_on([former, test]) else note or LATER
+        if alike and not note and are_steps([former, test]):
+            note = f"is a step of its own, by '{test.columns[0].title}'"
         if note and hints.tables in (None, "first"):
             again = test.columns[0].place != NOWHERE and bool(test.numbers[0, 0] <= former.numbers[-1, 0])
             raise unclear_tables(test.path, note, again=again)

@@ -6,8 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from sinew.tasks.data.columns import Column, partly
+from sinew.tasks.data import units, words
+from sinew.tasks.data.column_titles import names_and_units
+from sinew.tasks.data.columns import LIKELY, Column, partly
 from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.possible_columns import AXES
 from sinew.tasks.data.quantities import DISPLACEMENT, FORCE, LENGTH, STRAIN, STRESS, Quantity
 from sinew.tasks.data.sizes import LONGEST_MM, SAME, Size
 from sinew.tasks.data.tables import Table
@@ -20,12 +23,12 @@ ON_A_LINE = 0.99  # the correlation of two columns that tell the same
 FEWEST = 3  # rows of a line
 
 
-def length_beside(table: Table, displacement_mm: Array, first: int = 0) -> Size | None:
+def length_beside(table: Table, moved: Column, displacement_mm: Array, first: int = 0) -> Size | None:
     """The length at which a displacement ``[t]`` is 0, by a column of current lengths beside it; None without one.
 
-    ``first``: the row of the table in which the displacement begins.
+    ``moved``: the column of the displacement. ``first``: the row of the table in which the displacement begins.
     """
-    lengths = _column_of(table, LENGTH)
+    lengths = _length_along(table, moved) or _column_of(table, LENGTH)
     if lengths is None or not displacement_mm.size:
         return None
     current = numbers_of(table, lengths, range(first, first + displacement_mm.size))
@@ -36,12 +39,12 @@ def length_beside(table: Table, displacement_mm: Array, first: int = 0) -> Size 
 
 
 def lengths_at_zeros(
-    table: Table, displacement_mm: Array, zeros: Sequence[int], first: int = 0
+    table: Table, moved: Column, displacement_mm: Array, zeros: Sequence[int], first: int = 0
 ) -> tuple[Size | None, Size | None]:
     """The same before the first and behind the last of the ``zeros``: rows in which the displacement is set to zero."""
     last = zeros[-1]
-    before = length_beside(table, displacement_mm[: zeros[0]], first)
-    return before, length_beside(table, displacement_mm[last:], first + last)
+    before = length_beside(table, moved, displacement_mm[: zeros[0]], first)
+    return before, length_beside(table, moved, displacement_mm[last:], first + last)
 
 
 def length_by_strain(table: Table, rows: range, moved: Column) -> tuple[float, str] | None:
@@ -99,6 +102,19 @@ def repeats_of(table: Table, rows: range, moved: Column, load: Column) -> Repeat
         opposite = replace(lengths, factor=-lengths.factor)
         falls = "" if _slope(table, rows, opposite, moved) is None else lengths.title
     return Repeats(strain, area, falls)
+
+
+def _length_along(table: Table, moved: Column) -> Column | None:
+    """The current lengths along the axis of a displacement: ``XSize_um`` beside ``XDisplacement_um``; None without."""
+    titles, named = names_and_units(table)
+    name = named[moved.place][0]
+    if name[:1] not in AXES or name[1:].strip() not in words.DISPLACEMENT:
+        return None
+    for place, (other, unit) in enumerate(named):
+        factor = units.factor(units.LENGTH, unit)
+        if other[:1] == name[:1] and other[1:].strip() in words.LENGTH and factor is not None:
+            return Column(LENGTH, place, titles[place], unit, factor, LIKELY)
+    return None
 
 
 def _column_of(table: Table, quantity: Quantity, *, measured: bool = True) -> Column | None:

@@ -9,6 +9,8 @@ from sinew.tasks.data.questions import NEITHER, NoColumn, Unclear
 from sinew.tasks.data.roles import Role
 from sinew.tasks.data.tables import Table
 
+MOST_NAMED = 4  # columns: motion and load along two axes
+
 
 def _where(table: Table) -> str:
     return f"{table.path}: row {table.title_row}" if table.titles else str(table.path)
@@ -19,7 +21,7 @@ def no_column(table: Table, titles: Row, roles: Sequence[Role], *, spare: int) -
     listed = ", ".join(title or "(no name)" for title in titles[:12]) + (", ..." if len(titles) > 12 else "")
     names = ", nor of ".join(role.name for role in roles)
     perhaps = list(dict.fromkeys(title for role in roles for title in titles_by_a_word(titles, role.quantities)))
-    may_be = f"; by a word in its title, {' or '.join(map(shown, perhaps[:3]))} may be one" if perhaps else ""
+    may_be = f"; by a word in its title, {' or '.join(map(shown, perhaps[:MOST_NAMED]))} may be one" if perhaps else ""
     measured = [role for role in roles if role.option != "time"]  # times may be told, these not
     remedies = [role.remedy for role in roles if role not in measured or len(measured) <= spare]
     if len(measured) > spare:

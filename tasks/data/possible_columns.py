@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sinew.tasks.data import units, words
-from sinew.tasks.data.quantities import LENGTH, STRAIN, Quantity
+from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, STRAIN, Quantity
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 from sinew.tasks.data.titles import name_and_unit
@@ -15,6 +15,7 @@ from sinew.tasks.data.titles import name_and_unit
 FOLLOWED, PARTS, FEWEST_PARTS = 2000, 50, 5  # rows, and parts of the machine's way, that an extensometer is compared in
 FOLLOWS = 0.5  # rank correlation
 FEW_VALUES = 10  # times more values that another column has
+AXES = "xyz"  # in front of the names of what is measured along each: "XForce"
 FEWEST_LETTERS = 3  # that a word has more of which names a quantity among others
 LOOKED_AT = 200  # rows: a file of many tests is asked many times
 MOST_TURNS = 0.1  # of the rows: a motion that turns more often is noisy, and its way is longer than that of the machine
@@ -100,15 +101,17 @@ def titles_by_a_word(titles: Sequence[str], quantities: Sequence[Quantity]) -> l
 
     The other words may make another quantity of it, as those of ``Load limit [N]`` do, so only a person can tell.
     """
-    found = []
+    found: dict[str, list[str]] = {}
     for title in titles:
         name, unit = name_and_unit(title)
         parts = {part for part in name.split() if len(part) > FEWEST_LETTERS}
-        parts |= {part[1:] for part in parts if part[0] in "xyz"}  # "XForce"
-        fitting = [one for one in quantities if units.factor(one.units, unit) is not None]
-        if any(parts & set(one.titles) for one in fitting):
-            found.append(title)
-    return found
+        parts |= {part[1:] for part in parts if part[0] in AXES}  # "XForce"
+        fitting = (one for one in quantities if units.factor(one.units, unit) is not None and parts & set(one.titles))
+        if (quantity := next(fitting, None)) is not None:
+            found.setdefault(quantity.name, []).append(title)
+    if DISPLACEMENT.name in found:
+        found.pop(LENGTH.name, None)  # the size of the specimen along an axis, beside its displacement
+    return [title for title in titles if any(title in each for each in found.values())]
 
 
 def possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:

@@ -10,13 +10,14 @@ import numpy as np
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.apart_by_columns import refuse_several, told_apart
-from sinew.tasks.data.cell_numbers import empty_at_start, filled_rows, number_of
+from sinew.tasks.data.cell_numbers import filled_rows, number_of, unread_at_start
 from sinew.tasks.data.chosen_sheet import of_sheet
 from sinew.tasks.data.columns import NOWHERE, Column, alike_places, recognise
 from sinew.tasks.data.further import kept
-from sinew.tasks.data.further_tables import is_test, left_out_note, may_be_test, unclear_further
+from sinew.tasks.data.further_tables import has_columns, is_test, left_out_note, may_be_test, unclear_further
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.joined_tables import as_one, joined_tables, times_go_on, without_effect
+from sinew.tasks.data.joined_tables import are_steps, as_one, joined_tables, times_go_on, without_effect
+from sinew.tasks.data.layout import NoTable
 from sinew.tasks.data.length_columns import Repeats, contradiction, length_beside, lengths_at_zeros, repeats_of
 from sinew.tasks.data.marks import refuse_marks
 from sinew.tasks.data.possible_columns import titles_of_numbers
@@ -46,7 +47,7 @@ from sinew.tasks.data.signs import new_zeros
 from sinew.tasks.data.sizes import Size, read_sizes
 from sinew.tasks.data.sizes_of_tests import sizes_beside, sizes_by_results, sizes_in_columns, without_others
 from sinew.tasks.data.speeds import timed
-from sinew.tasks.data.tables import NoTable, Source, Table, read_source, tables_of
+from sinew.tasks.data.tables import Source, Table, read_source, tables_of
 from sinew.tasks.data.text import HUGE
 
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -86,7 +87,8 @@ def _read(source: Source, hints: Hints, *, first_of_alike: bool) -> list[Recordi
     short, end = 0, ("", 0)
     other: list[Table] = []
     for table in tables_of(source):
-        if found and (not any(table.common_titles) or table.common_titles != found[0][0].common_titles):
+        alike = not found or (any(table.common_titles) and table.common_titles == found[0][0].common_titles)
+        if not alike and not has_columns(table, hints, found[0][1][0].columns):
             before.append(replace(table, rows=table.rows[:1]))
             inside = table.sheet == end[0] and table.first <= end[1]  # behind words within the first one
             if hints.tables is None and not inside and is_test(table, hints):
@@ -155,7 +157,7 @@ def _named(found: Sequence[tuple[Table, list[Recording]]], hints: Hints) -> list
             return [as_one(alone, "whose times go on")]
         if hints.tables == "join" and alone[0].columns[0].place == NOWHERE:
             return [as_one(alone, f"without times, as {TABLES} says")]
-    if one_sheet and len(alone) == len(found):
+    if len(alone) == len(found) and (one_sheet or are_steps(alone)):
         named = apart or any(names_test(table.header[table.own :]) for table, _ in found[1:])
         alone = joined_tables(alone, hints, named=named)
         if len(alone) == 1:
@@ -188,16 +190,14 @@ def _tests(table: Table, columns: Columns, count: int, hints: Hints) -> list[Rec
         rows -= cut
         if count > 1 and rows < FEWEST_ROWS:
             continue  # of fewer tests than there is room for
-        early = empty_at_start(table, ours, rows) if alone else 0
+        early, unread = unread_at_start(table, ours, rows) if alone else (0, "")
         blocks = [Block("", early, rows)] if hints.tests_by is None else blocks_of_tests(table, rows, hints.tests_by)
         for block in blocks:
             both = replace(block, name="_".join(filter(None, (name, block.name))))
             one = _once(_begun(_ended(_recording(table, ours, hints, both, sizes[number], number, count))))
             found += [_spread(each, hints) for each in (tests_again(one, gaps, hints) if alone else [one])]
         if early:
-            numbers = f"row {table.rows[0][0]} has" if early == 1 else f"the first {early} rows have"
-            note = f"{numbers} an empty cell, and {'is' if early == 1 else 'are'} left out"
-            found[0] = replace(found[0], notes=(*found[0].notes, note))
+            found[0] = replace(found[0], notes=(*found[0].notes, unread))
         if cut:
             at, row = table.rows[rows]
             note = f"row {at} ends within a number, {shown(row[-1])}, and is left out"
@@ -243,10 +243,10 @@ def _recording(
     notes += doubted
     lengths: tuple[Size | None, Size | None] = (None, None)
     if "length" not in sizes and columns[1].quantity is DISPLACEMENT:
-        length = length_beside(table, numbers[:, 1], block.start)
+        length = length_beside(table, columns[1], numbers[:, 1], block.start)
         sizes |= {} if length is None else {"length": length}
         if zeros := new_zeros(numbers):
-            lengths = lengths_at_zeros(table, numbers[:, 1], zeros, block.start)
+            lengths = lengths_at_zeros(table, columns[1], numbers[:, 1], zeros, block.start)
     used = {size.text for size in (sizes.get("length"), lengths[1]) if size is not None and size.column}
     unused = [place for place in unused if table.titles[place] not in used]
     return Recording(

@@ -7,6 +7,7 @@ from sinew.tasks.data.heads import joined
 from sinew.tasks.data.odd_numbers import odd_numbers
 from sinew.tasks.data.quantities import POSITION
 from sinew.tasks.data.recording import Recording
+from sinew.tasks.data.signs import ZERO
 from sinew.tasks.data.sizes import narrow
 from sinew.tasks.data.titles import name_and_unit, without_fillers
 from sinew.tasks.data.told_lines import told_bending, told_factors
@@ -16,7 +17,8 @@ def remarks(recording: Recording) -> list[str]:
     """A line for each thing that a person should check."""
     found = [*recording.notes, *recording.further.notes, *which_columns(recording.columns)]
     if recording.motion.quantity is POSITION:
-        found.append(f"positions, {LIKELY} to count from the first one")
+        start = f"{recording.numbers[0, 1]:.6g} mm"
+        found.append(f"positions, {LIKELY} to count from the first one, {start}; {ZERO} none if they are displacements")
     lines = [joined(row) for row in narrow(recording.header)]
     found += [*told_bending((*lines, *recording.titles)), *told_factors(lines)]
     found += [*odd_numbers(recording.columns, recording.numbers)]

@@ -18,6 +18,7 @@ from sinew.tasks.data.tables import Table
 
 NEAR = 0.1  # of the range of the first test: another one begins that near to where it began
 BACK, USUAL = 0.5, 5.0  # of the range of the test before, and in usual steps: how far a motion goes back in one row
+UNLOADED = 0.25  # of the range of the load: so far it goes back in one row where another test begins at rest
 MOST = 500  # tests one under another
 APART, JOIN = "apart", "join"
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -28,7 +29,8 @@ def restarts(time_s: Array, moved: Array, load: Array) -> list[int]:
 
     Each time ``[t]`` that goes back must go back to about where the first test began. Times that are all the same tell
     nothing; then a motion ``[t]`` begins again that goes back in one row, as the load does, and moves on from there.
-    (Where the load goes on, the motion is only set to zero.)
+    (Where the load goes on, the motion is only set to zero.) The motion may also rest where it began, as along one axis
+    of two, while the load goes back.
     """
     timed = bool(np.ptp(time_s)) if time_s.size else False
     found = _of_times(time_s) if timed else _of_motion(moved, load)
@@ -47,21 +49,35 @@ def _of_times(time_s: Array) -> list[int]:
 def _of_motion(moved: Array, load: Array) -> list[int]:
     if moved.size < FEWEST_ROWS:
         return []
-    steps = np.abs(np.diff(moved))
+    steps, falls = np.abs(np.diff(moved)), np.abs(np.diff(load))
     near = np.abs(moved[1:] - moved[0]) <= NEAR * np.ptp(moved)
-    back = 1 + np.flatnonzero((steps > USUAL * np.median(steps)) & near)
+    far = (steps > USUAL * np.median(steps)) | (falls > USUAL * np.median(falls))
+    back = 1 + np.flatnonzero(far & near)
     found: list[int] = []
     span = 0.0
     for row in back.tolist() if back.size < MOST else ():
-        before = moved[found[-1] if found else 0 : row]
+        start = found[-1] if found else 0
+        before = moved[start:row]
         span = span or float(np.ptp(before))  # of the first test, once it has moved
-        begins = abs(moved[row] - moved[0]) <= NEAR * span
-        begins = begins and abs(load[row] - load[0]) <= NEAR * np.ptp(load[:row])
-        moves_on = row + 1 < len(moved) and steps[row] <= steps[row - 1] / USUAL  # no single point that is wrong
-        moves_on = moves_on and np.ptp(moved[row : row + len(before)]) > NEAR * span
-        if begins and moves_on and abs(moved[row] - before[-1]) > BACK * np.ptp(before) > 0:
+        range_of_load = float(np.ptp(load[:row]))
+        begins = abs(moved[row] - moved[0]) <= NEAR * span and abs(load[row] - load[0]) <= NEAR * range_of_load
+        next_rows = slice(row, row + len(before))
+        moves_on = np.ptp(moved[next_rows]) > NEAR * span or np.ptp(load[next_rows]) > NEAR * range_of_load
+        unloaded = abs(load[row] - load[row - 1]) > UNLOADED * np.ptp(load) and _goes_back(load, start, row)
+        if begins and moves_on and (_goes_back(moved, start, row) or unloaded):
             found.append(row)
     return found
+
+
+def _goes_back(values: Array, start: int, row: int) -> bool:
+    """Whether ``values`` ``[t]`` of a test from ``start`` on go back in a ``row``, and go on from there.
+
+    A single point that is wrong goes back as far in the next row.
+    """
+    before = values[start:row]
+    back = abs(values[row] - before[-1])
+    goes_on = row + 1 < len(values) and abs(values[row + 1] - values[row]) <= back / USUAL
+    return bool(goes_on and back > BACK * np.ptp(before) > 0)
 
 
 def without_gaps(table: Table) -> tuple[Table, tuple[int, ...]]:
@@ -84,10 +100,14 @@ def tests_again(recording: Recording, gaps: Sequence[int], hints: Hints) -> list
         time_s = np.zeros(len(moved))
     told = recording.remedy or hints.cycle_column is not None  # by a column
     found = [] if told else restarts(time_s, moved, load)
-    inside = sorted(set(gaps) - {recording.rows[row] for row in found})
-    if inside and not found and (np.diff(time_s) > 0).all():  # times that go on tell that nothing else begins there
+    first = recording.rows[0]
+    inside = sorted({row for row in gaps if row > first} - {recording.rows[row] for row in found})
+    goes_on = "times go on there" if (np.diff(time_s) > 0).all() else ""  # so nothing else begins there
+    if len(inside) == len(recording.rows) - 1:
+        goes_on = goes_on or "each row has one below it"
+    if inside and not found and goes_on:
         rows = "row among the numbers is" if len(inside) == 1 else "rows among the numbers are"
-        note = f"{len(inside)} empty {rows} passed over, the first above row {inside[0]}: times go on there"
+        note = f"{len(inside)} empty {rows} passed over, the first above row {inside[0]}: {goes_on}"
         recording, inside = replace(recording, notes=(*recording.notes, note)), []
     if inside:
         raise empty_row(recording.path, inside[0] - 1)

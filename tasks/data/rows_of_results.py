@@ -10,7 +10,12 @@ from sinew.tasks.data.tables import Table
 
 FEWEST = 12  # rows: fewer may be those of a coarse curve
 FEWEST_NAMES = 3  # rows, each with another name
+_RESULT = re.compile(
+    r"\b(?:uts|yield|ultimate|strength|modulus|module|zugfestigkeit|streckgrenze|bruchkraft|rm|rp0[.,]2)\b",
+    re.IGNORECASE,
+)
 _OSCILLATION = re.compile(r"\b(?:storage|loss) modulus\b|\btan ?\(?delta\b", re.IGNORECASE)
+EXPECTED_CURVE = "forces and displacements over time"
 EXPECTED = "a curve, or --rate-hz if its rows follow each other in time"
 UP_AND_DOWN = 0.25  # of their range: numbers in any order differ by a third of it from row to row
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -36,7 +41,15 @@ def refuse_oscillations(table: Table) -> None:
     title = next((title for title in table.titles if _OSCILLATION.search(title)), None)
     if title is not None:
         problem = f"{shown(title)}: amplitudes of oscillations, and no curve"
-        raise BadInput(table.path, problem, "forces and displacements over time")
+        raise BadInput(table.path, problem, EXPECTED_CURVE)
+
+
+def refuse_results_by_titles(table: Table) -> None:
+    """Raises :class:`BadInput` for a table without times and loads, several of whose titles are those of results."""
+    titles = [title for title in table.titles if _RESULT.search(title.replace("_", " "))]
+    if len(titles) > 1:
+        problem = f"no titles of time and force, but {' and '.join(map(shown, titles[:2]))}: results, and no curve"
+        raise BadInput(table.path, problem, EXPECTED_CURVE)
 
 
 def _names_rows(table: Table, place: int) -> bool:

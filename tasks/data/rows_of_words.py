@@ -9,8 +9,9 @@ from sinew.tasks.data import words
 from sinew.tasks.data.columns import NOWHERE, Column
 from sinew.tasks.data.heads import Row, is_row_of_units, joined
 from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.layout import RUN
 from sinew.tasks.data.sizes import named_in
-from sinew.tasks.data.tables import RUN, Table
+from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 from sinew.tasks.data.told_lines import tells_factor, tells_unit
 

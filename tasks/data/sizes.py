@@ -30,7 +30,7 @@ _WORDS = {name: words.SIZES[name] for name in ("length", "width", "thickness", "
 #: What may stand beside the word for a size; with any other word, a line tells something else ("parallel length").
 _BESIDE = re.compile(
     r"\b(?:gauge|gage|specimen|sample|initial|original|probe[n]?|standard travel|course standard|éprouvette|eprouvette|"
-    r"de|la|l|sw|образца|рабочая|начальная|исходная|расч[её]тная)\b|[-:,_.'()]|^(?:proben|anfangs)"
+    r"de|la|l|sw|real|actual|measured|mean|average|образца|рабочая|начальная|исходная|расч[её]тная)\b|[-:,_.'()]|^(?:proben|anfangs)"
 )
 _SYMBOLS = re.compile(r"\b(?:l0|a0|b0|d0|s0)\b")
 _UNIT = "|".join(re.escape(unit) for unit in sorted([*units.LENGTH, "μm"], key=len, reverse=True))

@@ -11,14 +11,24 @@ from pathlib import Path
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.heads import Head, Row, as_wide, head_of, is_label, is_row_of_units, refuse_factors
 from sinew.tasks.data.labview import is_labview, read_labview
+from sinew.tasks.data.layout import (
+    EXPECTED,
+    FEWEST_COLUMNS,
+    HEAD_LINES,
+    RUN,
+    NoTable,
+    Run,
+    layout,
+    numeric_places,
+    otherwise_marked,
+    runs,
+)
 from sinew.tasks.data.sheets import NOTHING_HIDDEN, Hidden, Sheet, is_sheet, read_sheets
 from sinew.tasks.data.spaced_titles import apart_by_several, cells_apart_otherwise, title_cells, usual_width
 from sinew.tasks.data.text import (
-    SEPARATORS,
     cells,
     days_after,
     is_clock,
-    is_number,
     milliseconds_unpadded,
     number,
     read_lines,
@@ -27,19 +37,9 @@ from sinew.tasks.data.text import (
     tells_mark,
 )
 
-MOST_COLUMNS = 1000
 MOST_TABLES = 500  # of one file
-FEWEST_COLUMNS = (3, 2)  # time, motion and load; where no table has three, motion and load
-HEAD_LINES = 450  # where separator and decimal mark are looked for first; and at each end of long lines above a table
 MOST_BEFORE = 10 * HEAD_LINES  # rows of the sheets before a table
-LOOKED_AT = 2**22  # characters in which separator and decimal mark are looked for, where the first lines have no table
-EXPECTED = "three columns or more: time, displacement (or strain) and force (or stress)"
 SECONDS_OF_A_DAY = 86_400.0
-RUN = 3  # rows that must agree for a table to begin
-
-
-class NoTable(BadInput):
-    """A file without a table of numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,15 +115,6 @@ class Table:
 
 
 @dataclass(frozen=True)
-class _Run:
-    """Rows from ``start`` up to ``end`` that have numbers in ``columns``."""
-
-    start: int
-    end: int
-    columns: frozenset[int]
-
-
-@dataclass(frozen=True)
 class _Page:
     """The rows of a text or a sheet, each with its number (from 1), and how each reads if it holds ``titles``."""
 
@@ -159,7 +150,7 @@ def read_source(path: Path) -> Source:
     if is_labview(lines):
         rows, separator, decimal = read_labview(path, lines)
         return Source(path, (_Page("", rows, [row for _, row in rows]),), separator, decimal, FEWEST_COLUMNS)
-    separator, decimal, fewest = _layout(path, lines)
+    separator, decimal, fewest = layout(path, lines)
     rows = _without_blank_end([(at, tuple(cells(line, separator))) for at, line in lines])
     if separator == "\t" and apart_by_several(rows[:HEAD_LINES], decimal):
         rows = [(at, tuple(filter(None, row))) for at, row in rows]
@@ -247,7 +238,7 @@ def _tables(source: Source, page: _Page, fewest: int) -> Iterator[Table]:
     path, rows, titles, decimal = source.path, page.rows, page.titles, source.decimal
     places: list[tuple[int, int]] = []
     end = 0
-    for run in _runs([row for _, row in rows], decimal, fewest):
+    for run in runs([row for _, row in rows], decimal, fewest):
         if fewest < FEWEST_COLUMNS[0] and run.end - run.start < RUN:
             continue  # two numbers in a line of text
         start, titles_at = _top(rows, run, decimal, end)
@@ -302,73 +293,13 @@ def _stops(heads: Sequence[Head]) -> list[int | None]:
 
 def _last_numbers(rows: Sequence[tuple[int, Row]], start: int, stop: int, decimal: str) -> int:
     """Where the rows from ``start`` to ``stop`` end that are not blank or titles of what comes next."""
-    columns = _numeric(rows[start][1], decimal)
-    while stop > start and len(_numeric(rows[stop - 1][1], decimal) & columns) < FEWEST_COLUMNS[-1]:
+    columns = numeric_places(rows[start][1], decimal)
+    while stop > start and len(numeric_places(rows[stop - 1][1], decimal) & columns) < FEWEST_COLUMNS[-1]:
         stop -= 1  # "Length,20,mm" has one number, and one with the time of a record in columns of its own
     return stop
 
 
-def _layout(path: Path, lines: Sequence[tuple[int, str]]) -> tuple[str, str, int]:
-    """The separator, the decimal mark and the fewest columns of a table.
-
-    The longest table counts, of several with as many rows the widest. Whole numbers read alike with both marks; the
-    point goes first then.
-    """
-    for fewest in FEWEST_COLUMNS:
-        for some in (lines[:HEAD_LINES], _first(lines, LOOKED_AT)):
-            best, length = None, (0, 0)
-            for separator in (*SEPARATORS, " "):
-                split = [cells(line, separator) for _, line in some]
-                quoted = any('"' in line for _, line in some)  # then a comma within a cell may be a decimal mark
-                for decimal in ".,":
-                    longest = (0, 0) if separator == decimal and not quoted else _longest(split, decimal, fewest)
-                    if longest > length:
-                        best, length = (separator, decimal, fewest), longest
-            if best is not None:
-                return best
-    raise NoTable(path, "no table of numbers can be found", EXPECTED)
-
-
-def _first(lines: Sequence[tuple[int, str]], most: int) -> Sequence[tuple[int, str]]:
-    """The first lines, of so many characters together at most."""
-    for count, (_, line) in enumerate(lines):
-        most -= len(line)
-        if most < 0:
-            return lines[:count]
-    return lines
-
-
-def _longest(rows: Sequence[Sequence[str]], decimal: str, fewest: int) -> tuple[int, int]:
-    """The rows and the columns of the longest table; 0 if there is none."""
-    runs = ((run.end - run.start, len(run.columns)) for run in _runs(rows, decimal, fewest))
-    longest = max(runs, default=(0, 0))
-    return longest if fewest == FEWEST_COLUMNS[0] or longest[0] >= RUN else (0, 0)
-
-
-def _runs(rows: Sequence[Sequence[str]], decimal: str, fewest: int) -> Iterator[_Run]:
-    """Where rows have numbers in the same columns, until a row lacks a number that the first rows of a run have."""
-    start = 0
-    while start < len(rows):
-        common = _numeric(rows[start], decimal)
-        for row in rows[start + 1 : start + RUN]:
-            if len(common) >= fewest:
-                common &= _numeric(row, decimal)
-        if len(common) < fewest:
-            start += 1
-            continue
-        end = start + 1
-        while end < len(rows) and all(i < len(rows[end]) and is_number(rows[end][i], decimal) for i in common):
-            end += 1
-        yield _Run(start, end, frozenset(common))
-        start = end
-
-
-def _numeric(row: Sequence[str], decimal: str) -> set[int]:
-    """The columns of a row that hold numbers."""
-    return {i for i, cell in enumerate(row) if is_number(cell, decimal)} if len(row) <= MOST_COLUMNS else set()
-
-
-def _top(rows: Sequence[tuple[int, Row]], run: _Run, decimal: str, end: int) -> tuple[int, int]:
+def _top(rows: Sequence[tuple[int, Row]], run: Run, decimal: str, end: int) -> tuple[int, int]:
     """The first row of a table and the row above it that is not blank (-1: none).
 
     Rows above a run that have numbers in half of its columns or more are broken rows of the same table, and so is a
@@ -381,9 +312,11 @@ def _top(rows: Sequence[tuple[int, Row]], run: _Run, decimal: str, end: int) -> 
         higher = _filled_above(rows, above)
         if above < 0 or is_label(rows[above][1]):
             return start, above
-        if 2 * len(_numeric(rows[above][1], decimal) & run.columns) < len(run.columns):
+        row = rows[above][1]
+        numeric = otherwise_marked(row, decimal) or numeric_places(row, decimal)
+        if 2 * len(numeric & run.columns) < len(run.columns):
             word = sum(map(bool, rows[above][1])) == 1 and len(run.columns) >= FEWEST_COLUMNS[0]
-            if not word or higher < end or not run.columns <= _numeric(rows[higher][1], decimal):
+            if not word or higher < end or not run.columns <= numeric_places(rows[higher][1], decimal):
                 return start, above
             above = higher
         start = above

@@ -5,7 +5,7 @@ from dataclasses import replace
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.ends import doubt_of_end, without_end
 from sinew.tasks.data.hints import Hints
-from sinew.tasks.data.quantities import DISPLACEMENT
+from sinew.tasks.data.quantities import DISPLACEMENT, POSITION
 from sinew.tasks.data.questions import Doubt
 from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.signs import PRELOAD, at_zero, counted, doubts, new_zeros
@@ -13,6 +13,9 @@ from sinew.tasks.data.signs import PRELOAD, at_zero, counted, doubts, new_zeros
 
 def as_told(recording: Recording, hints: Hints) -> Recording:
     """The recording with displacement and force counted as a person says, and what is doubtful then."""
+    if hints.zero_displacement == "none" and recording.motion.quantity is POSITION:
+        time, motion, load = recording.columns
+        recording = replace(recording, columns=(time, replace(motion, quantity=DISPLACEMENT), load))
     if hints.preload is not None:
         recording = _without_preload(recording, hints)
     numbers, notes = counted(str(recording.path), recording.columns, recording.numbers, hints)

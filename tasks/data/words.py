@@ -126,7 +126,10 @@ BENDING = (
     "弯曲", "彎曲", "曲げ", "굽힘", "zginan", "изгиб",
 )  # fmt: skip
 #: By which a line above a table tells of the fixture of a bending.
-BENDING_FIXTURES = ("support span", "3-point", "three-point", "4-point", "four-point")
+BENDING_FIXTURES = (
+    "support span", "3-point", "three-point", "4-point", "four-point", "soportes", "auflagerabstand", "stützweite",
+    "entre appuis", "支点間距離", "跨距",
+)  # fmt: skip
 #: Beside one of them, the line tells nothing: "tension/compression load cell".
 TENSION = (
     "tension", "tensile", "traction", "zug", "tracción", "trazione", "拉", "引張", "인장", "rozciąg", "растяж", "çekme",
@@ -166,6 +169,8 @@ CYCLES = (
     "set name", "phase", "stage", "block", "zyklus", "zyklen", "zyklus nr", "ciclo", "ciclos", "cycle n°", "循环",
     "周期", "サイクル", "사이클",
 )  # fmt: skip
+#: Titles of times that begin again with each step of one test.
+TIMES_OF_STEPS = ("step time", "segment time")
 #: Titles of columns of words that stand in some rows only.
 REMARKS = (
     "event", "events", "comment", "comments", "note", "notes", "remark", "remarks", "marker", "markers", "message",

@@ -17,6 +17,7 @@ SLOW = 0.1  # of the usual speed of the ramps
 STAYS = 0.02  # of the whole range of the displacement
 PUSHES = 5.0  # times farther than it pulls: a compression
 SMOOTHED = 5  # points of the median filter of the speed, against noise of the displacement
+PAUSE = 5.0  # usual steps of a displacement that changes in few rows: one that stays for longer rests
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,7 @@ def phases(protocol: Protocol) -> tuple[Phase, ...]:
     time, moved = protocol.time_s, protocol.displacement_mm
     if is_compression(protocol):
         moved = -moved
+    moved = _between_steps(moved)
     whole = float(np.ptp(moved))
     if moved.size < 3 or whole == 0.0:
         return (Phase("hold", 1, 0, moved.size),)
@@ -69,6 +71,21 @@ def phases(protocol: Protocol) -> tuple[Phase, ...]:
         counted[kind] += 1
         found.append(Phase(names[kind], counted[kind], begin, end + 1))
     return tuple(found)
+
+
+def _between_steps(moved: Array) -> Array:
+    """A displacement ``[t]`` that is recorded less often than the rest, with straight lines between its changes.
+
+    One that changes in more than half of the rows in which it does not rest stays as it is.
+    """
+    changed = 1 + np.flatnonzero(np.diff(moved))
+    usual = float(np.median(np.diff(changed))) if changed.size > 2 else 0.0
+    if usual < 2.0:
+        return moved
+    late = np.diff(changed, prepend=0) > PAUSE * usual
+    rests = np.maximum(changed[late] - int(usual), 0)  # the last rows before it moves on
+    known = np.unique([0, *rests, *changed, moved.size - 1])
+    return np.interp(np.arange(moved.size), known, moved[known])
 
 
 def _directions(speed: Array, steps: Array, moved: Array, stays: float) -> Array:

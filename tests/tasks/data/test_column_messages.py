@@ -131,6 +131,9 @@ def test_titles_that_hold_a_name_and_a_unit_are_told():
 
 
 def test_titles_with_an_axis_in_front_are_told():
-    told = "by a word in its title, 'XDisplacement_um' or 'YDisplacement_um' or 'XForce_mN' may be one"
-    with pytest.raises(BadInput, match=told):
-        columns("Time (s)|XDisplacement_um|YDisplacement_um|XForce_mN|YForce_mN")
+    told = "by a word in its title, 'XDisplacement_um' or 'YDisplacement_um' or 'XForce_mN' or 'YForce_mN' may be one"
+    for sizes in ("", "|XSize_um|YSize_um"):
+        with pytest.raises(BadInput, match=told):
+            columns(f"Time (s){sizes}|XDisplacement_um|YDisplacement_um|XForce_mN|YForce_mN")
+    with pytest.raises(BadInput, match="by a word in its title, 'XSize_um' or 'YSize_um' may be one"):
+        columns("Time (s)|XSize_um|YSize_um|Force_mN")

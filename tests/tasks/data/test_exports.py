@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.exports import Reading, read_export, read_exports
 from sinew.tasks.data.hints import Hints
+from sinew.tasks.data.inspection import inspect
 from sinew.tasks.data.noise import noise_of_all
 from sinew.tasks.model import Specimen
 from sinew.tasks.model.phases import phases
@@ -342,3 +343,13 @@ def test_sizes_of_zero_are_as_if_the_file_gave_none(tmp_path):
     path.write_text(f"Gauge length,0,mm\nWidth,0,mm\nThickness,0,mm\n{titles}\n0,0.1,0\n1,1,5\n2,2,9\n")
     (specimen,) = read_exports(path).specimens
     assert (specimen.length_mm, specimen.area_mm2) == (1.0, 1.0)
+
+
+def test_a_gauge_length_that_nobody_knows_is_said_to_be_one_millimetre(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Time (s),Strain (1),Stress (MPa)\n0,0,0\n1,0.1,5\n2,0.2,9\n")
+    told = "no gauge length: taken as 1 mm, so that displacements are strains; --length-mm"
+    assert told in read_exports(path).remarks["a/test"]
+    assert not any("length" in one for one in inspect(path).questions) and told in inspect(path).remarks
+    given = Reading(length_mm=20.0)
+    assert told not in read_exports(path, reading=given).remarks.get("a/test", ())

@@ -124,3 +124,15 @@ def test_a_row_of_factors_is_refused(tmp_path, row):
 def test_units_of_other_quantities_are_units():
     for units in ("s,\u00b5N.m,rad", "s,N.m,°", "s,Hz,°C"):
         assert head("Time,Torque,Displacement", units).units == tuple(units.split(","))
+
+
+def test_a_word_above_a_unit_in_brackets_is_its_title():
+    found = head("Point 1,,Strain,Stress", "x [%],y [%],[%],[MPa]")
+    assert found.titles == ("x [%]", "y [%]", "Strain [%]", "Stress [MPa]")
+    assert head("Point 1,,Strain,Stress", "x [%],y [%],[1],[see below]").titles[2:] == ("Strain [1]", "[see below]")
+    assert head("x [%],y [%],[%],[MPa]").titles == ("x [%]", "y [%]", "[%]", "[MPa]")
+
+
+def test_a_remark_behind_units_needs_no_title():
+    assert head("Time,Gap,Force,", "s,µm,N,video") == Head(("Time", "Gap", "Force", ""), ("s", "µm", "N", "video"), 0)
+    assert head("Time,Gap,,", "s,µm,N,video").titles == ("s", "µm", "N", "video")

@@ -377,10 +377,10 @@ def test_sizes_that_contradict_each_other_are_asked_for(tmp_path):
     assert [question for question in found["ask"] if "cross-section" in question] == []
 
 
-def test_a_table_without_rows_of_a_test_is_no_fault(tmp_path):
-    found = taken(tmp_path, "a;b;c;Extensometer\n" + "1;2;3;HBM\n" * 3)
-    assert found["rows"] == 0
-    assert len(found["ask"]) == 5
+def test_a_table_without_rows_of_a_test_is_refused(tmp_path):
+    for rows, told in (("1;2;3;HBM\n" * 3, "0 rows of numbers"), ("0,1;2;3;4\n" * 2, "2 rows of numbers")):
+        with pytest.raises(BadInput, match=f"{told}; expected a test, which has at least 3"):
+            taken(tmp_path, f"a;b;c;Extensometer\n{rows}")
 
 
 def test_other_columns_are_remarked_on_where_something_is_missing(tmp_path):

@@ -212,3 +212,11 @@ def test_titles_in_brackets_and_in_turkish(tmp_path):
     assert [found[name]["column"] for name in ("time", "displacement", "force")] == ["(Time)", "(Position)", "(Load)"]
     found = inspected(tmp_path, "Saat (sec),Uzama (mm),Yük (N),Çekme gerinimi (mm/mm)").content()
     assert [found[name]["unit"] for name in ("time", "displacement", "force")] == ["sec", "mm", "N"]
+
+
+def test_columns_of_the_same_times_go_before_those_of_a_table_beside_them(tmp_path):
+    """A camera beside a rheometer: 'D' would be a displacement, but its times are others than those of the force."""
+    titles = "Time (s),Axial force (N),Gap (mm),,Time (s),D (mm)"
+    path = tmp_path / "a.csv"
+    path.write_text(f"{titles}\n" + "".join(f"{i},{i},{9 - i / 10},,{7 * i},0.{i}\n" for i in range(9)))
+    assert inspect(path).content()["displacement"] == {"column": "Gap (mm)", "unit": "mm"}

@@ -6,6 +6,7 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.joined_tables import NOT_JOINED
+from sinew.tasks.data.questions import Unclear
 from sinew.tasks.data.recordings import read_recordings
 from tests.tasks.data.test_sheets import write_workbook
 
@@ -37,6 +38,30 @@ def test_empty_titles_at_the_end_make_no_other_titles(tmp_path):
     wide = [[*table[0], ""], *table[1:-1], [*table[-1], "broken"]]
     both = read_recordings(write_workbook(tmp_path / "tests.xlsx", A=wide, B=table), Hints())
     assert [one.test for one in both] == ["A", "B"]
-    other = [[*table[0], "Grip (mm)"], *([*row, 1] for row in table[1:])]
+    more = [[*table[0], "Grip (mm)"], *([*row, 1] for row in table[1:])]
+    assert len(read_recordings(write_workbook(tmp_path / "more.xlsx", A=wide, B=more), Hints())) == 2
+    other = [["Grip (mm)", *table[0]], *([1, *row] for row in table[1:])]
     with pytest.raises(BadInput, match="has other titles than the first one"):
         read_recordings(write_workbook(tmp_path / "other.xlsx", A=wide, B=other), Hints())
+
+
+def test_sheets_whose_times_are_those_of_steps_are_one_test_or_several(tmp_path):
+    """As TRIOS writes them: times begin again with each step, and a later one may have a further column."""
+    titles, units = ["Step time", "Gap", "Axial force"], ["s", "mm", "N"]
+    steps = {
+        f"Axial - {step}": [
+            [f"Axial - {step}"],
+            [*titles, *(["Torque"] if step == 3 else [])],
+            [*units, *(["N.m"] if step == 3 else [])],
+            *([t, 8.0 - 0.1 * (t + 10 * step), -1.0 * (t + 10 * step) + 4 * step] for t in range(10)),
+        ]
+        for step in (1, 2, 3)
+    }
+    path = write_workbook(tmp_path / "steps.xlsx", **steps)
+    with pytest.raises(Unclear, match="a test is a step of its own, by 'Step time', while its time starts again"):
+        read_recordings(path, Hints())
+    (one,) = read_recordings(path, Hints(tables="join"))
+    np.testing.assert_allclose(one.numbers[:, 0], np.arange(30))
+    assert [test.test for test in read_recordings(path, Hints(tables="apart"))] == list(steps)
+    own = {name: [rows[0], ["Time", *rows[1][1:]], *rows[2:]] for name, rows in steps.items()}
+    assert len(read_recordings(write_workbook(tmp_path / "tests.xlsx", **own), Hints())) == 3

@@ -94,3 +94,16 @@ def test_strains_of_an_extensometer_contradict_no_length(tmp_path, strain, lengt
     (found,) = read_recordings(path, Hints())
     assert ("length" in found.sizes) == (length is not None)
     assert found.sizes["length"].mm == length if length else found.notes[0].startswith("the gauge length is not taken")
+
+
+def test_the_size_along_the_axis_of_a_displacement_is_its_length(tmp_path):
+    path = tmp_path / "biaxial.csv"
+    titles = "Time_S,XSize_um,YSize_um,XDisplacement_um,YDisplacement_um,XForce_mN,YForce_mN"
+    rows = "".join(f"{i},{7500 + 10 * i},{6000 + 20 * i},{10 * i},{20 * i},{i},{2 * i}\n" for i in range(9))
+    path.write_text(f"{titles}\n{rows}")
+    for axis, length in (("X", 7.5), ("Y", 6.0)):
+        chosen = Hints(displacement_column=f"{axis}Displacement_um", force_column=f"{axis}Force_mN")
+        assert read_recordings(path, chosen)[0].sizes["length"].mm == pytest.approx(length)
+    path.write_text(f"{titles.replace('YSize', 'Size')}\n{rows}")
+    chosen = Hints(displacement_column="YDisplacement_um", force_column="YForce_mN")
+    assert read_recordings(path, chosen)[0].sizes["length"].mm == pytest.approx(6.0)

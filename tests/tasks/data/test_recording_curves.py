@@ -203,7 +203,7 @@ def test_the_first_missing_column_is_told_of_several_tables(tmp_path):
 def test_every_remark_in_words(tmp_path):
     pushed = PLAIN.replace("displacement", "position").replace("5", "-5").replace("9", "-9")
     assert remarks(read(tmp_path, pushed)) == [
-        "positions, likely to count from the first one",
+        "positions, likely to count from the first one, 0 mm; --zero-displacement none if they are displacements",
         "forces are negative, but sinew takes tension as positive; check the sign convention of the machine; "
         "--negate force or none",
     ]

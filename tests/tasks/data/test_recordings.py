@@ -197,3 +197,17 @@ def test_few_rows_at_the_start_with_an_empty_cell_are_left_out(tmp_path, empty, 
         assert found.notes == (note,)
         assert (found.rows[0], found.numbers[0].tolist()) == (2 + empty, [empty, empty, 2.0 * empty])
         assert inspect(path).content()["ask"][0].startswith("length: ")
+
+
+def test_few_rows_at_the_start_with_another_decimal_mark_are_left_out(tmp_path):
+    """As a program writes its first numbers before it knows the settings of the machine."""
+    path = tmp_path / "a.txt"
+    rows = "".join(f"{i}\t{i},5\t{2 * i},25\n" for i in range(20))
+    path.write_text(f"0.0\t0.00\t-4.0\n{rows}")
+    chosen = {"time_column": "1", "time_unit": "s", "displacement_column": "2", "displacement_unit": "mm"}
+    (found,) = read_recordings(path, Hints(**chosen, force_column="3", force_unit="N"))
+    assert found.notes == ("row 1 has a point as decimal mark, unlike those below, and is left out",)
+    assert (found.rows[0], found.numbers[0].tolist()) == (2, [0.0, 0.5, 0.25])
+    path.write_text("t\tu\tF\n" + rows.replace("7,5", "7.5"))
+    with pytest.raises(BadInput, match=r"row 9, u: '7\.5'; expected a finite number with a comma"):
+        read_recordings(path, Hints(**chosen, force_column="3", force_unit="N"))

@@ -46,6 +46,22 @@ def test_one_test_is_one(moved):
     assert of(moved) == []
 
 
+def test_the_motion_along_an_axis_may_rest_while_the_load_begins_again():
+    """Biaxial tests one under another: both axes, the first one alone, both, the second one alone, both."""
+    pulled = np.array([1.0, 1.0, 0.7, 0.0, 1.0])
+    moved = np.concatenate([1.0 + each * UP for each in pulled])
+    load = np.concatenate([(2.0 + each) * UP for each in pulled])
+    assert of(moved, load) == [30, 60, 90, 120]
+    assert of(moved, np.concatenate([load[:90], np.zeros(30), load[120:]])) == [30, 60]  # it rests, unloaded
+
+
+def test_noise_of_a_rest_before_the_motion_begins_no_test():
+    rng = np.random.default_rng(1)
+    moved = np.concatenate([np.zeros(300), UP])
+    for _ in range(20):
+        assert of(moved, np.concatenate([np.zeros(300), 10.0 * UP]) + 0.5 * rng.standard_normal(330)) == []
+
+
 def test_a_motion_that_is_set_to_zero_while_the_load_goes_on_is_no_new_test():
     assert of(np.concatenate([UP, UP]), np.arange(60.0)) == []
     assert of(np.concatenate([UP, UP])) == [30]
@@ -144,3 +160,16 @@ def test_times_of_a_file_that_begin_again(tmp_path):
     path.write_text(f"id,Time (s),{TITLES}\n" + "".join(f"{n},{line}\n" for n in "ab" for line in one.splitlines()))
     (together,) = read_recordings(path, Hints())
     assert "--test-column 'id'" in together.remedy  # a column tells them apart
+
+
+def test_a_file_with_an_empty_row_below_each_is_one_test(tmp_path):
+    path = tmp_path / "a.csv"
+    lines = [f"0:00:{t // 2:02d},{u:.3f},{u:.3f}" for t, u in enumerate(UP)]
+    path.write_text("\n\n".join([f"Time,{TITLES}", *lines]))
+    (one,) = read_recordings(path, Hints(same_times="spread"))
+    assert len(one.rows) == 30
+    told = "29 empty rows among the numbers are passed over, the first above row 5: each row has one below it"
+    assert one.notes[0] == told
+    path.write_text("\n\n".join([f"Time,{TITLES}", *lines[:-2], "\n".join(lines[-2:])]))
+    with pytest.raises(BadInput, match="row 4: an empty row among the numbers"):
+        read_recordings(path, Hints(same_times="spread"))

@@ -42,3 +42,12 @@ def test_rows_with_names_of_their_own_are_refused(tmp_path):
         inspect(table(tmp_path / "a.csv", titles, [names, up, up]))
     for named in (["S1"] * 8, [*names[:7], "S0"], [*names[:7], ""], [f"{i}" for i in range(8)]):
         assert inspect(table(tmp_path / "a.csv", titles, [named, up, up])).rows == 8
+
+
+def test_titles_of_results_without_a_time_or_a_force_are_refused(tmp_path):
+    up = [0.1 * i for i in range(8)]
+    with pytest.raises(BadInput, match="no titles of time and force, but 'Yield' and 'UTS': results, and no curve"):
+        inspect(table(tmp_path / "a.csv", "Elongation,Yield,UTS", [up, up, up]))
+    assert inspect(table(tmp_path / "a.csv", "Elongation,Yield,Load", [up, up, up])).rows == 8
+    named = Reading(hints=Hints(force_column="UTS", force_unit="N"))
+    assert inspect(table(tmp_path / "a.csv", "Elongation,Yield,UTS", [up, up, up]), named).rows == 8

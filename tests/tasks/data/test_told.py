@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from sinew.tasks.data.curves import Bar, curve_of
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.recordings import read_recordings
+from sinew.tasks.data.remarks import remarks
 from sinew.tasks.data.told import as_told
 
 
@@ -58,3 +60,16 @@ def test_a_strain_that_is_kept_with_its_preload_stays_as_it_is(tmp_path):
     found = as_told(one, Hints(preload="keep"))
     assert np.array_equal(found.numbers, one.numbers)
     assert found.notes == ("the strain is set to zero again after 50 rows, and stays as it is",)
+
+
+def test_positions_are_displacements_if_a_person_says_so(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Time (s),Position (mm),Force (N)\n" + "".join(f"{i},{5 + i},{i}\n" for i in range(9)))
+    bar = Bar(50.0, 1.0, 1.0)
+    for said, first in ((None, 0.0), ("first", 0.0), ("none", 5.0)):
+        hints = Hints(zero_displacement=said)
+        told = as_told(read_recordings(path, hints)[0], hints)
+        assert curve_of(told, bar, "test").protocol.displacement_mm[0] == first
+        assert any("positions, likely to count from the first one, 5 mm" in one for one in remarks(told)) == (
+            first == 0
+        )

@@ -75,6 +75,17 @@ def test_a_displacement_in_coarse_steps_is_one_of_the_direction_in_which_it_lead
     assert kinds(Protocol("pull", t, np.round(moved, 1)))[0] == ("load", 1)
 
 
+@pytest.mark.parametrize("rows", [2, 7, 30])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_displacement_that_is_recorded_less_often_than_the_force_has_its_own_phases(rows, sign):
+    """A rheometer that reads its gap every seventh row: two bites, with rests between them."""
+    t = np.arange(6000) / 250.0
+    moved = sign * np.interp(t, [0, 5, 7, 12, 14, 19, 21], [0, 8, 8, 0, 0, 8, 8])
+    assert kinds(Protocol("bites", t, moved[np.arange(t.size) // rows * rows])) == [
+        ("load", 1), ("hold", 1), ("unload", 1), ("hold", 2), ("load", 2), ("hold", 3),
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("unit", [1e-300, 1e-200, 1e200])
 def test_times_in_any_unit_have_the_same_phases(unit):
     protocol = one_step(10.0, 10.0)
