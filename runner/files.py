@@ -5,8 +5,10 @@ In folders that all users share, such as ``/tmp``, others may have made what thi
 """
 
 import errno
+import grp
 import json
 import os
+import pwd
 import shutil
 import stat
 import subprocess
@@ -171,6 +173,31 @@ def refuse_open_way(folder: Path) -> None:
             raise PermissionError(
                 errno.EACCES, "belongs to another user, where all may write; use another folder", str(each)
             )
+
+
+def refuse_replaceable(file: Path) -> None:
+    """Raise ``OSError`` if somebody else than this user and the administrator can replace a file or change it.
+
+    Whoever owns it or a folder on the way can, and whoever may write there, unless only owners may rename (the sticky
+    bit). A group of this user alone is no one else.
+    """
+    named, real = file.absolute(), file.resolve(strict=True)
+    for each in dict.fromkeys((named, *named.parents, real, *real.parents)):
+        status = os.lstat(each)
+        if status.st_uid not in (0, os.geteuid()):
+            raise PermissionError(errno.EACCES, "belongs to another user", str(each))
+        shared = status.st_mode & stat.S_IWOTH or (status.st_mode & stat.S_IWGRP and not _is_private(status.st_gid))
+        if shared and not stat.S_ISLNK(status.st_mode) and not status.st_mode & stat.S_ISVTX:
+            raise PermissionError(errno.EACCES, "is open to others, who may write there", str(each))
+
+
+def _is_private(group: int) -> bool:
+    """Whether a group is the one that a system makes for each user: that of this user, with nobody else in it."""
+    try:
+        known, user = grp.getgrgid(group), pwd.getpwuid(os.geteuid())
+    except KeyError:
+        return False
+    return group == user.pw_gid and known.gr_name == user.pw_name and set(known.gr_mem) <= {user.pw_name}
 
 
 def temporary_folder() -> Path:

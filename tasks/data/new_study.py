@@ -11,7 +11,7 @@ from typing import Any
 import jinja2
 from jinja2.sandbox import SandboxedEnvironment
 
-from sinew.runner.errors import one_line
+from sinew.runner.errors import brief, one_line
 from sinew.tasks.data.first_ranges import FirstRanges
 from sinew.tasks.data.names import FileName, plain_name
 from sinew.tasks.data.rates import rate_words
@@ -108,7 +108,7 @@ def describe(specimens: Sequence[NewSpecimen]) -> Iterator[str]:
             if test.recording.further.words:
                 yield one_line(f"    kept beside the force: {', '.join(test.recording.further.words)}")
             if test.recording.left_out:
-                yield one_line(f"    left out: {', '.join(test.recording.left_out[:20])}")
+                yield brief(f"    left out: {', '.join(test.recording.left_out[:20])}")
         yield from (one_line(f"    {note}") for note in new.notes)
     tests = Counter(test.path for new in specimens for test in new.tests if test.recording.test)
     yield from _several_tests({path: count for path, count in tests.items() if count > 1})

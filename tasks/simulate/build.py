@@ -55,7 +55,7 @@ def febio_of(study: Study, effects: tuple[Effect, ...], scratch: Path) -> FEBio:
     purpose = _purpose(study, (), scratch)
     template = settings.read_template(purpose).with_effects(effects)  # all of them, none around it
     found, confirmed = settings.found(purpose, template)
-    version = solver_version(found) if found else ""
+    version = solver_version(found, confirmed) if found else ""
     name = str(found or purpose.solver or settings.executable)
     return replace(settings.with_solver(template, name, version, scratch), confirmed=confirmed)
 

@@ -14,6 +14,7 @@ from sinew.tasks.model.parameters import LARGEST_LAMBDA_0, own_parameter
 from sinew.tasks.simulate.febio.settings import IDENTIFIER
 from sinew.tasks.simulate.febio.variables import TAKEN
 from sinew.tasks.simulate.settings import Law
+from sinew.tasks.study.fields import Unit
 from sinew.tasks.study.settings_file import FieldError, Section
 
 
@@ -24,7 +25,7 @@ class ParameterSettings(Section):
     max: Annotated[float, Field(allow_inf_nan=False)] | None = None
     reference: Annotated[float, Field(allow_inf_nan=False)] | None = None
     fixed: Annotated[float, Field(allow_inf_nan=False)] | None = None
-    unit: str | None = None
+    unit: Unit | None = None
 
     def apply(self, parameter: Parameter) -> Parameter:
         """The parameter with these settings. Raises ``ValueError`` with the field that is wrong."""

@@ -9,12 +9,13 @@ this place, and the program and template that the request is about. It is kept b
 
 import hashlib
 import os
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sinew.runner.errors import BadInput
-from sinew.runner.files import NotReadable, new_file, own_folder, read_regular
+from sinew.runner.errors import BadInput, shown
+from sinew.runner.files import NotReadable, new_file, own_folder, read_regular, refuse_replaceable
 from sinew.runner.secret import state_folder
 
 
@@ -73,6 +74,15 @@ def require(request: Request | None) -> None:
     if request is not None and not is_allowed(request):
         expected = f"{request.instead}, or your consent: `sinew trust {request.study}`"
         raise BadInput(f"{request.study}: {request.field}", request.words, expected)
+
+
+def refuse_program_of_others(where: str, program: str, instead: str) -> None:
+    """Raises :class:`BadInput` for a program that others may replace once the user has confirmed it."""
+    try:
+        refuse_replaceable(Path(shutil.which(program) or program))
+    except OSError as error:
+        problem = f"{shown(program)} may be replaced by others: {error.filename} {error.strerror}"
+        raise BadInput(where, problem, f"{instead}, or a program in a folder that is yours alone") from None
 
 
 def _folder() -> Path:

@@ -1,6 +1,8 @@
 """Only regular files of a bounded size are read, whatever stands in their place."""
 
+import grp
 import os
+import pwd
 import socket
 import subprocess
 import tracemalloc
@@ -12,12 +14,14 @@ from sinew.runner import files
 from sinew.runner.files import (
     DEEPEST,
     NotReadable,
+    _is_private,
     append_file,
     new_file,
     own_folder,
     parse_json,
     read_regular,
     refuse_open_way,
+    refuse_replaceable,
     remove_folder,
     strange_entry,
     temporary_folder,
@@ -306,3 +310,41 @@ def test_a_file_that_cannot_be_written_is_named_and_not_its_temporary_one(tmp_pa
         write_whole(tmp_path / "page.html", b"a page")
     assert error.value.filename == str(tmp_path / "page.html")
     assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
+
+
+def test_a_file_that_others_may_replace_is_told(tmp_path, monkeypatch):
+    folder = tmp_path / "bin"
+    folder.mkdir(mode=0o755)
+    program = folder / "program"
+    program.write_text("")
+    program.chmod(0o755)
+    refuse_replaceable(program)
+    cases = [(program, 0o757, "open"), (folder, 0o777, "open"), (folder, 0o1777, ""), (folder, 0o775, "open")]
+    for path, mode, told in cases:
+        monkeypatch.setattr("sinew.runner.files._is_private", lambda group: False)
+        before = path.stat().st_mode & 0o7777
+        path.chmod(mode)
+        if told:
+            with pytest.raises(PermissionError, match=told):
+                refuse_replaceable(program)
+        else:
+            refuse_replaceable(program)
+        monkeypatch.setattr("sinew.runner.files._is_private", lambda group: True)
+        if mode == 0o775:
+            refuse_replaceable(program)
+        path.chmod(before)
+    link = tmp_path / "link"
+    link.symlink_to(program)
+    refuse_replaceable(link)
+
+
+def test_the_group_of_a_user_alone_is_no_one_else(monkeypatch):
+    me = pwd.getpwuid(os.geteuid())
+    of = {"name": me.pw_name, "members": []}
+    monkeypatch.setattr(grp, "getgrgid", lambda group: grp.struct_group((of["name"], "x", group, of["members"])))
+    assert _is_private(me.pw_gid)
+    assert not _is_private(me.pw_gid + 1)
+    of["members"] = [me.pw_name, "another"]
+    assert not _is_private(me.pw_gid)
+    of.update(name="users", members=[])
+    assert not _is_private(me.pw_gid)

@@ -37,6 +37,7 @@ def study_items(source: Source, layout: Layout) -> Iterator[Item]:
     yield Item(str(layout.study), text.encode(), "study file")
     place = layout.study.parent / PurePosixPath(source.study.simulator.own_template or "").parent
     for each, content in template_texts(source.study).items():
+        _check_name(source.study.path.parent, place / each)
         yield Item(str(place / each), content.encode(), "FEBio template")
 
 
@@ -60,9 +61,7 @@ def result_items(source: Source, layout: Layout, *, store: bool) -> Iterator[Ite
     for relative in result_files(source.found.folder):
         if not kept(relative, template, store=store):
             continue
-        if not all(PLAIN.fullmatch(part) for part in relative.parts):
-            expected = "letters, digits, spaces and _ + . - ; remove it or give it another name"
-            raise BadInput(source.found.folder, f"holds a file called {shown(str(relative))}", expected)
+        _check_name(source.found.folder, relative)
         path: bytes | Path = source.found.folder / relative
         if relative.name == COPY:
             _check_copy(source.found.folder / relative)
@@ -71,6 +70,13 @@ def result_items(source: Source, layout: Layout, *, store: bool) -> Iterator[Ite
             written = read_study(source.found.folder / relative)  # refuses what is no study
             path = with_fields(written.path.read_text("utf-8"), {"cohort": cohort}).encode()
         yield Item(str(layout.results / relative), path, _words(relative))
+
+
+def _check_name(folder: Path, relative: PurePosixPath) -> None:
+    """Raises :class:`BadInput` for a file whose name an archive or a list of hashes could not hold."""
+    if not all(PLAIN.fullmatch(part) for part in relative.parts):
+        expected = "letters, digits, spaces and _ + . - ; remove it or give it another name"
+        raise BadInput(folder, f"holds a file called {shown(str(relative))}", expected)
 
 
 def _check_copy(path: Path) -> None:

@@ -116,11 +116,13 @@ def _equations(source: Source) -> str:
 
 def _ranges(model: Model) -> str:
     free = "; ".join(
-        f"{one.name} {number(one.minimum)} to {number(one.maximum)}{_unit(one.unit)}"
+        f"{one.name} {number(one.minimum)} to {number(one.maximum)}{in_markdown(one.unit)}"
         for one in model.parameters
         if not one.fixed
     )
-    fixed = "; ".join(f"{one.name} = {number(one.reference)}{_unit(one.unit)}" for one in model.parameters if one.fixed)
+    fixed = "; ".join(
+        f"{one.name} = {number(one.reference)}{in_markdown(one.unit)}" for one in model.parameters if one.fixed
+    )
     return f"Ranges of the parameters: {free}.{f' Fixed: {fixed}.' if fixed else ''}"
 
 
@@ -146,8 +148,9 @@ def _failures(source: Source) -> str:
     return f"Of {done:,} evaluations of the model, {failed:,} failed. No result uses these."
 
 
-def _unit(unit: str) -> str:
-    return "" if unit in ("", "1") else f" {unit}"
+def in_markdown(unit: str) -> str:
+    """A unit as Markdown shows it, whatever it holds."""
+    return "" if unit in ("", "1") else " " + re.sub(r"([\\`*_{}\[\]<>&#|!$])", r"\\\1", unit)
 
 
 def cited(text: str) -> Iterator[str]:

@@ -185,8 +185,7 @@ def _interim(solver: Solver, directory: Path, logs: Sequence[str]) -> Interim | 
 
 
 def _run(solver: Solver, directory: Path, interim: Interim | None, *options: str) -> external.Finished:
-    if solver.confirmed is not None and solver.confirmed != program_hash(Path(solver.executable)):
-        raise PermissionError(errno.EPERM, "not the program that you confirmed by `sinew trust`", solver.executable)
+    _refuse_another(Path(solver.executable), solver.confirmed)
     before = None if interim is None else interim.before
     given = ("-i", INPUT) if before is None else ()
     kept = () if interim is None else interim.options
@@ -198,6 +197,12 @@ def _run(solver: Solver, directory: Path, interim: Interim | None, *options: str
         max_file_bytes=solver.max_file_bytes,
         meanwhile=None if interim is None else interim.look,
     )
+
+
+def _refuse_another(program: Path, confirmed: bytes | None) -> None:
+    """Raises ``PermissionError`` for another program than the one that its user had to confirm, by its hash."""
+    if confirmed is not None and confirmed != program_hash(program):
+        raise PermissionError(errno.EPERM, "not the program that you confirmed by `sinew trust`", str(program))
 
 
 def _keep(solver: Solver, directory: Path, failed: Failed, parameters: Mapping[str, float]) -> None:
@@ -309,17 +314,19 @@ def _hash_of(program: Path, *_: int) -> bytes:
         return hashlib.file_digest(file, "blake2b").digest()
 
 
-def solver_version(executable: Path) -> str:
+def solver_version(executable: Path, confirmed: bytes | None = None) -> str:
     """The version that ``febio4 -info`` reports, or a hash of the program when it ends well without naming one.
 
     The version is part of every result's identity: results of another solver are never taken for this one's, and those
-    of this one are found again. So a program that fails, is killed or does not end in time is asked again. Raises
-    :class:`BadInput` when it cannot be run, or never answers.
+    of this one are found again. So a program that fails, is killed or does not end in time is asked again.
+    ``confirmed``: the hash of a program that its user had to confirm. Raises :class:`BadInput` when it cannot be run,
+    or never answers.
     """
     reason = ""
     for _ in range(VERSION_TRIES):
         with temporary_folder() as directory:
             try:
+                _refuse_another(executable, confirmed)
                 finished = external.run([str(executable), "-info"], directory, timeout_s=VERSION_S)
             except external.Stopped as stopped:
                 reason = str(stopped)

@@ -18,7 +18,6 @@ import sys
 import time
 import traceback
 from collections import Counter
-from itertools import zip_longest
 from pathlib import Path, PurePath
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, tostring
@@ -47,6 +46,9 @@ FUNCTIONS = {
 }
 CONSTANTS = {"pi": math.pi}
 _PATH = re.compile(r"\s*([/~\\]|[A-Za-z]:)")
+#: FEBio's reader turns ``&lt;`` into ``<`` before it looks for tags, and passes over carriage returns.
+_MARKUP, _IN_ATTRIBUTES = re.compile(r"[<\x00-\x08\x0b-\x1f\x7f]"), re.compile(r'[<"\x00-\x08\x0b-\x1f\x7f]')
+ROOM, ROOM_OF_DELIMITER = 255, 15  # characters that FEBio has for an attribute, or in a text in front of a comma
 _OF_MAPPINGS = {"get", "items", "keys", "values"}
 _OF_LOOPS = {"index", "index0", "revindex", "revindex0", "first", "last", "length", "previtem", "nextitem", "depth"}
 
@@ -183,10 +185,17 @@ def check(main: str, root: Element) -> None:
         raise Wrong(main, f"renders to <{root.tag}>", "<febio_spec>")
     for element in root.iter():
         tag = element.tag.rpartition("}")[2]  # FEBio knows no namespaces
-        if tag in ("Include", "Plugins", "Import"):
+        if tag in ("Include", "Plugins", "Import", "RVE"):
             raise Wrong(main, f"<{tag}>", "everything in the template and in what it includes by Jinja2")
         for name, value in (*element.attrib.items(), (None, element.text or ""), (None, element.tail or "")):
             label = element.tag if name is None else f"{element.tag} {name}"
+            if (found := (_MARKUP if name is None else _IN_ATTRIBUTES).search(value)) is not None:
+                raise Wrong(main, f"<{label[:40]}> holds {found[0]!r}", "nothing that FEBio reads as markup, or skips")
+            length = max(map(len, value.split(",")[:-1]), default=0) if name is None else len(value)
+            if length > (most := ROOM_OF_DELIMITER if name == "delim" else ROOM):
+                raise Wrong(
+                    main, f"<{label[:40]}> has {length:,} characters", f"at most {most}, for which FEBio has room"
+                )
             if name == "from" or (name == "file" and (PurePath(value).name != value or value in ("", ".", ".."))):
                 raise Wrong(main, f'<{label}="{value[:40]}">', "a file name without a folder")
             if _PATH.match(value) or "../" in value or "..\\" in value:
@@ -205,18 +214,14 @@ def add_outputs(main: str, root: Element, outputs: list[dict[str, Any]]) -> None
         chosen = _ids(main, root, output)
         if output["reduce"] == "single" and len(chosen) != 1:
             problem = f"set {output['set']} has {len(chosen)} items" if output["set"] else f"{len(chosen)} ids"
-            raise Wrong(_of(output), problem, "one, or reduce: sum, mean, max or min")
+            raise Wrong(f"simulator.outputs.{output['name']}", problem, "one, or reduce: sum, mean, max or min")
         attributes = {"data": output["item"], "name": output["name"], "file": f"sinew-{number}.txt", "delim": ","}
         SubElement(log, output["data"], attributes).text = ",".join(map(str, chosen))
 
 
-def _of(output: dict[str, Any]) -> str:
-    return f"simulator.outputs.{output['name']}"
-
-
 def _ids(main: str, root: Element, output: dict[str, Any]) -> list[int]:
     """The nodes, elements or rigid bodies of an output. Raises :class:`Wrong` for those that do not exist."""
-    kind, asked = output["data"], output["set"]
+    kind, asked, of = output["data"], output["set"], f"simulator.outputs.{output['name']}"
     if kind == "rigid_body_data":
         bodies = {e.get("name"): _number(main, e) for e in root.iter("material") if e.get("type") == "rigid body"}
         there, sets, what = set(bodies.values()), {name: [number] for name, number in bodies.items()}, "rigid body"
@@ -230,14 +235,14 @@ def _ids(main: str, root: Element, output: dict[str, Any]) -> list[int]:
             sets |= {e.get("name"): _listed(main, e) for e in root.iter(named)}
     if asked is not None and asked not in sets:
         known = ", ".join(sorted(name for name in sets if name)) or "none is there"
-        raise Wrong(_of(output), f"no set {asked!r} of {what}s in {main}", f"one of {known}"[:300])
+        raise Wrong(of, f"no set {asked!r} of {what}s in {main}", f"one of {known}"[:300])
     chosen = output["ids"] if asked is None else sets[asked]
     for number in chosen:
         if number not in there:
             expected = f"{what}s from {min(there)} to {max(there)}" if there else f"a model with {what}s"
-            raise Wrong(_of(output), f"{what} {number} is not in {main}", expected)
+            raise Wrong(of, f"{what} {number} is not in {main}", expected)
     if not chosen:
-        raise Wrong(_of(output), f"set {asked!r} is empty", f"at least one {what}")
+        raise Wrong(of, f"set {asked!r} is empty", f"at least one {what}")
     return chosen
 
 
@@ -296,7 +301,8 @@ def answer(job: dict[str, Any], files: dict[str, str], compiled: Compiled | None
 
     Returns, for each, whether it is the ``same`` input as the first and, if the job asks for ``texts``, the input.
     With ``known`` names, it also returns which of them the template has ``used``, and refuses all others. ``outputs``
-    None leaves each input as it is rendered. Raises :class:`Wrong`.
+    None adds none. Inputs are written anew from what was checked: FEBio ends comments and instructions elsewhere than
+    XML does. Raises :class:`Wrong`.
     """
     main = job["main"]
     found: dict[str, Any] = {"texts": [], "same": []}
@@ -313,21 +319,15 @@ def answer(job: dict[str, Any], files: dict[str, str], compiled: Compiled | None
         first = first or (text, root)
         found["same"].append(text == first[0] or _are_same(root, first[1]))
         if job.get("texts"):
-            if job["outputs"] is not None:
-                text = '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
-            found["texts"].append(text)
+            written = '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
+            found["texts"].append(written)
     return found
 
 
 def _are_same(one: Element, other: Element) -> bool:
     """Whether two inputs differ in nothing that a solver reads: in more than comments."""
-    pairs = zip_longest(one.iter(), other.iter())
-    return all(
-        a is not None
-        and b is not None
-        and (a.tag, a.attrib, a.text, a.tail, len(a)) == (b.tag, b.attrib, b.text, b.tail, len(b))
-        for a, b in pairs
-    )
+    both = ([(each.tag, each.attrib, each.text, each.tail, len(each)) for each in root.iter()] for root in (one, other))
+    return next(both) == next(both)
 
 
 def _limit_processor(seconds: float) -> None:
@@ -374,8 +374,7 @@ def _reply(job: dict[str, Any], files: dict[str, str], compiled: Compiled) -> by
 def main() -> None:
     """Answer jobs until the input ends. A job to render without ``files`` uses those of the job before.
 
-    Each answer is two lines: how much processor time (s) it took and whether the process ends, because it took much
-    memory, which a process does not give back for certain; then the answer itself.
+    Each answer is two lines: the processor time (s) and whether the process ends, for it took much memory; the answer.
     """
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     much = max(MEMORY_BYTES // 2, _most_memory())

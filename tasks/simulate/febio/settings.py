@@ -1,5 +1,6 @@
 """The settings of FEBio in a study: the solver, with the tendon's template or a template of the user's own."""
 
+import os
 import re
 import shutil
 from collections.abc import Mapping
@@ -23,14 +24,13 @@ from sinew.tasks.simulate.febio.simulator import FEBio, Template, inside
 from sinew.tasks.simulate.febio.template import OwnTemplate, check_template, with_constituents
 from sinew.tasks.simulate.febio.tendon import read_template
 from sinew.tasks.simulate.settings import Law, Purpose, SimulatorSettings, SolverMissing
-from sinew.tasks.study.fields import Finite, Name
+from sinew.tasks.study.fields import Finite, Name, Unit
 from sinew.tasks.study.settings_file import FieldError, Section
-from sinew.tasks.study.trust import Request, require
+from sinew.tasks.study.trust import Request, refuse_program_of_others, require
 
 LONGEST_S = 86_400 * 30
 Seconds = Annotated[float, Field(gt=0, le=LONGEST_S, allow_inf_nan=False)]
 Executable = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f-][^\x00-\x1f]*$")]
-Unit = Annotated[str, Field(min_length=1, max_length=24, pattern=r"^[^\x00-\x1f]*$")]
 PlotVariable = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9][A-Za-z0-9_ .()*/+=;:'-]*$")]
 
 MaterialPath = Annotated[str, Field(min_length=1, max_length=300, pattern=r"^[^\x00-\x1f]*$")]
@@ -74,7 +74,8 @@ class SolverSettings(SimulatorSettings):
             where = f"{purpose.study}: simulator.executable" if purpose.solver is None else "--solver"
             problem = f"{shown(purpose.solver or self.executable)} was not found"
             raise SolverMissing(where, problem, "febio4 on the PATH, or the path of the solver")
-        simulator = self.with_solver(template, str(found), solver_version(found), purpose.scratch, purpose.kept)
+        version = solver_version(found, confirmed)
+        simulator = self.with_solver(template, str(found), version, purpose.scratch, purpose.kept)
         return replace(simulator, confirmed=confirmed).surrounded(purpose.effects)
 
     def read_template(self, purpose: Purpose) -> Template:
@@ -86,9 +87,10 @@ class SolverSettings(SimulatorSettings):
 
         Raises :class:`BadInput` for a program that the user does not trust.
         """
-        program = _program(purpose.solver or self.executable)
         require(request := self.request(purpose, template))
-        return program, None if request is None else request.contents[1]
+        if request is None:
+            return _program(purpose.solver or self.executable), None
+        return Path(os.fsdecode(request.contents[0])), request.contents[1]  # not looked up again: links may change
 
     def request(self, purpose: Purpose, template: Template) -> Request | None:
         """What only the user may allow: to run another program than ``febio4`` on what ``template`` renders."""
@@ -97,13 +99,14 @@ class SolverSettings(SimulatorSettings):
             return None
         if self.executable == FEBIO and Path(str(shutil.which(FEBIO))).is_absolute():  # not by a PATH such as ".:/bin"
             return None
+        refuse_program_of_others(f"{purpose.study}: simulator.executable", self.executable, f"{FEBIO}, --solver")
         return Request(
             purpose.study,
             purpose.text,
             "simulator.executable",
             f"{shown(self.executable)} would run on this machine",
             f"{FEBIO}, --solver",
-            (str(program).encode(), program_hash(program), *_as_bytes(template.files)),
+            (os.fsencode(program), program_hash(program), *_as_bytes(template.files)),
             f"{program} may read or run other files: a change of these is not asked about again",
         )
 
@@ -111,19 +114,12 @@ class SolverSettings(SimulatorSettings):
         self, template: Template, executable: str, version: str, scratch: Path, kept: Path | None = None
     ) -> FEBio:
         """The simulator with a solver that is known, by these settings; ``kept`` is the folder of kept runs."""
+        steps = self.time_steps
         return FEBio(
-            executable,
-            version,
-            template,
-            scratch,
-            timeout_s=self.timeout_s,
-            max_file_bytes=self.max_file_mb * 2**20,
-            ramp_s=self.time_steps.ramp_s,
-            hold_growth=self.time_steps.hold_growth,
-            still_mm=self.time_steps.still_mm,
-            keep_failed=self.keep_failed,
+            executable, version, template, scratch, timeout_s=self.timeout_s, max_file_bytes=self.max_file_mb * 2**20,
+            ramp_s=steps.ramp_s, hold_growth=steps.hold_growth, still_mm=steps.still_mm, keep_failed=self.keep_failed,
             restart_s=self.restart_s,
-        )
+        )  # fmt: skip
 
 
 def _program(executable: str) -> Path | None:

@@ -269,3 +269,51 @@ def test_what_stands_in_the_place_of_a_consent_is_replaced(tmp_path, monkeypatch
     allow([request])
     assert is_allowed(request)
     assert (tmp_path / "mine").read_text() == "mine"
+
+
+@pytest.mark.parametrize("mode", ["folder for all", "file for a group", "of another user"])
+def test_a_program_that_others_may_replace_cannot_be_confirmed(study, tmp_path, monkeypatch, capsys, mode):
+    path = study("simulator: {name: febio, executable: ./evil.sh}")
+    program = tmp_path / "evil.sh"
+    if mode == "folder for all":
+        tmp_path.chmod(0o777)
+    elif mode == "file for a group":
+        program.chmod(0o775)
+        monkeypatch.setattr("sinew.runner.files._is_private", lambda group: False)
+    else:
+        real = os.lstat
+        fields = [*real(program)]
+        fields[4] = os.geteuid() + 1
+        monkeypatch.setattr(
+            os, "lstat", lambda file, **k: os.stat_result(fields) if file == program else real(file, **k)
+        )
+    assert ends(monkeypatch, "trust", path) == 2
+    told = "belongs to another user" if mode == "of another user" else "is open to others, who may write there"
+    assert told in capsys.readouterr().err
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_confirmed_program_is_looked_up_once_and_compared_before_its_version_is_asked(study, tmp_path, monkeypatch):
+    path = study("simulator: {name: febio, executable: ./link}")
+    good = tmp_path / "good.sh"
+    good.write_text("#!/bin/sh\necho version 4.11.0\n")
+    good.chmod(0o755)
+    link = tmp_path / "link"
+    link.symlink_to(good)
+    trusted(path)
+
+    def require(request):
+        link.unlink()
+        link.symlink_to(tmp_path / "evil.sh")
+
+    monkeypatch.setattr("sinew.tasks.simulate.febio.settings.require", require)
+    assert simulator_of(read_study(path), None, tmp_path / "attempts").executable == str(good)
+    link.unlink()
+    link.symlink_to(good)
+    monkeypatch.setattr(
+        "sinew.tasks.simulate.febio.settings.require",
+        lambda request: good.write_text((tmp_path / "evil.sh").read_text()),
+    )
+    with pytest.raises(BadInput, match=r"cannot be run .*not the program that you confirmed"):
+        simulator_of(read_study(path), None, tmp_path / "attempts")
+    assert not (tmp_path / "ran").exists()

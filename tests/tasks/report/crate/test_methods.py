@@ -10,7 +10,7 @@ import pytest
 from sinew.tasks.drawing.blocks import plain_paragraph
 from sinew.tasks.registry import TASKS
 from sinew.tasks.report.crate import environment
-from sinew.tasks.report.crate.methods import cited, methods, numbered
+from sinew.tasks.report.crate.methods import cited, in_markdown, methods, numbered
 from sinew.tasks.report.crate.references import REFERENCES
 from sinew.tasks.report.crate.source import Source, read_source
 
@@ -120,3 +120,19 @@ def test_references_are_those_of_the_page_of_methods():
     for key, reference in REFERENCES.items():
         assert reference.text.removesuffix(" (1998).").removesuffix(".") in page, key
         assert not reference.doi or re.fullmatch(r"10\.\d{4,5}/[!-~]+", reference.doi), key
+
+
+@pytest.mark.parametrize(
+    ("unit", "shown"),
+    [
+        ("", ""),
+        ("1", ""),
+        ("MPa", " MPa"),
+        ("N/mm^2", " N/mm^2"),
+        ("<b>", r" \<b\>"),
+        ("[a](b)", r" \[a\](b)"),
+        ("_x_", r" \_x\_"),
+    ],
+)
+def test_units_are_shown_as_they_stand(unit, shown):
+    assert in_markdown(unit) == shown

@@ -68,6 +68,15 @@ def test_numbers_read_back_to_the_same_bits(value):
         "file elsewhere": ('<febio_spec><x file="/etc/x"/></febio_spec>', "x file"),
         "path in a text": ("<febio_spec><image> /etc/x</image></febio_spec>", "names a path"),
         "path above in a text": ("<febio_spec><image>a/../../x</image></febio_spec>", "names a path"),
+        "another model": ("<febio_spec><RVE>inner.feb</RVE></febio_spec>", "<RVE>"),
+        "skipped character": ("<febio_spec><image>.&#13;./x</image></febio_spec>", "holds '\\r'"),
+        "skipped in an attribute": ('<febio_spec><x name="a&#13;b"/></febio_spec>', "holds '\\r'"),
+        "tag for FEBio": ("<febio_spec><a>&lt;/a&gt;</a></febio_spec>", "holds '<'"),
+        "tag behind an element": ("<febio_spec><a/>&lt;b/&gt;</febio_spec>", "holds '<'"),
+        "attribute for FEBio": ("<febio_spec><a x='1\" file=\"/etc/x'/></febio_spec>", "holds '\"'"),
+        "long format": (f"<febio_spec><a format='{'%g' * 130}'/></febio_spec>", "260 characters"),
+        "long delimiter": ("<febio_spec><a delim='0123456789abcdef'/></febio_spec>", "16 characters"),
+        "long name in a list": (f"<febio_spec><a>x,{'y' * 256},z</a></febio_spec>", "256 characters"),
         "drive": ("<febio_spec><image>C:\\x</image></febio_spec>", "names a path"),
     }.values(),
 )
@@ -75,6 +84,24 @@ def test_what_could_name_a_file_is_refused(body, told):
     with pytest.raises(Wrong) as wrong:
         check("a", render(body))
     assert told in " ".join(wrong.value.args)
+
+
+@pytest.mark.parametrize("outputs", [None, []])
+def test_nothing_is_passed_on_that_was_not_looked_at(outputs):
+    """FEBio ends an instruction behind ``?`` and ``&gt;``, which XML does not: the rest would be read by FEBio only."""
+    hidden = "<x file='/etc/x'/>"
+    body = f"<?x ?&gt;{hidden}<?y ?><!-- &gt;{hidden} --><a>1 &amp; 2</a>"
+    job = {"main": "a", "renders": [{}], "outputs": outputs, "texts": True}
+    (text,) = answer(job, {"a": f"<febio_spec>{body}</febio_spec>"})["texts"]
+    start, _, rest = text.partition("\n")
+    assert start == '<?xml version="1.0" encoding="UTF-8"?>'
+    assert (
+        rest.startswith("<febio_spec><a>1 &amp; 2</a>") and "etc" not in rest and "<?" not in rest and "<!" not in rest
+    )
+
+
+def test_long_texts_of_numbers_are_no_names():
+    check("a", render(f"<febio_spec><a>{'1 2 ' * 1000}</a><b>{'1.25,' * 1000}</b><c>{'x' * 300}</c></febio_spec>"))
 
 
 def test_entities_and_broken_xml_are_refused_with_their_line():
