@@ -21,6 +21,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F
 MEASURED = "0.6"  # of curves that were measured, beside those of a model
 WIDTH_OF_A_LETTER = 0.6  # in sizes of the font, on the average and a little more
 _LABELS = {"E": "E", "alpha": r"\alpha", "g": "g", "tau": r"\tau", "nu": r"\nu"}
+PANELS = 40  # of a figure; its table has all
 STYLE: Any = {
     "font.size": 9,
     "axes.spines.top": False,

@@ -1,6 +1,6 @@
 """Posteriors as other tasks read them: whatever contradicts the study, or itself, is refused."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from sinew.tasks.infer.result import (
     read_posteriors,
 )
 from sinew.tasks.model import Parameter
+from sinew.tasks.model.parameters import bounds
 from sinew.tasks.study.same_data import refuse_other_data
 from sinew.tasks.study.workspace import Workspace
 
@@ -100,7 +101,8 @@ def draws_of(workspace: Workspace, inferred: Posteriors, site: str) -> xr.Datase
         spread = kept["spread"]
         if not ((spread >= 0.0).all() and (spread.max(("chain", "draw")) > 0.0).all()):
             raise ValueError(f"{site}: a population has no spread")
-        _refuse_others(site, inferred, draws_of_mean(kept).mean(axis=0), kept, SOME)
+        _refuse_others(site, inferred.sites[site].parameters, draws_of_mean(kept).mean(axis=0), kept, SOME)
+        _check_specimens(workspace, inferred, site, kept)
         return kept
     last = kept[["parameters", "weight"]].isel(generation=-1).copy(deep=True)
     _check(site, last, ("parameters", "weight"))
@@ -108,7 +110,7 @@ def draws_of(workspace: Workspace, inferred: Posteriors, site: str) -> xr.Datase
     if not are_weights(weight):
         raise ValueError(f"{site}: the weights of the particles do not sum to 1")
     values = last["parameters"].transpose("particle", "parameter").to_numpy()
-    _refuse_others(site, inferred, weight @ values, last, ROUNDING)
+    _refuse_others(site, inferred.sites[site].parameters, weight @ values, last, ROUNDING)
     return last
 
 
@@ -123,20 +125,34 @@ def draws_of_sites(workspace: Workspace, inferred: Posteriors) -> dict[str, xr.D
     return found
 
 
-def _refuse_others(site: str, inferred: Posteriors, means: Array, kept: xr.Dataset, tolerance: float) -> None:
-    """Raises ``ValueError`` for draws whose ``means`` ``[k]`` are not those of the result: they are of another site.
+def _check_specimens(workspace: Workspace, inferred: LikelihoodResult, site: str, kept: xr.Dataset) -> None:
+    """Raises ``ValueError`` for draws of other specimens than those of the result, or outside of the study's ranges."""
+    drawn = kept["specimen"].to_numpy().tolist()
+    if sorted(drawn) != sorted(inferred.sites[site].specimens):
+        raise ValueError(f"{site}: the store has draws of {', '.join(map(str, drawn))[:80]}")
+    for specimen in drawn:
+        means = kept["specimens"].sel(specimen=specimen).mean(("chain", "draw"))
+        _refuse_others(str(specimen), inferred.specimens.get(specimen, {}), means.to_numpy(), kept, SOME)
+    low, high = bounds([one for one in workspace.model.free if one.name in kept["parameter"].to_numpy()])
+    ends = xr.DataArray(np.stack([low, high]) + np.outer([-ROUNDING, ROUNDING], high - low), dims=("end", "parameter"))
+    for name in ("specimens", "new"):
+        if not ((kept[name] >= ends[0]) & (kept[name] <= ends[1])).all():
+            raise ValueError(f"{site}: {name} are outside of the ranges of the study")
 
-    ``tolerance``: in standard deviations.
+
+def _refuse_others(what: str, told: Mapping[str, Any], means: Array, kept: xr.Dataset, tolerance: float) -> None:
+    """Raises ``ValueError`` for draws whose ``means`` ``[k]`` are not those ``told``: they are of something else.
+
+    ``told``: mean and standard deviation by parameter. ``tolerance``: in standard deviations.
     """
-    told = inferred.sites[site].parameters
     for name, mean in zip(kept["parameter"].to_numpy().tolist(), np.asarray(means).tolist(), strict=True):
         one = told.get(name)
         if one is not None and abs(mean - one.mean) > tolerance * max(one.sd, ROUNDING * abs(one.mean)):
-            raise ValueError(f"{site}: the mean {name} is {one.mean:g}, but {mean:g} of the draws in the store")
+            raise ValueError(f"{what}: the mean {name} is {one.mean:g}, but {mean:g} of the draws in the store")
 
 
 def _check(site: str, kept: xr.Dataset, names: tuple[str, ...]) -> None:
     """Raises ``ValueError`` for numbers that are none, or beyond all bounds."""
     for name in names:
-        if not (np.abs(kept[name].to_numpy()) < HUGE).all():
+        if kept[name].dtype.kind != "f" or not (np.abs(kept[name].to_numpy()) < HUGE).all():
             raise ValueError(f"{site}: {name} holds values that are not finite numbers")

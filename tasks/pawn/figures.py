@@ -1,12 +1,13 @@
 """Figure of PAWN indices."""
 
 from collections.abc import Mapping
+from itertools import islice
 
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from sinew.tasks.drawing.figures import COLOURS, STYLE, save, symbol
+from sinew.tasks.drawing.figures import COLOURS, PANELS, STYLE, save, symbol
 from sinew.tasks.drawing.views import FigureKind
 from sinew.tasks.pawn.result import PawnResult
 from sinew.tasks.pawn.show import table
@@ -21,7 +22,7 @@ def draw(workspace: Workspace, result: PawnResult) -> None:
 
 def medians(result: PawnResult) -> Figure:
     """The median index of each parameter with its interval, for the total objective and each protocol."""
-    shown = result.panels()
+    shown = dict(islice(result.panels().items(), PANELS))
     at = np.arange(len(result.names))
     with plt.rc_context(STYLE):
         size = (2.0 * len(shown) + 1.2, 0.2 * at.size + 1.4)

@@ -11,7 +11,7 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from sinew.runner.store.store import open_store
-from sinew.tasks.drawing.figures import COLOURS, STYLE, save, symbol
+from sinew.tasks.drawing.figures import COLOURS, PANELS, STYLE, save, symbol
 from sinew.tasks.drawing.formats import protocols_of
 from sinew.tasks.drawing.views import FigureKind
 from sinew.tasks.sobol.field_figures import field_table, on_the_mesh, variables_of
@@ -22,7 +22,6 @@ from sinew.tasks.study.workspace import Workspace
 
 SHOWN = 6  # parameters in figures along time and of the convergence
 POINTS_OF_A_TURN = 8  # from one turn of a displacement to the next, so that lines between them show it
-PANELS = 40  # of a figure; its table has all
 _DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
 _MARKERS = "osv^D*"
 

@@ -30,8 +30,8 @@ def errors(result: SurrogateResult) -> Figure:
             colour = COLOURS[number % len(COLOURS)]
             label = name if len(result.specimens) <= NAMED else None
             growth.plot(one.sizes, 100 * np.maximum(one.errors, 1e-9), "o-", ms=4, lw=1, color=colour, label=label)
-            for course in one.courses.values():
-                courses.plot(100 * course.error, 100 * course.fresh_error, "o", ms=4, color=colour)
+            both = np.array([(course.error, course.fresh_error) for course in one.courses.values()])
+            courses.plot(*(100 * both).T, "o", ms=4, color=colour)
         growth.axhline(100 * result.asked, color="0.5", lw=1, ls="--", label="asked")
         growth.set_yscale("log")
         growth.yaxis.set_major_locator(LogLocator(subs=TICKS))

@@ -94,18 +94,22 @@ class Convergence:
 
     @property
     def smallest_ess(self) -> float:
-        return float(min(self.ess.min(), self.specimens_ess.min()))
+        every = np.append(self.ess, self.specimens_ess)
+        return 0.0 if np.isnan(every).any() else float(every.min())
 
     @property
     def largest_rhat(self) -> float:
-        return float(max(self.rhat.max(), self.specimens_rhat.max()))
+        """Infinite where one is no number, as of chains that do not move."""
+        every = np.append(self.rhat, self.specimens_rhat)
+        return np.inf if np.isnan(every).any() else float(every.max())
 
 
 def convergence(chains: Chains) -> Convergence:
     """Bulk effective sample sizes and rank-normalised split R-hat (Vehtari et al. 2021), by ArviZ."""
     population = np.stack([chains.mean, chains.spread], axis=2)
     every = {"population": population, "specimens": chains.specimens}
-    ess, rhat = arviz().ess(every), arviz().rhat(every)
+    with np.errstate(divide="ignore", invalid="ignore"):  # of chains that do not move
+        ess, rhat = arviz().ess(every), arviz().rhat(every)
     return Convergence(*(found[name].values for name in every for found in (ess, rhat)))
 
 

@@ -12,7 +12,7 @@ from sinew.runner.errors import BadInput
 from sinew.tasks.data.cohort import write_cohort
 from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.infer import reading
-from sinew.tasks.infer.likelihood.result import PopulationMarginal, SitePosterior
+from sinew.tasks.infer.likelihood.result import PopulationMarginal, SitePosterior, SpecimenMarginal
 from sinew.tasks.infer.reading import draws_of, draws_of_sites, posteriors_of
 from sinew.tasks.infer.result import LikelihoodResult, particles_group
 from sinew.tasks.study.workspace import open_workspace
@@ -20,6 +20,7 @@ from tests.tasks.posteriors import posterior_of, write_inference
 
 NAMES, MEAN = ["E_f", "E_m"], [200.0, 5.0]
 SITES = ("distal", "proximal")
+INSIDE = (200.0, 40.0)  # of the ranges
 VALUES, EQUAL = np.full((2, 4, 2), 7.0), np.full((2, 4), 0.25)
 
 
@@ -150,10 +151,10 @@ def by_likelihood(spread):
     sites = {"distal": SitePosterior(["distal/1"], population, 400.0, 1.0, 3, 0.0, {}, {})}
     units = ["MPa"] * 2, ["", ""]
     result = LikelihoodResult("likelihood", NAMES, *units, [], 0.95, "normal", True, 1, sites, {}, "known")
-    dims, ones = ("chain", "draw"), np.ones((1, 3, 2))
-    arrays = dict.fromkeys(("mean", "new"), ((*dims, "parameter"), ones))
+    dims, inside = ("chain", "draw"), np.tile(INSIDE, (1, 3, 1))
+    arrays = {"mean": ((*dims, "parameter"), np.ones((1, 3, 2))), "new": ((*dims, "parameter"), inside)}
     arrays |= {"spread": ((*dims, "parameter"), spread)}
-    arrays |= {"specimens": ((*dims, "specimen", "parameter"), np.ones((1, 3, 1, 2)))}
+    arrays |= {"specimens": ((*dims, "specimen", "parameter"), inside[:, :, np.newaxis])}
     return result, xr.Dataset(arrays, {"parameter": NAMES, "specimen": ["distal/1"]})
 
 
@@ -174,3 +175,27 @@ def test_a_population_has_a_spread(workspace, spread, is_one):
     else:
         with pytest.raises(ValueError, match="distal: a population has no spread"):
             draws_of(workspace, result, "distal")
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda draws: draws.assign_coords(specimen=["distal/2"]), "distal: the store has draws of distal/2"),
+        (
+            lambda draws: draws.assign(specimens=3 * draws["specimens"]),
+            "distal/1: the mean E_f is 200, but 600 of",
+        ),
+        (lambda draws: draws.assign(new=-1e6 * draws["new"]), "distal: new are outside of the ranges of the study"),
+        (lambda draws: draws.assign(new=draws["new"].astype(np.int16)), "distal: new holds values that are not finite"),
+    ],
+)
+def test_draws_of_other_specimens_and_outside_of_the_ranges_are_refused(workspace, change, told):
+    result, dataset = by_likelihood(np.ones((1, 3, 2)))
+    each = zip(NAMES, INSIDE, strict=True)
+    marginals = {"distal/1": {name: SpecimenMarginal(x, 0.1, x - 0.2, x + 0.2, True) for name, x in each}}
+    result = replace(result, specimens=marginals)
+    workspace.store.write_result(particles_group("distal"), dataset)
+    draws_of(workspace, result, "distal")
+    workspace.store.write_result(particles_group("distal"), change(dataset))
+    with pytest.raises(ValueError, match=told):
+        draws_of(workspace, result, "distal")

@@ -2,11 +2,13 @@
 
 import json
 import os
+import shutil
 import struct
 import tracemalloc
 
 import numpy as np
 import pytest
+import safetensors.numpy
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.study import kept
@@ -24,6 +26,32 @@ def test_arrays_are_read_as_they_were_written(tmp_path):
     assert all(np.array_equal(found[name], array) for name, array in ARRAYS.items())
     assert KeptArrays(file.path, "others").read(SHAPES) is None
     assert KeptArrays(tmp_path / "nothing", "inputs").read(SHAPES) is None
+
+
+def test_what_another_user_wrote_or_what_was_changed_or_renamed_does_not_count(tmp_path, monkeypatch):
+    file = KeptArrays(tmp_path / "kept.safetensors", "inputs")
+    file.write(ARRAYS)
+    content = safetensors.numpy.load_file(file.path)
+    shorter, others = content["signature"][:-1], np.zeros(32, np.uint8)
+    for change in ({"one": np.array(8.0)}, {"signature": shorter}, {"signature": others}):
+        safetensors.numpy.save_file({**content, **change}, file.path)
+        assert file.read(SHAPES) is None
+    safetensors.numpy.save_file(content, file.path)
+    assert file.read(SHAPES) is not None
+    other = KeptArrays(tmp_path / "other.safetensors", "inputs")
+    shutil.copy(file.path, other.path)
+    assert other.read(SHAPES) is None
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "of another user"))
+    assert file.read(SHAPES) is None
+
+
+def test_without_a_secret_nothing_is_kept_and_the_log_says_so(tmp_path, monkeypatch, caplog):
+    (tmp_path / "state").write_text("no folder")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    file = KeptArrays(tmp_path / "kept.safetensors", "inputs")
+    file.write(ARRAYS)
+    assert not file.path.exists()
+    assert "nothing is kept of an unfinished task" in caplog.records[0].error
 
 
 @pytest.mark.parametrize(
