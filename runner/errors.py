@@ -33,7 +33,17 @@ class WalltimeReached(BaseException):
 
     def __init__(self, words: str, *, worked: bool = True) -> None:
         super().__init__(words)
-        self.worked = worked
+        self._worked = worked
+
+    @property
+    def worked(self) -> bool:
+        """What the first one knew: the alarm may come again while the cluster is closed."""
+        first: WalltimeReached = self
+        before: BaseException | None = self.__context__
+        while before is not None:
+            first = before if isinstance(before, WalltimeReached) else first
+            before = before.__context__
+        return first._worked
 
 
 def of_the_system(error: OSError) -> str:

@@ -1,6 +1,8 @@
 """An error is one printable line that is not too long."""
 
-from sinew.runner.errors import LONGEST, brief, shown
+import pytest
+
+from sinew.runner.errors import LONGEST, WalltimeReached, brief, shown
 
 
 def test_a_long_error_keeps_its_beginning_and_its_end():
@@ -25,3 +27,19 @@ def test_lists_in_lists_without_end_are_shown_in_words():
     assert shown(value) == "lists in lists without end"
     while value:  # else Python would call itself as often to remove them
         (value,) = value  # type: ignore[assignment]
+
+
+def test_an_alarm_that_comes_again_knows_what_the_first_one_knew():
+    """It may come while the cluster is closed, on a busy machine, and would blame workers that came late."""
+    for worked in (False, True):
+        with pytest.raises(WalltimeReached) as reached:
+            try:
+                raise WalltimeReached("of the run", worked=worked)
+            except WalltimeReached:
+                try:
+                    raise OSError("a worker is gone")
+                except OSError:
+                    raise WalltimeReached("of the alarm") from None
+        assert str(reached.value) == "of the alarm"
+        assert reached.value.worked == worked
+    assert WalltimeReached("of the alarm").worked
