@@ -22,8 +22,8 @@ from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.layout import NoTable
 from sinew.tasks.data.length_columns import contradiction, length_beside, lengths_at_zeros, numbers_of
-from sinew.tasks.data.possible_columns import counts, holds_numbers
-from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, POSITION, STRAIN, STRESS, STRETCH
+from sinew.tasks.data.possible_columns import counts, holds_numbers, titles_by_unit
+from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, LOADS, MOTIONS, POSITION, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.remarks import remarks, which_columns
@@ -159,8 +159,11 @@ def _refuse_no_test(
 
 def _refuse_too_few_columns(table: Table, columns: Sequence[Column | None]) -> None:
     """Raises :class:`BadInput` for a table that has none of the columns of a test, or cannot have all of them."""
-    known = [one for one in columns if one is not None and (len(one.title) > 1 or one.unit)]  # "f" may be anything
-    if any(table.titles) and not known:
+    known = [one for one in columns if one is not None]
+    alone = (
+        len(known) == 1 and len(known[0].title) == 1 and not known[0].unit
+    )  # "f" may be anything, but not beside "t"
+    if any(table.titles) and (alone or not known):
         raise _no_test(table)
     missing = [name for name, column in zip(("displacement", "force"), columns[1:], strict=True) if column is None]
     taken = {place for one in columns if one is not None for place in (one.place, *alike_places(table, one))}
@@ -185,8 +188,15 @@ def _no_test(table: Table) -> BadInput:
         expected = "engineering strain and stress, which are of the first sizes"
     else:
         options = "--time-column, --displacement-column and --force-column NAME or NUMBER"
-        expected = f"titles of time, displacement and force, or {options}"
+        expected = f"titles of time, displacement and force, or {options}{_by_units(table)}"
     return BadInput(table.path, f"no columns of a test among {shown(listed, 80)}", expected)
+
+
+def _by_units(table: Table) -> str:
+    """Which columns may be motion and load by their units, in words; nothing where only one of both is told."""
+    found = [titles_by_unit(table.titles, quantities)[:2] for quantities in (MOTIONS, LOADS)]
+    each = [" or ".join(map(shown, titles)) for titles in found]
+    return f" (by their units, {each[0]} and {each[1]})" if all(each) else ""
 
 
 def _best(

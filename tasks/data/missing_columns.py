@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from sinew.runner.errors import shown
 from sinew.tasks.data.heads import Row
-from sinew.tasks.data.possible_columns import titles_by_a_word
+from sinew.tasks.data.possible_columns import titles_by_a_word, titles_by_unit
 from sinew.tasks.data.questions import NEITHER, NoColumn, Unclear
 from sinew.tasks.data.roles import Role
 from sinew.tasks.data.tables import Table
@@ -21,7 +21,11 @@ def no_column(table: Table, titles: Row, roles: Sequence[Role], *, spare: int) -
     listed = ", ".join(title or "(no name)" for title in titles[:12]) + (", ..." if len(titles) > 12 else "")
     names = ", nor of ".join(role.name for role in roles)
     perhaps = list(dict.fromkeys(title for role in roles for title in titles_by_a_word(titles, role.quantities)))
-    may_be = f"; by a word in its title, {' or '.join(map(shown, perhaps[:MOST_NAMED]))} may be one" if perhaps else ""
+    how = "a word in its title" if perhaps else "its unit"
+    perhaps = perhaps or list(
+        dict.fromkeys(title for role in roles for title in titles_by_unit(titles, role.quantities))
+    )
+    may_be = f"; by {how}, {' or '.join(map(shown, perhaps[:MOST_NAMED]))} may be one" if perhaps else ""
     measured = [role for role in roles if role.option != "time"]  # times may be told, these not
     remedies = [role.remedy for role in roles if role not in measured or len(measured) <= spare]
     if len(measured) > spare:

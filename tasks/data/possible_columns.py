@@ -114,6 +114,13 @@ def titles_by_a_word(titles: Sequence[str], quantities: Sequence[Quantity]) -> l
     return [title for title in titles if any(title in each for each in found.values())]
 
 
+def titles_by_unit(titles: Sequence[str], quantities: Sequence[Quantity]) -> list[str]:
+    """The titles with a unit of one of these quantities, but for ratios: ``Z(m)``."""
+    each = [one.units for one in quantities if one.units is not units.FRACTION and "-" not in one.units]
+    measured = [(title, name_and_unit(title)[1]) for title in titles]
+    return [title for title, unit in measured if any(units.factor(one, unit) is not None for one in each)]
+
+
 def possible(quantity: Quantity, name: str, unit: str, in_file: str) -> bool:
     """Whether a column can hold a quantity: one in mm is no ratio of lengths, and one in mm/s no displacement.
 

@@ -24,6 +24,7 @@ BINARY = {".pkl", ".pickle", ".p", ".npy", ".npz", ".joblib", ".dill", ".pt", ".
 SEPARATORS = "\t;,|"
 #: Of text that is not UTF-8: that of Western Windows first, which can read nearly every file.
 ENCODINGS = ("cp1252", "cp1250", "gb18030", "shift_jis", "big5", "euc_kr")
+BY_WORDS = ("cp1251", "koi8_r", "cp1253", "cp1254")  # which can read nearly every file, too: only where words are known
 _BYTES_WITH_WORDS = 2**20  # where lines with letters that English has not are looked for, which tell an encoding
 _LINES_WITH_WORDS = 50  # the most of them
 _QUOTED_LINES = 5  # the most lines of one quoted cell
@@ -149,7 +150,7 @@ def _encodings(content: bytes) -> list[str]:
         text = b"\n".join(lines).decode(encoding, errors="replace").lower()
         return sum(word in text for word in FOREIGN)
 
-    return sorted(ENCODINGS, key=words, reverse=True)
+    return sorted([*ENCODINGS, *filter(words, BY_WORDS)], key=words, reverse=True)
 
 
 def is_blank(line: str) -> bool:

@@ -45,6 +45,7 @@ _SPELLINGS = {
     "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm", "micron": "um", "microns": "um",
     "lb": "lbf", "lbs": "lbf", "pounds": "lbf", "kilonewton": "kN", "牛": "N", "牛顿": "N", "千牛": "kN", "克力": "gf",
     "grams force": "gf", "gram-force": "gf", "kg f": "kgf", "dyne": "dyn", "dynes": "dyn",
+    "kips": "kip",
     "n/m2": "Pa", "pascal": "Pa", "兆帕": "MPa", "千帕": "kPa", "帕": "Pa", "sq mm": "mm2", "sq in": "in2",
     "lbf/in2": "psi", "lb/in2": "psi", "lbs/in2": "psi", "sn": "s", "saniye": "s", "sekund": "s", "sekunder": "s",
     "microstrain": "µε", "micro strain": "µε", "µstrain": "µε", "ustrain": "µε", "promille": "‰",

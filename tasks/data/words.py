@@ -16,14 +16,16 @@ TIME = (
     "время", "время испытания", "sampling time", "saat", "zaman", "süre", "geçen süre",
     "tijd", "testtijd", "tid", "testtid", "provtid", "aika", "timp", "čas", "vrijeme", "vreme", "час", "idő", "χρόνος",
     "waktu",
-    "time since start of test", "time since start", "timestamp", "time stamp",
+    "time on sample", "общее время", "полное время", "time since start of test", "time since start", "timestamp",
+    "time stamp",
     "zeitstempel", "(s)", "(sec)", "(Sec)", "(seconds)", "(Seconds)", "(ms)", "(min)",
 )  # fmt: skip
 DISPLACEMENT = (
     "displacement", "disp", "extension", "elongation", "tensile extension", "tensile displacement", "deformation",
     "crosshead displacement", "grip displacement", "stroke", "standardweg", "weg", "traversenweg", "verlängerung",
     "déplacement", "deplacement", "allongement", "desplazamiento", "u", "d", "dl", "δl", "delta l",
-    "axial displacement", "crosshead extension", "crosshead travel", "standard travel", "travel",
+    "axial displacement", "displacement into surface", "pd", "penetration depth", "crosshead extension",
+    "crosshead travel", "standard travel", "travel",
     "machine displacement",
     "actuator displacement",
     "ram displacement", "compressive extension", "compressive displacement", "compression",
@@ -55,7 +57,8 @@ EXTENSOMETER = (
     "extensometer", "extensometer 1", "extensometer displacement", "extensometer extension", "extensometer strain",
     "axial extensometer", "video extensometer", "clip gauge", "lvdt", "feindehnung", "feindehnungsaufnehmer", "feinweg",
     "dehnungsaufnehmer", "extensomètre", "extensometre", "extensómetro", "extensometro", "extensômetro", "estensimetro",
-    "estensometro", "déform", "déform1", "deform", "deform1", "引伸计", "引伸計", "变形", "變形", "伸び", "伸び計",
+    "estensometro", "ext", "ext.", "déform", "déform1", "deform", "deform1", "引伸计", "引伸計", "变形", "變形",
+    "伸び", "伸び計",
     "伸び 1", "신율계", "연신계",
 )  # fmt: skip
 #: Displacements that are strains where their unit is that of a ratio: ``Elongation (%)``.
@@ -67,7 +70,8 @@ POSITION = (
     "position", "pos", "crosshead", "crosshead position", "actuator", "digital position", "crosshead absolute",
     "absolute crosshead travel", "traverse abs", "traverse absolue", "position traverse", "traverse", "traversa",
     "kolbenposition", "position des aktuators", "digitale position", "position de l'actionneur",
-    "posición", "actuator position", "ram position", "piston position", "machine position",
+    "posición", "posit", "положение", "c.head", "c. head", "c head", "actuator position", "ram position",
+    "piston position", "machine position",
 )  # fmt: skip
 LENGTH = (
     "length", "gauge length", "len", "länge", "longueur", "l", "size", "current length", "gap", "grip separation",
@@ -96,7 +100,8 @@ FORCE = (
     "load cell", "axial force", "axial load", "standard force", "tensile load", "compressive load", "compressive force",
     "reaction force", "rf", "normal force", "zugkraft", "druckkraft", "force standard", "effort", "carga", "forza",
     "carico", "força", "static force", "force feedback", "axial force feedback", "load feedback", "axial load feedback",
-    "kracht", "trekkracht", "voima", "forță", "forţă", "forta", "síla", "sila", "erő", "δύναμη", "gaya", "beban",
+    "load on sample", "fn", "kracht", "trekkracht", "voima", "forță", "forţă", "forta", "síla", "sila", "erő",
+    "δύναμη", "gaya", "beban",
     "machine load", "obciążenie", "siła", "усилие", "нагрузка", "сила", "yük", "kuvvet",
     "力", "载荷", "负荷", "负载", "力值", "试验力", "拉力", "压力", "載荷", "荷重", "試験力", "하중", "힘",
     "(N)", "(kN)", "(mN)", "(lbf)", "(kgf)", "(gf)",
@@ -145,7 +150,8 @@ DOUBTFUL = frozenset({
     "tegangan", "τάση",
     "deformation", "compression", "indentation", "distance", "travel", "course", "carrera", "corsa", "recorrido", "u",
     "d", "dl", "δl", "maschine", "stroke", "ストローク", "行程",
-    "f", "fz", "p", "rf", "last", "charge", "effort", "carga", "carico", "load cell", "normal force", "static force",
+    "pd", "fn", "f", "fz", "p", "rf", "last", "charge", "effort", "carga", "carico", "load cell", "normal force",
+    "static force",
     "压力", "负载", "하중",
 })  # fmt: skip
 

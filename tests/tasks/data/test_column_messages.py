@@ -137,3 +137,11 @@ def test_titles_with_an_axis_in_front_are_told():
             columns(f"Time (s){sizes}|XDisplacement_um|YDisplacement_um|XForce_mN|YForce_mN")
     with pytest.raises(BadInput, match="by a word in its title, 'XSize_um' or 'YSize_um' may be one"):
         columns("Time (s)|XSize_um|YSize_um|Force_mN")
+
+
+def test_columns_are_told_by_their_units_where_no_word_tells_them():
+    told = r"no column of displacement.*; by its unit, 'h in mm' may be one; expected --displacement"
+    with pytest.raises(BadInput, match=told):
+        columns("t in s|Fn in N|h in mm|eta in Pas")
+    with pytest.raises(BadInput, match="among .t in s, Fn in N, ratio in %.; expected "):
+        columns("t in s|Fn in N|ratio in %")

@@ -220,3 +220,18 @@ def test_columns_of_the_same_times_go_before_those_of_a_table_beside_them(tmp_pa
     path = tmp_path / "a.csv"
     path.write_text(f"{titles}\n" + "".join(f"{i},{i},{9 - i / 10},,{7 * i},0.{i}\n" for i in range(9)))
     assert inspect(path).content()["displacement"] == {"column": "Gap (mm)", "unit": "mm"}
+
+
+def test_columns_of_a_refused_table_are_told_by_their_units(tmp_path):
+    told = r"--force-column NAME or NUMBER \(by their units, 'Z\(m\)' and 'A\(N\)' or 'B\(N\)'\)"
+    with pytest.raises(BadInput, match=told):
+        inspected(tmp_path, "Z(m),A(N),B(N)")
+    with pytest.raises(BadInput, match=r"--force-column NAME or NUMBER$"):
+        inspected(tmp_path, "Z(m),A,B")
+
+
+def test_single_letters_are_titles_where_they_stand_together(tmp_path):
+    found = inspected(tmp_path, "F,h,t").content()
+    assert (found["force"]["column"], found["time"]["column"]) == ("F", "t")
+    with pytest.raises(BadInput, match="no columns of a test among"):
+        inspected(tmp_path, "F,Ca,K")

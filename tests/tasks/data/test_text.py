@@ -240,6 +240,10 @@ def test_no_break_spaces_that_mark_thousands_go_away():
         ("gb18030", "时间,位移,力"),
         ("big5", "時間,位移,載荷"),
         ("shift_jis", "時間,ストローク,試験力"),
+        ("cp1251", "Время;Перемещение;Нагрузка"),
+        ("koi8_r", "Время;Перемещение;Нагрузка"),
+        ("cp1253", "Χρόνος;Μετατόπιση;Δύναμη"),
+        ("cp1254", "Zaman;Uzama;Çekme gerilmesi (MPa);Yük;Geçen süre"),
         ("euc_kr", "시간,변위,하중"),
     ],
 )
