@@ -143,5 +143,5 @@ def test_columns_are_told_by_their_units_where_no_word_tells_them():
     told = r"no column of displacement.*; by its unit, 'h in mm' may be one; expected --displacement"
     with pytest.raises(BadInput, match=told):
         columns("t in s|Fn in N|h in mm|eta in Pas")
-    with pytest.raises(BadInput, match="among .t in s, Fn in N, ratio in %.; expected "):
+    with pytest.raises(BadInput, match=r"among .t in s, Fn in N, ratio in %.; expected "):
         columns("t in s|Fn in N|ratio in %")

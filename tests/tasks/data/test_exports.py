@@ -351,5 +351,7 @@ def test_a_gauge_length_that_nobody_knows_is_said_to_be_one_millimetre(tmp_path)
     told = "no gauge length: taken as 1 mm, so that displacements are strains; --length-mm"
     assert told in read_exports(path).remarks["a/test"]
     assert not any("length" in one for one in inspect(path).questions) and told in inspect(path).remarks
+    path.write_text("Time (s),Stretch,Stress (MPa)\n0,1,0\n1,1.1,5\n2,1.2,9\n")
+    assert not inspect(path).questions and told in inspect(path).remarks
     given = Reading(length_mm=20.0)
     assert told not in read_exports(path, reading=given).remarks.get("a/test", ())

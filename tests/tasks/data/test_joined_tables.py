@@ -40,6 +40,9 @@ def test_empty_titles_at_the_end_make_no_other_titles(tmp_path):
     assert [one.test for one in both] == ["A", "B"]
     more = [[*table[0], "Grip (mm)"], *([*row, 1] for row in table[1:])]
     assert len(read_recordings(write_workbook(tmp_path / "more.xlsx", A=wide, B=more), Hints())) == 2
+    for other in ([*table[0][:2], "Load (kN)"], [table[0][0], "Stroke (mm)", table[0][2]]):
+        with pytest.raises(BadInput, match="has other titles than the first one"):
+            read_recordings(write_workbook(tmp_path / "units.xlsx", A=wide, B=[other, *table[1:]]), Hints())
     other = [["Grip (mm)", *table[0]], *([1, *row] for row in table[1:])]
     with pytest.raises(BadInput, match="has other titles than the first one"):
         read_recordings(write_workbook(tmp_path / "other.xlsx", A=wide, B=other), Hints())

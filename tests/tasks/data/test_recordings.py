@@ -208,6 +208,11 @@ def test_few_rows_at_the_start_with_another_decimal_mark_are_left_out(tmp_path):
     (found,) = read_recordings(path, Hints(**chosen, force_column="3", force_unit="N"))
     assert found.notes == ("row 1 has a point as decimal mark, unlike those below, and is left out",)
     assert (found.rows[0], found.numbers[0].tolist()) == (2, [0.0, 0.5, 0.25])
+    path.write_text("0.0\t0.00\t-4.0\n\n" + rows.replace("\n", "\n\n"))
+    (found,) = read_recordings(path, Hints(**chosen, force_column="3", force_unit="N"))
+    assert len(found.rows) == 20
+    told = "19 empty rows among the numbers are passed over, the first above row 5: times go on there"
+    assert found.notes[0] == told
     path.write_text("t\tu\tF\n" + rows.replace("7,5", "7.5"))
     with pytest.raises(BadInput, match=r"row 9, u: '7\.5'; expected a finite number with a comma"):
         read_recordings(path, Hints(**chosen, force_column="3", force_unit="N"))

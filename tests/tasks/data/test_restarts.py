@@ -59,7 +59,15 @@ def test_noise_of_a_rest_before_the_motion_begins_no_test():
     rng = np.random.default_rng(1)
     moved = np.concatenate([np.zeros(300), UP])
     for _ in range(20):
-        assert of(moved, np.concatenate([np.zeros(300), 10.0 * UP]) + 0.5 * rng.standard_normal(330)) == []
+        noise = 0.5 * rng.standard_normal(330)
+        for each in (noise, np.round(noise)):  # also one that rests in most rows
+            assert of(moved, np.concatenate([np.zeros(300), 10.0 * UP]) + each) == []
+
+
+def test_a_motion_that_goes_back_by_less_than_half_begins_no_test():
+    back = np.concatenate([UP, UP[::-1][:18]])  # to 1.24 of 3
+    assert of(np.concatenate([back, UP])) == []
+    assert of(np.concatenate([UP, UP[::-1][:12], UP])) == [42]  # from 1.86
 
 
 def test_a_motion_that_is_set_to_zero_while_the_load_goes_on_is_no_new_test():

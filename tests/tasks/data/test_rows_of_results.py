@@ -49,5 +49,6 @@ def test_titles_of_results_without_a_time_or_a_force_are_refused(tmp_path):
     with pytest.raises(BadInput, match="no titles of time and force, but 'Yield' and 'UTS': results, and no curve"):
         inspect(table(tmp_path / "a.csv", "Elongation,Yield,UTS", [up, up, up]))
     assert inspect(table(tmp_path / "a.csv", "Elongation,Yield,Load", [up, up, up])).rows == 8
+    assert inspect(table(tmp_path / "a.csv", "Elongation,Yield,UTS,Load", [up, up, up, up])).rows == 8
     named = Reading(hints=Hints(force_column="UTS", force_unit="N"))
     assert inspect(table(tmp_path / "a.csv", "Elongation,Yield,UTS", [up, up, up]), named).rows == 8

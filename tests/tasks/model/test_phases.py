@@ -86,6 +86,14 @@ def test_a_displacement_that_is_recorded_less_often_than_the_force_has_its_own_p
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize("steps", [7, 20, 100])
+def test_a_displacement_in_few_large_steps_rests_where_it_stays_for_longer(steps):
+    """Ten steps up, of 10 % each, a rest that is no slow ramp to the next step, and ten steps down."""
+    up = np.repeat(np.arange(1, 11) / 10.0, 10)
+    moved = np.concatenate([np.zeros(10), up, np.ones(10 * steps), up[::-1][:-9] - 0.1])
+    assert kinds(Protocol("steps", np.arange(moved.size) / 50.0, moved)) == [("load", 1), ("hold", 1), ("unload", 1)]
+
+
 @pytest.mark.parametrize("unit", [1e-300, 1e-200, 1e200])
 def test_times_in_any_unit_have_the_same_phases(unit):
     protocol = one_step(10.0, 10.0)
