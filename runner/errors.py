@@ -31,19 +31,19 @@ class WalltimeReached(BaseException):
     failures of its own must not take it for one.
     """
 
-    def __init__(self, words: str, *, worked: bool = True) -> None:
+    def __init__(self, words: str, *, worked: bool | None = None) -> None:
         super().__init__(words)
         self._worked = worked
 
     @property
     def worked(self) -> bool:
-        """What the first one knew: the alarm may come again while the cluster is closed."""
-        first: WalltimeReached = self
-        before: BaseException | None = self.__context__
-        while before is not None:
-            first = before if isinstance(before, WalltimeReached) else first
-            before = before.__context__
-        return first._worked
+        """What the last one knew that knew it: an alarm does not, and may come before a run says so, or behind it."""
+        one: BaseException | None = self
+        while one is not None:
+            if isinstance(one, WalltimeReached) and one._worked is not None:
+                return one._worked
+            one = one.__context__
+        return True
 
 
 def of_the_system(error: OSError) -> str:

@@ -288,7 +288,7 @@ def test_a_program_that_others_may_replace_cannot_be_confirmed(study, tmp_path, 
             os, "lstat", lambda file, **k: os.stat_result(fields) if file == program else real(file, **k)
         )
     assert ends(monkeypatch, "trust", path) == 2
-    told = "belongs to another user" if mode == "of another user" else "is open to others, who may write there"
+    told = "to another user; expected" if mode == "of another user" else "who may write there; expected"
     assert told in capsys.readouterr().err
     assert not (tmp_path / "ran").exists()
 
