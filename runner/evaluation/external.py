@@ -17,12 +17,13 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
 
+from sinew.runner.confine import start
 from sinew.runner.files import NotReadable, new_file, own_folder, read_regular, refuse_open_way
 
 OUTPUT_FILE = "solver-output.txt"
@@ -70,13 +71,17 @@ def run(
     timeout_s: float,
     environment: Mapping[str, str] | None = None,
     max_file_bytes: int = 2**31,
+    max_memory_bytes: int | None = None,
+    confined: bool = False,
     meanwhile: Callable[[], None] | None = None,
 ) -> Finished:
     """Run ``command`` in ``directory``, in which nothing else has run before, and wait for it.
 
     Its output goes to ``directory/solver-output.txt``, a new file. A file larger than ``max_file_bytes`` ends it
-    (SIGXFSZ). ``meanwhile`` is called about once a second while it runs. Raises ``OSError`` when the program cannot be
-    started, and :class:`Stopped` when it is ended from outside, as batch systems do with all processes of a job.
+    (SIGXFSZ). It gets at most ``max_memory_bytes``. If ``confined``, it can write in ``directory`` only, see
+    :mod:`sinew.runner.confine`. ``meanwhile`` is called about once a second while it runs. Raises ``OSError`` when the
+    program cannot be started, and :class:`Stopped` when it is ended from outside, as batch systems do with all
+    processes of a job.
     """
     _start_guard()
     _adopt_orphans()
@@ -86,16 +91,10 @@ def run(
     started = time.perf_counter()
     with new_file(directory / OUTPUT_FILE) as output:
         with _limited(max_file_bytes):
-            process = subprocess.Popen(
-                list(command),
-                cwd=directory,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                env=full_environment,
-                start_new_session=True,
-            )
+            process = start(command, directory, output, full_environment, confined=confined)
         try:
+            if max_memory_bytes is not None:
+                _limit_memory(process, max_memory_bytes)
             timed_out = not _wait(process, timeout_s, meanwhile)
         finally:
             _kill_group(process.pid)
@@ -192,6 +191,15 @@ def _limited(max_file_bytes: int) -> Iterator[None]:
         finally:
             for kind, limit in before.items():
                 resource.setrlimit(kind, limit)
+
+
+def _limit_memory(process: subprocess.Popen[bytes], most: int) -> None:
+    """Limit a process that has just begun; the limits of this one cannot be lowered for it, as it may use more."""
+    if hasattr(resource, "prlimit"):
+        with suppress(ProcessLookupError):  # it has ended
+            hard = resource.prlimit(process.pid, resource.RLIMIT_AS)[1]
+            most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+            resource.prlimit(process.pid, resource.RLIMIT_AS, (most, hard))
 
 
 def _kill_group(group: int) -> None:

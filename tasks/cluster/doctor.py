@@ -288,6 +288,7 @@ def _canary(study: Study, specimen: Specimen, simulator: str | None, folder: Pat
     return {
         "solver": getattr(chosen, "executable", chosen.name),
         "version": getattr(chosen, "version", "with sinew"),
+        "confinement": getattr(chosen, "confinement", ""),
         "batched": chosen.capabilities.batch_multiple > 1,
         "seconds": time.perf_counter() - started,
         "status": status,
@@ -332,7 +333,8 @@ def _note_canary(
     if "error" in outcome:
         note("solver", False, outcome["error"])
         return
-    note("solver", True, f"{outcome['solver']}, version {outcome['version']}")
+    confinement = f"; {outcome['confinement']}" if outcome["confinement"] else ""
+    note("solver", True, f"{outcome['solver']}, version {outcome['version']}{confinement}")
     seconds = outcome["seconds"]
     fits = math.isinf(outcome["walltime_s"]) or seconds * drain.SAFETY + 2 * drain.CLOSING_S < outcome["walltime_s"]
     words = f"{specimens[0].name}: {outcome['status']} in {seconds:.3g} s"

@@ -15,6 +15,9 @@ from pathlib import Path
 from typing import Protocol as Interface
 from typing import TypeVar
 
+import psutil
+
+from sinew.runner import confine
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation import external
 from sinew.runner.evaluation.interim import STATES
@@ -29,7 +32,8 @@ INPUT = "model.feb"
 LARGEST_PROGRAM = 2**31  # bytes; a solver with all of its libraries has a tenth of it
 VERSION_TRIES, VERSION_S = 3, 20.0
 DEEPEST = 50  # folders in each other in an attempt that is kept
-_ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+#: One thread. Intel's library for threads warns that it cannot share memory, which it does not need.
+_ENVIRONMENT = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "KMP_WARNINGS": "0"}
 
 
 class Solver(Interface):
@@ -195,8 +199,26 @@ def _run(solver: Solver, directory: Path, interim: Interim | None, *options: str
         timeout_s=solver.timeout_s if before is None else max(1.0, solver.timeout_s - before.seconds),
         environment=_ENVIRONMENT,
         max_file_bytes=solver.max_file_bytes,
+        max_memory_bytes=psutil.virtual_memory().total,
+        confined=is_compiled(Path(solver.executable)),
         meanwhile=None if interim is None else interim.look,
     )
+
+
+def is_compiled(program: Path) -> bool:
+    """Whether a program is confined to its folder. A script is not: it may start a container, which could not begin."""
+    with open(program, "rb") as file:
+        return file.read(4) == b"\x7fELF"
+
+
+def confinement(program: Path) -> str:
+    """What its runs can write, in words."""
+    if not is_compiled(program):
+        return "a script, whose runs can write wherever you may"
+    means = confine.means()
+    if not means or means[0] == "seccomp":
+        return "this system has no Landlock: its runs can write wherever you may"
+    return f"its runs can write in their own folder only ({', '.join(means)})"
 
 
 def _refuse_another(program: Path, confirmed: bytes | None) -> None:
@@ -327,7 +349,8 @@ def solver_version(executable: Path, confirmed: bytes | None = None) -> str:
         with temporary_folder() as directory:
             try:
                 _refuse_another(executable, confirmed)
-                finished = external.run([str(executable), "-info"], directory, timeout_s=VERSION_S)
+                confined = is_compiled(executable)
+                finished = external.run([str(executable), "-info"], directory, timeout_s=VERSION_S, confined=confined)
             except external.Stopped as stopped:
                 reason = str(stopped)
                 continue

@@ -19,7 +19,7 @@ from sinew.tasks.model import Curve, Model, Protocol, Specimen
 from sinew.tasks.model.effect import Effect
 from sinew.tasks.simulate import Array, Capabilities, Compared, Simulated, Simulator, rmse_of
 from sinew.tasks.simulate.around import Around
-from sinew.tasks.simulate.febio.attempt import INPUT, attempt
+from sinew.tasks.simulate.febio.attempt import INPUT, attempt, confinement
 from sinew.tasks.simulate.febio.field_output import FieldOutput, field_course
 from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at, slack, what_of
 from sinew.tasks.simulate.febio.plot_file import PlotFile, read_plot_file
@@ -132,6 +132,11 @@ class FEBio:
     @property
     def name(self) -> str:
         return self.template.name
+
+    @property
+    def confinement(self) -> str:
+        """What the solver's runs can write on this machine, in words."""
+        return confinement(Path(self.executable))
 
     @property
     def capabilities(self) -> Capabilities:

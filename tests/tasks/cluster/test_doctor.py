@@ -114,7 +114,8 @@ def test_a_cluster_that_will_do(tmp_path, slurm_cluster):
     assert "BAD" not in said
     assert "slurm" in found["SLURM"]
     assert re.match(r"n\d, job \d+, Python 3", found["worker"])
-    assert found["solver"] == f"{tmp_path / 'solver'}, version 9.9.9"
+    script = "a script, whose runs can write wherever you may"
+    assert found["solver"] == f"{tmp_path / 'solver'}, version 9.9.9; {script}"
     assert found["canary"].startswith("distal/1: ok in ")
     assert found["threads"] == "2 workers with 1 thread each on 2 CPUs"
     assert found["scratch"].startswith("/tmp/sinew-")

@@ -4,17 +4,20 @@ import errno
 import json
 import os
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from sinew.runner import confine
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation import external
 from sinew.runner.store.schema import STATUSES
 from sinew.tasks.simulate.febio import attempt
 from sinew.tasks.simulate.febio.attempt import LARGEST_PROGRAM, program_hash, solver_version
+from tests.runner.test_confine import CONFINED
 from tests.tasks.simulate.febio.fake_solver import (
     BAR,
     BREAK,
@@ -345,3 +348,34 @@ def test_version_of_what_cannot_run(tmp_path):
     for path in (tmp_path / "nothing", tmp_path / "text"):
         with pytest.raises(BadInput, match=f"{path.name}: cannot be run"):
             solver_version(path)
+
+
+# ---- what a run can do
+
+
+@CONFINED
+def test_a_compiled_solver_writes_in_its_own_folder_only(tmp_path):
+    """Python itself stands for such a solver: it takes its input, ``-i model.feb``, for a program."""
+    ours = replace(solver(tmp_path), executable=sys.executable)
+    NORMAL = " N O R M A L   T E R M I N A T I O N\n"
+    text = f"""
+open("model.log", "w").write({NORMAL!r})
+try:
+    open({str(tmp_path / "outside")!r}, "w")
+except PermissionError as error:
+    open("told", "w").write(str(error))
+"""
+
+    def prepare(folder: Path) -> None:
+        (folder / "model.feb").write_text(text)
+
+    told = attempt.attempt(ours, prepare, lambda folder: (folder / "told").read_text(), {}, ())
+    assert "Permission denied" in told
+    assert not (tmp_path / "outside").exists()
+    assert "own folder only (Landlock" in ours.confinement
+
+
+def test_a_script_may_start_a_container_of_its_own(tmp_path, monkeypatch):
+    assert solver(tmp_path).confinement.startswith("a script")
+    monkeypatch.setattr(confine, "means", tuple)
+    assert attempt.confinement(Path(sys.executable)).startswith("this system has no Landlock")
