@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from sinew.runner.errors import LONGEST, SinewError, brief
-from sinew.tasks.simulate.febio.rendering import Wrong
+from sinew.tasks.simulate.febio.rendering.wrong import Wrong
 from sinew.tasks.simulate.row_by_row import Failed
 from tests.fuzz.targets import Target
 

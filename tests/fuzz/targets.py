@@ -26,7 +26,6 @@ from sinew.tasks.registry import TASKS
 from sinew.tasks.report import page
 from sinew.tasks.report.folder import read_folder
 from sinew.tasks.report.status import print_status, read_status, rows_as_csv
-from sinew.tasks.simulate.febio import rendering
 from sinew.tasks.simulate.febio.files import read_text
 from sinew.tasks.simulate.febio.kept import Run, entry_of, write_runs
 from sinew.tasks.simulate.febio.kept_files import contents, read_run
@@ -35,6 +34,7 @@ from sinew.tasks.simulate.febio.model_file.listing import as_json, lines
 from sinew.tasks.simulate.febio.model_file.source import read_source
 from sinew.tasks.simulate.febio.output import Logged, read_output, read_output_at
 from sinew.tasks.simulate.febio.plot_file import plot_file_of, read_plot_file
+from sinew.tasks.simulate.febio.rendering import program, sandbox
 from sinew.tasks.simulate.rows import read_parameters
 from sinew.tasks.study import pipeline
 from sinew.tasks.study import range_check as ranges
@@ -148,12 +148,12 @@ def _template() -> Target:
     def read(_: Path, path: Path) -> None:
         text = read_text(path)
         if path.suffix == ".j2":
-            rendering.job_script(path.name, text, {"walltime": "1:00", "account": "a", "command": "true"})
+            sandbox.job_script(path.name, text, {"walltime": "1:00", "account": "a", "command": "true"})
             return
-        rendering.included(path.name, text)
+        sandbox.included(path.name, text)
         variables = {"E_f": 200.0, "nu_m": 0.3}
         job = {"main": path.name, "renders": [variables, variables], "outputs": [], "known": list(variables)}
-        rendering.answer(job, {path.name: text})
+        program.answer(job, {path.name: text})
 
     return Target("template", {"bar.feb": bar, "job.sh.j2": job}, read, share=2)
 

@@ -231,6 +231,6 @@ def _rendered(partial: str, parameters: Mapping[str, float]) -> str:
 
 @lru_cache(64)
 def _template(partial: str) -> Any:
-    from sinew.tasks.simulate.febio.rendering import environment  # Jinja2 is slow to import
+    from sinew.tasks.simulate.febio.rendering.sandbox import environment  # Jinja2 is slow to import
 
     return environment({"partial": partial}).get_template("partial")

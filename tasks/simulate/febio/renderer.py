@@ -20,10 +20,12 @@ from threading import Lock, Timer
 from typing import Any
 
 from sinew.runner.evaluation import external
-from sinew.tasks.simulate.febio import rendering
+from sinew.tasks.simulate.febio.rendering import program, sandbox
 from sinew.tasks.simulate.row_by_row import Failed
 
-WALL_S = 300.0  # for one job; rendering.SECONDS limits the processor time
+# its modules know each other by their place: nothing of sinew is imported, and nothing from the current folder
+_START = "import sys; sys.path.insert(0, sys.argv.pop(1)); from rendering.program import main; main()"
+WALL_S = 300.0  # for one job; program.SECONDS limits the processor time
 GRACE_S = 5.0
 LONG = ("displacement_points", "step_points")  # texts of many points
 
@@ -40,7 +42,7 @@ class WrongTemplate(Failed):
 class Allowance:
     """The processor time (s) that is left for several jobs about one template."""
 
-    seconds: float = field(default_factory=lambda: rendering.SECONDS)
+    seconds: float = field(default_factory=lambda: program.SECONDS)
 
 
 def render(
@@ -55,7 +57,7 @@ def render(
 ) -> dict[str, Any]:
     """Render ``main`` of ``files`` with each mapping of variables in ``renders``.
 
-    The arguments and the result are those of :func:`sinew.tasks.simulate.febio.rendering.answer`. Raises
+    The arguments and the result are those of :func:`sinew.tasks.simulate.febio.rendering.program.answer`. Raises
     :class:`Failed`.
     """
     job = {"kind": "render", "main": main, "renders": renders, "outputs": outputs, "known": known, "texts": texts}
@@ -76,8 +78,8 @@ def render_input(
     given = {name: aside.get(name, value) for name, value in variables.items() if name in used}
     text = str(render(files, main, [given], outputs)["texts"][0])
     size = len(text) + sum(text.count(mark) * len(variables[name]) for name, mark in aside.items())
-    if size > rendering.INPUT_BYTES:
-        most = rendering.INPUT_BYTES / 2**20
+    if size > sandbox.INPUT_BYTES:
+        most = sandbox.INPUT_BYTES / 2**20
         raise WrongTemplate(main, f"renders to {size / 2**20:,.0f} MB", f"at most {most:.0f} MB")
     for name, mark in aside.items():
         text = text.replace(mark, variables[name])
@@ -158,7 +160,7 @@ class _Renderer:
         if self._process is None:
             self._files, self._owner = None, os.getpid()
             self._process = subprocess.Popen(
-                [sys.executable, "-I", str(Path(rendering.__file__).resolve())],
+                [sys.executable, "-I", "-c", _START, str(Path(__file__).resolve().parent)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
@@ -202,7 +204,7 @@ def _why(main: str, finished: external.Finished) -> Failed:
 
 
 def _too_long(main: str) -> WrongTemplate:
-    return WrongTemplate(main, f"takes more than {rendering.SECONDS} s of a processor", "a simpler template")
+    return WrongTemplate(main, f"takes more than {program.SECONDS} s of a processor", "a simpler template")
 
 
 _renderer = _Renderer()

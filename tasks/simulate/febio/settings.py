@@ -31,7 +31,7 @@ from sinew.tasks.study.trust import Request, refuse_program_of_others, require
 LONGEST_S = 86_400 * 30
 Seconds = Annotated[float, Field(gt=0, le=LONGEST_S, allow_inf_nan=False)]
 Executable = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f-][^\x00-\x1f]*$")]
-PlotVariable = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9][A-Za-z0-9_ .()*/+=;:'-]*$")]
+PlotVariable = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[A-Za-z0-9][A-Za-z0-9_ .()*/+=;:'-]*$")]
 
 MaterialPath = Annotated[str, Field(min_length=1, max_length=300, pattern=r"^[^\x00-\x1f]*$")]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from sinew.tasks.model import Specimen
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.febio.rendering import CONSTANTS, FUNCTIONS
+from sinew.tasks.simulate.febio.rendering.sandbox import CONSTANTS, FUNCTIONS
 from sinew.tasks.simulate.febio.stepping import load_points
 
 TAKEN = {

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from sinew.tasks.simulate.febio import rendering
+from sinew.tasks.simulate.febio.rendering import program
 from tests.tasks.cli.bad_input import BOMB, fifo, folder_for_file, link, sparse, write
 from tests.tasks.cluster.stand_in_slurm import SUBMIT, write_profile
 
@@ -182,7 +182,7 @@ def test_a_job_script_without_the_command_is_refused(refused):
     ],
 )
 def test_a_job_script_is_bounded_in_time_and_memory(refused, monkeypatch, text, told):
-    monkeypatch.setattr(rendering, "SECONDS", 1)
+    monkeypatch.setattr(program, "SECONDS", 1)
     write("mine.j2", text)
     write_profile("job_script", "mine.j2")
     message = refused(SUBMIT, "mine.j2: ", "; expected ")

@@ -12,8 +12,8 @@ import pytest
 
 from sinew.runner.evaluation.external import Stopped
 from sinew.runner.store.schema import STATUSES
-from sinew.tasks.simulate.febio import rendering
 from sinew.tasks.simulate.febio.renderer import _Renderer, render, render_input
+from sinew.tasks.simulate.febio.rendering import program
 from sinew.tasks.simulate.row_by_row import Failed
 from tests.tasks.simulate.febio.dogbone import BAR, OWN, RELAX, dogbone
 from tests.tasks.simulate.febio.fake_solver import BUILT_IN
@@ -34,7 +34,7 @@ from tests.tasks.simulate.febio.fake_solver import BUILT_IN
 )  # fmt: skip
 def test_a_template_is_bounded_in_time_and_memory(tmp_path, monkeypatch, text, told):
     """In its own process; one second of processor time instead of ten, so that the test does not take that long."""
-    monkeypatch.setattr(rendering, "SECONDS", 1)
+    monkeypatch.setattr(program, "SECONDS", 1)
     simulator = dogbone(tmp_path, f"<febio_spec>{{{{ E_matrix }}}}{text}</febio_spec>")
     found = simulator.simulate(OWN, BAR, RELAX, OWN.reference[np.newaxis])
     assert STATUSES[found.status[0]] == "bad_input"
@@ -182,7 +182,7 @@ def test_a_template_that_does_something_with_the_points_gets_them(own):
 
 def test_points_that_are_printed_often_are_bounded(own):
     """The process that renders has limits of its own; what is put in afterwards has the same."""
-    files = {"a": f"<febio_spec>{'{{ step_points }}' * 100}</febio_spec>"}
+    files = {"a": f"<febio_spec>{'<a>{{ step_points }}</a>' * 100}</febio_spec>"}
     assert len(render_input(files, "a", {"step_points": "<pt>1</pt>" * 10}, None)) > 10_000
     with pytest.raises(Failed, match="renders to 95 MB; expected at most 64 MB"):
         render_input(files, "a", {"step_points": "<pt>1</pt>" * 100_000}, None)

@@ -9,9 +9,10 @@ import pytest
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.model import Model
-from sinew.tasks.simulate.febio import renderer, rendering
+from sinew.tasks.simulate.febio import renderer
 from sinew.tasks.simulate.febio.files import read_files
 from sinew.tasks.simulate.febio.renderer import Allowance, included
+from sinew.tasks.simulate.febio.rendering import program
 from sinew.tasks.simulate.febio.template import check_template
 from sinew.tasks.simulate.row_by_row import Failed
 from tests.tasks.simulate.febio.dogbone import DOGBONE, OWN, dogbone
@@ -58,17 +59,17 @@ def test_all_renderings_of_a_check_have_one_bound(tmp_path, monkeypatch):
     ((job, files),) = jobs
     assert len(job["renders"]) == 1 + 2 * len(OWN.free)
     assert (job["seconds"], allowance.seconds < 7.5) == (7.5, True)
-    monkeypatch.setattr(rendering, "_limit_processor", limits.append)
-    monkeypatch.setattr(rendering.resource, "setrlimit", lambda *_: None)
+    monkeypatch.setattr(program, "_limit_processor", limits.append)
+    monkeypatch.setattr(program.resource, "setrlimit", lambda *_: None)
     lines = io.BytesIO(json.dumps(job | {"files": files}).encode() + b"\n")
     monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=lines))
     monkeypatch.setattr(sys, "stdout", SimpleNamespace(buffer=io.BytesIO()))
-    rendering.main()
+    program.main()
     assert limits == [7.5]
 
 
 def test_files_that_are_read_use_the_bound_of_the_check(tmp_path, monkeypatch):
-    monkeypatch.setattr(rendering, "SECONDS", 1)
+    monkeypatch.setattr(program, "SECONDS", 1)
     (tmp_path / "a.feb").write_text("{% include 'b.xml' %}")
     (tmp_path / "b.xml").write_text("{{ 1 }}" * 2_000_000)
     allowance = Allowance()
@@ -81,4 +82,4 @@ def test_files_that_are_read_use_the_bound_of_the_check(tmp_path, monkeypatch):
 def test_a_check_leaves_less_for_the_next(tmp_path):
     allowance = Allowance()
     assert included("a", "{% include 'b' %}", allowance) == ["b"]
-    assert 0 < allowance.seconds < rendering.SECONDS
+    assert 0 < allowance.seconds < program.SECONDS

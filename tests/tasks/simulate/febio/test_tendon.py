@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from sinew.runner.errors import BadInput
 from sinew.tasks.model import Model, Protocol, Specimen
 from sinew.tasks.simulate.febio import files
-from sinew.tasks.simulate.febio.rendering import Compiled, Wrong, rendered
+from sinew.tasks.simulate.febio.rendering.sandbox import Compiled, rendered
+from sinew.tasks.simulate.febio.rendering.wrong import Wrong
 from sinew.tasks.simulate.febio.tendon import TendonTemplate, read_template
 from tests.tasks.simulate.febio.fake_solver import BAR, PULL, TEMPLATE
 
