@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import sinew
+from sinew.runner.confine import confine
 
 # it imports nothing from the current folder; where sinew is not installed, it is found by its place, the last
 START = "import sys; sys.path.append(sys.argv.pop(1)); from {} import main; main()"
@@ -17,8 +18,12 @@ def command(module: str, *arguments: str) -> list[str]:
 
 
 def limit(memory_bytes: int, seconds: int) -> None:
-    """Limit the memory and the processor time of this process, and let it leave no core."""
+    """Limit the memory and the processor time of this process, and let it leave no core and write no file.
+
+    Threads that were started before can still write.
+    """
     for kind, most in ((resource.RLIMIT_CORE, 0), (resource.RLIMIT_AS, memory_bytes), (resource.RLIMIT_CPU, seconds)):
         hard = resource.getrlimit(kind)[1]
         most = most if hard == resource.RLIM_INFINITY else min(most, hard)  # a limit of the shell may be lower
         resource.setrlimit(kind, (most, most))
+    confine(())
