@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 from sinew.runner.errors import BadInput
 from sinew.tasks.data import units, words
 from sinew.tasks.data.heads import Row
-from sinew.tasks.data.quantities import FORCE, OF_A_TEST
+from sinew.tasks.data.quantities import FORCE, OF_A_TEST, TIME
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
 from sinew.tasks.data.titles import (
@@ -15,6 +15,7 @@ from sinew.tasks.data.titles import (
     name_and_unit,
     stations,
     without_fillers,
+    without_number,
     without_numbers,
     without_station,
     without_suffix,
@@ -94,7 +95,8 @@ def _known_names(names: Sequence[str], measured: Sequence[str]) -> list[str]:
         for place, (word, unit) in enumerate(zip(words, measured, strict=True)):
             fits = any(units.factor(one.units, unit) is not None for one in quantities if word in one.titles)
             fits = fits or (unit in units.MASSES and word in FORCE.titles)  # whose unit is asked for
-            if word and (fits or (not unit and without_fillers(names[place]) == word)):
+            numbered = quantities == (TIME,) and without_number(names[place]) == word  # "Time_0"
+            if word and (fits or (not unit and (numbered or without_fillers(names[place]) == word))):
                 names[place] = word
     return names
 

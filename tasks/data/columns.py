@@ -38,8 +38,9 @@ from sinew.tasks.data.quantities import (
 )
 from sinew.tasks.data.questions import NoColumn, Unclear, UnknownUnit
 from sinew.tasks.data.roles import Role, by_number, roles_of
+from sinew.tasks.data.rows_of_results import refuse_shear_column
 from sinew.tasks.data.tables import Table
-from sinew.tasks.data.titles import known_within, name_and_unit
+from sinew.tasks.data.titles import known_within, name_and_unit, of_several_specimens
 
 NOWHERE = -1
 SURE, LIKELY, GIVEN = "sure", "likely", "as you said"
@@ -80,6 +81,10 @@ class _Choice:
     how: str
     alike: tuple[int, ...] = ()  # the places of columns that could be taken as well
 
+    @property
+    def places(self) -> tuple[int, ...]:
+        return (self.place, *self.alike)
+
 
 def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tuple[Column, Column, Column]:
     """The columns of time, motion and load. Of columns with one title, the first counts if ``first_of_alike``.
@@ -93,7 +98,7 @@ def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tu
     if table.titles and not by_number(hints):
         check_width(table)
     for choice, role in zip(choices, roles, strict=True):
-        if choice.alike and not first_of_alike:
+        if choice.alike and (not first_of_alike or of_several_specimens([titles[at] for at in choice.places])):
             raise _which_of(table, titles, choice, role)
     time, motion, load = (
         _column(table, titles, named, role, choice) for role, choice in zip(roles, choices, strict=True)
@@ -108,12 +113,13 @@ def recognise(table: Table, hints: Hints, *, first_of_alike: bool = False) -> tu
 
 def _which_of(table: Table, titles: Row, choice: _Choice, role: Role) -> Unclear:
     """The question which of several columns is meant; by their numbers, where they have one title."""
-    places = (choice.place, *choice.alike)
-    listed, choices = " and ".join(shown(titles[place]) for place in places), by_title_or_number(titles, places)
+    places = choice.places
+    listed, choices = " and ".join(shown(titles[place]) for place in places[:2]), by_title_or_number(titles, places)
+    both = "may both" if len(places) == 2 else f"and {len(places) - 2} more may each"
     option = f"--{role.option}-column"
     return Unclear(
         str(table.path),
-        f"{listed} may both be the {choice.quantity.name}",
+        f"{listed} {both} be the {choice.quantity.name}",
         f"{option}, one of {', '.join(map(shown, choices))}",
         what=choice.quantity.name,
         which="which column?",
@@ -151,6 +157,9 @@ def partly(
             continue
         try:
             found.append(_column(table, titles, named, role, choice))
+            if of_several_specimens([titles[place] for place in choice.places]):
+                unclear = _which_of(table, titles, choice, role)
+                problems.append(f"{role.name}: {unclear.problem}; {unclear.expected}")
         except BadInput as error:
             title = titles[choice.place]
             alike = tuple(titles[place] for place in choice.alike)
@@ -313,6 +322,7 @@ def _rank(
 def _chosen_by_person(table: Table, titles: Row, named: Sequence[tuple[str, str]], role: Role) -> _Choice:
     wanted, place = _place_of(table, titles, named, role)
     name, unit = named[place]
+    refuse_shear_column(f"{table.path}: --{role.option}-column", titles[place])
     if wanted.isdigit() and (other := _of_another_role(name, role)):
         problem = f"column {wanted} is {shown(titles[place])}, a {other}"
         raise BadInput(f"{table.path}: --{role.option}-column", problem, "its title, if it is meant")

@@ -32,6 +32,7 @@ from sinew.tasks.data.units import factor, listed
 from sinew.tasks.model import Specimen
 
 NORMALISED_MM = 1.0  # the length of a bar whose displacements are strains
+_HOLD = re.compile(r"\bhold")  # "holding", but no "threshold"
 
 
 @dataclass(frozen=True)
@@ -178,7 +179,7 @@ def _without_zeros(recording: Recording) -> Recording:
 def _specimen(recording: Recording, protocol: str | None, name: str | None, reading: Reading) -> Specimen:
     bar = _bar(recording, reading)
     labels = [row[0].rpartition(":")[2].lower() for row in recording.header if row]
-    usual = "relaxation" if any("hold" in label for label in labels) else "test"
+    usual = "relaxation" if any(map(_HOLD.search, labels)) else "test"
     curve = curve_of(recording, bar, protocol or usual, reference=reading.reference)
     return Specimen(name or _plain(recording), bar.length_mm, bar.width_mm, bar.thickness_mm, (curve,))
 

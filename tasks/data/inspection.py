@@ -29,7 +29,12 @@ from sinew.tasks.data.recordings import read_recordings
 from sinew.tasks.data.remarks import remarks, which_columns
 from sinew.tasks.data.restarts import rows_again, tests_below
 from sinew.tasks.data.roles import TIMED
-from sinew.tasks.data.rows_of_results import refuse_oscillations, refuse_results_by_titles, refuse_rows_of_results
+from sinew.tasks.data.rows_of_results import (
+    refuse_oscillations,
+    refuse_results_by_titles,
+    refuse_rows_of_results,
+    refuse_shear,
+)
 from sinew.tasks.data.rows_of_words import says_more
 from sinew.tasks.data.same_times import behind_clock
 from sinew.tasks.data.several import FEWEST_ROWS, beside, blocks_of_tests, go_on, units_alone
@@ -146,6 +151,7 @@ def _refuse_no_test(
 ) -> None:
     """Raises :class:`BadInput` for a table of anything else than a test, as of results; ``numbers`` ``[t, 3]``."""
     refuse_oscillations(table)
+    refuse_shear(table, *columns[1:])
     if not hints.columns_given:
         _refuse_too_few_columns(table, columns)
         if columns[0] is None and columns[2] is None:

@@ -10,7 +10,7 @@ from sinew.tasks.data import units, words
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, STRAIN, Quantity
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_number
-from sinew.tasks.data.titles import name_and_unit
+from sinew.tasks.data.titles import is_spread, name_and_unit
 
 FOLLOWED, PARTS, FEWEST_PARTS = 2000, 50, 5  # rows, and parts of the machine's way, that an extensometer is compared in
 FOLLOWS = 0.5  # rank correlation
@@ -117,7 +117,7 @@ def titles_by_a_word(titles: Sequence[str], quantities: Sequence[Quantity]) -> l
 def titles_by_unit(titles: Sequence[str], quantities: Sequence[Quantity]) -> list[str]:
     """The titles with a unit of one of these quantities, but for ratios: ``Z(m)``."""
     each = [one.units for one in quantities if one.units is not units.FRACTION and "-" not in one.units]
-    measured = [(title, name_and_unit(title)[1]) for title in titles]
+    measured = [(title, name_and_unit(title)[1]) for title in titles if not is_spread(title)]
     return [title for title, unit in measured if any(units.factor(one, unit) is not None for one in each)]
 
 

@@ -26,6 +26,7 @@ from sinew.tasks.data.questions import NoColumn, Unclear
 from sinew.tasks.data.ragged import refuse_ragged
 from sinew.tasks.data.recording import Recording
 from sinew.tasks.data.restarts import rows_again, tests_again, without_gaps
+from sinew.tasks.data.rows_of_results import Oscillations, refusal_of, refuse_oscillations
 from sinew.tasks.data.rows_of_words import cut_off, names_test, says_more, without_words
 from sinew.tasks.data.same_times import again, before_clock, behind_clock, is_coarse, spread
 from sinew.tasks.data.several import (
@@ -81,7 +82,7 @@ def read_recordings(file: Path | Source, hints: Hints, *, first_of_alike: bool =
 
 def _read(source: Source, hints: Hints, *, first_of_alike: bool) -> list[Recording]:
     """The same, of tables of as many columns as the source asks for."""
-    missing: NoColumn | None = None
+    missing: BadInput | None = None
     found: list[tuple[Table, list[Recording]]] = []
     before: list[Table] = []  # with those that are left out
     short, end = 0, ("", 0)
@@ -101,10 +102,11 @@ def _read(source: Source, hints: Hints, *, first_of_alike: bool) -> list[Recordi
             if not hints.columns_given and units_alone(table, columns):
                 raise NoColumn(str(table.path), UNITS_ALONE, "titles of time, displacement and force")
             refuse_results(table, columns, count, hints)
+            refuse_oscillations(table)
             if count == 1 and not first_of_alike:
                 columns = recognise(table, hints)
-        except NoColumn as error:
-            missing = missing or error
+        except (NoColumn, Oscillations) as error:
+            missing = missing or refusal_of(table) or error
             continue
         if found and len(table.rows) < FEWEST_ROWS:
             short += 1

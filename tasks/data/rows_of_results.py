@@ -14,11 +14,22 @@ _RESULT = re.compile(
     r"\b(?:uts|yield|ultimate|strength|modulus|module|zugfestigkeit|streckgrenze|bruchkraft|rm|rp0[.,]2)\b",
     re.IGNORECASE,
 )
-_OSCILLATION = re.compile(r"\b(?:storage|loss) modulus\b|\btan ?\(?delta\b", re.IGNORECASE)
+_OSCILLATION = re.compile(
+    r"\b(?:storage|loss) modulus\b|\btan ?[(\[]?(?:delta\b|δ)|(?<!\w)[GE]['\u2032\u00b4]{1,2}(?![\w'])",
+    re.IGNORECASE,
+)
+_SHEAR = re.compile(
+    r"\b(?:shear|scher|schub|cisaillement)[ _-]?(?:strain|stress|dehnung|spannung|verzerrung)", re.IGNORECASE
+)
+EXPECTED_ALONG = "a test in tension or compression, along the axis of the specimen"
 EXPECTED_CURVE = "forces and displacements over time"
 EXPECTED = "a curve, or --rate-hz if its rows follow each other in time"
 UP_AND_DOWN = 0.25  # of their range: numbers in any order differ by a third of it from row to row
 Array = np.ndarray[Any, np.dtype[Any]]
+
+
+class Oscillations(BadInput):
+    """A table of moduli by which a material answers to oscillations."""
 
 
 def refuse_rows_of_results(table: Table, motion: str, moved: Array, load: Array) -> None:
@@ -37,11 +48,34 @@ def refuse_rows_of_results(table: Table, motion: str, moved: Array, load: Array)
 
 
 def refuse_oscillations(table: Table) -> None:
-    """Raises :class:`BadInput` for a table of moduli by which a material answers to oscillations: it is no curve."""
+    """Raises :class:`Oscillations` for a table of moduli by which a material answers to oscillations: no curve."""
     title = next((title for title in table.titles if _OSCILLATION.search(title)), None)
     if title is not None:
         problem = f"{shown(title)}: amplitudes of oscillations, and no curve"
-        raise BadInput(table.path, problem, EXPECTED_CURVE)
+        raise Oscillations(table.path, problem, EXPECTED_CURVE)
+
+
+def refuse_shear(table: Table, motion: object, load: object) -> None:
+    """Raises :class:`BadInput` for a table of shear strains and stresses without another motion or load."""
+    titles = [title for title in table.titles if _SHEAR.search(title)]
+    if len(titles) > 1 and (motion is None or load is None):
+        raise BadInput(table.path, f"{' and '.join(map(shown, titles[:2]))}: a test in shear", EXPECTED_ALONG)
+
+
+def refusal_of(table: Table) -> BadInput | None:
+    """Why a table without the columns of a test is none, where its titles tell that."""
+    try:
+        refuse_oscillations(table)
+        refuse_shear(table, None, None)
+    except BadInput as refusal:
+        return refusal
+    return None
+
+
+def refuse_shear_column(where: str, title: str) -> None:
+    """Raises :class:`BadInput` for a column of a shear strain or stress that a person names."""
+    if _SHEAR.search(title):
+        raise BadInput(where, f"{shown(title)} is of a test in shear", EXPECTED_ALONG)
 
 
 def refuse_results_by_titles(table: Table) -> None:

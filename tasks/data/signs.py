@@ -25,6 +25,7 @@ AT_ZERO = 0.05  # of the motion before it: what a machine has set to zero again 
 LOADED = 0.01  # of the range of the force: with less, a specimen is not loaded
 ALONG, ROWS_ALONG = 0.5, 10  # correlation of motion and force, beyond which they go together, and rows it takes
 OFFSET = 0.75  # of the way of a displacement: what it starts from is more than a preload takes
+TESTED = 0.2  # of the range of the force: behind a preload, the specimen is tested
 FEWEST = 3  # rows on either side of it
 ZERO, NEGATE, PRELOAD = "--zero-displacement", "--negate", "--preload"
 _TURNED = "which sign should be reversed?"
@@ -92,7 +93,10 @@ def new_zeros(numbers: Array) -> tuple[int, ...]:
     far = (steps > JUMP * np.ptp(motion)) & (steps > np.where(to_zero, STEPS_TO_ZERO, STEPS) * usual)
     jumps = np.flatnonzero(far & (loads < STAYS * span))
     rows = jumps + 1 if len(jumps) == 1 else jumps[to_zero[jumps]] + 1
-    return tuple(int(row) for row in rows if FEWEST <= row < len(numbers) - FEWEST)
+    found = tuple(int(row) for row in rows if FEWEST <= row < len(numbers) - FEWEST)
+    if found and np.ptp(numbers[found[-1] :, 2]) < TESTED * span:  # the machine drives back behind the test
+        return ()
+    return found
 
 
 def at_zero(before: Array, after: Array) -> Array:
@@ -147,7 +151,7 @@ def _sign(columns: Sequence[Column], numbers: Array, texts: Iterable[str], falls
 
 def _tells_compression(text: str) -> bool:
     folded = text.casefold()
-    return any(word in folded for word in words.COMPRESSION) and not _TENSION.search(folded)
+    return any(word in folded for word in (*words.COMPRESSION, *words.INDENTATION)) and not _TENSION.search(folded)
 
 
 def _falls(motion: Array, force: Array, *, shorter: bool) -> bool:

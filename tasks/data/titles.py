@@ -15,6 +15,7 @@ _NUMBERED = re.compile(r"(.*[^\d .]) ?(\d{1,3})")
 _AGAIN = re.compile(r"\.\d{1,3}$")
 _BRACKETS = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
 _IN_FRONT = re.compile(r"[(\[]([^()\[\]]+)[)\]] ?([^()\[\]]+)")  # a unit and a name: ``[um] Displacement``
+_UNIT_BEHIND = re.compile(r"(?<=[)\]]) ?in ([^\s()\[\]]+)$")
 _ALONG = re.compile(r"([^()\[\]]+)[(\[][xyzXYZ][)\]] ?, ?([^\s,()\[\]]+)")  # a name, its axis and its unit
 #: Behind a unit, what makes another quantity of it: ``Force (N) x 1000``, ``Force (N) / width``, ``Force (N) limit``.
 _CHANGING = (
@@ -78,6 +79,9 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
             name = f"{name} {other}"
         elif _EXTENSOMETER.search(other) and _plain(name) in words.DISPLACEMENT:
             name = words.EXTENSOMETER[0]
+        behind = _UNIT_BEHIND.search(title)
+        if not told and behind is not None and units.is_unit(behind[1]):  # "FY(U=0) in kN", beside "FY(U=23) in kN"
+            return _plain(title[: behind.start()]), units.agreed([behind[1], below])
         return _plain(name), units.agreed([*told, below]) or brackets[-1]
     title = title.rstrip("._") or title  # "Time_s_" of MATLAB and "Time..s." of R, which have no brackets in names
     for name, unit in _parts(" ".join(title.split())):
@@ -176,13 +180,23 @@ def _among_fillers(name: str, known: Collection[str]) -> str:
 
 def without_fillers(name: str) -> str:
     """A name without words that change nothing of it, and without that of a specimen in front: ``RD2 force``."""
-    parts = name.split()
-    named = _SPECIMEN.fullmatch(parts[0]) if len(parts) > 1 else None
-    if named is not None and named[1] not in _OTHERS | _FILLERS | _NO_SPECIMEN:
-        parts = parts[1:]
+    parts = name.split()[1:] if specimen_in_front(name) else name.split()
     parts = [part for part in parts if part not in _FILLERS]
     bare = " ".join(part for part in parts if part not in _NOMINAL)
     return bare if bare in words.STRAIN or bare in words.STRESS else " ".join(parts)
+
+
+def specimen_in_front(name: str) -> str:
+    """What looks like the name of a specimen in front of a name: ``rd2`` of ``rd2 force``; empty where nothing does."""
+    first, _, rest = name.partition(" ")
+    found = _SPECIMEN.fullmatch(first)
+    return "" if not rest or found is None or found[1] in _OTHERS | _FILLERS | _NO_SPECIMEN else first
+
+
+def of_several_specimens(titles: Sequence[str]) -> bool:
+    """Whether each title has the name of another specimen in front: ``RD2_force_kN, RD5_force_kN``."""
+    found = {specimen_in_front(name_and_unit(title)[0]) for title in titles}
+    return len(found) == len(titles) > 1 and "" not in found
 
 
 def stations(names: Sequence[str], motions: Collection[str], loads: Collection[str]) -> list[str]:
@@ -226,7 +240,8 @@ def _of_channel(word: str) -> bool:
 
 def is_spread(title: str) -> bool:
     """Whether a column holds the spread of a mean, such as a standard deviation."""
-    return re.split(r"[(\[]", title, maxsplit=1)[0].strip().lower() in SPREADS
+    name = re.split(r"[(\[]", title, maxsplit=1)[0].strip().lower()
+    return name in SPREADS or name.rpartition("_")[2] in SPREADS
 
 
 def _plain(text: str) -> str:

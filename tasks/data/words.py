@@ -70,6 +70,7 @@ POSITION = (
     "position", "pos", "crosshead", "crosshead position", "actuator", "digital position", "crosshead absolute",
     "absolute crosshead travel", "traverse abs", "traverse absolue", "position traverse", "traverse", "traversa",
     "kolbenposition", "position des aktuators", "digitale position", "position de l'actionneur",
+    "z sense", "z sensor",
     "posición", "posit", "положение", "c.head", "c. head", "c head", "actuator position", "ram position",
     "piston position", "machine position",
 )  # fmt: skip
@@ -122,6 +123,10 @@ COMPRESSION = (
     "stauchversuch", "压缩", "壓縮", "圧縮", "압축", "ściskan", "ściskaj", "сжати", "basma ger", "basma dene",
     "drukproef", "drukkracht", "drukspanning", "tryckprov", "trykprøv", "trykkprøv", "puristus", "tlakov", "tlačn",
     "стиск", "nyomóvizsg", "θλίψη", "tekan",
+)  # fmt: skip
+#: By which a title or a line above a table tells that a specimen is indented, which is a push.
+INDENTATION = (
+    "indent", "into surface", "load on sample", "penetration depth", "eindring", "eindruck", "压入", "壓入",
 )  # fmt: skip
 #: By which a title or a line above a table tells of a bending.
 BENDING = (

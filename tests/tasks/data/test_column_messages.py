@@ -9,7 +9,7 @@ TIMES = "s, ms, min, us, h"
 TIMELESS = "--time-column NAME or NUMBER, --rate-hz, --speed or --speed-column"
 NONE = "no column of time, nor of displacement, length or strain, nor of force or stress among"
 ALL = f"{TIMELESS}; --displacement-column NAME or NUMBER; --force-column NAME or NUMBER"
-FORCES = "N, kN, mN, cN, daN, uN, lbf, kgf, tf, kip, gf, ozf, dyn"
+FORCES = "N, kN, mN, cN, daN, uN, nN, pN, lbf, kgf, tf, kip, gf, ozf, dyn"
 LOADS = f"{FORCES}, Pa, kPa, MPa, GPa, N/cm2, kgf/mm2, kgf/cm2, bar, mbar, psi, ksi"
 
 

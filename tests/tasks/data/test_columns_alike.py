@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.columns import GIVEN, SURE, recognise
+from sinew.tasks.data.columns import GIVEN, SURE, partly, recognise
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.quantities import DISPLACEMENT, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.questions import NoColumn, UnknownUnit
@@ -14,6 +14,22 @@ from tests.tasks.data.test_columns import columns, table_of
 def test_of_columns_alike_none_is_taken_unless_that_is_asked_for():
     with pytest.raises(BadInput, match="may both be the force"):
         recognise(table_of("t_s|u_mm|F_N|F_N", *["0|1|2|3"] * 3), Hints())
+
+
+def test_forces_of_several_specimens_are_never_taken_unasked():
+    table = table_of("t_s|u_mm|RD2_force_kN|RD5_force_kN|TD2_force_kN", *["0|1|2|3|4"] * 3)
+    for first_of_alike in (False, True):
+        with pytest.raises(BadInput, match="'RD2_force_kN' and 'RD5_force_kN' and 1 more may each be the force"):
+            recognise(table, Hints(), first_of_alike=first_of_alike)
+    assert "--force-column, one of 'RD2_force_kN'" in partly(table, Hints())[1][0]
+    assert recognise(table, Hints(force_column="TD2_force_kN"))[2].title == "TD2_force_kN"
+
+
+@pytest.mark.parametrize("title", ["Time_0", "time 1"])
+def test_a_time_may_have_a_number_and_no_unit(title):
+    with pytest.raises(UnknownUnit, match="no unit of the time"):
+        columns(f"{title}|u_mm|F_N")
+    assert columns(f"{title}|u_mm|F_N", time_unit="ms")[0].title == title
 
 
 @pytest.mark.parametrize(
@@ -26,7 +42,7 @@ def test_an_extensometer_goes_before_the_machine_which_may_be_meant_as_well(titl
     motion = recognise(table, Hints(), first_of_alike=True)[1]
     assert (motion.title, motion.quantity.name) == (title, quantity)
     assert motion.alike == ("Crosshead (mm)", "Disp (mm)")
-    with pytest.raises(BadInput, match="may both be the"):
+    with pytest.raises(BadInput, match="and 1 more may each be the"):
         recognise(table, Hints())
 
 

@@ -174,6 +174,7 @@ def test_a_label_with_hold_makes_a_relaxation_and_a_value_does_not(tmp_path):
         ("Operator,hold\n", "test"),
         ("Holder : Anna,\n", "test"),
         (",\nhold time,3\n", "relaxation"),
+        ("Zero velocity threshold,3\n", "test"),
     ):
         assert read_export(exported(tmp_path, line + BLOCK + EXTENSIONS)).curves[0].name == name
 

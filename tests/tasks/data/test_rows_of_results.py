@@ -6,6 +6,7 @@ import pytest
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.inspection import Reading, inspect
+from sinew.tasks.data.recordings import read_recordings
 
 
 def table(path, titles, columns):
@@ -52,3 +53,36 @@ def test_titles_of_results_without_a_time_or_a_force_are_refused(tmp_path):
     assert inspect(table(tmp_path / "a.csv", "Elongation,Yield,UTS,Load", [up, up, up, up])).rows == 8
     named = Reading(hints=Hints(force_column="UTS", force_unit="N"))
     assert inspect(table(tmp_path / "a.csv", "Elongation,Yield,UTS", [up, up, up]), named).rows == 8
+
+
+@pytest.mark.parametrize(
+    "titles",
+    ["Time (s),Strain (%),F (N),Storage modulus (Pa)", "t_s,Strain (%),F (N),tan(δ)", "t in s,h in mm,Fn in N,G' in Pa",
+     "t_s,u_mm,F_N,E''"],
+)  # fmt: skip
+def test_moduli_of_oscillations_are_refused_with_or_without_a_person(tmp_path, titles):
+    up = [0.1 * i for i in range(8)]
+    path = table(tmp_path / "a.csv", titles, [up] * 4)
+    columns = Hints(time_column="1", displacement_column="2", force_column="3")
+    for look in (inspect, lambda path: read_recordings(path, Hints()), lambda path: read_recordings(path, columns)):
+        with pytest.raises(BadInput, match="amplitudes of oscillations, and no curve"):
+            look(path)
+
+
+def test_a_curve_behind_moduli_of_oscillations_is_read(tmp_path):
+    up = [0.1 * i for i in range(8)]
+    path = table(tmp_path / "a.csv", "Time (s),Strain (%),Force (N),G'", [up] * 4)
+    path.write_text(path.read_text() + "\n\nTime (s),Extension (mm),Load (N)\n" + "1,2,3\n2,3,4\n3,4,5\n4,5,6\n")
+    (found,) = read_recordings(path, Hints())
+    assert found.columns[1].title == "Extension (mm)"
+
+
+def test_a_test_in_shear_is_refused_with_or_without_a_person(tmp_path):
+    up = [0.1 * i for i in range(8)]
+    path = table(tmp_path / "a.csv", "Time [s],Shear Strain [%],Shear Stress [Pa]", [up] * 3)
+    columns = Hints(displacement_column="Shear Strain", force_column="Shear Stress")
+    for look in (inspect, lambda path: read_recordings(path, Hints()), lambda path: read_recordings(path, columns)):
+        with pytest.raises(BadInput, match="test in shear; expected a test in tension or compression"):
+            look(path)
+    titles = "Time (s),Strain (%),Stress (MPa),Shear Strain [%],Shear Stress [Pa]"
+    assert inspect(table(tmp_path / "b.csv", titles, [up] * 5)).rows == 8

@@ -124,6 +124,8 @@ def test_what_gets_the_other_sign(tmp_path):
         ("", f"{TITLES},压缩应变(%)"),
         ("", f"{TITLES},Naprężenie ściskające (MPa)"),
         ("Вид испытания,сжатие", TITLES),
+        ("", "Time On Sample (s),Displacement Into Surface (mm),Load On Sample (N)"),
+        ("Indenter shape correction,none", TITLES),
     ],
 )
 def test_a_compression_counted_as_positive_is_doubtful(tmp_path, above, titles):
@@ -213,6 +215,7 @@ def test_a_displacement_that_is_set_to_zero_again_after_a_preload_is_doubtful_un
         (np.where(LATER, 0.0, PULL) + 2.0 * (np.arange(401) == 300), np.where(SAMPLES_S < 5.0, SAMPLES_S, 0.0)),
         (SAMPLES_S % 1.0, np.where(SAMPLES_S % 1.0 > 0.5, 0.0, SAMPLES_S % 1.0)),
         (PULL + 3.0 * (SAMPLES_S > 5.0) + 5.0 * (SAMPLES_S > 7.0), SAMPLES_S),  # two jumps to elsewhere
+        (np.where(LATER, 0.0, PULL), np.maximum(3.0 - np.abs(SAMPLES_S - 3.0), 0.0)),  # driven back behind the test
     ],
 )
 def test_other_courses_are_not_taken_for_a_preload(tmp_path, motion, force):

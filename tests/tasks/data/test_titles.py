@@ -14,6 +14,7 @@ from tests.tasks.data.one_test_file import read
     ("title", "name", "unit"),
     [
         ("Force (N)", "force", "N"),
+        ("FY(U=23) in kN", "fy(u=23)", "kN"),
         ("Kraft [kN]", "kraft", "kN"),
         ("Zeit / s", "zeit", "s"),
         ("force_N", "force", "N"),
