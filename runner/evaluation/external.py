@@ -23,7 +23,7 @@ from pathlib import Path
 
 import psutil
 
-from sinew.runner.confine import start
+from sinew.runner.confine import is_confined, start
 from sinew.runner.files import NotReadable, new_file, own_folder, read_regular, refuse_open_way
 
 OUTPUT_FILE = "solver-output.txt"
@@ -221,7 +221,7 @@ def _kill_escaped(attempt: str, group: int) -> None:
         left = _reap_group(group)
         for pid in _children():
             try:
-                if psutil.Process(pid).environ().get(MARK) == attempt:
+                if _escaped(pid, attempt):
                     os.kill(pid, signal.SIGKILL)
                     os.waitpid(pid, 0)
                     left = True
@@ -230,6 +230,16 @@ def _kill_escaped(attempt: str, group: int) -> None:
         if not left:
             return
         time.sleep(0.001)
+
+
+def _escaped(pid: int, attempt: str) -> bool:
+    """Whether a child is of this run: by its mark, or confined as solvers are, but without any mark.
+
+    One that has the command line of this process has just been forked, and gets its mark in a moment.
+    """
+    process = psutil.Process(pid)
+    mark = process.environ().get(MARK)
+    return mark == attempt or (mark is None and is_confined(pid) and process.cmdline() != psutil.Process().cmdline())
 
 
 def _reap_group(group: int) -> bool:

@@ -5,15 +5,25 @@ import socket
 import sys
 from pathlib import Path
 
+import psutil
 import pytest
 
 from sinew.runner import confine
 from sinew.runner.evaluation import external
 from tests.runner.evaluation.solver_processes import LONG_S
 
-CONFINED = pytest.mark.skipif(
-    confine.means()[:1] < ("Landlock 6",) or "seccomp" not in confine.means(), reason="this system confines no programs"
-)
+CONFINED = pytest.mark.skipif(not confine.is_whole(), reason="this system confines no programs")
+
+
+CALLS = """
+import ctypes, os, socket
+libc = ctypes.CDLL(None, use_errno=True)
+def check(found):
+    if found < 0:
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+def call(*arguments):
+    check(libc.syscall(*arguments))
+"""
 
 
 def run(tmp_path: Path, statement: str) -> external.Finished:
@@ -21,7 +31,7 @@ def run(tmp_path: Path, statement: str) -> external.Finished:
     for name in ("inside", "outside"):
         (tmp_path / name).mkdir()
     (tmp_path / "outside" / "there").write_text("kept")
-    code = f"import os, socket; outside = {str(tmp_path / 'outside')!r}; {statement}"
+    code = CALLS + f"outside = {str(tmp_path / 'outside')!r}; {statement}"
     return external.run([sys.executable, "-c", code], tmp_path / "inside", timeout_s=LONG_S, confined=True)
 
 
@@ -45,6 +55,16 @@ def run(tmp_path: Path, statement: str) -> external.Finished:
         "socket.socket(socket.AF_UNIX)",
         "socket.socket(socket.AF_INET)",
         "os.kill(os.getppid(), 0)",
+        "socket.socketpair()",
+        "os.utime(outside + '/there', (1, 1))",
+        "call(463, -100, (outside + '/there').encode(), 0, b'user.a', b'', 16)",
+        "call(466, -100, (outside + '/there').encode(), 0, b'user.a')",
+        "call(469, -100, (outside + '/there').encode(), b'', 24, 0)",
+        "import resource; resource.prlimit(os.getppid(), resource.RLIMIT_CPU, (1, 1))",
+        "os.setpriority(os.PRIO_PROCESS, os.getppid(), 5)",
+        "os.sched_setaffinity(os.getppid(), [0])",
+        "import fcntl; fcntl.ioctl(os.open(outside + '/there', os.O_RDONLY), 0x40086602, b'\\0' * 8)",
+        "libc.shmget.restype = ctypes.c_int; check(libc.shmget(0, 4096, 0o1600))",
         "open(f'/proc/{os.getppid()}/mem', 'rb')",
         "import subprocess, sys; subprocess.run([sys.executable, '-c', f'open({outside!r} + chr(47) + chr(98), chr(119))'], check=True)",  # noqa: E501
     ],
@@ -70,6 +90,21 @@ def test_what_a_confined_program_can_do(tmp_path):
         "open(os.devnull, 'w').write('x'); os.kill(os.getpid(), 0); os.system('echo child')",
     )
     assert (finished.returncode, sorted(finished.output.split())) == (0, ["child", "kept", "on"])
+
+
+def test_a_confined_program_sets_its_own_limits(tmp_path):
+    own = "import resource; resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64)); os.sched_setaffinity(0, {0})"
+    assert run(tmp_path, own).returncode == 0
+
+
+@CONFINED
+def test_a_daemon_without_its_environment_is_gone(tmp_path):
+    """It leaves the group and forgets the mark of its run."""
+    daemon = "import os, time; open('pid', 'w').write(str(os.getpid())); time.sleep(1000)"
+    again = f"os.setsid() or os.execve({sys.executable!r}, ['python', '-c', {daemon!r}], {{}})"
+    wait = "import time\nwhile not os.path.exists('pid') or not open('pid').read(): time.sleep(0.01)"
+    assert run(tmp_path, f"os.fork() or {again}\n{wait}").returncode == 0
+    assert not psutil.pid_exists(int((tmp_path / "inside" / "pid").read_text()))
 
 
 def test_the_program_that_starts_it_stays_free(tmp_path):

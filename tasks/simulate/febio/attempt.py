@@ -215,10 +215,10 @@ def confinement(program: Path) -> str:
     """What its runs can write, in words."""
     if not is_compiled(program):
         return "a script, whose runs can write wherever you may"
-    means = confine.means()
-    if not means or means[0] == "seccomp":
-        return "this system has no Landlock: its runs can write wherever you may"
-    return f"its runs can write in their own folder only ({', '.join(means)})"
+    means = ", ".join(confine.means()) or "no Landlock"
+    if not confine.is_whole():
+        return f"this system cannot confine its runs, or not wholly ({means}): see docs/security.md"
+    return f"its runs can write in their own folder only ({means})"
 
 
 def _refuse_another(program: Path, confirmed: bytes | None) -> None:

@@ -377,5 +377,5 @@ except PermissionError as error:
 
 def test_a_script_may_start_a_container_of_its_own(tmp_path, monkeypatch):
     assert solver(tmp_path).confinement.startswith("a script")
-    monkeypatch.setattr(confine, "means", tuple)
-    assert attempt.confinement(Path(sys.executable)).startswith("this system has no Landlock")
+    monkeypatch.setattr(confine, "_landlock", lambda: 5)  # which keeps no signals inside
+    assert attempt.confinement(Path(sys.executable)).startswith("this system cannot confine its runs, or not wholly")
