@@ -239,8 +239,8 @@ def _of_one_clock(
     inside = [column if place in own else ("", "") for place, column in enumerate(named)]
     try:
         others = [_choose(table, titles, inside, role) for role in roles[1:]]
-    except NoColumn:
-        return found  # one test of several instruments
+    except (NoColumn, UnknownUnit):
+        return found  # one test of several instruments, or columns that a person names
     return [found[0], *others]
 
 

@@ -25,6 +25,12 @@ def test_forces_of_several_specimens_are_never_taken_unasked():
     assert recognise(table, Hints(force_column="TD2_force_kN"))[2].title == "TD2_force_kN"
 
 
+def test_columns_of_two_clocks_that_a_person_names_keep_their_units():
+    table = table_of("Time_a [s]|Fn_a [mN]|Time_a [s]|Pd_a [nm]", *["0|1|0|2"] * 3)
+    found = recognise(table, Hints(time_column="1", displacement_column="4", force_column="2"))
+    assert [(one.place, one.unit) for one in found] == [(0, "s"), (3, "nm"), (1, "mN")]
+
+
 @pytest.mark.parametrize("title", ["Time_0", "time 1"])
 def test_a_time_may_have_a_number_and_no_unit(title):
     with pytest.raises(UnknownUnit, match="no unit of the time"):
