@@ -150,6 +150,9 @@ def read_source(path: Path) -> Source:
     if is_labview(lines):
         rows, separator, decimal = read_labview(path, lines)
         return Source(path, (_Page("", rows, [row for _, row in rows]),), separator, decimal, FEWEST_COLUMNS)
+    filled = [line.strip() for _, line in lines[:HEAD_LINES] if line.strip()]
+    if filled and all(line.startswith("[") and line.endswith("]") for line in filled):
+        raise NoTable(path, "lists in brackets, and no table", EXPECTED)
     separator, decimal, fewest = layout(path, lines)
     rows = _without_blank_end([(at, tuple(cells(line, separator))) for at, line in lines])
     if separator == "\t" and apart_by_several(rows[:HEAD_LINES], decimal):

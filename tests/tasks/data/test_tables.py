@@ -307,3 +307,12 @@ def test_of_two_decimal_marks_the_one_with_more_columns_of_numbers_counts(tmp_pa
     (table,) = read_tables(path)
     assert table.decimal == ","
     assert table.number(3, 4) == 17.003
+
+
+def test_lists_in_brackets_are_no_table(tmp_path):
+    path = tmp_path / "packets.txt"
+    path.write_text("".join(f"[{i}, {2 * i}, 3, 4, 5]\n" for i in range(20)))
+    with pytest.raises(BadInput, match="lists in brackets, and no table"):
+        inspect(path)
+    path.write_text("[s],[mm],[N]\n" + "".join(f"{i},{i},{i}\n" for i in range(20)))
+    assert len(next(read_tables(path)).rows) == 20
