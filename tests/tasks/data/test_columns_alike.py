@@ -23,6 +23,8 @@ def test_forces_of_several_specimens_are_never_taken_unasked():
             recognise(table, Hints(), first_of_alike=first_of_alike)
     assert "--force-column, one of 'RD2_force_kN'" in partly(table, Hints())[1][0]
     assert recognise(table, Hints(force_column="TD2_force_kN"))[2].title == "TD2_force_kN"
+    twice = table_of("t_s|u_mm|RD2_force_kN|RD2_force_kN", *["0|1|2|3"] * 3)  # of one specimen: told as others
+    assert recognise(twice, Hints(), first_of_alike=True)[2].alike == ("RD2_force_kN",)
 
 
 def test_columns_of_two_clocks_that_a_person_names_keep_their_units():

@@ -48,6 +48,13 @@ def test_the_unit_below_counts_where_the_title_has_none():
 
 
 @pytest.mark.parametrize(
+    ("title", "spread"), [("SD (N)", True), ("F_std(N)", True), ("F_avg(N)", False), ("std", True)]
+)
+def test_titles_of_spreads_are_told(title, spread):
+    assert is_spread(title) == spread
+
+
+@pytest.mark.parametrize(
     ("title", "below", "unit"),
     [
         ("Force (N)", "kN", "N or kN"),

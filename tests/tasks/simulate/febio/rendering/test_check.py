@@ -29,6 +29,7 @@ from sinew.tasks.simulate.febio.rendering.wrong import Wrong
             "9 bytes",
         ),
         "replacements": ("<febio_spec><E type='math'>a=bb;a+a</E></febio_spec>", "holds ';'"),
+        "replacements in a name": ("<febio_spec><E name='a=bb;a+a'/></febio_spec>", "holds ';'"),
         "replacements in an attribute": ("<febio_spec><E value='a=bb;a+a'/></febio_spec>", "holds ';'"),
         "path behind an element": ("<febio_spec><image><a/>/etc/x</image></febio_spec>", "names a path"),
         "from": ('<febio_spec><Mesh from="a.feb"/></febio_spec>', "Mesh from"),
