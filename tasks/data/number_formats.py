@@ -9,7 +9,7 @@ OTHERWISE = "otherwise"  # with another sign, other digits or another decimal ma
 WITH = "shown with "  # so it does, with the unit behind this
 HAS_UNIT = re.compile(r"[^\W\d_]|[%°]")  # a letter
 BRACKETS = " ()[]"  # and spaces around a unit
-LONGEST_UNIT = 20
+LONGEST_UNIT, LONGEST = 20, 1000  # characters of a unit, and of a format: Excel allows 255
 IN_THOUSANDS = re.compile(r"[0#?](,+)(?![0#?,])")  # in a number format: each comma divides by a thousand
 #: Parts of a format: a text, a character, what leaves space, a currency or condition, and what stands for digits.
 PART = re.compile(r'"([^"]*)"|\\(.)|([_*].)|\[([^\]]*)\]|(General|[0#?.,%]|[Ee][-+])|(;)|(.)', re.DOTALL)
@@ -47,8 +47,11 @@ class Section:
 def shown_by(code: str) -> str | None:
     """How a format shows numbers: one of the ways above, or None: as they are.
 
-    The third section is of zero, unless they have conditions; the second is of negative numbers.
+    The third section is of zero, unless they have conditions; the second is of negative numbers. No spreadsheet program
+    writes one longer than ``LONGEST``, which is unclear.
     """
+    if len(code) > LONGEST:
+        return UNCLEAR
     parts = _sections(code)
     conditions = any(part.condition for part in parts)
     sections = [part for part in parts[: 3 if conditions else 2] if part.has_numbers]

@@ -44,7 +44,7 @@ def uses() -> dict[str, set[str]]:
             folder, text = str(path.relative_to(ROOT).parent), path.read_text("utf-8")
             for node in ast.walk(ast.parse(text)):
                 names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-                names += [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
+                names += [node.module] if isinstance(node, ast.ImportFrom) and node.module and not node.level else []
                 for name in names:
                     found.setdefault(name.partition(".")[0], set()).add(folder)
             for name, words in LOADED_BY.items():

@@ -15,8 +15,6 @@ from pathlib import Path
 from typing import Protocol as Interface
 from typing import TypeVar
 
-import psutil
-
 from sinew.runner import confine
 from sinew.runner.errors import BadInput
 from sinew.runner.evaluation import external
@@ -199,7 +197,7 @@ def _run(solver: Solver, directory: Path, interim: Interim | None, *options: str
         timeout_s=solver.timeout_s if before is None else max(1.0, solver.timeout_s - before.seconds),
         environment=_ENVIRONMENT,
         max_file_bytes=solver.max_file_bytes,
-        max_memory_bytes=psutil.virtual_memory().total,
+        max_memory_bytes=os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"),
         confined=is_compiled(Path(solver.executable)),
         meanwhile=None if interim is None else interim.look,
     )

@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sinew.tasks.data.number_formats import OTHERWISE, PERCENT, THOUSANDS, UNCLEAR, WITH, differs, shown_by
+from tests.effort import at_most
 
 
 @pytest.mark.parametrize(
@@ -99,6 +100,12 @@ def test_percent_and_thousands(code, way):
 def test_any_format_is_one_of_the_ways(code):
     shown = shown_by(code)
     assert shown in (None, PERCENT, THOUSANDS, UNCLEAR, OTHERWISE) or shown.startswith(WITH)
+
+
+@pytest.mark.parametrize("code", ["[" * 3_000_000, '"' * 3_000_001, '0" kN"' * 500_000])
+def test_a_format_without_end_takes_no_time(code):
+    with at_most(2.0):
+        assert shown_by(code) == UNCLEAR
 
 
 @pytest.mark.parametrize(
