@@ -3,6 +3,7 @@
 from xml.etree.ElementTree import Element, SubElement
 
 from sinew.tasks.simulate.febio.input_text import as_text, parsed
+from sinew.tasks.simulate.febio.rendering.outputs import part_of
 
 PLOT = "model.xplt"  # the solver names it after its input
 
@@ -16,12 +17,7 @@ def with_plot_file(text: str, variables: tuple[str, ...]) -> str:
     root = parsed(text)
     for control in root.iter("Control"):
         _set_levels(control)
-    output = root.find("Output")
-    if output is None:
-        output = SubElement(root, "Output")
-    plot = output.find("plotfile")
-    if plot is None:
-        plot = SubElement(output, "plotfile")
+    plot = part_of(part_of(root, "Output"), "plotfile")
     plot.attrib.clear()
     plot.set("type", "febio")  # not in the format of another program, and not in another file
     there = {variable.get("type") for variable in plot.findall("var")}

@@ -9,12 +9,7 @@ from .wrong import Wrong
 
 def add_outputs(main: str, root: Element, outputs: list[dict[str, Any]]) -> None:
     """Add the study's outputs to the log file section, each with a file of its own."""
-    section = root.find("Output")
-    if section is None:
-        section = SubElement(root, "Output")
-    log = section.find("logfile")
-    if log is None:
-        log = SubElement(section, "logfile")
+    log = part_of(part_of(root, "Output"), "logfile")
     for number, output in enumerate(outputs):
         chosen = _ids(main, root, output)
         if output["reduce"] == "single" and len(chosen) != 1:
@@ -22,6 +17,12 @@ def add_outputs(main: str, root: Element, outputs: list[dict[str, Any]]) -> None
             raise Wrong(f"simulator.outputs.{output['name']}", problem, "one, or reduce: sum, mean, max or min")
         attributes = {"data": output["item"], "name": output["name"], "file": f"sinew-{number}.txt", "delim": ","}
         SubElement(log, output["data"], attributes).text = ",".join(map(str, chosen))
+
+
+def part_of(element: Element, tag: str) -> Element:
+    """The first element ``tag`` inside ``element``, which gets one if there is none."""
+    found = element.find(tag)
+    return SubElement(element, tag) if found is None else found
 
 
 def _ids(main: str, root: Element, output: dict[str, Any]) -> list[int]:
