@@ -69,7 +69,7 @@ def runs(rows: Sequence[Sequence[str]], decimal: str, fewest: int) -> Iterator[R
     """Where rows have numbers in the same columns, until a row lacks a number that the first rows of a run have."""
     start = 0
     while start < len(rows):
-        common = numeric_places(rows[start], decimal)
+        common = numeric_places(rows[start], decimal) if len(rows[start]) >= fewest else set()
         for row in rows[start + 1 : start + RUN]:
             if len(common) >= fewest:
                 common &= numeric_places(row, decimal)

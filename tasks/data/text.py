@@ -167,6 +167,8 @@ def cells(line: str, separator: str) -> list[str]:
         line = _SPACED_THOUSANDS.sub("", line)
     if separator == " ":
         return line.split()
+    if line and separator not in line and '"' not in line:  # as with most separators that are tried
+        return [line.strip()]
     try:
         found = next(csv.reader([line], delimiter=separator), [])
     except csv.Error:

@@ -66,10 +66,17 @@ return found;
 """  # what the canvases of a place show; a screenshot of a long page takes ten seconds and more
 
 
-@pytest.mark.browser
-def test_every_section_is_drawn_without_errors_or_requests(chromium, whole_run):
+@pytest.fixture
+def page(chromium, whole_run) -> Path:
+    """The page of a whole run, open in the browser; drawing all of its plots takes seconds, so it stays open."""
     path = whole_run / "report.html"
-    opened(chromium, path)
+    if chromium.current_url != path.as_uri():
+        opened(chromium, path)
+    return path
+
+
+@pytest.mark.browser
+def test_every_section_is_drawn_without_errors_or_requests(chromium, page):
     drawn = dict(chromium.execute_script(DRAWN))
     assert len(drawn) >= 20
     assert all(drawn.values()), [name for name, inked in drawn.items() if not inked]
@@ -77,14 +84,13 @@ def test_every_section_is_drawn_without_errors_or_requests(chromium, whole_run):
         assert chromium.find_element("id", name).is_displayed()
     for name in SECTIONS[:8]:
         assert any(plot.startswith(name) for plot in drawn), name
-    quiet(chromium, path)
+    quiet(chromium, page)
 
 
 @pytest.mark.browser
-def test_a_picked_specimen_changes_its_plots(chromium, whole_run):
+def test_a_picked_specimen_changes_its_plots(chromium, page):
     from selenium.webdriver.support.ui import Select
 
-    opened(chromium, whole_run / "report.html")
     values = "return Bokeh.documents.map((d) => d.get_model_by_name('cyclic')).find((s) => s?.data.model).data"
     place = chromium.find_element("id", "calibration-fit-0")
     before, pictures = chromium.execute_script(f"{values}.model[20]"), chromium.execute_script(PICTURES, place)
@@ -99,14 +105,14 @@ def test_a_picked_specimen_changes_its_plots(chromium, whole_run):
         assert time.monotonic() < deadline, "the plot shows the former specimen"
         time.sleep(0.1)
     assert chromium.find_element("css selector", "#calibration-curves .picked-note").text not in ("", note)
-    quiet(chromium, whole_run / "report.html")
+    quiet(chromium, page)
 
 
 @pytest.mark.browser
-def test_hovering_shows_values(chromium, whole_run):
+@pytest.mark.usefixtures("page")
+def test_hovering_shows_values(chromium):
     from selenium.webdriver import ActionChains
 
-    opened(chromium, whole_run / "report.html")
     place = chromium.find_element("id", "sensitivity-indices")
     chromium.execute_script("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", place)
     spot = chromium.execute_script(
@@ -155,8 +161,7 @@ def test_a_phone_has_no_horizontal_scroll(chromium, whole_run):
 
 
 @pytest.mark.browser
-def test_printing_gives_whole_plots(chromium, whole_run):
-    opened(chromium, whole_run / "report.html")
+def test_printing_gives_whole_plots(chromium, page):
     count = chromium.execute_script(
         "dispatchEvent(new Event('beforeprint')); return document.querySelectorAll('.plot > svg.paper').length"
     )
@@ -172,7 +177,7 @@ def test_printing_gives_whole_plots(chromium, whole_run):
     assert pdf.startswith(b"%PDF")
     assert len(pdf) > 50_000
     assert len(re.findall(rb"/Type\s*/Page\b", pdf)) >= 4
-    quiet(chromium, whole_run / "report.html")
+    quiet(chromium, page)
 
 
 @pytest.mark.browser
