@@ -7,8 +7,12 @@ from pathlib import Path
 import sinew
 from sinew.runner.confine import confine
 
-# it imports nothing from the current folder; where sinew is not installed, it is found by its place, the last
-START = "import sys; sys.path.append(sys.argv.pop(1)); from {} import main; main()"
+# it imports nothing from the current folder; where sinew is not installed, it is found by its place, the last; threads
+# of linear algebra, one for each core of a node, would reserve the memory that the process may have
+START = (
+    "import os, sys; os.environ['OPENBLAS_NUM_THREADS'] = '1'; "
+    "sys.path.append(sys.argv.pop(1)); from {} import main; main()"
+)
 
 
 def command(module: str, *arguments: str) -> list[str]:

@@ -9,12 +9,15 @@ import sqlite3
 import sys
 from collections.abc import Mapping
 from contextlib import closing
+from pathlib import Path
 from typing import Any
 
 from sinew.runner.limits import limit
 
-MEMORY_BYTES, SECONDS = 2**30, 60  # of the process
+MEMORY_BYTES, SECONDS = 2**31, 60  # of the process
 MAX_TABLES = 100  # and as many indexes
+MOST_ROWS = {"version": 1, "abc_smc": 1, "populations": 10_000}  # pyABC asks for each of them once more
+MAX_TEXT_BYTES = 2**16
 DAMAGED = "damaged ({})"
 #: What SQLite, which keeps any value in any column, may hold where SQLAlchemy expects a type of Python.
 HELD = {
@@ -69,11 +72,16 @@ def _other(database: sqlite3.Connection, table: str, columns: Mapping[str, str])
         return f"has no {table}.{missing[0]}"
     if found(f"SELECT EXISTS (SELECT 1 FROM {table})") == [0]:  # noqa: S608
         return f"holds nothing in {table}"
+    if table in MOST_ROWS and (rows := found(f"SELECT count(*) FROM {table}")[0]) > MOST_ROWS[table]:  # noqa: S608
+        return f"holds {rows:,} rows in {table}"
     for column, kind in columns.items():
         held = found(f"SELECT DISTINCT typeof({column}) FROM {table}")  # noqa: S608
         wrong = sorted(set(held) - set(HELD[kind]))
         if not wrong and kind == "datetime":
             wrong = found(f"SELECT 'text' FROM {table} WHERE {NO_TIME.format(column)}")  # noqa: S608
+        if not wrong and kind == "str":
+            longest = f"SELECT 'a text of ' || max(length(CAST({column} AS BLOB))) || ' bytes' FROM {table}"  # noqa: S608
+            wrong = found(f"{longest} HAVING max(length(CAST({column} AS BLOB))) > {MAX_TEXT_BYTES}")
         if wrong:
             return f"holds {wrong[0]} in {table}.{column}"
     return None
@@ -85,5 +93,22 @@ def main() -> None:
     The others say in how many steps, of how many instructions, and its schema as JSON.
     """
     limit(MEMORY_BYTES, SECONDS)
-    uri, steps, step, schema = sys.argv[1:5]
-    sys.stdout.write(json.dumps(fault(uri, int(steps), int(step), json.loads(schema))))
+    path, steps, step, schema = sys.argv[1:5]
+    wrong = fault(f"{Path(path).as_uri()}?mode=ro", int(steps), int(step), json.loads(schema))
+    sys.stdout.write(json.dumps(wrong or _unreadable(path)))
+
+
+def _unreadable(path: str) -> str | None:
+    """Why pyABC cannot read the whole file; or None."""
+    import pyabc
+
+    try:
+        history = pyabc.History(f"sqlite:///{path}", create=False)
+        history.get_all_populations()
+        for generation in range(history.max_t + 1):
+            history.get_weighted_distances(generation)
+            for model in history.alive_models(generation):
+                history.get_distribution(int(model), generation)
+    except Exception as error:  # noqa: BLE001 - what libraries raise for damaged files is no closed list
+        return DAMAGED.format(error)
+    return None

@@ -6,7 +6,6 @@ Nothing is unpickled: numbers come from ``TASK.json``, the store, pyABC's SQLite
 import json
 import os
 import subprocess
-import warnings
 from pathlib import Path
 from types import MethodType, ModuleType
 from typing import Any
@@ -23,6 +22,7 @@ from sinew.runner.store.schema import STATUSES
 from sinew.runner.store.store import open_store
 from sinew.runner.store.table import Table
 from sinew.tasks.calibrate.result import CalibrateResult, search_group
+from sinew.tasks.infer.library import arviz
 from sinew.tasks.simulate import Array
 from sinew.tasks.simulate.saltelli import MOST_NUMBERS, block_of, drawn
 from sinew.tasks.sobol.result import KEYS, SobolResult
@@ -31,6 +31,7 @@ from sinew.tasks.study.result import believed
 INFERRED = "what `sinew infer` writes; run it again"  # expected of its files
 MAX_FILE_BYTES = 2**28
 STEP, MAX_STEPS = 100_000, 5_000  # of the look at a database: instructions of SQLite together, and how often
+POSTERIOR_S = 30  # of the look at a posterior, most of which goes into the import of libraries
 WALL_S = 600.0
 
 
@@ -112,7 +113,7 @@ def _refuse_program(path: Path, schema: Schema) -> None:
             raise BadInput(beside, "is there", "no file of an interrupted change; delete it")
     if (size := path.stat().st_size) > MAX_FILE_BYTES:
         raise BadInput(path, f"has {size:,} bytes", INFERRED)
-    _refuse(path, database_reading, f"{path.as_uri()}?mode=ro", str(MAX_STEPS), str(STEP), json.dumps(schema))
+    _refuse(path, database_reading, str(path), str(MAX_STEPS), str(STEP), json.dumps(schema))
 
 
 def _refuse(path: Path, look: ModuleType, *arguments: str) -> None:
@@ -130,11 +131,8 @@ def _refuse(path: Path, look: ModuleType, *arguments: str) -> None:
 def posterior(folder: Path, site: str) -> Any:
     """1,000 draws of equal weight from the posterior of a site as :class:`arviz.InferenceData`."""
     path = _of_site(folder, site, "nc")
-    _refuse(path, posterior_file, str(path.absolute()), str(MAX_FILE_BYTES))
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", r"[\s\S]*ArviZ is undergoing a major refactor", FutureWarning)
-        import arviz
-    return arviz.from_netcdf(str(path), engine="h5netcdf")
+    _refuse(path, posterior_file, str(path.absolute()), str(MAX_FILE_BYTES), str(POSTERIOR_S))
+    return arviz().from_netcdf(str(path), engine="h5netcdf")
 
 
 def skopt_result(result: CalibrateResult, folder: Path, specimen: str, *, surrogate: bool = False) -> Any:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from sinew.runner.limits import limit
+from sinew.tasks.infer.library import arviz
 
 MAX_DRAWS = 10**6  # numbers of one variable, and of one of its chunks
 WIDEST = 8  # bytes of such a number
@@ -24,27 +25,25 @@ KINDS = "biufSO"  # of numbers and texts; others are made of parts, each of whic
 DEFLATE, SHUFFLE, FLETCHER = 1, 2, 3  # HDF5's numbers of its filters
 CHECKSUM_BYTES = 4
 MOST_AXES = 8  # of a variable, each of which is a list of references
-MEMORY_BYTES, SECONDS = 2**31, 10  # of the process
+MEMORY_BYTES = 2**31  # of the process
 
 
 def main() -> None:
-    """Look at the file of the first argument, and read it as the library does; writes what is wrong as JSON."""
-    limit(MEMORY_BYTES, SECONDS)
+    """Look at the file of the first argument, and read it as the library does; writes what is wrong as JSON.
+
+    The second says how many bytes it may have, the third how many seconds of a processor all of this may take.
+    """
+    limit(MEMORY_BYTES, int(sys.argv[3]))
     path = Path(sys.argv[1])
     sys.stdout.write(json.dumps(fault(path, int(sys.argv[2])) or _unreadable(path)))
 
 
 def _unreadable(path: Path) -> str | None:
-    """Why xarray, with which ArviZ opens a group of draws, cannot read the whole file; or None."""
-    import h5py  # type: ignore[import-untyped]
-    import xarray as xr
-
+    """Why ArviZ cannot read the whole file, or None. Names of groups become attributes of what it returns."""
     try:
-        with h5py.File(path, "r") as file:
-            groups = [name for name in file if isinstance(file[name], h5py.Group)]
-        for group in groups:
-            with xr.open_dataset(path, group=group, engine="h5netcdf") as dataset:
-                dataset.load()
+        found = arviz().from_netcdf(str(path), engine="h5netcdf")
+        for group in found.groups():
+            found[group].load()
     except Exception as error:  # noqa: BLE001 - what libraries raise for damaged files is no closed list
         return f"damaged ({error})"
     return None
@@ -52,7 +51,7 @@ def _unreadable(path: Path) -> str | None:
 
 def fault(path: Path, max_bytes: int) -> str | None:
     """Why a file must not be opened: its numbers are in other files, or it holds more than is written; or None."""
-    import h5py
+    import h5py  # type: ignore[import-untyped]
 
     if (size := path.stat().st_size) > max_bytes:
         return f"has {size:,} bytes"
@@ -60,7 +59,8 @@ def fault(path: Path, max_bytes: int) -> str | None:
         with h5py.File(path, "r") as file:
             datasets: dict[int, Any] = {}
             found = _of_attributes("it", file) or _of_group(file, datasets)
-            total = sum(one.size * one.dtype.itemsize for one in datasets.values() if one is not None)
+            # whatever a file keeps, with an attribute scale_factor it is read as float64
+            total = sum(one.size * WIDEST for one in datasets.values() if one is not None)
             return found or (f"holds {total:,} bytes of numbers" if total > MAX_BYTES else None)
     except (OSError, RuntimeError, ValueError, KeyError, RecursionError, zlib.error) as error:
         return f"damaged ({error})"

@@ -71,6 +71,20 @@ def test_a_database_whose_tables_compute_is_refused(copied_run, monkeypatch, cha
         ("UPDATE populations SET t = 0.5", "holds real in populations.t"),
         ("UPDATE summary_statistics SET value = 'x'", "holds text in summary_statistics.value"),
         ("UPDATE abc_smc SET start_time = 'yesterday'", "holds text in abc_smc.start_time"),
+        ("UPDATE abc_smc SET start_time = '2020-19-39 00:00:00.000000'", r"damaged \(month must be in 1..12\)"),
+        ("UPDATE version SET version_num = '99'", r"damaged \(Database has version 99"),
+        ("UPDATE abc_smc SET json_parameters = CAST(x'ff00fe' AS TEXT)", r"damaged \(.*Could not decode to UTF-8"),
+        (
+            "UPDATE abc_smc SET json_parameters = printf('%.*c', 70000, 'x')",
+            "holds a text of 70000 bytes in abc_smc.js",
+        ),
+        ("INSERT INTO version VALUES ('1')", "holds 2 rows in version"),
+        ("INSERT INTO abc_smc (id) VALUES (77)", "holds 2 rows in abc_smc"),
+        (
+            "INSERT INTO populations (id, abc_smc_id, t) WITH RECURSIVE n(i) AS (SELECT 1000 UNION ALL SELECT i + 1 "
+            "FROM n WHERE i < 12000) SELECT i, 1, i FROM n",
+            r"holds 11,\d+ rows in populations",
+        ),
     ],
 )
 def test_a_database_with_other_tables_than_pyabc_makes_is_refused(copied_run, change, problem):
@@ -251,7 +265,8 @@ def test_a_posterior_is_looked_at_before_it_is_opened(copied_run):
         sinew.results(copied_run).arviz("distal")
 
 
-def test_a_posterior_that_keeps_hdf5_busy_for_ever_is_refused(copied_run):
+def test_a_posterior_that_keeps_hdf5_busy_for_ever_is_refused(copied_run, monkeypatch):
+    monkeypatch.setattr("sinew.interop.POSTERIOR_S", 5)
     path = copied_run / "infer" / "distal.nc"
     content = bytearray(path.read_bytes())
     at = content.index(b"GCOL") + 16  # the first object of a heap: its number, in 8 bytes, its length, and its content
@@ -260,6 +275,26 @@ def test_a_posterior_that_keeps_hdf5_busy_for_ever_is_refused(copied_run):
     content[at : at + 2] = bytes(2)  # the number of free space
     path.write_bytes(content)
     with pytest.raises(BadInput, match=r"distal\.nc: takes too long, or too much memory, to look at"):
+        sinew.results(copied_run).arviz("distal")
+
+
+@pytest.mark.parametrize(
+    ("name", "attributes", "problem"),
+    [
+        ("more/numbers", {"scale_factor": 2.5}, r"holds [0-9,]+ bytes of numbers"),
+        ("numbers", {"scale_factor": 2.5}, r"holds [0-9,]+ bytes of numbers"),
+        ("day", {"units": "days since never"}, r"damaged \(.*days since never"),
+        ("__class__/day", {}, r"damaged \(__class__ must be"),
+    ],
+)
+def test_a_posterior_with_more_beside_its_draws_is_refused(copied_run, name, attributes, problem):
+    def add(file):
+        for number in range(40 if "numbers" in name else 1):  # a byte of each number is kept, and none was written
+            one = file.create_dataset(f"{name}{number}", (10**6,), "i1", chunks=(10**6,), compression="gzip")
+            one.attrs.update(attributes)
+
+    change_posterior(copied_run, add)
+    with pytest.raises(BadInput, match=rf"distal\.nc: {problem}"):
         sinew.results(copied_run).arviz("distal")
 
 

@@ -112,10 +112,15 @@ def source(name: str, columns: Mapping[str, Any]) -> ColumnDataSource:
 
 def numbers(values: Any) -> list[Any]:
     """A column as a list: numbers of few digits, NaN where there is none; words as they are."""
-    array = np.asarray([np.nan if value is None else value for value in values])
-    if array.dtype.kind not in "fiub":
+    if any(isinstance(value, str) for value in values):  # NumPy would take as much for each as for the longest
         return [str(value) for value in values]
+    array = np.asarray([np.nan if value is None else value for value in values])
     return [float(f"{value:.{DIGITS}g}") for value in array.astype(float)]
+
+
+def _size(values: Any) -> int:
+    """What a column takes in the page, in numbers."""
+    return 10 + len(values) + sum(len(value) // DIGITS for value in values if isinstance(value, str))
 
 
 def plain(text: str) -> str:
@@ -166,7 +171,7 @@ def picked(
     rounded: dict[str, dict[str, dict[str, list[Any]]]] = {}
     room = MOST_NUMBERS
     for option, found in data.items():
-        room -= sum(len(values) + 10 for columns in found.values() for values in columns.values())
+        room -= sum(_size(values) for columns in found.values() for values in columns.values())
         if room < 0 and rounded:
             caption += f" The first {len(rounded):,} of {len(data):,} can be picked."
             break

@@ -24,6 +24,7 @@ from sinew.tasks.study.files import MAX_JSON_BYTES, write_json
 ALWAYS = ("numpy", "scipy", "numba")
 
 MOST_NAMES, MOST_ENTRIES = 1_000, 20_000  # parameters; specimens, protocols and the like
+LONGEST_NAME, LONGEST_TEXT = 300, 5_000  # characters of names, which a page repeats, and of sentences
 ROUNDING = 1e-9  # by which a number may leave its range
 NAMED = ("names", "free", "bounds", "units", "meanings", "methods")  # fields with an entry for each parameter, or few
 
@@ -195,6 +196,23 @@ def _check_size(content: Any, where: Path) -> None:
         most = MOST_NAMES if field in NAMED else MOST_ENTRIES if isinstance(value, dict) else None
         if most is not None and isinstance(value, dict | list) and len(value) > most:
             raise BadInput(f"{where}: {shown(field)[1:-1]}", f"{len(value):,} entries", f"at most {most:,}")
+        if long := next(_long_texts(field, value), None):
+            raise BadInput(f"{where}: {shown(field)[1:-1]}", f"a text of {long:,} characters", "names and sentences")
+
+
+def _long_texts(field: str, value: Any) -> Iterator[int]:
+    """The lengths of names and sentences below a field that are longer than any."""
+    waiting = [(field, LONGEST_NAME), (value, LONGEST_NAME if field in NAMED else LONGEST_TEXT)]
+    while waiting:
+        one, most = waiting.pop()
+        if isinstance(one, str):
+            if len(one) > most:
+                yield len(one)
+        elif isinstance(one, list):
+            waiting += [(each, most) for each in one if isinstance(each, str | list | dict)]
+        elif isinstance(one, dict):
+            waiting += [(key, LONGEST_NAME) for key in one]
+            waiting += [(each, most) for each in one.values() if isinstance(each, str | list | dict)]
 
 
 def read_object(path: Path, expected: str) -> dict[str, Any] | None:

@@ -91,7 +91,7 @@ class SurrogateResult(Result):
         for name, one in self.specimens.items():
             if one.failed > one.runs or one.runs > MOST_RUNS:
                 raise ValueError(f"{name}: {one.failed} of {one.runs} runs failed")
-            rises = all(before < after for before, after in pairwise(one.sizes))
+            rises = all(before < after for before, after in pairwise([0, *one.sizes]))
             if one.errors.shape != (len(one.sizes),) or one.sizes[-1:] != [one.runs] or not rises:
                 raise ValueError(f"{name}: {one.runs} runs, sizes {one.sizes[-3:]}")
             if not one.courses:

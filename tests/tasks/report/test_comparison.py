@@ -9,9 +9,9 @@ import sys
 import pytest
 
 from sinew.runner.errors import BadInput
-from sinew.runner.store.store import Store
 from sinew.tasks.cli import main as cli
 from sinew.tasks.drawing.blocks import number
+from sinew.tasks.report import page
 from sinew.tasks.report.comparison import compare
 from tests.effort import at_most
 from tests.tasks.report.conftest import edit
@@ -192,10 +192,9 @@ def test_the_command(whole_run, tmp_path, monkeypatch, capsys):
 
 def test_what_bokeh_says_of_a_damaged_result_is_not_printed(run_folder, monkeypatch):
     """Dask, once it is imported, gives Bokeh's logger a way to the terminal."""
-    long = "\x1b[31m" * 100
-    edit(run_folder / "sobol.json", lambda told: told.update(names=[f"{long}{i}" for i in range(len(told["names"]))]))
-    kept = Store.read_result
-    monkeypatch.setattr(Store, "read_result", lambda self, name, **_: kept(self, name))  # the same names in the store
+    checked = logging.getLogger("bokeh.core.validation.check")
+    build = page.build
+    monkeypatch.setattr(page, "build", lambda folder: (checked.error("E-1019 (DUPLICATE_FACTORS)"), build(folder))[1])
     monkeypatch.setattr(sys, "argv", ["sinew", "report", str(run_folder)])
     said = io.StringIO()
     handler = logging.StreamHandler(said)

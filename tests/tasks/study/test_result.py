@@ -1,5 +1,6 @@
 """Results from elsewhere: no more than any task writes."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,25 @@ from sinew.tasks.study import result
 def test_more_than_any_task_writes_is_refused(field, value, most):
     with pytest.raises(BadInput, match=rf"sobol\.json: {field}: [0-9,]+ entries; expected at most {most}"):
         SobolResult.parse({field: value}, Path("sobol.json"))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "length"),
+    [
+        ("names", ["a", "b" * (result.LONGEST_NAME + 1)], "301"),
+        ("specimens", {"b" * 301: {}}, "301"),
+        ("specimens", {"a": {"E_f": [{"b" * 301: 1.0}]}}, "301"),
+        ("rule", "b" * (result.LONGEST_TEXT + 1), "5,001"),
+        ("specimens", {"a": {"why": ["b" * 5001]}}, "5,001"),
+        ("b" * 301, 1.0, "301"),
+    ],
+)
+def test_names_and_sentences_that_nobody_reads_are_refused(field, value, length):
+    with pytest.raises(BadInput, match=rf"sobol\.json: .*: a text of {length} characters; expected names and sent"):
+        SobolResult.parse({field: value}, Path("sobol.json"))
+    shorter = json.loads(json.dumps({field: value}).replace("bb", "b"))
+    with pytest.raises(BadInput, match=r"missing|expected"):
+        SobolResult.parse(shorter, Path("sobol.json"))
 
 
 @pytest.mark.parametrize("version", [99, "1", True, None, 0])

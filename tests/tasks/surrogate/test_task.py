@@ -208,11 +208,11 @@ def fail_above(monkeypatch, **limits):
 
 @pytest.mark.thorough
 def test_where_the_model_fails_is_learned_and_left_alone(home, monkeypatch):
-    fail_above(monkeypatch, E_m=60.0)
+    fail_above(monkeypatch, E_m=55.0)  # of fewer failures, another processor's rounding lets it learn less
     out = home / "failing"
     run(home, out, STUDY.replace("error: 0.009", "error: 0.002"))
     one = SurrogateResult.read(out).specimens["distal/1"]
-    assert one.caught > 0.2
+    assert one.caught > 0.5
     assert one.mistaken < 0.1
     rows = open_store(out).read_result("surrogate/distal/1")["row"].to_numpy()
     status = open_store(out).tables()[0].status[rows]
