@@ -21,7 +21,7 @@ def store_errors(path: Path) -> Iterator[None]:
 @contextmanager
 def result_errors(path: Path) -> Iterator[None]:
     """As :func:`store_errors`, for the arrays of a task's result."""
-    with _errors(path, "run the study again, which makes this result anew"):
+    with _errors(path, "remove the .json of its task and run the study again, which makes it anew"):
         yield
 
 

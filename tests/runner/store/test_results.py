@@ -105,7 +105,7 @@ def test_what_was_not_written_is_one_line(folder, kind):
     line = str(error.value)
     assert words in line
     assert line.startswith(f"{folder / 'store.zarr' / 'sobol'}: damaged (")
-    assert line.endswith("; run the study again, which makes this result anew")
+    assert line.endswith("; remove the .json of its task and run the study again, which makes it anew")
     assert "\n" not in line
     with Store.writing(folder, "study") as store:
         store.write_result("sobol", DATASET)
